@@ -18,6 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.types import IntArray
+
 DATA = Path(__file__).resolve().parents[1] / "host" / "taxel" / "recording" / "data"
 
 ROWS, COLUMNS = 27, 15
@@ -52,7 +54,7 @@ class Recording(NamedTuple):
     """The frames of one file. skipped: number of truncated lines."""
 
     finger: tuple[int, str, str]
-    time_ns: NDArray[np.int64]
+    time_ns: IntArray
     values: NDArray[np.int16]
     task: NDArray[np.str_]
     skipped: int

@@ -1,8 +1,8 @@
-"""Tell an object's shape from one hold: train on generated grasps, test on the emulated hand.
+"""Classify the shape of an object from one hold: train on generated grasps, test on the emulated hand.
 
-Two training sets of the same grasps: the simulator's own, and with the effects that a diagnosis found (`report.json`
-beside this file). The test set is the emulated hand with the effects that were hidden in the diagnosed campaign, under
-another seed: other sessions, other scatter, other noise. Nothing is fitted to it.
+There are two training sets of the same grasps: without effects, and with the effects of a diagnosis (`report.json`
+beside this file). The test set comes from the emulated hand with the effects that were hidden in the diagnosed
+campaign, with another seed: other sessions, other variation, other noise. No parameter is fitted to the test set.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import cross_val_score
 from sklearn.pipeline import make_pipeline
@@ -24,25 +23,26 @@ from sklearn.preprocessing import FunctionTransformer
 from taxel.campaign.emulated import run_emulated
 from taxel.campaign.settings import PRESETS, EmulatedSettings
 from taxel.errors import TaxelError
-from taxel.generate.reading import Holds, dataset_holds, generated_holds
+from taxel.generate.holds import Holds, read_dataset_holds, read_generated_holds
 from taxel.generate.recipe import Recipe
-from taxel.generate.recipe_file import with_report
+from taxel.generate.recipe_file import add_report
 from taxel.generate.run import generate
 from taxel.generate.workers import Processes
-from taxel.grasp.plan import thesis_plan
+from taxel.grasp.plan import make_thesis_plan
 from taxel.hand import load_hand
 from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS
+from taxel.types import BoolArray, FloatArray
 
-HERE = Path(__file__).parent
-REPORT = HERE / "report.json"
+FOLDER = Path(__file__).parent
+REPORT = FOLDER / "report.json"
 
 TRAIN_SEED, TEST_SEED = 11, 2  # the diagnosed campaign has seed 1
 
 SCALE_COUNTS = 500.0
-"""Of a signal: what a finger's press makes."""
+"""Typical signal of a taxel under a finger, counts; inputs are divided by it."""
 
 SCALE_TAXELS = 5.0
-"""Of the number of active taxels of a board."""
+"""Typical number of active taxels of a board; inputs are divided by it."""
 
 FOLDS = 5
 NORMAL_95 = 1.959964
@@ -50,114 +50,116 @@ NORMAL_95 = 1.959964
 
 @dataclass(frozen=True)
 class Accuracy:
-    """right of total, with a 95 % interval (Wilson 1927)."""
+    """Number of correct classifications, with a 95 % interval (Wilson 1927)."""
 
-    right: int
+    correct: int
     total: int
 
     @property
     def value(self) -> float:
-        """Share that was told right."""
-        return self.right / self.total
+        """Share of correct classifications."""
+        return self.correct / self.total
 
     @property
     def ci95(self) -> tuple[float, float]:
-        """The interval."""
+        """The 95 % interval of the share."""
         n, z2 = self.total, NORMAL_95**2
         middle = (self.value + z2 / (2 * n)) / (1 + z2 / n)
         half = NORMAL_95 / (1 + z2 / n) * np.sqrt(self.value * (1 - self.value) / n + z2 / (4 * n * n))
         return max(float(middle - half), 0.0), min(float(middle + half), 1.0)
 
 
-def taxel_signals(signal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of signals f64[g, n]: every taxel's, in about unit size."""
+def scaled_signals(signal: FloatArray) -> FloatArray:
+    """Signals f64[g, n] of all taxels, divided by `SCALE_COUNTS`."""
     return np.asarray(signal / SCALE_COUNTS)
 
 
-def active_taxels(signal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Whether each taxel is active, as the thesis uses them, f64[g, n] of 0 and 1."""
+def active_taxels(signal: FloatArray) -> FloatArray:
+    """f64[g, n]: 1 for an active taxel, 0 for another one, from signals f64[g, n]."""
     return np.asarray(signal > ACTIVE_SIGNAL_COUNTS, dtype=np.float64)
 
 
-def active_on_boards(signal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How many taxels of each board are active, f64[g, 17] in about unit size: how large contact is, not where."""
+def active_on_boards(signal: FloatArray) -> FloatArray:
+    """Number of active taxels of each board, divided by `SCALE_TAXELS`, f64[g, 17]: the size of contacts."""
     board = load_hand("allegro").board_index
     return np.asarray(active_taxels(signal) @ (board[:, None] == np.unique(board)) / SCALE_TAXELS)
 
 
 VIEWS = {
-    "every taxel's signal": taxel_signals,
+    "every taxel's signal": scaled_signals,
     "which taxels are active": active_taxels,
     "how many on each board": active_on_boards,
 }
-"""What a classifier sees of a hold; no pose, no joint angle."""
+"""Inputs of the classifiers, computed from the signals during hold."""
 
 
-def classifier(view: str) -> Any:
-    """Logistic regression."""
+def make_classifier(view: str) -> Any:
+    """A logistic regression on one of the inputs."""
     return make_pipeline(FunctionTransformer(VIEWS[view]), LogisticRegression(C=1.0, max_iter=500))
 
 
-def right(view: str, train: Holds, test: Holds) -> NDArray[np.bool_]:
-    """Which grasps of `test` a classifier tells right that was trained on `train`, bool[g]."""
-    return np.asarray(classifier(view).fit(train.signal_counts, train.label).predict(test.signal_counts) == test.label)
+def classify(view: str, train: Holds, test: Holds) -> BoolArray:
+    """bool[g]: which grasps of `test` are classified correctly after training on `train`."""
+    classifier = make_classifier(view).fit(train.signal_counts, train.label)
+    return np.asarray(classifier.predict(test.signal_counts) == test.label)
 
 
-def accuracy(found: NDArray[np.bool_]) -> Accuracy:
-    """Of what was told right."""
-    return Accuracy(int(found.sum()), len(found))
-
-
-def gain(before: NDArray[np.bool_], after: NDArray[np.bool_], seed: int = 0, draws: int = 10_000) -> tuple[float, ...]:
-    """How much the accuracy rises on the same grasps, with a 95 % interval over draws of grasps."""
+def accuracy_gain(before: BoolArray, after: BoolArray, seed: int = 0, resamples: int = 10_000) -> tuple[float, ...]:
+    """Increase of the accuracy on the same grasps, and its 95 % bootstrap interval over grasps."""
     change = after.astype(float) - before.astype(float)
-    picks = np.random.default_rng(seed).integers(len(change), size=(draws, len(change)))
-    return (float(change.mean()), *np.percentile(change[picks].mean(axis=1), [2.5, 97.5]).tolist())
+    index = np.random.default_rng(seed).integers(len(change), size=(resamples, len(change)))
+    return (float(change.mean()), *np.percentile(change[index].mean(axis=1), [2.5, 97.5]).tolist())
 
 
-def compared(plain: Holds, added: Holds, test: Holds) -> dict[str, Any]:
-    """Accuracies before and after the effects were added, for each view; and on the simulator itself."""
-    told: dict[str, Any] = {"train_grasps": len(plain.label), "test_grasps": len(test.label), "views": {}}
-    folds = min(FOLDS, *np.unique(plain.label, return_counts=True)[1].tolist())
+def compare(without_effects: Holds, with_effects: Holds, test: Holds) -> dict[str, Any]:
+    """Accuracies of both training sets for each input, and the cross-validated accuracy within the simulator."""
+    labels = without_effects.label
+    result: dict[str, Any] = {"train_grasps": len(labels), "test_grasps": len(test.label), "views": {}}
+    folds = min(FOLDS, *np.unique(labels, return_counts=True)[1].tolist())
     for view in VIEWS:
-        before, after = right(view, plain, test), right(view, added, test)
-        rise, low, high = gain(before, after)
-        row: dict[str, Any] = {"gain": rise, "gain_ci95": [low, high]}
+        before, after = classify(view, without_effects, test), classify(view, with_effects, test)
+        gain, low, high = accuracy_gain(before, after)
+        row: dict[str, Any] = {"gain": gain, "gain_ci95": [low, high]}
         if folds > 1:
-            own_scores = cross_val_score(classifier(view), plain.signal_counts, plain.label, cv=folds)
-            row["own_data"] = float(own_scores.mean())
-        for name, one in (("without_effects", before), ("with_effects", after)):
-            share = accuracy(one)
-            row[name] = {"right": share.right, "accuracy": share.value, "ci95": list(share.ci95)}
-        told["views"][view] = row
-    return told
+            scores = cross_val_score(make_classifier(view), without_effects.signal_counts, labels, cv=folds)
+            row["own_data"] = float(scores.mean())
+        for name, is_correct in (("without_effects", before), ("with_effects", after)):
+            accuracy = Accuracy(int(is_correct.sum()), len(is_correct))
+            row[name] = {"right": accuracy.correct, "accuracy": accuracy.value, "ci95": list(accuracy.ci95)}
+        result["views"][view] = row
+    return result
 
 
-def made(out: Path, grasps: int, tests: int, report: Path, workers: int, test_set: Path | None) -> dict[str, Any]:
-    """Make what is missing of the three sets in `out`, and compare."""
-    recipe = Recipe(grasps=grasps, seed=TRAIN_SEED, shard=min(100, grasps))
-    sets = {"plain": recipe, "with_effects": with_report(recipe, report)}
-    for name, one in sets.items():
-        print(f"{name}: {grasps} generated grasps", flush=True)
-        generate(one, out / name, Processes(workers))
+def run(options: argparse.Namespace) -> dict[str, Any]:
+    """Generate the missing parts of the training sets and of the test set, and compare."""
+    out: Path = options.out
+    recipe = Recipe(grasps=options.grasps, seed=TRAIN_SEED, grasps_per_shard=min(100, options.grasps))
+    recipes = {"plain": recipe, "with_effects": add_report(recipe, options.report)}
+    for name, training_recipe in recipes.items():
+        print(f"{name}: {options.grasps} generated grasps", flush=True)
+        generate(training_recipe, out / name, Processes(options.workers))
+    test_set: Path | None = options.test_set
     if test_set is None:
         test_set = out / "emulated.h5"
-        print(f"emulated hand: {tests} grasps", flush=True)
-        plan = thesis_plan(TEST_SEED)[:tests]
+        print(f"emulated hand: {options.tests} grasps", flush=True)
+        plan = make_thesis_plan(TEST_SEED)[: options.tests]
         settings = EmulatedSettings(seed=TEST_SEED, effects=PRESETS["thesis"])
-        run_emulated(test_set, plan, settings, jobs=workers, resume=test_set.exists())
-    return compared(generated_holds(out / "plain"), generated_holds(out / "with_effects"), dataset_holds(test_set))
+        run_emulated(test_set, plan, settings, jobs=options.workers, resume=test_set.exists())
+    without_effects, with_effects = (read_generated_holds(out / name) for name in recipes)
+    return compare(without_effects, with_effects, read_dataset_holds(test_set))
 
 
-def printed(told: dict[str, Any]) -> None:
-    """The result as lines."""
-    print(f"trained on {told['train_grasps']} generated grasps, tested on {told['test_grasps']} of the emulated hand")
-    print(f"{'what the classifier sees':26s} {'without effects':>22s} {'with effects':>22s} {'gain, points':>20s}")
-    for view, row in told["views"].items():
+def print_result(result: dict[str, Any]) -> None:
+    """Print the result as a table."""
+    print(
+        f"trained on {result['train_grasps']} generated grasps, tested on {result['test_grasps']} of the emulated hand"
+    )
+    print(f"{'input of the classifier':26s} {'without effects':>22s} {'with effects':>22s} {'gain, points':>20s}")
+    for view, row in result["views"].items():
         cells = [_percent(row[name]["accuracy"], row[name]["ci95"]) for name in ("without_effects", "with_effects")]
         low, high = row["gain_ci95"]
-        rise = f"{100 * row['gain']:+.0f} ({100 * low:+.0f} to {100 * high:+.0f})"
-        print(f"{view:26s} {cells[0]:>22s} {cells[1]:>22s} {rise:>20s}")
+        gain = f"{100 * row['gain']:+.0f} ({100 * low:+.0f} to {100 * high:+.0f})"
+        print(f"{view:26s} {cells[0]:>22s} {cells[1]:>22s} {gain:>20s}")
 
 
 def _percent(value: float, interval: Sequence[float]) -> str:
@@ -165,25 +167,25 @@ def _percent(value: float, interval: Sequence[float]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """The command line."""
-    parser = argparse.ArgumentParser(description="Shape from one hold, trained with and without diagnosed effects.")
+    """Run the command line; returns the exit status."""
+    parser = argparse.ArgumentParser(description="Shape from one hold, trained without and with diagnosed effects.")
     parser.add_argument("--out", type=Path, default=Path("out/shape_classifier"))
-    parser.add_argument("--grasps", type=int, default=600, help="of each training set")
+    parser.add_argument("--grasps", type=int, default=600, help="grasps of each training set")
     parser.add_argument("--tests", type=int, default=24, help="grasps of the emulated hand, of the 144 of the plan")
-    parser.add_argument("--report", type=Path, default=REPORT)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--test-set", type=Path, help="a grasp dataset to test on, instead of making one")
-    parser.add_argument("--json", action="store_true")
-    asked = parser.parse_args(arguments)
+    parser.add_argument("--report", type=Path, default=REPORT, help="report.json of taxel gap diagnose")
+    parser.add_argument("--workers", type=int, default=2, help="number of processes")
+    parser.add_argument("--test-set", type=Path, help="grasp dataset to test on, instead of the emulated hand")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    options = parser.parse_args(arguments)
     try:
-        told = made(asked.out, asked.grasps, asked.tests, asked.report, asked.workers, asked.test_set)
+        result = run(options)
     except TaxelError as error:
         print(f"shape_classifier: {error}")
         return 1
-    if asked.json:
-        print(json.dumps(told))
+    if options.json:
+        print(json.dumps(result))
     else:
-        printed(told)
+        print_result(result)
     return 0
 
 

@@ -1,6 +1,6 @@
 #include "bootloader/bootloader.h"
 
-#include "bootloader/parts.h"
+#include "bootloader/internal.h"
 
 void taxel_boot_init(struct taxel_boot *boot, const struct taxel_boot_config *config)
 {
@@ -9,11 +9,11 @@ void taxel_boot_init(struct taxel_boot *boot, const struct taxel_boot_config *co
     boot->config = config;
     boot->started_us = hal->clock_us(hal->context);
     boot->checksum = config->checksum == TAXEL_BOOT_CHECKSUM_CRC;
-    boot->keep = TAXEL_BOOT_SLOT_NONE;
+    boot->kept_slot = TAXEL_BOOT_SLOT_NONE;
     boot->stay = hal->stay_requested(hal->context) ? TAXEL_BOOT_STAY_REQUESTED : TAXEL_BOOT_STAY_LISTENING;
 }
 
-/* A try is recorded before it is made. If it cannot be, it is not made. */
+/* A start on trial is recorded before it is made; if it cannot be recorded, it is not made. */
 static void start_image(struct taxel_boot *boot)
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;

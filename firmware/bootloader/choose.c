@@ -1,5 +1,5 @@
-/* An image that is not the confirmed one boots only while it has tries left. */
-#include "bootloader/parts.h"
+/* Selection of the slot to start. An unconfirmed image starts only while it has tries left. */
+#include "bootloader/internal.h"
 
 uint8_t taxel_boot_choose(const struct taxel_boot_flash *flash, const struct taxel_boot_metadata *metadata)
 {

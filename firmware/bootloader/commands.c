@@ -1,4 +1,4 @@
-#include "bootloader/parts.h"
+#include "bootloader/internal.h"
 
 #define ANY_LENGTH 0xFFu
 
@@ -14,7 +14,7 @@ static uint8_t enter(struct taxel_boot *boot, const struct taxel_boot_packet *pa
     boot->entered = true;
     boot->programmed = false;
     boot->fill = 0;
-    boot->keep = taxel_boot_kept_slot(&config->flash);
+    boot->kept_slot = taxel_boot_kept_slot(&config->flash);
     if (boot->stay == TAXEL_BOOT_STAY_LISTENING) {
         boot->stay = TAXEL_BOOT_STAY_HOST;
     }
@@ -96,7 +96,7 @@ static uint8_t carry_out(struct taxel_boot *boot, const struct taxel_boot_packet
     return TAXEL_BOOT_STATUS_COMMAND;
 }
 
-/* A host chooses between the checksums by the one it begins with. */
+/* The host selects the checksum by its first packet. */
 static uint8_t parse(struct taxel_boot *boot, struct taxel_boot_packet *packet, const uint8_t *bytes, size_t size)
 {
     const uint8_t other = boot->checksum ^ 1u;

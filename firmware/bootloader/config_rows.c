@@ -1,4 +1,4 @@
-#include "bootloader/parts.h"
+#include "bootloader/internal.h"
 
 const uint8_t *taxel_boot_configuration(const struct taxel_boot_flash *flash)
 {

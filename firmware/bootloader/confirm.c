@@ -1,5 +1,5 @@
-/* Linked into an application: it works, keep it. */
-#include "bootloader/parts.h"
+/* Linked into an application: confirmation of the running image. */
+#include "bootloader/internal.h"
 
 bool taxel_boot_is_confirmed(const struct taxel_boot_flash *flash, uint8_t slot)
 {
@@ -17,6 +17,6 @@ int taxel_boot_confirm(const struct taxel_boot_flash *flash, uint8_t slot)
     }
     metadata.confirmed = slot;
     metadata.pending = TAXEL_BOOT_SLOT_NONE;
-    metadata.tries[slot] = TAXEL_BOOT_TRIES; /* it may be fallen back upon when another is confirmed */
+    metadata.tries[slot] = TAXEL_BOOT_TRIES; /* for a later fallback to this image, after another one is confirmed */
     return taxel_boot_metadata_write(flash, &metadata);
 }

@@ -1,10 +1,10 @@
-/* One write transaction is one packet. A write that does not begin with a packet's first byte is the hub's talk with an
- * application, and is passed over; so is a probe. The response stays until the next packet, whoever reads it. */
+/* One write transaction is one packet. A write that does not begin with a packet's first byte is meant for an
+ * application and is ignored, like a probe. The response stays readable until the next packet. */
 #include <stdatomic.h>
 
-#include "bootloader/parts.h"
+#include "bootloader/internal.h"
 
-#define TOO_MANY (TAXEL_BOOT_PACKET_MAX + 1u)
+#define SIZE_TOO_LONG (TAXEL_BOOT_PACKET_MAX + 1u)
 
 void taxel_boot_i2c_init(struct taxel_boot_i2c *slave, struct taxel_boot *boot)
 {
@@ -47,7 +47,7 @@ bool taxel_boot_i2c_on_write(struct taxel_boot_i2c *slave, uint8_t byte)
         return false;
     }
     if (slave->received >= TAXEL_BOOT_PACKET_MAX) {
-        slave->received = TOO_MANY;
+        slave->received = SIZE_TOO_LONG;
         return false;
     }
     slave->packet[slave->received++] = byte;
@@ -78,7 +78,7 @@ void taxel_boot_i2c_run(struct taxel_boot_i2c *slave)
         slave->response_size = (uint8_t)size;
         slave->received = 0;
         atomic_signal_fence(memory_order_release);
-        slave->has_packet = false; /* from here on the interrupt owns the buffers */
+        slave->has_packet = false; /* from here on the buffers belong to the interrupt */
     }
     taxel_boot_run(slave->boot);
 }

@@ -1,4 +1,4 @@
-#include "bootloader/parts.h"
+#include "bootloader/internal.h"
 #include "codec/crc32.h"
 
 #define VECTORS_SIZE 8u /* stack pointer and reset vector at least */

@@ -1,11 +1,12 @@
-#include "bootloader/parts.h"
+#include "bootloader/internal.h"
 
-/* Four bytes in the same order: packing and unpacking them one by one is long on a Cortex-M0. */
+/* The struct has the same four bytes in the same order, so that it is copied as a whole, which is shorter on a
+ * Cortex-M0. */
 _Static_assert(sizeof(struct taxel_boot_metadata) == TAXEL_BOOT_METADATA_SIZE, "metadata are bytes");
 
 void taxel_boot_metadata_read(const struct taxel_boot_flash *flash, struct taxel_boot_metadata *metadata)
 {
-    /* Nothing recorded: whatever image is there has still to confirm itself. */
+    /* No valid record: no image is confirmed. */
     static const uint8_t blank[TAXEL_BOOT_METADATA_SIZE] = {TAXEL_BOOT_SLOT_NONE, TAXEL_BOOT_SLOT_NONE, TAXEL_BOOT_TRIES,
                                                             TAXEL_BOOT_TRIES};
     const uint8_t *const record =

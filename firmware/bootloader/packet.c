@@ -1,4 +1,4 @@
-#include "bootloader/parts.h"
+#include "bootloader/internal.h"
 
 uint16_t taxel_boot_packet_checksum(const uint8_t *bytes, size_t size, uint8_t checksum)
 {

@@ -1,6 +1,6 @@
-/* A record lives in a pair of rows. A write never touches the row that holds the newest valid record, so whatever a cut
- * leaves in the other one, either the old or the new record is there. */
-#include "bootloader/parts.h"
+/* A record is stored in a pair of rows. A write never changes the row with the newest valid record. After a power
+ * cut, either the old or the new record is therefore valid. */
+#include "bootloader/internal.h"
 #include "codec/crc32.h"
 
 #define WORD 4u
@@ -30,7 +30,7 @@ const uint8_t *taxel_boot_row(const struct taxel_boot_flash *flash, uint16_t row
 int taxel_boot_write_row(const struct taxel_boot_flash *flash, uint16_t row, const uint8_t *bytes)
 {
     const uint8_t *const stored = taxel_boot_row(flash, row);
-    if (memcmp(stored, bytes, TAXEL_BOOT_ROW_SIZE) != 0) { /* a row lives for so many writes only */
+    if (memcmp(stored, bytes, TAXEL_BOOT_ROW_SIZE) != 0) { /* saves a write cycle of the row */
         const int error = flash->hal->flash_write_row(flash->hal->context, row, bytes);
         if (error || memcmp(stored, bytes, TAXEL_BOOT_ROW_SIZE) != 0) {
             return TAXEL_BOOT_ERROR_FLASH;
@@ -61,7 +61,7 @@ const uint8_t *taxel_boot_record_newest(const struct taxel_boot_flash *flash, ui
     return first_is_valid && (int32_t)(sequence_of(first) - sequence_of(second)) > 0 ? first : second;
 }
 
-/* 1 if the words before the last would otherwise make a row whose words add up to zero. */
+/* 1 if the words before the last add up to zero, so that the sum of the row's words is never zero. */
 static uint32_t balance_of(const uint8_t *row)
 {
     uint32_t sum = 0;

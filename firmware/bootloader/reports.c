@@ -1,5 +1,5 @@
-/* What a host asks about the flash, the images and the board. */
-#include "bootloader/parts.h"
+/* Commands that report on the flash, the images and the board. */
+#include "bootloader/internal.h"
 
 uint8_t taxel_boot_get_flash_size(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
@@ -18,7 +18,7 @@ uint8_t taxel_boot_get_application_status(struct taxel_boot *boot, const struct 
         return TAXEL_BOOT_STATUS_APPLICATION;
     }
     reply[0] = taxel_boot_image(&boot->config->flash, slot) == NULL;
-    reply[1] = slot == boot->keep;
+    reply[1] = slot == boot->kept_slot;
     return TAXEL_BOOT_STATUS_OK;
 }
 
@@ -33,7 +33,7 @@ uint8_t taxel_boot_get_metadata(struct taxel_boot *boot, const struct taxel_boot
     memcpy(reply + TAXEL_BOOT_STOCK_METADATA_OFFSET_LENGTH, image + TAXEL_BOOT_IMAGE_HEADER_OFFSET_LENGTH, 4);
     memcpy(reply + TAXEL_BOOT_STOCK_METADATA_OFFSET_CUSTOM_ID, image + TAXEL_BOOT_IMAGE_HEADER_OFFSET_CRC32, 4);
     reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_LAST_BOOTLOADER_ROW] = TAXEL_BOOT_BOOTLOADER_ROWS - 1u;
-    reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_ACTIVE] = packet->data[0] == boot->keep;
+    reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_ACTIVE] = packet->data[0] == boot->kept_slot;
     reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_VERIFIED] = 1;
     reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_BOOTLOADER_VERSION] = boot->config->version[1];
     reply[TAXEL_BOOT_STOCK_METADATA_OFFSET_BOOTLOADER_VERSION + 1u] = boot->config->version[0];
@@ -49,7 +49,7 @@ uint8_t taxel_boot_get_info(struct taxel_boot *boot, const struct taxel_boot_pac
     const uint8_t *const configuration = taxel_boot_configuration(flash);
     (void)packet;
     if (!boot->entered) {
-        boot->keep = taxel_boot_kept_slot(flash);
+        boot->kept_slot = taxel_boot_kept_slot(flash);
     }
     reply[TAXEL_BOOT_INFO_OFFSET_VERSION] = TAXEL_BOOT_VERSION;
     reply[TAXEL_BOOT_INFO_OFFSET_DEVICE] = flash->layout->device;

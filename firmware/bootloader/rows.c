@@ -1,5 +1,5 @@
-/* Writing the slot that is free. No other row can be reached from a wire. */
-#include "bootloader/parts.h"
+/* Writes to the free slot. Other rows of the flash cannot be written by these commands. */
+#include "bootloader/internal.h"
 
 static uint8_t append(struct taxel_boot *boot, const uint8_t *data, unsigned size)
 {
@@ -37,7 +37,7 @@ static bool is_in_slot(const struct taxel_boot *boot, uint8_t slot, unsigned row
     return row - layout->first_rows[slot] < layout->slot_rows;
 }
 
-/* Write boot->row, and empty it. */
+/* Write boot->row to flash, and mark it as empty. */
 static uint8_t write_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet)
 {
     const uint16_t row = row_of(packet);
@@ -72,7 +72,7 @@ uint8_t taxel_boot_program_row(struct taxel_boot *boot, const struct taxel_boot_
 uint8_t taxel_boot_erase_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     (void)reply;
-    memset(boot->row, 0, sizeof boot->row); /* what erased flash reads as */
+    memset(boot->row, 0, sizeof boot->row); /* the content of erased flash */
     return write_row(boot, packet);
 }
 

@@ -1,5 +1,6 @@
-/* Boards that share an address are told apart by their unique ids: those that a search does not name fall silent. */
-#include "bootloader/parts.h"
+/* Search among boards that share an address, by their unique ids: a board that the search does not select stops
+ * responding. */
+#include "bootloader/internal.h"
 
 static bool begins_with(const uint8_t *id, const uint8_t *prefix, uint8_t bits)
 {

@@ -1,9 +1,9 @@
-/* The same packets without transactions: a packet is as long as it says, and a silent line ends a half one. */
+/* Packets over a UART: a packet's end follows from its length field; a silent line discards an incomplete packet. */
 #include <stdatomic.h>
 
-#include "bootloader/parts.h"
+#include "bootloader/internal.h"
 
-#define TOO_MANY (TAXEL_BOOT_PACKET_MAX + 1u)
+#define SIZE_TOO_LONG (TAXEL_BOOT_PACKET_MAX + 1u)
 
 void taxel_boot_uart_init(struct taxel_boot_uart *uart, struct taxel_boot *boot)
 {
@@ -33,7 +33,7 @@ void taxel_boot_uart_on_byte(struct taxel_boot_uart *uart, uint8_t byte)
     }
     const unsigned size = taxel_get_u16(uart->packet + 2) + TAXEL_BOOT_PACKET_OVERHEAD;
     if (size > TAXEL_BOOT_PACKET_MAX) {
-        uart->received = TOO_MANY; /* answered with LENGTH, without more of it being looked at */
+        uart->received = SIZE_TOO_LONG; /* answered with LENGTH; the other bytes are ignored */
         uart->skipping = true;
     }
     uart->has_packet = uart->received >= size || uart->skipping;
@@ -56,7 +56,7 @@ void taxel_boot_uart_run(struct taxel_boot_uart *uart)
         uart->response_size = (uint8_t)size;
         uart->received = 0;
         atomic_signal_fence(memory_order_release);
-        uart->has_packet = false; /* from here on the interrupt owns the buffer */
+        uart->has_packet = false; /* from here on the buffer belongs to the interrupt */
     }
     taxel_boot_run(uart->boot);
 }

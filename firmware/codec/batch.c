@@ -3,8 +3,8 @@
 #include "codec/crc32.h"
 #include "codec/encoder.h"
 
-/* One step searches at most a full chunk buffer plus the step itself. Both may be filled with frames without delimiters, of which
- * the shortest has 12 stuffed bytes. */
+/* One step searches at most a full chunk buffer plus the step itself. Both may be filled with frames without
+ * delimiters, of which the shortest has 12 stuffed bytes. */
 #define STEP (TAXEL_BATCH_CHUNK_SIZE / 2u)
 #define SEARCHED_MAX (TAXEL_BATCH_CHUNK_SIZE + STEP)
 #define FRAMES_MAX (SEARCHED_MAX / 12u)
@@ -22,16 +22,17 @@ size_t taxel_batch_row_size(void)
     return sizeof(struct taxel_batch_row);
 }
 
-/* Number of missing frames. A board that scans more slowly than it is polled has no new snapshot in some cycles: no more frames
- * can be missing than scans were skipped. */
+/* Number of missing frames. A board that scans more slowly than it is polled has no new snapshot in some cycles: no
+ * more frames can be missing than scans were skipped. */
 static uint16_t missing_between(uint16_t cycles, uint16_t scans)
 {
     const uint16_t steps = cycles < scans ? cycles : scans;
     return steps ? (uint16_t)(steps - 1u) : 0;
 }
 
-/* Fill the members that come from the taxel header, and count missing cycles. A board that is polled while it codes has no snapshot
- * in that cycle and a newer one in the next: `skipped` is the number of skipped scans that are no loss. */
+/* Fill the members that come from the taxel header, and count missing cycles. A board that is polled while it codes
+ * has no snapshot in that cycle and a newer one in the next: `skipped` is the number of skipped scans that are no
+ * loss. */
 static void account(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_taxel_header *header,
                     uint16_t skipped)
 {
@@ -103,11 +104,11 @@ static const struct taxel_crc32_zeros *zeros_of(struct taxel_batch *batch, size_
     return zeros;
 }
 
-/* Whether the board's CRC is right, in a frame whose own CRC is right. The frame's CRC covers header, snapshot and the board's CRC b;
- * the board's CRC covers its address a and the same snapshot. After n common bytes, the registers of header h and address a differ
- * by the effect of n zero bytes on h ^ a. If b is right, it is the inverted register of a and snapshot; the frame's register before
- * b then differs from b by all ones and that effect, and four zero bytes later it gives the frame's CRC. So no byte of the snapshot
- * is read a second time. */
+/* Whether the board's CRC is right, in a frame whose own CRC is right. The frame's CRC covers header, snapshot and
+ * the board's CRC b; the board's CRC covers its address a and the same snapshot. After n common bytes, the registers
+ * of header h and address a differ by the effect of n zero bytes on h ^ a. If b is right, it is the inverted
+ * register of a and snapshot; the frame's register before b then differs from b by all ones and that effect, and
+ * four zero bytes later it gives the frame's CRC. So no byte of the snapshot is read a second time. */
 static bool board_crc_is_right(struct taxel_batch *batch, const struct taxel_frame *frame, uint8_t address)
 {
     const uint8_t *body = frame->payload - TAXEL_FRAME_HEADER_SIZE, *snapshot = frame->payload + TAXEL_TAXEL_HEADER_SIZE;

@@ -1,5 +1,5 @@
-/* Decoding on a PC: bytes in, tables of frames and one array of counts out. Built into the library that the Python host loads;
- * not part of the firmware images.
+/* Decoding on a PC: bytes in, tables of frames and one array of counts out. Built into the library that the Python
+ * host loads; not part of the firmware images.
  *
  * Integration (`output` points to the caller's arrays and states their capacities):
  *
@@ -28,7 +28,8 @@ enum taxel_batch_flag {
     TAXEL_BATCH_NO_KEY_FRAME = 4,  /* a delta frame whose key frame this host does not have: no counts */
 };
 
-/* One frame. `offset` and `size`: first element and number of elements in `counts` (taxel frames) or `payloads` (other frames). */
+/* One frame. `offset` and `size`: first element and number of elements in `counts` (taxel frames) or `payloads`
+ * (other frames). */
 struct taxel_batch_row {
     uint64_t stream_position; /* bytes of the stream up to the end of this frame */
     uint32_t hub_time_us;
@@ -92,7 +93,8 @@ size_t taxel_batch_struct_size(void);
 size_t taxel_batch_row_size(void);
 void taxel_batch_init(struct taxel_batch *batch, uint8_t directions);
 
-/* Decode into the output's arrays, from their start. Returns the bytes processed: fewer than `size` if an array is nearly full. */
+/* Decode into the output's arrays, from their start. Returns the bytes processed: fewer than `size` if an array is
+ * nearly full. */
 size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_t size, struct taxel_batch_output *output);
 /* The stream has ended: decode the remaining bytes. Returns false, and does nothing, if the arrays may be too small. */
 bool taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *output);
@@ -101,8 +103,8 @@ void taxel_batch_forget_cycles(struct taxel_batch *batch);
 const struct taxel_batch_totals *taxel_batch_totals(const struct taxel_batch *batch);
 uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch);
 
-/* Write the payload of an ACKNOWLEDGE frame with the pending acknowledgements, at most `capacity` bytes; returns its length, 0 if
- * none are pending. The acknowledgements written count as sent. */
+/* Write the payload of an ACKNOWLEDGE frame with the pending acknowledgements, at most `capacity` bytes; returns its
+ * length, 0 if none are pending. The acknowledgements written count as sent. */
 size_t taxel_batch_take_acknowledgements(struct taxel_batch *batch, uint8_t *payload, size_t capacity);
 
 /* Encode one frame into `out`; returns its bytes on the wire, or 0 if `capacity` is too small. */

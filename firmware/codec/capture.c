@@ -2,8 +2,8 @@
 
 #include <string.h>
 
-/* Most records are one packet of a USB adapter, 62 bytes: they are copied with a fixed size, and the record's head provides the
- * space for the excess bytes. */
+/* Most records are one packet of a USB adapter, 62 bytes: they are copied with a fixed size, and the record's head
+ * provides the space for the excess bytes. */
 #define PACKET 64u
 
 /* Captures are little-endian on every machine. */

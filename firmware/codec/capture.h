@@ -1,5 +1,5 @@
-/* Reading of captures on a PC (protocol/SPEC.md, part 4): separates the records of a block of the file at memory speed. Built into
- * the library that the Python host loads; not part of the firmware images.
+/* Reading of captures on a PC (protocol/SPEC.md, part 4): separates the records of a block of the file at memory
+ * speed. Built into the library that the Python host loads; not part of the firmware images.
  *
  * Integration (`bytes`: the next `size` bytes of the file, behind its header):
  *
@@ -32,8 +32,8 @@ struct taxel_capture_block {
     uint64_t next_record_size; /* bytes of the incomplete record; 0: its head is incomplete; above the maximum: damage */
 };
 
-/* Move the payloads of the complete records in `bytes` together, to the start of `bytes`. `arrivals` has space for size / 12
- * elements; `position`: bytes of the stream before this block. */
+/* Move the payloads of the complete records in `bytes` together, to the start of `bytes`. `arrivals` has space for
+ * size / 12 elements; `position`: bytes of the stream before this block. */
 void taxel_capture_gather(uint8_t *bytes, size_t size, uint64_t position, struct taxel_capture_arrival *arrivals,
                           struct taxel_capture_block *block);
 

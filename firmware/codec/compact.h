@@ -1,7 +1,9 @@
-/* Coding of compact snapshots (protocol/SPEC.md): a prediction for each taxel, shared by board and host, and a range coder for
- * the counts. compact_model.c and compact_encode.c are linked into the board's image, compact_decode.c is the host's.
+/* Coding of compact snapshots (protocol/SPEC.md): a prediction for each taxel, shared by board and host, and a range
+ * coder for the counts. compact_model.c and compact_encode.c are linked into the board's image, compact_decode.c is
+ * the host's.
  *
- * Integration (n taxels, counts as 2 bytes each; sensor/compact.c and compact_receiver.c do this with the protocol's heads):
+ * Integration (n taxels, counts as 2 bytes each; sensor/compact.c and compact_receiver.c do this with the protocol's
+ * heads):
  *
  *     for (size_t i = 0; i < n; i++) {
  *         states[i] = taxel_compact_initial_state(key_counts[i], TAXEL_COMPACT_KEY_FRAME);
@@ -46,7 +48,8 @@ uint32_t taxel_compact_cumulative(taxel_compact_state state, uint32_t symbol);
 struct taxel_compact_interval taxel_compact_interval(taxel_compact_state state, uint16_t count);
 /* A key frame's count relative to its prediction, quantised to one byte as the board stores it. */
 uint8_t taxel_compact_residual(taxel_compact_state state, uint16_t count);
-/* State after an acknowledged key frame; updates: key frames since the last packed one, 1 to TAXEL_COMPACT_UPDATES_MAX. */
+/* State after an acknowledged key frame; updates: key frames since the last packed one, 1 to
+ * TAXEL_COMPACT_UPDATES_MAX. */
 taxel_compact_state taxel_compact_update(taxel_compact_state state, uint8_t residual, uint8_t updates);
 
 /* compact_encode.c: counts (2 bytes each, as in a snapshot) into at most `capacity` bytes; false if they do not fit. */

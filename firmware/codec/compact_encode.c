@@ -1,4 +1,5 @@
-/* Counts to bytes: a range coder (Martin, 1979) of 32 bits without division; carries propagate into the bytes already written. */
+/* Counts to bytes: a range coder (Martin, 1979) of 32 bits without division; carries propagate into the bytes
+ * already written. */
 #include "codec/compact.h"
 
 #define TOP 0x1000000u /* the range stays above it */

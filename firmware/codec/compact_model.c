@@ -1,5 +1,5 @@
-/* Prediction of a taxel's next count, and its update by a key frame. Constants and rounding are part of the protocol: both sides
- * must compute the same state. */
+/* Prediction of a taxel's next count, and its update by a key frame. Constants and rounding are part of the
+ * protocol: both sides must compute the same state. */
 #include "codec/compact.h"
 
 #define COUNT_MAX 0xFFFFu
@@ -110,7 +110,8 @@ taxel_compact_state taxel_compact_update(taxel_compact_state state, uint8_t resi
     const uint32_t gain = gains[updates - 1u], mean = mean_of(state);
     const uint32_t from = ((uint32_t)taxel_compact_centre(state)) << TAXEL_COMPACT_FRACTION_BITS;
     const uint32_t by = size_of(residual) << TAXEL_COMPACT_FRACTION_BITS;
-    /* The quantised count may lie below 0 or above the largest count: the difference wraps, and its top bit is the sign. */
+    /* The quantised count may lie below 0 or above the largest count: the difference wraps, and its top bit is the
+     * sign. */
     const uint32_t difference = (residual & RESIDUAL_NEGATIVE ? from - by : from + by) - mean;
     const bool down = difference >> 31;
     const uint32_t size = down ? 0u - difference : difference;

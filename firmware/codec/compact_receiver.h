@@ -1,7 +1,8 @@
-/* A host's receiver of the compact snapshots of one board, and the acknowledgement that it sends back (protocol/SPEC.md, "Compact
- * snapshot").
+/* A host's receiver of the compact snapshots of one board, and the acknowledgement that it sends back
+ * (protocol/SPEC.md, "Compact snapshot").
  *
- * Integration (`bytes`: the payload of a COMPACT_TAXELS frame after its header; one receiver per board, all zeros at first):
+ * Integration (`bytes`: the payload of a COMPACT_TAXELS frame after its header; one receiver per board, all zeros at
+ * first):
  *
  *     static struct taxel_compact_receiver receiver;
  *     struct taxel_compact_snapshot snapshot;

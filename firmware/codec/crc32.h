@@ -11,7 +11,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Continue `crc` (0 to begin) over `size` bytes. crc32_small.c: 64 bytes of table; crc32_fast.c: tables of 16 KiB, for PCs. */
+/* Continue `crc` (0 to begin) over `size` bytes. crc32_small.c: 64 bytes of table; crc32_fast.c: tables of 16 KiB,
+ * for PCs. */
 uint32_t taxel_crc32(uint32_t crc, const uint8_t *bytes, size_t size);
 
 #endif

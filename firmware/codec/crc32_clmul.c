@@ -1,5 +1,5 @@
-/* CRC-32 by carry-less multiplication on x86-64: V. Gopal et al., "Fast CRC Computation for Generic Polynomials Using PCLMULQDQ
- * Instruction", Intel, 2009. Remainders are folded 16 bytes at a time, then reduced once. */
+/* CRC-32 by carry-less multiplication on x86-64: V. Gopal et al., "Fast CRC Computation for Generic Polynomials
+ * Using PCLMULQDQ Instruction", Intel, 2009. Remainders are folded 16 bytes at a time, then reduced once. */
 #include "codec/crc32_variants.h"
 
 #if defined(__x86_64__) && defined(__GNUC__)
@@ -10,8 +10,8 @@
 #define BLOCK 16u
 #define CLMUL __attribute__((target("pclmul,sse4.1"), always_inline)) static inline
 
-/* x^n modulo the generator, 32 bits reflected and shifted by one: n = 544 and 480 over four blocks, 160 and 96 over one, 64; then
- * the quotient of x^64 and the generator itself, 33 bits reflected. */
+/* x^n modulo the generator, 32 bits reflected and shifted by one: n = 544 and 480 over four blocks, 160 and 96 over
+ * one, 64; then the quotient of x^64 and the generator itself, 33 bits reflected. */
 #define FOLD_FOUR _mm_set_epi64x(0x1C6E41596, 0x154442BD4)
 #define FOLD_ONE _mm_set_epi64x(0x0CCAA009E, 0x1751997D0)
 #define FOLD_HALF _mm_set_epi64x(0, 0x163CD6124)
@@ -54,8 +54,8 @@ CLMUL __m128i shifted(__m128i vector, int n)
 
 __attribute__((target("pclmul,sse4.1"))) uint32_t taxel_crc32_clmul(uint32_t crc, const uint8_t *bytes, size_t size)
 {
-    /* The first block holds the bytes beyond whole blocks at its upper end; zeros before them have no effect. The register is added
-     * to the first four bytes of the message, which may extend into the next block. */
+    /* The first block holds the bytes beyond whole blocks at its upper end; zeros before them have no effect. The
+     * register is added to the first four bytes of the message, which may extend into the next block. */
     const size_t odd = size % BLOCK;
     const __m128i state = _mm_cvtsi32_si128((int)~crc);
     __m128i block = load(bytes), carried = state;

@@ -1,5 +1,5 @@
-/* The two implementations of taxel_crc32() on a PC: sixteen tables, or the carry-less multiplication of x86-64. Included by
- * crc32_fast.c, crc32_clmul.c and their test; other code calls taxel_crc32(). */
+/* The two implementations of taxel_crc32() on a PC: sixteen tables, or the carry-less multiplication of x86-64.
+ * Included by crc32_fast.c, crc32_clmul.c and their test; other code calls taxel_crc32(). */
 #ifndef TAXEL_CRC32_VARIANTS_H
 #define TAXEL_CRC32_VARIANTS_H
 

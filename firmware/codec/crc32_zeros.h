@@ -1,8 +1,8 @@
-/* Effect of `size` zero bytes on a CRC-32 register. A CRC is linear, so the CRC of a part of a message follows from the CRC of the
- * message and this effect, without reading the part again.
+/* Effect of `size` zero bytes on a CRC-32 register. A CRC is linear, so the CRC of a part of a message follows from
+ * the CRC of the message and this effect, without reading the part again.
  *
- * Integration: the registers of two messages that differ only in their first bytes, after a common tail of `size` bytes, differ
- * by
+ * Integration: the registers of two messages that differ only in their first bytes, after a common tail of `size`
+ * bytes, differ by
  *
  *     taxel_crc32_zeros_init(&zeros, size);
  *     difference_after = taxel_crc32_zeros_after(&zeros, difference_before);

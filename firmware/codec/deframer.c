@@ -83,8 +83,9 @@ static void deliver(struct taxel_deframer *deframer, size_t size)
     deframer->config.handler(deframer->config.context, &frame);
 }
 
-/* Deliver the frame at the start of `bytes`; returns the number of its stuffed bytes, 0 if no frame begins there. A frame ends
- * with the block at which the unstuffed length equals the length stated in the header: no delimiter is needed. */
+/* Deliver the frame at the start of `bytes`; returns the number of its stuffed bytes, 0 if no frame begins there. A
+ * frame ends with the block at which the unstuffed length equals the length stated in the header: no delimiter is
+ * needed. */
 static size_t take_frame(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size)
 {
     uint8_t *body = deframer->config.body;
@@ -140,7 +141,8 @@ static size_t search(struct taxel_deframer *deframer, const uint8_t *chunk, size
     return start;
 }
 
-/* The chunk buffer is full and contains no delimiter: search all but the last bytes, at which an incomplete frame may begin. */
+/* The chunk buffer is full and contains no delimiter: search all but the last bytes, at which an incomplete frame
+ * may begin. */
 static void make_space(struct taxel_deframer *deframer)
 {
     const size_t keep = taxel_encoded_size_max(deframer->config.payload_max);

@@ -1,5 +1,6 @@
-/* Frames out of a byte stream. A chunk between two zeros that is not exactly one frame is searched at every byte, so that no
- * valid frame is lost because of a damaged neighbour. Allocates no memory, and uses no length before it has checked it.
+/* Frames out of a byte stream. A chunk between two zeros that is not exactly one frame is searched at every byte, so
+ * that no valid frame is lost because of a damaged neighbour. Allocates no memory, and uses no length before it has
+ * checked it.
  *
  * Integration:
  *
@@ -64,7 +65,8 @@ struct taxel_deframer {
 void taxel_deframer_init(struct taxel_deframer *deframer, const struct taxel_deframer_config *config);
 void taxel_deframer_push(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size);
 
-/* Push at most up to and including the next zero; returns the bytes processed, so that a caller can stop between frames. */
+/* Push at most up to and including the next zero; returns the bytes processed, so that a caller can stop between
+ * frames. */
 size_t taxel_deframer_push_chunk(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size);
 
 /* The stream has ended: search the remaining bytes. */

@@ -268,7 +268,8 @@ int taxel_bench_running_program(const struct taxel_bench *bench, uint8_t address
     return board ? (int)board->program : address == HUB_ADDRESS ? (int)bench->world.hub.program : -1;
 }
 
-int taxel_bench_plan_power_cut(struct taxel_bench *bench, uint8_t address, uint64_t write_number, uint64_t delay, uint64_t off_time)
+int taxel_bench_plan_power_cut(struct taxel_bench *bench, uint8_t address, uint64_t write_number, uint64_t delay,
+                               uint64_t off_time)
 {
     const struct flash_cut_plan plan = {.write_number = write_number, .delay = delay, .off_time = off_time};
     const struct board_node *board = find_board(bench, address);

@@ -1,7 +1,8 @@
-/* A sensor board that executes a firmware image on an emulated PSoC 4200 (psoc4200/), in place of the natively compiled firmware.
+/* A sensor board that executes a firmware image on an emulated PSoC 4200 (psoc4200/), in place of the natively compiled
+ * firmware.
  *
- * Front end, skin, flash, faults and power are the same as for a native board. board_node.c, board_power.c and board_slave.c call these
- * functions for a board whose `psoc` is not NULL. */
+ * Front end, skin, flash, faults and power are the same as for a native board. board_node.c, board_power.c and
+ * board_slave.c call these functions for a board whose `psoc` is not NULL. */
 #ifndef EMULATOR_BOARD_CORTEX_H
 #define EMULATOR_BOARD_CORTEX_H
 

@@ -69,8 +69,8 @@ static void past_rises(const struct board_fields *fields, const struct late_span
     }
 }
 
-/* Subtract the delay of a late board from *time. Returns whether the result precedes the present interval; `span` then contains the fields
- * around it. */
+/* Subtract the delay of a late board from *time. Returns whether the result precedes the present interval; `span` then
+ * contains the fields around it. */
 static bool find_past_span(const struct board_fields *fields, vtime *time, struct late_span *span)
 {
     if (!fields->history) {

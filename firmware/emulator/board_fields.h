@@ -1,7 +1,7 @@
 /* The relative rise of the permittivity above each taxel of a board, at any time.
  *
- * The rises come from the skin, or directly from the forces of the stimulus; of this board, or of another one whose skin is exchanged
- * with it; at the time of the measurement, or earlier for a board with the effect `late`. */
+ * The rises come from the skin, or directly from the forces of the stimulus; of this board, or of another one whose
+ * skin is exchanged with it; at the time of the measurement, or earlier for a board with the effect `late`. */
 #ifndef EMULATOR_BOARD_FIELDS_H
 #define EMULATOR_BOARD_FIELDS_H
 
@@ -36,8 +36,8 @@ bool board_fields_are_constant(const struct board_fields *fields, vtime time);
 /* Position of `time` in the present interval, 0 (start) to 1 (end). */
 double board_fields_fraction(const struct board_fields *fields, vtime time);
 
-/* Capacitance (farad) that contact adds to all taxels, at the start or the end of the present interval. `fringe_f` points to the
- * fringe capacitance of taxel 0; `stride` is the distance in bytes to that of the next taxel. */
+/* Capacitance (farad) that contact adds to all taxels, at the start or the end of the present interval. `fringe_f`
+ * points to the fringe capacitance of taxel 0; `stride` is the distance in bytes to that of the next taxel. */
 double board_fields_added_capacitance_f(const struct board_fields *fields, bool at_end, const double *fringe_f, size_t stride);
 
 /* Before the fields are replaced: store them in the history of a late board. Returns 0, or -1 if out of memory. */

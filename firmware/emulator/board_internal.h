@@ -1,4 +1,5 @@
-/* Functions shared by the source files of a board: board_node.c (set-up and scan), board_power.c (power and boot), board_slave.c (I2C). */
+/* Functions shared by the source files of a board: board_node.c (set-up and scan), board_power.c (power and boot),
+ * board_slave.c (I2C). */
 #ifndef EMULATOR_BOARD_INTERNAL_H
 #define EMULATOR_BOARD_INTERNAL_H
 
@@ -12,8 +13,8 @@ static inline vtime board_cycles_to_time(const struct board_node *board, unsigne
 
 /* board_node.c */
 
-/* Begin an interrupt that is raised at `now` and occupies the CPU for `cycles`: first run the scan interrupts up to `now`. Returns when
- * the interrupt begins, which is later than `now` while the CPU is busy. */
+/* Begin an interrupt that is raised at `now` and occupies the CPU for `cycles`: first run the scan interrupts up to
+ * `now`. Returns when the interrupt begins, which is later than `now` while the CPU is busy. */
 vtime board_begin_interrupt(struct board_node *board, vtime now, unsigned cycles);
 
 /* The raw count of the conversion that board->conversion_... describe. */

@@ -75,12 +75,13 @@ static uint32_t on_clock_us(void *context)
     if (board->clock_drift.amplitude == 0.0) {
         return (uint32_t)(uint64_t)us;
     }
-    return (uint32_t)(uint64_t)(us + 1e6 * (clock_drift_lead_s(board, board->now) - clock_drift_lead_s(board, board->clock_origin)));
+    const double lead_s = clock_drift_lead_s(board, board->now) - clock_drift_lead_s(board, board->clock_origin);
+    return (uint32_t)(uint64_t)(us + 1e6 * lead_s);
 }
 
 static uint32_t on_interrupts_disable(void *context)
 {
-    (void)context; /* an emulated interrupt never cuts into another */
+    (void)context; /* emulated interrupts do not preempt each other */
     return 0;
 }
 
@@ -216,7 +217,7 @@ int board_node_init(struct board_node *board, const struct board_description *de
     memcpy(board->config.firmware_version, description->firmware_version, sizeof description->firmware_version);
     memcpy(board->config.unique_id, description->unique_id, sizeof description->unique_id);
     if (taxel_sensor_init(&board->sensor, &board->config)) {
-        fprintf(stderr, "board 0x%02X: the firmware rejects its crossing map, its numbers of lines and taxels, or the scan settings\n",
+        fprintf(stderr, "board 0x%02X: the firmware rejects its crossing map, its lines and taxels, or the scan settings\n",
                 description->address);
         return -1;
     }
@@ -267,8 +268,8 @@ uint16_t board_run_conversion(struct board_node *board)
     return electronics_convert(board->electronics, &conversion);
 }
 
-/* When an interrupt that is raised at `time` begins. After another interrupt it begins earlier by the tail-chaining saving, because the
- * CPU does not return to the main program in between. */
+/* When an interrupt that is raised at `time` begins. After another interrupt it begins earlier by the tail-chaining
+ * saving, because the CPU does not return to the main program in between. */
 static vtime interrupt_begin_time(const struct board_node *board, vtime time)
 {
     return vtime_max(time, board->cpu_free > time ? board->cpu_free - board_cycles_to_time(board, COST_TAIL_CHAIN) : 0);

@@ -1,7 +1,8 @@
-/* One emulated sensor board: the sensor firmware, compiled natively, with a front end, a clock and a CPU whose interrupts take time.
+/* One emulated sensor board: the sensor firmware, compiled natively, with a front end, a clock and a CPU whose
+ * interrupts take time.
  *
- * A board is advanced lazily: board_advance() runs all its interrupts up to the time at which the state of the board is needed. The
- * result does not depend on when it is called, because boards affect each other on the bus only. */
+ * A board is advanced lazily: board_advance() runs all its interrupts up to the time at which the state of the board is
+ * needed. The result does not depend on when it is called, because boards affect each other on the bus only. */
 #ifndef EMULATOR_BOARD_NODE_H
 #define EMULATOR_BOARD_NODE_H
 
@@ -78,7 +79,8 @@ struct board_node {
     unsigned nacks_left;
 };
 
-/* Returns 0, or -1 after an error line on stderr. `first_taxel`: of the board whose skin is measured, in the stimulus. */
+/* Returns 0, or -1 after an error line on stderr. `first_taxel`: of the board whose skin is measured, in the
+ * stimulus. */
 int board_node_init(struct board_node *board, const struct board_description *description,
                     const struct world_description *world, const struct stimulus *stimulus, const struct skin *skin,
                     size_t board_index, size_t first_taxel, const struct droop_loads *loads);

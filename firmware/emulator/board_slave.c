@@ -65,7 +65,8 @@ vtime board_on_address(struct board_node *board, vtime now, bool reading, bool *
         return now;
     }
     const vtime begin = board_begin_interrupt(board, now, reading ? COST_SLAVE_READ : COST_SLAVE_WRITE);
-    const vtime ready = begin + board_cycles_to_time(board, reading ? COST_SLAVE_READ_HOLD : COST_SLAVE_WRITE_HOLD) + board->address_stretch;
+    const unsigned hold_cycles = reading ? COST_SLAVE_READ_HOLD : COST_SLAVE_WRITE_HOLD;
+    const vtime ready = begin + board_cycles_to_time(board, hold_cycles) + board->address_stretch;
     board->address_stretch = 0;
     board->fifo_fill = COST_SLAVE_FIFO - 1u;
     *acknowledge = taxel_sensor_on_address(&board->sensor, reading);

@@ -1,8 +1,8 @@
 /* The bootloader of an emulated board or hub (the real bootloader, compiled natively) and its flash.
  *
- * The code of an image is not executed here: the application is the firmware that this program is compiled with, under the version in
- * the header of the image. An image whose code starts with the four characters HANG does not respond; the watchdog resets the processor
- * after one second. */
+ * The code of an image is not executed here: the application is the firmware that this program is compiled with, under
+ * the version in the header of the image. An image whose code starts with the four characters HANG does not respond;
+ * the watchdog resets the processor after one second. */
 #ifndef EMULATOR_BOOT_NODE_H
 #define EMULATOR_BOOT_NODE_H
 
@@ -43,8 +43,8 @@ struct boot_node {
     bool start_requested, restart_requested;
 };
 
-/* The state after production: a confirmed image in slot A and a configuration with address, kind and serial number; or, for a blank
- * board, nothing but the bootloader. */
+/* The state after production: a confirmed image in slot A and a configuration with address, kind and serial number; or,
+ * for a blank board, nothing but the bootloader. */
 void boot_node_init(struct boot_node *boot, const struct world_description *world,
                     const struct board_description *description);
 void boot_node_init_hub(struct boot_node *boot, const struct world_description *world, const uint8_t unique_id[8]);

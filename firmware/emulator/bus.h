@@ -1,8 +1,9 @@
-/* The I2C bus in virtual time: 9 clocks per byte, start and stop conditions, clock stretching. Several slaves with one address drive the
- * lines together (wired AND). The bus works byte by byte; single bits matter only for faults.
+/* The I2C bus in virtual time: 9 clocks per byte, start and stop conditions, clock stretching. Several slaves with one
+ * address drive the lines together (wired AND). The bus works byte by byte; single bits matter only for faults.
  *
- * There are two masters: the hub, and an I2C adapter of the test rig. Each waits until the other has sent its stop condition. The adapter
- * and a native hub submit whole transfers; an executed hub (hub_cortex.h) commands single bytes, between which it holds SCL low. */
+ * There are two masters: the hub, and an I2C adapter of the test rig. Each waits until the other has sent its stop
+ * condition. The adapter and a native hub submit whole transfers; an executed hub (hub_cortex.h) commands single bytes,
+ * between which it holds SCL low. */
 #ifndef EMULATOR_BUS_H
 #define EMULATOR_BUS_H
 
@@ -78,15 +79,15 @@ void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, do
 void bus_start_transfer(struct bus *bus, enum bus_master master, const struct taxel_i2c_transfer *transfer, vtime now);
 void bus_abort(struct bus *bus, enum bus_master master, vtime now);
 
-/* Run everything that ends at `horizon` or before. Returns true when a transfer of bus->master (or one command of a bytewise master) has
- * ended, at bus->next, with the result in bus->result (bus->event). */
+/* Run everything that ends at `horizon` or before. Returns true when a transfer of bus->master (or one command of a
+ * bytewise master) has ended, at bus->next, with the result in bus->result (bus->event). */
 bool bus_run(struct bus *bus, vtime horizon);
 
 /* After a whole transfer: begin the transfer that the other master is waiting for. */
 void bus_release(struct bus *bus, vtime now);
 
-/* Commands of a bytewise master; for each of them bus_run() returns true once. Start or repeated start with an address byte; a byte to
- * write; a byte to read; stop. */
+/* Commands of a bytewise master; for each of them bus_run() returns true once. Start or repeated start with an address
+ * byte; a byte to write; a byte to read; stop. */
 void bus_bytewise_start(struct bus *bus, uint8_t address_byte, vtime now);
 void bus_bytewise_write(struct bus *bus, uint8_t byte, vtime now);
 void bus_bytewise_read(struct bus *bus, vtime now);

@@ -1,5 +1,5 @@
-/* Transfers of a bytewise master: the master commands one byte or condition, receives its result, and holds SCL low until the next
- * command. */
+/* Transfers of a bytewise master: the master commands one byte or condition, receives its result, and holds SCL low
+ * until the next command. */
 #include "emulator/bus_internal.h"
 
 /* Begin a start condition and the address byte. */

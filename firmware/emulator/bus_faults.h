@@ -1,5 +1,5 @@
-/* I2C faults that take effect at one byte of a transfer. Byte 0 is the address byte; all further bytes on the wire count, including
- * the second address byte of a write that continues as a read. */
+/* I2C faults that take effect at one byte of a transfer. Byte 0 is the address byte; all further bytes on the wire
+ * count, including the second address byte of a write that continues as a read. */
 #ifndef EMULATOR_BUS_FAULTS_H
 #define EMULATOR_BUS_FAULTS_H
 
@@ -25,8 +25,8 @@ struct byte_damage {
     vtime off_time; /* length of the brown-out */
 };
 
-/* The position of the byte is the fault's `value`; its `second_value` is a bit (0 to 7), microseconds of clock stretching or
- * milliseconds without power. Returns false if BUS_FAULTS_MAX faults are pending. */
+/* The position of the byte is the fault's `value`; its `second_value` is a bit (0 to 7), microseconds of clock
+ * stretching or milliseconds without power. Returns false if BUS_FAULTS_MAX faults are pending. */
 bool bus_faults_add(struct bus_faults *faults, const struct fault_description *fault);
 
 /* Remove the pending faults of byte `position` of a transfer with `address`, log them and return their sum. */

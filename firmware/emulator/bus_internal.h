@@ -40,8 +40,8 @@ void bus_begin_transfer(struct bus *bus, enum bus_master master, const struct ta
 void bus_begin_byte(struct bus *bus, enum bus_phase phase, vtime released);
 void bus_begin_stop(struct bus *bus, vtime released);
 
-/* Slaves that a damaged address byte has addressed for reading transmit while the master writes or stops: the master reads a level that
- * it does not drive and gives up, and each slave is left in the middle of its byte. */
+/* Slaves that a damaged address byte has addressed for reading transmit while the master writes or stops: the master
+ * reads a level that it does not drive and gives up, and each slave is left in the middle of its byte. */
 void bus_handle_collision(struct bus *bus, int8_t result);
 
 /* bus_bytewise.c */

@@ -120,7 +120,8 @@ void electronics_configure(struct electronics *electronics)
     }
 }
 
-/* The capacitances of all crossings at this conversion; they are used for all conversions of the TX line in this scan. */
+/* The capacitances of all crossings at this conversion; they are used for all conversions of the TX line in this
+ * scan. */
 static void compute_crossings(struct electronics *electronics, const struct electronics_conversion *conversion, int tx)
 {
     double rise[TAXEL_TAXELS_MAX];
@@ -149,7 +150,8 @@ static bool are_crossings_valid(const struct electronics *electronics, const str
     if (conversion->is_first_of_scan && electronics->has_drift) {
         return false;
     }
-    if (conversion->fields_are_constant && electronics->mutual_is_constant && conversion->change_count == electronics->mutual_change_count) {
+    if (conversion->fields_are_constant && electronics->mutual_is_constant &&
+        conversion->change_count == electronics->mutual_change_count) {
         return true;
     }
     return electronics->mutual_tx == tx && !conversion->is_first_of_scan;
@@ -222,7 +224,7 @@ uint16_t electronics_convert(struct electronics *electronics, const struct elect
     if (nonlinear_is_on(&effects->nonlinear, board)) {
         count = nonlinear_count(&effects->nonlinear, board, front_end->max_count, count);
     }
-    const uint16_t raw =
-        electronics->stuck_count[requested_taxel] >= 0 ? (uint16_t)electronics->stuck_count[requested_taxel] : front_end_quantise(front_end, count);
+    const int32_t stuck_count = electronics->stuck_count[requested_taxel];
+    const uint16_t raw = stuck_count >= 0 ? (uint16_t)stuck_count : front_end_quantise(front_end, count);
     return stuck_bit_apply(&effects->stuck_bit, board, raw);
 }

@@ -24,8 +24,8 @@ static int set_nonblocking(int fd)
     return flags < 0 ? -1 : fcntl(fd, F_SETFL, flags | O_NONBLOCK);
 }
 
-/* The slave side is set to raw mode before a client opens it, because otherwise the terminal would echo the first bytes. It is then closed
- * here, so that POLLHUP reports that the client has closed its end. */
+/* The slave side is set to raw mode before a client opens it, because otherwise the terminal would echo the first
+ * bytes. It is then closed here, so that POLLHUP reports that the client has closed its end. */
 static int open_pty(struct endpoint *endpoint)
 {
     struct termios settings;

@@ -36,12 +36,13 @@ struct endpoint {
 /* Set by a signal handler: stop waiting for a reader. */
 extern volatile sig_atomic_t endpoint_stop_waiting;
 
-/* `target`: none, pty, fd:N, capture:FILE or memory. `baud` is stored in the header of a capture. Returns 0, or -1 after one error line
- * on stderr. */
+/* `target`: none, pty, fd:N, capture:FILE or memory. `baud` is stored in the header of a capture. Returns 0, or -1
+ * after one error line on stderr. */
 int endpoint_open(struct endpoint *endpoint, const char *target, double baud);
 void endpoint_close(struct endpoint *endpoint);
 
-/* Send bytes to the host. Returns the number of bytes accepted, which is less than `size` while the host does not read. */
+/* Send bytes to the host. Returns the number of bytes accepted, which is less than `size` while the host does not
+ * read. */
 size_t endpoint_send(struct endpoint *endpoint, const uint8_t *bytes, size_t size, vtime now);
 
 /* Read bytes that the host has sent, without waiting. */

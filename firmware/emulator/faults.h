@@ -1,5 +1,5 @@
-/* The faults that the emulator can inject, by name. World files, the virtual test rig and the fault log use the same names.
- * README.md describes each fault and its values. */
+/* The faults that the emulator can inject, by name. World files, the virtual test rig and the fault log use the same
+ * names. README.md describes each fault and its values. */
 #ifndef EMULATOR_FAULTS_H
 #define EMULATOR_FAULTS_H
 

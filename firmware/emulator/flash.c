@@ -74,8 +74,9 @@ vtime flash_write_row(struct flash *flash, uint16_t row, const uint8_t *bytes, v
     return write->end;
 }
 
-/* In the first half of the write time the row is erased, in the second half it is programmed, in both word by word; the word in progress
- * contains random bits. One torn row in four is a random mixture of old, erased, new and random words, as data sheets allow. */
+/* In the first half of the write time the row is erased, in the second half it is programmed, in both word by word; the
+ * word in progress contains random bits. One torn row in four is a random mixture of old, erased, new and random words,
+ * as data sheets allow. */
 static void tear_row(struct flash *flash, const struct flash_pending_write *write, vtime now)
 {
     uint8_t *const stored = flash->bytes + (size_t)write->row * FLASH_ROW_SIZE;

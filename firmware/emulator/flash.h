@@ -1,7 +1,7 @@
 /* The flash memory of an emulated processor: 256 rows of 128 bytes; a write of a row takes 20 ms.
  *
- * A write erases the row and then programs it word by word. If the power fails during the write, the row is torn: a mixture of old,
- * erased, new and undefined words. Contents survive a power loss; writes of each row are counted. */
+ * A write erases the row and then programs it word by word. If the power fails during the write, the row is torn: a
+ * mixture of old, erased, new and undefined words. Contents survive a power loss; writes of each row are counted. */
 #ifndef EMULATOR_FLASH_H
 #define EMULATOR_FLASH_H
 
@@ -59,8 +59,8 @@ void flash_init(struct flash *flash, uint64_t seed, uint8_t address);
 /* Writes run one after another: each starts when the previous one has ended. Returns the end of this write. */
 vtime flash_write_row(struct flash *flash, uint16_t row, const uint8_t *bytes, vtime now);
 
-/* Plan a power cut during a later write. Returns false if FLASH_CUTS_MAX cuts are planned. The owner of the flash must switch off the
- * power at `cut_time`. */
+/* Plan a power cut during a later write. Returns false if FLASH_CUTS_MAX cuts are planned. The owner of the flash must
+ * switch off the power at `cut_time`. */
 bool flash_plan_cut(struct flash *flash, const struct flash_cut_plan *plan);
 
 /* The power fails at `now`: writes that have not started have no effect, and the running write tears its row. */

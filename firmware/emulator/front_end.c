@@ -28,8 +28,8 @@ static bool are_settings_equal(const struct front_end_settings *a, const struct 
            a->modulator_divider == b->modulator_divider && a->idac_code == b->idac_code;
 }
 
-/* The modulator balances the charge 2 C V of each TX period with the current of the IDAC: hardware count = max_count * 2 C V F_tx /
- * I_dac, over sub_conversions TX periods of sense_clock_divider modulator clocks each. */
+/* The modulator balances the charge 2 C V of each TX period with the current of the IDAC: hardware count = max_count *
+ * 2 C V F_tx / I_dac, over sub_conversions TX periods of sense_clock_divider modulator clocks each. */
 bool front_end_apply_settings(struct front_end *front_end, const struct front_end_settings *settings, double clock_rate)
 {
     if (are_settings_equal(&front_end->settings, settings)) {

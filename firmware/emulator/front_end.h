@@ -1,8 +1,8 @@
-/* The ideal CSX front end of one board: converts the mutual capacitance of a taxel to a raw count, in the time that the scan settings
- * require.
+/* The ideal CSX front end of one board: converts the mutual capacitance of a taxel to a raw count, in the time that the
+ * scan settings require.
  *
- * hardware count = max_count * 2 C V F_tx / I_dac; raw count = max_count - hardware count, quantised. Contact raises the capacitance
- * and therefore lowers the raw count. */
+ * hardware count = max_count * 2 C V F_tx / I_dac; raw count = max_count - hardware count, quantised. Contact raises
+ * the capacitance and therefore lowers the raw count. */
 #ifndef EMULATOR_FRONT_END_H
 #define EMULATOR_FRONT_END_H
 
@@ -52,7 +52,8 @@ bool front_end_apply_settings(struct front_end *front_end, const struct front_en
 /* The raw count of a taxel. `rise`: relative rise of the layer's permittivity above the taxel. */
 uint16_t front_end_convert(struct front_end *front_end, uint16_t taxel, double rise);
 
-/* The three steps of a conversion: hardware count without noise, a sample of the white noise, raw count of a hardware count. */
+/* The three steps of a conversion: hardware count without noise, a sample of the white noise, raw count of a hardware
+ * count. */
 double front_end_hardware_count(const struct front_end *front_end, uint16_t taxel, double rise);
 double front_end_sample_noise(struct front_end *front_end);
 uint16_t front_end_quantise(const struct front_end *front_end, double hardware_count);

@@ -5,8 +5,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Bytes that the file does not define are 0, like erased flash of a PSoC 4200. Returns NULL on success, otherwise the error message;
- * *line is the line of the error, or 0 if the file cannot be read. */
+/* Bytes that the file does not define are 0, like erased flash of a PSoC 4200. Returns NULL on success, otherwise the
+ * error message; *line is the line of the error, or 0 if the file cannot be read. */
 const char *hex_image_read(const char *path, uint8_t *bytes, size_t size, int *line);
 
 #endif

@@ -272,7 +272,8 @@ void hub_node_on_uart_sent(struct hub_node *node, vtime now, size_t bytes)
     node->cpu_free = vtime_max(node->cpu_free, now) + cycles_to_time(node, COST_UART_INTERRUPT + COST_UART_BYTE * (double)bytes);
 }
 
-/* Confirm an image on trial once a host has completed the handshake and sent a command. The flash row is written between two passes. */
+/* Confirm an image on trial once a host has completed the handshake and sent a command. The flash row is written
+ * between two passes. */
 static void confirm_image(struct hub_node *node)
 {
     if (node->has_confirmed || !node->hub.version || !node->hub.inbox.commands) {
@@ -305,7 +306,8 @@ void hub_node_run(struct hub_node *node, vtime horizon)
     node->wake = VTIME_NEVER;
     node->now = start + cycles_to_time(node, COST_HUB_PASS);
     taxel_hub_run(&node->hub);
-    /* The hub checks and frames a snapshot after it has started the next transfer: this occupies the CPU, but not the bus. */
+    /* The hub checks and frames a snapshot after it has started the next transfer: this occupies the CPU, but not the
+     * bus. */
     const double framed = fmax(0.0, (int32_t)(node->hub.outbox.bytes_sent - sent)); /* negative if frames were dropped */
     node->cpu_free = node->now + cycles_to_time(node, framed * COST_HUB_FRAME_BYTE);
     if (node->restart_requested) {

@@ -1,5 +1,5 @@
-/* The emulated hub: the hub firmware, compiled natively, with its bus, its UART and a CPU whose work takes time. A hub with an image
- * executes the image instead (hub_cortex.h). */
+/* The emulated hub: the hub firmware, compiled natively, with its bus, its UART and a CPU whose work takes time. A hub
+ * with an image executes the image instead (hub_cortex.h). */
 #ifndef EMULATOR_HUB_NODE_H
 #define EMULATOR_HUB_NODE_H
 
@@ -58,7 +58,8 @@ void hub_node_on_i2c_done(struct hub_node *node, vtime now);
 void hub_node_on_uart_received(struct hub_node *node, vtime now);
 void hub_node_on_uart_sent(struct hub_node *node, vtime now, size_t bytes);
 
-/* When the main loop next has work; and one pass of it at that time. An executed hub runs up to `horizon`, or until it drives a wire. */
+/* When the main loop next has work; and one pass of it at that time. An executed hub runs up to `horizon`, or until it
+ * drives a wire. */
 vtime hub_node_next_time(const struct hub_node *node);
 void hub_node_run(struct hub_node *node, vtime horizon);
 

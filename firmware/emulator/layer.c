@@ -4,11 +4,11 @@
 #include <stdint.h>
 #include <string.h>
 
-#define CELL_AREA_M2 (0.005 * 0.005)      /* one taxel at 5 mm pitch */
+#define TAXEL_AREA_M2 (0.005 * 0.005)      /* one taxel at 5 mm pitch */
 #define SHEAR_MODULUS_PA 23000.0          /* Ecoflex 00-30: modulus 69 kPa (maker's data sheet) over 3, incompressible */
 #define PILLAR_FRACTION 0.35              /* of the area; the thesis gives pillars of 0.8 mm but not their pitch */
 #define SILICONE_PERMITTIVITY 2.8         /* assumed: platinum-cured silicone near 100 kHz */
-#define BULK_STIFFNESS_PA 10000.0         /* when the sides of pillars touch; chosen so that the curve is flat near 50 N on a taxel */
+#define BULK_STIFFNESS_PA 10000.0         /* sides of pillars touch; chosen so that the curve is flat near 50 N on a taxel */
 
 #define SHEET_MODULUS_PA 200000.0         /* sheet below the pillars, bonded: 3 G (1 + 2 S^2) with the shape factor S near 1 */
 
@@ -18,7 +18,8 @@
 #define FORCE_MAX_N 400.0
 #define STRETCH_MIN (PILLAR_FRACTION + 0.01) /* the pressure is about 2.5 MPa there */
 
-/* Tables of the same curve over the pressure (CURVE_STEPS per octave) and over the compression: fast look-up for many cells. */
+/* Tables of the same curve over the pressure (CURVE_STEPS per octave) and over the compression: fast look-up for many
+ * cells. */
 #define CURVE_MIN_PA 0x1.0p-7
 #define CURVE_MAX_PA 0x1.0p24
 #define CURVE_OCTAVES 31
@@ -35,7 +36,7 @@ static double rise_at_depth[DEPTH_STEPS + 1];
 static double contact_depths[TABLE_SIZE];    /* compression of pillars and sheet together, metres */
 static double contact_pressures[TABLE_SIZE]; /* at these compressions */
 #define CONTACT_STARTS 1024
-static uint16_t contact_starts[CONTACT_STARTS + 1]; /* index at which the search in contact_depths starts, per step of the compression */
+static uint16_t contact_starts[CONTACT_STARTS + 1]; /* start index of the search in contact_depths, per compression step */
 static double log_min, log_step;
 
 /* Pressure that compresses the pillars to `stretch` times their height (1: unloaded; PILLAR_FRACTION: no air left). */
@@ -94,7 +95,7 @@ void layer_init(void)
     log_min = log(FORCE_MIN_N);
     log_step = (log(FORCE_MAX_N) - log_min) / (TABLE_SIZE - 1);
     for (int i = 0; i < TABLE_SIZE; i++) {
-        const double force = exp(log_min + i * log_step), pressure = force / CELL_AREA_M2;
+        const double force = exp(log_min + i * log_step), pressure = force / TAXEL_AREA_M2;
         const double stretch = find_stretch(pressure);
         rise_at_force[i] = permittivity_rise(stretch);
         contact_depths[i] = (1.0 - stretch) * LAYER_PILLAR_HEIGHT_M + sheet_compression(pressure);
@@ -135,8 +136,8 @@ double layer_rise_at_force(double force_n)
     return rise_at_force[index] + fraction * (rise_at_force[index + 1] - rise_at_force[index]);
 }
 
-/* Index of a pressure >= CURVE_MIN_PA in at_pressure[], and the fraction up to the next entry: the index is the exponent and the first
- * bits of the mantissa of the pressure. */
+/* Index of a pressure >= CURVE_MIN_PA in at_pressure[], and the fraction up to the next entry: the index is the
+ * exponent and the first bits of the mantissa of the pressure. */
 static int find_pressure_index(double pressure, double *fraction)
 {
     const double minimum = CURVE_MIN_PA;
@@ -222,7 +223,8 @@ double layer_pressure(double compression_m)
 double layer_stiffness(double compression_m)
 {
     const double stretch = 1.0 - compression_m / LAYER_PILLAR_HEIGHT_M;
-    return compression_m <= 0.0 ? 0.0 : -pillar_pressure_slope(stretch < STRETCH_MIN ? STRETCH_MIN : stretch) / LAYER_PILLAR_HEIGHT_M;
+    const double slope = pillar_pressure_slope(stretch < STRETCH_MIN ? STRETCH_MIN : stretch);
+    return compression_m <= 0.0 ? 0.0 : -slope / LAYER_PILLAR_HEIGHT_M;
 }
 
 /* Integral of pillar_pressure() from `stretch` to 1: the sum of the integrals of its two terms. */
@@ -248,8 +250,8 @@ double layer_work(double compression_m)
     return pillar_work(stretch) * LAYER_PILLAR_HEIGHT_M;
 }
 
-/* The pressure at a compression of pillars and sheet together, and its derivative *rate. The pressure is exponential in the compression
- * between two entries of the table, and linear before the first and after the last entry. */
+/* The pressure at a compression of pillars and sheet together, and its derivative *rate. The pressure is exponential in
+ * the compression between two entries of the table, and linear before the first and after the last entry. */
 static double evaluate_contact_pressure(double compression_m, double *rate)
 {
     const double last = contact_depths[TABLE_SIZE - 1];

@@ -1,8 +1,10 @@
-/* The dielectric layer above the electrodes: compression and relative rise of the permittivity under a normal force or pressure.
+/* The dielectric layer above the electrodes: compression and relative rise of the permittivity under a normal force or
+ * pressure.
  *
- * Silicone pillars stand in air on a solid silicone sheet. Pressure compresses the pillars (neo-Hookean) and displaces the air, so that
- * the permittivity of the layer rises from that of the mixture to that of solid silicone: steeply at first, then it saturates. The
- * sheet bears load, but the field of the electrodes does not pass through it. Equations: docs/effects-physics.md. */
+ * Silicone pillars stand in air on a solid silicone sheet. Pressure compresses the pillars (neo-Hookean) and displaces
+ * the air, so that the permittivity of the layer rises from that of the mixture to that of solid silicone: steeply at
+ * first, then it saturates. The sheet bears load, but the field of the electrodes does not pass through it. Equations:
+ * docs/effects-physics.md. */
 #ifndef EMULATOR_LAYER_H
 #define EMULATOR_LAYER_H
 
@@ -15,8 +17,8 @@ void layer_init(void);
 /* Relative rise of the permittivity (0 without force) under a force in newtons on the 5 mm x 5 mm area of one taxel. */
 double layer_rise_at_force(double force_n);
 
-/* Pressure (Pa) at a compression of the pillars (m), and its derivative (Pa/m). Beyond the compression that leaves almost no air, the
- * curve continues as a steep line, so that a solver always gets a finite value. */
+/* Pressure (Pa) at a compression of the pillars (m), and its derivative (Pa/m). Beyond the compression that leaves
+ * almost no air, the curve continues as a steep line, so that a solver always gets a finite value. */
 double layer_pressure(double compression_m);
 double layer_stiffness(double compression_m);
 
@@ -26,8 +28,8 @@ double layer_compression(double pressure_pa);
 /* Work per area (J/m^2) of a compression: the integral of layer_pressure(). */
 double layer_work(double compression_m);
 
-/* Relative rise of the permittivity at a compression or under a pressure. Agrees with layer_rise_at_force() within a relative error of
- * 3e-5 plus 1e-7. */
+/* Relative rise of the permittivity at a compression or under a pressure. Agrees with layer_rise_at_force() within a
+ * relative error of 3e-5 plus 1e-7. */
 double layer_rise_at_compression(double compression_m);
 double layer_rise_at_pressure(double pressure_pa);
 

@@ -119,8 +119,8 @@ static void sleep_ms(int milliseconds)
     (void)poll(NULL, 0, milliseconds);
 }
 
-/* Whether virtual time may run faster than real time. With an interactive host it may only while the hub streams: otherwise virtual time
- * would advance without limit while the host prepares its next command. */
+/* Whether virtual time may run faster than real time. With an interactive host it may only while the hub streams:
+ * otherwise virtual time would advance without limit while the host prepares its next command. */
 static bool can_run_fast(const struct options *options, const struct world *world)
 {
     const bool interactive = world->endpoint->kind == ENDPOINT_FD || world->endpoint->kind == ENDPOINT_PTY;
@@ -166,7 +166,8 @@ int main(int argc, char **argv)
     signal(SIGINT, on_signal);
     layer_init();
     if (world_file_read(&description, options.world) ||
-        open_stimulus(&stimulus, &options, world_taxel_count(&description)) || endpoint_open(&endpoint, options.uart, description.baud) ||
+        open_stimulus(&stimulus, &options, world_taxel_count(&description)) ||
+        endpoint_open(&endpoint, options.uart, description.baud) ||
         host_script_open(&script, options.host_input)) {
         return 1;
     }

@@ -1,5 +1,5 @@
-/* Normally distributed random numbers, computed in blocks: the same numbers to the bit as random_normal() returns for the same
- * seed and stream, in a fraction of the time. */
+/* Normally distributed random numbers, computed in blocks: the same numbers to the bit as random_normal() returns for
+ * the same seed and stream, in a fraction of the time. */
 #ifndef EMULATOR_NORMAL_SOURCE_H
 #define EMULATOR_NORMAL_SOURCE_H
 

@@ -1,7 +1,7 @@
 /* The factor of Marsaglia's polar method (1964): sqrt(-2 log(s) / s) for s in (0, 1).
  *
- * The logarithm is computed here and not by the C library: the results are then identical to the bit with every C library, and the
- * compiler can vectorise the computation. */
+ * The logarithm is computed here and not by the C library: the results are then identical to the bit with every C
+ * library, and the compiler can vectorise the computation. */
 #ifndef EMULATOR_POLAR_H
 #define EMULATOR_POLAR_H
 
@@ -22,7 +22,8 @@ static inline double polar_bits_to_double(uint64_t bits)
     return value;
 }
 
-/* log(2^e m) = e log 2 + 2 artanh((m - 1) / (m + 1)) with m between sqrt(1/2) and sqrt(2); the truncated terms are below 1e-17. */
+/* log(2^e m) = e log 2 + 2 artanh((m - 1) / (m + 1)) with m between sqrt(1/2) and sqrt(2); the truncated terms are
+ * below 1e-17. */
 static inline double polar_log(double s)
 {
     uint64_t bits;

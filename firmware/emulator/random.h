@@ -1,5 +1,5 @@
-/* Random numbers that are identical for a seed on every machine: splitmix64 computes the initial state (Steele et al., 2014),
- * xoshiro256++ generates the numbers (Blackman and Vigna, 2019). */
+/* Random numbers that are identical for a seed on every machine: splitmix64 computes the initial state (Steele et al.,
+ * 2014), xoshiro256++ generates the numbers (Blackman and Vigna, 2019). */
 #ifndef EMULATOR_RANDOM_H
 #define EMULATOR_RANDOM_H
 
@@ -12,7 +12,8 @@ struct random_source {
     bool has_spare;
 };
 
-/* Each pair (seed, stream) is an independent sequence: the order in which streams are used does not change their numbers. */
+/* Each pair (seed, stream) is an independent sequence: the order in which streams are used does not change their
+ * numbers. */
 void random_init(struct random_source *source, uint64_t seed, uint64_t stream);
 
 /* Normally distributed: mean 0, standard deviation 1. */

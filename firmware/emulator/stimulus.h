@@ -1,13 +1,13 @@
 /* The stimulus: what acts on the skin over time.
  *
- * Three kinds: forces in newtons on the taxels; recorded raw counts, which replace the front end; or a scene: an object, and the poses of
- * object and brackets.
+ * Three kinds: forces in newtons on the taxels; recorded raw counts, which replace the front end; or a scene: an
+ * object, and the poses of object and brackets.
  *
- * Stream format (file, pipe or socket, little-endian): header "TAXELSTM", u32 version 1, u32 kind, u32 taxels, u32 boards (0 unless the
- * kind is scene); then records of f64 time in seconds and f32 values. Forces and counts: one value per taxel. Scene: the number of the
- * object in the world file (-1: none), the pose of the object in the world and the pose of each bracket (12 values each: three rows of
- * 4). Forces and scenes are interpolated linearly between records, counts are held. In a live stream a negative time means "now". The
- * values of the last record persist. */
+ * Stream format (file, pipe or socket, little-endian): header "TAXELSTM", u32 version 1, u32 kind, u32 taxels, u32
+ * boards (0 unless the kind is scene); then records of f64 time in seconds and f32 values. Forces and counts: one value
+ * per taxel. Scene: the number of the object in the world file (-1: none), the pose of the object in the world and the
+ * pose of each bracket (12 values each: three rows of 4). Forces and scenes are interpolated linearly between records,
+ * counts are held. In a live stream a negative time means "now". The values of the last record persist. */
 #ifndef EMULATOR_STIMULUS_H
 #define EMULATOR_STIMULUS_H
 
@@ -46,11 +46,12 @@ struct stimulus {
 int stimulus_open(struct stimulus *stimulus, int fd, const char *name, size_t taxels, bool live);
 void stimulus_close(struct stimulus *stimulus);
 
-/* Read the next record: call when virtual time has reached `until`. Returns 0, or -1 after one line on stderr if the record is truncated,
- * earlier than the one before, or contains a value that is not finite. */
+/* Read the next record: call when virtual time has reached `until`. Returns 0, or -1 after one line on stderr if the
+ * record is truncated, earlier than the one before, or contains a value that is not finite. */
 int stimulus_advance(struct stimulus *stimulus, vtime now);
 
-/* Live streams: read available bytes. Returns whether a record is complete; stimulus_apply_live() then makes it effective. */
+/* Live streams: read available bytes. Returns whether a record is complete; stimulus_apply_live() then makes it
+ * effective. */
 bool stimulus_receive_live(struct stimulus *stimulus);
 int stimulus_apply_live(struct stimulus *stimulus, vtime now);
 

@@ -6,7 +6,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* A ticket packs the number of the task (32 bits), the first item not yet started, and one past the last item not yet started. */
+/* A ticket packs the number of the task (32 bits), the first item not yet started, and one past the last item not yet
+ * started. */
 #define END_BITS 16
 #define END_MASK ((1u << END_BITS) - 1u)
 #define FIRST_INCREMENT (1ull << END_BITS)
@@ -32,9 +33,10 @@ static inline void pause_cpu(void)
 #endif
 }
 
-/* Start one item of the current task, and return false if no item is left. The number of the task is a part of the compared ticket,
- * so `task` and `context` cannot change before the item is done. The caller starts items from the first, workers from the last:
- * the data of an item then tend to stay in the cache of the same core from task to task. */
+/* Start one item of the current task, and return false if no item is left. The number of the task is a part of the
+ * compared ticket, so `task` and `context` cannot change before the item is done. The caller starts items from the
+ * first, workers from the last: the data of an item then tend to stay in the cache of the same core from task to
+ * task. */
 static bool run_next_item(struct thread_pool *pool, bool is_worker)
 {
     uint64_t ticket = atomic_load(&pool->ticket);
@@ -91,7 +93,8 @@ static void wake_workers(struct thread_pool *pool)
     }
 }
 
-/* Workers block all signals: a signal delivered to a worker would not interrupt a system call in which the caller waits. */
+/* Workers block all signals: a signal delivered to a worker would not interrupt a system call in which the caller
+ * waits. */
 int thread_pool_open(struct thread_pool *pool, size_t threads)
 {
     sigset_t all, before;
@@ -105,7 +108,8 @@ int thread_pool_open(struct thread_pool *pool, size_t threads)
     }
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     if (pool->worker_count + 1u < threads) {
-        fprintf(stderr, "threads: expected %zu, only %zu could be started; request fewer threads\n", threads, pool->worker_count + 1u);
+        fprintf(stderr, "threads: expected %zu, only %zu could be started; request fewer threads\n", threads,
+                pool->worker_count + 1u);
         thread_pool_close(pool);
         return -1;
     }

@@ -1,7 +1,7 @@
 /* Threads that share the items of one task: advance all boards, or compute the load on every board.
  *
- * Between two events, boards do not affect each other, so that the boards are independent items. Items of a task must not depend
- * on the order in which they run; then results are identical to the bit for every number of threads. */
+ * Between two events, boards do not affect each other, so that the boards are independent items. Items of a task must
+ * not depend on the order in which they run; then results are identical to the bit for every number of threads. */
 #ifndef EMULATOR_THREAD_POOL_H
 #define EMULATOR_THREAD_POOL_H
 
@@ -36,8 +36,9 @@ int thread_pool_open(struct thread_pool *pool, size_t threads);
 /* Stop and join all workers. No task may be running. */
 void thread_pool_close(struct thread_pool *pool);
 
-/* Run `task` once for each item 0 to count - 1 (count <= THREAD_POOL_ITEMS_MAX) in the caller's thread and the workers; returns when
- * every item is done. A task must not call this function. With `pool` NULL, the caller's thread runs all items. */
+/* Run `task` once for each item 0 to count - 1 (count <= THREAD_POOL_ITEMS_MAX) in the caller's thread and the workers;
+ * returns when every item is done. A task must not call this function. With `pool` NULL, the caller's thread runs all
+ * items. */
 void thread_pool_run(struct thread_pool *pool, size_t count, thread_pool_task task, void *context);
 
 #endif

@@ -1,8 +1,8 @@
 /* The hub's UART and the USB adapter behind it, in virtual time.
  *
- * A byte takes 10 bit times. The adapter sends a USB packet to the host when 62 bytes are complete or its latency timer has expired, and
- * deasserts CTS while its buffer is full. When the hub deasserts RTS, the adapter still sends the characters that its transmitter has
- * already taken; then its buffer fills, and the host has to wait. */
+ * A byte takes 10 bit times. The adapter sends a USB packet to the host when 62 bytes are complete or its latency timer
+ * has expired, and deasserts CTS while its buffer is full. When the hub deasserts RTS, the adapter still sends the
+ * characters that its transmitter has already taken; then its buffer fills, and the host has to wait. */
 #ifndef EMULATOR_UART_H
 #define EMULATOR_UART_H
 

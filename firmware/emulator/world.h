@@ -1,5 +1,6 @@
-/* The emulated world: one hub, its boards, the bus, the UART, a host, and the stimulus of the skin. The world is advanced from event to
- * event: the earliest event first, simultaneous events in a fixed order, so that a seed determines every byte. */
+/* The emulated world: one hub, its boards, the bus, the UART, a host, and the stimulus of the skin. The world is
+ * advanced from event to event: the earliest event first, simultaneous events in a fixed order, so that a seed
+ * determines every byte. */
 #ifndef EMULATOR_WORLD_H
 #define EMULATOR_WORLD_H
 
@@ -45,7 +46,8 @@ struct world {
 /* The number of taxels of all boards. */
 size_t world_taxel_count(const struct world_description *description);
 
-/* The arguments must outlive the world. Returns 0, or -1 after an error line on stderr; call world_free() in both cases. */
+/* The arguments must outlive the world. Returns 0, or -1 after an error line on stderr; call world_free() in both
+ * cases. */
 int world_init(struct world *world, const struct world_description *description, struct stimulus *stimulus,
                struct endpoint *endpoint, struct host_script *script);
 
@@ -54,7 +56,8 @@ void world_use_thread_pool(struct world *world, struct thread_pool *thread_pool)
 
 void world_free(struct world *world);
 
-/* Run every event up to and including `until`. Returns 0, or -1 after an error line on stderr if the stimulus is invalid. */
+/* Run every event up to and including `until`. Returns 0, or -1 after an error line on stderr if the stimulus is
+ * invalid. */
 int world_run(struct world *world, vtime until);
 
 /* Read the bytes that the host has sent, and complete records of a live stimulus. Returns 0 or -1 as above. */
@@ -66,7 +69,8 @@ int world_set_stimulus(struct world *world, const float *values);
 /* Inject a fault at once (`time_s` is ignored). Returns 0, or -1 if too many faults are pending. */
 int world_inject_fault(struct world *world, const struct fault_description *fault);
 
-/* Plan a power cut during a flash write of a board, or of the hub (board NULL). Returns 0, or -1 if too many cuts are planned. */
+/* Plan a power cut during a flash write of a board, or of the hub (board NULL). Returns 0, or -1 if too many cuts are
+ * planned. */
 int world_plan_power_cut(struct world *world, struct board_node *board, const struct flash_cut_plan *plan);
 
 /* Write a JSON file with the counters of the run. Returns 0, or -1 after an error line on stderr. */

@@ -42,7 +42,8 @@ static int finish_fields(struct world *world, vtime now)
     world->boards_advanced_until = now;
     for (size_t i = 0; i < world->board_count; i++) {
         if (task.has_failed[i]) {
-            fprintf(stderr, "board 0x%02X: out of memory for the history of the effect 'late'\n", world->description->boards[i].address);
+            fprintf(stderr, "board 0x%02X: out of memory for the history of the effect 'late'\n",
+                    world->description->boards[i].address);
             return -1;
         }
     }

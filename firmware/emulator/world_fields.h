@@ -1,5 +1,5 @@
-/* Replaces the fields above the taxels of all boards over time, and advances the boards in between; both run in the threads of the
- * world's thread pool. */
+/* Replaces the fields above the taxels of all boards over time, and advances the boards in between; both run in the
+ * threads of the world's thread pool. */
 #ifndef EMULATOR_WORLD_FIELDS_H
 #define EMULATOR_WORLD_FIELDS_H
 
@@ -11,8 +11,8 @@ void world_advance_boards(struct world *world, vtime until);
 /* Call after the skin has computed its first fields. */
 void world_fields_start(struct world *world, vtime now);
 
-/* Each function advances the boards to `now` under the present fields and then replaces the fields. Returns 0, or -1 after an error line
- * on stderr: out of memory, or an invalid stimulus. */
+/* Each function advances the boards to `now` under the present fields and then replaces the fields. Returns 0, or -1
+ * after an error line on stderr: out of memory, or an invalid stimulus. */
 
 /* The fields after the next record of the stimulus. */
 int world_fields_next_record(struct world *world, vtime now);

@@ -1,5 +1,5 @@
-/* The description of an emulated world, and its reader. A world file has one `keyword value...` per line; `#` starts a comment.
- * README.md lists the keywords. */
+/* The description of an emulated world, and its reader. A world file has one `keyword value...` per line; `#` starts a
+ * comment. README.md lists the keywords. */
 #ifndef EMULATOR_WORLD_FILE_H
 #define EMULATOR_WORLD_FILE_H
 
@@ -49,7 +49,8 @@ struct world_description {
     size_t fault_count;
 };
 
-/* Returns 0, or -1 after one line on stderr that names the file, the line and the error. Call world_file_free() in both cases. */
+/* Returns 0, or -1 after one line on stderr that names the file, the line and the error. Call world_file_free() in both
+ * cases. */
 int world_file_read(struct world_description *world, const char *path);
 void world_file_free(struct world_description *world);
 

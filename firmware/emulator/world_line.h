@@ -1,5 +1,5 @@
-/* One line of a world file as words, and functions that convert words to values. Each function reports an error as one line on stderr
- * that names the file, the line and the error. */
+/* One line of a world file as words, and functions that convert words to values. Each function reports an error as one
+ * line on stderr that names the file, the line and the error. */
 #ifndef EMULATOR_WORLD_LINE_H
 #define EMULATOR_WORLD_LINE_H
 
@@ -18,8 +18,8 @@ struct world_line {
 /* Split `text` into words in place. A `#` starts a comment; words beyond WORLD_LINE_WORDS_MAX are ignored. */
 void world_line_split(struct world_line *line, char *text);
 
-/* All return 0, or -1 after an error line; world_line_report_error() always returns -1. `index`: of the word in the line. Numbers must
- * lie in [low, high]. */
+/* All return 0, or -1 after an error line; world_line_report_error() always returns -1. `index`: of the word in the
+ * line. Numbers must lie in [low, high]. */
 int world_line_report_error(const struct world_line *line, const char *message);
 int world_line_read_number(const struct world_line *line, int index, double low, double high, double *value);
 int world_line_read_integer(const struct world_line *line, int index, double low, double high, long *value);

@@ -1,5 +1,5 @@
-/* Expected answers of a board, byte by byte: an independent implementation of SPEC.md, part 1. It copies snapshots where the
- * firmware changes the roles of buffers, and does not use the firmware's structs. */
+/* Expected answers of a board, byte by byte: an independent implementation of SPEC.md, part 1. It copies snapshots
+ * where the firmware changes the roles of buffers, and does not use the firmware's structs. */
 #ifndef TAXEL_BOARD_MODEL_H
 #define TAXEL_BOARD_MODEL_H
 
@@ -48,7 +48,8 @@ struct board_model {
     bool restart_requested, bootloader_requested;
 };
 
-/* Reset the model. It keeps address, reset_cause, rows, columns, taxel_count, crossing_map, boot_settings and the clock. */
+/* Reset the model. It keeps address, reset_cause, rows, columns, taxel_count, crossing_map, boot_settings and the
+ * clock. */
 void model_boot(struct board_model *model, const uint8_t version[3], uint8_t kind, const uint8_t unique_id[8]);
 bool model_settings_are_valid(const uint8_t settings[MODEL_SETTINGS_SIZE]);
 

@@ -52,7 +52,8 @@ static bool body_is_good(const uint8_t *body, size_t size, uint8_t directions)
     return fuzz_crc32(0, body, size - 4) == u32_at(body + size - 4);
 }
 
-/* Unstuff and unwhiten a frame at `bytes`; returns the body's length, and its stuffed bytes in *taken; 0 if none begins there. */
+/* Unstuff and unwhiten a frame at `bytes`; returns the body's length, and its stuffed bytes in *taken; 0 if none
+ * begins there. */
 static size_t body_at(const uint8_t *bytes, size_t size, uint8_t directions, uint8_t *body, size_t *taken)
 {
     size_t length = 0, expected = 0, position = 0;

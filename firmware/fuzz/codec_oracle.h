@@ -1,5 +1,6 @@
-/* Expected output of a receiver for a complete stream: an independent, slow implementation of SPEC.md, "Receiver" and "Counting
- * losses", without limited buffers and without state between pieces. The fuzz target compares the decoders with it. */
+/* Expected output of a receiver for a complete stream: an independent, slow implementation of SPEC.md, "Receiver"
+ * and "Counting losses", without limited buffers and without state between pieces. The fuzz target compares the
+ * decoders with it. */
 #ifndef TAXEL_CODEC_ORACLE_H
 #define TAXEL_CODEC_ORACLE_H
 

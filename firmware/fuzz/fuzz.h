@@ -1,5 +1,5 @@
-/* Shared by the fuzz targets: a reader of the input's bytes, invariants that abort the run, and an independent CRC-32, so that a
- * target does not check the firmware's CRC against itself. */
+/* Shared by the fuzz targets: a reader of the input's bytes, invariants that abort the run, and an independent
+ * CRC-32, so that a target does not check the firmware's CRC against itself. */
 #ifndef TAXEL_FUZZ_H
 #define TAXEL_FUZZ_H
 
@@ -58,7 +58,8 @@ static inline size_t fuzz_bytes(struct fuzz_input *input, uint8_t *bytes, size_t
     return taken;
 }
 
-/* Next byte of a cheap pseudo-random sequence (multiplier of Knuth's MMIX), for bytes that need not be mutated one by one. */
+/* Next byte of a cheap pseudo-random sequence (multiplier of Knuth's MMIX), for bytes that need not be mutated one
+ * by one. */
 static inline uint8_t fuzz_next(uint64_t *state)
 {
     *state = *state * 6364136223846793005u + 1442695040888963407u;

@@ -1,7 +1,8 @@
 /* Bytes through every decoder of the codec.
  *
- * The input is either a stream, or a script that builds a stream from frames of any type and payload, random bytes, and damage
- * (flip, insert, delete, duplicate, truncate, lost delimiters), so that mutations need not guess a CRC. Invariants:
+ * The input is either a stream, or a script that builds a stream from frames of any type and payload, random bytes,
+ * and damage (flip, insert, delete, duplicate, truncate, lost delimiters), so that mutations need not guess a CRC.
+ * Invariants:
  *   - the deframer, given the stream in pieces of sizes from the input (or at once), delivers the oracle's frames in the same order
  *     and discards the same number of bytes (codec_oracle.h);
  *   - the batch decoder, with arrays of the smallest allowed size, delivers the same frames and counts the same losses;
@@ -52,8 +53,8 @@ static void append(const uint8_t *bytes, size_t size)
     stream_size += taken;
 }
 
-/* A payload that the type allows in most cases; its first bytes come from the input, the messages from a seed, a constant or the
- * stream. */
+/* A payload that the type allows in most cases; its first bytes come from the input, the messages from a seed, a
+ * constant or the stream. */
 static size_t make_payload(struct fuzz_input *input, uint8_t type, uint8_t *payload)
 {
     const uint8_t filling = fuzz_u8(input);

@@ -1,8 +1,9 @@
 /* A board that codes compact snapshots and a host that decodes them, over a faulty connection.
  *
- * The first bytes of the input configure the board; the other bytes are events: scans (quiet, noisy, with jumps, with any counts),
- * passes of the main loop, polls with and without the pointer, answers that arrive, are lost or arrive late, restarts of either
- * side, reads of uncompressed snapshots, damaged snapshots, and forged snapshots with a valid CRC. Invariants:
+ * The first bytes of the input configure the board; the other bytes are events: scans (quiet, noisy, with jumps,
+ * with any counts), passes of the main loop, polls with and without the pointer, answers that arrive, are lost or
+ * arrive late, restarts of either side, reads of uncompressed snapshots, damaged snapshots, and forged snapshots
+ * with a valid CRC. Invariants:
  *   - a snapshot that the host decodes has the counts and the timestamp of the scan with its sequence;
  *   - a snapshot of the board has a valid CRC and is no longer than a packed frame;
  *   - if host and board have the same key frame id, their states are equal;

@@ -1,15 +1,17 @@
 /* The hub between a host that sends any bytes and a bus that returns any bytes.
  *
- * The first byte of the input selects a bus and the hub's state on it (hub_bench.h); the other bytes are events: bytes from the
- * host; valid, damaged and concatenated handshakes and commands; results and damage of transfers; boards that appear, disappear,
- * restart and reject settings; lines held low; a UART with or without a reader; time. Invariants, after each pass of the main loop:
+ * The first byte of the input selects a bus and the hub's state on it (hub_bench.h); the other bytes are events:
+ * bytes from the host; valid, damaged and concatenated handshakes and commands; results and damage of transfers;
+ * boards that appear, disappear, restart and reject settings; lines held low; a UART with or without a reader; time.
+ * Invariants, after each pass of the main loop:
  *   - each board's polls equal the sum of its outcomes, plus one for a poll in progress;
  *   - slots are sorted, unique and within the configured number; taxel counts fit the buffers;
  *   - the transmit queue holds the bytes sent and not yet pulled; the bytes pulled are complete frames in sequence with valid CRCs;
  *   - one transfer at a time, into an unused buffer, and its bytes to write do not change until its end;
  *   - the main loop returns, and always requests its next call.
- * At the end: every frame sent was pulled; each command has one reply, or is in progress, or (only after concatenated frames or
- * lost bytes) its reply is among the dropped frames; after the faults are removed, a command in progress ends. */
+ * At the end: every frame sent was pulled; each command has one reply, or is in progress, or (only after
+ * concatenated frames or lost bytes) its reply is among the dropped frames; after the faults are removed, a command
+ * in progress ends. */
 #include "fuzz/hub_bench.h"
 
 #define EVENTS_MAX 48u

@@ -1,8 +1,8 @@
 /* A sensor board's register machine and scan, driven by a script of bus events, conversions and time.
  *
- * The first bytes of the input configure the board (lines, crossing map, settings, initial counters); the other bytes are events:
- * single bus events in any order, also impossible ones, and complete transfers with a valid CRC, so that deep states are reached.
- * Invariants, after each event:
+ * The first bytes of the input configure the board (lines, crossing map, settings, initial counters); the other
+ * bytes are events: single bus events in any order, also impossible ones, and complete transfers with a valid CRC,
+ * so that deep states are reached. Invariants, after each event:
  *   - every byte read equals the model's (board_model.h): identity, status, settings, snapshots, FF elsewhere. So a snapshot is one
  *     complete scan with its sequence, time, counts and CRC; the identity never changes; the settings are the last accepted ones;
  *     counters saturate or wrap as specified, which boards with nearly full counters test;

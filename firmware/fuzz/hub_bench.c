@@ -265,7 +265,8 @@ void bench_pass(void)
         bench_pull(SIZE_MAX);
     }
     check_hub();
-    /* A hub that waits for a transfer, a reply or a board must have requested a wake-up: otherwise it never runs again. */
+    /* A hub that waits for a transfer, a reply or a board must have requested a wake-up: otherwise it never runs
+     * again. */
     FUZZ_CHECK(bench.restarted || bench.wake_us != BENCH_NEVER || bench.done_us < BENCH_NEVER - 1u || bench.hub.job_done);
 }
 

@@ -1,5 +1,6 @@
-/* The hub's firmware on a HAL with virtual time that is fast to reset: the boards' answers are computed on demand (hub_bus.c), and
- * the state of a booted bus is saved and restored for each input. Every call of the HAL and every frame from the UART is checked. */
+/* The hub's firmware on a HAL with virtual time that is fast to reset: the boards' answers are computed on demand
+ * (hub_bus.c), and the state of a booted bus is saved and restored for each input. Every call of the HAL and every
+ * frame from the UART is checked. */
 #ifndef TAXEL_HUB_BENCH_H
 #define TAXEL_HUB_BENCH_H
 
@@ -70,7 +71,8 @@ extern struct bench bench;
 /* Restore one of the buses in one of its states; deterministic. */
 void bench_restore(unsigned bus, enum bench_state state);
 
-/* bench_pass: one pass of the hub's main loop. bench_step: the next event and a pass; false if there is none until `until_us`. */
+/* bench_pass: one pass of the hub's main loop. bench_step: the next event and a pass; false if there is none until
+ * `until_us`. */
 void bench_pass(void);
 bool bench_step(uint64_t until_us);
 

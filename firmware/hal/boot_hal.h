@@ -1,5 +1,5 @@
-/* Processor interface of the bootloader, and of an application that confirms itself: one struct of functions that the port
- * fills in.
+/* Processor interface of the bootloader, and of an application that confirms itself: one struct of functions that
+ * the port fills in.
  *
  * Integration (the port's side; bootloader/bootloader.h shows the configuration):
  *
@@ -22,15 +22,16 @@ struct taxel_boot_hal {
     /* First argument of all functions; may be NULL. */
     void *context;
 
-    /* The memory-mapped flash: TAXEL_BOOT_ROW_COUNT rows of 128 bytes. Never written through this pointer. On a PSoC 4200 it is
-     * address 0, so images are compiled with -fno-delete-null-pointer-checks. */
+    /* The memory-mapped flash: TAXEL_BOOT_ROW_COUNT rows of 128 bytes. Never written through this pointer. On a PSoC
+     * 4200 it is address 0, so images are compiled with -fno-delete-null-pointer-checks. */
     const uint8_t *flash;
 
-    /* Erase and write one row (0 to TAXEL_BOOT_ROW_COUNT - 1) of 128 bytes. Returns 0 at its end, at most 20 ms later, or a
-     * negative number if the row could not be written. During the write, interrupts are masked, the watchdog must not reset the
-     * processor (the port extends or feeds it), and the I2C address is not acknowledged: the port switches its slave off at the
-     * next stop condition before it begins, so that the bus is never held. Rows whose words add up to zero are handled as the
-     * manufacturer requires. A power cut may leave each word of this row, and of no other, in any state. */
+    /* Erase and write one row (0 to TAXEL_BOOT_ROW_COUNT - 1) of 128 bytes. Returns 0 at its end, at most 20 ms
+     * later, or a negative number if the row could not be written. During the write, interrupts are masked, the
+     * watchdog must not reset the processor (the port extends or feeds it), and the I2C address is not acknowledged:
+     * the port switches its slave off at the next stop condition before it begins, so that the bus is never held.
+     * Rows whose words add up to zero are handled as the manufacturer requires. A power cut may leave each word of
+     * this row, and of no other, in any state. */
     int (*flash_write_row)(void *context, uint16_t row, const uint8_t *bytes);
 
     /* Free-running microseconds since the reset, modulo 2^32. */
@@ -39,12 +40,12 @@ struct taxel_boot_hal {
     /* enum taxel_reset_cause of the last reset. */
     uint8_t (*reset_cause)(void *context);
 
-    /* Whether the application requested the bootloader before its reset: a word in RAM that survives a reset but not a loss of
-     * power. The call clears the request. */
+    /* Whether the application requested the bootloader before its reset: a word in RAM that survives a reset but not
+     * a loss of power. The call clears the request. */
     bool (*stay_requested)(void *context);
 
-    /* Start the application whose vector table is at this flash address: interrupts off, watchdog on, peripherals as after a
-     * reset. Does not return on silicon. */
+    /* Start the application whose vector table is at this flash address: interrupts off, watchdog on, peripherals as
+     * after a reset. Does not return on silicon. */
     void (*start)(void *context, uint32_t vectors);
 
     /* Reset the processor; the cause is then TAXEL_RESET_CAUSE_COMMAND. Does not return on silicon. */

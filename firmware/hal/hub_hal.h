@@ -31,8 +31,8 @@ enum taxel_i2c_result {
     TAXEL_I2C_BUSY = -6, /* a line is low before the start */
 };
 
-/* Write write_size bytes, then, after a repeated start, read read_size bytes; either may be 0. With both 0, only the address
- * is sent, for writing: a probe. */
+/* Write write_size bytes, then, after a repeated start, read read_size bytes; either may be 0. With both 0, only the
+ * address is sent, for writing: a probe. */
 struct taxel_i2c_transfer {
     uint8_t address;
     const uint8_t *write_bytes;
@@ -53,28 +53,29 @@ struct taxel_hub_hal {
     /* First argument of all functions; may be NULL. */
     void *context;
 
-    /* Start a transfer; the port calls taxel_hub_on_i2c_done() at its end. The struct is valid during the call only, the bytes
-     * to which it points until the end of the transfer. */
+    /* Start a transfer; the port calls taxel_hub_on_i2c_done() at its end. The struct is valid during the call only,
+     * the bytes to which it points until the end of the transfer. */
     void (*i2c_start)(void *context, const struct taxel_i2c_transfer *transfer);
     /* Abort the transfer in progress: release both lines. No taxel_hub_on_i2c_done() follows. */
     void (*i2c_abort)(void *context);
-    /* Manual control of the two lines, for bus recovery: drive a line low (false) or release it (true), and read its level. */
+    /* Manual control of the two lines, for bus recovery: drive a line low (false) or release it (true), and read its
+     * level. */
     void (*i2c_drive)(void *context, bool scl_high, bool sda_high);
     bool (*i2c_scl)(void *context);
     bool (*i2c_sda)(void *context);
 
     /* Bytes are queued: the UART's interrupt fetches them with taxel_hub_uart_pull(). */
     void (*uart_kick)(void *context);
-    /* Stop the host's adapter (RTS high) or let it send again (low). NULL: RTS is not wired. Also called from the interrupt that
-     * calls taxel_hub_on_uart_byte(). RTS must be low while the processor starts. */
+    /* Stop the host's adapter (RTS high) or let it send again (low). NULL: RTS is not wired. Also called from the
+     * interrupt that calls taxel_hub_on_uart_byte(). RTS must be low while the processor starts. */
     void (*uart_hold)(void *context, bool hold);
 
     /* Microseconds since boot; never decreases. */
     uint64_t (*clock_us)(void *context);
     /* Wait for at least so many microseconds; called with values up to 5. */
     void (*delay_us)(void *context, uint32_t microseconds);
-    /* Call taxel_hub_run() at the latest when clock_us() reaches this value, and after every interrupt. The earliest of several
-     * requests applies; each call of taxel_hub_run() cancels the requests made before it. */
+    /* Call taxel_hub_run() at the latest when clock_us() reaches this value, and after every interrupt. The earliest
+     * of several requests applies; each call of taxel_hub_run() cancels the requests made before it. */
     void (*wake_at)(void *context, uint64_t clock_us);
 
     /* Reset the processor. */

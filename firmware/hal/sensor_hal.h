@@ -27,13 +27,15 @@ struct taxel_sensor_hal {
     /* Apply scan settings; called between conversions only. */
     void (*front_end_configure)(void *context, const struct taxel_scan_settings *settings);
 
-    /* Start a conversion of the crossing (tx, rx), each 0 to 15; the port calls taxel_sensor_on_conversion() at its end. */
+    /* Start a conversion of the crossing (tx, rx), each 0 to 15; the port calls taxel_sensor_on_conversion() at its
+     * end. */
     void (*conversion_start)(void *context, uint8_t tx, uint8_t rx);
 
     /* Free-running microseconds since boot, modulo 2^32. */
     uint32_t (*clock_us)(void *context);
 
-    /* Disable interrupts, and restore the returned state; used while snapshot buffers change roles. Calls may be nested. */
+    /* Disable interrupts, and restore the returned state; used while snapshot buffers change roles. Calls may be
+     * nested. */
     uint32_t (*interrupts_disable)(void *context);
     void (*interrupts_restore)(void *context, uint32_t state);
 

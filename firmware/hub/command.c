@@ -1,4 +1,5 @@
-/* Frames from the host: handshake and commands. One command at a time, whose payload stays in the inbox until it is answered. */
+/* Frames from the host: handshake and commands. One command at a time, whose payload stays in the inbox until it is
+ * answered. */
 #include "hub/internal.h"
 
 #define VERSION_OF_COMPACT 2u

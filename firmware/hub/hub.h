@@ -89,18 +89,18 @@ struct taxel_hub_config {
     /* Id of the processor: 8 bytes of any value. Sent in HUB_HANDSHAKE. */
     const uint8_t *unique_id;
 
-    /* Clock rate of the bus in Hz; greater than 0, typically 100000 to 1000000. Determines the time limits of transfers and
-     * the instant of a board's clock in TIME_SYNC. */
+    /* Clock rate of the bus in Hz; greater than 0, typically 100000 to 1000000. Determines the time limits of
+     * transfers and the instant of a board's clock in TIME_SYNC. */
     uint32_t scl_hz;
 
-    /* One slot per board: slot_capacity elements, 1 to 112 (the number of usable I2C addresses). Boards without a free slot
-     * are not polled. */
+    /* One slot per board: slot_capacity elements, 1 to 112 (the number of usable I2C addresses). Boards without a
+     * free slot are not polled. */
     struct taxel_hub_slot *slots;
     uint8_t slot_capacity;
 
-    /* Buffers in which bytes are read, framed, and kept until the UART has sent them. Size in bytes, at most 65535: at least
-     * twice TAXEL_HUB_BUFFER_SIZE() of the larger of (a) the largest board's snapshot, uncompressed and compact, and
-     * (b) TAXEL_BOARD_INFO_SIZE + 4. A board whose snapshot does not fit is reported as TOO_LARGE. */
+    /* Buffers in which bytes are read, framed, and kept until the UART has sent them. Size in bytes, at most 65535:
+     * at least twice TAXEL_HUB_BUFFER_SIZE() of the larger of (a) the largest board's snapshot, uncompressed and
+     * compact, and (b) TAXEL_BOARD_INFO_SIZE + 4. A board whose snapshot does not fit is reported as TOO_LARGE. */
     uint8_t *transfer_pool;
     size_t transfer_pool_size;
 
@@ -260,8 +260,8 @@ struct taxel_hub {
     bool bootloader_requested : 1;
 };
 
-/* Number of polls of a board. Every poll but the one in progress is in exactly one outcome counter, so the slot stores only
- * the low bits of the number. */
+/* Number of polls of a board. Every poll but the one in progress is in exactly one outcome counter, so the slot
+ * stores only the low bits of the number. */
 uint32_t taxel_hub_polls(const struct taxel_hub_slot *slot);
 
 /* Initialise the hub and queue a HUB_HANDSHAKE frame. `config` must stay valid. */

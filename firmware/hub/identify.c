@@ -4,7 +4,8 @@
 
 #define IDENTITY_ATTEMPTS 3u
 
-/* Reason why these 58 bytes are not the identity of a board that this hub can poll; TAXEL_BOARD_FAULT_NONE if they are. */
+/* Reason why these 58 bytes are not the identity of a board that this hub can poll; TAXEL_BOARD_FAULT_NONE if they
+ * are. */
 static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, const uint8_t *bytes)
 {
     const uint16_t taxel_count = taxel_get_u16(bytes + TAXEL_IDENTITY_OFFSET_TAXEL_COUNT);
@@ -72,7 +73,8 @@ void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *boa
         hub->settings_read_kind = TAXEL_JOB_READ_SETTINGS;
         return;
     }
-    /* A flipped bit can make a taxel board look like another device: the fault is accepted after three such reads in a row. */
+    /* A flipped bit can make a taxel board look like another device: the fault is accepted after three such reads in
+     * a row. */
     board->last_read_us = hub->job.started_us;
     const bool is_accepted = fault != TAXEL_BOARD_FAULT_CRC && board->attempts + 1u >= IDENTITY_ATTEMPTS;
     if (fault != TAXEL_BOARD_FAULT_CRC && !is_accepted) {

@@ -1,5 +1,6 @@
-/* Incoming UART bytes. They stay in the receive ring until a frame is found in them or they are discarded; only the payload of
- * an accepted frame is copied. protocol/SPEC.md defines the receiver; codec/deframer.c implements it for streams of any length. */
+/* Incoming UART bytes. They stay in the receive ring until a frame is found in them or they are discarded; only the
+ * payload of an accepted frame is copied. protocol/SPEC.md defines the receiver; codec/deframer.c implements it for
+ * streams of any length. */
 #include <stdatomic.h>
 
 #include "codec/crc32.h"
@@ -11,8 +12,8 @@
 #define NO_BYTE (-1)
 #define WAIT (-1)
 
-/* Called by the interrupt to hold and by the main loop to release. The two thresholds are so far apart that the calls do not
- * interleave. */
+/* Called by the interrupt to hold and by the main loop to release. The two thresholds are so far apart that the
+ * calls do not interleave. */
 static void hold(struct taxel_hub *hub, bool is_hold)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
@@ -68,8 +69,8 @@ static struct body body_at_tail(const struct taxel_inbox *inbox, uint8_t size)
     return (struct body){.ring = inbox->ring, .at = inbox->tail, .ahead = size, .whitening = (uint8_t)TAXEL_WHITENING_SEED};
 }
 
-/* The next byte, or NO_BYTE if its block reaches past the chunk. Every accepted body is shorter than a full block of 254
- * bytes, so a zero follows each block but the last. */
+/* The next byte, or NO_BYTE if its block reaches past the chunk. Every accepted body is shorter than a full block of
+ * 254 bytes, so a zero follows each block but the last. */
 static int next_byte(struct body *body)
 {
     uint8_t byte = 0;
@@ -99,7 +100,8 @@ static bool header_is_right(const uint8_t *header)
            length <= TAXEL_HUB_COMMAND_PAYLOAD_MAX;
 }
 
-/* Length in the ring of the frame that begins at the tail, and its header; 0 if none begins there. `size`: bytes of the chunk. */
+/* Length in the ring of the frame that begins at the tail, and its header; 0 if none begins there. `size`: bytes of
+ * the chunk. */
 TAXEL_OWN_FRAME static uint8_t find_frame(const struct taxel_inbox *inbox, uint8_t size, uint8_t *header)
 {
     struct body body = body_at_tail(inbox, size);
@@ -128,8 +130,8 @@ TAXEL_OWN_FRAME static uint8_t find_frame(const struct taxel_inbox *inbox, uint8
     return body.left == 0 && crc == CRC_OF_WHOLE_BODY ? (uint8_t)(size - body.ahead) : 0;
 }
 
-/* Copy the payload of the valid frame at the tail. Acknowledgements are handled one by one, because the payload buffer may
- * still hold the command in progress. */
+/* Copy the payload of the valid frame at the tail. Acknowledgements are handled one by one, because the payload
+ * buffer may still hold the command in progress. */
 TAXEL_OWN_FRAME static void take_payload(struct taxel_hub *hub, uint8_t size, const uint8_t *header)
 {
     struct taxel_inbox *inbox = &hub->inbox;
@@ -172,8 +174,8 @@ static bool take_frame(struct taxel_hub *hub, uint8_t size, const uint8_t *heade
     return true;
 }
 
-/* Bytes of the chunk at the tail, 0 for a delimiter, or WAIT. A chunk without a delimiter is returned once it is longer than
- * any frame. The head is read only once, because the interrupt changes it. */
+/* Bytes of the chunk at the tail, 0 for a delimiter, or WAIT. A chunk without a delimiter is returned once it is
+ * longer than any frame. The head is read only once, because the interrupt changes it. */
 static int chunk_at_tail(struct taxel_inbox *inbox)
 {
     const uint8_t head = inbox->head;

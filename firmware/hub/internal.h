@@ -10,7 +10,8 @@
 /* Not inlined: its stack frame must not be part of the frame of a function with deeper calls. */
 #define TAXEL_OWN_FRAME __attribute__((noinline))
 
-/* A program with a single hub and a constant configuration defines this macro, so that the compiler can use its constants. */
+/* A program with a single hub and a constant configuration defines this macro, so that the compiler can use its
+ * constants. */
 #ifdef TAXEL_HUB_FIXED_CONFIG
 extern const struct taxel_hub_config taxel_hub_fixed_config;
 static inline const struct taxel_hub_config *taxel_hub_config_of(const struct taxel_hub *hub)
@@ -48,8 +49,8 @@ static inline size_t taxel_hub_read_max(const struct taxel_hub *hub)
 }
 
 uint64_t taxel_hub_clock(const struct taxel_hub *hub);
-/* The clock modulo 2^32, which halves the work on a Cortex-M0. Past and future times are distinguishable for 35 minutes;
- * clamp_past_time() in hub.c updates times that may be older. */
+/* The clock modulo 2^32, which halves the work on a Cortex-M0. Past and future times are distinguishable for 35
+ * minutes; clamp_past_time() in hub.c updates times that may be older. */
 uint32_t taxel_hub_now(const struct taxel_hub *hub);
 static inline bool taxel_hub_is_due(uint32_t now, uint32_t time)
 {
@@ -58,7 +59,8 @@ static inline bool taxel_hub_is_due(uint32_t now, uint32_t time)
 void taxel_hub_wake_in(const struct taxel_hub *hub, uint32_t microseconds);
 uint8_t taxel_hub_slot_of(const struct taxel_hub *hub, uint8_t address);
 
-/* One bit per address. A bus scan for SCAN_BUS keeps this map in the payload buffer, because the command has no arguments. */
+/* One bit per address. A bus scan for SCAN_BUS keeps this map in the payload buffer, because the command has no
+ * arguments. */
 #define TAXEL_HUB_ADDRESS_BITMAP_SIZE 16u
 
 /* schedule.c */
@@ -73,8 +75,8 @@ static inline size_t taxel_hub_compact_max(const struct taxel_hub_slot *board)
 }
 void taxel_hub_start_bus_scan(struct taxel_hub *hub, bool for_command);
 
-/* pool.c: set hub->job.pool_offset to a free buffer for a transfer that reads `size` bytes; false if there is none at present.
- * Must not be called during a transfer. */
+/* pool.c: set hub->job.pool_offset to a free buffer for a transfer that reads `size` bytes; false if there is none
+ * at present. Must not be called during a transfer. */
 bool taxel_hub_find_buffer(struct taxel_hub *hub, size_t size);
 
 /* launch.c: transfers into the buffer at hub->job.pool_offset */
@@ -134,12 +136,13 @@ static inline bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const
 /* The same, but without space the frame is dropped and counted. */
 bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
                     size_t tail_size);
-/* Send a frame whose tail was read into the buffer at `pool_offset`: from that buffer, or, while the UART sends another one,
- * through the ring if it has space. False if the UART has no reader; the frame is then not sent. */
+/* Send a frame whose tail was read into the buffer at `pool_offset`: from that buffer, or, while the UART sends
+ * another one, through the ring if it has space. False if the UART has no reader; the frame is then not sent. */
 bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, uint16_t pool_offset,
                            size_t size);
 /* stall.c */
-/* Whether the UART has taken nothing for 0.1 s and therefore has no reader. Call it repeatedly while waiting for the UART. */
+/* Whether the UART has taken nothing for 0.1 s and therefore has no reader. Call it repeatedly while waiting for the
+ * UART. */
 bool taxel_hub_uart_is_stalled(struct taxel_hub *hub);
 /* Drop the queued frames after the start of a stall. Called from the main loop itself, where enough stack is free. */
 void taxel_hub_drop_queued(struct taxel_hub *hub);

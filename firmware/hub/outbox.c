@@ -1,5 +1,5 @@
-/* Outgoing UART frames. A frame is written completely, into the ring or around the bytes in the pool, or dropped and counted
- * if there is no space. */
+/* Outgoing UART frames. A frame is written completely, into the ring or around the bytes in the pool, or dropped and
+ * counted if there is no space. */
 #include <stdatomic.h>
 
 #include "codec/encoder.h"
@@ -53,15 +53,15 @@ size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
 #define REPLY_MAX (TAXEL_REPLY_HEADER_SIZE + TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN + 1u) /* of SCAN_BUS: the longest */
 #define REPLY_ENCODED_MAX taxel_encoded_size_max(REPLY_MAX)
 
-/* Space reserved for the next frame of a report in progress. Without it, shorter and more frequent taxel frames would use all
- * free space, the report would never end, and GET_STATUS would block all other commands. */
+/* Space reserved for the next frame of a report in progress. Without it, shorter and more frequent taxel frames
+ * would use all free space, the report would never end, and GET_STATUS would block all other commands. */
 static size_t report_reserve(const struct taxel_hub *hub)
 {
     return hub->report.active ? taxel_encoded_size_max(TAXEL_HUB_STATUS_SIZE) : 0;
 }
 
-/* Space that a frame of this type must leave free in the ring: all frames but answers leave space for an answer, frames that can
- * wait also for small frames that cannot. */
+/* Space that a frame of this type must leave free in the ring: all frames but answers leave space for an answer,
+ * frames that can wait also for small frames that cannot. */
 static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
 {
     switch (type) {
@@ -137,8 +137,8 @@ bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *h
             return false;
         }
     }
-    /* In-place encoding never overwrites bytes that are still to be read: the output is ahead by delimiter, header and at most
-     * 2 + 2 bytes of stuffing, which the headroom covers. */
+    /* In-place encoding never overwrites bytes that are still to be read: the output is ahead by delimiter, header
+     * and at most 2 + 2 bytes of stuffing, which the headroom covers. */
     return taxel_hub_emit(hub, type, head, head_size, bytes, size, pool_offset);
 }
 

@@ -1,4 +1,5 @@
-/* Evaluation of a finished transfer. Every poll increments exactly one outcome counter, so that every loss has a reason. */
+/* Evaluation of a finished transfer. Every poll increments exactly one outcome counter, so that every loss has a
+ * reason. */
 #include "hub/internal.h"
 
 #define RETRIES 1u

@@ -1,5 +1,6 @@
-/* The transfer pool: transfers read into it, and frames are sent from it without a copy. It holds many small snapshots or two of
- * the largest. Buffers are allocated in order of time, as in a ring: queued frames, unframed bytes, the transfer in progress. */
+/* The transfer pool: transfers read into it, and frames are sent from it without a copy. It holds many small
+ * snapshots or two of the largest. Buffers are allocated in order of time, as in a ring: queued frames, unframed
+ * bytes, the transfer in progress. */
 #include <stdatomic.h>
 
 #include "hub/internal.h"

@@ -1,5 +1,5 @@
-/* A slave that missed a clock may hold SDA low indefinitely. Nine clocks let it finish its byte and receive a NACK; a stop
- * condition then frees the bus (I2C specification UM10204, section 3.1.16). */
+/* A slave that missed a clock may hold SDA low indefinitely. Nine clocks let it finish its byte and receive a NACK;
+ * a stop condition then frees the bus (I2C specification UM10204, section 3.1.16). */
 #include "hub/internal.h"
 
 #define HALF_CLOCK_US 5u /* 100 kHz: slow enough for every device */

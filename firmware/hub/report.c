@@ -1,4 +1,5 @@
-/* Status frames: once per second while streaming, and for GET_STATUS. At most one frame per pass, when there is space for it. */
+/* Status frames: once per second while streaming, and for GET_STATUS. At most one frame per pass, when there is
+ * space for it. */
 #include "hub/internal.h"
 
 #define REPORT_PERIOD_US 1000000u

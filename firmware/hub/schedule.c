@@ -1,5 +1,5 @@
-/* Selection of the next transfer. One poll cycle: every known board once, then, at most every 50 ms, one board's clock and a few
- * probes for unknown boards. When not streaming, the hub scans the bus instead. */
+/* Selection of the next transfer. One poll cycle: every known board once, then, at most every 50 ms, one board's
+ * clock and a few probes for unknown boards. When not streaming, the hub scans the bus instead. */
 #include "hub/internal.h"
 
 #define UPKEEP_PERIOD_US 50000u  /* shortest interval of a clock reading and probes: every cycle of 17 boards at 400 kHz */
@@ -46,8 +46,9 @@ static bool launch_any_upkeep(struct taxel_hub *hub)
 /* LAUNCH_WAIT: a poll is due but cannot start yet. */
 enum launch { LAUNCH_NOTHING, LAUNCH_STARTED, LAUNCH_WAIT };
 
-/* Back-pressure: while the UART is slower than the bus, a poll waits for a free buffer, so that every board is polled equally
- * often. A UART without a reader must not stop the hub: a poll without a buffer then ends as dropped, without a transfer. */
+/* Back-pressure: while the UART is slower than the bus, a poll waits for a free buffer, so that every board is
+ * polled equally often. A UART without a reader must not stop the hub: a poll without a buffer then ends as dropped,
+ * without a transfer. */
 static enum launch launch_poll(struct taxel_hub *hub, uint8_t slot)
 {
     struct taxel_hub_slot *board = slot_at(hub, slot);
@@ -80,8 +81,8 @@ static enum launch launch_retry(struct taxel_hub *hub)
     return LAUNCH_NOTHING;
 }
 
-/* One clock reading and a few probes take a twentieth of a fast cycle and are not needed in every cycle, except in the first
- * ones, until each board's clock has been reported. */
+/* One clock reading and a few probes take a twentieth of a fast cycle and are not needed in every cycle, except in
+ * the first ones, until each board's clock has been reported. */
 static bool upkeep_is_due(const struct taxel_hub *hub)
 {
     const struct taxel_cycle *cycle = &hub->cycle;

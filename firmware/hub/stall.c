@@ -1,4 +1,5 @@
-/* A UART without a reader. It keeps only its partly sent frame in the pool; commands and polls use the remaining space. */
+/* A UART without a reader. It keeps only its partly sent frame in the pool; commands and polls use the remaining
+ * space. */
 #include <stdatomic.h>
 
 #include "hub/internal.h"
@@ -23,7 +24,8 @@ static void decode_prefix(const uint8_t *frame, uint8_t prefix[PREFIX_SIZE])
     }
 }
 
-/* Drop a queued frame. Returns its sequence number, which a LOG frame takes over, because later frames are already numbered. */
+/* Drop a queued frame. Returns its sequence number, which a LOG frame takes over, because later frames are already
+ * numbered. */
 static uint16_t drop_frame(struct taxel_hub *hub, const uint8_t *frame)
 {
     uint8_t prefix[PREFIX_SIZE];
@@ -40,9 +42,9 @@ static uint16_t drop_frame(struct taxel_hub *hub, const uint8_t *frame)
     return taxel_get_u16(prefix + PREFIX_SEQUENCE);
 }
 
-/* Called without a transfer in progress and without unframed bytes, so the whole pool is available; the interrupt is held. The
- * partly sent frame moves to the start of the pool. A short LOG frame takes the place and the sequence number of each other
- * frame, so that no number is missing. */
+/* Called without a transfer in progress and without unframed bytes, so the whole pool is available; the interrupt is
+ * held. The partly sent frame moves to the start of the pool. A short LOG frame takes the place and the sequence
+ * number of each other frame, so that no number is missing. */
 TAXEL_OWN_FRAME static void drop_queued(struct taxel_hub *hub)
 {
     const struct taxel_hub_config *config = taxel_hub_config_of(hub);

@@ -1,5 +1,6 @@
-/* Compact snapshots on the board: selection and acknowledgement of key frames, coding, and the two buffers. The main loop codes
- * into work_buffer and exchanges it with reader_buffer when no read is in progress, so that neither side waits for the other. */
+/* Compact snapshots on the board: selection and acknowledgement of key frames, coding, and the two buffers. The main
+ * loop codes into work_buffer and exchanges it with reader_buffer when no read is in progress, so that neither side
+ * waits for the other. */
 #include "codec/crc32.h"
 #include "sensor/sensor.h"
 
@@ -117,7 +118,8 @@ static void process_answers(struct taxel_sensor *sensor)
     }
 }
 
-/* A reader of an uncompressed snapshot in blocks keeps its snapshot: nothing is latched while the pointer is at those blocks. */
+/* A reader of an uncompressed snapshot in blocks keeps its snapshot: nothing is latched while the pointer is at
+ * those blocks. */
 static bool may_latch(const struct taxel_sensor *sensor)
 {
     const uint8_t pointer = sensor->slave.pointer;
@@ -172,7 +174,8 @@ static void update_usual_size(struct taxel_compact *compact, size_t size)
     }
 }
 
-/* Build a delta frame; returns its bytes from `sequence` up to the CRC, or 0 without a key frame or if a packed frame is shorter. */
+/* Build a delta frame; returns its bytes from `sequence` up to the CRC, or 0 without a key frame or if a packed
+ * frame is shorter. */
 static size_t code_delta(struct taxel_sensor *sensor, const struct taxel_snapshot_header *snapshot, const uint8_t *counts,
                    size_t packed_size, uint8_t *bytes)
 {
@@ -235,7 +238,8 @@ static void store_key_frame(struct taxel_sensor *sensor, const uint8_t *counts, 
     }
 }
 
-/* A delta frame would be longer than a packed frame. If the key frame had few updates, its initial scale was too small. */
+/* A delta frame would be longer than a packed frame. If the key frame had few updates, its initial scale was too
+ * small. */
 static void discard_key_frame(struct taxel_compact *compact)
 {
     const bool is_young = compact->updates < TAXEL_COMPACT_UPDATES_MAX;

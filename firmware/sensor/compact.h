@@ -1,7 +1,7 @@
 /* Compact snapshots on the board: the main loop codes the newest scan, the I2C interrupt sends the result.
  *
- * Integration: give the board memory for n taxels in struct taxel_sensor_config; everything else is called by sensor.h's
- * functions.
+ * Integration: give the board memory for n taxels in struct taxel_sensor_config; everything else is called by
+ * sensor.h's functions.
  *
  *     static taxel_compact_state states[n];
  *     static uint8_t residuals[n], buffers[2][TAXEL_COMPACT_BUFFER_SIZE(n)];
@@ -66,9 +66,9 @@ struct taxel_compact {
 void taxel_sensor_compact_init(struct taxel_sensor *sensor);
 bool taxel_sensor_has_compact(const struct taxel_sensor *sensor);
 
-/* From the I2C interrupt. begin_read: a read of the register begins; `again`: the pointer was written just before, so that the
- * last snapshot may be repeated. end_read: any other event on the bus. write: a write of `size` bytes has ended; returns
- * whether these bytes are defined. */
+/* From the I2C interrupt. begin_read: a read of the register begins; `again`: the pointer was written just before,
+ * so that the last snapshot may be repeated. end_read: any other event on the bus. write: a write of `size` bytes
+ * has ended; returns whether these bytes are defined. */
 void taxel_sensor_compact_begin_read(struct taxel_sensor *sensor, bool again);
 void taxel_sensor_compact_end_read(struct taxel_sensor *sensor);
 bool taxel_sensor_compact_write(struct taxel_sensor *sensor, const uint8_t *bytes, size_t size);

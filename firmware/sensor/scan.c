@@ -1,4 +1,5 @@
-/* The scan sequencer: over all crossings that are taxels, TX line by TX line and on each of them RX line by RX line, repeatedly. */
+/* The scan sequencer: over all crossings that are taxels, TX line by TX line and on each of them RX line by RX line,
+ * repeatedly. */
 #include "codec/crc32.h"
 #include "sensor/sensor.h"
 

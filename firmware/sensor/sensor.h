@@ -4,8 +4,9 @@
  *   I2C interrupt        -> taxel_sensor_on_address() ...       slave.c: register machine
  *   main loop            -> taxel_sensor_run()                  compact.c: the newest snapshot in fewer bytes
  *
- * Three snapshot buffers change roles and are never copied: one receives the current scan, one is the newest complete
- * snapshot, one is latched by the reader. A reader therefore never sees part of a scan, and the scan never waits for a reader.
+ * Three snapshot buffers change roles and are never copied: one receives the current scan, one is the newest
+ * complete snapshot, one is latched by the reader. A reader therefore never sees part of a scan, and the scan never
+ * waits for a reader.
  *
  * Integration (`hal`: struct taxel_sensor_hal of the port; all memory is the caller's):
  *
@@ -80,18 +81,20 @@ struct taxel_sensor_config {
     /* Number of taxels, 1 to TAXEL_TAXELS_MAX (240): the number of bits set in crossing_map. */
     uint16_t taxel_count;
 
-    /* TAXEL_CROSSING_MAP_SIZE (32) bytes. Bit tx * columns + rx, least significant bit first, is 1 for a taxel; bits from
-     * rows * columns on are 0. */
+    /* TAXEL_CROSSING_MAP_SIZE (32) bytes. Bit tx * columns + rx, least significant bit first, is 1 for a taxel; bits
+     * from rows * columns on are 0. */
     const uint8_t *crossing_map;
 
     /* Initial scan settings. sub_conversions * sense_clock_divider is the largest raw count, 1 to 65535;
-     * modulator_clock_divider (CPU clocks) and idac_code (current code) are 1 to 255; settle_cycles is 0 to 65535 CPU clocks. */
+     * modulator_clock_divider (CPU clocks) and idac_code (current code) are 1 to 255; settle_cycles is 0 to 65535
+     * CPU clocks. */
     struct taxel_scan_settings settings;
 
     /* Three buffers of TAXEL_SNAPSHOT_SIZE(taxel_count) bytes each. */
     uint8_t *snapshots[3];
 
-    /* Memory for compact snapshots. states NULL, or more than TAXEL_COMPACT_TAXELS_MAX (238) taxels: the board has none. */
+    /* Memory for compact snapshots. states NULL, or more than TAXEL_COMPACT_TAXELS_MAX (238) taxels: the board has
+     * none. */
     struct taxel_compact_memory compact;
 };
 
@@ -143,8 +146,8 @@ struct taxel_sensor {
     uint8_t settings_generation;
 };
 
-/* Initialise the board. `config` must stay valid. Returns 0, or TAXEL_ERROR_INVALID if crossing map, sizes or settings are
- * invalid. */
+/* Initialise the board. `config` must stay valid. Returns 0, or TAXEL_ERROR_INVALID if crossing map, sizes or
+ * settings are invalid. */
 int taxel_sensor_init(struct taxel_sensor *sensor, const struct taxel_sensor_config *config);
 
 /* Scan (scan.c). */
@@ -154,7 +157,8 @@ void taxel_scan_latch(struct taxel_sensor *sensor);
 void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count);
 bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings);
 
-/* Compact snapshots (compact.c). Call run() from the main loop after interrupts; has_work(): whether run() has work now. */
+/* Compact snapshots (compact.c). Call run() from the main loop after interrupts; has_work(): whether run() has work
+ * now. */
 void taxel_sensor_run(struct taxel_sensor *sensor);
 bool taxel_sensor_has_work(const struct taxel_sensor *sensor);
 

@@ -1,5 +1,6 @@
-/* The I2C register machine. The first byte of a write is the register pointer; the bytes after it take effect together, or not
- * at all, at the stop condition. A read begins at the last pointer written, so that a poll needs no write. */
+/* The I2C register machine. The first byte of a write is the register pointer; the bytes after it take effect
+ * together, or not at all, at the stop condition. A read begins at the last pointer written, so that a poll needs no
+ * write. */
 #include "codec/crc32.h"
 #include "sensor/sensor.h"
 

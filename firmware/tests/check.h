@@ -8,11 +8,11 @@
 #include <stdio.h>
 #include <string.h>
 
-#define CHECK_LINES_MAX 8u /* a failure inside a loop is printed this often */
+#define CHECK_LINES_MAX 8u /* failures printed per test */
 
 struct check_state {
     unsigned passed, failed;
-    unsigned failures; /* of the test that runs now */
+    unsigned failures; /* of the current test */
 };
 
 static struct check_state check_state;
@@ -27,12 +27,12 @@ static inline bool check_failed(const char *file, int line)
     return true;
 }
 
-static inline bool check_that(bool holds, const char *file, int line, const char *expression)
+static inline bool check_true(bool is_true, const char *file, int line, const char *expression)
 {
-    if (!holds && check_failed(file, line)) {
+    if (!is_true && check_failed(file, line)) {
         printf("expected %s\n", expression);
     }
-    return holds;
+    return is_true;
 }
 
 static inline bool check_equal(long long actual, long long expected, const char *file, int line, const char *expression)
@@ -46,11 +46,11 @@ static inline bool check_equal(long long actual, long long expected, const char 
 
 static inline bool check_between(double actual, double low, double high, const char *file, int line, const char *expression)
 {
-    const bool holds = actual >= low && actual <= high;
-    if (!holds && check_failed(file, line)) {
+    const bool is_inside = actual >= low && actual <= high;
+    if (!is_inside && check_failed(file, line)) {
         printf("%s: expected %g to %g, found %g\n", expression, low, high, actual);
     }
-    return holds;
+    return is_inside;
 }
 
 static inline bool check_bytes(const void *actual, const void *expected, size_t size, const char *file, int line,
@@ -68,7 +68,7 @@ static inline bool check_bytes(const void *actual, const void *expected, size_t 
     return true;
 }
 
-#define CHECK(expression) check_that((expression), __FILE__, __LINE__, #expression)
+#define CHECK(expression) check_true((expression), __FILE__, __LINE__, #expression)
 #define CHECK_EQUAL(actual, expected) check_equal((long long)(actual), (long long)(expected), __FILE__, __LINE__, #actual)
 #define CHECK_BETWEEN(actual, low, high) check_between((double)(actual), (low), (high), __FILE__, __LINE__, #actual)
 #define CHECK_BYTES(actual, expected, size) check_bytes((actual), (expected), (size), __FILE__, __LINE__, #actual)

@@ -1,4 +1,4 @@
-/* The boards and other devices on the fake hub's bus. A transfer happens all at once, at its start. */
+/* The boards and other devices on the simulated hub's bus. A transfer is executed completely at its start. */
 #include "fake_hub.h"
 
 #include "codec/crc32.h"
@@ -31,26 +31,26 @@ static void prepare(const struct fake_hub *fake, struct fake_device *device, boo
     }
 }
 
-/* Address one direction; which devices acknowledged is in `heard`. */
-static bool address_all(struct fake_hub *fake, uint8_t address, bool reading, bool *heard)
+/* Send the address for one direction; acknowledged_by[i]: device i acknowledged. */
+static bool address_all(struct fake_hub *fake, uint8_t address, bool reading, bool *acknowledged_by)
 {
-    bool any = false;
+    bool has_answer = false;
     for (size_t i = 0; i < fake->device_count; i++) {
         struct fake_device *device = &fake->devices[i];
-        heard[i] = false;
+        acknowledged_by[i] = false;
         if (!device->unplugged && device->address == address) {
             prepare(fake, device, reading);
-            heard[i] = address_device(device, reading);
-            any = any || heard[i];
+            acknowledged_by[i] = address_device(device, reading);
+            has_answer = has_answer || acknowledged_by[i];
         }
     }
-    return any;
+    return has_answer;
 }
 
-static int8_t exchange(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer, bool *heard)
+static int8_t exchange(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer, bool *acknowledged_by)
 {
     if (transfer->write_size || !transfer->read_size) {
-        if (!address_all(fake, transfer->address, false, heard)) {
+        if (!address_all(fake, transfer->address, false, acknowledged_by)) {
             return TAXEL_I2C_NACK_ADDRESS;
         }
     }
@@ -58,21 +58,21 @@ static int8_t exchange(struct fake_hub *fake, const struct taxel_i2c_transfer *t
         bool acknowledged = false;
         for (size_t i = 0; i < fake->device_count; i++) {
             struct fake_sensor *sensor = fake->devices[i].sensor;
-            acknowledged |= heard[i] && (!sensor || taxel_sensor_on_write(&sensor->sensor, transfer->write_bytes[n]));
+            acknowledged |= acknowledged_by[i] && (!sensor || taxel_sensor_on_write(&sensor->sensor, transfer->write_bytes[n]));
         }
         if (!acknowledged) {
             return TAXEL_I2C_NACK_DATA;
         }
     }
-    if (transfer->read_size && !address_all(fake, transfer->address, true, heard)) {
+    if (transfer->read_size && !address_all(fake, transfer->address, true, acknowledged_by)) {
         return TAXEL_I2C_NACK_ADDRESS;
     }
     size_t size = transfer->read_size;
     for (size_t n = 0; n < size; n++) {
-        transfer->read_bytes[n] = 0xFF; /* open drain: a zero wins */
+        transfer->read_bytes[n] = 0xFF; /* open drain: a zero dominates */
         for (size_t i = 0; i < fake->device_count; i++) {
             struct fake_device *device = &fake->devices[i];
-            if (heard[i]) {
+            if (acknowledged_by[i]) {
                 transfer->read_bytes[n] &= device->sensor ? taxel_sensor_on_read(&device->sensor->sensor) : device->foreign;
             }
         }
@@ -81,15 +81,15 @@ static int8_t exchange(struct fake_hub *fake, const struct taxel_i2c_transfer *t
     return TAXEL_I2C_OK;
 }
 
-static void finish_transfer(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer, const bool *heard)
+static void finish_transfer(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer, const bool *acknowledged_by)
 {
     for (size_t i = 0; i < fake->device_count; i++) {
         struct fake_device *device = &fake->devices[i];
-        if (heard[i] && transfer->read_size && device->corrupt) {
+        if (acknowledged_by[i] && transfer->read_size && device->corrupt) {
             device->corrupt--;
             transfer->read_bytes[transfer->length_prefixed ? 3u : transfer->read_size / 2u] ^= 0x04u;
         }
-        if (heard[i] && device->sensor) {
+        if (acknowledged_by[i] && device->sensor) {
             taxel_sensor_on_stop(&device->sensor->sensor);
         }
     }
@@ -97,9 +97,9 @@ static void finish_transfer(struct fake_hub *fake, const struct taxel_i2c_transf
 
 int8_t fake_bus_transfer(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer)
 {
-    bool heard[FAKE_DEVICES] = {false};
-    const int8_t result = exchange(fake, transfer, heard);
-    finish_transfer(fake, transfer, heard);
+    bool acknowledged_by[FAKE_DEVICES] = {false};
+    const int8_t result = exchange(fake, transfer, acknowledged_by);
+    finish_transfer(fake, transfer, acknowledged_by);
     return result;
 }
 

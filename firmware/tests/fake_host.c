@@ -1,4 +1,4 @@
-/* The host at the other end of the fake hub's UART: sends commands, keeps the frames that come back. */
+/* The host at the simulated hub's UART: sends commands and stores the received frames. */
 #include "fake_hub.h"
 
 #include "codec/encoder.h"
@@ -40,7 +40,7 @@ void fake_hub_send(struct fake_hub *fake, uint8_t type, const uint8_t *payload, 
     fake_hub_receive(fake, bytes, taxel_encoder_end(&encoder));
 }
 
-static int reply_to(struct fake_hub *fake, size_t from, uint8_t tag, uint8_t command)
+static int status_of_reply(struct fake_hub *fake, size_t from, uint8_t tag, uint8_t command)
 {
     for (size_t i = from; i < fake->frame_count; i++) {
         const struct fake_frame *frame = &fake->frames[i];
@@ -53,16 +53,16 @@ static int reply_to(struct fake_hub *fake, size_t from, uint8_t tag, uint8_t com
     return -1;
 }
 
-int fake_hub_command_within(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size, uint64_t patience_us)
+int fake_hub_command_within(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size, uint64_t timeout_us)
 {
     uint8_t payload[TAXEL_COMMAND_HEADER_SIZE + TAXEL_HUB_COMMAND_PAYLOAD_MAX] = {++fake->tag, command};
     const size_t from = fake->frame_count;
-    const uint64_t until = fake->now_us + patience_us;
+    const uint64_t until = fake->now_us + timeout_us;
     memcpy(payload + TAXEL_COMMAND_HEADER_SIZE, arguments, size);
     fake_hub_send(fake, TAXEL_FRAME_TYPE_COMMAND, payload, TAXEL_COMMAND_HEADER_SIZE + size);
-    int status = reply_to(fake, from, fake->tag, command);
+    int status = status_of_reply(fake, from, fake->tag, command);
     while (status < 0 && fake->now_us < until && fake_hub_step(fake, until)) {
-        status = reply_to(fake, from, fake->tag, command);
+        status = status_of_reply(fake, from, fake->tag, command);
     }
     return status;
 }
@@ -130,7 +130,7 @@ struct taxel_hub_slot *fake_hub_slot(struct fake_hub *fake, uint8_t address)
     return slot == TAXEL_NO_SLOT ? NULL : &fake->slots[slot];
 }
 
-bool fake_hub_accounts_hold(const struct fake_hub *fake)
+bool fake_hub_accounts_balance(const struct fake_hub *fake)
 {
     for (uint8_t i = 0; i < fake->hub.slot_count; i++) {
         const struct taxel_hub_slot *slot = &fake->slots[i];

@@ -48,8 +48,8 @@ static void on_uart_kick(void *context)
 static void on_uart_hold(void *context, bool hold)
 {
     struct fake_hub *fake = context;
-    fake->hold_changes += fake->holds != hold;
-    fake->holds = hold;
+    fake->hold_changes += fake->is_host_held != hold;
+    fake->is_host_held = hold;
 }
 
 static uint64_t on_clock_us(void *context)
@@ -81,7 +81,7 @@ static void on_enter_bootloader(void *context)
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     struct fake_hub *fake = context;
-    const int verdict = fake->script ? fake->script(fake, transfer) : FAKE_PROCEED;
+    const int outcome = fake->script ? fake->script(fake, transfer) : FAKE_PROCEED;
     fake->overlapping += fake->done_us != FAKE_NEVER;
     fake->transfers++;
     const uint64_t bytes = 2u + transfer->write_size + transfer->read_size;
@@ -89,10 +89,10 @@ static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfe
     if (!sda_level(fake) || fake->scl_held) {
         fake->result = TAXEL_I2C_BUSY;
         fake->done_us = fake->now_us + 10u;
-    } else if (verdict == FAKE_HANG) {
+    } else if (outcome == FAKE_HANG) {
         fake->done_us = FAKE_NEVER;
-    } else if (verdict != FAKE_PROCEED) {
-        fake->result = (int8_t)verdict;
+    } else if (outcome != FAKE_PROCEED) {
+        fake->result = (int8_t)outcome;
     } else {
         fake->result = fake_bus_transfer(fake, transfer);
     }
@@ -163,7 +163,7 @@ static void pass(struct fake_hub *fake)
         fake->done_us = FAKE_NEVER;
         taxel_hub_on_i2c_done(&fake->hub, fake->result);
     }
-    fake->wake_us = FAKE_NEVER; /* asked to run by then at the latest: it runs now */
+    fake->wake_us = FAKE_NEVER; /* this pass serves the request */
     taxel_hub_run(&fake->hub);
     fake->now_us += RUN_COST_US;
     drain(fake);
@@ -190,11 +190,11 @@ void fake_hub_run(struct fake_hub *fake, uint64_t microseconds)
 
 bool fake_hub_run_cycles(struct fake_hub *fake, uint32_t cycles)
 {
-    const uint32_t wanted = fake->hub.cycle.count + cycles;
+    const uint32_t target = fake->hub.cycle.count + cycles;
     const uint64_t until = fake->now_us + 10000000u;
-    while (fake->hub.cycle.count != wanted && fake_hub_step(fake, until)) {
+    while (fake->hub.cycle.count != target && fake_hub_step(fake, until)) {
     }
-    return fake->hub.cycle.count == wanted;
+    return fake->hub.cycle.count == target;
 }
 
 void fake_hub_receive(struct fake_hub *fake, const uint8_t *bytes, size_t size)

@@ -1,5 +1,5 @@
-/* A hub without a processor: the real hub firmware on a HAL of virtual microseconds. On its bus are boards of the real sensor
- * firmware and devices that are no boards; a script may end any transfer otherwise. Its UART leads into a frame decoder. */
+/* A simulated hub: the hub firmware on a HAL with virtual time. On its bus are boards with the sensor firmware and
+ * foreign devices; a script may change the outcome of any transfer. Its UART is connected to a frame decoder. */
 #ifndef TAXEL_TESTS_FAKE_HUB_H
 #define TAXEL_TESTS_FAKE_HUB_H
 
@@ -17,10 +17,10 @@
 #define FAKE_POOL (2u * TAXEL_HUB_BUFFER_SIZE(TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)))
 #define FAKE_NEVER UINT64_MAX
 
-/* What a script says of a transfer, beside enum taxel_i2c_result, which ends it. */
-enum fake_verdict {
+/* Outcome of a transfer selected by a script, in addition to enum taxel_i2c_result. */
+enum fake_outcome {
     FAKE_PROCEED = 1,
-    FAKE_HANG = 2, /* never ends */
+    FAKE_HANG = 2, /* the transfer never ends */
 };
 
 struct fake_device {
@@ -28,11 +28,11 @@ struct fake_device {
     struct fake_sensor *sensor; /* NULL: a foreign device, which answers with `foreign` bytes */
     uint8_t foreign;
     bool unplugged;
-    unsigned nacks;    /* addresses not to acknowledge from now on */
-    unsigned corrupt;  /* reads to damage from now on */
-    unsigned held_scans; /* snapshot reads that find no newer scan */
+    unsigned nacks;    /* number of next addresses that are not acknowledged */
+    unsigned corrupt;  /* number of next reads that are damaged */
+    unsigned held_scans; /* number of next snapshot reads without a newer scan */
     uint32_t clock_offset_us;
-    uint8_t map_version; /* what the identity claims; 0: the firmware's own */
+    uint8_t map_version; /* reported in the identity; 0: the firmware's own */
 };
 
 struct fake_frame {
@@ -54,15 +54,15 @@ struct fake_hub {
     struct fake_device devices[FAKE_DEVICES];
     size_t device_count;
     int (*script)(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer);
-    int script_state; /* the script's own */
+    int script_state; /* for the script's use */
     uint64_t done_us;
     int8_t result;
     uint64_t transfers;
     unsigned aborts, restarts, bootloader_entries;
-    unsigned overlapping; /* transfers begun before the last one had ended */
+    unsigned overlapping; /* transfers started before the end of the previous one */
 
-    bool scl, sda;            /* what the hub drives */
-    unsigned sda_held_clocks; /* a slave holds SDA until it has seen that many clocks */
+    bool scl, sda;            /* levels driven by the hub */
+    unsigned sda_held_clocks; /* number of clocks after which a slave releases SDA */
     bool scl_held;
     struct {
         bool scl, sda;
@@ -70,9 +70,9 @@ struct fake_hub {
     } lines[FAKE_LINES];
     size_t line_count;
 
-    bool holds; /* the hub asks the host to hold back */
+    bool is_host_held; /* RTS stops the host */
     unsigned hold_changes;
-    size_t drain_bytes; /* that the host takes each time the hub has run; 0: it does not read */
+    size_t drain_bytes; /* bytes that the host reads after each pass of the hub; 0: none */
     struct taxel_deframer deframer;
     uint8_t chunk[2 * (TAXEL_ENCODED_MAX + 2)];
     uint8_t body[TAXEL_BODY_MAX];
@@ -93,7 +93,7 @@ struct fake_device *fake_hub_add(struct fake_hub *fake, uint8_t address, struct 
 /* Boards of 10 taxels at first_address and the addresses after it, booted, with one scan done. */
 void fake_hub_add_boards(struct fake_hub *fake, struct fake_sensor *sensors, uint8_t first_address, size_t count);
 void fake_hub_free_boards(struct fake_hub *fake);
-/* Boot, let the boards be found, complete the handshake, start streaming and forget the frames so far. */
+/* Boot, detect the boards, complete the handshake, start streaming, and discard the frames received so far. */
 bool fake_hub_start(struct fake_hub *fake);
 
 /* The next event, unless it is later than that; false if there was none. */
@@ -108,23 +108,23 @@ bool fake_hub_run_cycles(struct fake_hub *fake, uint32_t cycles);
 void fake_hub_receive(struct fake_hub *fake, const uint8_t *bytes, size_t size);
 void fake_hub_send(struct fake_hub *fake, uint8_t type, const uint8_t *payload, size_t size);
 
-/* Send a command and run until its reply. Returns its status, or -1 if none came within `patience_us`. */
-int fake_hub_command_within(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size, uint64_t patience_us);
+/* Send a command and run until its reply. Returns its status, or -1 without a reply within `timeout_us`. */
+int fake_hub_command_within(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size, uint64_t timeout_us);
 int fake_hub_command(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size);
 bool fake_hub_handshake(struct fake_hub *fake);
 
 size_t fake_hub_count(const struct fake_hub *fake, uint8_t type);
 const struct fake_frame *fake_hub_last(const struct fake_hub *fake, uint8_t type);
-/* Taxel frames of a board; with any other type that begins with an address, those. */
+/* Number of frames of a type whose payload begins with that address. */
 size_t fake_hub_count_of(const struct fake_hub *fake, uint8_t type, uint8_t address);
 size_t fake_hub_count_faults(const struct fake_hub *fake, uint8_t address, uint8_t fault);
 void fake_hub_forget_frames(struct fake_hub *fake);
 
 struct taxel_hub_slot *fake_hub_slot(struct fake_hub *fake, uint8_t address);
-/* Every poll but one in flight at most is in exactly one counter, for every board. */
-bool fake_hub_accounts_hold(const struct fake_hub *fake);
+/* Whether, for every board, each poll is in exactly one outcome counter, except at most one poll in progress. */
+bool fake_hub_accounts_balance(const struct fake_hub *fake);
 
-/* fake_bus.c: what the devices make of a transfer. fake_host.c: begin with no frame known. */
+/* fake_bus.c: execute a transfer on the devices. fake_host.c: initialise the frame decoder. */
 int8_t fake_bus_transfer(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer);
 void fake_host_init(struct fake_hub *fake);
 

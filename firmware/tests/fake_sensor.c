@@ -6,7 +6,7 @@
 
 #define CONVERSION_US 10u
 
-static void may_be_preempted(struct fake_sensor *fake)
+static void preempt_if_allowed(struct fake_sensor *fake)
 {
     if (fake->preempt && !fake->preempting && !fake->interrupts_off) {
         fake->preempting = true;
@@ -21,13 +21,13 @@ static void on_configure(void *context, const struct taxel_scan_settings *settin
     fake->configured++;
     fake->configured_while_converting += fake->converting;
     fake->front_end = *settings;
-    may_be_preempted(fake);
+    preempt_if_allowed(fake);
 }
 
 static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
 {
     struct fake_sensor *fake = context;
-    may_be_preempted(fake);
+    preempt_if_allowed(fake);
     fake->overlapping += fake->converting;
     fake->converting = true;
     fake->tx = tx;
@@ -40,14 +40,14 @@ static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
 static uint32_t on_clock_us(void *context)
 {
     struct fake_sensor *fake = context;
-    may_be_preempted(fake);
+    preempt_if_allowed(fake);
     return fake->clock_us;
 }
 
 static uint32_t on_interrupts_disable(void *context)
 {
     struct fake_sensor *fake = context;
-    may_be_preempted(fake);
+    preempt_if_allowed(fake);
     return (uint32_t)fake->interrupts_off++;
 }
 
@@ -55,7 +55,7 @@ static void on_interrupts_restore(void *context, uint32_t state)
 {
     struct fake_sensor *fake = context;
     fake->interrupts_off = (int)state;
-    may_be_preempted(fake);
+    preempt_if_allowed(fake);
 }
 
 static void on_restart(void *context)
@@ -200,7 +200,7 @@ struct taxel_status fake_status(struct fake_sensor *fake)
     return status;
 }
 
-bool fake_snapshot_is_whole(const struct fake_sensor *fake, const uint8_t *bytes)
+bool fake_snapshot_is_valid(const struct fake_sensor *fake, const uint8_t *bytes)
 {
     const uint16_t taxels = fake->config.taxel_count;
     const size_t size = TAXEL_SNAPSHOT_SIZE(taxels);

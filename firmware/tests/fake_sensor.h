@@ -1,4 +1,4 @@
-/* A sensor board without a processor: the real sensor firmware on a HAL that the test drives by hand. */
+/* A simulated sensor board: the sensor firmware on a HAL that the test controls step by step. */
 #ifndef TAXEL_TESTS_FAKE_SENSOR_H
 #define TAXEL_TESTS_FAKE_SENSOR_H
 
@@ -12,7 +12,7 @@ struct fake_sensor {
     struct taxel_sensor_hal hal;
     uint8_t crossing_map[TAXEL_CROSSING_MAP_SIZE];
     uint32_t clock_us;
-    uint16_t (*count_of)(struct fake_sensor *fake); /* raw count of the conversion that ends; NULL: fake_count() */
+    uint16_t (*count_of)(struct fake_sensor *fake); /* raw count of the conversion; NULL: fake_count() */
 
     bool converting;
     uint8_t tx, rx; /* of the latest conversion */
@@ -21,25 +21,26 @@ struct fake_sensor {
     int interrupts_off; /* nesting */
     struct taxel_scan_settings front_end;
 
-    /* Runs at every call of the HAL with interrupts on: where another interrupt may cut in. */
+    /* Called at every call of the HAL with interrupts enabled, where another interrupt may preempt the code. */
     void (*preempt)(struct fake_sensor *fake);
     bool preempting;
 };
 
-/* A board of rows x columns crossings of which every one is a taxel but those that `skip` names (crossing modulo skip; 0:
- * none). Its snapshot buffers are exactly as long as the firmware asks for, so that a sanitizer sees the byte beyond. */
+/* A board of rows x columns crossings. Every crossing is a taxel except the last of each `skip` crossings (0: no
+ * exception). The snapshot buffers have exactly the required size, so that a sanitizer detects an access behind
+ * them. */
 void fake_sensor_init(struct fake_sensor *fake, uint8_t address, uint8_t rows, uint8_t columns, unsigned skip);
 int fake_sensor_boot(struct fake_sensor *fake);
 void fake_sensor_free(struct fake_sensor *fake);
 
-/* The count that fake_count() gives taxel i in the scan of that sequence number: no two scans share one. */
+/* The raw count of a taxel in the scan with that sequence; counts differ between consecutive scans. */
 uint16_t fake_count(uint16_t sequence, uint16_t taxel);
 
-/* End the conversion under way, if there is one, 10 us later. */
+/* End the conversion in progress, if any, 10 us later; repeat for so many conversions or scans. */
 void fake_convert(struct fake_sensor *fake, unsigned conversions);
 void fake_scan(struct fake_sensor *fake, unsigned scans);
 
-/* Whole I2C transfers. Writing returns whether all was acknowledged, reading whether the address was. */
+/* Complete I2C transfers. A write returns whether all bytes were acknowledged, a read whether the address was. */
 bool fake_write(struct fake_sensor *fake, const uint8_t *bytes, size_t size);
 bool fake_read(struct fake_sensor *fake, uint8_t *bytes, size_t size);
 bool fake_read_at(struct fake_sensor *fake, uint8_t pointer, uint8_t *bytes, size_t size);
@@ -47,7 +48,7 @@ bool fake_command(struct fake_sensor *fake, uint8_t command);
 bool fake_write_settings(struct fake_sensor *fake, const struct taxel_scan_settings *settings);
 struct taxel_status fake_status(struct fake_sensor *fake);
 
-/* Whether the bytes are one whole snapshot of that board, every count from fake_count() of its own sequence number. */
-bool fake_snapshot_is_whole(const struct fake_sensor *fake, const uint8_t *bytes);
+/* Whether the bytes are one valid snapshot of that board, with every count from fake_count() of its sequence. */
+bool fake_snapshot_is_valid(const struct fake_sensor *fake, const uint8_t *bytes);
 
 #endif

@@ -13,10 +13,10 @@ struct reader {
     const char *error;
 };
 
-static bool fail(struct reader *reader, const char *what)
+static bool fail(struct reader *reader, const char *message)
 {
     if (!reader->error) {
-        reader->error = what;
+        reader->error = message;
     }
     return false;
 }
@@ -33,10 +33,10 @@ static void skip_space(struct reader *reader)
     }
 }
 
-static bool take(struct reader *reader, char wanted)
+static bool take(struct reader *reader, char expected)
 {
     skip_space(reader);
-    if (peek(reader) != wanted) {
+    if (peek(reader) != expected) {
         return false;
     }
     reader->position++;
@@ -174,7 +174,7 @@ static bool read_value(struct reader *reader)
 
 size_t json_nodes_max(size_t size)
 {
-    return size / 2u + 1u; /* a value has a byte, and so has what parts it from the next */
+    return size / 2u + 1u; /* each value has at least one byte and one separator */
 }
 
 struct json_error json_read(const char *text, size_t size, struct json_node *nodes, size_t capacity)
@@ -186,7 +186,7 @@ struct json_error json_read(const char *text, size_t size, struct json_node *nod
             (void)fail(&reader, "expected the end of the text");
         }
     }
-    return (struct json_error){.what = reader.error, .position = reader.position};
+    return (struct json_error){.message = reader.error, .position = reader.position};
 }
 
 const struct json_node *json_member(const struct json_node *object, const char *name)

@@ -1,4 +1,4 @@
-/* Random I2C traffic and conversions in any order on the sensor firmware. Usage: stress_sensor [SEED [ROUNDS]] */
+/* Random I2C traffic and conversions in random order on the sensor firmware. Usage: stress_sensor [SEED [ROUNDS]] */
 #include <stdlib.h>
 
 #include "check.h"
@@ -11,30 +11,30 @@ static struct fake_sensor fake;
 static struct random_source source;
 static uint8_t snapshot[TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)];
 
-static unsigned below(unsigned limit)
+static unsigned random_below(unsigned limit)
 {
     return (unsigned)(random_u64(&source) % limit);
 }
 
-/* Bytes that mean something to a board more often than chance would have it. */
+/* A random byte, with an increased probability of register addresses and commands. */
 static uint8_t likely_byte(void)
 {
-    static const uint8_t likely[] = {0x00, 0x40, 0x44, 0x60, 0x70, 0x80, 0x81, 0x8F, 0x90, 0xA0, 1, 2, 3, 0xFE, 0xFD, 0xFC, 0xFF};
-    return below(2) ? likely[below(sizeof likely)] : (uint8_t)below(256);
+    static const uint8_t meaningful[] = {0x00, 0x40, 0x44, 0x60, 0x70, 0x80, 0x81, 0x8F, 0x90, 0xA0, 1, 2, 3, 0xFE, 0xFD, 0xFC, 0xFF};
+    return random_below(2) ? meaningful[random_below(sizeof meaningful)] : (uint8_t)random_below(256);
 }
 
 static void preempt(struct fake_sensor *preempted)
 {
-    fake_convert(preempted, below(2));
+    fake_convert(preempted, random_below(2));
 }
 
-static void one_action(void)
+static void run_random_action(void)
 {
-    const struct taxel_scan_settings settings = {(uint16_t)below(400), (uint16_t)below(400), (uint8_t)below(3), (uint8_t)below(3),
-                                                 (uint16_t)below(65536)};
-    switch (below(12)) {
+    const struct taxel_scan_settings settings = {(uint16_t)random_below(400), (uint16_t)random_below(400), (uint8_t)random_below(3), (uint8_t)random_below(3),
+                                                 (uint16_t)random_below(65536)};
+    switch (random_below(12)) {
     case 0:
-        (void)taxel_sensor_on_address(&fake.sensor, below(2));
+        (void)taxel_sensor_on_address(&fake.sensor, random_below(2));
         break;
     case 1:
     case 2:
@@ -51,16 +51,16 @@ static void one_action(void)
         taxel_sensor_on_bus_error(&fake.sensor);
         break;
     case 7:
-        (void)fake_command(&fake, (uint8_t)(1u + below(3)));
+        (void)fake_command(&fake, (uint8_t)(1u + random_below(3)));
         break;
     case 8:
         (void)fake_write_settings(&fake, &settings);
         break;
     case 9:
-        (void)fake_read_at(&fake, likely_byte(), snapshot, below(60));
+        (void)fake_read_at(&fake, likely_byte(), snapshot, random_below(60));
         break;
     default:
-        fake_convert(&fake, below(40));
+        fake_convert(&fake, random_below(40));
         break;
     }
 }
@@ -78,21 +78,21 @@ static void check_invariants(void)
     CHECK(fake.tx < fake.config.rows && fake.rx < fake.config.columns);
     const uint32_t scans = scan->scans;
     if (fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT, snapshot, TAXEL_SNAPSHOT_SIZE(fake.config.taxel_count))) {
-        CHECK(fake_snapshot_is_whole(&fake, snapshot));
+        CHECK(fake_snapshot_is_valid(&fake, snapshot));
     } else {
         CHECK_EQUAL(scans, 0);
     }
 }
 
-static void random_traffic(void)
+static void invariants_hold_under_random_traffic(void)
 {
-    fake_sensor_init(&fake, (uint8_t)(8u + below(112)), (uint8_t)(1u + below(15)), (uint8_t)(1u + below(16)), 2u + below(5));
+    fake_sensor_init(&fake, (uint8_t)(8u + random_below(112)), (uint8_t)(1u + random_below(15)), (uint8_t)(1u + random_below(16)), 2u + random_below(5));
     if (fake_sensor_boot(&fake)) {
-        CHECK_EQUAL(fake.config.taxel_count, 0); /* the only thing that can be wrong with it */
+        CHECK_EQUAL(fake.config.taxel_count, 0); /* the only possible error of this configuration */
     } else {
         fake.preempt = preempt;
         for (unsigned i = 0; i < ACTIONS; i++) {
-            one_action();
+            run_random_action();
             if (i % 16u == 0) {
                 check_invariants();
             }
@@ -107,12 +107,12 @@ int main(int argc, char **argv)
     const unsigned rounds = argc > 2 ? (unsigned)strtoul(argv[2], NULL, 0) : 400;
     for (unsigned round = 0; round < rounds; round++) {
         random_init(&source, seed + round, 0);
-        RUN(random_traffic);
+        RUN(invariants_hold_under_random_traffic);
         if (check_state.failures) {
             printf("replay: stress_sensor %llu 1\n", (unsigned long long)(seed + round));
             break;
         }
     }
-    printf("seeds %llu and the %u after it\n", (unsigned long long)seed, rounds - 1u);
+    printf("seeds %llu to %llu\n", (unsigned long long)seed, (unsigned long long)(seed + rounds - 1u));
     return check_summary();
 }

@@ -110,7 +110,7 @@ static void random_world_recovers_from_random_faults(void)
     uint8_t period[4] = {0};
     CHECK_EQUAL(fake_world_run(&fake, 1.5), 0);
     const uint8_t delimiter[] = {0};
-    (void)uart_send_from_host(&fake.world.uart, delimiter, sizeof delimiter, fake.world.now); /* terminates an incomplete frame of noise */
+    (void)uart_send_from_host(&fake.world.uart, delimiter, sizeof delimiter, fake.world.now); /* ends a frame of noise */
     fake_world_command(&fake, TAXEL_COMMAND_SET_RATE, period, sizeof period);
     fake_world_command(&fake, TAXEL_COMMAND_START, NULL, 0);
     CHECK_EQUAL(fake_world_run(&fake, 1.0), 0);

@@ -166,7 +166,7 @@ unsigned bench_exchange(struct bench *bench, const uint8_t *bytes, unsigned size
     return bench->over_uart ? exchange_uart(bench, bytes, size, response) : exchange_i2c(bench, bytes, size, response);
 }
 
-/* Written anew, not with the bootloader's own: a second opinion. */
+/* An implementation independent of the bootloader's. */
 static unsigned checksum_of(const uint8_t *bytes, unsigned size, uint8_t kind)
 {
     unsigned sum = 0, crc = 0xFFFFu;

@@ -1,4 +1,4 @@
-/* A board, or a hub, with the real bootloader on a fake flash, and a host that speaks to it as a stock tool does. */
+/* A board or hub with the bootloader on a simulated flash, and a host that uses it like a stock tool. */
 #ifndef TEST_BOOTLOADER_BENCH_H
 #define TEST_BOOTLOADER_BENCH_H
 
@@ -24,8 +24,8 @@ struct bench {
     struct taxel_boot_i2c i2c;
     struct taxel_boot_uart uart;
     bool over_uart;
-    unsigned (*wire)(struct bench *bench, const uint8_t *bytes, unsigned size, uint8_t *response); /* another way to it */
-    bool refuses_i2c_writes; /* an address NACK was seen where none belongs */
+    unsigned (*wire)(struct bench *bench, const uint8_t *bytes, unsigned size, uint8_t *response); /* alternative transport */
+    bool refuses_i2c_writes; /* an address was not acknowledged although it should have been */
     uint32_t clock_us;
     uint8_t reset_cause;
     bool stay_flag;
@@ -33,8 +33,8 @@ struct bench {
     unsigned restarts;
     uint8_t running; /* slot, or BENCH_NO_SLOT while the bootloader runs */
     uint8_t unique_id[8];
-    uint8_t checksum; /* which the host uses */
-    uint8_t confirmed; /* slot that must not be written; BENCH_NO_SLOT: any may */
+    uint8_t checksum; /* used by the host */
+    uint8_t confirmed; /* slot that must not be written; BENCH_NO_SLOT: none */
     unsigned forbidden_writes;
     uint8_t reply[TAXEL_BOOT_PACKET_MAX]; /* data of the last response */
     unsigned reply_size;
@@ -43,27 +43,27 @@ struct bench {
 void bench_init(struct bench *bench, const struct taxel_boot_layout *layout, uint64_t seed);
 /* A reset, and the bootloader's first pass. */
 void bench_reset(struct bench *bench, uint8_t cause);
-/* The bootloader's main loop, until it has let the time to listen go by. */
+/* Run the bootloader's main loop until its listening time is over. */
 void bench_settle(struct bench *bench);
 void bench_run(struct bench *bench);
 
-/* Bytes on the wire as they are. Returns the response's size, 0 if there is none. */
+/* Send raw bytes. Returns the response's size, 0 if there is none. */
 unsigned bench_exchange(struct bench *bench, const uint8_t *bytes, unsigned size, uint8_t *response);
-/* A packet; returns the response's status, or BENCH_NO_REPLY. */
+/* Send a packet; returns the response's status, or BENCH_NO_REPLY. */
 unsigned bench_send(struct bench *bench, uint8_t command, const void *data, unsigned size);
-/* A packet's bytes. Returns their number. */
+/* Build a packet. Returns its size. */
 unsigned bench_packet(const struct bench *bench, uint8_t command, const void *data, unsigned size, uint8_t *bytes);
 
-/* An image of that many rows (the last one not full) for a slot, its content drawn from `seed`. */
+/* An image of that many rows (the last one not full) for a slot, with random content from `seed`. */
 void bench_make_image(struct bench_image *image, const struct taxel_boot_layout *layout, uint8_t slot, unsigned rows,
                       uint8_t version, uint64_t seed);
-/* Put it into the flash as a programmer at the factory does; and confirm it as a running application does. */
+/* Write an image to the flash as a programmer in the factory does; confirm it as a running application does. */
 void bench_install(struct bench *bench, const struct bench_image *image, bool confirmed);
 bool bench_holds(const struct bench *bench, const struct bench_image *image);
 
 unsigned bench_program_row(struct bench *bench, uint16_t row, const uint8_t *bytes);
-/* What a stock tool sends for a .cyacd: 38, 32, three packets and a check a row, 31, 3B. Returns the first status that is
- * not OK; BENCH_NO_SLOT + 1 if sums or sizes differ from what it expects. */
+/* Flash an image like a stock tool with a .cyacd file: 38, 32, three packets and a check per row, 31, 3B. Returns
+ * the first status that is not OK; BENCH_NO_SLOT + 1 if sums or sizes differ from the expected ones. */
 unsigned bench_program(struct bench *bench, const struct bench_image *image);
 
 #endif

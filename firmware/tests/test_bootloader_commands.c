@@ -1,4 +1,4 @@
-/* What the bootloader answers to packets, right ones and wrong ones of every kind. */
+/* Answers of the bootloader to valid and invalid packets of every kind. */
 #include "check.h"
 #include "test_bootloader_bench.h"
 
@@ -8,7 +8,7 @@
 static struct bench bench;
 static struct bench_image image_a, image_b;
 
-/* A board that runs A and is asked for its bootloader. */
+/* A board that runs slot A and then enters its bootloader. */
 static void boot(void)
 {
     bench_init(&bench, &taxel_boot_layout_board, 1);
@@ -45,7 +45,7 @@ static void a_stock_tool_programs_the_free_slot_with_either_checksum(void)
     }
 }
 
-static void enter_says_who_it_is(void)
+static void enter_reports_silicon_and_version(void)
 {
     const uint8_t expected[8] = {0x93, 0x11, 0xC8, 0x04, 0x11, 1, 2, 3};
     enter();
@@ -53,7 +53,7 @@ static void enter_says_who_it_is(void)
     CHECK_BYTES(bench.reply, expected, sizeof expected);
 }
 
-static void a_key_must_be_right_where_one_is_set(void)
+static void enter_requires_the_configured_key(void)
 {
     static const uint8_t key[6] = {1, 2, 3, 4, 5, 6}, other[6] = {1, 2, 3, 4, 5, 7};
     boot();
@@ -67,7 +67,7 @@ static void a_key_must_be_right_where_one_is_set(void)
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_ENTER, other, 6), TAXEL_BOOT_STATUS_OK);
 }
 
-static void nothing_is_done_before_enter(void)
+static void commands_before_enter_are_rejected(void)
 {
     static const uint8_t commands[] = {0x31, 0x32, 0x33, 0x34, 0x35, 0x36, 0x37, 0x39, 0x3A, 0x3B, 0x3C, 0x53};
     uint8_t data[44] = {0};
@@ -81,7 +81,7 @@ static void nothing_is_done_before_enter(void)
     CHECK_EQUAL(bench.restarts, 0);
 }
 
-static void unknown_commands_are_refused(void)
+static void unknown_commands_are_rejected(void)
 {
     enter();
     for (unsigned command = 0; command < 256; command++) {
@@ -91,7 +91,7 @@ static void unknown_commands_are_refused(void)
     }
 }
 
-static void every_command_has_its_length(void)
+static void a_wrong_data_length_is_rejected_for_every_command(void)
 {
     static const struct {
         uint8_t command, length;
@@ -119,21 +119,21 @@ static unsigned status_of(const uint8_t *bytes, unsigned size)
     return bench_exchange(&bench, bytes, size, response) ? response[1] : BENCH_NO_REPLY;
 }
 
-static void malformed_packets_are_answered_with_why(void)
+static void malformed_packets_are_answered_with_the_reason(void)
 {
     uint8_t good[TAXEL_BOOT_PACKET_MAX], bytes[TAXEL_BOOT_PACKET_MAX + 40] = {0};
     const uint8_t data[57] = {1, 2, 3};
     enter();
     const unsigned size = bench_packet(&bench, TAXEL_BOOT_COMMAND_SEND_DATA, data, sizeof data, good);
     CHECK_EQUAL(size, TAXEL_BOOT_PACKET_MAX);
-    for (unsigned part = 1; part < size; part++) { /* cut short */
+    for (unsigned part = 1; part < size; part++) { /* truncated packets */
         CHECK_EQUAL(status_of(good, part), TAXEL_BOOT_STATUS_LENGTH);
     }
     memcpy(bytes, good, size);
     for (unsigned longer = size + 1u; longer < sizeof bytes; longer++) {
         CHECK_EQUAL(status_of(bytes, longer), TAXEL_BOOT_STATUS_LENGTH);
     }
-    for (unsigned length = 0; length < 0x10000; length += 97) { /* a length that claims what did not come */
+    for (unsigned length = 0; length < 0x10000; length += 97) { /* a length field larger than the packet */
         memcpy(bytes, good, size);
         taxel_put_u16(bytes + 2, (uint16_t)length);
         if (length != sizeof data) {
@@ -153,11 +153,11 @@ static void malformed_packets_are_answered_with_why(void)
     CHECK_EQUAL(bench.boot.fill, 0);
 }
 
-static void the_checksum_of_a_session_is_that_of_its_first_packet(void)
+static void the_first_packet_selects_the_checksum_of_a_session(void)
 {
     enter();
     bench.checksum = TAXEL_BOOT_CHECKSUM_CRC;
-    CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_INFO, NULL, 0), BENCH_NOT_A_PACKET); /* answered in the old one */
+    CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_INFO, NULL, 0), BENCH_NOT_A_PACKET); /* answered with the previous checksum */
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_ENTER, NULL, 0), TAXEL_BOOT_STATUS_OK);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_INFO, NULL, 0), TAXEL_BOOT_STATUS_OK);
     bench.config.checksum = TAXEL_BOOT_CHECKSUM_CRC;
@@ -194,7 +194,7 @@ static void only_the_free_slot_is_written(void)
     CHECK(bench_holds(&bench, &image_a));
 }
 
-static void flash_size_names_the_rows_of_the_free_slot(void)
+static void flash_size_reports_the_rows_of_the_free_slot(void)
 {
     const uint8_t array[2] = {0, 1};
     enter();
@@ -204,7 +204,7 @@ static void flash_size_names_the_rows_of_the_free_slot(void)
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_FLASH_SIZE, array + 1, 1), TAXEL_BOOT_STATUS_ARRAY);
 }
 
-static void data_beyond_a_row_is_refused_and_forgotten(void)
+static void data_beyond_a_row_is_rejected_and_discarded(void)
 {
     uint8_t data[57];
     memset(data, 0x33, sizeof data);
@@ -224,7 +224,7 @@ static void data_beyond_a_row_is_refused_and_forgotten(void)
     CHECK_EQUAL(bench.flash.operations, 1);
 }
 
-static void a_row_is_written_whole_or_not_at_all(void)
+static void an_incomplete_row_is_not_written(void)
 {
     uint8_t data[57] = {0, FIRST_B, 0};
     for (unsigned fill = 0; fill < TAXEL_BOOT_ROW_SIZE; fill++) {
@@ -244,7 +244,7 @@ static void a_row_is_written_whole_or_not_at_all(void)
     }
 }
 
-static void rows_that_hold_the_same_are_not_written_again(void)
+static void unchanged_rows_are_not_written_again(void)
 {
     enter();
     CHECK_EQUAL(bench_program_row(&bench, FIRST_B, image_b.bytes), TAXEL_BOOT_STATUS_OK);
@@ -252,7 +252,7 @@ static void rows_that_hold_the_same_are_not_written_again(void)
     CHECK_EQUAL(bench.flash.wear[FIRST_B], 1);
 }
 
-static void a_row_that_does_not_take_its_bytes_is_told(void)
+static void a_failed_row_write_is_reported(void)
 {
     enter();
     bench.flash.is_worn_out = true;
@@ -276,7 +276,7 @@ static void a_damaged_image_is_not_made_pending(void)
     }
 }
 
-static void asking_about_an_old_image_does_not_make_it_pending(void)
+static void verifying_an_old_image_does_not_make_it_pending(void)
 {
     boot();
     bench_install(&bench, &image_b, false);
@@ -286,7 +286,7 @@ static void asking_about_an_old_image_does_not_make_it_pending(void)
     CHECK_EQUAL(bench.flash.operations, 1);
 }
 
-static void the_host_can_choose_a_slot(void)
+static void the_host_can_select_a_slot(void)
 {
     const uint8_t slots[3] = {0, 1, 2};
     enter();
@@ -301,7 +301,7 @@ static void the_host_can_choose_a_slot(void)
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_SET_ACTIVE, slots + 1, 1), 0);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_INFO, NULL, 0), 0);
     CHECK(bench.reply[4] == 0 && bench.reply[5] == 1);
-    CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_SET_ACTIVE, slots, 1), 0); /* thought better of it */
+    CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_SET_ACTIVE, slots, 1), 0); /* the host cancels the pending image */
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_INFO, NULL, 0), 0);
     CHECK(bench.reply[4] == 0 && bench.reply[5] == TAXEL_BOOT_SLOT_NONE);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_SET_ACTIVE, slots + 1, 1), 0);
@@ -309,7 +309,7 @@ static void the_host_can_choose_a_slot(void)
     CHECK_EQUAL(bench.running, 1);
 }
 
-static void metadata_are_told_in_the_stock_form(void)
+static void metadata_are_reported_in_the_stock_format(void)
 {
     const uint8_t slots[2] = {0, 1};
     enter();
@@ -325,7 +325,7 @@ static void metadata_are_told_in_the_stock_form(void)
     CHECK_EQUAL(taxel_get_u32(bench.reply + 24), taxel_get_u32(image_a.bytes + 28));
 }
 
-static void a_host_may_begin_anew_at_any_time(void)
+static void a_host_may_restart_a_session_at_any_time(void)
 {
     enter();
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_SEND_DATA, image_b.bytes, 57), 0);
@@ -336,23 +336,23 @@ static void a_host_may_begin_anew_at_any_time(void)
 int main(void)
 {
     RUN(a_stock_tool_programs_the_free_slot_with_either_checksum);
-    RUN(enter_says_who_it_is);
-    RUN(a_key_must_be_right_where_one_is_set);
-    RUN(nothing_is_done_before_enter);
-    RUN(unknown_commands_are_refused);
-    RUN(every_command_has_its_length);
-    RUN(malformed_packets_are_answered_with_why);
-    RUN(the_checksum_of_a_session_is_that_of_its_first_packet);
+    RUN(enter_reports_silicon_and_version);
+    RUN(enter_requires_the_configured_key);
+    RUN(commands_before_enter_are_rejected);
+    RUN(unknown_commands_are_rejected);
+    RUN(a_wrong_data_length_is_rejected_for_every_command);
+    RUN(malformed_packets_are_answered_with_the_reason);
+    RUN(the_first_packet_selects_the_checksum_of_a_session);
     RUN(only_the_free_slot_is_written);
-    RUN(flash_size_names_the_rows_of_the_free_slot);
-    RUN(data_beyond_a_row_is_refused_and_forgotten);
-    RUN(a_row_is_written_whole_or_not_at_all);
-    RUN(rows_that_hold_the_same_are_not_written_again);
-    RUN(a_row_that_does_not_take_its_bytes_is_told);
+    RUN(flash_size_reports_the_rows_of_the_free_slot);
+    RUN(data_beyond_a_row_is_rejected_and_discarded);
+    RUN(an_incomplete_row_is_not_written);
+    RUN(unchanged_rows_are_not_written_again);
+    RUN(a_failed_row_write_is_reported);
     RUN(a_damaged_image_is_not_made_pending);
-    RUN(asking_about_an_old_image_does_not_make_it_pending);
-    RUN(the_host_can_choose_a_slot);
-    RUN(metadata_are_told_in_the_stock_form);
-    RUN(a_host_may_begin_anew_at_any_time);
+    RUN(verifying_an_old_image_does_not_make_it_pending);
+    RUN(the_host_can_select_a_slot);
+    RUN(metadata_are_reported_in_the_stock_format);
+    RUN(a_host_may_restart_a_session_at_any_time);
     return check_summary();
 }

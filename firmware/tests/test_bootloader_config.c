@@ -1,5 +1,5 @@
-/* The configuration rows: written for the board that is meant, read back, safe from a power cut. */
-#include "bootloader/parts.h"
+/* The configuration rows: written only on the addressed board, read back, safe against a power cut. */
+#include "bootloader/internal.h"
 #include "check.h"
 #include "codec/crc32.h"
 #include "test_bootloader_bench.h"
@@ -36,7 +36,7 @@ static unsigned write_configuration(const uint8_t *data)
     return bench_send(&bench, TAXEL_BOOT_COMMAND_WRITE_CONFIGURATION, data, DATA_SIZE);
 }
 
-static void a_blank_board_says_so(void)
+static void a_board_without_configuration_reports_it(void)
 {
     boot();
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_READ_CONFIGURATION, NULL, 0), TAXEL_BOOT_STATUS_DATA);
@@ -47,7 +47,7 @@ static void a_blank_board_says_so(void)
     CHECK_BYTES(bench.reply + TAXEL_BOOT_INFO_OFFSET_UNIQUE_ID, bench.unique_id, 8);
 }
 
-static void what_is_written_is_read(void)
+static void a_written_configuration_is_read_back(void)
 {
     uint8_t data[DATA_SIZE];
     boot();
@@ -63,7 +63,7 @@ static void what_is_written_is_read(void)
     CHECK_EQUAL(bench.flash.operations, operations);
 }
 
-static void a_wrong_configuration_is_refused(void)
+static void an_invalid_configuration_is_rejected(void)
 {
     uint8_t data[DATA_SIZE];
     boot();
@@ -85,7 +85,7 @@ static void a_wrong_configuration_is_refused(void)
     CHECK_EQUAL(write_configuration(data), TAXEL_BOOT_STATUS_VERIFY);
 }
 
-static void a_power_cut_leaves_the_old_or_the_new_one(void)
+static void a_power_cut_leaves_the_old_or_the_new_configuration(void)
 {
     uint8_t old_data[DATA_SIZE], new_data[DATA_SIZE];
     static unsigned old_left, new_left;
@@ -144,12 +144,13 @@ static void an_image_for_another_kind_does_not_start(void)
         fill(data, 0x20, 2);
         CHECK_EQUAL(write_configuration(data), 0);
         bench_reset(&bench, TAXEL_RESET_CAUSE_COMMAND);
-        CHECK_EQUAL(bench.running, kind == 1 ? BENCH_NO_SLOT : 0); /* 0: fits any, 2: the board's own */
+        CHECK_EQUAL(bench.running, kind == 1 ? BENCH_NO_SLOT : 0); /* 0: any kind, 2: the board's own kind */
     }
 }
 
-/* Found by trying all values of the last word: with this content and sequence 0 the words, CRC-32 too, add up to zero. */
-static void a_record_whose_words_add_up_to_zero_gets_a_one(void)
+/* Determined by a search over the last word: with this content and sequence 0, the words including the CRC-32 add up
+ * to zero. */
+static void a_record_whose_words_add_up_to_zero_is_balanced(void)
 {
     uint8_t content[112] = {2};
     taxel_put_u32(content + 108, 0xEFAAAE75u);
@@ -165,11 +166,11 @@ static void a_record_whose_words_add_up_to_zero_gets_a_one(void)
 
 int main(void)
 {
-    RUN(a_blank_board_says_so);
-    RUN(what_is_written_is_read);
-    RUN(a_wrong_configuration_is_refused);
-    RUN(a_power_cut_leaves_the_old_or_the_new_one);
+    RUN(a_board_without_configuration_reports_it);
+    RUN(a_written_configuration_is_read_back);
+    RUN(an_invalid_configuration_is_rejected);
+    RUN(a_power_cut_leaves_the_old_or_the_new_configuration);
     RUN(an_image_for_another_kind_does_not_start);
-    RUN(a_record_whose_words_add_up_to_zero_gets_a_one);
+    RUN(a_record_whose_words_add_up_to_zero_is_balanced);
     return check_summary();
 }

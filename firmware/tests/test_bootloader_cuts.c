@@ -1,14 +1,14 @@
-/* The power fails in every write of an update, at every word of the row, and again in every write of what follows: the
- * board always boots, the old image or the new one.
+/* The power fails in every write of an update, at every word of the row, and again in every following write: the
+ * board always boots, with the old or the new image.
  *
- * test_bootloader_cuts [tears of each second cut [seed]]     4 if nothing is said; 148 for all of them */
+ * test_bootloader_cuts [tears of each second cut [seed]]     default 4; 148: all of them */
 #include <stdlib.h>
 
 #include "check.h"
 #include "test_bootloader_bench.h"
 
 #define SMALL_ROWS 4u
-#define ANY_TEARS 16u /* how often FAKE_TEAR_ANY is drawn */
+#define ANY_TEARS 16u /* random repetitions of FAKE_TEAR_ANY */
 #define TEARS (4u * (FAKE_FLASH_WORDS + 1u) + ANY_TEARS)
 #define OPERATIONS_MAX 120u
 
@@ -49,7 +49,7 @@ static void confirm_if_new_runs(void)
     }
 }
 
-/* From a power-up: the host asks whoever runs for the bootloader, writes the new image, and it confirms itself. */
+/* After power-up: the host requests the bootloader, writes the new image, and the image confirms itself. */
 static void update(void)
 {
     bench.confirmed = new_is_confirmed() ? new_image.slot : old_image.slot;
@@ -63,7 +63,7 @@ static void update(void)
     confirm_if_new_runs();
 }
 
-/* Returns whether the power failed on the way. */
+/* Returns whether the power failed during the update. */
 static bool update_with_cut(struct fake_cut cut)
 {
     bench.flash.power = &power;
@@ -85,7 +85,7 @@ static bool boots_old_or_new(void)
                        ((bench.running == old_image.slot && bench_holds(&bench, &old_image)) ||
                         (bench.running == new_image.slot && bench_holds(&bench, &new_image)));
     bricked += !holds;
-    bench.flash = before; /* it was a look: the tries it took are given back */
+    bench.flash = before; /* only a check: restores the tries that it used */
     return holds;
 }
 
@@ -108,7 +108,7 @@ static unsigned count_operations(void)
     return bench.flash.operations;
 }
 
-static void cut_again(struct fake_cut first)
+static void cut_following_writes(struct fake_cut first)
 {
     after_first = bench;
     for (unsigned operation = 1; operation < OPERATIONS_MAX; operation++) {
@@ -119,7 +119,7 @@ static void cut_again(struct fake_cut first)
             was_cut = update_with_cut(second);
             check_case(first, second);
         }
-        if (!was_cut) { /* past the last write: it came to its end */
+        if (!was_cut) { /* behind the last write: the update was completed */
             power_on();
             unfinished += !bench_holds(&bench, &new_image) || bench.running != new_image.slot || !new_is_confirmed();
             resumed++;
@@ -134,7 +134,7 @@ static void prepare(const struct taxel_boot_layout *layout, uint8_t old_slot, un
     bench_make_image(&old_image, layout, old_slot, rows, 1, seed);
     bench_make_image(&new_image, layout, old_slot ^ 1u, rows, 2, seed + 1u);
     bench_install(&bench, &old_image, true);
-    start = bench; /* its pointers lead into `bench`, where it is copied back to */
+    start = bench; /* its pointers point into `bench`, to which it is copied back */
 }
 
 static void cut_everywhere(const struct taxel_boot_layout *layout, uint8_t old_slot)
@@ -148,30 +148,30 @@ static void cut_everywhere(const struct taxel_boot_layout *layout, uint8_t old_s
             bench = start;
             CHECK(update_with_cut(cut));
             check_case(cut, (struct fake_cut){0});
-            cut_again(cut);
+            cut_following_writes(cut);
         }
     }
     CHECK_EQUAL(bricked, 0);
     CHECK_EQUAL(unfinished, 0);
 }
 
-static void a_board_that_runs_a(void)
+static void a_board_that_runs_slot_a_survives_any_cut(void)
 {
     cut_everywhere(&taxel_boot_layout_board, 0);
 }
 
-static void a_board_that_runs_b(void)
+static void a_board_that_runs_slot_b_survives_any_cut(void)
 {
     cut_everywhere(&taxel_boot_layout_board, 1);
 }
 
-static void the_hub_over_its_uart(void)
+static void the_hub_survives_any_cut_over_its_uart(void)
 {
     cut_everywhere(&taxel_boot_layout_hub, 0);
 }
 
 /* The new image never confirms itself, and the power fails while its tries are recorded. */
-static void an_image_that_hangs_is_left_whatever_is_cut(void)
+static void a_hanging_image_is_abandoned_despite_any_cut(void)
 {
     prepare(&taxel_boot_layout_board, 0, SMALL_ROWS);
     bench.stay_flag = true;
@@ -200,8 +200,8 @@ static void an_image_that_hangs_is_left_whatever_is_cut(void)
     CHECK_EQUAL(bricked, 0);
 }
 
-/* There is no old image to go back to: the bootloader must stay within reach. */
-static void the_first_image_of_a_blank_board(void)
+/* Without an old image, the bootloader must stay accessible. */
+static void the_first_image_of_a_blank_board_survives_any_cut(void)
 {
     prepare(&taxel_boot_layout_board, 1, SMALL_ROWS);
     bench_init(&bench, &taxel_boot_layout_board, seed);
@@ -229,7 +229,7 @@ static void the_first_image_of_a_blank_board(void)
     }
 }
 
-static void images_that_fill_their_slots(void)
+static void images_that_fill_their_slots_survive_any_cut(void)
 {
     static const struct {
         const struct taxel_boot_layout *layout;
@@ -257,12 +257,12 @@ int main(int argc, char **argv)
     second_tears = argc > 1 ? (unsigned)strtoul(argv[1], NULL, 0) : second_tears;
     seed = argc > 2 ? strtoull(argv[2], NULL, 0) : seed;
     random_init(&random_tears, seed, 1);
-    RUN(a_board_that_runs_a);
-    RUN(a_board_that_runs_b);
-    RUN(the_hub_over_its_uart);
-    RUN(an_image_that_hangs_is_left_whatever_is_cut);
-    RUN(the_first_image_of_a_blank_board);
-    RUN(images_that_fill_their_slots);
+    RUN(a_board_that_runs_slot_a_survives_any_cut);
+    RUN(a_board_that_runs_slot_b_survives_any_cut);
+    RUN(the_hub_survives_any_cut_over_its_uart);
+    RUN(a_hanging_image_is_abandoned_despite_any_cut);
+    RUN(the_first_image_of_a_blank_board_survives_any_cut);
+    RUN(images_that_fill_their_slots_survive_any_cut);
     printf("%llu cuts, %u bricked; %u updates taken up again, %u unfinished; seed %llu\n", (unsigned long long)cuts,
            bricked, resumed, unfinished, (unsigned long long)seed);
     CHECK(cuts >= 10000);

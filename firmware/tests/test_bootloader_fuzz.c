@@ -1,5 +1,5 @@
-/* Random packets, torn ones, cuts and resets in any order: nothing but the free slot and the records is ever written, and
- * the confirmed image always starts.
+/* Random and truncated packets, power cuts and resets in any order: only the free slot and the records are ever
+ * written, and the confirmed image always starts.
  *
  * test_bootloader_fuzz [packets [seed]] */
 #include <stdlib.h>
@@ -18,7 +18,7 @@ static jmp_buf power;
 static unsigned packets = 100000;
 static uint64_t seed = 22;
 
-static unsigned below(unsigned limit)
+static unsigned random_below(unsigned limit)
 {
     return (unsigned)(random_u64(&draw) % limit);
 }
@@ -27,25 +27,25 @@ static uint8_t any_command(void)
 {
     static const uint8_t known[] = {0x31, 0x32, 0x33, 0x34, 0x35, 0x36, 0x37, 0x37, 0x37, 0x38, 0x39, 0x39,
                                     0x39, 0x3A, 0x3B, 0x3C, 0x50, 0x51, 0x52, 0x53, 0x53};
-    return below(20) ? known[below(sizeof known)] : (uint8_t)below(256);
+    return random_below(20) ? known[random_below(sizeof known)] : (uint8_t)random_below(256);
 }
 
 static unsigned any_length(uint8_t command)
 {
     static const uint8_t lengths[] = {0, 1, 3, 6, 9, 44, 57};
-    switch (below(4)) {
+    switch (random_below(4)) {
     case 0:
-        return below(58);
+        return random_below(58);
     case 1:
         return command == TAXEL_BOOT_COMMAND_PROGRAM_ROW ? 3u + TAXEL_BOOT_ROW_SIZE - bench.boot.fill
                : command == TAXEL_BOOT_COMMAND_SEND_DATA ? 40u
                                                          : 3u;
     default:
-        return lengths[below(sizeof lengths)];
+        return lengths[random_below(sizeof lengths)];
     }
 }
 
-static void send_any(void)
+static void send_random_packet(void)
 {
     uint8_t data[256], bytes[256], response[TAXEL_BOOT_PACKET_MAX];
     const uint8_t command = any_command();
@@ -54,30 +54,30 @@ static void send_any(void)
     for (unsigned i = 0; i < sizeof data; i++) {
         data[i] = (uint8_t)random_u64(&draw);
     }
-    if (below(2)) { /* a row that exists, a slot, no search for others */
-        data[0] = (uint8_t)below(2);
-        data[1] = (uint8_t)below(256);
+    if (random_below(2)) { /* an existing row, a slot, no search for other boards */
+        data[0] = (uint8_t)random_below(2);
+        data[1] = (uint8_t)random_below(256);
         data[2] = 0;
-        data[0] = command == TAXEL_BOOT_COMMAND_SEARCH || below(2) ? 0 : data[0];
+        data[0] = command == TAXEL_BOOT_COMMAND_SEARCH || random_below(2) ? 0 : data[0];
     }
     if (command == TAXEL_BOOT_COMMAND_WRITE_CONFIGURATION) {
         memcpy(data, bench.unique_id, 8);
         data[8] = TAXEL_BOOT_VERSION;
-        data[9] = (uint8_t)(TAXEL_ADDRESS_MIN + below(112));
+        data[9] = (uint8_t)(TAXEL_ADDRESS_MIN + random_below(112));
         data[10] = 0;
     }
-    bench.checksum = below(16) ? bench.boot.checksum : (uint8_t)below(2);
+    bench.checksum = random_below(16) ? bench.boot.checksum : (uint8_t)random_below(2);
     unsigned packet_size = bench_packet(&bench, command, data, size, bytes);
-    for (unsigned damage = below(8) == 0 ? 1u + below(3) : 0; damage; damage--) {
-        bytes[below(packet_size)] = (uint8_t)random_u64(&draw);
+    for (unsigned damage = random_below(8) == 0 ? 1u + random_below(3) : 0; damage; damage--) {
+        bytes[random_below(packet_size)] = (uint8_t)random_u64(&draw);
     }
-    if (below(16) == 0) {
-        packet_size = 1u + below(200);
+    if (random_below(16) == 0) {
+        packet_size = 1u + random_below(200);
     }
     (void)bench_exchange(&bench, bytes, packet_size, response);
 }
 
-static void program_any_row(void)
+static void program_random_row(void)
 {
     uint8_t bytes[TAXEL_BOOT_ROW_SIZE];
     const unsigned first = bench.config.flash.layout->first_rows[image.slot ^ 1u];
@@ -86,16 +86,16 @@ static void program_any_row(void)
     }
     bench.checksum = bench.boot.checksum;
     (void)bench_send(&bench, TAXEL_BOOT_COMMAND_SYNC, NULL, 0);
-    (void)bench_program_row(&bench, (uint16_t)(below(2) ? first + below(96) : below(260)), bytes);
+    (void)bench_program_row(&bench, (uint16_t)(random_below(2) ? first + random_below(96) : random_below(260)), bytes);
 }
 
 static void step(void)
 {
-    switch (below(60)) {
+    switch (random_below(60)) {
     case 4:
-    case 5: /* another image comes, and hangs or not */
+    case 5: /* another image is flashed, which may hang */
         bench.checksum = bench.boot.checksum;
-        (void)bench_program(&bench, &others[below(OTHERS)]);
+        (void)bench_program(&bench, &others[random_below(OTHERS)]);
         break;
     case 6:
     case 7:
@@ -103,33 +103,33 @@ static void step(void)
     case 9:
     case 10:
     case 11:
-        program_any_row();
+        program_random_row();
         break;
     case 12:
         (void)bench_send(&bench, TAXEL_BOOT_COMMAND_SEARCH, bytes_of_zero, TAXEL_BOOT_SEARCH_ARGUMENTS_SIZE);
         break;
     case 0:
-        bench_reset(&bench, (uint8_t)below(4));
+        bench_reset(&bench, (uint8_t)random_below(4));
         break;
     case 1:
-        bench.clock_us += below(2u * TAXEL_BOOT_LISTEN_US);
+        bench.clock_us += random_below(2u * TAXEL_BOOT_LISTEN_US);
         bench_run(&bench);
         break;
     case 2:
         fake_flash_plan(&bench.flash,
-                        (struct fake_cut){1u + below(3), (uint8_t)below(FAKE_TEAR_COUNT), (uint8_t)below(33)});
+                        (struct fake_cut){1u + random_below(3), (uint8_t)random_below(FAKE_TEAR_COUNT), (uint8_t)random_below(33)});
         break;
-    case 3: /* whoever runs goes back to the bootloader */
+    case 3: /* the running application enters the bootloader */
         if (bench.running != BENCH_NO_SLOT) {
             bench.stay_flag = true;
             bench_reset(&bench, TAXEL_RESET_CAUSE_COMMAND);
         }
         break;
     default:
-        send_any();
+        send_random_packet();
         break;
     }
-    if (bench.running != BENCH_NO_SLOT && below(4)) {
+    if (bench.running != BENCH_NO_SLOT && random_below(4)) {
         bench.stay_flag = true;
         bench_reset(&bench, TAXEL_RESET_CAUSE_COMMAND);
     }
@@ -150,7 +150,7 @@ static void check_invariants(void)
         is_whole |= bench_holds(&bench, &others[i]);
     }
     CHECK(is_whole);
-    for (unsigned i = 0; i < TAXEL_BOOT_TRIES; i++) { /* another hangs */
+    for (unsigned i = 0; i < TAXEL_BOOT_TRIES; i++) { /* another image hangs */
         bench_reset(&bench, TAXEL_RESET_CAUSE_WATCHDOG);
         bench_settle(&bench);
     }
@@ -187,7 +187,7 @@ static void fuzz(const struct taxel_boot_layout *layout, uint8_t slot)
     CHECK(bench.flash.operations || bench.flash.cuts);
 }
 
-static void random_packets_to_a_board(void)
+static void invariants_hold_for_random_packets_to_a_board(void)
 {
     fuzz(&taxel_boot_layout_board, 0);
     const uint32_t *const wear = bench.flash.wear;
@@ -195,7 +195,7 @@ static void random_packets_to_a_board(void)
            wear[128], wear[252] + wear[253], wear[254] + wear[255]);
 }
 
-static void random_packets_to_the_hub(void)
+static void invariants_hold_for_random_packets_to_the_hub(void)
 {
     fuzz(&taxel_boot_layout_hub, 1);
 }
@@ -206,7 +206,7 @@ int main(int argc, char **argv)
     seed = argc > 2 ? strtoull(argv[2], NULL, 0) : seed;
     random_init(&draw, seed, 1);
     printf("replay: test_bootloader_fuzz %u %llu\n", packets, (unsigned long long)seed);
-    RUN(random_packets_to_a_board);
-    RUN(random_packets_to_the_hub);
+    RUN(invariants_hold_for_random_packets_to_a_board);
+    RUN(invariants_hold_for_random_packets_to_the_hub);
     return check_summary();
 }

@@ -1,5 +1,5 @@
-/* A board is programmed through the real hub's pass-through, while the hub goes on polling the others, and probes and
- * identifies what it takes for a foreign device. */
+/* A board is programmed through the hub's pass-through, while the hub polls the other boards, and probes and
+ * identifies the board in its bootloader as a foreign device. */
 #include "check.h"
 #include "fake_hub.h"
 #include "test_bootloader_bench.h"
@@ -15,7 +15,7 @@ static struct bench_image old_image, new_image;
 static uint64_t busy_until_us;
 static unsigned foreign_writes, nacks_while_writing;
 
-/* A transfer to the bootloader's address; all else goes on to the boards. */
+/* Executes transfers to the bootloader's address; all others go to the boards. */
 static int on_transfer(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
     if (transfer->address != TAXEL_BOOT_DEFAULT_ADDRESS) {
@@ -56,7 +56,7 @@ static int pass_through(const uint8_t *bytes, unsigned size, uint8_t read_length
     return fake_hub_command(&fake, TAXEL_COMMAND_I2C_TRANSFER, arguments, TAXEL_TRANSFER_ARGUMENTS_SIZE + size);
 }
 
-/* Write, then read until the first byte is that of a packet, taking NACK and FF for "not yet". */
+/* Write, then read until the first byte is that of a packet; NACK and FF mean "not ready". */
 static unsigned exchange(struct bench *board, const uint8_t *bytes, unsigned size, uint8_t *response)
 {
     CHECK_EQUAL(pass_through(bytes, size, 0), TAXEL_REPLY_STATUS_OK);
@@ -89,7 +89,7 @@ static void a_board_is_programmed_while_the_others_are_polled(void)
     CHECK_EQUAL(bench_program(&bench, &new_image), 0);
     CHECK_EQUAL(bench.running, 1);
     CHECK(bench_holds(&bench, &new_image));
-    CHECK(foreign_writes > 0); /* the hub did look whether this is a board of its own */
+    CHECK(foreign_writes > 0); /* the hub tried to identify the board */
     CHECK(nacks_while_writing > 0);
     for (uint8_t i = 0; i < BOARDS; i++) {
         const struct taxel_hub_slot *const slot = fake_hub_slot(&fake, (uint8_t)(FIRST_ADDRESS + i));

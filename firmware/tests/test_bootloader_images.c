@@ -1,4 +1,4 @@
-/* Which image starts: confirmed, pending, damaged, hanging, foreign, or none. */
+/* Selection of the image to start: confirmed, pending, damaged, hanging, for another device, or none. */
 #include "check.h"
 #include "codec/crc32.h"
 #include "test_bootloader_bench.h"
@@ -6,7 +6,7 @@
 static struct bench bench;
 static struct bench_image image_a, image_b;
 
-static void make(void)
+static void set_up(void)
 {
     bench_init(&bench, &taxel_boot_layout_board, 3);
     bench_make_image(&image_a, &taxel_boot_layout_board, 0, 3, 1, 1);
@@ -26,10 +26,10 @@ static unsigned command(uint8_t code, int byte)
     return bench_send(&bench, code, &data, byte >= 0);
 }
 
-/* A board that runs A, confirmed, and has B written and pending. */
+/* A board with a confirmed image in slot A and a pending one in slot B. */
 static void update_to_b(void)
 {
-    make();
+    set_up();
     bench_install(&bench, &image_a, true);
     bench.stay_flag = true;
     bench_reset(&bench, TAXEL_RESET_CAUSE_COMMAND);
@@ -37,7 +37,7 @@ static void update_to_b(void)
     CHECK_EQUAL(bench.running, 1);
 }
 
-static void an_image_that_hangs_is_left_after_three_tries(void)
+static void a_hanging_image_is_abandoned_after_three_tries(void)
 {
     update_to_b();
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_WATCHDOG), 1);
@@ -47,14 +47,14 @@ static void an_image_that_hangs_is_left_after_three_tries(void)
     }
     CHECK_EQUAL(bench.flash.operations, 1u + 3u + 1u + 3u);
     CHECK(!taxel_boot_is_confirmed(&bench.config.flash, 1));
-    bench.stay_flag = true; /* and the host may try again */
+    bench.stay_flag = true; /* the host may flash again */
     bench_reset(&bench, TAXEL_RESET_CAUSE_COMMAND);
     bench_make_image(&image_b, &taxel_boot_layout_board, 1, 3, 3, 4);
     CHECK_EQUAL(bench_program(&bench, &image_b), 0);
     CHECK_EQUAL(bench.running, 1);
 }
 
-static void an_image_that_confirms_itself_stays(void)
+static void a_confirmed_image_stays(void)
 {
     update_to_b();
     CHECK_EQUAL(taxel_boot_confirm(&bench.config.flash, 1), 0);
@@ -75,7 +75,7 @@ static void an_image_may_confirm_itself_on_its_last_try(void)
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_POWER_ON), 1);
 }
 
-static void when_the_confirmed_image_rots_the_one_before_it_is_tried(void)
+static void if_the_confirmed_image_is_damaged_the_previous_one_is_tried(void)
 {
     update_to_b();
     CHECK_EQUAL(taxel_boot_confirm(&bench.config.flash, 1), 0);
@@ -83,7 +83,7 @@ static void when_the_confirmed_image_rots_the_one_before_it_is_tried(void)
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_POWER_ON), 0);
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_WATCHDOG), 0);
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_WATCHDOG), 0);
-    CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_WATCHDOG), BENCH_NO_SLOT); /* it hangs too: listen for ever */
+    CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_WATCHDOG), BENCH_NO_SLOT); /* this image hangs too: the bootloader keeps listening */
     CHECK_EQUAL(bench.boot.stay, TAXEL_BOOT_STAY_NO_IMAGE);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_ENTER, NULL, 0), 0);
     CHECK_EQUAL(command(TAXEL_BOOT_COMMAND_GET_FLASH_SIZE, 0), 0);
@@ -93,7 +93,7 @@ static void when_the_confirmed_image_rots_the_one_before_it_is_tried(void)
     CHECK_EQUAL(bench.running, 0);
 }
 
-static void the_one_before_stays_if_it_confirms_itself(void)
+static void the_previous_image_stays_if_it_confirms_itself(void)
 {
     update_to_b();
     CHECK_EQUAL(taxel_boot_confirm(&bench.config.flash, 1), 0);
@@ -105,9 +105,9 @@ static void the_one_before_stays_if_it_confirms_itself(void)
     }
 }
 
-static void without_an_image_the_bootloader_waits_and_takes_one(void)
+static void without_an_image_the_bootloader_waits_for_one(void)
 {
-    make();
+    set_up();
     for (unsigned i = 0; i < 3; i++) {
         CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_POWER_ON), BENCH_NO_SLOT);
     }
@@ -118,9 +118,9 @@ static void without_an_image_the_bootloader_waits_and_takes_one(void)
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_POWER_ON), 0);
 }
 
-static void images_without_metadata_are_tried_one_after_the_other(void)
+static void images_without_metadata_are_tried_in_order(void)
 {
-    make();
+    set_up();
     bench_install(&bench, &image_a, false);
     bench_install(&bench, &image_b, false);
     for (unsigned i = 0; i < 6; i++) {
@@ -141,10 +141,10 @@ static void a_try_that_cannot_be_recorded_is_not_made(void)
     }
 }
 
-/* Put a changed header into A, with a CRC that fits. */
+/* Write a changed header into slot A, with a matching CRC. */
 static bool starts_with(unsigned offset, uint32_t value, unsigned size)
 {
-    make();
+    set_up();
     for (unsigned i = 0; i < size; i++) {
         image_a.bytes[offset + i] = (uint8_t)(value >> (8u * i));
     }
@@ -155,7 +155,7 @@ static bool starts_with(unsigned offset, uint32_t value, unsigned size)
     return boot(TAXEL_RESET_CAUSE_POWER_ON) == 0;
 }
 
-static void an_image_must_be_meant_for_this_place(void)
+static void an_image_with_a_wrong_header_does_not_start(void)
 {
     const uint32_t start = 32u * 128u;
     CHECK(starts_with(11, 0, 1));
@@ -163,17 +163,17 @@ static void an_image_must_be_meant_for_this_place(void)
     for (uint32_t value = 0; value < 256; value++) {
         CHECK_EQUAL(starts_with(4, value, 1), value == TAXEL_BOOT_VERSION);
         CHECK_EQUAL(starts_with(5, value, 1), value == TAXEL_BOOT_DEVICE_BOARD);
-        CHECK(starts_with(6, value, 1)); /* a board without a configuration is of any kind */
+        CHECK(starts_with(6, value, 1)); /* a board without a configuration accepts any kind */
         CHECK_EQUAL(starts_with(7, value, 1), value == 0);
     }
-    for (uint32_t length = 0; length < 48; length++) { /* of which 32 are the header, vectors at 32 */
+    for (uint32_t length = 0; length < 48; length++) { /* including the header of 32 bytes, with the vectors behind it */
         CHECK_EQUAL(starts_with(12, length, 4), length >= 40u && length % 4u == 0);
     }
     CHECK(starts_with(12, 12288, 4));
     CHECK(!starts_with(12, 12292, 4));
     CHECK(!starts_with(12, 0xFFFFFFFCu, 4));
     for (uint32_t vectors = start; vectors < start + 400u; vectors++) {
-        make();
+        set_up();
         const uint32_t last = start + image_a.size - 12u - 8u;
         const bool is_right = vectors >= start + 32u && vectors <= last && vectors % 4u == 0;
         CHECK_EQUAL(starts_with(16, vectors, 4) || bench.boot.started, is_right);
@@ -181,19 +181,19 @@ static void an_image_must_be_meant_for_this_place(void)
     CHECK(!starts_with(16, 0xFFFFFFFCu, 4));
 }
 
-static void every_flipped_bit_of_an_image_keeps_it_from_starting(void)
+static void an_image_with_a_flipped_bit_does_not_start(void)
 {
-    make();
+    set_up();
     const unsigned length = taxel_get_u32(image_a.bytes + 12);
     for (unsigned bit = 0; bit < 8u * length; bit++) {
-        make();
+        set_up();
         image_a.bytes[bit / 8u] ^= (uint8_t)(1u << (bit % 8u));
         bench_install(&bench, &image_a, true);
         CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_POWER_ON), BENCH_NO_SLOT);
     }
 }
 
-static void a_reset_that_nobody_ordered_leaves_time_to_be_heard(void)
+static void after_an_uncommanded_reset_the_bootloader_listens_first(void)
 {
     static const struct {
         uint8_t cause;
@@ -201,7 +201,7 @@ static void a_reset_that_nobody_ordered_leaves_time_to_be_heard(void)
     } causes[] = {{TAXEL_RESET_CAUSE_POWER_ON, true}, {TAXEL_RESET_CAUSE_BROWN_OUT, true},
                   {TAXEL_RESET_CAUSE_WATCHDOG, true}, {TAXEL_RESET_CAUSE_COMMAND, false}};
     for (unsigned i = 0; i < sizeof causes / sizeof causes[0]; i++) {
-        make();
+        set_up();
         bench_install(&bench, &image_a, true);
         bench_reset(&bench, causes[i].cause);
         CHECK_EQUAL(bench.running, causes[i].listens ? BENCH_NO_SLOT : 0);
@@ -217,9 +217,9 @@ static void a_reset_that_nobody_ordered_leaves_time_to_be_heard(void)
     }
 }
 
-static void an_application_can_ask_for_the_bootloader_once(void)
+static void a_bootloader_request_applies_to_one_reset(void)
 {
-    make();
+    set_up();
     bench_install(&bench, &image_a, true);
     bench.stay_flag = true;
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_COMMAND), BENCH_NO_SLOT);
@@ -227,15 +227,15 @@ static void an_application_can_ask_for_the_bootloader_once(void)
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_COMMAND), 0);
 }
 
-/* Metadata rows in every order of sequence numbers, also where they wrap. */
-static void the_later_of_two_records_counts(void)
+/* Metadata rows in every order of sequence numbers, also across the wrap. */
+static void the_later_of_two_records_is_the_newest(void)
 {
     static const uint32_t sequences[][2] = {{1, 2}, {0x7FFFFFFF, 0x80000000u}, {0xFFFFFFFFu, 0}, {0xFFFFFFFEu, 1}};
     for (unsigned i = 0; i < 8; i++) {
-        make();
+        set_up();
         bench_install(&bench, &image_a, false);
         bench_install(&bench, &image_b, false);
-        for (unsigned row = 0; row < 2; row++) { /* the earlier says A, the later B */
+        for (unsigned row = 0; row < 2; row++) { /* the earlier record confirms A, the later one B */
             struct taxel_boot_record record = {.magic = TAXEL_BOOT_METADATA_MAGIC, .sequence = sequences[i / 2][row]};
             const struct taxel_boot_metadata metadata = {(uint8_t)row, TAXEL_BOOT_SLOT_NONE, {3, 3}};
             uint8_t *const bytes = bench.flash.bytes + (TAXEL_BOOT_METADATA_ROW + (row ^ (i & 1u))) * 128u;
@@ -247,9 +247,9 @@ static void the_later_of_two_records_counts(void)
     }
 }
 
-static void writes_of_metadata_wear_both_rows_alike(void)
+static void metadata_writes_alternate_between_both_rows(void)
 {
-    make();
+    set_up();
     bench_install(&bench, &image_a, true);
     bench_install(&bench, &image_b, false);
     for (unsigned i = 0; i < 1000; i++) {
@@ -262,19 +262,19 @@ static void writes_of_metadata_wear_both_rows_alike(void)
 
 int main(void)
 {
-    RUN(an_image_that_hangs_is_left_after_three_tries);
-    RUN(an_image_that_confirms_itself_stays);
+    RUN(a_hanging_image_is_abandoned_after_three_tries);
+    RUN(a_confirmed_image_stays);
     RUN(an_image_may_confirm_itself_on_its_last_try);
-    RUN(when_the_confirmed_image_rots_the_one_before_it_is_tried);
-    RUN(the_one_before_stays_if_it_confirms_itself);
-    RUN(without_an_image_the_bootloader_waits_and_takes_one);
-    RUN(images_without_metadata_are_tried_one_after_the_other);
+    RUN(if_the_confirmed_image_is_damaged_the_previous_one_is_tried);
+    RUN(the_previous_image_stays_if_it_confirms_itself);
+    RUN(without_an_image_the_bootloader_waits_for_one);
+    RUN(images_without_metadata_are_tried_in_order);
     RUN(a_try_that_cannot_be_recorded_is_not_made);
-    RUN(an_image_must_be_meant_for_this_place);
-    RUN(every_flipped_bit_of_an_image_keeps_it_from_starting);
-    RUN(a_reset_that_nobody_ordered_leaves_time_to_be_heard);
-    RUN(an_application_can_ask_for_the_bootloader_once);
-    RUN(the_later_of_two_records_counts);
-    RUN(writes_of_metadata_wear_both_rows_alike);
+    RUN(an_image_with_a_wrong_header_does_not_start);
+    RUN(an_image_with_a_flipped_bit_does_not_start);
+    RUN(after_an_uncommanded_reset_the_bootloader_listens_first);
+    RUN(a_bootloader_request_applies_to_one_reset);
+    RUN(the_later_of_two_records_is_the_newest);
+    RUN(metadata_writes_alternate_between_both_rows);
     return check_summary();
 }

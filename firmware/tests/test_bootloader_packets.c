@@ -1,5 +1,5 @@
-/* Packets, images and records that the Python definitions made (test_bootloader_vectors.h). */
-#include "bootloader/parts.h"
+/* Packets, images and records built by the Python definitions (test_bootloader_vectors.h). */
+#include "bootloader/internal.h"
 #include "check.h"
 #include "test_bootloader_bench.h"
 #include "test_bootloader_vectors.h"
@@ -23,7 +23,7 @@ static void check_packet(const uint8_t *bytes, unsigned size, uint8_t checksum)
 
 #define PACKET(kind, index) check_packet(packet_##kind##_##index, sizeof packet_##kind##_##index, checksum)
 
-static void packets_are_the_same_in_python(void)
+static void packets_equal_those_of_python(void)
 {
     uint8_t checksum = TAXEL_BOOT_CHECKSUM_SUM;
     PACKET(sum, 0);
@@ -39,18 +39,18 @@ static void packets_are_the_same_in_python(void)
     PACKET(crc, 4);
 }
 
-static void both_checksums_have_their_known_values(void)
+static void both_checksums_have_their_published_values(void)
 {
     const uint8_t digits[] = "123456789";
-    CHECK_EQUAL(taxel_boot_packet_checksum(digits, 9, TAXEL_BOOT_CHECKSUM_CRC), 0x6E90); /* 906E */
+    CHECK_EQUAL(taxel_boot_packet_checksum(digits, 9, TAXEL_BOOT_CHECKSUM_CRC), 0x6E90); /* CRC-16/X-25 is 0x906E; its bytes are swapped */
     CHECK_EQUAL(taxel_boot_packet_checksum(digits, 9, TAXEL_BOOT_CHECKSUM_SUM), 0xFE23);
 }
 
-static void images_made_in_python_start(void)
+static void images_built_in_python_start(void)
 {
     bench_init(&bench, &taxel_boot_layout_board, 1);
     memcpy(bench.flash.bytes + 32u * 128u, image_a, sizeof image_a);
-    memcpy(bench.flash.bytes + 252u * 128u, configuration_row, sizeof configuration_row); /* of the image's kind */
+    memcpy(bench.flash.bytes + 252u * 128u, configuration_row, sizeof configuration_row); /* with the image's kind */
     bench_settle(&bench);
     CHECK_EQUAL(bench.running, 0);
     bench_init(&bench, &taxel_boot_layout_hub, 1);
@@ -59,7 +59,7 @@ static void images_made_in_python_start(void)
     CHECK_EQUAL(bench.running, 1);
 }
 
-static void records_are_the_same_in_python(void)
+static void records_equal_those_of_python(void)
 {
     struct taxel_boot_metadata metadata;
     bench_init(&bench, &taxel_boot_layout_board, 1);
@@ -77,9 +77,9 @@ static void records_are_the_same_in_python(void)
 
 int main(void)
 {
-    RUN(packets_are_the_same_in_python);
-    RUN(both_checksums_have_their_known_values);
-    RUN(images_made_in_python_start);
-    RUN(records_are_the_same_in_python);
+    RUN(packets_equal_those_of_python);
+    RUN(both_checksums_have_their_published_values);
+    RUN(images_built_in_python_start);
+    RUN(records_equal_those_of_python);
     return check_summary();
 }

@@ -1,4 +1,4 @@
-/* Blank boards share one address. The bus shows the AND of what they say, and the OR of their acknowledges. */
+/* Blank boards share one address. The bus carries the AND of their bytes and the OR of their acknowledges. */
 #include "check.h"
 #include "test_bootloader_bench.h"
 
@@ -6,7 +6,7 @@
 #define SEED 21u
 
 static struct bench boards[BOARDS];
-static uint8_t addresses[BOARDS]; /* as of the last reset: a slave's address does not move under a master */
+static uint8_t addresses[BOARDS]; /* as of the last reset: a slave's address changes only at a reset */
 static unsigned questions;
 
 static void write_bus(uint8_t address, const uint8_t *bytes, unsigned size)
@@ -29,7 +29,7 @@ static void write_bus(uint8_t address, const uint8_t *bytes, unsigned size)
     }
 }
 
-/* Returns whether anybody acknowledged. */
+/* Returns whether a board acknowledged. */
 static bool read_bus(uint8_t address, uint8_t *bytes, unsigned size)
 {
     bool acknowledged = false;
@@ -79,8 +79,9 @@ static void put_big_endian(uint8_t *bytes, uint64_t value)
     }
 }
 
-/* The ids that begin with these bits, in rising order, to found[]; by what the replies show. Returns how many. */
-static unsigned find(unsigned bits, uint64_t prefix, uint64_t *found)
+/* Writes the ids that begin with these bits to ids[], in ascending order, from the replies of searches. Returns
+ * their number. */
+static unsigned find_ids(unsigned bits, uint64_t prefix, uint64_t *ids)
 {
     uint8_t id[8], response[TAXEL_BOOT_PACKET_MAX];
     put_big_endian(id, prefix);
@@ -94,16 +95,16 @@ static unsigned find(unsigned bits, uint64_t prefix, uint64_t *found)
         split++;
     }
     if (split == 64) {
-        found[0] = ones;
-        return bits == 64 ? 1u : find(64, ones, found);
+        ids[0] = ones;
+        return bits == 64 ? 1u : find_ids(64, ones, ids);
     }
-    const uint64_t known = split ? ones & ~(~0ull >> split) : 0;
-    const unsigned count = find(split + 1u, known, found);
-    return count + find(split + 1u, known | (1ull << (63u - split)), found + count);
+    const uint64_t common = split ? ones & ~(~0ull >> split) : 0;
+    const unsigned count = find_ids(split + 1u, common, ids);
+    return count + find_ids(split + 1u, common | (1ull << (63u - split)), ids + count);
 }
 
-/* The same by acknowledges alone, as if a collision showed nothing. */
-static unsigned find_by_acknowledge(unsigned bits, uint64_t prefix, uint64_t *found)
+/* The same from acknowledges alone. */
+static unsigned find_ids_by_acknowledge(unsigned bits, uint64_t prefix, uint64_t *ids)
 {
     uint8_t id[8], response[TAXEL_BOOT_PACKET_MAX];
     put_big_endian(id, prefix);
@@ -111,11 +112,11 @@ static unsigned find_by_acknowledge(unsigned bits, uint64_t prefix, uint64_t *fo
         return 0;
     }
     if (bits == 64) {
-        found[0] = prefix;
+        ids[0] = prefix;
         return 1;
     }
-    const unsigned count = find_by_acknowledge(bits + 1u, prefix, found);
-    return count + find_by_acknowledge(bits + 1u, prefix | (1ull << (63u - bits)), found + count);
+    const unsigned count = find_ids_by_acknowledge(bits + 1u, prefix, ids);
+    return count + find_ids_by_acknowledge(bits + 1u, prefix | (1ull << (63u - bits)), ids + count);
 }
 
 static void boot(uint64_t (*id_of)(struct random_source *random, unsigned board))
@@ -143,47 +144,47 @@ static uint64_t id_of_one_wafer(struct random_source *random, unsigned board)
     return 0x0123456700001000ull + board;
 }
 
-static uint64_t id_within_the_next(struct random_source *random, unsigned board)
+static uint64_t id_that_is_a_prefix_of_the_next(struct random_source *random, unsigned board)
 {
     (void)random;
-    return (1ull << (3u * board)) - 1u; /* each one's bits are also the next one's */
+    return (1ull << (3u * board)) - 1u; /* the set bits of each id are also set in the next id */
 }
 
-static bool has_id(const uint64_t *found, unsigned count, const struct bench *board)
+static bool has_id(const uint64_t *ids, unsigned count, const struct bench *board)
 {
     for (unsigned i = 0; i < count; i++) {
-        if (found[i] == big_endian(board->unique_id)) {
+        if (ids[i] == big_endian(board->unique_id)) {
             return true;
         }
     }
     return false;
 }
 
-static void check_found(uint64_t (*id_of)(struct random_source *random, unsigned board))
+static void check_all_ids_found(uint64_t (*id_of)(struct random_source *random, unsigned board))
 {
-    uint64_t found[BOARDS + 1u];
+    uint64_t ids[BOARDS + 1u];
     boot(id_of);
-    CHECK_EQUAL(find(0, 0, found), BOARDS);
+    CHECK_EQUAL(find_ids(0, 0, ids), BOARDS);
     CHECK(questions <= 2u * BOARDS - 1u + BOARDS);
     for (unsigned i = 0; i < BOARDS; i++) {
-        CHECK(has_id(found, BOARDS, &boards[i]));
-        CHECK(i == 0 || found[i - 1u] < found[i]);
+        CHECK(has_id(ids, BOARDS, &boards[i]));
+        CHECK(i == 0 || ids[i - 1u] < ids[i]);
     }
     boot(id_of);
-    CHECK_EQUAL(find_by_acknowledge(0, 0, found), BOARDS);
+    CHECK_EQUAL(find_ids_by_acknowledge(0, 0, ids), BOARDS);
     for (unsigned i = 0; i < BOARDS; i++) {
-        CHECK(has_id(found, BOARDS, &boards[i]));
+        CHECK(has_id(ids, BOARDS, &boards[i]));
     }
 }
 
-static void every_board_is_found(void)
+static void a_search_returns_every_board(void)
 {
-    check_found(random_id);
-    check_found(id_of_one_wafer);
-    check_found(id_within_the_next);
+    check_all_ids_found(random_id);
+    check_all_ids_found(id_of_one_wafer);
+    check_all_ids_found(id_that_is_a_prefix_of_the_next);
 }
 
-static void a_board_that_is_not_meant_is_deaf_and_dumb(void)
+static void a_board_that_is_not_selected_does_not_respond(void)
 {
     uint8_t response[TAXEL_BOOT_PACKET_MAX];
     boot(random_id);
@@ -192,14 +193,14 @@ static void a_board_that_is_not_meant_is_deaf_and_dumb(void)
     for (unsigned i = 0; i < BOARDS; i++) {
         CHECK_EQUAL(boards[i].boot.entered, i == 3u);
     }
-    CHECK(search(0, boards[3].unique_id, response)); /* all of them again */
+    CHECK(search(0, boards[3].unique_id, response)); /* selects all boards again */
     CHECK(send(TAXEL_BOOT_DEFAULT_ADDRESS, TAXEL_BOOT_COMMAND_ENTER, NULL, 0, response));
     for (unsigned i = 0; i < BOARDS; i++) {
         CHECK(boards[i].boot.entered);
     }
 }
 
-static void more_bits_than_an_id_has_are_refused(void)
+static void a_search_for_more_than_64_bits_is_rejected(void)
 {
     uint8_t response[TAXEL_BOOT_PACKET_MAX];
     boot(random_id);
@@ -207,15 +208,15 @@ static void more_bits_than_an_id_has_are_refused(void)
     CHECK_EQUAL(response[1], TAXEL_BOOT_STATUS_DATA);
 }
 
-static void each_board_gets_an_address_of_its_own(void)
+static void each_board_gets_a_unique_address(void)
 {
-    uint64_t found[BOARDS + 1u];
+    uint64_t ids[BOARDS + 1u];
     uint8_t response[TAXEL_BOOT_PACKET_MAX];
     boot(random_id);
-    CHECK_EQUAL(find(0, 0, found), BOARDS);
+    CHECK_EQUAL(find_ids(0, 0, ids), BOARDS);
     for (unsigned i = 0; i < BOARDS; i++) {
         uint8_t data[TAXEL_BOOT_WRITE_CONFIGURATION_ARGUMENTS_SIZE] = {0};
-        put_big_endian(data, found[i]);
+        put_big_endian(data, ids[i]);
         data[8] = TAXEL_BOOT_VERSION;
         data[9] = (uint8_t)(0x20u + i);
         data[10] = 1;
@@ -225,20 +226,20 @@ static void each_board_gets_an_address_of_its_own(void)
               response[1] == 0);
         (void)send(TAXEL_BOOT_DEFAULT_ADDRESS, TAXEL_BOOT_COMMAND_EXIT, NULL, 0, response);
     }
-    CHECK(!search(0, boards[0].unique_id, response)); /* nobody is left there */
+    CHECK(!search(0, boards[0].unique_id, response)); /* no board uses the default address any more */
     for (unsigned i = 0; i < BOARDS; i++) {
         CHECK_EQUAL(boards[i].flash.operations, 1);
         CHECK(send((uint8_t)(0x20u + i), TAXEL_BOOT_COMMAND_GET_INFO, NULL, 0, response));
-        CHECK_EQUAL(big_endian(response + 4 + TAXEL_BOOT_INFO_OFFSET_UNIQUE_ID), found[i]);
+        CHECK_EQUAL(big_endian(response + 4 + TAXEL_BOOT_INFO_OFFSET_UNIQUE_ID), ids[i]);
     }
 }
 
 int main(void)
 {
     printf("seed %u\n", SEED);
-    RUN(every_board_is_found);
-    RUN(a_board_that_is_not_meant_is_deaf_and_dumb);
-    RUN(more_bits_than_an_id_has_are_refused);
-    RUN(each_board_gets_an_address_of_its_own);
+    RUN(a_search_returns_every_board);
+    RUN(a_board_that_is_not_selected_does_not_respond);
+    RUN(a_search_for_more_than_64_bits_is_rejected);
+    RUN(each_board_gets_a_unique_address);
     return check_summary();
 }

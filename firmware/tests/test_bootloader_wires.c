@@ -1,4 +1,4 @@
-/* Packets on the two wires: what the hub's own traffic does to them, what noise does, what is said while it is early. */
+/* Packets over I2C and UART: traffic of the hub, noise, and reads before the response is ready. */
 #include "check.h"
 #include "test_bootloader_bench.h"
 
@@ -54,7 +54,7 @@ static void reads_give_ff_until_the_response_is_ready(void)
     CHECK(is_all_ff(response + 15, sizeof response - 15));
 }
 
-static void a_response_that_comes_while_it_is_read_is_not_torn(void)
+static void a_response_that_becomes_ready_during_a_read_is_not_mixed_in(void)
 {
     boot(&taxel_boot_layout_board);
     write_bytes(packet, packet_size);
@@ -67,7 +67,7 @@ static void a_response_that_comes_while_it_is_read_is_not_torn(void)
     CHECK(read_bytes(response, 15) && response[0] == 1 && response[14] == 0x17);
 }
 
-static void what_the_hub_says_to_an_application_disturbs_nothing(void)
+static void writes_meant_for_an_application_are_ignored(void)
 {
     static const uint8_t writes[][3] = {{TAXEL_REGISTER_IDENTITY}, {TAXEL_REGISTER_SNAPSHOT}, {TAXEL_REGISTER_CLOCK},
                                         {TAXEL_REGISTER_COMMAND, 5, 0xFA}, {TAXEL_REGISTER_SETTINGS, 1, 2}};
@@ -85,7 +85,7 @@ static void what_the_hub_says_to_an_application_disturbs_nothing(void)
     }
 }
 
-static void a_packet_cut_by_a_bus_error_is_dropped(void)
+static void a_packet_interrupted_by_a_bus_error_is_discarded(void)
 {
     boot(&taxel_boot_layout_board);
     CHECK(taxel_boot_i2c_on_address(&bench.i2c, false));
@@ -126,7 +126,7 @@ static void a_repeated_start_ends_a_packet_too(void)
     CHECK(read_bytes(response, sizeof response) && response[1] == 0);
 }
 
-static void the_address_is_that_of_the_configuration(void)
+static void the_address_is_taken_from_the_configuration(void)
 {
     boot(&taxel_boot_layout_board);
     CHECK_EQUAL(taxel_boot_i2c_address(&bench.config.flash), TAXEL_BOOT_DEFAULT_ADDRESS);
@@ -138,7 +138,7 @@ static unsigned uart_send(const uint8_t *bytes, unsigned size)
     return taken ? response[1] : BENCH_NO_REPLY;
 }
 
-static void noise_before_a_packet_is_passed_over_on_the_uart(void)
+static void noise_before_a_packet_on_the_uart_is_ignored(void)
 {
     uint8_t noise[255];
     boot(&taxel_boot_layout_hub);
@@ -149,7 +149,7 @@ static void noise_before_a_packet_is_passed_over_on_the_uart(void)
     CHECK_EQUAL(uart_send(packet, packet_size), 0);
 }
 
-static void half_a_packet_is_forgotten_when_the_line_falls_silent(void)
+static void an_incomplete_packet_is_discarded_after_silence(void)
 {
     boot(&taxel_boot_layout_hub);
     for (unsigned part = 1; part < packet_size; part++) {
@@ -159,12 +159,12 @@ static void half_a_packet_is_forgotten_when_the_line_falls_silent(void)
     }
 }
 
-static void a_length_that_no_packet_has_is_answered_at_once(void)
+static void an_impossible_length_is_answered_at_once(void)
 {
     const uint8_t bytes[4] = {1, TAXEL_BOOT_COMMAND_SEND_DATA, 58, 0};
     boot(&taxel_boot_layout_hub);
     CHECK_EQUAL(uart_send(bytes, sizeof bytes), TAXEL_BOOT_STATUS_LENGTH);
-    CHECK_EQUAL(uart_send(packet, packet_size), BENCH_NO_REPLY); /* could be a part of it */
+    CHECK_EQUAL(uart_send(packet, packet_size), BENCH_NO_REPLY); /* may be a part of the invalid packet */
     bench.clock_us += TAXEL_BOOT_GAP_US + 1u;
     CHECK_EQUAL(uart_send(packet, packet_size), 0);
 }
@@ -172,14 +172,14 @@ static void a_length_that_no_packet_has_is_answered_at_once(void)
 int main(void)
 {
     RUN(reads_give_ff_until_the_response_is_ready);
-    RUN(a_response_that_comes_while_it_is_read_is_not_torn);
-    RUN(what_the_hub_says_to_an_application_disturbs_nothing);
-    RUN(a_packet_cut_by_a_bus_error_is_dropped);
+    RUN(a_response_that_becomes_ready_during_a_read_is_not_mixed_in);
+    RUN(writes_meant_for_an_application_are_ignored);
+    RUN(a_packet_interrupted_by_a_bus_error_is_discarded);
     RUN(bytes_beyond_the_longest_packet_are_not_acknowledged);
     RUN(a_repeated_start_ends_a_packet_too);
-    RUN(the_address_is_that_of_the_configuration);
-    RUN(noise_before_a_packet_is_passed_over_on_the_uart);
-    RUN(half_a_packet_is_forgotten_when_the_line_falls_silent);
-    RUN(a_length_that_no_packet_has_is_answered_at_once);
+    RUN(the_address_is_taken_from_the_configuration);
+    RUN(noise_before_a_packet_on_the_uart_is_ignored);
+    RUN(an_incomplete_packet_is_discarded_after_silence);
+    RUN(an_impossible_length_is_answered_at_once);
     return check_summary();
 }

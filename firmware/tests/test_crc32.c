@@ -1,4 +1,4 @@
-/* Every way to compute the CRC-32 gives what the definition gives: all sizes and places, from any state. */
+/* Every implementation of the CRC-32 equals its definition, for all sizes, alignments and initial values. */
 #include "codec/crc32.h"
 
 #include "check.h"
@@ -23,7 +23,7 @@ static uint32_t by_definition(uint32_t crc, const uint8_t *data, size_t size)
     return ~crc;
 }
 
-static void every_size_at_every_place(void)
+static void all_variants_agree_for_every_size_and_alignment(void)
 {
     struct random_source random;
     random_init(&random, 1, 0);
@@ -41,19 +41,19 @@ static void every_size_at_every_place(void)
     }
 }
 
-static void a_crc_goes_on_where_it_stopped(void)
+static void a_crc_can_be_continued(void)
 {
     for (size_t cut = 0; cut <= 200; cut++) {
         CHECK_EQUAL(taxel_crc32(taxel_crc32(0, bytes, cut), bytes + cut, 200 - cut), by_definition(0, bytes, 200));
     }
 }
 
-static void the_check_value_of_the_standard(void)
+static void the_check_value_is_that_of_the_standard(void)
 {
     CHECK_EQUAL(taxel_crc32(0, (const uint8_t *)"123456789", 9), 0xCBF43926u);
 }
 
-static void zeros_are_put_behind_a_register_at_once(void)
+static void the_effect_of_zeros_equals_that_of_zero_bytes(void)
 {
     static const uint8_t none[SIZE_MAX_TRIED];
     struct random_source random;
@@ -69,9 +69,9 @@ static void zeros_are_put_behind_a_register_at_once(void)
 
 int main(void)
 {
-    RUN(every_size_at_every_place);
-    RUN(a_crc_goes_on_where_it_stopped);
-    RUN(zeros_are_put_behind_a_register_at_once);
-    RUN(the_check_value_of_the_standard);
+    RUN(all_variants_agree_for_every_size_and_alignment);
+    RUN(a_crc_can_be_continued);
+    RUN(the_effect_of_zeros_equals_that_of_zero_bytes);
+    RUN(the_check_value_is_that_of_the_standard);
     return check_summary();
 }

@@ -1,6 +1,6 @@
 /* Lines `effect NAME FORM key=value ...`: every invalid line is rejected with one line on stderr. */
 #define _GNU_SOURCE
-#include "refusal.h"
+#include "rejection.h"
 
 #define MAP_3 "0700000000000000000000000000000000000000000000000000000000000000"
 #define WORLD "taxel-world 1\nboard 32 1 1 3 3 " MAP_3 " 0102030405060708 0 5\n"
@@ -8,9 +8,9 @@
 static void valid_effect_lines_are_read(void)
 {
     static struct world_description world;
-    static struct refusal refusal;
+    static struct rejection rejection;
     unsigned lines;
-    CHECK_EQUAL(refusal_read(&refusal, &world,
+    CHECK_EQUAL(rejection_read(&rejection, &world,
                              WORLD "effect spread film length_m=0.002\n"
                                    "effect rheology play width_m=1e-4 fraction=0.2 creep=0.1 seconds=2\n"
                                    "effect indent set fraction=0.1 threshold_m=1e-4 recovery_s=120\n"
@@ -71,19 +71,19 @@ static const char *const invalid_lines[] = {
 
 static void invalid_effect_lines_are_rejected_with_one_line(void)
 {
-    refusal_check_all(invalid_lines, sizeof invalid_lines / sizeof invalid_lines[0]);
+    rejection_check_all(invalid_lines, sizeof invalid_lines / sizeof invalid_lines[0]);
 }
 
 static void an_error_message_names_the_effect_and_the_key(void)
 {
     static struct world_description world;
-    static struct refusal refusal;
+    static struct rejection rejection;
     unsigned lines;
-    CHECK_EQUAL(refusal_read(&refusal, &world, WORLD "effect spread film length_m=1\n", &lines), -1);
-    CHECK(strstr(refusal.text, "line 3") && strstr(refusal.text, "spread") && strstr(refusal.text, "length_m=1"));
+    CHECK_EQUAL(rejection_read(&rejection, &world, WORLD "effect spread film length_m=1\n", &lines), -1);
+    CHECK(strstr(rejection.text, "line 3") && strstr(rejection.text, "spread") && strstr(rejection.text, "length_m=1"));
     world_file_free(&world);
-    CHECK_EQUAL(refusal_read(&refusal, &world, WORLD "effect rheology fluid fraction=0\n", &lines), -1);
-    CHECK(strstr(refusal.text, "solid, play"));
+    CHECK_EQUAL(rejection_read(&rejection, &world, WORLD "effect rheology fluid fraction=0\n", &lines), -1);
+    CHECK(strstr(rejection.text, "solid, play"));
     world_file_free(&world);
 }
 

@@ -1,5 +1,5 @@
-/* Faults of boards and of the host in the emulated world: delivered frames are intact, the counters are consistent, and all boards
- * stream again afterwards. */
+/* Faults of boards and of the host in the emulated world: delivered frames are intact, the counters are consistent, and
+ * all boards stream again afterwards. */
 #include "check.h"
 #include "fake_world.h"
 
@@ -151,7 +151,7 @@ static void each_address_without_acknowledge_is_counted(void)
         fake_world_fault(&fake, 0.7, FAULT_NACK, FAULTY, nacks);
         start_and_run(0.4);
         const struct taxel_hub_slot *slot = fake_world_slot(&fake, FAULTY);
-        CHECK_BETWEEN(slot->nacks + slot->retries, nacks - 1, nacks); /* one may affect the read of the board's clock instead of a poll */
+        CHECK_BETWEEN(slot->nacks + slot->retries, nacks - 1, nacks); /* one may affect the read of the board's clock */
         check_all_boards_stream_again();
         fake_world_close(&fake);
     }

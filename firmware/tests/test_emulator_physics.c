@@ -1,4 +1,5 @@
-/* From force to raw count: the curve of the layer, the front end, and the interpolation between the records of a stimulus. */
+/* From force to raw count: the curve of the layer, the front end, and the interpolation between the records of a
+ * stimulus. */
 #define _GNU_SOURCE
 #include <math.h>
 #include <stdlib.h>
@@ -94,7 +95,8 @@ static void raw_counts_stay_in_range_at_extreme_settings(void)
     }
 }
 
-/* Returns the descriptor of a stimulus stream in an unlinked temporary file. Taxel i has i + 1 times the value of a record. */
+/* Returns the descriptor of a stimulus stream in an unlinked temporary file. Taxel i has i + 1 times the value of a
+ * record. */
 static int create_stimulus(uint32_t kind, const double *times, const float *values, size_t records)
 {
     char path[] = "/tmp/taxel_test_XXXXXX";

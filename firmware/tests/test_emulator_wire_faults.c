@@ -11,7 +11,8 @@
 
 static struct fake_world fake;
 
-/* Run a world with a fault at byte `position` of the board's next transfer, half a second after the start of the stream. */
+/* Run a world with a fault at byte `position` of the board's next transfer, half a second after the start of the
+ * stream. */
 static void run_with_fault_at(enum fault_kind kind, unsigned position, double second)
 {
     fake_world_describe(&fake, BOARDS, TAXELS);
@@ -38,7 +39,8 @@ static void nack_at_any_byte_of_a_poll_loses_no_frame(void)
         run_with_fault_at(FAULT_NACK_AT, position, 0);
         const struct taxel_hub_slot *board = fake_world_slot(&fake, FAULTY);
         CHECK_EQUAL(board->nacks + board->crc_errors + board->timeouts + board->bus_errors, 0);
-        /* A master never acknowledges the last byte of a poll, except in a poll that first writes the register pointer. */
+        /* A master never acknowledges the last byte of a poll, except in a poll that first writes the register
+         * pointer. */
         CHECK(board->retries <= 1 && (board->retries == 1 || position + 1u == POLL_BYTES));
         check_stream_continues();
     }
@@ -157,7 +159,8 @@ static void flow_control_keeps_bytes_that_the_hub_cannot_receive(void)
         CHECK(fake_world_start(&fake));
         CHECK_EQUAL(fake_world_run(&fake, 0.4), 0);
         const struct taxel_inbox *inbox = &fake.world.hub.hub.inbox;
-        CHECK_EQUAL(uart_send_from_host(&fake.world.uart, invalid_bytes, sizeof invalid_bytes, fake.world.now), sizeof invalid_bytes);
+        CHECK_EQUAL(uart_send_from_host(&fake.world.uart, invalid_bytes, sizeof invalid_bytes, fake.world.now),
+                    sizeof invalid_bytes);
         CHECK_EQUAL(fake_world_run(&fake, 0.02), 0);
         CHECK_EQUAL(fake.world.uart.is_held, wired != 0);
         if (wired) {

@@ -33,8 +33,8 @@ static void hand_streams_at_the_rate_of_bus_and_hub(void)
     const uint32_t cycles = fake.world.hub.hub.cycle.count;
     CHECK_EQUAL(fake_world_run(&fake, 2.0), 0);
     const double rate = (fake.world.hub.hub.cycle.count - cycles) / 2.0;
-    /* 17 x (1 + 10) + 2 x 1073 bytes of nine clocks take 52.5 ms per cycle; in addition there are a pass of the hub's main loop between
-     * two polls, probes and one read of a clock. */
+    /* 17 x (1 + 10) + 2 x 1073 bytes of nine clocks take 52.5 ms per cycle; in addition there are a pass of the hub's
+     * main loop between two polls, probes and one read of a clock. */
     CHECK_BETWEEN(rate, 17.5, 18.7);
     for (uint8_t i = 0; i < HAND_BOARDS; i++) {
         CHECK(fake_world_slot(&fake, (uint8_t)(0x20 + i))->forwarded >= 34);
@@ -87,7 +87,8 @@ static void step_length_does_not_change_the_stream(void)
     }
 }
 
-/* The host's commands reach the hub during an I2C transfer; the result must not depend on how far the bus has been advanced. */
+/* The host's commands reach the hub during an I2C transfer; the result must not depend on how far the bus has been
+ * advanced. */
 static uint32_t run_with_commands(vtime step)
 {
     fake_world_describe(&fake, 4, 200);

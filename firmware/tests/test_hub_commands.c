@@ -1,4 +1,4 @@
-/* Every command of the host, with right and with wrong arguments, streaming and not. */
+/* Every command of the host, with valid and invalid arguments, streaming and not streaming. */
 #include "check.h"
 #include "codec/crc32.h"
 #include "fake_hub.h"
@@ -22,7 +22,7 @@ static void begin(bool streaming)
 
 static void end(void)
 {
-    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK(fake_hub_accounts_balance(&fake));
     CHECK_EQUAL(fake.sequence_gaps, 0);
     fake_hub_free_boards(&fake);
 }
@@ -61,7 +61,7 @@ static void versions_are_negotiated(void)
     end();
 }
 
-static void wrong_lengths_and_unknown_commands_are_refused(void)
+static void wrong_lengths_and_unknown_commands_are_rejected(void)
 {
     static const struct {
         uint8_t code, minimum, maximum;
@@ -87,7 +87,7 @@ static void wrong_lengths_and_unknown_commands_are_refused(void)
     end();
 }
 
-static void stop_ends_and_start_begins_the_stream(void)
+static void stop_ends_and_start_resumes_the_stream(void)
 {
     begin(true);
     fake_hub_run(&fake, 10000);
@@ -99,12 +99,12 @@ static void stop_ends_and_start_begins_the_stream(void)
     CHECK_EQUAL(command(TAXEL_COMMAND_START, NULL, 0), 0);
     CHECK(fake_hub_run_cycles(&fake, 3));
     CHECK_EQUAL(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST), 3);
-    CHECK_EQUAL(command(TAXEL_COMMAND_START, NULL, 0), 0); /* no harm, and no new numbering */
+    CHECK_EQUAL(command(TAXEL_COMMAND_START, NULL, 0), 0); /* no effect on the numbering */
     CHECK(fake.hub.cycle.number >= 3);
     end();
 }
 
-/* START while any transfer of an idle or of a streaming hub is in flight: the first cycle still polls every board. */
+/* START during any transfer of an idle or a streaming hub: the first cycle still polls every board. */
 static void a_start_at_any_time_polls_every_board_in_its_first_cycle(void)
 {
     for (uint64_t after = 0; after < 30; after++) {
@@ -152,8 +152,8 @@ static void pass_through_reads_and_writes(void)
     }
 }
 
-/* The host's transfer has moved the board's register pointer: the next poll writes it again. */
-static void a_pass_through_costs_no_poll_a_second_attempt(void)
+/* The host's transfer moved the board's register pointer: the next poll writes the pointer again. */
+static void a_pass_through_causes_no_retry_of_a_poll(void)
 {
     const uint8_t arguments[3] = {FIRST + 1, TAXEL_IDENTITY_SIZE, TAXEL_REGISTER_IDENTITY};
     begin(true);
@@ -164,8 +164,9 @@ static void a_pass_through_costs_no_poll_a_second_attempt(void)
     end();
 }
 
-/* Not streaming, the hub sweeps and identifies; while a host talks to boards, nothing but the host's transfers is on the bus. */
-static void the_idle_bus_is_the_hosts_while_it_makes_transfers(void)
+/* While not streaming, the hub scans the bus and identifies boards; during the host's transfers it makes no
+ * transfers itself. */
+static void the_idle_bus_is_reserved_for_the_host_during_its_transfers(void)
 {
     const uint8_t arguments[3] = {FIRST, 4, TAXEL_REGISTER_CLOCK};
     begin(false);
@@ -173,7 +174,7 @@ static void the_idle_bus_is_the_hosts_while_it_makes_transfers(void)
     fake_hub_run(&fake, 100000);
     CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->state, TAXEL_BOARD_STATE_ABSENT);
     CHECK_EQUAL(command(TAXEL_COMMAND_I2C_TRANSFER, arguments, sizeof arguments), 0);
-    fake_hub_run(&fake, 5000); /* a sweep that had begun ends */
+    fake_hub_run(&fake, 5000); /* a bus scan in progress ends */
     fake.devices[1].unplugged = false;
     const uint64_t before = fake.transfers;
     for (unsigned i = 0; i < 20; i++) {
@@ -181,15 +182,15 @@ static void the_idle_bus_is_the_hosts_while_it_makes_transfers(void)
         fake_hub_run(&fake, 50000);
     }
     CHECK_EQUAL(fake.transfers - before, 20);
-    CHECK_EQUAL(command(TAXEL_COMMAND_SCAN_BUS, NULL, 0), 0); /* asked for, a sweep is made */
+    CHECK_EQUAL(command(TAXEL_COMMAND_SCAN_BUS, NULL, 0), 0); /* a commanded bus scan is made */
     CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->state, TAXEL_BOARD_STATE_IDENTIFYING);
     fake_hub_run(&fake, 110000);
     CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->state, TAXEL_BOARD_STATE_STREAMING);
     end();
 }
 
-/* Commands that need the hub's own transfers are not kept waiting by those of the host. */
-static void what_the_host_asks_of_a_board_is_done_between_its_transfers(void)
+/* Commands that need transfers of the hub do not wait until the host's reservation of the bus ends. */
+static void board_commands_are_executed_between_the_hosts_transfers(void)
 {
     const uint8_t arguments[3] = {FIRST, 4, TAXEL_REGISTER_CLOCK};
     const uint8_t all = 0;
@@ -200,7 +201,7 @@ static void what_the_host_asks_of_a_board_is_done_between_its_transfers(void)
     end();
 }
 
-static void pass_through_refuses_what_it_cannot_do(void)
+static void pass_through_rejects_invalid_arguments(void)
 {
     uint8_t arguments[3] = {0x07, 1, 0};
     begin(true);
@@ -218,7 +219,7 @@ static int end_pass_through(struct fake_hub *hub, const struct taxel_i2c_transfe
     return transfer->read_size == 3 ? hub->script_state : FAKE_PROCEED;
 }
 
-static void pass_through_tells_how_it_failed(void)
+static void pass_through_reports_its_failure(void)
 {
     const uint8_t arguments[3] = {FIRST, 3, 0};
     begin(true);
@@ -235,7 +236,7 @@ static void pass_through_tells_how_it_failed(void)
 }
 
 /* 64 bytes on a slow bus take longer than a short transfer's time limit. */
-static void the_longest_pass_through_fits_its_time_limit_on_a_slow_bus(void)
+static void the_longest_pass_through_does_not_time_out_on_a_slow_bus(void)
 {
     const uint8_t arguments[2 + TAXEL_TRANSFER_MAX] = {0x60, 0, 1, 2, 3};
     for (uint32_t scl_hz = 10000; scl_hz <= 400000; scl_hz *= 2) {
@@ -250,7 +251,7 @@ static void the_longest_pass_through_fits_its_time_limit_on_a_slow_bus(void)
     }
 }
 
-static void scan_bus_lists_what_answers(void)
+static void scan_bus_lists_the_addresses_that_acknowledge(void)
 {
     for (unsigned streaming = 0; streaming < 2; streaming++) {
         const uint8_t expected[] = {FIRST, FIRST + 2, 0x77};
@@ -264,31 +265,32 @@ static void scan_bus_lists_what_answers(void)
     }
 }
 
-/* SCAN_BUS finds a board between any two others, after any transfer of a cycle: no other board's turn is lost or comes twice. */
-static void a_board_found_in_the_middle_of_a_cycle_shifts_no_turn(void)
+/* SCAN_BUS detects a board between any two others, after any transfer of a cycle: each other board is polled exactly
+ * once. */
+static void a_board_detected_during_a_cycle_changes_no_other_poll(void)
 {
-    for (unsigned trial = 0; trial < 3 * 10; trial++) {
+    for (unsigned repetition = 0; repetition < 3 * 10; repetition++) {
         const uint8_t scan_bus[2] = {1, TAXEL_COMMAND_SCAN_BUS};
-        const size_t newcomer = 1 + trial % 3; /* the first board's poll begins in the pass that ends a cycle */
+        const size_t new_board = 1 + repetition % 3; /* not the first board, whose poll starts in the pass that ends a cycle */
         uint32_t polls[4] = {0};
         fake_hub_init(&fake);
         fake_hub_add_boards(&fake, sensors, FIRST, 4);
-        fake.devices[newcomer].unplugged = true;
+        fake.devices[new_board].unplugged = true;
         CHECK(fake_hub_start(&fake));
         CHECK(fake_hub_run_cycles(&fake, 3));
         for (size_t i = 0; i < 4; i++) {
-            polls[i] = i == newcomer ? 0 : taxel_hub_polls(fake_hub_slot(&fake, (uint8_t)(FIRST + i)));
+            polls[i] = i == new_board ? 0 : taxel_hub_polls(fake_hub_slot(&fake, (uint8_t)(FIRST + i)));
         }
         const uint32_t cycles = fake.hub.cycle.count;
-        const uint64_t until = fake.transfers + trial / 3;
+        const uint64_t until = fake.transfers + repetition / 3;
         while (fake.transfers < until && fake_hub_step(&fake, FAKE_NEVER)) {
         }
-        fake.devices[newcomer].unplugged = false;
+        fake.devices[new_board].unplugged = false;
         fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, scan_bus, sizeof scan_bus);
         CHECK(fake_hub_run_cycles(&fake, 3));
-        CHECK(fake_hub_slot(&fake, (uint8_t)(FIRST + newcomer)) != NULL);
+        CHECK(fake_hub_slot(&fake, (uint8_t)(FIRST + new_board)) != NULL);
         for (size_t i = 0; i < 4; i++) {
-            if (i != newcomer) {
+            if (i != new_board) {
                 CHECK_EQUAL(taxel_hub_polls(fake_hub_slot(&fake, (uint8_t)(FIRST + i))) - polls[i], fake.hub.cycle.count - cycles);
             }
         }
@@ -296,7 +298,7 @@ static void a_board_found_in_the_middle_of_a_cycle_shifts_no_turn(void)
     }
 }
 
-static void get_time_and_status(void)
+static void get_time_and_get_status_report_time_and_counters(void)
 {
     begin(true);
     CHECK_EQUAL(command(TAXEL_COMMAND_GET_TIME, NULL, 0), 0);
@@ -324,18 +326,18 @@ int main(void)
 {
     RUN(commands_are_rejected_before_the_handshake);
     RUN(versions_are_negotiated);
-    RUN(wrong_lengths_and_unknown_commands_are_refused);
-    RUN(stop_ends_and_start_begins_the_stream);
+    RUN(wrong_lengths_and_unknown_commands_are_rejected);
+    RUN(stop_ends_and_start_resumes_the_stream);
     RUN(a_start_at_any_time_polls_every_board_in_its_first_cycle);
     RUN(pass_through_reads_and_writes);
-    RUN(a_pass_through_costs_no_poll_a_second_attempt);
-    RUN(the_idle_bus_is_the_hosts_while_it_makes_transfers);
-    RUN(what_the_host_asks_of_a_board_is_done_between_its_transfers);
-    RUN(pass_through_refuses_what_it_cannot_do);
-    RUN(pass_through_tells_how_it_failed);
-    RUN(the_longest_pass_through_fits_its_time_limit_on_a_slow_bus);
-    RUN(scan_bus_lists_what_answers);
-    RUN(a_board_found_in_the_middle_of_a_cycle_shifts_no_turn);
-    RUN(get_time_and_status);
+    RUN(a_pass_through_causes_no_retry_of_a_poll);
+    RUN(the_idle_bus_is_reserved_for_the_host_during_its_transfers);
+    RUN(board_commands_are_executed_between_the_hosts_transfers);
+    RUN(pass_through_rejects_invalid_arguments);
+    RUN(pass_through_reports_its_failure);
+    RUN(the_longest_pass_through_does_not_time_out_on_a_slow_bus);
+    RUN(scan_bus_lists_the_addresses_that_acknowledge);
+    RUN(a_board_detected_during_a_cycle_changes_no_other_poll);
+    RUN(get_time_and_get_status_report_time_and_counters);
     return check_summary();
 }

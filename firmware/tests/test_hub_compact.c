@@ -1,4 +1,4 @@
-/* Compact snapshots through the hub: it forwards them unread, and takes acknowledgements to the boards. */
+/* Compact snapshots through the hub: it forwards them unparsed, and writes acknowledgements to the boards. */
 #include "check.h"
 #include "codec/compact_receiver.h"
 #include "codec/encoder.h"
@@ -14,21 +14,21 @@ static struct taxel_compact_receiver receivers[BOARDS];
 static taxel_compact_state states[BOARDS][TAXELS];
 static uint8_t residuals[BOARDS][TAXELS];
 static uint8_t buffers[BOARDS][2][TAXEL_COMPACT_BUFFER_SIZE(TAXELS)];
-static unsigned decoded, packed, coded, unknown;
-static bool is_deaf; /* the host acknowledges nothing */
+static unsigned decoded, packed_frames, delta_frames, without_key_frame;
+static bool is_host_silent; /* the host sends no acknowledgements */
 
-/* A quiet skin: what no code for whole counts is needed for. */
-static uint16_t quiet(uint16_t scan, uint16_t taxel)
+/* Counts without touch: small noise, no escapes. */
+static uint16_t count_at_rest(uint16_t scan, uint16_t taxel)
 {
     return (uint16_t)(3000u + 20u * taxel + (scan * 40503u + taxel * 9973u) % 65521u % 5u);
 }
 
 static uint16_t count_of(struct fake_sensor *sensor)
 {
-    return quiet((uint16_t)sensor->sensor.scan.scans, sensor->sensor.scan.taxel);
+    return count_at_rest((uint16_t)sensor->sensor.scan.scans, sensor->sensor.scan.taxel);
 }
 
-/* The boards' main loops have time between two transfers. */
+/* The boards' main loops run between two transfers. */
 static int run_boards(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
     (void)hub;
@@ -47,7 +47,7 @@ static void boot_board(size_t i)
     fake_scan(&sensors[i], 1);
 }
 
-/* The last board is an old one, without compact snapshots. */
+/* The last board has register map version 1, without compact snapshots. */
 static void begin(void)
 {
     fake_hub_init(&fake);
@@ -65,13 +65,13 @@ static void begin(void)
         boot_board(i);
     }
     fake.script = run_boards;
-    is_deaf = false;
+    is_host_silent = false;
     CHECK(fake_hub_start(&fake));
 }
 
 static void end(void)
 {
-    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK(fake_hub_accounts_balance(&fake));
     CHECK_EQUAL(fake.sequence_gaps, 0);
     fake_hub_free_boards(&fake);
 }
@@ -81,24 +81,24 @@ static int start(uint8_t flags)
     return fake_hub_command(&fake, TAXEL_COMMAND_START, &flags, 1);
 }
 
-static void acknowledge(uint8_t address, uint16_t reference)
+static void acknowledge(uint8_t address, uint16_t key_frame_id)
 {
     uint8_t bytes[TAXEL_ACKNOWLEDGEMENT_SIZE] = {address};
-    taxel_put_u16(bytes + 1, reference);
+    taxel_put_u16(bytes + 1, key_frame_id);
     fake_hub_send(&fake, TAXEL_FRAME_TYPE_ACKNOWLEDGE, bytes, sizeof bytes);
 }
 
 static void answer(size_t board)
 {
     struct taxel_compact_receiver *receiver = &receivers[board];
-    if (receiver->answer && !is_deaf) {
+    if (receiver->answer && !is_host_silent) {
         const bool forget = receiver->answer == TAXEL_COMPACT_ANSWER_FORGET;
         acknowledge((uint8_t)(FIRST + board) | (forget ? TAXEL_ACKNOWLEDGE_FORGET : 0u), receiver->pending.id);
     }
     receiver->answer = TAXEL_COMPACT_ANSWER_NONE;
 }
 
-static void take(const struct fake_frame *frame)
+static void receive(const struct fake_frame *frame)
 {
     const size_t board = frame->payload[0] - FIRST;
     const uint8_t *bytes = frame->payload + TAXEL_TAXEL_HEADER_SIZE;
@@ -106,27 +106,27 @@ static void take(const struct fake_frame *frame)
     const enum taxel_compact_result result = taxel_compact_receive(
         &receivers[board], frame->payload[0], TAXELS, bytes, frame->length - TAXEL_TAXEL_HEADER_SIZE, &snapshot);
     CHECK(result != TAXEL_COMPACT_DAMAGED);
-    unknown += result == TAXEL_COMPACT_NO_KEY_FRAME;
+    without_key_frame += result == TAXEL_COMPACT_NO_KEY_FRAME;
     if (result == TAXEL_COMPACT_OK) {
         decoded++;
-        packed += (bytes[2] & TAXEL_COMPACT_WIDTH_MASK) != 0;
-        coded += (bytes[2] & TAXEL_COMPACT_WIDTH_MASK) == 0;
+        packed_frames += (bytes[2] & TAXEL_COMPACT_WIDTH_MASK) != 0;
+        delta_frames += (bytes[2] & TAXEL_COMPACT_WIDTH_MASK) == 0;
         for (uint16_t i = 0; i < TAXELS; i++) {
-            CHECK_EQUAL(snapshot.counts[i], quiet(snapshot.sequence, i));
+            CHECK_EQUAL(snapshot.counts[i], count_at_rest(snapshot.sequence, i));
         }
     }
     answer(board);
 }
 
-/* The host decodes what has come, and answers, cycle after cycle. */
-static void listen(unsigned cycles)
+/* Run poll cycles; after each, the host decodes the frames received and sends its answers. */
+static void run_cycles_and_answer(unsigned cycles)
 {
-    decoded = packed = coded = unknown = 0;
+    decoded = packed_frames = delta_frames = without_key_frame = 0;
     while (cycles--) {
         CHECK(fake_hub_run_cycles(&fake, 1));
         for (size_t i = 0; i < fake.frame_count; i++) {
             if (fake.frames[i].type == TAXEL_FRAME_TYPE_COMPACT_TAXELS) {
-                take(&fake.frames[i]);
+                receive(&fake.frames[i]);
             }
         }
         fake_hub_forget_frames(&fake);
@@ -137,10 +137,10 @@ static void compact_snapshots_carry_the_counts_of_their_scans(void)
 {
     begin();
     CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
-    listen(40);
+    run_cycles_and_answer(40);
     CHECK(decoded >= 2u * 37u);
-    CHECK(coded >= 2u * 33u);
-    CHECK_EQUAL(unknown, 0);
+    CHECK(delta_frames >= 2u * 33u);
+    CHECK_EQUAL(without_key_frame, 0);
     CHECK(fake_hub_run_cycles(&fake, 1));
     const struct fake_frame *last = fake_hub_last(&fake, TAXEL_FRAME_TYPE_COMPACT_TAXELS);
     if (CHECK(last)) {
@@ -149,7 +149,7 @@ static void compact_snapshots_carry_the_counts_of_their_scans(void)
     end();
 }
 
-static void a_board_without_them_is_polled_as_ever(void)
+static void a_board_without_compact_snapshots_is_polled_uncompressed(void)
 {
     begin();
     CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
@@ -157,11 +157,11 @@ static void a_board_without_them_is_polled_as_ever(void)
     CHECK(fake_hub_run_cycles(&fake, 10));
     CHECK_BETWEEN(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST + BOARDS - 1u), 9, 10);
     CHECK_EQUAL(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_COMPACT_TAXELS, FIRST + BOARDS - 1u), 0);
-    CHECK_BETWEEN(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST), 0, 1); /* the poll that was under way */
+    CHECK_BETWEEN(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST), 0, 1); /* the poll that was in progress */
     end();
 }
 
-static void each_start_says_anew_what_is_wanted(void)
+static void each_start_selects_the_snapshot_format(void)
 {
     begin();
     fake_hub_forget_frames(&fake);
@@ -180,13 +180,13 @@ static void each_start_says_anew_what_is_wanted(void)
     end();
 }
 
-static void a_host_of_version_1_sees_nothing_of_it(void)
+static void a_host_of_version_1_gets_uncompressed_snapshots(void)
 {
     const uint8_t handshake[TAXEL_HOST_HANDSHAKE_SIZE] = {9, 1, 1};
     begin();
     CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
     fake_hub_send(&fake, TAXEL_FRAME_TYPE_HOST_HANDSHAKE, handshake, sizeof handshake);
-    CHECK(fake_hub_run_cycles(&fake, 1)); /* one may be under way */
+    CHECK(fake_hub_run_cycles(&fake, 1)); /* one poll may be in progress */
     fake_hub_forget_frames(&fake);
     CHECK(fake_hub_run_cycles(&fake, 5));
     CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_COMPACT_TAXELS), 0);
@@ -196,29 +196,29 @@ static void a_host_of_version_1_sees_nothing_of_it(void)
     end();
 }
 
-static void without_acknowledgements_boards_go_on_packing(void)
+static void without_acknowledgements_boards_send_packed_frames(void)
 {
     begin();
-    is_deaf = true;
+    is_host_silent = true;
     CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
-    listen(20);
+    run_cycles_and_answer(20);
     CHECK(decoded > 30);
-    CHECK_EQUAL(coded, 0);
+    CHECK_EQUAL(delta_frames, 0);
     end();
 }
 
-static void a_host_that_has_lost_its_references_gets_new_ones(void)
+static void a_host_that_lost_its_key_frames_gets_new_ones(void)
 {
     begin();
     CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
-    listen(20);
+    run_cycles_and_answer(20);
     memset(receivers, 0, sizeof receivers);
-    listen(20);
-    CHECK_BETWEEN(unknown, 2, 2 * 4);
-    CHECK(coded > 20);
-    listen(10);
-    CHECK_EQUAL(unknown, 0);
-    CHECK(coded >= 18);
+    run_cycles_and_answer(20);
+    CHECK_BETWEEN(without_key_frame, 2, 2 * 4);
+    CHECK(delta_frames > 20);
+    run_cycles_and_answer(10);
+    CHECK_EQUAL(without_key_frame, 0);
+    CHECK(delta_frames >= 18);
     end();
 }
 
@@ -226,72 +226,72 @@ static void a_damaged_compact_snapshot_is_read_again(void)
 {
     begin();
     CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
-    listen(20);
+    run_cycles_and_answer(20);
     const struct taxel_hub_slot before = *fake_hub_slot(&fake, FIRST);
     for (unsigned i = 0; i < 10; i++) {
         fake.devices[0].corrupt = 1;
-        listen(2);
-        CHECK_EQUAL(unknown, 0);
+        run_cycles_and_answer(2);
+        CHECK_EQUAL(without_key_frame, 0);
         CHECK_EQUAL(fake.devices[0].corrupt, 0);
     }
     const struct taxel_hub_slot after = *fake_hub_slot(&fake, FIRST);
-    CHECK_BETWEEN(after.retries - before.retries, 8, 10); /* or the damage met a reading of the clock */
+    CHECK_BETWEEN(after.retries - before.retries, 8, 10); /* or the damage hit a reading of the clock */
     CHECK_EQUAL(after.crc_errors, 0);
     CHECK(after.forwarded - before.forwarded >= 18u);
     end();
 }
 
-static void what_is_not_new_is_not_sent(void)
+static void repeated_snapshots_are_not_forwarded(void)
 {
     begin();
     CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
-    listen(10);
+    run_cycles_and_answer(10);
     const struct taxel_hub_slot before = *fake_hub_slot(&fake, FIRST);
     fake.devices[0].held_scans = 5;
-    listen(10);
+    run_cycles_and_answer(10);
     const struct taxel_hub_slot after = *fake_hub_slot(&fake, FIRST);
-    CHECK_BETWEEN(after.repeated - before.repeated, 4, 5); /* one may have met a reading of the clock */
-    CHECK_BETWEEN(taxel_hub_polls(&after) - taxel_hub_polls(&before), 10, 11); /* the next one may be under way */
+    CHECK_BETWEEN(after.repeated - before.repeated, 4, 5); /* one scan may have been skipped by a reading of the clock */
+    CHECK_BETWEEN(taxel_hub_polls(&after) - taxel_hub_polls(&before), 10, 11); /* the next poll may be in progress */
     end();
 }
 
-static void a_restarted_board_is_reported_and_goes_on(void)
+static void a_restarted_board_is_reported_and_polled_again(void)
 {
     begin();
     CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
     fake.now_us += 5000000u;
-    listen(20);
+    run_cycles_and_answer(20);
     boot_board(0);
     fake.devices[0].clock_offset_us = 0u - (uint32_t)fake.now_us;
     sensors[0].clock_us = 0;
     CHECK(fake_hub_run_cycles(&fake, 6));
     CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST, TAXEL_BOARD_FAULT_RESTARTED), 1);
     CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_INFO), 1);
-    listen(20);
-    CHECK(coded >= 30);
+    run_cycles_and_answer(20);
+    CHECK(delta_frames >= 30);
     end();
 }
 
-/* A board that only sends coded snapshots shows 24 bits of its clock: an hour of them, and a clock that is a percent slow. */
-static void an_hour_of_coded_snapshots_is_no_restart(void)
+/* Delta frames hold 24 bits of the board's clock: an hour of them, with a clock that is one percent slow. */
+static void an_hour_of_delta_frames_is_not_a_restart(void)
 {
     begin();
     CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
-    listen(20);
+    run_cycles_and_answer(20);
     for (unsigned i = 0; i < 6u * 130u; i++) {
         fake.now_us += 10000000u;
         fake.devices[0].clock_offset_us -= 100000u;
         sensors[0].clock_us += 9900000u;
-        listen(2);
+        run_cycles_and_answer(2);
     }
     fake_hub_forget_frames(&fake);
-    acknowledge(FIRST | TAXEL_ACKNOWLEDGE_FORGET, 0); /* from now on it packs: all of its clock is seen again */
+    acknowledge(FIRST | TAXEL_ACKNOWLEDGE_FORGET, 0); /* the next frame is packed and holds all bits of the clock */
     CHECK(fake_hub_run_cycles(&fake, 10));
     CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_FAULT), 0);
     end();
 }
 
-static void acknowledgements_are_taken_while_a_command_is_worked_off(void)
+static void acknowledgements_are_accepted_during_a_command(void)
 {
     const uint8_t scan[2] = {50, TAXEL_COMMAND_SCAN_BUS}, time[2] = {51, TAXEL_COMMAND_GET_TIME};
     begin();
@@ -310,10 +310,10 @@ static void acknowledgements_are_taken_while_a_command_is_worked_off(void)
     end();
 }
 
-static void acknowledgements_for_boards_that_are_not_polled_so_are_dropped(void)
+static void acknowledgements_for_boards_without_compact_polls_are_dropped(void)
 {
     begin();
-    acknowledge(FIRST, 1); /* nobody is: no START has asked for it */
+    acknowledge(FIRST, 1); /* compact snapshots were not requested by START */
     CHECK(!fake_hub_slot(&fake, FIRST)->acknowledge_pending);
     CHECK_EQUAL(start(TAXEL_START_FLAG_COMPACT), 0);
     const uint64_t transfers = fake.transfers;
@@ -328,16 +328,16 @@ static void acknowledgements_for_boards_that_are_not_polled_so_are_dropped(void)
 int main(void)
 {
     RUN(compact_snapshots_carry_the_counts_of_their_scans);
-    RUN(a_board_without_them_is_polled_as_ever);
-    RUN(each_start_says_anew_what_is_wanted);
-    RUN(a_host_of_version_1_sees_nothing_of_it);
-    RUN(without_acknowledgements_boards_go_on_packing);
-    RUN(a_host_that_has_lost_its_references_gets_new_ones);
+    RUN(a_board_without_compact_snapshots_is_polled_uncompressed);
+    RUN(each_start_selects_the_snapshot_format);
+    RUN(a_host_of_version_1_gets_uncompressed_snapshots);
+    RUN(without_acknowledgements_boards_send_packed_frames);
+    RUN(a_host_that_lost_its_key_frames_gets_new_ones);
     RUN(a_damaged_compact_snapshot_is_read_again);
-    RUN(what_is_not_new_is_not_sent);
-    RUN(a_restarted_board_is_reported_and_goes_on);
-    RUN(an_hour_of_coded_snapshots_is_no_restart);
-    RUN(acknowledgements_are_taken_while_a_command_is_worked_off);
-    RUN(acknowledgements_for_boards_that_are_not_polled_so_are_dropped);
+    RUN(repeated_snapshots_are_not_forwarded);
+    RUN(a_restarted_board_is_reported_and_polled_again);
+    RUN(an_hour_of_delta_frames_is_not_a_restart);
+    RUN(acknowledgements_are_accepted_during_a_command);
+    RUN(acknowledgements_for_boards_without_compact_polls_are_dropped);
     return check_summary();
 }

@@ -1,4 +1,5 @@
-/* Boards that fail, go, come back, are restarted, or are no boards: every poll has a counter, and the others go on. */
+/* Boards that fail, are unplugged, replugged or restarted, and foreign devices: every poll is counted, and the other
+ * boards are not affected. */
 #include "check.h"
 #include "fake_hub.h"
 
@@ -18,7 +19,7 @@ static void begin(size_t boards)
 
 static void end(void)
 {
-    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK(fake_hub_accounts_balance(&fake));
     CHECK_EQUAL(fake.sequence_gaps, 0);
     CHECK_EQUAL(fake.overlapping, 0);
     fake_hub_free_boards(&fake);
@@ -41,13 +42,13 @@ static uint16_t cycle_of(const struct fake_frame *frame)
     return taxel_get_u16(frame->payload + TAXEL_TAXEL_HEADER_OFFSET_CYCLE);
 }
 
-static void check_nothing_was_lost(uint8_t address)
+static void check_every_poll_was_forwarded(uint8_t address)
 {
-    CHECK_BETWEEN(polls_of(address) - slot(address).forwarded, 0, 1); /* one poll may be in flight */
+    CHECK_BETWEEN(polls_of(address) - slot(address).forwarded, 0, 1); /* one poll may be in progress */
 }
 
-/* Every cycle number at most once a board: the frames of one cycle show the skin at one time. */
-static void check_one_frame_a_cycle(uint8_t address)
+/* At most one frame per board and cycle number: the frames of one cycle show the skin at one time. */
+static void check_one_frame_per_cycle(uint8_t address)
 {
     long last = -1;
     for (size_t i = 0; i < fake.frame_count; i++) {
@@ -70,21 +71,21 @@ static void check_one_retry(bool by_crc)
     }
     const struct taxel_hub_slot after = slot(FIRST + 2);
     CHECK_EQUAL(taxel_hub_polls(&after) - taxel_hub_polls(&before), 40);
-    CHECK(after.retries - before.retries >= 30); /* sometimes the fault hits the read of its clock instead */
+    CHECK(after.retries - before.retries >= 30); /* sometimes the fault hits a reading of the clock instead */
     CHECK_EQUAL(after.crc_errors + after.nacks, 0);
     CHECK_EQUAL(after.forwarded, taxel_hub_polls(&after));
     CHECK_EQUAL(after.last_fault, TAXEL_BOARD_FAULT_NONE);
     CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_FAULT), 0);
-    check_one_frame_a_cycle(FIRST + 2);
+    check_one_frame_per_cycle(FIRST + 2);
     end();
 }
 
-static void one_damaged_snapshot_is_read_again(void)
+static void a_damaged_snapshot_is_read_again(void)
 {
     check_one_retry(true);
 }
 
-static void one_missing_acknowledge_is_tried_again(void)
+static void a_missing_acknowledge_causes_a_retry(void)
 {
     check_one_retry(false);
 }
@@ -98,7 +99,7 @@ static void a_retry_belongs_to_its_cycle_also_when_no_probe_follows(void)
     }
     CHECK(slot(FIRST + FAKE_SLOTS - 1).retries >= 15);
     CHECK(fake_hub_run_cycles(&fake, 2));
-    check_one_frame_a_cycle(FIRST + FAKE_SLOTS - 1);
+    check_one_frame_per_cycle(FIRST + FAKE_SLOTS - 1);
     end();
 }
 
@@ -115,7 +116,7 @@ static void two_damaged_snapshots_are_one_crc_error(void)
     end();
 }
 
-static void a_damaged_line_never_makes_a_board_absent(void)
+static void crc_errors_never_make_a_board_absent(void)
 {
     begin(2);
     const uint32_t forwarded = slot(FIRST).forwarded;
@@ -124,7 +125,7 @@ static void a_damaged_line_never_makes_a_board_absent(void)
     CHECK_EQUAL(slot(FIRST).state, TAXEL_BOARD_STATE_STREAMING);
     CHECK(slot(FIRST).crc_errors >= 49);
     CHECK(slot(FIRST).forwarded <= forwarded + 1u);
-    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST, TAXEL_BOARD_FAULT_CRC), 1); /* once a row, not each time */
+    CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST, TAXEL_BOARD_FAULT_CRC), 1); /* once for consecutive failures */
     end();
 }
 
@@ -142,8 +143,8 @@ static void an_unplugged_board_is_absent_after_three_failures_and_probed_each_cy
     CHECK_EQUAL(polls_of(FIRST + 1) - taxel_hub_polls(&before), 50);
     CHECK_EQUAL(slot(FIRST + 1).retries, before.retries);
     CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST + 1, TAXEL_BOARD_FAULT_NACK), 1);
-    check_nothing_was_lost(FIRST);
-    check_nothing_was_lost(FIRST + 2);
+    check_every_poll_was_forwarded(FIRST);
+    check_every_poll_was_forwarded(FIRST + 2);
     end();
 }
 
@@ -163,8 +164,8 @@ static void a_replugged_board_streams_within_two_cycles(void)
     end();
 }
 
-/* A board that has just been powered acknowledges its address but has no scan to show yet. */
-static void a_board_streams_from_its_first_scan_on(void)
+/* A board that was just powered acknowledges its address but has no complete scan yet. */
+static void a_board_streams_from_its_first_scan(void)
 {
     begin(2);
     fake.devices[0].unplugged = true;
@@ -177,7 +178,7 @@ static void a_board_streams_from_its_first_scan_on(void)
     fake.devices[0].held_scans = 0;
     CHECK(fake_hub_run_cycles(&fake, 2));
     CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST) >= 1);
-    check_nothing_was_lost(FIRST + 1);
+    check_every_poll_was_forwarded(FIRST + 1);
     end();
 }
 
@@ -193,12 +194,12 @@ static void two_boards_at_one_address_do_not_starve_the_others(void)
     CHECK(fake_hub_run_cycles(&fake, 100));
     CHECK(slot(FIRST + 1).crc_errors > 90);
     CHECK(slot(FIRST + 1).forwarded <= forwarded + 1u);
-    check_nothing_was_lost(FIRST);
-    check_nothing_was_lost(FIRST + 2);
+    check_every_poll_was_forwarded(FIRST);
+    check_every_poll_was_forwarded(FIRST + 2);
     end();
 }
 
-static void a_foreign_device_is_recognised_and_left_alone(void)
+static void a_foreign_device_is_detected_and_not_polled(void)
 {
     fake_hub_init(&fake);
     fake_hub_add_boards(&fake, sensors, FIRST, 2);
@@ -209,16 +210,16 @@ static void a_foreign_device_is_recognised_and_left_alone(void)
     CHECK_EQUAL(slot(0x1C).last_fault, TAXEL_BOARD_FAULT_NOT_A_TAXEL_BOARD);
     const uint32_t polls = polls_of(0x1C);
     fake_hub_run(&fake, 10500000u);
-    CHECK_EQUAL(polls_of(0x1C) - polls, 10); /* looked at again each second */
-    check_nothing_was_lost(FIRST);
+    CHECK_EQUAL(polls_of(0x1C) - polls, 10); /* checked again every second */
+    check_every_poll_was_forwarded(FIRST);
     CHECK_EQUAL(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, 0x1C), 0);
     end();
 }
 
-static void a_foreign_device_is_believed_at_its_third_answer(void)
+static void a_foreign_device_is_accepted_at_its_third_answer(void)
 {
     begin(2);
-    fake.hub.cycle.period_us = 50000u; /* addresses are looked at in every cycle */
+    fake.hub.cycle.period_us = 50000u; /* addresses are probed in every cycle */
     fake_hub_add(&fake, 0x1C, NULL)->foreign = 0xA5;
     CHECK(fake_hub_run_cycles(&fake, 40));
     CHECK_EQUAL(slot(0x1C).state, TAXEL_BOARD_STATE_INCOMPATIBLE);
@@ -245,17 +246,17 @@ static void a_board_of_another_map_version_is_polled_after_its_update(void)
 
 int main(void)
 {
-    RUN(one_damaged_snapshot_is_read_again);
-    RUN(one_missing_acknowledge_is_tried_again);
+    RUN(a_damaged_snapshot_is_read_again);
+    RUN(a_missing_acknowledge_causes_a_retry);
     RUN(a_retry_belongs_to_its_cycle_also_when_no_probe_follows);
     RUN(two_damaged_snapshots_are_one_crc_error);
-    RUN(a_damaged_line_never_makes_a_board_absent);
+    RUN(crc_errors_never_make_a_board_absent);
     RUN(an_unplugged_board_is_absent_after_three_failures_and_probed_each_cycle);
     RUN(a_replugged_board_streams_within_two_cycles);
-    RUN(a_board_streams_from_its_first_scan_on);
+    RUN(a_board_streams_from_its_first_scan);
     RUN(two_boards_at_one_address_do_not_starve_the_others);
-    RUN(a_foreign_device_is_recognised_and_left_alone);
-    RUN(a_foreign_device_is_believed_at_its_third_answer);
+    RUN(a_foreign_device_is_detected_and_not_polled);
+    RUN(a_foreign_device_is_accepted_at_its_third_answer);
     RUN(a_board_of_another_map_version_is_polled_after_its_update);
     return check_summary();
 }

@@ -1,10 +1,10 @@
-/* The hub's poll cycle when nothing goes wrong: discovery, order, numbers, clocks, rate. */
+/* The hub's poll cycle without faults: detection of boards, order, numbering, clocks, rate. */
 #include "check.h"
 #include "fake_hub.h"
 
 #define BOARDS 5u
 #define FIRST 0x20
-#define UPKEEP_US 50000u /* between two readings of a clock at least */
+#define UPKEEP_US 50000u /* shortest interval between two clock readings */
 
 static struct fake_hub fake;
 static struct fake_sensor sensors[FAKE_DEVICES];
@@ -18,14 +18,14 @@ static void begin(size_t boards)
 
 static void end(void)
 {
-    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK(fake_hub_accounts_balance(&fake));
     CHECK_EQUAL(fake.sequence_gaps, 0);
     CHECK_EQUAL(fake.overlapping, 0);
     CHECK_EQUAL(fake.deframer.discarded_bytes, 0);
     fake_hub_free_boards(&fake);
 }
 
-static void the_start_is_announced(void)
+static void a_handshake_frame_announces_the_start(void)
 {
     fake_hub_init(&fake);
     fake_hub_boot(&fake);
@@ -43,7 +43,7 @@ static void the_start_is_announced(void)
     end();
 }
 
-static void boards_are_found_and_identified_before_streaming(void)
+static void boards_are_detected_and_identified_before_streaming(void)
 {
     uint8_t identity[TAXEL_IDENTITY_SIZE];
     fake_hub_init(&fake);
@@ -86,7 +86,7 @@ static void every_cycle_polls_every_board_in_the_order_of_addresses(void)
             CHECK_EQUAL(header.address, FIRST + n % BOARDS);
             CHECK_EQUAL(header.cycle, n / BOARDS);
             CHECK_EQUAL(header.taxel_count, 10);
-            CHECK(fake_snapshot_is_whole(&sensors[n % BOARDS], fake.frames[i].payload + TAXEL_TAXEL_HEADER_SIZE));
+            CHECK(fake_snapshot_is_valid(&sensors[n % BOARDS], fake.frames[i].payload + TAXEL_TAXEL_HEADER_SIZE));
             n++;
         }
     }
@@ -104,15 +104,15 @@ static int count_pointer_writes(struct fake_hub *hub, const struct taxel_i2c_tra
     return FAKE_PROCEED;
 }
 
-static void a_poll_writes_the_pointer_only_after_something_moved_it(void)
+static void a_poll_writes_the_pointer_only_if_it_was_moved(void)
 {
     begin(BOARDS);
     CHECK(fake_hub_run_cycles(&fake, 5));
     pointer_writes = 0;
     fake.script = count_pointer_writes;
-    const uint64_t begun_us = fake.now_us;
+    const uint64_t start_us = fake.now_us;
     CHECK(fake_hub_run_cycles(&fake, 100));
-    const double clocks = (double)(fake.now_us - begun_us) / UPKEEP_US;
+    const double clocks = (double)(fake.now_us - start_us) / UPKEEP_US;
     CHECK(clocks >= 3);
     CHECK_BETWEEN(pointer_writes, clocks - 1, clocks + 1); /* after the read of one board's clock */
     end();
@@ -155,7 +155,7 @@ static void a_board_without_a_newer_scan_is_counted_as_repeated(void)
     end();
 }
 
-static void a_board_plugged_in_while_streaming_is_found(void)
+static void a_board_plugged_in_while_streaming_is_detected(void)
 {
     begin(1);
     fake.hub.cycle.period_us = UPKEEP_US;
@@ -163,9 +163,9 @@ static void a_board_plugged_in_while_streaming_is_found(void)
     CHECK_EQUAL(fake_sensor_boot(&sensors[1]), 0);
     fake_scan(&sensors[1], 1);
     (void)fake_hub_add(&fake, 0x55, &sensors[1]);
-    CHECK(fake_hub_run_cycles(&fake, 30)); /* 112 addresses at 4 a cycle, and one to identify it */
+    CHECK(fake_hub_run_cycles(&fake, 30)); /* 112 addresses at 4 per cycle, and one cycle for the identification */
     CHECK(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, 0x55) > 0);
-    fake_sensor_init(&sensors[2], 0x08, 2, 2, 0); /* comes before all others */
+    fake_sensor_init(&sensors[2], 0x08, 2, 2, 0); /* before all other addresses */
     CHECK_EQUAL(fake_sensor_boot(&sensors[2]), 0);
     fake_scan(&sensors[2], 1);
     (void)fake_hub_add(&fake, 0x08, &sensors[2]);
@@ -175,7 +175,7 @@ static void a_board_plugged_in_while_streaming_is_found(void)
     end();
 }
 
-static void more_boards_than_slots(void)
+static void boards_beyond_the_slots_are_not_polled(void)
 {
     begin(FAKE_SLOTS + 4u);
     CHECK_EQUAL(fake.hub.slot_count, FAKE_SLOTS);
@@ -184,12 +184,12 @@ static void more_boards_than_slots(void)
     end();
 }
 
-static void no_board_at_all(void)
+static void a_hub_without_boards_probes_every_20_ms(void)
 {
     begin(0);
     const uint64_t transfers = fake.transfers;
     fake_hub_run(&fake, 1000000);
-    CHECK_BETWEEN(fake.transfers - transfers, 4 * 40, 4 * 52); /* 4 probes each 20 ms: it does not spin */
+    CHECK_BETWEEN(fake.transfers - transfers, 4 * 40, 4 * 52); /* 4 probes every 20 ms, not continuously */
     end();
 }
 
@@ -201,7 +201,7 @@ static void set_period(uint32_t microseconds)
     fake_hub_forget_frames(&fake);
 }
 
-static void a_chosen_rate_is_kept(void)
+static void the_hub_keeps_a_selected_rate(void)
 {
     begin(3);
     set_period(10000);
@@ -212,7 +212,7 @@ static void a_chosen_rate_is_kept(void)
     end();
 }
 
-static void check_status_once_a_second(uint32_t period_us)
+static void check_status_once_per_second(uint32_t period_us)
 {
     begin(3);
     set_period(period_us);
@@ -222,17 +222,17 @@ static void check_status_once_a_second(uint32_t period_us)
     end();
 }
 
-static void status_comes_once_a_second(void)
+static void the_status_is_sent_once_per_second(void)
 {
-    check_status_once_a_second(20000);
+    check_status_once_per_second(20000);
 }
 
-static void status_comes_once_a_second_at_a_slow_rate_too(void)
+static void the_status_is_sent_once_per_second_at_a_slow_rate(void)
 {
-    check_status_once_a_second(4000000);
+    check_status_once_per_second(4000000);
 }
 
-static void numbers_and_clocks_wrap(void)
+static void cycle_numbers_and_clocks_wrap(void)
 {
     begin(2);
     fake.hub.cycle.number = 0xFFFE;
@@ -253,18 +253,18 @@ static void numbers_and_clocks_wrap(void)
 
 int main(void)
 {
-    RUN(the_start_is_announced);
-    RUN(boards_are_found_and_identified_before_streaming);
+    RUN(a_handshake_frame_announces_the_start);
+    RUN(boards_are_detected_and_identified_before_streaming);
     RUN(every_cycle_polls_every_board_in_the_order_of_addresses);
-    RUN(a_poll_writes_the_pointer_only_after_something_moved_it);
+    RUN(a_poll_writes_the_pointer_only_if_it_was_moved);
     RUN(a_cycle_of_50_ms_reads_one_boards_clock);
     RUN(a_board_without_a_newer_scan_is_counted_as_repeated);
-    RUN(a_board_plugged_in_while_streaming_is_found);
-    RUN(more_boards_than_slots);
-    RUN(no_board_at_all);
-    RUN(a_chosen_rate_is_kept);
-    RUN(status_comes_once_a_second);
-    RUN(status_comes_once_a_second_at_a_slow_rate_too);
-    RUN(numbers_and_clocks_wrap);
+    RUN(a_board_plugged_in_while_streaming_is_detected);
+    RUN(boards_beyond_the_slots_are_not_polled);
+    RUN(a_hub_without_boards_probes_every_20_ms);
+    RUN(the_hub_keeps_a_selected_rate);
+    RUN(the_status_is_sent_once_per_second);
+    RUN(the_status_is_sent_once_per_second_at_a_slow_rate);
+    RUN(cycle_numbers_and_clocks_wrap);
     return check_summary();
 }

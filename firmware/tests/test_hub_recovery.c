@@ -1,4 +1,4 @@
-/* A bus that hangs: time limits, nine clocks and a stop, and a bus on which nothing helps. */
+/* A stuck bus: timeouts, recovery by nine clocks and a stop condition, and lines that stay low. */
 #include "check.h"
 #include "fake_hub.h"
 
@@ -19,13 +19,13 @@ static void begin(size_t boards)
 
 static void end(void)
 {
-    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK(fake_hub_accounts_balance(&fake));
     CHECK_EQUAL(fake.overlapping, 0);
     CHECK_EQUAL(fake.sequence_gaps, 0);
     fake_hub_free_boards(&fake);
 }
 
-/* Hang, or end with that result, the next transfers to the second board. */
+/* Make the next transfers to the second board hang or end with a given result. */
 static int next_verdict;
 
 static int spoil_second_board(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
@@ -37,18 +37,18 @@ static int spoil_second_board(struct fake_hub *hub, const struct taxel_i2c_trans
     return FAKE_PROCEED;
 }
 
-static void spoil(int verdict, int transfers)
+static void inject_failure(int result, int transfers)
 {
-    next_verdict = verdict;
+    next_verdict = result;
     fake.script_state = transfers;
     fake.script = spoil_second_board;
 }
 
-static void a_hanging_transfer_is_given_up(void)
+static void a_hanging_transfer_is_aborted(void)
 {
     begin(3);
     const uint64_t before = fake.now_us;
-    spoil(FAKE_HANG, 1);
+    inject_failure(FAKE_HANG, 1);
     CHECK(fake_hub_run_cycles(&fake, 2));
     CHECK_EQUAL(fake.aborts, 1);
     CHECK_BETWEEN(fake.now_us - before, 5000, 25000);
@@ -61,10 +61,10 @@ static void a_hanging_transfer_is_given_up(void)
     end();
 }
 
-static void a_board_that_hangs_every_time_does_not_stop_the_others(void)
+static void a_board_that_always_hangs_does_not_stop_the_others(void)
 {
     begin(3);
-    spoil(FAKE_HANG, 1000000);
+    inject_failure(FAKE_HANG, 1000000);
     CHECK(fake_hub_run_cycles(&fake, 20));
     CHECK_EQUAL(fake_hub_slot(&fake, FIRST + 1)->state, TAXEL_BOARD_STATE_ABSENT);
     CHECK_BETWEEN(fake_hub_slot(&fake, FIRST + 1)->timeouts, 19, 20);
@@ -73,12 +73,12 @@ static void a_board_that_hangs_every_time_does_not_stop_the_others(void)
     end();
 }
 
-/* The time limit holds although the hub runs meanwhile for other reasons: status frames, bytes from the host. */
-static void the_time_limit_survives_other_events(void)
+/* The timeout is unchanged while the hub also handles other events: status frames, bytes from the host. */
+static void the_timeout_is_not_extended_by_other_events(void)
 {
     for (unsigned events = 0; events < 4; events++) {
         begin(3);
-        spoil(FAKE_HANG, 1);
+        inject_failure(FAKE_HANG, 1);
         const uint64_t until = fake.now_us + 50000u;
         while (fake.script_state && fake_hub_step(&fake, until)) {
         }
@@ -101,7 +101,8 @@ static void check_line(size_t i, bool scl, bool sda)
     CHECK_EQUAL(fake.lines[i].sda, sda);
 }
 
-/* What a slave makes of the hub's two lines: clocks, starts and stops. A change of both at once has no order on a real bus. */
+/* Clocks, start and stop conditions as a slave sees them. Simultaneous changes of both lines would have no defined
+ * order. */
 static void read_lines(unsigned *clocks, unsigned *starts, unsigned *stops)
 {
     bool scl = true, sda = true;
@@ -120,7 +121,7 @@ static void read_lines(unsigned *clocks, unsigned *starts, unsigned *stops)
     CHECK(scl && sda);
 }
 
-static void nine_clocks_and_a_stop_free_sda(void)
+static void nine_clocks_and_a_stop_release_sda(void)
 {
     for (unsigned held = 1; held <= 9; held++) {
         unsigned clocks, starts, stops;
@@ -134,19 +135,19 @@ static void nine_clocks_and_a_stop_free_sda(void)
             check_line(2 + 2 * i, true, true);
         }
         read_lines(&clocks, &starts, &stops);
-        CHECK_EQUAL(clocks, held + 1u); /* the stop needs a rising clock of its own */
+        CHECK_EQUAL(clocks, held + 1u); /* the stop condition needs another rising clock */
         CHECK_EQUAL(starts, 0);
         CHECK_EQUAL(stops, 1);
         CHECK_EQUAL(fake.hub.bus_recoveries, 1);
         const uint32_t lost = fake_hub_slot(&fake, FIRST)->bus_errors + fake_hub_slot(&fake, FIRST + 1)->bus_errors;
-        CHECK_EQUAL(lost, 0); /* the poll is tried again */
+        CHECK_EQUAL(lost, 0); /* the poll is repeated */
         CHECK(fake_hub_run_cycles(&fake, 3));
         CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_BOARD_FAULT), 0);
         end();
     }
 }
 
-static void sda_that_stays_low_takes_the_bus_down_for_a_while(void)
+static void an_sda_that_stays_low_pauses_the_bus(void)
 {
     begin(2);
     fake.sda_held_clocks = 200; /* twenty recoveries of ten clocks */
@@ -163,15 +164,15 @@ static void sda_that_stays_low_takes_the_bus_down_for_a_while(void)
     end();
 }
 
-static void scl_that_stays_low_is_reported_as_such(void)
+static void an_scl_that_stays_low_is_reported(void)
 {
     begin(2);
     fake.scl_held = true;
     const uint64_t transfers = fake.transfers;
     fake_hub_run(&fake, 200000);
-    CHECK_BETWEEN(fake.transfers - transfers, 10, 40); /* it tries again each 10 ms, and does not spin */
+    CHECK_BETWEEN(fake.transfers - transfers, 10, 40); /* a retry every 10 ms, not continuously */
     for (size_t i = 0; i < fake.line_count; i++) {
-        check_line(i, true, true); /* no clock can be given */
+        check_line(i, true, true); /* no clock is generated */
     }
     CHECK_EQUAL(fake_hub_slot(&fake, FIRST)->last_fault, TAXEL_BOARD_FAULT_SCL_STUCK);
     CHECK_EQUAL(fake_hub_count_faults(&fake, FIRST, TAXEL_BOARD_FAULT_SCL_STUCK), 1);
@@ -182,7 +183,7 @@ static void scl_that_stays_low_is_reported_as_such(void)
     end();
 }
 
-static void every_end_of_a_transfer_has_its_counter(void)
+static void every_result_of_a_transfer_has_its_counter(void)
 {
     static const int results[] = {TAXEL_I2C_NACK_ADDRESS, TAXEL_I2C_NACK_DATA, TAXEL_I2C_ARBITRATION_LOST,
                                   TAXEL_I2C_BUS_ERROR,    TAXEL_I2C_TIMEOUT,   FAKE_HANG};
@@ -190,11 +191,11 @@ static void every_end_of_a_transfer_has_its_counter(void)
         for (int transfers = 1; transfers < 24; transfers++) {
             begin(2);
             const struct taxel_hub_slot before = *fake_hub_slot(&fake, FIRST + 1);
-            spoil(results[i], transfers);
+            inject_failure(results[i], transfers);
             CHECK(fake_hub_run_cycles(&fake, 30));
             const struct taxel_hub_slot after = *fake_hub_slot(&fake, FIRST + 1);
             const uint32_t counted = after.nacks + after.timeouts + after.bus_errors + after.retries;
-            CHECK_BETWEEN(counted, transfers / 2, transfers); /* the reads of its clock have no counter */
+            CHECK_BETWEEN(counted, transfers / 2, transfers); /* clock readings are not counted */
             CHECK_EQUAL(taxel_hub_polls(&after) - taxel_hub_polls(&before), 30);
             CHECK_EQUAL(after.state, TAXEL_BOARD_STATE_STREAMING);
             CHECK_BETWEEN(taxel_hub_polls(fake_hub_slot(&fake, FIRST)) - fake_hub_slot(&fake, FIRST)->forwarded, 0, 1);
@@ -205,12 +206,12 @@ static void every_end_of_a_transfer_has_its_counter(void)
 
 int main(void)
 {
-    RUN(a_hanging_transfer_is_given_up);
-    RUN(a_board_that_hangs_every_time_does_not_stop_the_others);
-    RUN(the_time_limit_survives_other_events);
-    RUN(nine_clocks_and_a_stop_free_sda);
-    RUN(sda_that_stays_low_takes_the_bus_down_for_a_while);
-    RUN(scl_that_stays_low_is_reported_as_such);
-    RUN(every_end_of_a_transfer_has_its_counter);
+    RUN(a_hanging_transfer_is_aborted);
+    RUN(a_board_that_always_hangs_does_not_stop_the_others);
+    RUN(the_timeout_is_not_extended_by_other_events);
+    RUN(nine_clocks_and_a_stop_release_sda);
+    RUN(an_sda_that_stays_low_pauses_the_bus);
+    RUN(an_scl_that_stays_low_is_reported);
+    RUN(every_result_of_a_transfer_has_its_counter);
     return check_summary();
 }

@@ -1,4 +1,4 @@
-/* Boards and hub that start anew: a board's restart is noticed, and only that; its settings are given back to it. */
+/* Restarts of boards and hub: only real restarts of a board are detected, and its settings are written again. */
 #include "check.h"
 #include "fake_hub.h"
 
@@ -18,12 +18,12 @@ static void begin(size_t boards)
 
 static void end(void)
 {
-    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK(fake_hub_accounts_balance(&fake));
     CHECK_EQUAL(fake.sequence_gaps, 0);
     fake_hub_free_boards(&fake);
 }
 
-/* The board starts anew between two polls: its clock begins at zero. */
+/* The board restarts between two polls: its clock begins at zero. */
 static void restart_board(size_t board)
 {
     CHECK_EQUAL(fake_sensor_boot(&sensors[board]), 0);
@@ -32,7 +32,7 @@ static void restart_board(size_t board)
     fake_scan(&sensors[board], 1);
 }
 
-static void a_restart_between_two_polls_is_reported_and_the_board_identified(void)
+static void a_restarted_board_is_reported_and_identified_again(void)
 {
     begin(3);
     restart_board(1);
@@ -44,12 +44,12 @@ static void a_restart_between_two_polls_is_reported_and_the_board_identified(voi
     end();
 }
 
-static void a_restarted_board_gets_its_settings_back(void)
+static void a_restarted_board_gets_its_settings_again(void)
 {
     uint8_t arguments[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE] = {FIRST + 1};
-    const struct taxel_scan_settings wanted = {80, 40, 1, 12, 96};
+    const struct taxel_scan_settings settings = {80, 40, 1, 12, 96};
     begin(2);
-    taxel_scan_settings_pack(&wanted, arguments + 1);
+    taxel_scan_settings_pack(&settings, arguments + 1);
     CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_SET_SCAN_SETTINGS, arguments, sizeof arguments), 0);
     CHECK(fake_hub_run_cycles(&fake, 2));
     CHECK_EQUAL(sensors[1].front_end.sub_conversions, 80);
@@ -66,11 +66,11 @@ static void after_a_pause_of_two_minutes_no_board_counts_as_restarted(void)
     begin(2);
     CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_STOP, NULL, 0), 0);
     for (unsigned i = 0; i < 120; i++) {
-        fake.now_us += 1000000u; /* a jump: nobody would see the idle sweeps */
+        fake.now_us += 1000000u; /* a jump in time skips the bus scans of the idle hub */
         fake_hub_run(&fake, 1000);
         for (size_t board = 0; board < 2; board++) {
-            sensors[board].clock_us = (uint32_t)fake.now_us - 1000u; /* the scans that follow have ended by now */
-            fake_scan(&sensors[board], 2); /* the boards go on scanning */
+            sensors[board].clock_us = (uint32_t)fake.now_us - 1000u; /* the following scans end at the present time */
+            fake_scan(&sensors[board], 2); /* the boards continue to scan */
         }
     }
     CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_START, NULL, 0), 0);
@@ -82,7 +82,7 @@ static void after_a_pause_of_two_minutes_no_board_counts_as_restarted(void)
     end();
 }
 
-/* The identity in a BOARD_INFO frame is an identity: it starts with WHO_AM_I and its CRC is right. */
+/* The identity in a BOARD_INFO frame begins with WHO_AM_I and has a valid CRC. */
 static void check_board_infos(void)
 {
     for (size_t i = 0; i < fake.frame_count; i++) {
@@ -94,15 +94,15 @@ static void check_board_infos(void)
     }
 }
 
-/* A command may arrive between any two transfers of the restoring of settings. */
-static void board_info_is_right_whenever_it_is_asked_for(void)
+/* A command may arrive between any two transfers while settings are restored. */
+static void board_info_is_valid_at_any_time(void)
 {
     uint8_t arguments[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE] = {0};
-    const struct taxel_scan_settings wanted = {80, 40, 1, 12, 96};
+    const struct taxel_scan_settings settings = {80, 40, 1, 12, 96};
     const uint8_t all[1] = {0};
     for (uint64_t after = 0; after < 40; after++) {
         begin(2);
-        taxel_scan_settings_pack(&wanted, arguments + 1);
+        taxel_scan_settings_pack(&settings, arguments + 1);
         CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_SET_SCAN_SETTINGS, arguments, sizeof arguments), 0);
         restart_board(1);
         const uint64_t until = fake.transfers + after;
@@ -117,7 +117,7 @@ static void board_info_is_right_whenever_it_is_asked_for(void)
     }
 }
 
-static void a_reboot_waits_for_its_own_reply(void)
+static void a_reboot_waits_until_its_reply_is_sent(void)
 {
     begin(2);
     CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_REBOOT, NULL, 0), 0);
@@ -126,7 +126,7 @@ static void a_reboot_waits_for_its_own_reply(void)
     end();
 }
 
-static void only_the_key_leads_into_the_bootloader(void)
+static void the_bootloader_is_entered_only_with_the_key(void)
 {
     static const uint8_t key[4] = {'B', 'O', 'O', 'T'}, other[4] = {'B', 'O', 'O', 'K'};
     begin(1);
@@ -140,10 +140,10 @@ static void only_the_key_leads_into_the_bootloader(void)
     end();
 }
 
-static void a_hub_that_streams_more_than_its_uart_carries_reboots(void)
+static void a_hub_with_a_slow_uart_reboots(void)
 {
     begin(4);
-    fake.drain_bytes = 8; /* a pass of the main loop: much less than there is to say */
+    fake.drain_bytes = 8; /* per pass of the main loop: much less than the hub sends */
     fake_hub_run(&fake, 200000);
     CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_REBOOT, NULL, 0), 0);
     fake_hub_run(&fake, 2000000);
@@ -151,7 +151,7 @@ static void a_hub_that_streams_more_than_its_uart_carries_reboots(void)
     fake_hub_free_boards(&fake);
 }
 
-static void a_hub_whose_uart_is_stuck_reboots(void)
+static void a_hub_with_a_stuck_uart_reboots(void)
 {
     const uint8_t payload[2] = {9, TAXEL_COMMAND_REBOOT};
     begin(1);
@@ -164,13 +164,13 @@ static void a_hub_whose_uart_is_stuck_reboots(void)
 
 int main(void)
 {
-    RUN(a_restart_between_two_polls_is_reported_and_the_board_identified);
-    RUN(a_restarted_board_gets_its_settings_back);
+    RUN(a_restarted_board_is_reported_and_identified_again);
+    RUN(a_restarted_board_gets_its_settings_again);
     RUN(after_a_pause_of_two_minutes_no_board_counts_as_restarted);
-    RUN(board_info_is_right_whenever_it_is_asked_for);
-    RUN(a_reboot_waits_for_its_own_reply);
-    RUN(only_the_key_leads_into_the_bootloader);
-    RUN(a_hub_that_streams_more_than_its_uart_carries_reboots);
-    RUN(a_hub_whose_uart_is_stuck_reboots);
+    RUN(board_info_is_valid_at_any_time);
+    RUN(a_reboot_waits_until_its_reply_is_sent);
+    RUN(the_bootloader_is_entered_only_with_the_key);
+    RUN(a_hub_with_a_slow_uart_reboots);
+    RUN(a_hub_with_a_stuck_uart_reboots);
     return check_summary();
 }

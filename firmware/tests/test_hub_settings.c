@@ -1,4 +1,4 @@
-/* Scan settings and board information through the hub: one board, all, unknown, refused, gone. */
+/* Scan settings and board information through the hub: one board, all boards, unknown, rejecting and unplugged boards. */
 #include "check.h"
 #include "fake_hub.h"
 
@@ -23,7 +23,7 @@ static void begin(bool streaming)
 
 static void end(void)
 {
-    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK(fake_hub_accounts_balance(&fake));
     CHECK_EQUAL(fake.sequence_gaps, 0);
     fake_hub_free_boards(&fake);
 }
@@ -46,7 +46,7 @@ static uint16_t settings_of(size_t board)
     return sensors[board].front_end.sub_conversions;
 }
 
-static void settings_of_one_board(void)
+static void settings_are_written_to_one_board(void)
 {
     for (unsigned streaming = 0; streaming < 2; streaming++) {
         begin(streaming);
@@ -58,7 +58,7 @@ static void settings_of_one_board(void)
     }
 }
 
-static void settings_of_all_boards(void)
+static void settings_are_written_to_all_boards(void)
 {
     for (unsigned streaming = 0; streaming < 2; streaming++) {
         begin(streaming);
@@ -71,7 +71,7 @@ static void settings_of_all_boards(void)
     }
 }
 
-static void settings_of_an_unknown_board(void)
+static void settings_for_an_unknown_board_are_rejected(void)
 {
     begin(true);
     CHECK_EQUAL(set_settings(0x60, &good), TAXEL_REPLY_STATUS_UNKNOWN_BOARD);
@@ -79,7 +79,7 @@ static void settings_of_an_unknown_board(void)
     end();
 }
 
-static void settings_that_the_board_refuses(void)
+static void settings_that_the_board_rejects_are_reported(void)
 {
     for (unsigned streaming = 0; streaming < 2; streaming++) {
         begin(streaming);
@@ -92,7 +92,7 @@ static void settings_that_the_board_refuses(void)
     }
 }
 
-static void a_refusal_of_long_ago_does_not_spoil_a_later_command(void)
+static void an_earlier_rejection_does_not_affect_a_later_command(void)
 {
     begin(true);
     CHECK_EQUAL(set_settings(FIRST + 1, &bad), TAXEL_REPLY_STATUS_REJECTED_BY_BOARD);
@@ -103,7 +103,7 @@ static void a_refusal_of_long_ago_does_not_spoil_a_later_command(void)
     end();
 }
 
-static void refused_settings_are_not_written_again_after_a_restart(void)
+static void rejected_settings_are_not_written_again_after_a_restart(void)
 {
     begin(true);
     CHECK_EQUAL(set_settings(FIRST + 1, &bad), TAXEL_REPLY_STATUS_REJECTED_BY_BOARD);
@@ -125,7 +125,7 @@ static int lose_settings_write(struct fake_hub *hub, const struct taxel_i2c_tran
     return FAKE_PROCEED;
 }
 
-static void a_lost_write_of_settings_is_no_silent_success(void)
+static void a_lost_write_of_settings_is_reported(void)
 {
     begin(true);
     fake.script = lose_settings_write;
@@ -135,7 +135,7 @@ static void a_lost_write_of_settings_is_no_silent_success(void)
     end();
 }
 
-static void a_board_that_goes_while_settings_are_written_ends_the_command(void)
+static void a_board_that_is_unplugged_during_the_write_ends_the_command(void)
 {
     begin(true);
     fake.script = lose_settings_write;
@@ -147,7 +147,7 @@ static void a_board_that_goes_while_settings_are_written_ends_the_command(void)
     end();
 }
 
-static void board_info_of_one_and_of_all(void)
+static void board_info_is_sent_for_one_board_or_all(void)
 {
     for (unsigned streaming = 0; streaming < 2; streaming++) {
         begin(streaming);
@@ -162,7 +162,7 @@ static void board_info_of_one_and_of_all(void)
     }
 }
 
-static void board_info_tells_the_settings_in_force(void)
+static void board_info_reports_the_settings_in_force(void)
 {
     begin(true);
     CHECK_EQUAL(set_settings(FIRST, &good), 0);
@@ -172,7 +172,7 @@ static void board_info_tells_the_settings_in_force(void)
     end();
 }
 
-/* At one cycle a minute the hub still answers, and can be told to go faster. */
+/* At one cycle per minute the hub still answers commands, also one that increases the rate. */
 static void commands_do_not_wait_for_a_slow_cycle(void)
 {
     uint8_t period[4];
@@ -195,16 +195,16 @@ static void commands_do_not_wait_for_a_slow_cycle(void)
 
 int main(void)
 {
-    RUN(settings_of_one_board);
-    RUN(settings_of_all_boards);
-    RUN(settings_of_an_unknown_board);
-    RUN(settings_that_the_board_refuses);
-    RUN(a_refusal_of_long_ago_does_not_spoil_a_later_command);
-    RUN(refused_settings_are_not_written_again_after_a_restart);
-    RUN(a_lost_write_of_settings_is_no_silent_success);
-    RUN(a_board_that_goes_while_settings_are_written_ends_the_command);
-    RUN(board_info_of_one_and_of_all);
-    RUN(board_info_tells_the_settings_in_force);
+    RUN(settings_are_written_to_one_board);
+    RUN(settings_are_written_to_all_boards);
+    RUN(settings_for_an_unknown_board_are_rejected);
+    RUN(settings_that_the_board_rejects_are_reported);
+    RUN(an_earlier_rejection_does_not_affect_a_later_command);
+    RUN(rejected_settings_are_not_written_again_after_a_restart);
+    RUN(a_lost_write_of_settings_is_reported);
+    RUN(a_board_that_is_unplugged_during_the_write_ends_the_command);
+    RUN(board_info_is_sent_for_one_board_or_all);
+    RUN(board_info_reports_the_settings_in_force);
     RUN(commands_do_not_wait_for_a_slow_cycle);
     return check_summary();
 }

@@ -1,10 +1,10 @@
-/* A UART that nobody reads: the hub goes on, and what comes out afterwards is whole, numbered and counted. */
+/* A UART without a reader: the hub continues, and the frames sent afterwards are complete, numbered and counted. */
 #include "check.h"
 #include "fake_hub.h"
 
 #define FIRST 0x20
 #define BOARDS 4
-#define STALL_US 250000u /* longer than the hub waits before it believes in a stall */
+#define STALL_US 250000u /* longer than the hub's stall timeout */
 
 static struct fake_hub fake;
 static struct fake_sensor sensors[BOARDS];
@@ -16,7 +16,7 @@ static void begin(size_t boards)
     CHECK(fake_hub_start(&fake));
 }
 
-/* Boards of 16, 32, 48 and 64 taxels, and a pool as small as these allow: a few of their frames fill it. */
+/* Boards of 16, 32, 48 and 64 taxels, and the smallest pool for them: a few of their frames fill it. */
 static void set_up_a_full_pool(size_t more)
 {
     fake_hub_init(&fake);
@@ -29,16 +29,16 @@ static void set_up_a_full_pool(size_t more)
     fake.config.transfer_pool_size = 2 * TAXEL_HUB_BUFFER_SIZE(TAXEL_SNAPSHOT_SIZE(64)) + more;
 }
 
-/* Numbers without a gap, no byte discarded, every poll in one counter. */
+/* Sequence numbers without a gap, no byte discarded, every poll in one counter. */
 static void end(void)
 {
-    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK(fake_hub_accounts_balance(&fake));
     CHECK_EQUAL(fake.sequence_gaps, 0);
     CHECK_EQUAL(fake.deframer.discarded_bytes, 0);
     fake_hub_free_boards(&fake);
 }
 
-static void read_on(void)
+static void resume_reading(void)
 {
     fake.drain_bytes = FAKE_PULL;
     CHECK(fake_hub_run_cycles(&fake, 10));
@@ -46,8 +46,8 @@ static void read_on(void)
     CHECK_EQUAL(fake.deframer.frames, fake.hub.outbox.frames_sent);
 }
 
-/* The host takes some bytes, and no more. */
-static void take(size_t bytes)
+/* The host reads some bytes and then stops. */
+static void read_bytes(size_t bytes)
 {
     for (; bytes; bytes--) {
         fake.drain_bytes = 1;
@@ -75,7 +75,7 @@ static void without_a_reader_whole_frames_are_dropped_and_counted(void)
     }
     CHECK(fake.hub.outbox.frames_dropped >= dropped);
     const size_t waiting = taxel_hub_uart_pending(&fake.hub);
-    CHECK_BETWEEN(waiting, 1, FAKE_RING + FAKE_POOL / 2 - 127); /* room for the longest reply is left */
+    CHECK_BETWEEN(waiting, 1, FAKE_RING + FAKE_POOL / 2 - 127); /* space for the longest reply is left */
     fake.drain_bytes = FAKE_PULL;
     CHECK(fake_hub_run_cycles(&fake, 10));
     CHECK_EQUAL(fake.deframer.frames, fake.hub.outbox.frames_sent);
@@ -83,7 +83,7 @@ static void without_a_reader_whole_frames_are_dropped_and_counted(void)
     end();
 }
 
-static void without_a_reader_commands_are_still_obeyed_and_answered(void)
+static void without_a_reader_commands_are_still_executed_and_answered(void)
 {
     const uint8_t identify[5] = {33, TAXEL_COMMAND_I2C_TRANSFER, FIRST, 64, 0};
     begin(4);
@@ -92,7 +92,7 @@ static void without_a_reader_commands_are_still_obeyed_and_answered(void)
     fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, identify, sizeof identify);
     CHECK(fake_hub_run_cycles(&fake, 20));
     fake_hub_forget_frames(&fake);
-    CHECK(fake.hub.inbox.commands >= 2); /* START, and this one: obeyed before anything was read */
+    CHECK(fake.hub.inbox.commands >= 2); /* START and this command were executed before the host read any byte */
     fake.drain_bytes = FAKE_PULL;
     fake_hub_run(&fake, 1000);
     const struct fake_frame *reply = fake_hub_last(&fake, TAXEL_FRAME_TYPE_REPLY);
@@ -104,8 +104,8 @@ static void without_a_reader_commands_are_still_obeyed_and_answered(void)
     end();
 }
 
-/* Commands that come while there is no room for another answer wait; none is lost. */
-static void commands_wait_for_room(void)
+/* Commands that arrive without space for their answer wait; none is lost. */
+static void commands_wait_for_space(void)
 {
     begin(4);
     fake.drain_bytes = 0;
@@ -122,7 +122,7 @@ static void commands_wait_for_room(void)
     end();
 }
 
-/* How many LOG frames say that they stand for one that was dropped. */
+/* Number of LOG frames that replace a dropped frame. */
 static size_t stand_ins(void)
 {
     size_t count = 0;
@@ -133,10 +133,11 @@ static size_t stand_ins(void)
     return count;
 }
 
-/* Each stall finds the words that stand for the frames of the one before still queued; what was begun goes on where it was. */
-static void stall_after_stall_leaves_every_frame_whole_and_no_number_missing(void)
+/* At each stall the placeholders of the previous stall are still queued; the partly sent frame continues at its next
+ * byte. */
+static void repeated_stalls_leave_every_frame_intact_and_no_number_missing(void)
 {
-    size_t stood_in = 0;
+    size_t placeholders = 0;
     for (size_t taken = 0; taken <= 400; taken += 7) {
         set_up_a_full_pool(taken % 5 * 16);
         CHECK(fake_hub_start(&fake));
@@ -146,22 +147,22 @@ static void stall_after_stall_leaves_every_frame_whole_and_no_number_missing(voi
             fake.drain_bytes = 0;
             fake_hub_run(&fake, STALL_US);
             CHECK(fake.hub.outbox.frames_dropped > before);
-            take(taken);
+            read_bytes(taken);
         }
-        read_on();
-        stood_in += stand_ins();
+        resume_reading();
+        placeholders += stand_ins();
         end();
     }
-    CHECK(stood_in > 50); /* not every stall finds a second frame in the pool */
+    CHECK(placeholders > 50); /* not every stall has a second frame in the pool */
 }
 
-/* What stands in the pool when the stall is noticed may be board information, which no board's counters know. */
-static void a_stall_while_boards_are_identified_counts_no_snapshot(void)
+/* The pool may hold board information when the stall is detected, which is in no board's counters. */
+static void a_stall_during_identification_counts_no_snapshot(void)
 {
     for (size_t taken = 0; taken <= 300; taken += 3) {
         set_up_a_full_pool(0);
         fake_hub_boot(&fake);
-        take(taken);
+        read_bytes(taken);
         fake_hub_run(&fake, STALL_US);
         for (uint8_t i = 0; i < fake.hub.slot_count; i++) {
             CHECK_EQUAL(fake.slots[i].forwarded + fake.slots[i].dropped, 0);
@@ -170,18 +171,18 @@ static void a_stall_while_boards_are_identified_counts_no_snapshot(void)
         fake_hub_run(&fake, 100000);
         CHECK(fake_hub_handshake(&fake));
         CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_START, NULL, 0), 0);
-        read_on();
+        resume_reading();
         end();
     }
 }
 
-static void answers_in_the_ring_outlive_a_stall(void)
+static void answers_in_the_ring_survive_a_stall(void)
 {
     for (size_t taken = 0; taken < 200; taken += 9) {
         set_up_a_full_pool(0);
         CHECK(fake_hub_start(&fake));
         CHECK(fake_hub_run_cycles(&fake, 3));
-        take(taken);
+        read_bytes(taken);
         for (uint8_t i = 0; i < 3; i++) {
             const uint8_t command[2] = {(uint8_t)(100 + i), TAXEL_COMMAND_GET_TIME};
             fake_hub_send(&fake, TAXEL_FRAME_TYPE_COMMAND, command, sizeof command);
@@ -198,10 +199,10 @@ static void answers_in_the_ring_outlive_a_stall(void)
 int main(void)
 {
     RUN(without_a_reader_whole_frames_are_dropped_and_counted);
-    RUN(without_a_reader_commands_are_still_obeyed_and_answered);
-    RUN(commands_wait_for_room);
-    RUN(stall_after_stall_leaves_every_frame_whole_and_no_number_missing);
-    RUN(a_stall_while_boards_are_identified_counts_no_snapshot);
-    RUN(answers_in_the_ring_outlive_a_stall);
+    RUN(without_a_reader_commands_are_still_executed_and_answered);
+    RUN(commands_wait_for_space);
+    RUN(repeated_stalls_leave_every_frame_intact_and_no_number_missing);
+    RUN(a_stall_during_identification_counts_no_snapshot);
+    RUN(answers_in_the_ring_survive_a_stall);
     return check_summary();
 }

@@ -1,4 +1,4 @@
-/* The hub's UART: garbage in, too much in, and nobody who takes what comes out. */
+/* The hub's UART: random input, too much input, and slow output. */
 #include "check.h"
 #include "codec/encoder.h"
 #include "emulator/random.h"
@@ -18,13 +18,13 @@ static void begin(size_t boards)
 
 static void end(void)
 {
-    CHECK(fake_hub_accounts_hold(&fake));
+    CHECK(fake_hub_accounts_balance(&fake));
     CHECK_EQUAL(fake.sequence_gaps, 0);
     CHECK_EQUAL(fake.deframer.discarded_bytes, 0);
     fake_hub_free_boards(&fake);
 }
 
-static void garbage_between_commands_costs_no_command(void)
+static void random_bytes_between_commands_lose_no_command(void)
 {
     struct random_source random;
     uint8_t noise[200];
@@ -44,7 +44,7 @@ static void garbage_between_commands_costs_no_command(void)
     end();
 }
 
-static void frames_of_the_hub_itself_are_not_taken_as_commands(void)
+static void frames_of_the_hub_are_not_accepted_as_commands(void)
 {
     const uint8_t status[TAXEL_REPLY_HEADER_SIZE] = {1, TAXEL_COMMAND_REBOOT, 0};
     begin(1);
@@ -54,7 +54,7 @@ static void frames_of_the_hub_itself_are_not_taken_as_commands(void)
     end();
 }
 
-static void a_command_with_any_bit_flipped_is_not_obeyed(void)
+static void a_command_with_a_flipped_bit_is_not_executed(void)
 {
     const uint8_t payload[2] = {1, TAXEL_COMMAND_REBOOT};
     uint8_t bytes[64], damaged[64];
@@ -89,29 +89,29 @@ static void a_full_receive_ring_drops_bytes_and_counts_them(void)
     end();
 }
 
-static void a_receive_ring_that_fills_holds_the_host_back_and_lets_it_go_on_when_it_has_emptied(void)
+static void rts_stops_the_host_while_the_receive_ring_is_nearly_full(void)
 {
     begin(1);
     for (unsigned i = 0; i < 255u - TAXEL_HUB_HOLD_SPACE - 1u; i++) {
         taxel_hub_on_uart_byte(&fake.hub, (uint8_t)(i | 1u));
     }
-    CHECK(!fake.holds);
+    CHECK(!fake.is_host_held);
     taxel_hub_on_uart_byte(&fake.hub, 1);
-    CHECK(fake.holds);
-    for (unsigned i = 0; i < TAXEL_HUB_HOLD_SPACE; i++) { /* what the adapter still sends */
+    CHECK(fake.is_host_held);
+    for (unsigned i = 0; i < TAXEL_HUB_HOLD_SPACE; i++) { /* bytes that the adapter still sends */
         taxel_hub_on_uart_byte(&fake.hub, 0);
     }
     CHECK_EQUAL(fake.hub.inbox.overruns, 0);
     CHECK_EQUAL(fake.hold_changes, 1);
     fake_hub_run(&fake, 1000);
-    CHECK(!fake.holds);
+    CHECK(!fake.is_host_held);
     CHECK_EQUAL(fake.hold_changes, 2);
     CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_GET_TIME, NULL, 0), 0);
     end();
 }
 
-/* The hub works off a command and takes nothing meanwhile: a host that may send on and on loses nothing. */
-static void a_host_that_is_held_back_loses_no_command(void)
+/* The hub executes a command and accepts no other meanwhile: a host that obeys RTS loses no byte. */
+static void a_host_with_flow_control_loses_no_command(void)
 {
     static const uint8_t transfer[3] = {TAXEL_COMMAND_I2C_TRANSFER, FIRST, 64};
     static const size_t commands = 200;
@@ -128,22 +128,22 @@ static void a_host_that_is_held_back_loses_no_command(void)
         size += taxel_encoder_end(&encoder);
     }
     while (sent < size) {
-        for (unsigned after = 0; sent < size && (!fake.holds || after < TAXEL_HUB_HOLD_SPACE); after += fake.holds) {
+        for (unsigned after = 0; sent < size && (!fake.is_host_held || after < TAXEL_HUB_HOLD_SPACE); after += fake.is_host_held) {
             taxel_hub_on_uart_byte(&fake.hub, bytes[sent++]);
         }
-        while (fake.holds) {
+        while (fake.is_host_held) {
             fake_hub_run(&fake, 100);
         }
     }
     fake_hub_run(&fake, 500000);
     CHECK_EQUAL(fake.hub.inbox.overruns, 0);
     CHECK(fake.hold_changes > 20);
-    CHECK(!fake.holds);
+    CHECK(!fake.is_host_held);
     CHECK_EQUAL(fake_hub_count(&fake, TAXEL_FRAME_TYPE_REPLY), commands);
     end();
 }
 
-static void a_hub_whose_line_is_not_wired_counts_what_it_loses(void)
+static void a_hub_without_rts_counts_lost_bytes(void)
 {
     begin(1);
     fake.hal.uart_hold = NULL;
@@ -151,24 +151,24 @@ static void a_hub_whose_line_is_not_wired_counts_what_it_loses(void)
         taxel_hub_on_uart_byte(&fake.hub, 1);
     }
     CHECK_EQUAL(fake.hub.inbox.overruns, 300 - 255);
-    CHECK(!fake.holds);
+    CHECK(!fake.is_host_held);
     fake_hub_run(&fake, 1000);
     end();
 }
 
-static void a_hub_that_restarts_while_it_holds_lets_the_host_go_on(void)
+static void a_restarted_hub_lowers_rts(void)
 {
     begin(1);
     for (unsigned i = 0; i < 250; i++) {
         taxel_hub_on_uart_byte(&fake.hub, 1);
     }
-    CHECK(fake.holds);
+    CHECK(fake.is_host_held);
     fake_hub_boot(&fake);
-    CHECK(!fake.holds);
+    CHECK(!fake.is_host_held);
     fake_hub_free_boards(&fake);
 }
 
-static void several_commands_at_once_are_obeyed_in_order(void)
+static void several_commands_are_executed_in_order(void)
 {
     uint8_t bytes[255];
     size_t size = 0;
@@ -198,11 +198,11 @@ static void several_commands_at_once_are_obeyed_in_order(void)
     end();
 }
 
-/* A ring whose last byte is taken looks like an empty one. */
-static void the_transmit_ring_is_never_filled_to_its_last_byte(void)
+/* A completely filled ring would look empty. */
+static void the_transmit_ring_is_never_filled_completely(void)
 {
     static const uint8_t data[TAXEL_REPLY_HEADER_SIZE + 128] = {1, TAXEL_COMMAND_GET_TIME, 0};
-    const size_t around = taxel_encoded_size_max(0); /* a short frame takes so much beside its payload, never less */
+    const size_t around = taxel_encoded_size_max(0); /* overhead of a short frame */
     begin(1);
     fake_hub_run(&fake, 1000);
     fake.drain_bytes = 0;
@@ -222,10 +222,10 @@ static void the_transmit_ring_is_never_filled_to_its_last_byte(void)
     end();
 }
 
-static void a_slow_reader_gets_as_many_frames_of_every_board(void)
+static void a_slow_reader_gets_equally_many_frames_of_every_board(void)
 {
     begin(4);
-    fake.drain_bytes = 4; /* a pass of the main loop */
+    fake.drain_bytes = 4; /* per pass of the main loop */
     fake_hub_run(&fake, 500000);
     const size_t frames = fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST);
     CHECK(frames > 10);
@@ -235,12 +235,12 @@ static void a_slow_reader_gets_as_many_frames_of_every_board(void)
     end();
 }
 
-/* Taxel frames that are shorter than a status frame find room before it does. */
-static void a_full_uart_does_not_keep_a_status_report_and_so_the_host_waiting(void)
+/* Taxel frames that are shorter than a status frame fit into free space earlier. */
+static void a_status_report_ends_although_the_uart_is_full(void)
 {
     for (size_t drained = 1; drained <= 16; drained++) {
         begin(4);
-        fake.drain_bytes = drained; /* a pass of the main loop */
+        fake.drain_bytes = drained; /* per pass of the main loop */
         fake_hub_run(&fake, 300000);
         fake_hub_forget_frames(&fake);
         CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_GET_STATUS, NULL, 0), 0);
@@ -252,17 +252,17 @@ static void a_full_uart_does_not_keep_a_status_report_and_so_the_host_waiting(vo
 
 int main(void)
 {
-    RUN(garbage_between_commands_costs_no_command);
-    RUN(frames_of_the_hub_itself_are_not_taken_as_commands);
-    RUN(a_command_with_any_bit_flipped_is_not_obeyed);
+    RUN(random_bytes_between_commands_lose_no_command);
+    RUN(frames_of_the_hub_are_not_accepted_as_commands);
+    RUN(a_command_with_a_flipped_bit_is_not_executed);
     RUN(a_full_receive_ring_drops_bytes_and_counts_them);
-    RUN(a_receive_ring_that_fills_holds_the_host_back_and_lets_it_go_on_when_it_has_emptied);
-    RUN(a_host_that_is_held_back_loses_no_command);
-    RUN(a_hub_whose_line_is_not_wired_counts_what_it_loses);
-    RUN(a_hub_that_restarts_while_it_holds_lets_the_host_go_on);
-    RUN(several_commands_at_once_are_obeyed_in_order);
-    RUN(the_transmit_ring_is_never_filled_to_its_last_byte);
-    RUN(a_slow_reader_gets_as_many_frames_of_every_board);
-    RUN(a_full_uart_does_not_keep_a_status_report_and_so_the_host_waiting);
+    RUN(rts_stops_the_host_while_the_receive_ring_is_nearly_full);
+    RUN(a_host_with_flow_control_loses_no_command);
+    RUN(a_hub_without_rts_counts_lost_bytes);
+    RUN(a_restarted_hub_lowers_rts);
+    RUN(several_commands_are_executed_in_order);
+    RUN(the_transmit_ring_is_never_filled_completely);
+    RUN(a_slow_reader_gets_equally_many_frames_of_every_board);
+    RUN(a_status_report_ends_although_the_uart_is_full);
     return check_summary();
 }

@@ -49,7 +49,8 @@ static void moments_equal_those_of_a_normal_distribution(void)
         }
         outside_three_sigma += fabs(value) > 3.0;
     }
-    /* The bounds are five standard errors sqrt(variance / COUNT); the variances of x, x^2, x^3 and x^4 are 1, 2, 15 and 96. */
+    /* The bounds are five standard errors sqrt(variance / COUNT); the variances of x, x^2, x^3 and x^4 are 1, 2, 15 and
+     * 96. */
     CHECK_BETWEEN(moment[1], -0.005, 0.005);
     CHECK_BETWEEN(moment[2], 1.0 - 0.0071, 1.0 + 0.0071);
     CHECK_BETWEEN(moment[3], -0.0194, 0.0194);

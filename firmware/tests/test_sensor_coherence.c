@@ -1,4 +1,4 @@
-/* A reader gets one whole scan, never a mix of two, whenever it comes and whatever cuts in meanwhile. */
+/* A reader gets one complete scan, never a mixture of two, at any time and with any preemption. */
 #include "check.h"
 #include "fake_sensor.h"
 
@@ -39,12 +39,12 @@ static uint16_t read_with_conversions_between(unsigned between, bool with_pointe
     }
     fake_convert(&fake, between);
     taxel_sensor_on_stop(&fake.sensor);
-    CHECK(fake_snapshot_is_whole(&fake, snapshot));
+    CHECK(fake_snapshot_is_valid(&fake, snapshot));
     CHECK_EQUAL(taxel_get_u16(snapshot), (uint16_t)(scans - 1u));
     return taxel_get_u16(snapshot);
 }
 
-static void at_every_instant_of_a_scan(void)
+static void a_read_returns_one_scan_at_every_instant_of_a_scan(void)
 {
     for (unsigned between = 0; between <= 12; between++) {
         for (unsigned start = 0; start <= 2u * ROWS * COLUMNS; start++) {
@@ -68,8 +68,8 @@ static void convert_once(struct fake_sensor *preempted)
     fake_convert(preempted, 1);
 }
 
-/* A conversion may end just before the latch keeps interrupts out, and just after it lets them in. */
-static void a_conversion_cuts_into_the_latch(void)
+/* A conversion may end just before the latch disables interrupts, and just after it restores them. */
+static void a_conversion_may_preempt_the_latch(void)
 {
     for (unsigned start = 0; start <= 2u * ROWS * COLUMNS; start++) {
         boot();
@@ -79,7 +79,7 @@ static void a_conversion_cuts_into_the_latch(void)
             fake.preempt = convert_once;
             CHECK(fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT, snapshot, snapshot_size()));
             fake.preempt = NULL;
-            CHECK(fake_snapshot_is_whole(&fake, snapshot));
+            CHECK(fake_snapshot_is_valid(&fake, snapshot));
         }
         fake_sensor_free(&fake);
     }
@@ -88,21 +88,21 @@ static void a_conversion_cuts_into_the_latch(void)
 
 static unsigned reads_within;
 
-static void read_whole(struct fake_sensor *preempted)
+static void read_snapshot(struct fake_sensor *preempted)
 {
     if (!preempted->sensor.scan.has_newest && !preempted->sensor.scan.has_latched) {
-        return; /* nothing has been completed yet */
+        return; /* no scan is complete yet */
     }
     reads_within++;
     CHECK(fake_read_at(preempted, TAXEL_REGISTER_SNAPSHOT, snapshot, snapshot_size()));
-    CHECK(fake_snapshot_is_whole(preempted, snapshot));
+    CHECK(fake_snapshot_is_valid(preempted, snapshot));
 }
 
-/* A read may cut into the conversion's interrupt wherever that one keeps interrupts in. */
-static void a_read_cuts_into_the_conversions_interrupt(void)
+/* A read may preempt the conversion's interrupt wherever interrupts are enabled. */
+static void a_read_may_preempt_the_conversion_interrupt(void)
 {
     boot();
-    fake.preempt = read_whole;
+    fake.preempt = read_snapshot;
     fake_scan(&fake, 20);
     fake.preempt = NULL;
     CHECK(reads_within > 100);
@@ -110,7 +110,7 @@ static void a_read_cuts_into_the_conversions_interrupt(void)
     fake_sensor_free(&fake);
 }
 
-static void blocks_after_the_latch_equal_the_whole_read(void)
+static void blocks_read_after_the_latch_form_the_same_snapshot(void)
 {
     for (unsigned between = 0; between <= 12; between += 3) {
         boot();
@@ -121,13 +121,13 @@ static void blocks_after_the_latch_equal_the_whole_read(void)
             CHECK(fake_read_at(&fake, pointer++, blocks + at, TAXEL_SMBUS_BLOCK));
             fake_convert(&fake, between);
         }
-        CHECK(fake_snapshot_is_whole(&fake, blocks));
+        CHECK(fake_snapshot_is_valid(&fake, blocks));
         CHECK_EQUAL(taxel_get_u16(blocks), 2);
         fake_sensor_free(&fake);
     }
 }
 
-static void blocks_of_the_largest_board(void)
+static void the_largest_board_is_read_in_blocks(void)
 {
     uint8_t blocks[17 * TAXEL_SMBUS_BLOCK];
     fake_sensor_init(&fake, 0x30, 16, 15, 0);
@@ -138,7 +138,7 @@ static void blocks_of_the_largest_board(void)
                            TAXEL_SMBUS_BLOCK));
         fake_convert(&fake, 50);
     }
-    CHECK(fake_snapshot_is_whole(&fake, blocks));
+    CHECK(fake_snapshot_is_valid(&fake, blocks));
     for (size_t i = snapshot_size(); i < 16u * TAXEL_SMBUS_BLOCK; i++) {
         CHECK_EQUAL(blocks[i], 0xFF);
     }
@@ -153,15 +153,15 @@ static void before_the_first_scan_a_read_is_not_acknowledged(void)
         CHECK(!fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT + 1, snapshot, 8));
         fake_convert(&fake, 1);
     }
-    CHECK(!fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT + 1, snapshot, 8)); /* nothing has been latched yet */
+    CHECK(!fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT + 1, snapshot, 8)); /* no snapshot is latched yet */
     CHECK(fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT, snapshot, snapshot_size()));
-    CHECK(fake_snapshot_is_whole(&fake, snapshot));
+    CHECK(fake_snapshot_is_valid(&fake, snapshot));
     CHECK(fake_read_at(&fake, TAXEL_REGISTER_SNAPSHOT + 1, snapshot, 8));
-    CHECK_EQUAL(fake_status(&fake).snapshot_reads, 1); /* what was not acknowledged was not read */
+    CHECK_EQUAL(fake_status(&fake).snapshot_reads, 1); /* a read that was not acknowledged does not count */
     fake_sensor_free(&fake);
 }
 
-static void without_a_newer_scan_the_same_one_is_read_again(void)
+static void without_a_newer_scan_the_same_snapshot_is_read_again(void)
 {
     uint8_t again[sizeof snapshot];
     boot();
@@ -178,12 +178,12 @@ static void without_a_newer_scan_the_same_one_is_read_again(void)
 
 int main(void)
 {
-    RUN(at_every_instant_of_a_scan);
-    RUN(a_conversion_cuts_into_the_latch);
-    RUN(a_read_cuts_into_the_conversions_interrupt);
-    RUN(blocks_after_the_latch_equal_the_whole_read);
-    RUN(blocks_of_the_largest_board);
+    RUN(a_read_returns_one_scan_at_every_instant_of_a_scan);
+    RUN(a_conversion_may_preempt_the_latch);
+    RUN(a_read_may_preempt_the_conversion_interrupt);
+    RUN(blocks_read_after_the_latch_form_the_same_snapshot);
+    RUN(the_largest_board_is_read_in_blocks);
     RUN(before_the_first_scan_a_read_is_not_acknowledged);
-    RUN(without_a_newer_scan_the_same_one_is_read_again);
+    RUN(without_a_newer_scan_the_same_snapshot_is_read_again);
     return check_summary();
 }

@@ -12,7 +12,7 @@ static void boot(void)
     fake_scan(&fake, 2);
 }
 
-static void identity_is_that_of_the_configuration(void)
+static void the_identity_holds_the_configuration(void)
 {
     uint8_t bytes[TAXEL_IDENTITY_SIZE];
     struct taxel_identity identity;
@@ -37,7 +37,7 @@ static void identity_is_that_of_the_configuration(void)
     fake_sensor_free(&fake);
 }
 
-static void any_register_may_be_read_and_reads_ff_beyond_its_end(void)
+static void every_register_is_readable_and_reads_ff_beyond_its_end(void)
 {
     static const struct {
         unsigned first, size;
@@ -66,7 +66,7 @@ static void any_register_may_be_read_and_reads_ff_beyond_its_end(void)
     fake_sensor_free(&fake);
 }
 
-static void a_read_in_the_middle_continues_the_area(void)
+static void a_read_may_begin_inside_a_register_block(void)
 {
     uint8_t whole[TAXEL_IDENTITY_SIZE], part[8], clock[4];
     boot();
@@ -79,7 +79,7 @@ static void a_read_in_the_middle_continues_the_area(void)
     fake_sensor_free(&fake);
 }
 
-static void status_is_of_one_instant(void)
+static void the_status_is_latched_at_one_instant(void)
 {
     uint8_t bytes[TAXEL_STATUS_SIZE];
     struct taxel_status status;
@@ -101,7 +101,7 @@ static void status_is_of_one_instant(void)
     fake_sensor_free(&fake);
 }
 
-static void a_read_without_pointer_repeats_the_last_register(void)
+static void a_read_without_a_pointer_write_repeats_the_last_register(void)
 {
     uint8_t first[4], again[4];
     boot();
@@ -116,10 +116,10 @@ static void a_read_without_pointer_repeats_the_last_register(void)
 
 int main(void)
 {
-    RUN(identity_is_that_of_the_configuration);
-    RUN(any_register_may_be_read_and_reads_ff_beyond_its_end);
-    RUN(a_read_in_the_middle_continues_the_area);
-    RUN(status_is_of_one_instant);
-    RUN(a_read_without_pointer_repeats_the_last_register);
+    RUN(the_identity_holds_the_configuration);
+    RUN(every_register_is_readable_and_reads_ff_beyond_its_end);
+    RUN(a_read_may_begin_inside_a_register_block);
+    RUN(the_status_is_latched_at_one_instant);
+    RUN(a_read_without_a_pointer_write_repeats_the_last_register);
     return check_summary();
 }

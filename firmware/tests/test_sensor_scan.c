@@ -1,4 +1,4 @@
-/* The scan sequencer: order, numbering, stop and start, settings from the next scan on. */
+/* The scan sequencer: order, numbering, stop and start, new settings at the next scan. */
 #include "check.h"
 #include "codec/crc32.h"
 #include "fake_sensor.h"
@@ -20,7 +20,7 @@ static struct taxel_snapshot_header read_snapshot(void)
     return header;
 }
 
-static void scans_tx_after_tx_and_skips_crossings_without_taxel(void)
+static void the_scan_goes_tx_by_tx_over_the_taxels(void)
 {
     boot(5, 7, 3);
     fake_scan(&fake, 2);
@@ -42,12 +42,12 @@ static void scans_tx_after_tx_and_skips_crossings_without_taxel(void)
     fake_sensor_free(&fake);
 }
 
-static void snapshot_crc_covers_the_address(void)
+static void the_snapshot_crc_covers_the_address(void)
 {
     boot(3, 5, 4);
     fake_scan(&fake, 1);
     (void)read_snapshot();
-    CHECK(fake_snapshot_is_whole(&fake, snapshot));
+    CHECK(fake_snapshot_is_valid(&fake, snapshot));
     const size_t size = TAXEL_SNAPSHOT_SIZE(fake.config.taxel_count);
     CHECK(taxel_crc32(0, snapshot, size - 4u) != taxel_get_u32(snapshot + size - 4u));
     const uint8_t other = 0x22;
@@ -55,7 +55,7 @@ static void snapshot_crc_covers_the_address(void)
     fake_sensor_free(&fake);
 }
 
-static void sequence_and_timestamp_are_those_of_the_scans_begin(void)
+static void sequence_and_timestamp_are_set_at_the_start_of_a_scan(void)
 {
     boot(2, 2, 0);
     for (uint16_t scan = 0; scan < 5; scan++) {
@@ -82,13 +82,13 @@ static void sequence_and_clock_wrap(void)
     header = read_snapshot();
     CHECK_EQUAL(header.sequence, 1);
     CHECK_EQUAL(header.timestamp_us, 4); /* 20 us after 0xFFFFFFF0 */
-    CHECK(fake_snapshot_is_whole(&fake, snapshot));
+    CHECK(fake_snapshot_is_valid(&fake, snapshot));
     CHECK_EQUAL(fake_status(&fake).scans, 0x10002);
     CHECK_EQUAL(fake_status(&fake).scan_time_us, 10);
     fake_sensor_free(&fake);
 }
 
-static void a_stopped_scan_shows_nothing_half_done(void)
+static void a_stopped_scan_is_discarded(void)
 {
     boot(2, 3, 0);
     fake_scan(&fake, 1);
@@ -99,21 +99,21 @@ static void a_stopped_scan_shows_nothing_half_done(void)
     CHECK(!fake.converting);
     CHECK_EQUAL(fake.started, 6u + 3u + 1u);
     CHECK_EQUAL(read_snapshot().sequence, 0);
-    CHECK(fake_snapshot_is_whole(&fake, snapshot));
+    CHECK(fake_snapshot_is_valid(&fake, snapshot));
     CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_START_SCAN));
     fake_scan(&fake, 1);
     CHECK_EQUAL(read_snapshot().sequence, 1);
-    CHECK(fake_snapshot_is_whole(&fake, snapshot));
+    CHECK(fake_snapshot_is_valid(&fake, snapshot));
     fake_sensor_free(&fake);
 }
 
-/* Every order of four stops and starts while one conversion is in flight, at every place of the scan. */
-static void stop_and_start_around_a_conversion_in_flight(void)
+/* Every order of four stops and starts during one conversion, at every position of the scan. */
+static void stop_and_start_work_during_a_conversion(void)
 {
-    for (unsigned place = 0; place < 7; place++) {
+    for (unsigned position = 0; position < 7; position++) {
         for (unsigned pattern = 0; pattern < 16; pattern++) {
             boot(2, 3, 0);
-            fake_convert(&fake, place);
+            fake_convert(&fake, position);
             bool scanning = true;
             for (unsigned i = 0; i < 4; i++) {
                 scanning = (pattern >> i) & 1u;
@@ -125,7 +125,7 @@ static void stop_and_start_around_a_conversion_in_flight(void)
             CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_START_SCAN));
             fake_convert(&fake, 20);
             (void)read_snapshot();
-            CHECK(fake_snapshot_is_whole(&fake, snapshot));
+            CHECK(fake_snapshot_is_valid(&fake, snapshot));
             CHECK_EQUAL(fake.overlapping, 0);
             fake_sensor_free(&fake);
         }
@@ -134,10 +134,10 @@ static void stop_and_start_around_a_conversion_in_flight(void)
 
 static void settings_take_effect_with_the_next_scan(void)
 {
-    const struct taxel_scan_settings wanted = {100, 20, 2, 8, 50};
+    const struct taxel_scan_settings settings = {100, 20, 2, 8, 50};
     boot(2, 3, 0);
     fake_convert(&fake, 2);
-    CHECK(fake_write_settings(&fake, &wanted));
+    CHECK(fake_write_settings(&fake, &settings));
     CHECK_EQUAL(fake.configured, 1);
     CHECK_EQUAL(fake_status(&fake).settings_generation, 0);
     fake_convert(&fake, 3);
@@ -153,12 +153,12 @@ static void settings_take_effect_with_the_next_scan(void)
     fake_sensor_free(&fake);
 }
 
-static void settings_of_a_stopped_board_wait_for_the_start(void)
+static void settings_of_a_stopped_board_take_effect_at_the_start(void)
 {
-    const struct taxel_scan_settings wanted = {100, 20, 2, 8, 50};
+    const struct taxel_scan_settings settings = {100, 20, 2, 8, 50};
     boot(2, 3, 0);
     CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_STOP_SCAN));
-    CHECK(fake_write_settings(&fake, &wanted));
+    CHECK(fake_write_settings(&fake, &settings));
     CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_START_SCAN));
     CHECK_EQUAL(fake.configured, 1);
     fake_convert(&fake, 1);
@@ -173,7 +173,7 @@ static uint16_t always_zero(struct fake_sensor *sensor)
     return 0;
 }
 
-static void saturated_conversions_are_counted_and_the_counter_stays_full(void)
+static void saturated_conversions_are_counted_and_the_counter_saturates(void)
 {
     boot(1, 2, 0);
     fake.count_of = always_zero;
@@ -185,24 +185,24 @@ static void saturated_conversions_are_counted_and_the_counter_stays_full(void)
     fake_sensor_free(&fake);
 }
 
-static void the_largest_boards_fit(void)
+static void boards_of_all_extreme_sizes_scan(void)
 {
     static const uint8_t sizes[][2] = {{1, 1}, {16, 15}, {15, 16}, {1, 16}, {16, 1}};
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) {
         boot(sizes[i][0], sizes[i][1], 0);
         fake_scan(&fake, 2);
         CHECK_EQUAL(read_snapshot().sequence, 1);
-        CHECK(fake_snapshot_is_whole(&fake, snapshot));
+        CHECK(fake_snapshot_is_valid(&fake, snapshot));
         fake_sensor_free(&fake);
     }
 }
 
-static void check_refused(void (*damage)(void), const char *what)
+static void check_rejected(void (*damage)(void), const char *description)
 {
     fake_sensor_init(&fake, 0x21, 3, 5, 0);
     damage();
     if (!CHECK_EQUAL(fake_sensor_boot(&fake), TAXEL_ERROR_INVALID)) {
-        printf("  (%s was not refused)\n", what);
+        printf("  (%s was not rejected)\n", description);
     }
     fake_sensor_free(&fake);
 }
@@ -221,43 +221,43 @@ static void large_count(void) { fake.config.settings.sub_conversions = 0x8000; f
 static void no_modulator_clock(void) { fake.config.settings.modulator_clock_divider = 0; }
 static void no_current(void) { fake.config.settings.idac_code = 0; }
 
-/* The number of bits is right, but one of them is a crossing that this board does not have. */
+/* The number of bits is right, but one of them is beyond the crossings of this board. */
 static void crossing_outside(void)
 {
     fake.crossing_map[0] &= 0xFEu;
     fake.crossing_map[15 >> 3] |= 1u << (15 & 7);
 }
 
-static void wrong_configurations_are_refused(void)
+static void invalid_configurations_are_rejected(void)
 {
-    check_refused(no_rows, "no rows");
-    check_refused(many_rows, "17 rows");
-    check_refused(no_columns, "no columns");
-    check_refused(many_columns, "17 columns");
-    check_refused(no_taxels, "no taxels");
-    check_refused(fewer_taxels, "a map of more taxels");
-    check_refused(more_taxels, "a map of fewer taxels");
-    check_refused(low_address, "address 0x07");
-    check_refused(high_address, "address 0x78");
-    check_refused(no_sub_conversions, "no sub-conversions");
-    check_refused(large_count, "a count beyond 16 bits");
-    check_refused(no_modulator_clock, "no modulator clock");
-    check_refused(no_current, "no IDAC current");
-    check_refused(crossing_outside, "a crossing beyond rows x columns");
+    check_rejected(no_rows, "no rows");
+    check_rejected(many_rows, "17 rows");
+    check_rejected(no_columns, "no columns");
+    check_rejected(many_columns, "17 columns");
+    check_rejected(no_taxels, "no taxels");
+    check_rejected(fewer_taxels, "a map of more taxels");
+    check_rejected(more_taxels, "a map of fewer taxels");
+    check_rejected(low_address, "address 0x07");
+    check_rejected(high_address, "address 0x78");
+    check_rejected(no_sub_conversions, "no sub-conversions");
+    check_rejected(large_count, "a count beyond 16 bits");
+    check_rejected(no_modulator_clock, "no modulator clock");
+    check_rejected(no_current, "no IDAC current");
+    check_rejected(crossing_outside, "a crossing beyond rows x columns");
 }
 
 int main(void)
 {
-    RUN(scans_tx_after_tx_and_skips_crossings_without_taxel);
-    RUN(snapshot_crc_covers_the_address);
-    RUN(sequence_and_timestamp_are_those_of_the_scans_begin);
+    RUN(the_scan_goes_tx_by_tx_over_the_taxels);
+    RUN(the_snapshot_crc_covers_the_address);
+    RUN(sequence_and_timestamp_are_set_at_the_start_of_a_scan);
     RUN(sequence_and_clock_wrap);
-    RUN(a_stopped_scan_shows_nothing_half_done);
-    RUN(stop_and_start_around_a_conversion_in_flight);
+    RUN(a_stopped_scan_is_discarded);
+    RUN(stop_and_start_work_during_a_conversion);
     RUN(settings_take_effect_with_the_next_scan);
-    RUN(settings_of_a_stopped_board_wait_for_the_start);
-    RUN(saturated_conversions_are_counted_and_the_counter_stays_full);
-    RUN(the_largest_boards_fit);
-    RUN(wrong_configurations_are_refused);
+    RUN(settings_of_a_stopped_board_take_effect_at_the_start);
+    RUN(saturated_conversions_are_counted_and_the_counter_saturates);
+    RUN(boards_of_all_extreme_sizes_scan);
+    RUN(invalid_configurations_are_rejected);
     return check_summary();
 }

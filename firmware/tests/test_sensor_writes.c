@@ -1,4 +1,5 @@
-/* Writes to a board: settings and commands take effect whole, at the stop, or not at all; everything else is refused. */
+/* Writes to a board: settings and commands take effect completely, at the stop, or not at all; all other writes are
+ * rejected. */
 #include "check.h"
 #include "codec/crc32.h"
 #include "fake_sensor.h"
@@ -33,17 +34,17 @@ static void check_rejected(uint16_t rejected, uint8_t flag)
     CHECK_EQUAL(fake_status(&fake).error_flags, 0);
 }
 
-static void good_settings_read_back_at_once(void)
+static void valid_settings_read_back_at_once(void)
 {
-    const struct taxel_scan_settings wanted = {200, 30, 3, 9, 77};
+    const struct taxel_scan_settings settings = {200, 30, 3, 9, 77};
     boot();
-    CHECK(fake_write_settings(&fake, &wanted));
-    const struct taxel_scan_settings found = read_settings();
-    CHECK_EQUAL(found.sub_conversions, 200);
-    CHECK_EQUAL(found.sense_clock_divider, 30);
-    CHECK_EQUAL(found.modulator_clock_divider, 3);
-    CHECK_EQUAL(found.idac_code, 9);
-    CHECK_EQUAL(found.settle_cycles, 77);
+    CHECK(fake_write_settings(&fake, &settings));
+    const struct taxel_scan_settings stored = read_settings();
+    CHECK_EQUAL(stored.sub_conversions, 200);
+    CHECK_EQUAL(stored.sense_clock_divider, 30);
+    CHECK_EQUAL(stored.modulator_clock_divider, 3);
+    CHECK_EQUAL(stored.idac_code, 9);
+    CHECK_EQUAL(stored.settle_cycles, 77);
     CHECK_EQUAL(fake_status(&fake).rejected_writes, 0);
     fake_sensor_free(&fake);
 }
@@ -62,13 +63,13 @@ static void settings_out_of_range_are_rejected(void)
     fake_sensor_free(&fake);
 }
 
-/* A good settings write, for the tests to damage. */
+/* A valid settings write, which the tests damage. */
 static void fill_settings_write(uint8_t *bytes)
 {
-    const struct taxel_scan_settings wanted = {200, 30, 3, 9, 77};
+    const struct taxel_scan_settings settings = {200, 30, 3, 9, 77};
     const uint8_t address = 0x23;
     bytes[0] = TAXEL_REGISTER_SETTINGS;
-    taxel_scan_settings_pack(&wanted, bytes + 1);
+    taxel_scan_settings_pack(&settings, bytes + 1);
     taxel_put_u32(bytes + 9, taxel_crc32(taxel_crc32(0, &address, 1), bytes + 1, 8));
 }
 
@@ -92,8 +93,8 @@ static void damaged_settings_are_rejected(void)
     fake_sensor_free(&fake);
 }
 
-/* The bytes of a whole write that a bus error cut off are still in the board's buffer. */
-static void settings_cut_short_are_not_completed_by_the_write_before(void)
+/* The bytes of a write that was aborted by a bus error are still in the board's buffer. */
+static void truncated_settings_are_not_completed_by_the_previous_write(void)
 {
     uint8_t bytes[13];
     boot();
@@ -112,7 +113,7 @@ static void settings_cut_short_are_not_completed_by_the_write_before(void)
     fake_sensor_free(&fake);
 }
 
-static void a_write_counts_only_at_its_stop(void)
+static void a_write_takes_effect_only_at_its_stop(void)
 {
     uint8_t bytes[13], byte;
     boot();
@@ -138,7 +139,7 @@ static void a_write_counts_only_at_its_stop(void)
             taxel_sensor_on_bus_error(&fake.sensor);
             taxel_sensor_on_stop(&fake.sensor);
             break;
-        default: /* the master went silent, and comes back */
+        default: /* the master stops, and continues later */
             break;
         }
         fake_scan(&fake, 1);
@@ -148,8 +149,8 @@ static void a_write_counts_only_at_its_stop(void)
     fake_sensor_free(&fake);
 }
 
-/* A master that does not look at the acknowledge: nothing of what it sent may take effect. */
-static void bytes_after_the_refused_one_change_nothing(void)
+/* A master that ignores the missing acknowledge: none of its bytes may take effect. */
+static void bytes_after_a_rejected_byte_have_no_effect(void)
 {
     boot();
     CHECK(taxel_sensor_on_address(&fake.sensor, false));
@@ -166,7 +167,7 @@ static void bytes_after_the_refused_one_change_nothing(void)
     fake_sensor_free(&fake);
 }
 
-static void commands_need_their_complement(void)
+static void a_command_requires_its_complement(void)
 {
     boot();
     for (unsigned command = 0; command < 256; command++) {
@@ -177,14 +178,14 @@ static void commands_need_their_complement(void)
             }
         }
     }
-    const uint8_t lone[2] = {TAXEL_REGISTER_COMMAND, TAXEL_BOARD_COMMAND_RESTART};
+    const uint8_t incomplete[2] = {TAXEL_REGISTER_COMMAND, TAXEL_BOARD_COMMAND_RESTART};
     for (unsigned i = 0; i < 10; i++) {
-        CHECK(fake_write(&fake, lone, sizeof lone));
+        CHECK(fake_write(&fake, incomplete, sizeof incomplete));
     }
-    const uint8_t long_one[4] = {TAXEL_REGISTER_COMMAND, TAXEL_BOARD_COMMAND_RESTART, 0xFB, 0};
-    CHECK(fake_write(&fake, long_one, sizeof long_one));
+    const uint8_t too_long[4] = {TAXEL_REGISTER_COMMAND, TAXEL_BOARD_COMMAND_RESTART, 0xFB, 0};
+    CHECK(fake_write(&fake, too_long, sizeof too_long));
     CHECK_EQUAL(fake.restarts + fake.bootloader_entries, 0);
-    CHECK_EQUAL(fake_status(&fake).rejected_writes, 0xFFFF); /* and the counter stays full */
+    CHECK_EQUAL(fake_status(&fake).rejected_writes, 0xFFFF); /* the counter is saturated */
     CHECK_EQUAL(fake_status(&fake).state, TAXEL_SENSOR_SCANNING);
     CHECK(fake_command(&fake, TAXEL_BOARD_COMMAND_RESTART));
     CHECK_EQUAL(fake.restarts, 1);
@@ -209,7 +210,7 @@ static void writes_to_read_only_registers_are_rejected(void)
     fake_sensor_free(&fake);
 }
 
-static void bus_errors_are_counted_and_the_counter_stays_full(void)
+static void bus_errors_are_counted_and_the_counter_saturates(void)
 {
     boot();
     for (unsigned i = 0; i < 0x10005; i++) {
@@ -223,14 +224,14 @@ static void bus_errors_are_counted_and_the_counter_stays_full(void)
 
 int main(void)
 {
-    RUN(good_settings_read_back_at_once);
+    RUN(valid_settings_read_back_at_once);
     RUN(settings_out_of_range_are_rejected);
     RUN(damaged_settings_are_rejected);
-    RUN(settings_cut_short_are_not_completed_by_the_write_before);
-    RUN(a_write_counts_only_at_its_stop);
-    RUN(bytes_after_the_refused_one_change_nothing);
-    RUN(commands_need_their_complement);
+    RUN(truncated_settings_are_not_completed_by_the_previous_write);
+    RUN(a_write_takes_effect_only_at_its_stop);
+    RUN(bytes_after_a_rejected_byte_have_no_effect);
+    RUN(a_command_requires_its_complement);
     RUN(writes_to_read_only_registers_are_rejected);
-    RUN(bus_errors_are_counted_and_the_counter_stays_full);
+    RUN(bus_errors_are_counted_and_the_counter_saturates);
     return check_summary();
 }

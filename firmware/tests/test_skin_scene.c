@@ -2,7 +2,7 @@
 #define _GNU_SOURCE
 #include <math.h>
 
-#include "refusal.h"
+#include "rejection.h"
 #include "fake_world.h"
 
 #define MAP_1 "0100000000000000000000000000000000000000000000000000000000000000"
@@ -13,13 +13,13 @@
     "plane 0 0 1 0.01\nplane 0 0 -1 0.01\n"
 
 static struct world_description world;
-static struct refusal refusal;
+static struct rejection rejection;
 static struct fake_world fake;
 
 static void a_valid_scene_is_read(void)
 {
     unsigned lines;
-    CHECK_EQUAL(refusal_read(&refusal, &world,
+    CHECK_EQUAL(rejection_read(&rejection, &world,
                              WORLD "layer 0.0012\n" SURFACE CUBE "object can 0 0 0.05 0.06\ncylinder 0.03 0.1\n"
                                    "bracket_offset 0x20 0.001 0 0 0 0 1.5707963267948966\nobject_offset can 0 0 0.002 0 0 0\n",
                              &lines),
@@ -77,7 +77,7 @@ static const char *const invalid_scenes[] = {
 
 static void invalid_scenes_are_rejected_with_one_line(void)
 {
-    refusal_check_all(invalid_scenes, sizeof invalid_scenes / sizeof invalid_scenes[0]);
+    rejection_check_all(invalid_scenes, sizeof invalid_scenes / sizeof invalid_scenes[0]);
 }
 
 static void too_many_objects_or_planes_are_rejected(void)
@@ -87,13 +87,13 @@ static void too_many_objects_or_planes_are_rejected(void)
         strcat(text, "object can 0 0 0 0.1\ncylinder 0.03 0.1\n");
     }
     const char *const objects = text;
-    refusal_check_all(&objects, 1);
+    rejection_check_all(&objects, 1);
     static char planes[40000] = WORLD "object ball 0 0 0 0.1\n";
     for (int i = 0; i <= SHAPE_PLANES_MAX; i++) {
         strcat(planes, "plane 1 0 0 0.01\n");
     }
     const char *const many_planes = planes;
-    refusal_check_all(&many_planes, 1);
+    rejection_check_all(&many_planes, 1);
 }
 
 /* Scene stimulus of `boards` boards and `taxels` taxels with one record: the cube at x. */
@@ -144,16 +144,16 @@ static void a_scene_that_does_not_match_the_world_is_rejected_with_one_line(void
     } cases[] = {{true, 1, 0}, {true, 2, -1}, {false, 1, -1}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         describe(cases[i].has_poses);
-        refusal_catch(&refusal);
+        rejection_catch(&rejection);
         const int result = fake_world_open(&fake, scene_file(cases[i].boards, 1, 0.05f));
-        CHECK_EQUAL(refusal_lines(&refusal), result ? 1 : 0);
+        CHECK_EQUAL(rejection_lines(&rejection), result ? 1 : 0);
         CHECK_EQUAL(result, cases[i].result);
         fake_world_close(&fake);
     }
     describe(true);
-    refusal_catch(&refusal);
+    rejection_catch(&rejection);
     CHECK_EQUAL(fake_world_open(&fake, scene_file(0, 1, 0.05f)), -1);
-    CHECK_EQUAL(refusal_lines(&refusal), 1);
+    CHECK_EQUAL(rejection_lines(&rejection), 1);
     fake_world_close(&fake);
 }
 

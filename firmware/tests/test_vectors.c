@@ -1,5 +1,5 @@
-/* The golden vectors against the C codec: test_vectors FRAMES.json REGISTERS.json DAMAGED.json (any of them, any order).
- * Prints the name of every vector that fails, and one line of counts; exit status 0 only if all passed. */
+/* The golden vectors against the C codec: test_vectors FRAMES.json REGISTERS.json DAMAGED.json (any of them, any
+ * order). Prints the name of every vector that fails, and one line of counts; exit status 0 only if all passed. */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -13,7 +13,7 @@
 #define WIRE_MAX (TAXEL_ENCODED_MAX + 2u)
 #define CHUNK_MAX (2u * WIRE_MAX)
 #define STRUCT_MAX 256u
-#define HUB_PAYLOAD_MAX 68u /* what the hub's own deframer is built for */
+#define HUB_PAYLOAD_MAX 68u /* longest payload to the hub */
 
 static unsigned passed, failed;
 
@@ -28,15 +28,15 @@ struct bytes {
     size_t size;
 };
 
-static void count(const struct json_node *vector, const char *what, bool good)
+static void count_check(const struct json_node *vector, const char *description, bool is_right)
 {
     const struct json_node *name = json_member(vector, "name");
-    if (good) {
+    if (is_right) {
         passed++;
         return;
     }
     failed++;
-    printf("not ok: %.*s: %s\n", name ? (int)name->length : 0, name ? name->text : "", what);
+    printf("failed: %.*s: %s\n", name ? (int)name->length : 0, name ? name->text : "", description);
 }
 
 static uint64_t number_of(const struct json_node *object, const char *name)
@@ -196,7 +196,7 @@ static size_t encode(const struct json_node *vector, const struct bytes *payload
     return taxel_encoder_end(&encoder);
 }
 
-/* Into a ring that wraps at each place of the frame in turn. */
+/* Into a ring that wraps at each position of the frame in turn. */
 static bool encodes_in_any_ring(const struct json_node *vector, const struct bytes *payload, const struct bytes *wire)
 {
     uint8_t ring[WIRE_MAX];
@@ -216,23 +216,23 @@ static bool encodes_in_any_ring(const struct json_node *vector, const struct byt
 
 /* ---- decoding ---- */
 
-/* The frames that a stream must give, in order. */
+/* The frames that a stream must yield, in order. */
 struct expectation {
     const struct json_node *sent;
     const struct json_node *expected;
-    size_t found;
-    bool good;
+    size_t frame_count;
+    bool is_right;
 };
 
 static void compare_frame(void *context, const struct taxel_frame *frame)
 {
     static struct bytes payload;
     struct expectation *expectation = context;
-    const struct json_node *index = json_at(expectation->expected, expectation->found++);
+    const struct json_node *index = json_at(expectation->expected, expectation->frame_count++);
     const struct json_node *sent = index ? json_at(expectation->sent, (size_t)index->number) : NULL;
     if (!sent || number_of(sent, "type") != frame->type || number_of(sent, "sequence") != frame->sequence ||
         !hex_of(sent, "payload", &payload) || !are_equal(&payload, frame->payload, frame->length)) {
-        expectation->good = false;
+        expectation->is_right = false;
     }
 }
 
@@ -257,29 +257,29 @@ static bool decodes(const struct json_node *vector, const struct bytes *stream, 
         taxel_deframer_push(&deframer, stream->data + done, left < piece ? left : piece);
     }
     taxel_deframer_finish(&deframer);
-    return expectation.good && expectation.found == expectation.expected->count && deframer.position == stream->size;
+    return expectation.is_right && expectation.frame_count == expectation.expected->count && deframer.position == stream->size;
 }
 
-struct one_frame {
+struct decoded_frame {
     const struct json_node *vector;
     const struct bytes *payload;
-    unsigned found;
-    bool good;
+    unsigned frame_count;
+    bool is_right;
 };
 
 static void compare_one_frame(void *context, const struct taxel_frame *frame)
 {
-    struct one_frame *one = context;
-    one->found++;
-    one->good = frame->type == number_of(one->vector, "type") && frame->sequence == number_of(one->vector, "sequence") &&
-                are_equal(one->payload, frame->payload, frame->length);
+    struct decoded_frame *decoded = context;
+    decoded->frame_count++;
+    decoded->is_right = frame->type == number_of(decoded->vector, "type") && frame->sequence == number_of(decoded->vector, "sequence") &&
+                are_equal(decoded->payload, frame->payload, frame->length);
 }
 
 static bool decodes_to_itself(const struct json_node *vector, const struct bytes *payload, const struct bytes *wire)
 {
     static uint8_t chunk[CHUNK_MAX];
     static uint8_t body[TAXEL_BODY_MAX];
-    struct one_frame one = {.vector = vector, .payload = payload};
+    struct decoded_frame decoded = {.vector = vector, .payload = payload};
     struct taxel_deframer deframer;
     const struct taxel_deframer_config config = {
         .chunk = chunk,
@@ -288,11 +288,11 @@ static bool decodes_to_itself(const struct json_node *vector, const struct bytes
         .payload_max = TAXEL_PAYLOAD_MAX,
         .directions = TAXEL_DIRECTION_TO_HOST | TAXEL_DIRECTION_TO_HUB,
         .handler = compare_one_frame,
-        .context = &one,
+        .context = &decoded,
     };
     taxel_deframer_init(&deframer, &config);
     taxel_deframer_push(&deframer, wire->data, wire->size);
-    return one.good && one.found == 1 && deframer.discarded_bytes == 0;
+    return decoded.is_right && decoded.frame_count == 1 && deframer.discarded_bytes == 0;
 }
 
 /* ---- one vector of each kind ---- */
@@ -301,13 +301,13 @@ static void check_frame(const struct json_node *vector)
 {
     static struct bytes payload, wire, built;
     if (!hex_of(vector, "payload", &payload) || !hex_of(vector, "wire", &wire)) {
-        count(vector, "has no payload or wire bytes", false);
+        count_check(vector, "has no payload or wire bytes", false);
         return;
     }
-    count(vector, "packing its fields gives other bytes",
+    count_check(vector, "packing its fields gives other bytes",
           build_payload(vector, &built) && are_equal(&payload, built.data, built.size));
-    count(vector, "encoding its payload gives other bytes", encodes_in_any_ring(vector, &payload, &wire));
-    count(vector, "decoding its wire bytes gives another frame", decodes_to_itself(vector, &payload, &wire));
+    count_check(vector, "encoding its payload gives other bytes", encodes_in_any_ring(vector, &payload, &wire));
+    count_check(vector, "decoding its wire bytes gives another frame", decodes_to_itself(vector, &payload, &wire));
 }
 
 static bool build_register(const struct json_node *vector, struct bytes *out)
@@ -331,22 +331,22 @@ static bool register_crc_is_right(const struct json_node *vector, const struct b
 {
     const struct json_node *name = json_member(vector, "struct");
     if (!json_is(name, "identity") && !json_member(vector, "address")) {
-        return true; /* status and commands have none */
+        return true; /* status and command have no CRC */
     }
-    const uint32_t found = taxel_get_u32(bytes->data + bytes->size - 4u);
+    const uint32_t stored = taxel_get_u32(bytes->data + bytes->size - 4u);
     if (json_is(name, "identity")) {
-        return found == taxel_crc32(0, bytes->data, bytes->size - 4u);
+        return stored == taxel_crc32(0, bytes->data, bytes->size - 4u);
     }
-    return found == board_crc((uint8_t)number_of(vector, "address"), bytes->data, bytes->size - 4u);
+    return stored == board_crc((uint8_t)number_of(vector, "address"), bytes->data, bytes->size - 4u);
 }
 
 static void check_register(const struct json_node *vector)
 {
     static struct bytes bytes, built;
     const bool whole = hex_of(vector, "bytes", &bytes) && bytes.size >= TAXEL_COMMAND_REGISTER_SIZE;
-    count(vector, "packing its fields gives other bytes",
+    count_check(vector, "packing its fields gives other bytes",
           whole && build_register(vector, &built) && are_equal(&bytes, built.data, built.size));
-    count(vector, "its CRC is another", whole && register_crc_is_right(vector, &bytes));
+    count_check(vector, "its CRC is another", whole && register_crc_is_right(vector, &bytes));
 }
 
 static void check_stream(const struct json_node *vector)
@@ -354,13 +354,13 @@ static void check_stream(const struct json_node *vector)
     static struct bytes stream;
     static const size_t pieces[] = {1, 64, STREAM_MAX};
     if (!hex_of(vector, "stream", &stream)) {
-        count(vector, "its stream is no hexadecimal string, or too long", false);
+        count_check(vector, "its stream is no hexadecimal string, or too long", false);
         return;
     }
     for (size_t i = 0; i < sizeof pieces / sizeof pieces[0]; i++) {
-        count(vector, "other frames came out", decodes(vector, &stream, pieces[i], TAXEL_PAYLOAD_MAX));
+        count_check(vector, "other frames came out", decodes(vector, &stream, pieces[i], TAXEL_PAYLOAD_MAX));
         if (number_of(vector, "directions") == TAXEL_DIRECTION_TO_HUB) {
-            count(vector, "other frames came out at the hub", decodes(vector, &stream, pieces[i], HUB_PAYLOAD_MAX));
+            count_check(vector, "other frames came out at the hub", decodes(vector, &stream, pieces[i], HUB_PAYLOAD_MAX));
         }
     }
 }
@@ -412,18 +412,18 @@ static int check_file(const char *path)
     }
     const struct json_error error = json_read(text, size, nodes, json_nodes_max(size));
     const unsigned before = passed + failed;
-    if (!error.what) {
+    if (!error.message) {
         check_each(json_member(nodes, "frames"), check_frame);
         check_each(json_member(nodes, "registers"), check_register);
         check_each(json_member(nodes, "streams"), check_stream);
     }
     const bool has_vectors = passed + failed > before;
-    if (error.what || !has_vectors) {
-        fprintf(stderr, "%s: byte %zu: %s\n", path, error.position, error.what ? error.what : "there are no vectors in it");
+    if (error.message || !has_vectors) {
+        fprintf(stderr, "%s: byte %zu: %s\n", path, error.position, error.message ? error.message : "the file contains no vectors");
     }
     free(nodes);
     free(text);
-    return error.what || !has_vectors ? -1 : 0;
+    return error.message || !has_vectors ? -1 : 0;
 }
 
 int main(int argument_count, char **arguments)

@@ -14,7 +14,8 @@ from typing import Any, Self
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+
+from taxel.types import ByteArray
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 START_TIMEOUT_S = 60.0
@@ -111,7 +112,7 @@ class Page:
         """The visible text of the page."""
         return str(self.evaluate("document.body ? document.body.innerText : ''"))
 
-    def take_picture(self) -> NDArray[np.uint8]:
+    def take_picture(self) -> ByteArray:
         """A screenshot of the page, u8[height, width, 3]. The attribute `png` contains the PNG file."""
         import matplotlib.image
 

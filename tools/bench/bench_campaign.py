@@ -15,7 +15,7 @@ from figures import Figure
 from taxel.campaign.emulated import run_emulated
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.simulated import SimSettings, run_simulated
-from taxel.grasp.plan import PlannedGrasp, thesis_plan
+from taxel.grasp.plan import PlannedGrasp, make_thesis_plan
 
 GRASPS = 144
 SIM_S, EMULATED_S = 180.0, 360.0
@@ -29,7 +29,7 @@ def _short_plan() -> list[PlannedGrasp]:
     sessions = min(os.cpu_count() or 1, 6)
     plan: list[PlannedGrasp] = []
     for session in range(sessions):
-        session_plan = [planned for planned in thesis_plan(1) if planned.session == session]
+        session_plan = [planned for planned in make_thesis_plan(1) if planned.session == session]
         plan += session_plan[:GRASPS_PER_SESSION]
     return [replace(planned) for planned in plan]
 

@@ -76,7 +76,7 @@ def _run_loop(seconds: float) -> dict[str, float]:
     thread = threading.Thread(target=VirtualAllegro(hand_end, FreeJoints()).run, args=(stop,))
     thread.start()
     try:
-        with AllegroHand(host_end, answer_timeout_s=ANSWER_TIMEOUT_S, silence_limit_s=ANSWER_TIMEOUT_S) as hand:
+        with AllegroHand(host_end, reply_timeout_s=ANSWER_TIMEOUT_S, silence_limit_s=ANSWER_TIMEOUT_S) as hand:
             return _control(hand, seconds)
     finally:
         stop.set()

@@ -11,7 +11,7 @@ from taxel.campaign.emulated import run_emulated
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.gap.diagnosis import diagnose
-from taxel.grasp.plan import thesis_plan
+from taxel.grasp.plan import make_thesis_plan
 
 ALLOWED_S, GRASPS = 60.0, 144
 SEED = 1
@@ -21,7 +21,7 @@ FOLDER = Path("out/bench")
 def make_campaign(folder: Path = FOLDER) -> None:
     """Create both datasets of 144 grasps with the default effects (some minutes). An interrupted run is resumed."""
     folder.mkdir(parents=True, exist_ok=True)
-    plan = thesis_plan(SEED)[:GRASPS]
+    plan = make_thesis_plan(SEED)[:GRASPS]
     run_emulated(folder / "real.h5", plan, EmulatedSettings(), resume=(folder / "real.h5").exists())
     run_simulated(folder / "sim.h5", plan, SimSettings(), resume=(folder / "sim.h5").exists())
     (folder / "complete.json").write_text(json.dumps({"grasps": len(plan)}))

@@ -10,7 +10,7 @@ from figures import Figure, compare
 from recordings import record
 
 from taxel.campaign.simulated import SimSettings, run_simulated
-from taxel.grasp.plan import thesis_plan
+from taxel.grasp.plan import make_thesis_plan
 from taxel.recording import GraspDataset, read_activity
 from taxel.signal import Activation, Baseline
 from taxel.skin import open_skin
@@ -54,7 +54,7 @@ def measure() -> list[Figure]:
         capture, _ = record(Path(name), VIRTUAL_S)
         activity = compare(lambda: _read_activity_arrays(capture), lambda: _frame_by_frame(capture), rounds=3)
         dataset = Path(name) / "sim.h5"
-        run_simulated(dataset, thesis_plan(1)[:GRASPS], SimSettings(), jobs=1)
+        run_simulated(dataset, make_thesis_plan(1)[:GRASPS], SimSettings(), jobs=1)
         reading = compare(lambda: _read_checked(dataset), lambda: _read_with_h5py(dataset), rounds=7)
         size = dataset.stat().st_size / 1e6
     return [

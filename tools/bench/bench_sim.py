@@ -9,7 +9,7 @@ from figures import Figure, median_seconds
 
 from taxel.campaign.setup import WRIST_LINK, Setup
 from taxel.campaign.simulated import SimSettings, simulate_planned_grasp
-from taxel.grasp.plan import PlannedGrasp, thesis_plan
+from taxel.grasp.plan import PlannedGrasp, make_thesis_plan
 from taxel.grasp.timeline import Timeline
 from taxel.sim.closing import simulate_grasp
 from taxel.sim.native_contact import NativeContact
@@ -25,7 +25,7 @@ REPEATS = 5
 
 def _one_grasp_per_object() -> list[PlannedGrasp]:
     """One grasp of each object."""
-    return list({planned.object: planned for planned in thesis_plan(1)}.values())
+    return list({planned.object: planned for planned in make_thesis_plan(1)}.values())
 
 
 def _grasp_s(setup: Setup) -> float:

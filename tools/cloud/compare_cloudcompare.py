@@ -281,12 +281,11 @@ def print_tables(rows: list[Row], definitions: dict[str, int], speed: Speed, vio
         print(f"| {row.cloud} | {row.points} | {distances} | {row.agreement:.2f} % | {icp} |")
     print()
     agreements = ", ".join(f"{name}: {count}" for name, count in definitions.items())
-    print(f"Definitions of the outlier filter, agreements on {SMALL_CLOUDS} small clouds: {agreements}.")
+    print(f"Definitions of the outlier filter, agreements of {SMALL_CLOUDS} clouds: {agreements}.")
+    times = f"{speed.taxel_s:.2f} s; CloudCompare: {speed.cloudcompare_s:.1f} s, {speed.ratio:.1f} times as fast"
+    print(f"Sweep of {speed.rows} rows ({speed.object}): {times}.")
     print(
-        f"Sweep of {speed.rows} rows, {speed.object}: "
-        f"{speed.taxel_s:.2f} s, CloudCompare {speed.cloudcompare_s:.1f} s; "
-        f"{speed.ratio:.1f} times as fast. Mean distances differ by {speed.median_difference:.3f} % (median), "
-        f"{speed.largest_difference:.2f} % at most."
+        f"Mean distances differ by {speed.median_difference:.3f} % (median), {speed.largest_difference:.2f} % at most."
     )
     print("\n".join(violations) if violations else f"All bounds hold on {len(rows)} clouds.")
 

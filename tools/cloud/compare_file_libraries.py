@@ -88,7 +88,9 @@ def print_tables(results: dict[str, Result]) -> None:
     """Print three tables as Markdown, then every deviation from the expected result."""
     _print_files(results)
     _print_speed(results)
-    print("\n| library | version | licence | import, s | size, MB | with dependencies, MB |\n|---|---|---|---|---|---|")
+    print(
+        "\n| library | version | licence | import, s | installed, MB | with dependencies, MB |\n|---|---|---|---|---|---|"
+    )
     for name, result in results.items():
         if "version" in result:
             sizes = f"{result['size_mb']:.1f} | {result['size_with_dependencies_mb']:.1f}"
@@ -103,9 +105,14 @@ def print_tables(results: dict[str, Result]) -> None:
 
 
 def _print_files(results: dict[str, Result]) -> None:
-    print(
-        "| library | valid files read correctly | malformed files refused | failures on changed files | longest error |"
+    headings = (
+        "library",
+        "valid files correct",
+        "malformed files refused",
+        "failures on changed files",
+        "longest error",
     )
+    print(f"| {' | '.join(headings)} |")
     print("|---|---|---|---|---|")
     for name, result in results.items():
         correct = sum(item["outcome"] == CORRECT for item in result["valid"])
@@ -128,11 +135,9 @@ def _print_speed(results: dict[str, Result]) -> None:
 
 def _read_licence(package: str) -> str:
     fields = metadata.metadata(package)
-    licences = [
-        line.rpartition(" :: ")[2] for line in (fields.get_all("Classifier") or []) if line.startswith("License ::")
-    ]
-    names = licences or fields.get_all("License-Expression") or fields.get_all("License") or ["unknown"]
-    return str(names[0])
+    classifiers: list[str] = fields.get_all("Classifier") or []
+    licences = [line.rpartition(" :: ")[2] for line in classifiers if line.startswith("License ::")]
+    return ", ".join(licences) or str(fields["License"])
 
 
 if __name__ == "__main__":

@@ -66,7 +66,7 @@ def check_malformed_files(library: FileLibrary, samples: list[Sample], folder: P
 
 
 def count_failures_on_changed_files(library: FileLibrary, samples: list[Sample], folder: Path) -> dict[str, int]:
-    """Number of randomly changed files on which a reader crashes or exceeds a limit, by the failure."""
+    """Number of randomly changed files on which a reader crashes or exceeds a limit, by the kind of failure."""
     counts: Counter[str] = Counter()
     for kind, reader in library.readers.items():
         contents = [sample["content"].encode("latin-1") for sample in samples if sample["kind"] == kind]

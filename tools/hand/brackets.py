@@ -1,8 +1,8 @@
-"""Lay the packaged hands' crossing maps over their links and write the taxels' places into the description files.
+"""Compute the taxel positions of the packaged hands and write them into the hand descriptions.
 
-The CAD model of the brackets is not published, so the places are made here from the extents of the links: flat plates
-where the link is flat, sheets wrapped round the corners of the finger links (65 taxels at 5 mm exceed their 27.5 mm
-face), and a strip over the dome of the fingertips. Arrays are written below a marker line; everything above it is kept.
+The CAD model of the brackets is not published, so the positions are derived from the shapes of the links: flat plates
+on flat links, sheets around the corners of the finger links (65 taxels at 5 mm pitch exceed their 27.5 mm face), and
+a strip over the dome of the fingertips. The tables are written below a marker line; the text above it is unchanged.
 
     python tools/hand/brackets.py [--check]
 """
@@ -24,30 +24,30 @@ DESCRIPTIONS = Path(__file__).parents[2] / "host/taxel/hand/descriptions"
 MARKER = "# --- geometry: written by tools/hand/brackets.py"
 PITCH_M = 0.005
 BRACKET_M = 0.002  # thickness of a bracket between link and electrode (assumed)
-TIP_RADIUS_M = 0.017  # of a fingertip's bracket: clears the corners of the distal link's box, 16.9 mm from its axis
+TIP_RADIUS_M = 0.017  # of a fingertip bracket; the corners of the distal link's box are 16.9 mm from its axis
 FACE_HALF_WIDTH_M = 0.01375 + BRACKET_M  # of a finger link with brackets on its flanks
-BEND_RADIUS_M = 0.003  # to which the flexible circuit is bent round a link's corner (assumed)
-SLEEVE_RADIUS_M = 0.016  # of the bar under the rig's wrapped board (assumed)
-DOME_ROWS = 7  # TX 0..6 of a fingertip run over the dome, the others over the cylinder below it
+BEND_RADIUS_M = 0.003  # of the flexible circuit at the corners of a link (assumed)
+SLEEVE_RADIUS_M = 0.016  # of the bar under the wrapped board of the rig (assumed)
+DOME_ROWS = 7  # TX 0..6 of a fingertip are on the dome, the other lines on the cylinder below it
 
 
-def along_and_across(kind: BoardKind) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Distance of each taxel from the middle of the sheet, metres: to the distal end, and to the left."""
+def compute_sheet_coordinates(kind: BoardKind) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Compute the coordinates of each taxel on the sheet, metres: to the distal end and to the left of its centre."""
     along = (0.5 * (kind.tx_count - 1) - kind.tx.astype(float)) * PITCH_M
     across = (0.5 * (kind.rx_count - 1) - kind.rx.astype(float)) * PITCH_M
     return along, across
 
 
-def flat(kind: BoardKind) -> FloatArray:
-    """A plate."""
-    along, across = along_and_across(kind)
+def lay_flat(kind: BoardKind) -> FloatArray:
+    """Compute the rows of a flat board."""
+    along, across = compute_sheet_coordinates(kind)
     zero = np.zeros_like(along)
     return np.column_stack([along, across, zero, zero, zero, zero + 1.0])
 
 
-def wrapped(kind: BoardKind) -> FloatArray:
-    """A sheet over the face of a finger link and round both its corners, unrolled across the finger."""
-    along, across = along_and_across(kind)
+def lay_around_link(kind: BoardKind) -> FloatArray:
+    """Compute the rows of a sheet over the face of a finger link and around both corners."""
+    along, across = compute_sheet_coordinates(kind)
     flat_half = FACE_HALF_WIDTH_M - BEND_RADIUS_M
     beyond = np.maximum(np.abs(across) - flat_half, 0.0)
     angle = np.minimum(beyond / BEND_RADIUS_M, 0.5 * np.pi)
@@ -58,9 +58,9 @@ def wrapped(kind: BoardKind) -> FloatArray:
     return np.column_stack([along, left, out, np.zeros_like(along), side * np.sin(angle), np.cos(angle)])
 
 
-def fingertip(kind: BoardKind) -> FloatArray:
-    """A strip over the dome and petals round the cylinder below it; the frame's origin is the dome's centre."""
-    _, across = along_and_across(kind)
+def lay_on_fingertip(kind: BoardKind) -> FloatArray:
+    """Compute the rows of a strip over the dome and around the cylinder below it; origin: centre of the dome."""
+    _, across = compute_sheet_coordinates(kind)
     lateral = across / TIP_RADIUS_M
     row = kind.tx.astype(float)
     polar = np.where(row < DOME_ROWS, (DOME_ROWS - 0.5 - row) * PITCH_M / TIP_RADIUS_M, 0.0)
@@ -70,37 +70,37 @@ def fingertip(kind: BoardKind) -> FloatArray:
     return np.hstack([centre + TIP_RADIUS_M * normal, normal])
 
 
-def sleeve(kind: BoardKind) -> FloatArray:
-    """A sheet round a bar."""
-    along, across = along_and_across(kind)
+def lay_around_bar(kind: BoardKind) -> FloatArray:
+    """Compute the rows of a sheet around a bar."""
+    along, across = compute_sheet_coordinates(kind)
     angle = across / SLEEVE_RADIUS_M
     left, out = SLEEVE_RADIUS_M * np.sin(angle), SLEEVE_RADIUS_M * (np.cos(angle) - 1.0)
     return np.column_stack([along, left, out, np.zeros_like(along), np.sin(angle), np.cos(angle)])
 
 
-SHEETS: dict[str, Callable[[BoardKind], FloatArray]] = {
-    "back_of_hand": flat,
-    "fingertip": fingertip,
-    "medial_back": wrapped,
-    "medial_front": flat,
-    "palm": flat,
-    "proximal_back": wrapped,
-    "proximal_front": wrapped,
-    "flat8": flat,
-    "rig_slab": flat,
-    "rig_wall": flat,
-    "rig_dome": fingertip,
-    "rig_sleeve": sleeve,
+ROW_FUNCTIONS: dict[str, Callable[[BoardKind], FloatArray]] = {
+    "back_of_hand": lay_flat,
+    "fingertip": lay_on_fingertip,
+    "medial_back": lay_around_link,
+    "medial_front": lay_flat,
+    "palm": lay_flat,
+    "proximal_back": lay_around_link,
+    "proximal_front": lay_around_link,
+    "flat8": lay_flat,
+    "rig_slab": lay_flat,
+    "rig_wall": lay_flat,
+    "rig_dome": lay_on_fingertip,
+    "rig_sleeve": lay_around_bar,
 }
 
 
-def geometry_text(kinds: dict[str, BoardKind]) -> str:
-    """The generated part of a description: one line a taxel, in the order of its map, TX rows apart."""
-    lines = [MARKER, "# A row is x, y, z of the electrode's centre (metres) and its outward normal, in the bracket's"]
-    lines += ["# frame: z out of the skin, x to the distal end, y to the left as seen from outside."]
+def format_geometry(kinds: dict[str, BoardKind]) -> str:
+    """Format the generated part of a description: one line per taxel, in the order of its map."""
+    lines = [MARKER, "# Row: x, y, z of the electrode centre (metres) and its outward normal, in the bracket frame:"]
+    lines += ["# z out of the skin, x to the distal end, y to the left seen from outside."]
     for name, kind in kinds.items():
         lines += ["", f"[geometry.{name}]", "taxels = ["]
-        for row, tx in zip(SHEETS[name](kind), kind.tx.tolist(), strict=True):
+        for row, tx in zip(ROW_FUNCTIONS[name](kind), kind.tx.tolist(), strict=True):
             numbers = ", ".join(f"{value + 0.0:.6f}" for value in np.round(row, 6))
             lines.append(f"    [{numbers}], # TX {tx}")
         lines.append("]")
@@ -108,22 +108,22 @@ def geometry_text(kinds: dict[str, BoardKind]) -> str:
 
 
 def main() -> int:
-    """Write the geometry of every packaged hand, or with --check only compare."""
+    """Write the geometry of every packaged hand; with --check only compare."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="write nothing; status 1 if a file is stale")
-    check = parser.parse_args().check
-    stale = []
+    parser.add_argument("--check", action="store_true", help="write nothing; exit status 1 if a file is outdated")
+    is_check = parser.parse_args().check
+    outdated = []
     for path in sorted(DESCRIPTIONS.glob("*.toml")):
         text = path.read_text()
         kinds = {board.kind.name: board.kind for board in load_hand(path).boards}
-        wanted = text.split(MARKER)[0].rstrip("\n") + "\n\n" + geometry_text(kinds)
-        if text != wanted:
-            stale.append(path.name)
-            if not check:
-                path.write_text(wanted)
-    if stale:
-        print(f"{'stale' if check else 'written'}: {', '.join(stale)}")
-    return 1 if check and stale else 0
+        expected = text.split(MARKER)[0].rstrip("\n") + "\n\n" + format_geometry(kinds)
+        if text != expected:
+            outdated.append(path.name)
+            if not is_check:
+                path.write_text(expected)
+    if outdated:
+        print(f"{'outdated' if is_check else 'written'}: {', '.join(outdated)}")
+    return 1 if is_check and outdated else 0
 
 
 if __name__ == "__main__":

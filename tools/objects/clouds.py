@@ -1,8 +1,8 @@
-"""A model of an accumulated contact cloud: where the hand touches an upright prism on a table.
+"""Model of an accumulated contact cloud: the points at which the hand touches an upright prism on a table.
 
-Side grasps touch the whole circumference over a band of height; top grasps touch the top face with the palm and
-the upper part of the sides with the fingers; nothing touches the bottom. The points lie outside the surface by
-an offset with scatter, for the taxels carry a dielectric and read beyond the contact.
+Side grasps touch the whole circumference over a range of heights. Top grasps touch the top face with the palm and the
+upper part of the sides with the fingers. The bottom is not touched. The points are outside the surface at a random
+distance, because the taxels have a dielectric layer and also detect contacts beside them.
 """
 
 from dataclasses import dataclass
@@ -15,66 +15,69 @@ from surfaces import Circle, Polygon, Prism
 from taxel.types import FloatArray
 
 BAND_MM = 100.0
-"""Width of the band a side grasp covers, at mid height: about four fingers of an Allegro hand. Assumed."""
+"""Height range that a side grasp touches, around the middle of the object, mm: about four fingers of an Allegro hand.
+Assumed; a larger value makes the heights of the objects matter more.
+"""
 
 REACH_MM = 60.0
-"""How far below the top face the fingers of a top grasp touch. Assumed."""
+"""Distance below the top face that the fingers of a top grasp touch, mm. Assumed."""
 
 PALM_SHARE = 0.5
-"""Share of the points of a top grasp that lie on the top face. Assumed."""
+"""Share of the points of a top grasp that are on the top face. Assumed."""
 
 
 @dataclass(frozen=True)
-class Touch:
-    """How a cloud is spread.
+class ContactDistribution:
+    """Distribution of the points of a cloud.
 
-    top_share: points from top grasps, 0 to 1. offset_mm, scatter_mm: mean and deviation beyond the surface.
+    top_share: share of points from top grasps, 0 to 1. offset_mm, std_mm: mean and standard deviation of the distance
+    outside the surface. band_mm, palm_share: see `BAND_MM` and `PALM_SHARE`.
     """
 
     top_share: float
     offset_mm: float
-    scatter_mm: float
+    std_mm: float
     band_mm: float = BAND_MM
     palm_share: float = PALM_SHARE
 
 
 def unit_samples(n: int, seed: int) -> FloatArray:
-    """Evenly spread random numbers in (0, 1), f64[n, 4]. Kept over a search, they make clouds change smoothly."""
-    drawn = qmc.Sobol(4, seed=seed).random_base2(int(np.ceil(np.log2(n))))[:n]
-    return np.clip(np.asarray(drawn, dtype=np.float64), 1e-4, 1 - 1e-4)
+    """Quasi-random numbers in (0, 1), f64[n, 4] (Sobol). Equal samples make clouds change smoothly with the sizes."""
+    samples = qmc.Sobol(4, seed=seed).random_base2(int(np.ceil(np.log2(n))))[:n]
+    return np.clip(np.asarray(samples, dtype=np.float64), 1e-4, 1 - 1e-4)
 
 
-def contact_cloud(prism: Prism, touch: Touch, samples: FloatArray) -> FloatArray:
-    """Contact points, f64[n, 3], mm, of the samples, f64[n, 4], from `unit_samples`."""
-    on_top = samples[:, 2] < touch.top_share * touch.palm_share
-    from_top = samples[:, 2] < touch.top_share
-    flat, normal = prism.profile.at(samples[:, 0])
-    band = min(touch.band_mm, prism.height)
+def contact_cloud(prism: Prism, distribution: ContactDistribution, samples: FloatArray) -> FloatArray:
+    """Contact points, f64[n, 3], mm. samples: f64[n, 4], from `unit_samples`."""
+    on_top = samples[:, 2] < distribution.top_share * distribution.palm_share
+    from_top = samples[:, 2] < distribution.top_share
+    curve, normal = prism.profile.evaluate(samples[:, 0])
+    band = min(distribution.band_mm, prism.height)
     side_z = (prism.height - band) / 2 + band * samples[:, 1]
     reach_z = prism.height - min(REACH_MM, prism.height) * samples[:, 1]
 
-    surface = np.column_stack([flat, np.where(from_top, reach_z, side_z)])
-    surface[on_top, :2] = _inside(prism, samples[on_top])
+    surface = np.column_stack([curve, np.where(from_top, reach_z, side_z)])
+    surface[on_top, :2] = _sample_face(prism, samples[on_top])
     surface[on_top, 2] = prism.height
     outward = np.column_stack([normal, np.zeros(len(samples))])
     outward[on_top] = (0.0, 0.0, 1.0)
-    beyond = touch.offset_mm + touch.scatter_mm * ndtri(samples[:, 3])
-    return surface + outward * beyond[:, None]
+    distance = distribution.offset_mm + distribution.std_mm * ndtri(samples[:, 3])
+    return surface + outward * distance[:, None]
 
 
-def _inside(prism: Prism, samples: FloatArray) -> FloatArray:
-    """Points spread evenly over the profile's area: the curve shrunk towards the centroid by a square root."""
+def _sample_face(prism: Prism, samples: FloatArray) -> FloatArray:
+    """Points with uniform density on the area of the profile: curve points scaled by the root of a uniform number."""
     profile = prism.profile
     if isinstance(profile, Circle):
-        flat, _ = profile.at(samples[:, 0])
+        curve, _ = profile.evaluate(samples[:, 0])
     else:
         assert isinstance(profile, Polygon)
-        flat = _by_area(profile, samples[:, 0])
-    return flat * np.sqrt(samples[:, 1])[:, None]
+        curve = _sample_curve_by_area(profile, samples[:, 0])
+    return curve * np.sqrt(samples[:, 1])[:, None]
 
 
-def _by_area(profile: Polygon, u: FloatArray) -> FloatArray:
-    """Curve points whose triangles with the centre sweep area, not arc length, evenly."""
+def _sample_curve_by_area(profile: Polygon, u: FloatArray) -> FloatArray:
+    """Curve points with a uniform distribution of the area between curve and centre, instead of the arc length."""
     starts, ends = profile.corners, np.roll(profile.corners, -1, axis=0)
     areas = np.cumsum(starts[:, 0] * ends[:, 1] - starts[:, 1] * ends[:, 0])
     swept = u * areas[-1]

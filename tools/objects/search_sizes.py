@@ -1,14 +1,14 @@
-"""Which sizes of the three test objects reproduce the thesis's cross-shape distances?
+"""Search for the sizes of the three test objects that reproduce the thesis's cross-shape distances.
 
 python tools/objects/search_sizes.py --heights 130 130 --restarts 3
-                                     three objects of one height; two to three minutes, seeds printed
+                                     three objects of the same height; two to three minutes; prints the seeds
 python tools/objects/search_sizes.py                      heights of 120 to 150 mm
-python tools/objects/search_sizes.py --heights 90 200     heights as free as the other sizes
+python tools/objects/search_sizes.py --heights 90 200     heights with the same freedom as the other sizes
 python tools/objects/search_sizes.py --evaluate 69 35 130 21 130 36 130
                                      width depth height, radius height, side height, mm
 
-The thesis gives the sizes only in pictures. --band-mm and --palm-share change what is
-assumed of the touched area, --narrowest what the hand can wrap.
+The thesis shows the sizes only in pictures. --band-mm and --palm-share change the assumed contact area, --narrowest
+the smallest object that the hand can enclose.
 """
 
 import argparse
@@ -26,81 +26,93 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
 from clouds import BAND_MM, PALM_SHARE
-from objective import CROSS, TABLES, Distances, Setting, Sizes, distances, objective
+from objective import (
+    IS_CROSS_PAIR,
+    TABLES,
+    CloudSettings,
+    Distances,
+    Sizes,
+    compute_distances,
+    compute_objective,
+)
 from scipy.optimize import Bounds, differential_evolution, minimize
 from thesis_tables import OBJECTS, CloudTable
 
 NARROWEST_MM = 35.0
 WIDEST_MM = 110.0
-"""Widths and diameters an Allegro hand can wrap. Assumed."""
+"""Smallest and largest width or diameter that an Allegro hand can enclose, mm. Assumed."""
 
 WIDE_TO_NARROW = 1.15
-"""The thesis speaks of wide and narrow faces, so a wide one is at least this much wider."""
+"""Smallest ratio of the wide to the narrow faces of the box. The thesis distinguishes them, so they differ visibly.
+Assumed.
+"""
 
 FINAL_POINTS = 600
 FINE_POINTS = 300
 COARSE_POINTS = 128
 POPULATION = 5
-"""Candidates a generation, times the number of sizes."""
+"""Number of candidates of a generation divided by the number of sizes."""
 GENERATIONS = 36
 EVALUATIONS = 120
 NEAR_BEST = 1.05
-FAR_OFF = 1.25
+"""Ratio to the best objective up to which results count as equally good."""
+LARGE_RATIO = 1.25
+"""Ratio to the thesis's distance above which a pair is marked."""
 HEADINGS = "".join(f"   {name:>6} thesis ratio" for name in ("mean", "RMS", "max"))
 
 
 @dataclass(frozen=True)
-class Space:
-    """The sizes searched: a vector of seven numbers, or eight with the triangle's leg, and its bounds, mm."""
+class SearchSpace:
+    """Vectors of seven sizes, or of eight with the leg of the triangle, and their bounds, mm."""
 
     heights: tuple[float, float]
     isosceles: bool
     narrowest: float = NARROWEST_MM
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest vector."""
+        """Vectors of the lower and upper bounds."""
         low, high = self.narrowest, WIDEST_MM
         rows = [(low, high), (low, high), self.heights, (low / 2, high / 2), self.heights, (low, high), self.heights]
         table = np.array([*rows, (low, high)] if self.isosceles else rows)
         return table[:, 0], table[:, 1]
 
     def sizes(self, vector: FloatArray) -> tuple[Sizes, float]:
-        """The nearest sizes within bounds, and a penalty for what was out of them or breaks the text."""
+        """The nearest sizes within the bounds, and a penalty for sizes outside them or against the thesis."""
         lowest, highest = self.bounds()
         inside = np.clip(vector, lowest, highest)
         values = [float(v) for v in inside]
         leg = max(values[7], 0.6 * values[5]) if self.isosceles else values[5]
         sizes = Sizes(*[*values[:7], leg])
         rectangular, cylindrical, triangular = sizes.circumferences()
-        narrow = max(0.0, WIDE_TO_NARROW * sizes.depth - sizes.width)
-        big = max(0.0, triangular - min(rectangular, cylindrical))
-        penalty = float(np.sum((vector - inside) ** 2)) + narrow**2 + big**2
+        too_square = max(0.0, WIDE_TO_NARROW * sizes.depth - sizes.width)
+        too_large = max(0.0, triangular - min(rectangular, cylindrical))
+        penalty = float(np.sum((vector - inside) ** 2)) + too_square**2 + too_large**2
         return sizes, penalty / 100.0
 
 
-def search(space: Space, setting: Setting, say: Callable[[str], None]) -> Sizes:
-    """The best sizes from one seed: differential evolution on few points, then a simplex descent on more."""
+def search(space: SearchSpace, settings: CloudSettings, log: Callable[[str], None]) -> Sizes:
+    """The best sizes for one seed: differential evolution with few points, then a simplex descent with more points."""
 
-    def value(vector: FloatArray, with_setting: Setting) -> float:
+    def penalised_objective(vector: FloatArray, cloud_settings: CloudSettings) -> float:
         sizes, penalty = space.sizes(vector)
-        return objective(sizes, with_setting) + penalty
+        return compute_objective(sizes, cloud_settings) + penalty
 
-    coarse = Setting(COARSE_POINTS, setting.seed, setting.band_mm, setting.palm_share)
-    coarse_value: Any = partial(value, with_setting=coarse)
-    fine_value: Any = partial(value, with_setting=setting)
-    generator = np.random.default_rng(setting.seed)
+    coarse_settings = CloudSettings(COARSE_POINTS, settings.seed, settings.band_mm, settings.palm_share)
+    coarse_objective: Any = partial(penalised_objective, cloud_settings=coarse_settings)
+    fine_objective: Any = partial(penalised_objective, cloud_settings=settings)
+    generator = np.random.default_rng(settings.seed)
     limits = Bounds(*space.bounds())
-    found = differential_evolution(
-        coarse_value, limits, popsize=POPULATION, maxiter=GENERATIONS, tol=1e-3, polish=False, rng=generator
+    coarse = differential_evolution(
+        coarse_objective, limits, popsize=POPULATION, maxiter=GENERATIONS, tol=1e-3, polish=False, rng=generator
     )
     simplex: Any = {"maxfev": EVALUATIONS, "xatol": 0.2, "fatol": 1e-3}
-    end = minimize(fine_value, found.x, method="Nelder-Mead", options=simplex)
-    say(f"seed {setting.seed}: {found.fun:.3f} on {COARSE_POINTS} points, {end.fun:.3f} on {setting.points}")
-    return space.sizes(end.x)[0]
+    fine = minimize(fine_objective, coarse.x, method="Nelder-Mead", options=simplex)
+    log(f"seed {settings.seed}: {coarse.fun:.3f} with {COARSE_POINTS} points, {fine.fun:.3f} with {settings.points}")
+    return space.sizes(fine.x)[0]
 
 
-def listed(sizes: Sizes) -> str:
-    """One line of sizes, in the order --evaluate takes."""
+def format_sizes(sizes: Sizes) -> str:
+    """The sizes in one line, in the order of --evaluate."""
     s = sizes
     leg = "" if s.leg == s.side else f" (legs {s.leg:.0f})"
     return (
@@ -110,42 +122,46 @@ def listed(sizes: Sizes) -> str:
     )
 
 
-def table_lines(ours: Distances, table: CloudTable) -> list[str]:
-    """Ours against the thesis, one line a pair; a pair off by more than FAR_OFF in mean or RMS is marked."""
+def format_table(distances: Distances, table: CloudTable) -> list[str]:
+    """Modelled distances and those of the thesis, one line for each pair. A ratio above LARGE_RATIO is marked."""
     lines = [f"{table.source} clouds, mm".ljust(24) + HEADINGS]
     for i, cloud in enumerate(OBJECTS):
         for j, model in enumerate(OBJECTS):
             cells = ""
-            for a, b in ((ours.mean, table.mean), (ours.rms, table.rms), (ours.largest, table.largest)):
+            for a, b in ((distances.mean, table.mean), (distances.rms, table.rms), (distances.largest, table.largest)):
                 cells += f"   {a[i, j]:6.2f} {b[i, j]:6.2f} {a[i, j] / b[i, j]:5.2f}"
-            worst = np.exp(max(abs(np.log(ours.mean / table.mean)[i, j]), abs(np.log(ours.rms / table.rms)[i, j])))
-            off = "  off" if worst > FAR_OFF else ""
-            own = "" if CROSS[i, j] else " (own)"
-            lines.append(f"{cloud[:6]} to {model[:6]}{own}".ljust(24) + cells + off)
+            worst = np.exp(
+                max(abs(np.log(distances.mean / table.mean)[i, j]), abs(np.log(distances.rms / table.rms)[i, j]))
+            )
+            mark = "  large ratio" if worst > LARGE_RATIO else ""
+            own = "" if IS_CROSS_PAIR[i, j] else " (own)"
+            lines.append(f"{cloud[:6]} to {model[:6]}{own}".ljust(24) + cells + mark)
     return lines
 
 
-def report(sizes: Sizes, setting: Setting) -> dict[str, object]:
-    """Sizes, objective and all distances, ready for JSON."""
-    results: dict[str, object] = {"sizes_mm": asdict(sizes), "objective": objective(sizes, setting)}
-    for ours, (table, _) in zip(distances(sizes, setting), TABLES, strict=True):
-        results[table.source] = {name: getattr(ours, name).round(3).tolist() for name in ("mean", "rms", "largest")}
+def build_report(sizes: Sizes, settings: CloudSettings) -> dict[str, object]:
+    """Sizes, objective and all distances as JSON values."""
+    results: dict[str, object] = {"sizes_mm": asdict(sizes), "objective": compute_objective(sizes, settings)}
+    for distances, (table, _) in zip(compute_distances(sizes, settings), TABLES, strict=True):
+        results[table.source] = {
+            name: getattr(distances, name).round(3).tolist() for name in ("mean", "rms", "largest")
+        }
     return results
 
 
-def spread_lines(found: list[tuple[float, Sizes]]) -> list[str]:
-    """How far the sizes near the best objective lie apart."""
-    near = [astuple(sizes) for value, sizes in found if value <= NEAR_BEST * found[0][0]]
+def format_ranges(results: list[tuple[float, Sizes]]) -> list[str]:
+    """Ranges of the sizes whose objective is close to the best one. results: sorted by objective."""
+    near = [astuple(sizes) for value, sizes in results if value <= NEAR_BEST * results[0][0]]
     names = [f.name for f in fields(Sizes)]
-    count = f"{len(near)} of {len(found)} seeds"
+    count = f"{len(near)} of {len(results)} seeds"
     lines = [f"{count} end within {NEAR_BEST - 1:.0%} of the best objective; their sizes, mm:"]
     for name, values in zip(names, zip(*near, strict=True), strict=True):
         lines.append(f"  {name:16} {min(values):6.1f} to {max(values):6.1f}")
     return lines
 
 
-def arguments() -> argparse.Namespace:
-    """The command line."""
+def parse_arguments() -> argparse.Namespace:
+    """Parse the command line."""
     parser = argparse.ArgumentParser(description="Search the sizes of the three test objects.")
     parser.add_argument("--seed", type=int, default=1, help="first seed; each restart adds one")
     parser.add_argument("--restarts", type=int, default=5, help="searches, each with its own seed and clouds")
@@ -155,35 +171,38 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--evaluate", type=float, nargs=7, metavar=("W", "D", "H", "R", "HC", "A", "HT"))
     parser.add_argument("--band-mm", type=float, default=BAND_MM, help="height band of a side grasp")
     parser.add_argument("--palm-share", type=float, default=PALM_SHARE, help="top-grasp points on the top face")
-    parser.add_argument("--json", action="store_true", help="one JSON document instead of text")
+    parser.add_argument("--json", action="store_true", help="print one JSON document instead of text")
     return parser.parse_args()
 
 
 def main() -> int:
-    """Print the best sizes, or judge given ones."""
-    args = arguments()
-    final = Setting(FINAL_POINTS, 0, args.band_mm, args.palm_share)
-    say: Callable[[str], None] = (lambda line: print(line, file=sys.stderr)) if args.json else print
-    spread: list[str] = []
+    """Print the best sizes, or the objective of given sizes; returns the exit status."""
+    args = parse_arguments()
+    final = CloudSettings(FINAL_POINTS, 0, args.band_mm, args.palm_share)
+    log: Callable[[str], None] = (lambda line: print(line, file=sys.stderr)) if args.json else print
+    ranges: list[str] = []
     if args.evaluate:
         sizes = Sizes(*[*args.evaluate, args.evaluate[5]])
     else:
-        say(f"seeds {args.seed} to {args.seed + args.restarts - 1}")
-        space = Space((args.heights[0], args.heights[1]), args.isosceles, args.narrowest)
-        found = []
+        log(f"seeds {args.seed} to {args.seed + args.restarts - 1}")
+        space = SearchSpace((args.heights[0], args.heights[1]), args.isosceles, args.narrowest)
+        candidates = []
         for seed in range(args.seed, args.seed + args.restarts):
-            candidate = search(space, Setting(FINE_POINTS, seed, args.band_mm, args.palm_share), say)
-            found.append((objective(candidate, final), candidate))
-            say(f"  {found[-1][0]:.3f} on {FINAL_POINTS} points: {listed(candidate)}")
-        found.sort(key=lambda pair: pair[0])
-        sizes, spread = found[0][1].rounded(), spread_lines(found)
-    results = report(sizes, final)
+            settings = CloudSettings(FINE_POINTS, seed, args.band_mm, args.palm_share)
+            candidate = search(space, settings, log)
+            candidates.append((compute_objective(candidate, final), candidate))
+            log(f"  {candidates[-1][0]:.3f} with {FINAL_POINTS} points: {format_sizes(candidate)}")
+        candidates.sort(key=lambda pair: pair[0])
+        sizes, ranges = candidates[0][1].rounded(), format_ranges(candidates)
+    results = build_report(sizes, final)
     if args.json:
-        print(json.dumps({"seed": args.seed, "restarts": args.restarts, **results, "spread": spread}, indent=2))
+        print(json.dumps({"seed": args.seed, "restarts": args.restarts, **results, "spread": ranges}, indent=2))
         return 0
-    print("\n".join([*spread, f"{listed(sizes)}\nobjective {results['objective']:.3f} on {FINAL_POINTS} points"]))
-    for ours, (table, _) in zip(distances(sizes, final), TABLES, strict=True):
-        print("\n" + "\n".join(table_lines(ours, table)))
+    print(
+        "\n".join([*ranges, f"{format_sizes(sizes)}\nobjective {results['objective']:.3f} with {FINAL_POINTS} points"])
+    )
+    for distances, (table, _) in zip(compute_distances(sizes, final), TABLES, strict=True):
+        print("\n" + "\n".join(format_table(distances, table)))
     return 0
 
 

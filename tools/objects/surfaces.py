@@ -1,4 +1,4 @@
-"""Upright prisms and their surface: the nearest surface point of any point, exactly.
+"""Upright prisms, and the exact nearest surface point of any point.
 
 A prism is a flat profile in x and y, extruded from z = 0 to z = height. Lengths are in millimetres.
 """
@@ -7,20 +7,19 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taxel.types import FloatArray
+from taxel.types import BoolArray, FloatArray
 
 
 class Profile(Protocol):
-    """A convex closed curve about the origin of the plane."""
+    """A closed convex curve around the origin of the plane."""
 
-    def at(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Point and outward normal, each f64[n, 2], at the arc lengths u, f64[n], 0 to 1 of the whole."""
+    def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Point and outward normal, f64[n, 2] each, at the relative arc lengths u, f64[n], 0 to 1."""
         ...
 
-    def nearest(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Nearest curve point, f64[..., 2], of each point, and whether the point is inside."""
+    def nearest(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Nearest curve point, f64[..., 2], of each point, and whether the point is inside the curve."""
         ...
 
 
@@ -30,14 +29,14 @@ class Circle:
 
     radius: float
 
-    def at(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Profile`."""
         angle = 2 * np.pi * u
         normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         return self.radius * normal, normal
 
-    def nearest(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """See `Profile`. The centre, which has no nearest point, gets one."""
+    def nearest(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """See `Profile`. For the centre, an arbitrary point of the circle is returned."""
         distance = np.sqrt(points[..., 0] ** 2 + points[..., 1] ** 2)
         scale = self.radius / np.maximum(distance, 1e-9)
         return points * scale[..., None], distance < self.radius
@@ -49,7 +48,7 @@ class Polygon:
 
     corners: FloatArray
 
-    def at(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Profile`."""
         edges = np.roll(self.corners, -1, axis=0) - self.corners
         lengths = np.linalg.norm(edges, axis=1)
@@ -60,10 +59,10 @@ class Polygon:
         points = self.corners[index] + along * (arc - ends[index] + lengths[index])[:, None]
         return points, np.stack([along[:, 1], -along[:, 0]], axis=-1)
 
-    def nearest(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    def nearest(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
         """See `Profile`."""
         x, y = points[..., 0], points[..., 1]
-        best = np.full(x.shape, np.inf)
+        smallest = np.full(x.shape, np.inf)
         nearest = np.empty_like(points)
         inside = np.ones(x.shape, dtype=bool)
         for (x0, y0), (x1, y1) in zip(self.corners, np.roll(self.corners, -1, axis=0), strict=True):
@@ -71,10 +70,10 @@ class Polygon:
             part = np.clip((dx * ex + dy * ey) / (ex * ex + ey * ey), 0.0, 1.0)
             qx, qy = part * ex, part * ey
             squared = (dx - qx) ** 2 + (dy - qy) ** 2
-            closer = squared < best
-            best = np.where(closer, squared, best)
-            nearest[..., 0] = np.where(closer, x0 + qx, nearest[..., 0])
-            nearest[..., 1] = np.where(closer, y0 + qy, nearest[..., 1])
+            is_closer = squared < smallest
+            smallest = np.where(is_closer, squared, smallest)
+            nearest[..., 0] = np.where(is_closer, x0 + qx, nearest[..., 0])
+            nearest[..., 1] = np.where(is_closer, y0 + qy, nearest[..., 1])
             inside &= ex * dy - ey * dx >= 0.0
         return nearest, inside
 
@@ -91,29 +90,29 @@ class Prism:
         z = points[..., 2]
         side, inside = self.profile.nearest(points[..., :2])
         cap_z = np.where(z > self.height / 2, self.height, 0.0)
-        within = (z > 0.0) & (z < self.height)
+        is_between_caps = (z > 0.0) & (z < self.height)
         to_side = np.sqrt((points[..., 0] - side[..., 0]) ** 2 + (points[..., 1] - side[..., 1]) ** 2)
         to_cap = np.abs(z - cap_z)
-        on_cap = inside & (~within | (to_cap < to_side))
+        on_cap = inside & (~is_between_caps | (to_cap < to_side))
         result = np.empty_like(points)
         result[..., :2] = np.where(on_cap[..., None], points[..., :2], side)
-        result[..., 2] = np.where(on_cap | ~within, cap_z, z)
+        result[..., 2] = np.where(on_cap | ~is_between_caps, cap_z, z)
         return result
 
 
-def box(width: float, depth: float, height: float) -> Prism:
+def make_box(width: float, depth: float, height: float) -> Prism:
     """A rectangular prism, mm, centred on the z axis."""
     half = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * 0.5
     return Prism(Polygon(half * [width, depth]), height)
 
 
-def cylinder(radius: float, height: float) -> Prism:
+def make_cylinder(radius: float, height: float) -> Prism:
     """A cylinder, mm, about the z axis."""
     return Prism(Circle(radius), height)
 
 
-def triangle(base: float, leg: float, height: float) -> Prism:
-    """A triangular prism of sides base, leg, leg, mm, its centroid on the z axis."""
+def make_triangle(base: float, leg: float, height: float) -> Prism:
+    """A triangular prism with the sides base, leg and leg, mm, and its centroid on the z axis."""
     rise = float(np.sqrt(leg**2 - base**2 / 4))
     corners = np.array([[-base / 2, -rise / 3], [base / 2, -rise / 3], [0.0, 2 * rise / 3]])
     return Prism(Polygon(corners), height)

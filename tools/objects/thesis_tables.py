@@ -1,8 +1,8 @@
-"""The thesis's distances of clouds to CAD models, mm. Rows are clouds, columns are CAD models, both in OBJECTS order.
+"""Distances of clouds to CAD models from the thesis, mm. Rows: clouds; columns: CAD models; both in OBJECTS order.
 
-Source: thesis, Tables I-13 to I-18. Two rows of Table I-17 contradict themselves: the square root of mean squared
-plus standard deviation squared is not the RMS (7.3 against 5.94 to the rectangular prism, 6.8 against 6.14 to the
-cylinder). They are kept as printed. The rest agree, but for the real clouds against their own models.
+Source: thesis, Tables I-13 to I-18. Two rows of Table I-17 are inconsistent: the root of squared mean plus squared
+standard deviation is not the RMS (7.3 instead of 5.94 for the rectangular prism, 6.8 instead of 6.14 for the cylinder).
+The values are those of the thesis. The other rows are consistent, except those of real clouds to their own models.
 """
 
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ from taxel.types import FloatArray
 OBJECTS = ("rectangular", "cylindrical", "triangular")
 
 TOP_GRASP_SHARES = (10 / 54, 10 / 50, 10 / 40)
-"""Top grasps among all grasps of each object. Source: thesis, Table 5.1."""
+"""Share of top grasps among all grasps of each object. Source: thesis, Table 5.1."""
 
 
 @dataclass(frozen=True, eq=False)
 class CloudTable:
-    """Distances of one source of clouds, "sim" or "real": f64[3, 3] each, mm."""
+    """Distances for one source of clouds, "sim" or "real", f64[3, 3] each, mm. deviation: standard deviation."""
 
     source: str
     mean: FloatArray

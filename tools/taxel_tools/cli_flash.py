@@ -85,7 +85,7 @@ def _select_boards(firmware: Firmware, devices: dict[int, BusDevice], board: lis
     """Addresses of the boards to update. Raises `TaxelError` for a missing board or a board of another kind."""
     if board is None:
         boards = [device for device in devices.values() if device.runs in ("application", "bootloader")]
-        addresses = [one.address for one in boards if not firmware.kind or one.kind in (0, firmware.kind)]
+        addresses = [board.address for board in boards if not firmware.kind or board.kind in (0, firmware.kind)]
         if not addresses:
             raise TaxelError(
                 f"{firmware.source}: expected a board of kind {firmware.kind} on the bus, found none; run taxel scan"

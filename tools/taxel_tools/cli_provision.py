@@ -16,12 +16,11 @@ from taxel_tools.provisioning_plan import Entry, read_plan, validate_entry
 
 def provision_command(
     url: Annotated[str, typer.Argument(help=URL_HELP)],
-    at: Annotated[
-        list[str] | None,
-        typer.Option("--board", help="Present address of the boards; repeatable. 0x77: blank boards."),
+    board: Annotated[
+        list[str] | None, typer.Option(help="Present address of the boards; may be repeated. 0x77: blank boards.")
     ] = None,
     unique_id: Annotated[str | None, typer.Option("--id", help="Unique id of the board to configure.")] = None,
-    address: Annotated[str | None, typer.Option("--new-address", help="New I2C address.")] = None,
+    new_address: Annotated[str | None, typer.Option(help="New I2C address.")] = None,
     kind: Annotated[int | None, typer.Option(help="Code of the board kind.")] = None,
     serial: Annotated[str | None, typer.Option(help="Serial number, up to 16 characters.")] = None,
     idac: Annotated[str | None, typer.Option(help="Calibrated current code of each RX line: 16,16,17 ...")] = None,
@@ -38,12 +37,11 @@ def provision_command(
 
     Example: taxel provision "emulator:?hand=rig4&word=blank 0x50" --new-address 0x50 --kind 1 --serial FT-0007
     """
-    present_addresses = [parse_address(text, "--board") for text in at] if at else [BOOT_DEFAULT_ADDRESS]
-    entries = _build_entries(unique_id, address, kind, serial, idac, plan)
+    present_addresses = [parse_address(text, "--board") for text in board] if board else [BOOT_DEFAULT_ADDRESS]
+    entries = _build_entries(unique_id, new_address, kind, serial, idac, plan)
     if not entries and not search:
-        raise TaxelError(
-            "provision: expected values to write or --search; give --new-address, --kind, --serial, --idac or --plan"
-        )
+        values = "--new-address, --kind, --serial, --idac or --plan"
+        raise TaxelError(f"provision: expected values to write ({values}) or --search, found none")
     console = Console(stderr=True, soft_wrap=True)
 
     def announce(change: Change) -> None:
@@ -51,7 +49,7 @@ def provision_command(
 
     with open_wire(url) as wire:
         console.print(
-            f"boards at {', '.join(f'0x{one:02X}' for one in present_addresses)} restart into their bootloaders"
+            f"boards at {', '.join(f'0x{address:02X}' for address in present_addresses)} restart into their bootloaders"
         )
         candidates, changes = provision(wire, present_addresses, [] if search else entries, announce, not dry_run)
     _print_result(candidates, changes, search, dry_run, as_json)
@@ -59,13 +57,13 @@ def provision_command(
 
 def _build_entries(
     unique_id: str | None,
-    address: str | None,
+    new_address: str | None,
     kind: int | None,
     serial: str | None,
     idac: str | None,
     plan: Path | None,
 ) -> list[Entry]:
-    values = (address, kind, serial, idac)
+    values = (new_address, kind, serial, idac)
     if plan is not None:
         if unique_id is not None or any(value is not None for value in values):
             raise TaxelError(
@@ -75,8 +73,8 @@ def _build_entries(
     if all(value is None for value in values):
         return []
     codes = None if idac is None else [_parse_code(code) for code in idac.split(",")]
-    new_address = None if address is None else parse_address(address, "--new-address")
-    return [validate_entry("provision", "--", unique_id, new_address, kind, serial, codes)]
+    address = None if new_address is None else parse_address(new_address, "--new-address")
+    return [validate_entry("provision", "--", unique_id, address, kind, serial, codes)]
 
 
 def _parse_code(text: str) -> int | str:

@@ -225,7 +225,7 @@ def _merge_configuration(candidate: Candidate, entry: Entry) -> dict[str, Any]:
     old = candidate.configuration or {}
     address = entry.address if entry.address is not None else old.get("address")
     if address is None:
-        problem = f"board {candidate.unique_id.hex()} is blank; assign an address with --address"
+        problem = f"board {candidate.unique_id.hex()} is blank; assign an address with --new-address"
         raise BoardError(candidate.address, problem)
     serial = old.get("serial_number", bytes(SERIAL_SIZE))
     idac = old.get("idac_codes", bytes(IDAC_COUNT))

@@ -27,7 +27,7 @@ static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
     (void)context;
     (void)interrupts_mask();
 #if IMAGE_DEVICE != 2
-    while (!i2c_slave_try_off()) { /* a master that never ends its transfer ends in the watchdog's reset */
+    while (!i2c_slave_try_off()) { /* if a master never ends its transfer, the watchdog resets the processor */
         interrupts_unmask(0);
         (void)interrupts_mask();
     }
@@ -49,7 +49,7 @@ static uint32_t on_clock_us(void *context)
 static uint8_t on_reset_cause(void *context)
 {
     (void)context;
-    return reset_was_commanded() ? TAXEL_RESET_CAUSE_COMMAND : 0; /* no other difference counts here */
+    return reset_was_commanded() ? TAXEL_RESET_CAUSE_COMMAND : 0; /* the bootloader distinguishes no other causes */
 }
 
 static bool on_stay_requested(void *context)
@@ -58,8 +58,8 @@ static bool on_stay_requested(void *context)
     return reset_stay_requested();
 }
 
-/* The wire is off again, as after a reset; the watchdog and SysTick run, and the interrupt is enabled: the image's
- * start-up knows. */
+/* The wire is off, as after a reset. The watchdog and SysTick run, and one interrupt is enabled; the image's
+ * start-up code handles this. */
 static void on_start(void *context, uint32_t vectors)
 {
     (void)context;
@@ -108,7 +108,7 @@ void uart_on_byte(uint8_t byte)
 
 void uart_on_lost_byte(void)
 {
-    /* the packet's checksum fails, and the host asks again */
+    /* the packet's checksum fails, and the host repeats the packet */
 }
 
 size_t uart_pull(uint8_t *bytes, size_t size)

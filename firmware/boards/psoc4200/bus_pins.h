@@ -1,5 +1,5 @@
-/* SCL and SDA. They have a port to themselves but for the integration capacitor, whose pin is set after them and is
- * never driven: whole registers are written, which costs a third of the flash. */
+/* SCL and SDA. Their port has only one other pin, the integration capacitor's, which is set up later and never
+ * driven: whole registers are written, which takes a third of the flash. */
 #ifndef PSOC4200_BUS_PINS_H
 #define PSOC4200_BUS_PINS_H
 

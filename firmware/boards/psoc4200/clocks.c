@@ -15,9 +15,9 @@ static void settle(void)
 void clocks_init(void)
 {
     CLK->imo_config = CLK->imo_config | CLK_ENABLE;
-    /* Before the flash gets too fast a clock. */
+    /* Before the clock becomes too fast for the flash. */
     CLK->select = (CLK->select & ~CLK_SELECT_WDT_LOCK_MASK) | CLK_SELECT_HALF_EN;
-    /* The trims of 48 MHz are put in place at 24 MHz, where no trim makes it too fast; then the frequency (confirm:
+    /* The trims for 48 MHz are set at 24 MHz, where no trim makes the clock too fast; then the frequency (confirm:
      * order). */
     PWR_BG_TRIM4 = SFLASH->imo_abs_48mhz;
     PWR_BG_TRIM5 = SFLASH->imo_tmpco_48mhz;

@@ -9,20 +9,20 @@
 
 #define WORDS (TAXEL_BOOT_ROW_SIZE / 4u)
 
-/* What the ROM reads: keys, number of bytes less 1, then the bytes. */
+/* Parameters of the ROM: keys, number of bytes minus 1, then the bytes. */
 struct parameters {
     uint32_t keys;
     uint32_t last;
     uint32_t words[WORDS];
 };
 
-/* What the ROM answers is not looked at: those who write a row read it back. */
+/* The ROM's result is ignored: the caller reads the row back. */
 __attribute__((noinline)) static void call(struct parameters *parameters, uint32_t opcode, uint32_t high)
 {
     parameters->keys = SROM_PARAMETERS(opcode, high);
     CPUSS->sysarg = (uint32_t)(uintptr_t)parameters;
     CPUSS->sysreq = CPUSS_SYSREQ_START | opcode;
-    __asm__ volatile("nop\n\tnop\n\tnop" ::: "memory"); /* the NMI comes here, and the ROM reads the parameters */
+    __asm__ volatile("nop\n\tnop\n\tnop" ::: "memory"); /* the NMI is taken here, and the ROM reads the parameters */
 }
 
 void flash_rows_write(uint16_t row, const uint8_t *bytes)
@@ -37,18 +37,18 @@ void flash_rows_write(uint16_t row, const uint8_t *bytes)
         sum += parameters.words[i];
         last = parameters.words[i] ? &parameters.words[i] : last;
     }
-    /* Rows whose words add up to zero, unless they are all zeros, are not written reliably (the maker's flash library
-     * mends it in this way): such a row is written without its last word that is not zero, and that word is then
-     * programmed on its own. */
-    const uint32_t left_out = sum ? 0 : *last;
-    if (left_out) {
+    /* Rows whose words add up to zero, unless they are all zeros, are not written reliably. As in the manufacturer's
+     * flash library, such a row is written without its last non-zero word, and that word is then programmed
+     * separately. */
+    const uint32_t omitted_word = sum ? 0 : *last;
+    if (omitted_word) {
         *last = 0;
     }
     call(&parameters, SROM_OPCODE_LOAD_LATCH, 0);
     call(&parameters, SROM_OPCODE_WRITE_ROW, row);
-    if (left_out) {
+    if (omitted_word) {
         memset(parameters.words, 0, sizeof parameters.words);
-        *last = left_out;
+        *last = omitted_word;
         call(&parameters, SROM_OPCODE_LOAD_LATCH, 0);
         call(&parameters, SROM_OPCODE_PROGRAM_ROW, row);
     }

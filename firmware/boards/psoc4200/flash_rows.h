@@ -4,8 +4,8 @@
 
 #include <stdint.h>
 
-/* Erase and write 128 bytes: up to 20 ms. The caller has interrupts off, has switched off what must not wait for so
- * long, and reads the row back: there is no other answer. */
+/* Erase and write 128 bytes, which takes up to 20 ms. The caller disables interrupts, switches off everything that
+ * must not wait for so long, and reads the row back, because no status is returned. */
 void flash_rows_write(uint16_t row, const uint8_t *bytes);
 
 #endif

@@ -1,6 +1,6 @@
 /* One conversion: TX takes the sense clock, RX goes to analog bus A where comparator, current source and integration
- * capacitor are; all other lines are held low. The block counts the sample clocks in which the source was on. In a
- * period of (sub-conversions * sense divider) sample clocks it takes
+ * capacitor are; all other lines are held low. The block counts the sample clocks in which the source was on. Over a
+ * period of (sub-conversions * sense divider) sample clocks:
  *
  *     hardware count = period * 2 C V f_tx / I     and the raw count is period - hardware count,
  *
@@ -14,7 +14,7 @@
 #include "board_pins.h"
 
 #define SENSE_HALVES 2u  /* the sense clock is halved in the block, to be symmetric */
-#define LOOPS_MAX 10000u /* 2 ms and more: a block that does not start must not hang the board */
+#define LOOPS_MAX 10000u /* at least 2 ms: a block that does not start must not block the board */
 #define CYCLES_PER_SETTLE_LOOP 4u
 #define NO_LINE 0xFFu
 
@@ -32,7 +32,7 @@ static struct {
     const uint8_t *idac_codes;
     uint16_t period;
     uint16_t settle_cycles;
-    uint16_t early_count; /* counted before the sense clock ran: belongs to no crossing */
+    uint16_t early_count; /* counted before the sense clock ran, and therefore subtracted */
     uint8_t idac_code;
     uint8_t tx, rx; /* connected lines, or NO_LINE */
 } front_end;
@@ -96,8 +96,8 @@ static void connect_rx(uint8_t line)
     front_end.rx = line;
 }
 
-/* Counter first, then the sense clock within a few sample clocks of it; what was counted before a clock edge came out
- * is set apart. */
+/* The counter is started first, then the sense clock, within a few sample clocks; the count before the first clock
+ * edge is stored separately. */
 static void convert(void)
 {
     const uint32_t begin = CSD_COUNTER_PERIOD(front_end.period);

@@ -7,14 +7,15 @@
 
 #include "generated/taxel_protocol.h"
 
-/* Lines in use, counted as in pins.toml; a code for each RX line, 0 where that of the settings holds. */
+/* Number of lines in use, in the order of pins.toml; a current code for each RX line, 0: the code of the settings
+ * applies. */
 void front_end_init(uint8_t tx_lines, uint8_t rx_lines, const uint8_t *idac_codes);
 void front_end_configure(const struct taxel_scan_settings *settings);
 
 /* Begin a conversion; front_end_on_conversion() follows. */
 void front_end_start(uint8_t tx, uint8_t rx);
 
-/* The image has this. Called from the interrupt. */
+/* Defined by the image. Called from the interrupt. */
 void front_end_on_conversion(uint16_t raw_count);
 
 #endif

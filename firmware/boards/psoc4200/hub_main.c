@@ -1,4 +1,4 @@
-/* The hub: the main loop makes a pass when an interrupt came or its time has come; I2C and UART run in interrupts. */
+/* The hub: the main loop makes a pass after an interrupt or at the requested time; I2C and UART run in interrupts. */
 #include "board_pins.h"
 #include "boards/psoc4200/bus_clock.h"
 #include "boards/psoc4200/clocks.h"
@@ -14,7 +14,7 @@
 
 #define SLOTS 17u /* boards of the hand */
 #define TRANSFER_POOL (2u * TAXEL_HUB_BUFFER_SIZE((TAXEL_COMPACT_OVERHEAD_PACKED + 2u * BOARD_TAXELS_MAX + 3u) & ~3u))
-#define TRANSMIT_RING 288u /* a frame of status, or of 30 taxels, and the reserve for answers */
+#define TRANSMIT_RING 288u /* a status frame, or a frame of 30 taxels, plus the reserve for answers */
 #define NEVER UINT64_MAX
 
 static struct taxel_hub hub;
@@ -146,14 +146,14 @@ size_t uart_pull(uint8_t *bytes, size_t size)
     return taxel_hub_uart_pull(&hub, bytes, size);
 }
 
-/* A row takes 20 ms without interrupts: no transfer may be under way, and the host is asked to hold back. */
+/* Writing a row takes 20 ms without interrupts: no transfer may be in progress, and RTS stops the host. */
 static bool try_confirm(void)
 {
     if (!hub.version || !hub.inbox.commands || !i2c_master_is_idle()) {
         return false;
     }
     uart_hold(true);
-    ticks_delay_us(TAXEL_HUB_HOLD_SPACE * 10u); /* what the adapter still sends, at 1 Mbaud */
+    ticks_delay_us(TAXEL_HUB_HOLD_SPACE * 10u); /* time for the bytes that the adapter still sends, at 1 Mbaud */
     const uint32_t interrupts = interrupts_mask();
     self_confirm();
     interrupts_unmask(interrupts);
@@ -161,12 +161,11 @@ static bool try_confirm(void)
     return true;
 }
 
-/* Interrupts are masked, so that none comes between the question and the sleep; one that is pending ends it all the
- * same. */
-static void rest(void)
+/* Interrupts are masked, so that none is handled between the check and the sleep; a pending one still ends the sleep. */
+static void sleep_until_event(void)
 {
     const uint32_t interrupts = interrupts_mask();
-    if (!was_interrupted && ticks_come_before(wake_us)) {
+    if (!was_interrupted && ticks_interrupts_before(wake_us)) {
         wait_for_interrupt();
     }
     interrupts_unmask(interrupts);
@@ -184,7 +183,7 @@ int main(void)
     for (;;) {
         watchdog_feed();
         if (!was_interrupted && ticks_us() < wake_us) {
-            rest();
+            sleep_until_event();
             continue;
         }
         if (on_trial && try_confirm()) {

@@ -14,13 +14,13 @@
 enum state { IDLE, ADDRESS_TO_WRITE, ADDRESS_TO_READ, WRITING, READING, STOPPING };
 
 static struct {
-    struct taxel_i2c_transfer transfer; /* pointers and sizes move on as bytes go */
+    struct taxel_i2c_transfer transfer; /* pointers and sizes advance with the bytes */
     volatile uint8_t state;
     int8_t result;
-    bool by_hand;
+    bool is_manual;
 } master;
 
-/* Off and on: state machines begin anew, FIFOs are empty, the lines are free, no event is left. */
+/* Off and on: resets the state machines, empties the FIFOs, releases the lines and clears all events. */
 static void reset(void)
 {
     SCB0->ctrl = SCB_CTRL_MODE_I2C;
@@ -68,15 +68,16 @@ bool i2c_master_sda(void)
 void i2c_master_drive(bool scl_high, bool sda_high)
 {
     bus_pins_drive(scl_high, sda_high);
-    if (!master.by_hand) {
-        master.by_hand = true;
+    if (!master.is_manual) {
+        master.is_manual = true;
         bus_pins_connect(PIN_GPIO);
     }
 }
 
-/* Whether the SCB acknowledges what it receives. It does so until its FIFO is full, and holds SCL then, so that nothing is lost when the
- * interrupt is late. The last bytes are left in the FIFO: they fill it, and the very last is not acknowledged. (confirm) that the byte
- * that fills the FIFO waits for its acknowledge; the maker's own driver relies on it. */
+/* Whether the SCB acknowledges received bytes itself. It does so until its FIFO is full, and then holds SCL, so that
+ * no byte is lost if the interrupt is late. The last bytes stay in the FIFO and fill it, and the very last one is
+ * not acknowledged. (confirm) that the byte that fills the FIFO waits for its acknowledge; the manufacturer's driver
+ * relies on it. */
 static bool collects(void)
 {
     return !master.transfer.length_prefixed && master.transfer.read_size >= SCB_FIFO_SIZE;
@@ -90,7 +91,7 @@ static void collect_if_long(void)
     SCB0->rx_fifo_ctrl = SCB_FIFO_CTRL_LEVEL(is_long ? level : 0u);
 }
 
-/* Address first: for writing if there is something to write, or nothing at all to do. */
+/* Send the address: for reading, or for writing and probes. */
 static void send_address(bool reading)
 {
     master.state = reading ? ADDRESS_TO_READ : ADDRESS_TO_WRITE;
@@ -102,8 +103,8 @@ static void send_address(bool reading)
 
 void i2c_master_start(const struct taxel_i2c_transfer *transfer)
 {
-    if (master.by_hand) {
-        master.by_hand = false;
+    if (master.is_manual) {
+        master.is_manual = false;
         bus_pins_release();
         reset();
         bus_pins_connect(PIN_I2C);
@@ -152,7 +153,7 @@ static void take_acknowledge(void)
         master.state = WRITING;
         SCB0->tx_fifo_wr = *transfer->write_bytes++;
     } else if (transfer->read_size) {
-        SCB0->i2c_m_cmd = SCB_I2C_M_CMD_START; /* first: while SCL is held, a byte in the FIFO would go out as data */
+        SCB0->i2c_m_cmd = SCB_I2C_M_CMD_START; /* before the address: while SCL is held, a byte in the FIFO would be sent as data */
         send_address(true);
     } else {
         stop(0, TAXEL_I2C_OK);
@@ -179,7 +180,7 @@ static void take_collected(void)
             collect_if_long();
         }
     } else if (count == SCB_FIFO_SIZE) {
-        SCB0->i2c_ctrl = CONTROL; /* first: room would be an acknowledge */
+        SCB0->i2c_ctrl = CONTROL; /* first, because free space in the FIFO would cause an acknowledge */
         stop(SCB_I2C_M_CMD_NACK, TAXEL_I2C_OK);
         take(SCB_FIFO_SIZE);
     }
@@ -198,7 +199,7 @@ static void take_byte(void)
     }
     transfer->read_size--;
     if (transfer->read_size) {
-        SCB0->i2c_m_cmd = SCB_I2C_M_CMD_ACK; /* first: SCL is held until then */
+        SCB0->i2c_m_cmd = SCB_I2C_M_CMD_ACK; /* first, because SCL is held until then */
         collect_if_long();
     } else {
         stop(SCB_I2C_M_CMD_NACK, TAXEL_I2C_OK);
@@ -206,7 +207,8 @@ static void take_byte(void)
     *transfer->read_bytes++ = byte;
 }
 
-/* A byte right after an address whose acknowledge came while the interrupt ran waits for that to be taken, which is next. */
+/* A byte that follows an address whose acknowledge arrived during this interrupt waits until that acknowledge is
+ * handled. */
 static void take_bytes_if_any(void)
 {
     if (!SCB0->intr_rx_masked || master.state == ADDRESS_TO_READ) {
@@ -220,13 +222,13 @@ static void take_bytes_if_any(void)
     SCB0->intr_rx = SCB_INTR_RX_TRIGGER;
 }
 
-/* SCL is held low after each acknowledge and each byte that the SCB does not acknowledge itself, until a command or a byte to send
- * comes, so there is one event at a time. */
+/* SCL is held low after each acknowledge and after each byte that the SCB does not acknowledge itself, until a
+ * command or a byte to send is written: events occur one at a time. */
 void scb0_handler(void);
 void scb0_handler(void)
 {
     const uint32_t events = SCB0->intr_m_masked;
-    if (!events) { /* most often: one more byte, and the bus waits */
+    if (!events) { /* the most frequent case: one more byte, for which the bus waits */
         take_bytes_if_any();
         return;
     }

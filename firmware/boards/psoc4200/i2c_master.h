@@ -1,4 +1,5 @@
-/* SCB0 as an I2C master: one transfer after the other. A byte an interrupt, but long reads are collected in the FIFO. */
+/* SCB0 as an I2C master: one transfer at a time. One interrupt per byte, except for long reads, which are collected
+ * in the FIFO. */
 #ifndef PSOC4200_I2C_MASTER_H
 #define PSOC4200_I2C_MASTER_H
 
@@ -8,17 +9,18 @@
 
 void i2c_master_init(void);
 
-/* i2c_master_on_done() follows, perhaps before this returns. The transfer is copied, its bytes are not. */
+/* i2c_master_on_done() is called at the end, possibly before this function returns. The transfer is copied, its
+ * bytes are not. */
 void i2c_master_start(const struct taxel_i2c_transfer *transfer);
 void i2c_master_abort(void);
 bool i2c_master_is_idle(void);
 
-/* The lines by hand, until the next start. */
+/* Manual control of the lines, until the next start. */
 void i2c_master_drive(bool scl_high, bool sda_high);
 bool i2c_master_scl(void);
 bool i2c_master_sda(void);
 
-/* The image has this. Called from the interrupt, or from i2c_master_start(). */
+/* Defined by the image. Called from the interrupt, or from i2c_master_start(). */
 void i2c_master_on_done(int8_t result);
 
 #endif

@@ -9,13 +9,13 @@
 #define FILLS_FIFO true
 #define REFILL_BELOW 4u /* bytes: half of the FIFO, 90 us at 400 kbit/s */
 #else
-#define FILLS_FIFO false /* the bootloader has more time than flash */
+#define FILLS_FIFO false /* in the bootloader, flash is scarcer than time */
 #define REFILL_BELOW 1u
 #endif
 #define ERRORS (SCB_INTR_I2C_ARB_LOST | SCB_INTR_I2C_BUS_ERROR)
 #define SLAVE_EVENTS (ERRORS | SCB_INTR_I2C_STOP | SCB_INTR_S_ADDR_MATCH)
 
-static volatile bool is_selected; /* a master addressed us, and no stop has come since */
+static volatile bool is_selected; /* a master addressed this slave, and no stop condition followed yet */
 
 __attribute__((noinline)) static void forget_unsent(void)
 {
@@ -44,7 +44,7 @@ bool i2c_slave_try_off(void)
     if (is_selected) {
         return false;
     }
-    off(); /* an address that waits for its answer is not acknowledged */
+    off(); /* an address that was received but not answered is not acknowledged */
     return true;
 }
 
@@ -79,7 +79,7 @@ static void fill(void)
 
 static void take_byte(void)
 {
-    if (SCB0->rx_fifo_status & SCB_FIFO_STATUS_USED) { /* one at most: none follows before this one is answered */
+    if (SCB0->rx_fifo_status & SCB_FIFO_STATUS_USED) { /* at most one: the next byte follows after the answer */
         const bool acknowledge = i2c_slave_on_write((uint8_t)SCB0->rx_fifo_rd);
         SCB0->i2c_s_cmd = acknowledge ? SCB_I2C_S_CMD_ACK : SCB_I2C_S_CMD_NACK;
     }
@@ -104,14 +104,14 @@ static void take_address(void)
     const bool acknowledge = i2c_slave_on_address(reading);
     is_selected = acknowledge;
     if (acknowledge && reading) {
-        fill(); /* before the acknowledge lets the master go on */
+        fill(); /* before the acknowledge releases the master */
         SCB0->intr_tx_mask = SCB_INTR_TX_TRIGGER;
     }
     SCB0->i2c_s_cmd = acknowledge ? SCB_I2C_S_CMD_ACK : SCB_I2C_S_CMD_NACK;
 }
 
-/* In the order in which they can have happened: SCL is held after a byte and after an address, so that nothing follows
- * them before they are answered. */
+/* Events are handled in their possible order: SCL is held after a byte and after an address, so that no event
+ * follows before the answer. */
 void scb0_handler(void);
 void scb0_handler(void)
 {

@@ -8,15 +8,15 @@
 
 void i2c_slave_init(uint8_t address);
 
-/* With interrupts off: switch the slave off, so that its address is not acknowledged. False while a master talks to it:
- * let the interrupts go on and try again. */
+/* With interrupts off: switch the slave off, so that its address is not acknowledged. False during a transfer with
+ * this slave: enable interrupts and try again. */
 bool i2c_slave_try_off(void);
 void i2c_slave_on(void);
 
 /* Block and pins as after a reset. */
 void i2c_slave_end(void);
 
-/* The image has these, and they are called from the interrupt. */
+/* Defined by the image, and called from the interrupt. */
 bool i2c_slave_on_address(bool reading);
 bool i2c_slave_on_write(uint8_t byte);
 uint8_t i2c_slave_on_read(void);

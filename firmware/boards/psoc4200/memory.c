@@ -1,5 +1,5 @@
-/* What the compiler and the portable sources take from a C library: small, a byte at a time. Built without link-time
- * optimisation, which would find that memcpy() looks like memcpy(). */
+/* The C library functions that the compiler and the portable sources use: small, one byte at a time. Built without
+ * link-time optimisation, which would replace the loop of memcpy() by a call of memcpy(). */
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-/* A pin is a byte: port in the high half, number in the low one. Which pin does what: pins.toml. */
+/* A pin is a byte: port in the high half, number in the low half. pins.toml assigns the pins. */
 #ifndef PSOC4200_PINS_H
 #define PSOC4200_PINS_H
 
@@ -6,7 +6,7 @@
 
 #define PIN(port, number) ((uint8_t)(((port) << 4) | (number)))
 
-/* Connect a pin. Not for a pin whose port an interrupt changes too. */
+/* Connect a pin. Not for a pin whose port is also changed by an interrupt. */
 static inline void pin_connect(uint8_t pin, uint32_t mode, uint32_t function)
 {
     const uint32_t port = pin >> 4;

@@ -7,8 +7,8 @@
 #include "boards/psoc4200/regs/srss.h"
 #include "generated/taxel_protocol.h"
 
-/* Words that a reset leaves alone, at the same place in every image (image.ld.in). After a loss of power they are
- * anything. The bootloader writes the cause at each start: the bits that the hardware gave. */
+/* Words that survive a reset, at the same address in every image (image.ld.in). After a loss of power their content
+ * is undefined. The bootloader stores the hardware's cause bits at each start. */
 struct handover {
     uint32_t stay;
     uint32_t cause;

@@ -1,23 +1,23 @@
-/* Resets: why the last one, a note for the next one, and the processor's own number. */
+/* Resets: cause of the last one, request for the next one, and the processor's unique id. */
 #ifndef PSOC4200_RESET_H
 #define PSOC4200_RESET_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-/* The bootloader, once: read the hardware's cause, clear it, and leave it where any image finds it. */
+/* Called once by the bootloader: read the hardware's cause, clear it, and store it for the images. */
 void reset_take_cause(void);
-/* All that the bootloader asks. */
+/* Whether the last reset was commanded. */
 bool reset_was_commanded(void);
 /* enum taxel_reset_cause. */
 uint8_t reset_cause(void);
 
-/* Whether reset_into_bootloader() made the last reset. Asking clears it. */
+/* Whether reset_into_bootloader() caused the last reset. The call clears the request. */
 bool reset_stay_requested(void);
 void reset_into_bootloader(void);
 void reset_now(void);
 
-/* Eight bytes: lot, wafer, place on the wafer, test results. */
+/* Eight bytes: lot, wafer, position on the wafer, test results. */
 void reset_unique_id(uint8_t *id);
 
 #endif

@@ -31,11 +31,11 @@ bool self_is_on_trial(void)
     return !taxel_boot_is_confirmed(&self_flash, slot());
 }
 
-/* Not compiled into main(): it takes room for a row on the stack, which the rest of main() has not. */
+/* Not inlined into main(): it needs a row on the stack, for which main() has no space. */
 __attribute__((noinline)) void self_confirm(void)
 {
     const uint32_t begin = ticks_stretch();
-    /* Not written: on trial still, which ends in the image before this one. */
+    /* If the write fails, the image stays on trial, and after its last try the previous image starts. */
     (void)taxel_boot_confirm(&self_flash, slot());
     ticks_shrink(begin);
 }

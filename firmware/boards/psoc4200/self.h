@@ -10,10 +10,10 @@
 extern const struct taxel_boot_flash self_flash;
 
 /* Major, minor, patch. */
-extern const uint8_t image_header[]; /* by the linker: where the slot begins */
+extern const uint8_t image_header[]; /* by the linker: start of the slot */
 #define SELF_VERSION (image_header + TAXEL_BOOT_IMAGE_HEADER_OFFSET_VERSION_MAJOR)
 
-/* Whether taxel_boot_confirm() has still to be called, and the call, with interrupts off. */
+/* Whether the image is not confirmed yet; confirm it, with interrupts off. */
 bool self_is_on_trial(void);
 void self_confirm(void);
 

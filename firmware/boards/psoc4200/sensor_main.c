@@ -1,5 +1,5 @@
-/* A sensor board: everything happens in two interrupts of one priority, conversion and I2C; the main loop codes
- * compact snapshots, feeds the watchdog and confirms the image. */
+/* A sensor board: scan and I2C run in two interrupts of the same priority; the main loop codes compact snapshots,
+ * feeds the watchdog and confirms the image. */
 #include <stdatomic.h>
 
 #include "board_pins.h"
@@ -14,7 +14,7 @@
 #include "boards/psoc4200/watchdog.h"
 #include "sensor/sensor.h"
 
-#define CONFIRM_SCANS 10u /* of an image on trial, and one snapshot that was read (bootloader/DESIGN.md) */
+#define CONFIRM_SCANS 10u /* scans after which an image on trial is confirmed, with one snapshot read (bootloader/DESIGN.md) */
 
 static struct taxel_sensor sensor;
 static struct taxel_sensor_config config;
@@ -23,8 +23,8 @@ static taxel_compact_state compact_states[BOARD_TAXELS_MAX];
 static uint8_t compact_residuals[BOARD_TAXELS_MAX];
 static uint8_t compact_buffers[2][TAXEL_COMPACT_BUFFER_SIZE(BOARD_TAXELS_MAX)];
 
-/* What a board is that nobody has told: one crossing that means nothing, so that it can be asked, configured and given
- * another image. */
+/* A board without a configuration: one meaningless crossing, so that the board answers on I2C, can be configured and
+ * flashed. */
 static const struct kind unknown_kind = {.rows = 1, .columns = 1, .taxels = 1, .crossing_map = {1}};
 
 static void on_configure(void *context, const struct taxel_scan_settings *settings)
@@ -144,7 +144,7 @@ static void configure(const uint8_t *configuration, const struct kind *kind)
     };
 }
 
-/* The front end after the bus, whose port it has a pin on. */
+/* The front end is initialised after the bus, because it has a pin on the bus's port. */
 static void start(const uint8_t *configuration, const struct kind *kind)
 {
     const uint32_t interrupts = interrupts_mask();
@@ -160,7 +160,8 @@ static bool has_proven_itself(void)
     return sensor.scan.scans >= CONFIRM_SCANS && sensor.slave.snapshot_reads != 0;
 }
 
-/* Between two scans, and with the slave off: a row takes 20 ms, in which nothing else happens. False: not now. */
+/* Confirm the image between two scans, with the slave off: the write of a row takes 20 ms. False: not possible at
+ * present. */
 static bool try_confirm(void)
 {
     const uint32_t interrupts = interrupts_mask();
@@ -173,7 +174,7 @@ static bool try_confirm(void)
     return now;
 }
 
-/* Not part of main(): its frame would lie under the deepest chain, that of writing to flash. */
+/* Not inlined: its stack frame would add to the deepest call chain, the write to flash. */
 static __attribute__((noinline)) void code_compact(void)
 {
     taxel_sensor_run(&sensor);
@@ -192,7 +193,7 @@ int main(void)
     bool on_trial = self_is_on_trial();
     for (;;) {
         watchdog_feed();
-        atomic_signal_fence(memory_order_acquire); /* the interrupts' counters are read anew */
+        atomic_signal_fence(memory_order_acquire); /* reload the counters that interrupts change */
         if (on_trial && has_proven_itself()) {
             on_trial = !try_confirm();
         }

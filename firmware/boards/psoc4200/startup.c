@@ -1,5 +1,5 @@
-/* Vector table, and what comes before main(). An application's table is copied to the start of RAM and served from
- * there: a Cortex-M0 cannot be told that it lies in a slot. The bootloader's lies at address 0. */
+/* Vector table and the code before main(). An application's table is copied to the start of RAM and used from there,
+ * because a Cortex-M0 has no register for its position. The bootloader's table is at address 0. */
 #include <stdint.h>
 #include <string.h>
 
@@ -13,7 +13,7 @@ handler reset_handler, unexpected_handler, systick_handler, scb0_handler, scb1_h
 
 extern uint32_t stack_top[], data_begin[], data_end[], data_load[], bss_begin[], bss_end[];
 
-/* Nothing here waits for an exception that it does not know: a fault ends in the watchdog's reset. */
+/* Unexpected exceptions and faults end in the watchdog's reset. */
 void unexpected_handler(void)
 {
     for (;;) {

@@ -34,8 +34,8 @@ void ticks_init(void)
 _Static_assert(CPU_HZ == 48000000u, "a microsecond is 16 * 3 cycles");
 _Static_assert(CYCLES <= CYCLES_MAX, "a wrap can be that long");
 
-/* x / 3, without a division: 1/3 = 1/4 + 1/16 + ..., and what the shifts lose is less than 32 (checked for every x
- * below 2^20, which is more than a wrap has). */
+/* x / 3 without a division: 1/3 = 1/4 + 1/16 + ...; the shifts lose less than 32 (checked for every x below 2^20,
+ * more than a wrap). */
 static uint32_t third_of(uint32_t x)
 {
     uint32_t third = (x >> 2) + (x >> 4);
@@ -53,12 +53,12 @@ static uint32_t read(uint32_t *whole)
         count = wraps;
         value = SYSTICK->value;
         *whole = count;
-        if (SCS_ICSR & SCS_ICSR_SYSTICK_PENDING) { /* wrapped, but nobody was told yet: the value may be of before */
+        if (SCS_ICSR & SCS_ICSR_SYSTICK_PENDING) { /* wrapped, but not counted yet: the value may be from before the wrap */
             value = SYSTICK->value;
             *whole = count + 1u;
         }
     } while (count != wraps);
-    const uint32_t since = value ? CYCLES - value : 0; /* it is pending from the cycle in which the value is 0 */
+    const uint32_t since = value ? CYCLES - value : 0; /* the interrupt is pending from the cycle in which the value is 0 */
     return third_of(since >> 4);
 }
 
@@ -74,7 +74,7 @@ uint32_t ticks_us_32(void)
     return (uint32_t)ticks_us();
 }
 
-bool ticks_come_before(uint64_t us)
+bool ticks_interrupts_before(uint64_t us)
 {
     return us >> US_SHIFT > ticks_us() >> US_SHIFT;
 }
@@ -95,7 +95,7 @@ void ticks_shrink(uint32_t begin)
     const uint32_t us = begin + third_of((CYCLES_MAX - SYSTICK->value) >> 4);
     const uint32_t part = us & ((1u << US_SHIFT) - 1u);
     wraps += us >> US_SHIFT;
-    SYSTICK->reload = CYCLES - CYCLES_PER_US * part - 1u; /* what is left of the wrap; those after it are whole */
+    SYSTICK->reload = CYCLES - CYCLES_PER_US * part - 1u; /* the remainder of the wrap; the following wraps are complete */
     SYSTICK->value = 0;
     SCS_ICSR = SCS_ICSR_SYSTICK_CLEAR;
     SYSTICK->reload = CYCLES - 1u;

@@ -1,5 +1,5 @@
-/* Microseconds since ticks_init(), from SysTick. In the bootloader they come in steps of 1024: all that it measures is
- * 50 ms or longer. */
+/* Microseconds since ticks_init(), from SysTick. In the bootloader the resolution is 1024 us, because all of its
+ * times are 50 ms or longer. */
 #ifndef PSOC4200_TICKS_H
 #define PSOC4200_TICKS_H
 
@@ -12,10 +12,10 @@ uint32_t ticks_us_32(void);
 /* Applications only. */
 uint64_t ticks_us(void);
 /* Whether SysTick interrupts before that time. */
-bool ticks_come_before(uint64_t us);
+bool ticks_interrupts_before(uint64_t us);
 void ticks_delay_us(uint32_t microseconds);
-/* Between the two, with interrupts off: no time is lost for up to 340 ms, and nobody may ask for it. */
+/* Between these two calls, with interrupts off, no time is lost for up to 340 ms, and the time must not be read. */
 uint32_t ticks_stretch(void);
-void ticks_shrink(uint32_t begin); /* what ticks_stretch() returned */
+void ticks_shrink(uint32_t begin); /* the value returned by ticks_stretch() */
 
 #endif

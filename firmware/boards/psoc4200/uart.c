@@ -17,7 +17,7 @@
 #define NUMBER(name) (BOARD_PIN_UART_##name & 7u)
 #define MODE(name, mode) ((uint32_t)PIN_MODE_##mode << (3u * NUMBER(name)))
 #define FUNCTION(name, function) ((uint32_t)PIN_##function << (4u * NUMBER(name)))
-#define UART_PORT (&PORTS[BOARD_PIN_UART_RX >> 4]) /* it has nothing else on it: whole registers are written */
+#define UART_PORT (&PORTS[BOARD_PIN_UART_RX >> 4]) /* the port has no other pins in use: whole registers are written */
 
 _Static_assert(BOARD_PIN_UART_RX >> 4 == BOARD_PIN_UART_RTS >> 4, "RTS is on the port of RX and TX");
 _Static_assert(DIVIDER * OVERSAMPLE * UART_BAUD == CPU_HZ, "the baud rate divides 3 or 2 MHz");
@@ -55,10 +55,10 @@ void uart_off(void)
 
 void uart_kick(void)
 {
-    SCB1->intr_tx_mask = SCB_INTR_TX_TRIGGER; /* the FIFO has room: the interrupt comes at once */
+    SCB1->intr_tx_mask = SCB_INTR_TX_TRIGGER; /* the FIFO has space: the interrupt follows at once */
 }
 
-/* From the main loop and from the interrupt: one store. */
+/* Called from the main loop and from the interrupt: a single store. */
 void uart_hold(bool hold)
 {
     UART_PORT->data = (uint32_t)hold << NUMBER(RTS);
@@ -79,12 +79,12 @@ static void receive(void)
 static void send(void)
 {
     uint8_t bytes[SCB_FIFO_SIZE];
-    const size_t room = SCB_FIFO_SIZE - (SCB1->tx_fifo_status & SCB_FIFO_STATUS_USED);
-    const size_t count = uart_pull(bytes, room);
+    const size_t space = SCB_FIFO_SIZE - (SCB1->tx_fifo_status & SCB_FIFO_STATUS_USED);
+    const size_t count = uart_pull(bytes, space);
     for (size_t i = 0; i < count; i++) {
         SCB1->tx_fifo_wr = bytes[i];
     }
-    if (count < room) {
+    if (count < space) {
         SCB1->intr_tx_mask = 0;
     }
     SCB1->intr_tx = SCB_INTR_TX_TRIGGER;

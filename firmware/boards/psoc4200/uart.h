@@ -1,4 +1,4 @@
-/* SCB1 as a UART, 8N1. RTS is an output of our own: this SCB has no flow control. */
+/* SCB1 as a UART, 8N1. RTS is a software-controlled output: this SCB has no flow control. */
 #ifndef PSOC4200_UART_H
 #define PSOC4200_UART_H
 
@@ -10,12 +10,12 @@ void uart_init(void);
 /* Block and pins as after a reset. */
 void uart_off(void);
 
-/* Bytes wait: uart_pull() is called from the interrupt until it has none. */
+/* Bytes are queued: uart_pull() is called from the interrupt until it returns none. */
 void uart_kick(void);
-/* RTS: high asks the host's adapter to send no more. */
+/* RTS: high stops the host's adapter. */
 void uart_hold(bool hold);
 
-/* The image has these, and they are called from the interrupt. */
+/* Defined by the image, and called from the interrupt. */
 void uart_on_byte(uint8_t byte);
 void uart_on_lost_byte(void);
 size_t uart_pull(uint8_t *bytes, size_t size);

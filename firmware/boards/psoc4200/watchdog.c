@@ -2,11 +2,11 @@
 
 #include "boards/psoc4200/regs/srss.h"
 
-#define MATCH 0xFFFFu /* and the 32 kHz oscillator runs since the reset */
+#define MATCH 0xFFFFu /* the 32 kHz oscillator runs since the reset */
 
 void watchdog_start(void)
 {
-    WDT->match = MATCH; /* a counter that runs already takes no settings: it has these */
+    WDT->match = MATCH; /* a running counter accepts no settings, and already has these */
     WDT->config = WDT_CONFIG_MODE0_RESET;
     watchdog_feed();
 }

@@ -1,9 +1,9 @@
-/* Counter 0 of the watchdog: resets the processor when nobody feeds it. */
+/* Counter 0 of the watchdog: resets the processor unless watchdog_feed() is called in time. */
 #ifndef PSOC4200_WATCHDOG_H
 #define PSOC4200_WATCHDOG_H
 
-/* Runs from the 32 kHz oscillator, which is between 15 and 60 kHz (confirm): 1.1 to 4.4 s. Longer than anything here
- * takes. */
+/* The time limit is 1.1 to 4.4 s, because the 32 kHz oscillator runs at 15 to 60 kHz (confirm). Every operation of
+ * the images is shorter. */
 void watchdog_start(void);
 void watchdog_feed(void);
 

@@ -96,10 +96,10 @@ class VirtualCanFaults:
         self._faults.temperature_c = celsius
 
     def switch_servo_off(self, off: bool) -> None:
-        self._faults.servo_off = off
+        self._faults.is_servo_off = off
 
     def silence(self, silent: bool) -> None:
-        self._faults.silent = silent
+        self._faults.is_silent = silent
 
     def silence_finger(self, finger: int, silent: bool) -> None:
         (self._faults.dropped_fingers.add if silent else self._faults.dropped_fingers.discard)(finger)

@@ -15,7 +15,7 @@ from taxel.blind.hidden import HiddenCauses
 from taxel.blind.world_datasets import UndescribedSettings
 from taxel.campaign.emulated import run_emulated
 from taxel.campaign.simulated import SimSettings, run_simulated
-from taxel.grasp.plan import PlannedGrasp, thesis_plan
+from taxel.grasp.plan import PlannedGrasp, make_thesis_plan
 from taxel.hand import load_hand
 
 EMULATOR_EFFECTS: Final = (
@@ -70,7 +70,7 @@ def small_plans(seed: int) -> tuple[tuple[PlannedGrasp, ...], tuple[PlannedGrasp
     The hand performs each approach once in each of five sessions, the simulator twice.
     """
     rng = np.random.default_rng(seed)
-    plan = thesis_plan(seed)
+    plan = make_thesis_plan(seed)
     conditions = set()
     for item in sorted({planned.object for planned in plan}):
         names = sorted({planned.approach for planned in plan if planned.object == item})

@@ -6,6 +6,7 @@ import os
 import sys
 import sysconfig
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -76,6 +77,7 @@ def isolate_process(folder: Path, hidden: Sequence[Path] = ()) -> str:
     and audit hook", or "audit hook" if the kernel has no Landlock.
     """
     sys.dont_write_bytecode = True
+    import_module("taxel.recording")  # its dependency taxel.link imports the emulator, which is removed below
     own_folder = Path(os.path.realpath(folder))
     sealed = (*_sealed_sources(), *(Path(os.path.realpath(path)) for path in hidden))
     readable = [path for root in _installation() for path in _paths_without(root, sealed)]

@@ -72,7 +72,7 @@ def _run_control_loop(
         time_s = begin_s + (period - first) * PERIOD_S
         times.append(time_s)
         angle_log.append(angles)
-        hand.set_torque(controller.torque(time_s, angles, speeds) / MAX_TORQUE_NM)
+        hand.set_torque(controller.compute_torque(time_s, angles, speeds) / MAX_TORQUE_NM)
         on_period(time_s)
         previous, period = period, wait_for_period()
         hand.update()

@@ -51,8 +51,8 @@ def simulate_grasp_motion(
     wrist_at: wrist poses f64[k, 4, 4] at times f64[k] of the grasp. The scene is static before and after this motion:
     its first and last record are valid for the baseline and the recovery.
     """
-    begin = max(0.0, timeline.begin(Phase.CLOSING) - SETTLE_S)
-    ticks = round((timeline.end(Phase.RELEASE) - begin) / PERIOD_S)
+    begin = max(0.0, timeline.get_start_s(Phase.CLOSING) - SETTLE_S)
+    ticks = round((timeline.get_end_s(Phase.RELEASE) - begin) / PERIOD_S)
     wrists = wrist_at(begin + PERIOD_S * np.arange(ticks, dtype=np.float64))
     times: list[float] = []
     objects: list[NDArray[np.float64]] = []
@@ -79,5 +79,7 @@ def simulate_grasp_motion(
     ):
         virtual = VirtualAllegro(hand_bus, dynamics)
         with AllegroHand(host_bus, clock=lambda: virtual.time_s, advance=virtual.step) as hand:
-            joints = control_grasp(hand, controller, begin, timeline.end(Phase.RELEASE), wait_for_period, on_period)
+            joints = control_grasp(
+                hand, controller, begin, timeline.get_end_s(Phase.RELEASE), wait_for_period, on_period
+            )
     return Motion(np.array(times), np.stack(objects), np.stack(brackets), joints)

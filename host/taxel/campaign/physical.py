@@ -144,8 +144,8 @@ class _ArmSchedule:
         withdrawn: NDArray[np.float64],
     ) -> None:
         self._station, self._timeline = station, timeline
-        self._moves = [(timeline.begin(Phase.CLOSING), grasping)]
-        self._moves += [(timeline.begin(Phase.RELEASE) + WITHDRAW_SHARE * timeline.release_s, withdrawn)]
+        self._moves = [(timeline.get_start_s(Phase.CLOSING), grasping)]
+        self._moves += [(timeline.get_start_s(Phase.RELEASE) + WITHDRAW_SHARE * timeline.release_s, withdrawn)]
         self._loop = ControlLoop(PERIOD_S, time.monotonic)
         self._period = 0
         self._times: list[float] = []
@@ -184,7 +184,7 @@ def _record(
     joints: JointLog,
 ) -> GraspRecord:
     elapsed = cycles.time_s - start_s
-    phase = timeline.phase_at(elapsed)
+    phase = timeline.find_phases(elapsed)
     angles = np.hstack([arm.interpolate(elapsed), joints.interpolate(elapsed)])
     hold = angles[phase == Phase.HOLD]
     if not len(elapsed):

@@ -175,7 +175,7 @@ def _record(
     begin, end = _grasp_interval(settings, index)
     recorded = cycles.between(begin, end)
     elapsed = recorded.time_s - begin
-    phase = timeline.phase_at(elapsed)
+    phase = timeline.find_phases(elapsed)
     arm, fingers = setup.arm_angles(grasp.planned, timeline, elapsed), grasp.motion.joints.interpolate(elapsed)
     joints = np.hstack([arm, fingers])
     hold = joints[phase == Phase.HOLD]

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.grasp.calibration import Calibration
-from taxel.grasp.objects import GraspObject, standing_pose, thesis_objects
-from taxel.grasp.plan import PLACINGS, Approach, Placing, PlannedGrasp, thesis_approaches
+from taxel.grasp.objects import GraspObject, make_standing_pose, make_thesis_objects
+from taxel.grasp.plan import PALM_PLACEMENTS, Approach, PalmPlacement, PlannedGrasp, make_thesis_approaches
 from taxel.grasp.reach import ArmReach
 from taxel.grasp.timeline import Timeline
 from taxel.hand import Hand, load_hand
@@ -30,14 +30,14 @@ class Setup:
     """A workstation.
 
     calibration: measured poses of objects in the frame of the robot's base, and of remounted brackets; objects and
-    brackets without an entry are at their planned poses. placings: pose of the palm against the object, by object and
+    brackets without an entry are at their planned poses. placements: pose of the palm against the object, by object and
     approach. Raises UnknownBoardError for a bracket of a board that the hand lacks.
     """
 
     hand: Hand = field(default_factory=lambda: load_hand("allegro"))
-    objects: Mapping[str, GraspObject] = field(default_factory=thesis_objects)
+    objects: Mapping[str, GraspObject] = field(default_factory=make_thesis_objects)
     calibration: Calibration | None = None
-    placings: Mapping[tuple[str, str], Placing] = field(default_factory=lambda: PLACINGS)
+    placements: Mapping[tuple[str, str], PalmPlacement] = field(default_factory=lambda: PALM_PLACEMENTS)
 
     def __post_init__(self) -> None:
         if self.calibration is not None:
@@ -58,7 +58,7 @@ class Setup:
 
     @cached_property
     def _approaches(self) -> dict[tuple[str, str], Approach]:
-        approaches = thesis_approaches(withdraw_m=WITHDRAW_M, placings=self.placings)
+        approaches = make_thesis_approaches(withdraw_m=WITHDRAW_M, placements=self.placements)
         return {(approach.object, approach.name): approach for approach in approaches}
 
     @cached_property
@@ -73,7 +73,7 @@ class Setup:
         """Nominal pose of an object, f64[4, 4], world: calibrated if available, else planned."""
         if self.calibration is not None and name in self.calibration.objects:
             return self.calibration.objects[name].transform
-        return standing_pose()
+        return make_standing_pose()
 
     def arm_path(self, planned: PlannedGrasp) -> NDArray[np.float64]:
         """Joint angles of the arm at the object and withdrawn from it, f64[2, 6]; raises UnreachableError."""
@@ -81,8 +81,8 @@ class Setup:
         if key not in self._arms:
             reach = ArmReach(self.kinematics.robot, WRIST_LINK)
             approach, object_pose = self.approach(planned), self.object_pose(planned.object)
-            grasping = reach.solve(object_pose @ approach.palm_pose_at(0.0))
-            withdrawn = reach.solve(object_pose @ approach.palm_pose_at(1.0), near=grasping)
+            grasping = reach.solve(object_pose @ approach.compute_palm_pose_at(0.0))
+            withdrawn = reach.solve(object_pose @ approach.compute_palm_pose_at(1.0), near=grasping)
             self._arms[key] = np.stack([grasping, withdrawn])
         return self._arms[key]
 
@@ -91,7 +91,7 @@ class Setup:
     ) -> NDArray[np.float64]:
         """Joint angles of the arm f64[k, 6] at `times_s` f64[k] of the grasp; the arm withdraws in joint space."""
         grasping, withdrawn = self.arm_path(planned)
-        share = np.array([timeline.withdrawn_at(time) for time in times_s.tolist()])
+        share = np.array([timeline.get_withdrawal(time) for time in times_s.tolist()])
         return np.asarray(grasping + share[:, None] * (withdrawn - grasping))
 
     def wrist_poses(self, arm: NDArray[np.float64]) -> NDArray[np.float64]:

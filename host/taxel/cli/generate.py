@@ -16,7 +16,15 @@ from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
 from taxel.generate.cluster import Cluster
 from taxel.generate.recipe import FIDELITIES, Recipe
-from taxel.generate.recipe_file import MOST_GRASPS, MOST_PER_SHARD, UNITS, checked, read_recipe, with_mesh, with_report
+from taxel.generate.recipe_file import (
+    MAX_GRASPS,
+    MAX_GRASPS_PER_SHARD,
+    UNITS,
+    add_mesh,
+    add_report,
+    check_recipe,
+    read_recipe,
+)
 from taxel.generate.run import generate as generate_all
 from taxel.generate.workers import Processes, Workers
 
@@ -27,7 +35,7 @@ def generate(
         Path | None, typer.Option(help="TOML file: which quantities are sampled from which ranges.")
     ] = None,
     grasps: Annotated[
-        int | None, typer.Option(min=1, max=MOST_GRASPS, help="Number of grasps. Default: the recipe's, else 1000.")
+        int | None, typer.Option(min=1, max=MAX_GRASPS, help="Number of grasps. Default: the recipe's, else 1000.")
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the samples. Default: the recipe's, else 1.")] = None,
     gap_report: Annotated[
@@ -42,7 +50,8 @@ def generate(
         str | None, typer.Option(help=f"{' or '.join(FIDELITIES)}. Default: the recipe's, else quick.")
     ] = None,
     grasps_per_shard: Annotated[
-        int | None, typer.Option(min=1, max=MOST_PER_SHARD, help="Grasps in one file. Default: the recipe's, else 200.")
+        int | None,
+        typer.Option(min=1, max=MAX_GRASPS_PER_SHARD, help="Grasps in one file. Default: the recipe's, else 200."),
     ] = None,
     jobs: Jobs = None,
     scheduler: Annotated[
@@ -53,8 +62,7 @@ def generate(
     """Generate synthetic grasps at scale.
 
     Objects, poses, forces and effects are sampled from a recipe; the grasps are written as shards with an index. Run
-    the
-    same command again to continue an interrupted run: the result is equal to the byte.
+    the same command again to continue an interrupted run: the result is equal to the byte.
 
     Example: taxel generate --grasps 100000 --gap-report out/gap/report.json --out out/synthetic
     """
@@ -62,10 +70,10 @@ def generate(
     if unit not in UNITS:
         raise TaxelError(f"--unit: expected {', '.join(UNITS)}, found '{unit}'")
     for path in mesh or ():
-        plan = with_mesh(plan, path, unit)
+        plan = add_mesh(plan, path, unit)
     if gap_report is not None:
-        plan = with_report(plan, gap_report)
-    checked(plan, "recipe" if recipe is None else str(recipe))
+        plan = add_report(plan, gap_report)
+    check_recipe(plan, "recipe" if recipe is None else str(recipe))
     started = time.monotonic()
     with stage_bars(hidden=as_json) as show:
         run = generate_all(plan, out, _workers(jobs, scheduler), show)
@@ -78,7 +86,7 @@ def _recipe(
     """The recipe of a file, or the default one, with the values of the options that were given."""
     if fidelity is not None and fidelity not in FIDELITIES:
         raise TaxelError(f"--fidelity: expected {', '.join(FIDELITIES)}, found '{fidelity}'")
-    options = {"grasps": grasps, "seed": seed, "shard": grasps_per_shard, "fidelity": fidelity}
+    options = {"grasps": grasps, "seed": seed, "grasps_per_shard": grasps_per_shard, "fidelity": fidelity}
     given_values = {name: value for name, value in options.items() if value is not None}
     return replace(Recipe() if path is None else read_recipe(path), **given_values)  # type: ignore[arg-type]
 

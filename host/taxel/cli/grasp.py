@@ -20,7 +20,7 @@ from taxel.cli.options import AsJson, Jobs, Overwrite, Seed
 from taxel.cli.progress import count_bar
 from taxel.errors import TaxelError
 from taxel.grasp.calibration import load_calibration
-from taxel.grasp.plan import PlannedGrasp, thesis_plan
+from taxel.grasp.plan import PlannedGrasp, make_thesis_plan
 from taxel.sim.sensing import LEVELS, Level, Sensing
 
 SOURCES = ("emulated", "sim", "physical", "both")
@@ -105,7 +105,7 @@ def _paths(source: str, out: Path, may_exist: bool) -> dict[str, Path]:
 
 def _plan(seed: int, sessions: int, grasps: int | None, objects: Sequence[str]) -> tuple[PlannedGrasp, ...]:
     try:
-        plan = thesis_plan(seed, sessions)
+        plan = make_thesis_plan(seed, sessions)
     except ValueError as error:
         raise TaxelError(f"--{error}") from None
     names = sorted({planned.object for planned in plan})

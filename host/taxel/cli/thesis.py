@@ -13,7 +13,7 @@ from taxel.cli.options import AsJson, Jobs, Seed
 from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
 from taxel.thesis.findings import Finding
-from taxel.thesis.run import given, make_campaign, reproduce
+from taxel.thesis.run import make_campaign, reproduce, use_existing_campaign
 
 
 def thesis(
@@ -38,29 +38,30 @@ def thesis(
     console = Console(stderr=as_json)
     with stage_bars(console) as show:
         if real is not None and sim is not None:
-            campaign = given(real, sim)
+            campaign = use_existing_campaign(real, sim)
         else:
             campaign = make_campaign(out, seed, jobs, show)
-        found, near, beside = reproduce(campaign, out, show, with_gap=gap)
+        findings, agreement, gap_summary = reproduce(campaign, out, show, with_gap=gap)
     if as_json:
-        print(json.dumps([one.to_json() for one in found], allow_nan=False))
+        print(json.dumps([finding.to_json() for finding in findings], allow_nan=False))
         return
-    _print_findings(console, found)
-    console.print(near.one_line, highlight=False, markup=False, soft_wrap=True)
-    if beside is not None:
-        console.print(f"gap diagnosis: {beside.one_line}", highlight=False, markup=False)
-    console.print(
-        f"{sum(one.reproduced for one in found)} of {len(found)} findings reproduced; page: {out / 'thesis.html'}"
-    )
+    _print_findings(console, findings)
+    console.print(agreement.summary, highlight=False, markup=False, soft_wrap=True)
+    if gap_summary is not None:
+        console.print(f"gap diagnosis: {gap_summary.headline}", highlight=False, markup=False)
+    reproduced = sum(finding.is_reproduced for finding in findings)
+    console.print(f"{reproduced} of {len(findings)} findings reproduced; page: {out / 'thesis.html'}")
 
 
-def _print_findings(console: Console, found: list[Finding]) -> None:
-    console.print(f"[bold]findings[/bold]: {', '.join(found[0].numbers)} (the thesis's number in brackets)")
-    for one in found:
-        unit = "" if one.unit == "1" else f" {one.unit}"
+def _print_findings(console: Console, findings: list[Finding]) -> None:
+    console.print(f"[bold]findings[/bold]: {', '.join(findings[0].numbers)} (printed number in brackets)")
+    for finding in findings:
+        unit = "" if finding.unit == "1" else f" {finding.unit}"
         figures = ", ".join(
-            f"{one.numbers[name]:.3g}{unit} ({one.thesis[k]:g}){'' if one.holds[name] else ' no'}"
-            for k, name in enumerate(one.numbers)
+            f"{finding.numbers[name]:.3g}{unit} ({finding.printed[k]:g}){'' if finding.holds[name] else ' no'}"
+            for k, name in enumerate(finding.numbers)
         )
-        mark = "[green]reproduced[/green]" if one.reproduced else "[red]not reproduced[/red]"
-        console.print(f"{one.number:2}. {one.says}\n    {figures}: {mark}", highlight=False, soft_wrap=True)
+        mark = "[green]reproduced[/green]" if finding.is_reproduced else "[red]not reproduced[/red]"
+        console.print(
+            f"{finding.number:2}. {finding.statement}\n    {figures}: {mark}", highlight=False, soft_wrap=True
+        )

@@ -24,8 +24,7 @@ deviation)."""
 
 SAMPLE_SPACING_M: Final = 0.002
 """Spacing of the points at which the distance to the mesh is computed. Interpolation between them smooths edges that
-are
-rounded by 2.5 mm by about 0.1 mm."""
+are rounded by 2.5 mm by about 0.1 mm."""
 
 MAX_SAMPLES: Final = 1_000_000
 MAX_CELLS: Final = 2**24
@@ -97,8 +96,9 @@ class DistanceGrid:
 
 
 def _linear_weights(cells: int, step: float, nodes: int) -> Float32Array:
-    """Weights of the nodes 0, 1 ... at the centres of cells of width `step`, linear interpolation: f32[cells,
-    nodes].
+    """Weights of the nodes 0, 1 ...
+
+    at the centres of cells of width `step`, linear interpolation: f32[cells, nodes].
     """
     centre = (np.arange(cells) + 0.5) * step
     return np.asarray(np.maximum(1.0 - np.abs(centre[:, None] - np.arange(nodes)), 0.0), np.float32)

@@ -8,15 +8,13 @@ at the signed distance d from the shape is active with the probability
 reach is the distance up to which contact activates a taxel (thickness of the layer plus contact propagation), and blur
 is the width of the transition. Neither is known for a skin, and the pose of the object in a grasp is known to a few
 millimetres only, so that the likelihood is averaged over all of them. The evidence of a shape is the marginal
-likelihood
-(MacKay 2003, chapter 28)
+likelihood (MacKay 2003, chapter 28)
 
     ln mean over (reach, blur) of product over grasps of mean over poses of product over taxels of p or 1 - p,
 
 with poses around the pose that the dataset states (`pose_average`). A small model loses if it explains the contacts
-only
-with a long reach, and a large model loses if it explains them only with a displaced object in every grasp. Taxels are
-treated as independent, which they are not: the sign of a difference of evidence is more reliable than its size.
+only with a long reach, and a large model loses if it explains them only with a displaced object in every grasp. Taxels
+are treated as independent, which they are not: the sign of a difference of evidence is more reliable than its size.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Alignment of a cloud in an unknown pose: many first guesses are tried, and the best few are refined.
 
 Each guess moves the centre of the cloud to the centre of the target and its principal axes to those of the target, in
-one
-of the 24 ways that are rotations. The guesses are compared after a few iterations on a subset of the points.
+one of the 24 ways that are rotations. The guesses are compared after a few iterations on a subset of the points.
 """
 
 from __future__ import annotations
@@ -34,9 +33,7 @@ MESH_SAMPLES: Final = 2000
 
 
 def compute_guesses(points: FloatArray, target: FloatArray) -> list[FloatArray]:
-    """The identity, then 24 transforms f64[4, 4] that align the principal axes of points f64[N, 3] with the
-    target's.
-    """
+    """The identity, then 24 transforms f64[4, 4] that align the principal axes of points f64[N, 3] with the target."""
     centre, target_centre = points.mean(axis=0), target.mean(axis=0)
     axes, target_axes = _principal_axes(points - centre), _principal_axes(target - target_centre)
     guesses = [np.eye(4)]

@@ -39,8 +39,7 @@ class ClosestPoints:
     """Nearest points of a surface for N query points.
 
     distance: f64[N], metres. point: f64[N, 3]. normal: f64[N, 3], unit vector from the nearest point to the query
-    point;
-    for a query point on the surface the normal of the face. face: i64[N], face of the nearest point.
+    point; for a query point on the surface the normal of the face. face: i64[N], face of the nearest point.
     """
 
     distance: FloatArray
@@ -57,8 +56,7 @@ class TriangleMesh:
     oriented inward is reversed.
 
     Raises MeshError for vertices that are not finite, for vertex indices out of range, for an edge that is not shared
-    by
-    exactly two faces of consistent orientation, and for a mesh without volume.
+    by exactly two faces of consistent orientation, and for a mesh without volume.
     """
 
     name: str

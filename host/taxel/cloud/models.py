@@ -15,7 +15,7 @@ import numpy as np
 from taxel.cloud.errors import MeshError
 from taxel.cloud.files import read_mesh
 from taxel.cloud.mesh import TriangleMesh
-from taxel.grasp.objects import EDGE_RADIUS_M, thesis_objects
+from taxel.grasp.objects import EDGE_RADIUS_M, make_thesis_objects
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.types import FloatArray
 
@@ -32,7 +32,7 @@ CIRCLE_CORNERS: Final = 64
 @cache
 def get_builtin_models() -> dict[str, TriangleMesh]:
     """The built-in shapes by name."""
-    models = {name: TriangleMesh(name, *item.shape.mesh()) for name, item in thesis_objects().items()}
+    models = {name: TriangleMesh(name, *item.shape.mesh()) for name, item in make_thesis_objects().items()}
     models["sphere"] = build_sphere(SPHERE_RADIUS_M)
     models["hexagonal_prism"] = build_hexagonal_prism(HEXAGON_SIDE_M, HEIGHT_M)
     models["cone"] = build_cone(CONE_RADIUS_M, HEIGHT_M)

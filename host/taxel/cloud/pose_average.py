@@ -1,16 +1,12 @@
 """Average of a likelihood over the uncertain pose of an object, by adaptive importance sampling.
 
 A pose is a shift (metres) and a rotation about the centre of the object (rotation vector times TURN_ARM_M, so that all
-six
-numbers are metres). The prior is a mixture of normal distributions around the pose that the dataset states
-(POSE_STD_M).
-The likelihood of some hundred taxels is far narrower than the prior, so that samples of the prior alone would miss it.
-Later samples are therefore taken where earlier samples had a high likelihood, and every sample has the weight prior
-density / density of the mixture of all sampling distributions (adaptive multiple importance sampling, Cornuet et al.
-2012,
-with the deterministic mixture weights of Owen and Zhou 2000). With these weights the result estimates the average over
-the
-prior for any choice of sampling distributions.
+six numbers are metres). The prior is a mixture of normal distributions around the pose that the dataset states
+(POSE_STD_M). The likelihood of some hundred taxels is far narrower than the prior, so that samples of the prior alone
+would miss it. Later samples are therefore taken where earlier samples had a high likelihood, and every sample has the
+weight prior density / density of the mixture of all sampling distributions (adaptive multiple importance sampling,
+Cornuet et al. 2012, with the deterministic mixture weights of Owen and Zhou 2000). With these weights the result
+estimates the average over the prior for any choice of sampling distributions.
 """
 
 from __future__ import annotations
@@ -27,8 +23,7 @@ from taxel.types import FloatArray
 POSE_STD_M: Final = (0.001, 0.0035)
 """Standard deviations of the six numbers of a pose in the two equally likely parts of the prior: an object placed by a
 machine and one placed by hand. The rotations are 0.8 and 2.7 degrees. A prior with heavy tails would let a model
-explain
-the contacts of another shape from a distant pose."""
+explain the contacts of another shape from a distant pose."""
 
 TURN_ARM_M: Final = 0.075
 """Distance from the centre at which a rotation moves a point as far as a shift of the same number; that of the ends of

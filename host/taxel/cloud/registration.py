@@ -1,12 +1,11 @@
 """Rigid alignment of a cloud to a mesh or to another cloud: iterative closest points (Besl and McKay 1992).
 
 All points take part (100 % overlap, no sampling), as in the thesis (5.6). The result is a local minimum of the sum of
-the
-squared distances to the nearest points of the target, reached from a first guess by steps that decrease this sum.
+the squared distances to the nearest points of the target, reached from a first guess by steps that decrease this sum.
 
 The target of an alignment to a mesh is the surface itself (`surface_alignment`). An alignment to a cloud, or to points
-on
-a mesh, is small_gicp's point-to-point ICP. Both use one thread: the same input gives the same result to the last bit.
+on a mesh, is small_gicp's point-to-point ICP. Both use one thread: the same input gives the same result to the last
+bit.
 """
 
 from __future__ import annotations
@@ -31,8 +30,7 @@ MESH_SAMPLES: Final = 20_000
 
 COST_TOLERANCE: Final = 1e-5
 """Relative decrease of the sum of squares below which an alignment to a surface ends. With 1e-8 the RMS of the clouds
-of
-the thesis decreases by 0.04 % more at most, for a cylinder of 64 facets that rotates about its axis."""
+of the thesis decreases by 0.04 % more at most, for a cylinder of 64 facets that rotates about its axis."""
 
 ROTATION_TOLERANCE_RAD: Final = 1e-6
 TRANSLATION_TOLERANCE_M: Final = 1e-7
@@ -128,8 +126,7 @@ def align_to_points(
         translation_epsilon=TRANSLATION_TOLERANCE_M,
     )
     # small_gicp reports half the sum of squares over the points that have a partner. Unless the alignment diverged,
-    # every
-    # point has one.
+    # every point has one.
     pairs = int(result.num_inliers)
     rms = float(np.sqrt(2.0 * result.error / pairs)) if pairs == len(points) else float("nan")
     return _check_result(np.array(result.T_target_source), rms, int(result.iterations), bool(result.converged), name)

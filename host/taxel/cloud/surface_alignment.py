@@ -1,15 +1,12 @@
 """Alignment of a cloud to a surface with second derivatives of the squared distances.
 
 Besl and McKay (1992) keep the nearest point of each point fixed and solve for the motion. This is a step of Newton's
-method
-in which the second derivative of half the squared distance is the identity, its largest possible value (that of a
-corner).
-For a triangle mesh the exact second derivative is known: n n^T if the nearest point lies inside a face of normal n,
-I - e e^T if it lies on an edge of direction e, I if it is a corner. A step here uses
-damping * (fixed points) + (1 - damping) * (exact). With a damping of 1 every step decreases the sum of squares. The
-damping
-falls after each step that decreases the sum and rises after each step that does not. The result is usually the minimum
-that fixed points reach, after some 6 steps instead of 100 to 300.
+method in which the second derivative of half the squared distance is the identity, its largest possible value (that of
+a corner). For a triangle mesh the exact second derivative is known: n n^T if the nearest point lies inside a face of
+normal n, I - e e^T if it lies on an edge of direction e, I if it is a corner. A step here uses damping * (fixed points)
++ (1 - damping) * (exact). With a damping of 1 every step decreases the sum of squares. The damping falls after each
+step that decreases the sum and rises after each step that does not. The result is usually the minimum that fixed points
+reach, after some 6 steps instead of 100 to 300.
 """
 
 from __future__ import annotations
@@ -29,8 +26,7 @@ DAMPING_DECREASE, DAMPING_INCREASE = 0.25, 5.0
 
 SLOW_PROGRESS: Final = 1.4
 """Ratio of the achieved decrease to the predicted one above which the next step is twice as long: such a step is too
-short
-for the slope."""
+short for the slope."""
 
 SMALL_DECREASE: Final = 1e-3
 """Relative decrease of the sum of squares below which a step counts as small."""

@@ -57,8 +57,9 @@ SOR_RULES: Final[dict[str, tuple[Rule, ...]]] = {
         *((HALF, sigma) for sigma in (1.0, 2.0, 3.0)),
     ),
 }
-"""Rules in the order of Tables I-4 to I-6, by the first letters of the name of an object. Other objects use the
-first.
+"""Rules in the order of Tables I-4 to I-6, by the first letters of the name of an object.
+
+Other objects use the first.
 """
 
 

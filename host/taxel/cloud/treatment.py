@@ -11,8 +11,7 @@ from typing import Final
 
 FORCE_FILTER_COUNTS: Final = 190.0
 """Threshold of the force filter of the thesis for all its shapes (section 5.6.2), in counts: a threshold of 150 on the
-same
-scale removes no point."""
+same scale removes no point."""
 
 
 @dataclass(frozen=True)

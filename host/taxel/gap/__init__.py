@@ -1,1 +1,1 @@
-"""Diagnosis of the sim-to-real gap: where it lies, which effect causes it, how far it shrinks once that is added."""
+"""Diagnosis of the sim-to-real gap: location, cause, and shrink once the causing effect is added."""

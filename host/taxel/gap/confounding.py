@@ -8,12 +8,12 @@ from typing import Any, Final
 
 from taxel.gap.identify import Likeness
 
-LADDER: Final = "the same spot with forces from a tenth of the greatest to three times it: a force ladder"
-ALONG_LINE: Final = "one taxel alone; compare the taxels beside it with those far off on the same TX and RX line"
-RECOVERY: Final = "nothing, for a minute after a hard press; watch the taxels that were pressed beside the others"
-TURNED: Final = "the same spot with the object turned by half a turn: what an offset does changes its sign"
-TWO_SPEEDS: Final = "the same spot closed slowly and quickly: a delay moves the onset, creep also the level in hold"
-AFAR: Final = "nothing: bring the object to a few millimetres and hold it there without touching"
+LADDER: Final = "force ladder: the same contact with forces from a tenth of the largest force to three times it"
+ALONG_LINE: Final = "load a single taxel; compare its neighbours with distant taxels of the same TX and RX line"
+RECOVERY: Final = "record one minute after a strong contact; compare the loaded taxels with unloaded ones"
+TURNED: Final = "the same contact with the object rotated by 180 degrees, which inverts the sign of an offset"
+TWO_SPEEDS: Final = "close slowly and quickly: a delay shifts only the onset, creep also changes the level in hold"
+AFAR: Final = "hold the object a few millimetres away from the skin without contact"
 WIDE_NARROW: Final = "the same force with a narrow and with a wide object"
 
 
@@ -26,23 +26,23 @@ class Alike:
 
 
 PAIRS: Final[Mapping[frozenset[str], Alike]] = {
-    frozenset({"gain_mismatch", "stiffness"}): Alike("the slope of drop over force: gain / half_force_scale", LADDER),
-    frozenset({"gain_mismatch", "saturation"}): Alike("the drop at the forces that were pressed", LADDER),
-    frozenset({"stiffness", "saturation"}): Alike("the drop at the forces that were pressed", LADDER),
-    frozenset({"contact_propagation", "electrode_crosstalk"}): Alike("how much taxels beside a press drop", ALONG_LINE),
-    frozenset({"contact_propagation", "proximity"}): Alike("how much taxels beside a press drop", AFAR),
-    frozenset({"electrode_crosstalk", "proximity"}): Alike("how much taxels beside a press drop", AFAR),
-    frozenset({"contact_propagation", "pose_error"}): Alike("where the drops lie in hold", TURNED),
-    frozenset({"gain_mismatch", "pose_error"}): Alike("the drops of these spots in hold", TURNED),
-    frozenset({"contact_propagation", "stiffness"}): Alike("the summed drop of a press", WIDE_NARROW),
-    frozenset({"baseline_drift", "hysteresis"}): Alike("the counts that are left after release", RECOVERY),
-    frozenset({"hysteresis", "latency"}): Alike("how late the drop comes", TWO_SPEEDS),
-    frozenset({"gain_mismatch", "hysteresis"}): Alike("the drop in hold", TWO_SPEEDS),
-    frozenset({"hysteresis", "stiffness"}): Alike("the drop in hold", TWO_SPEEDS),
+    frozenset({"gain_mismatch", "stiffness"}): Alike("the slope of signal over force: gain / half_force_scale", LADDER),
+    frozenset({"gain_mismatch", "saturation"}): Alike("the signal at the recorded forces", LADDER),
+    frozenset({"stiffness", "saturation"}): Alike("the signal at the recorded forces", LADDER),
+    frozenset({"contact_propagation", "electrode_crosstalk"}): Alike("the signal beside a contact", ALONG_LINE),
+    frozenset({"contact_propagation", "proximity"}): Alike("the signal beside a contact", AFAR),
+    frozenset({"electrode_crosstalk", "proximity"}): Alike("the signal beside a contact", AFAR),
+    frozenset({"contact_propagation", "pose_error"}): Alike("the position of the signal in hold", TURNED),
+    frozenset({"gain_mismatch", "pose_error"}): Alike("the signal of these taxels in hold", TURNED),
+    frozenset({"contact_propagation", "stiffness"}): Alike("the sum of the signals of a contact", WIDE_NARROW),
+    frozenset({"baseline_drift", "hysteresis"}): Alike("the signal after the release", RECOVERY),
+    frozenset({"hysteresis", "latency"}): Alike("the delay of the signal", TWO_SPEEDS),
+    frozenset({"gain_mismatch", "hysteresis"}): Alike("the signal in hold", TWO_SPEEDS),
+    frozenset({"hysteresis", "stiffness"}): Alike("the signal in hold", TWO_SPEEDS),
 }
 """What is known of pairs; of others only that they look alike."""
 
-OTHER: Final = Alike("the features that both of them move", LADDER)
+OTHER: Final = Alike("the features that both effects change", LADDER)
 
 
 def confounded_with(

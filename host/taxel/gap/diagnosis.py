@@ -25,7 +25,7 @@ from taxel.gap.nested import Inside, searched_inside
 from taxel.gap.pair import Pair, read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.priors import Priors
-from taxel.gap.report.form import report_of
+from taxel.gap.report.assembly import ReportInputs, build_report
 from taxel.gap.select import MOST_EFFECTS, select
 from taxel.gap.signature.bank import unexplained
 from taxel.gap.thesis_terms import thesis_terms
@@ -76,13 +76,13 @@ def diagnose(
         judge, simulated2 = prepared(pair)
         inside = Inside(())
         if nested:
-            inside = searched_inside(judge, forms, lambda number, total: show("searching inside", number, total))
-        selection = select(judge, forms, lambda number, total: show("searching", number, total))
+            inside = searched_inside(judge, forms, lambda number, total: show("repeated search", number, total))
+        selection = select(judge, forms, lambda number, total: show("effect search", number, total))
         judge = selection.judge
         state, real, layout = judge.state, judge.sessions, judge.layout
         gap = measure(real, state.mean, layout)
-        show("searching", MOST_EFFECTS, MOST_EFFECTS)
-        show("holding out", 0, 1)
+        show("effect search", MOST_EFFECTS, MOST_EFFECTS)
+        show("held-out evaluation", 0, 1)
         held = held_out(judge, selection.chain, inside=inside.chains)
         told = attribute(judge, selection.names, held)
         fitted = [link for link in selection.chain.links if link.effect.name != DROPOUT]
@@ -98,14 +98,29 @@ def diagnose(
             held = held_out(judge, believed.chain, inside=inside.chains)
             told = attribute(judge, believed.names, held)
             left = unexplained(pair, layout, real, believed.features, judge.fold, seed)
-        report = report_of(judge, gap, selection, believed, held, told, verdict, left, likes, confounded, forms, seed)
+        report = build_report(
+            ReportInputs(
+                judge=judge,
+                gap=gap,
+                search=selection,
+                named=believed,
+                held_out=held,
+                attribution=told,
+                verdict=verdict,
+                unexplained=left,
+                similarities=likes,
+                confounded=confounded,
+                tried=forms,
+                seed=seed,
+            )
+        )
         if nested:
             report["after"]["chosen_inside"] = inside.names
         report["gap"]["mm"] = cloud_gap(pair, real, state.mean, seed)
         report["thesis_terms"] = thesis_terms(judge, selection)
         report["notes"] = [
-            f"frames of the hand were taken {1e3 * state.shift_s:.0f} ms later than those of the simulator"
+            f"the frames of the hand are shifted by {1e3 * state.shift_s:.0f} ms against those of the simulator"
         ]
         report["runtime_s"] = time.perf_counter() - began
-        show("holding out", 1, 1)
+        show("held-out evaluation", 1, 1)
     return Diagnosis(pair, layout, real, judge, gap, selection, held, verdict, report)

@@ -35,10 +35,10 @@ def differences(
     found = [*_meshes(*objects, sorted({item for item, _ in cells})), *_poses(*poses, cells)]
     turned = _degrees(np.einsum("ni,ni->n", taxels[0].normal, taxels[1].normal))
     if turned.max(initial=0.0) > FACE_DEG:
-        found.append(f"normals of taxels differ by up to {turned.max():.0f} degrees: those of the hand's file are used")
+        found.append(f"the taxel normals differ by up to {turned.max():.0f} degrees: those of the hand are used")
     wider = 1e3 * np.abs(taxels[0].size - taxels[1].size).max(initial=0.0)
     if wider > 1e3 * SIZE_M:
-        found.append(f"sizes of taxels differ by up to {wider:.2g} mm: those of the hand's file are used")
+        found.append(f"the taxel sizes differ by up to {wider:.2g} mm: those of the hand are used")
     return found
 
 
@@ -49,7 +49,7 @@ def _meshes(real: Mapping[str, ObjectMesh], sim: Mapping[str, ObjectMesh], names
         apart = float(np.abs(boxes[0] - boxes[1]).max())
         if apart > SIZE_M:
             found.append(
-                f"object {name}: the sides of its two meshes lie {1e3 * apart:.3g} mm apart: the simulator's is used"
+                f"object {name}: the bounds of the two meshes differ by {1e3 * apart:.3g} mm: the simulator's is used"
             )
     return found
 
@@ -64,7 +64,7 @@ def _poses(real: Poses, sim: Poses, cells: Sequence[tuple[str, str]]) -> list[st
         return []
     most = wrong[np.argmax(apart[wrong] / PLACE_M + turned[wrong] / TURN_DEG)]
     size = f"{1e3 * apart[most]:.1f} mm and {turned[most]:.1f} degrees in {' '.join(cells[most])}"
-    return [f"in {len(wrong)} of {len(cells)} approaches the simulator has the object elsewhere than the hand: {size}"]
+    return [f"in {len(wrong)} of {len(cells)} conditions the simulator has another object pose than the hand: {size}"]
 
 
 def _seen(brackets: FloatArray, objects: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -21,18 +21,18 @@ def require_answers(paths: tuple[str, str], real: Recording, sim: Recording, sen
     simulator never reads.
     """
     if not np.isfinite(real.hold).any():
-        where, remedy = f"{paths[0]}: /grasps/*/valid", "record grasps whose frames arrive"
-        raise GapInputError(where, "frames of hold that arrived", "none in any grasp", remedy)
+        where, remedy = f"{paths[0]}: /grasps/*/valid", "record grasps with valid frames"
+        raise GapInputError(where, "valid frames in hold", "none in any grasp", remedy)
     silent = np.flatnonzero((sim.missing >= 1.0).all(axis=0))
     if len(silent):
-        board, remedy = int(sensors.address[silent[0]]), "simulate that board, or leave it out of both files"
+        board, remedy = int(sensors.address[silent[0]]), "simulate this board, or remove it from both files"
         raise GapInputError(f"{paths[1]}: /grasps/*/valid", f"frames of sensor {board}", "none in any grasp", remedy)
     if _stands_still(real):
-        where, remedy = f"{paths[0]}: /grasps/*/raw_counts", "check the hand: nothing was measured"
-        raise GapInputError(where, "counts that change", "the same in all frames of each grasp", remedy)
+        where, remedy = f"{paths[0]}: /grasps/*/raw_counts", "check the recording of the hand"
+        raise GapInputError(where, "counts that change", "constant counts in each grasp", remedy)
     if sim.force is not None and _stands_still(sim) and (np.nan_to_num(sim.force) > 0.0).any():
-        where, remedy = f"{paths[1]}: /grasps/*/raw_counts", "write the counts that the sensor model makes of it"
-        raise GapInputError(where, "counts that follow contact_force", "the same in all frames of each grasp", remedy)
+        where, remedy = f"{paths[1]}: /grasps/*/raw_counts", "write the counts that the sensor model gives"
+        raise GapInputError(where, "counts that depend on contact_force", "constant counts in each grasp", remedy)
 
 
 def losses_of(real: Recording, sim: Recording, groups: Groups) -> list[str]:
@@ -41,19 +41,19 @@ def losses_of(real: Recording, sim: Recording, groups: Groups) -> list[str]:
     sessions = np.unique(real.session)
     if len(sessions) < 3:
         count = "one session" if len(sessions) == 1 else f"{len(sessions)} sessions"
-        losses.append(f"only {count}: no intervals, and what is held out comes from the same mounting of the skin")
+        losses.append(f"only {count}: no intervals; the held-out grasps have the same mounting of the skin")
     if sim.force is None:
-        losses.append("the simulation has no contact_force and separation: effects that act on force cannot be tried")
+        losses.append("the simulation has no contact_force and separation: effects that act on force are unavailable")
     confounded = [s for s in sessions if len(np.unique(real.cell[real.session == s])) < len(np.unique(real.cell))]
     if len(sessions) > 1 and len(confounded) == len(sessions):
-        losses.append("no session has every approach: differences of sessions and of approaches mix")
+        losses.append("no session has every approach: differences between sessions and between approaches are mixed")
     made = np.bincount(real.cell)
     if made.max() < 2:
-        losses.append("no approach was made twice: nobody knows what scatters, and no gap can be told from it")
+        losses.append("no condition was repeated: the variance is unknown, and a gap is not distinguishable from it")
     elif _are_copies(real):
-        losses.append("repeats of an approach are alike to the bit: nobody knows what scatters")
+        losses.append("the repeats of each condition are bit-identical: the variance is unknown")
     elif made.min() < 2:
-        losses.append("an approach was made once: its repeatability is taken from the others")
+        losses.append("a condition was recorded only once: its variance is taken from the other conditions")
     for one, side in ((real, "hand"), (sim, "simulator")):
         losses += _lost_frames(one, side, groups)
     return losses
@@ -73,10 +73,10 @@ def lost_phases(
             without = [name for name, seconds in zip(names, own, strict=True) if seconds <= 0]
             if without:
                 those = f"{len(without)} of {len(names)} grasps ({without[0]})"
-                losses.append(f"{path}: {phase.name.lower()} is missing in {those}: left out of the comparison")
+                losses.append(f"{path}: {phase.name.lower()} is missing in {those}: excluded from the comparison")
     real, sim = (float(np.median(own)) for own in durations[Phase.HOLD])
     if not 1.0 / MOST_RATIO < real / sim < MOST_RATIO:
-        losses.append(f"hold lasts {real:.3g} s on the hand and {sim:.3g} s in the simulator: are both in seconds?")
+        losses.append(f"hold lasts {real:.3g} s on the hand and {sim:.3g} s in the simulator: check the unit of time")
     return losses
 
 
@@ -97,15 +97,15 @@ def _lost_frames(recording: Recording, side: str, groups: Groups) -> list[str]:
     losses = []
     arrived = (recording.missing < 1.0).any(axis=1)
     if not arrived.all():
-        losses.append(f"no frame arrived of {int((~arrived).sum())} of {len(recording)} grasps of the {side}")
+        losses.append(f"{int((~arrived).sum())} of {len(recording)} grasps of the {side} have no valid frame")
     least = int(recording.frames[arrived].min(initial=100))
     if least < 100:
-        losses.append(f"baselines of the {side} of {least} frames instead of 100")
+        losses.append(f"the baselines of the {side} have {least} frames instead of 100")
     count = 0
     for baseline, missing in zip(recording.baseline, recording.missing, strict=True):
         boards = np.unique(groups.sensor[np.isnan(baseline)])
         count += int((missing[boards] < 1.0).any())
     if count:
         those = f"{count} of {len(recording)} grasps of the {side}"
-        losses.append(f"in {those} a board lost its baseline: its drops there are unknown")
+        losses.append(f"in {those} a board has no baseline: its signal there is unknown")
     return losses

@@ -33,10 +33,10 @@ def nameless(judge: Judge, chain: Chain, confounded: Mapping[str, Collection[str
     odd = {link.effect.name: pattern for link in chain.links if (pattern := odd_pattern(judge, link))}
     plain = _plain_amplitude(judge, chain, confounded)
     ladder = (
-        f"these presses do not tell {' and '.join(map(_plain, plain))} from any other change of amplitude: "
-        "press a force ladder"
+        f"these grasps do not distinguish {' and '.join(map(_plain, plain))} from other changes of the amplitude; "
+        "record a force ladder"
     )
-    once = "is learned of most taxels from one press alone: press them in other ways too"
+    once = "is determined for most taxels by a single condition; load these taxels in other conditions too"
     untold = {link.effect.name: once for link in chain.links if told_of(link.effect, judge).share < ENOUGH_TOLD}
     return {**dict.fromkeys(plain, ladder), **{name: f"{_plain(name)} {why}" for name, why in (untold | odd).items()}}
 

@@ -41,8 +41,8 @@ def searched_inside(judge: Judge, forms: Forms, progress: Callable[[int, int], N
     """Search without each session in turn. judge: as before the first search. Raises GapInputError of one line."""
     count = judge.sessions.value.shape[1]
     if count < LEAST_SESSIONS:
-        expected = f"{LEAST_SESSIONS} sessions or more"
-        raise GapInputError("--nested", expected, str(count), "leave --nested out, or record more sessions")
+        expected = f"at least {LEAST_SESSIONS} sessions"
+        raise GapInputError("--nested", expected, str(count), "omit --nested, or record more sessions")
     chains = []
     for session in range(count):
         progress(session, count)

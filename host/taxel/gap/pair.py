@@ -97,7 +97,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
     """Read what two datasets have in common. Raises DatasetError and GapInputError of one line."""
     with GraspDataset(real_path) as real, GraspDataset(sim_path) as sim:
         if (real.source, sim.source) == (SIM, REAL):
-            where, found = f"{real.path}: /", "a simulation, and the recording second"
+            where, found = f"{real.path}: /", "the simulation first and the recording second"
             raise GapInputError(where, "the recording of the hand first", found, "exchange the two files")
         columns = check_tables(real, sim)
         cells, made, simulated, unrecorded, losses = _common_cells(real, sim)
@@ -140,7 +140,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
 
 def check_tables(real: GraspDataset, sim: GraspDataset) -> NDArray[np.intp]:
     """The simulator's sensor columns in the order of the real file's."""
-    remedy = "give both datasets the same hand: same taxels in the same order"
+    remedy = "give two datasets of the same hand, with the same taxels in the same order"
     if real.taxels.n != sim.taxels.n:
         raise GapInputError(
             f"{sim.path}: /taxels", f"{real.taxels.n} taxels as in {real.path}", str(sim.taxels.n), remedy
@@ -155,7 +155,8 @@ def check_tables(real: GraspDataset, sim: GraspDataset) -> NDArray[np.intp]:
     if apart.max() > PLACE_TOLERANCE_M:
         k = int(apart.argmax())
         where = f"{sim.path}: /taxels/position[{k}]"
-        raise GapInputError(where, f"the place that {real.path} gives", f"one {1e3 * apart[k]:.3g} mm away", remedy)
+        found = f"a position {1e3 * apart[k]:.3g} mm away"
+        raise GapInputError(where, f"the position in {real.path}", found, remedy)
     own = sim.sensors.address.tolist()
     for address in real.sensors.address.tolist():
         if address not in own:
@@ -183,14 +184,14 @@ def _common_cells(
     if not common:
         shown = ", ".join(f"{item} {name}" for item, name in sorted(keys[0])[:3]) or "no grasp"
         found = ", ".join(f"{item} {name}" for item, name in sorted(keys[1])[:3]) or "no grasp"
-        where, remedy = f"{sim.path}: /grasps", "simulate the grasps that were made"
+        where, remedy = f"{sim.path}: /grasps", "simulate the recorded grasps"
         raise GapInputError(where, f"an (object, approach) of {real.path} ({shown})", found, remedy)
     losses = []
     for data, own, other in ((real, keys[0], "simulation"), (sim, keys[1], "recording")):
         left = sorted(own - set(common))
         if left:
             names = ", ".join(f"{item} {name}" for item, name in left[:4])
-            losses.append(f"{data.path}: {len(left)} approaches without a {other} were left out ({names})")
+            losses.append(f"{data.path}: {len(left)} conditions without a {other} were excluded ({names})")
     made, simulated = ([one for one in grasps if (one.object, one.approach) in set(common)] for grasps in every)
     return common, made, simulated, tuple(sorted(keys[1] - set(common))), losses
 

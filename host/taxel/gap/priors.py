@@ -30,11 +30,11 @@ def read_priors(path: str | PathLike[str]) -> Priors:
     with file.open("rb") as stream:
         data = stream.read(LARGEST_BYTES + 1)
     if len(data) > LARGEST_BYTES:
-        raise GapInputError(str(file), "at most 1 MiB", "more", "is it a file of priors?")
+        raise GapInputError(str(file), "at most 1 MiB", "a larger file", "give a file of priors")
     try:
         tables = tomllib.loads(data.decode("utf-8"))
     except (UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise GapInputError(str(file), "TOML", " ".join(str(error).split())[:80], "correct the line") from None
+        raise GapInputError(str(file), "valid TOML", " ".join(str(error).split())[:80], "correct the line") from None
     return {name: _effect(str(file), name, table) for name, table in tables.items()}
 
 
@@ -55,12 +55,12 @@ def _prior(where: str, parameters: Mapping[str, Parameter], key: str, value: Any
     if key not in parameters:
         raise GapInputError(where, f"one of {', '.join(parameters)}", "another parameter", "correct the name")
     if not isinstance(value, dict) or set(value) != {"value", "std"}:
-        raise GapInputError(where, "{ value = ..., std = ... }", repr(value)[:40], "give both")
+        raise GapInputError(where, "{ value = ..., std = ... }", repr(value)[:40], "give both numbers")
     numbers = [value["value"], value["std"]]
     if any(isinstance(one, bool) or not isinstance(one, int | float) or not np.isfinite(one) for one in numbers):
-        raise GapInputError(where, "two numbers", repr(value)[:40], "correct them")
+        raise GapInputError(where, "two finite numbers", repr(value)[:40], "correct the numbers")
     known = parameters[key]
     if not known.low <= value["value"] <= known.high or value["std"] <= 0:
         expected = f"value from {known.low:g} to {known.high:g} {known.unit}, std above 0"
-        raise GapInputError(where, expected, f"{value['value']:g} and {value['std']:g}", "correct them")
+        raise GapInputError(where, expected, f"{value['value']:g} and {value['std']:g}", "correct the numbers")
     return Prior(float(value["value"]), float(value["std"]))

@@ -183,7 +183,7 @@ def require_hold(grasp: Phases, path: str) -> None:
     """Raises GapInputError for a grasp without frames of hold: nothing of it could be compared."""
     if not (grasp.phase == Phase.HOLD).any():
         where = f"{path}: /grasps/{grasp.id}/phase"
-        raise GapInputError(where, "frames of hold (phase 2)", "none", "leave this grasp out")
+        raise GapInputError(where, "frames in hold (phase 2)", "none", "remove this grasp")
 
 
 def baseline_frames(data: GraspDataset, grasp: Grasp, valid: NDArray[np.bool_]) -> tuple[int, NDArray[np.bool_]]:
@@ -197,7 +197,7 @@ def baseline_frames(data: GraspDataset, grasp: Grasp, valid: NDArray[np.bool_]) 
     poor = counts < LEAST_BASELINE
     if present.any() and poor[present].all():
         where = f"{data.path}: /grasps/{grasp.id}/phase"
-        remedy = "record the open hand longer before closing, or leave this grasp out"
+        remedy = "record the open hand longer before closing, or remove this grasp"
         found = str(int(counts[present].max()))
         raise GapInputError(where, f"at least {LEAST_BASELINE} valid baseline frames (phase 0)", found, remedy)
     return int(min(counts[~poor].min(initial=BASELINE_FRAMES), BASELINE_FRAMES)) if present.any() else 0, poor

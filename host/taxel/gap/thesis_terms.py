@@ -58,9 +58,9 @@ def thesis_terms(judge: Judge, selection: Selection) -> list[dict[str, Any]]:
     sim, firm = activity(before[:, hold], ACTIVE_SIGNAL_COUNTS), activity(before[:, hold], FORCE_FILTER_COUNTS)
     clean, firm_clean = clouds.without_outliers(hand), clouds.without_outliers(firm)
     steps = [
-        clouds.entry("as they are", plain, sim, sim, f"active from a drop of {ACTIVE_SIGNAL_COUNTS:g} counts"),
-        clouds.entry("force filter", hand, firm, sim, f"drop of {FORCE_FILTER_COUNTS:g} counts{_newtons(pair)}"),
-        clouds.entry("SOR too", clean, firm_clean, sim, _rules(pair)),
+        clouds.entry("unfiltered", plain, sim, sim, f"active above a signal of {ACTIVE_SIGNAL_COUNTS:g} counts"),
+        clouds.entry("force filter", hand, firm, sim, f"signal of {FORCE_FILTER_COUNTS:g} counts{_newtons(pair)}"),
+        clouds.entry("+ SOR", clean, firm_clean, sim, _rules(pair)),
     ]
     steps[0]["gap"] = float(np.sqrt(total(terms(real, before, layout).gap2)))
     found = _propagation(judge, selection)
@@ -69,7 +69,7 @@ def thesis_terms(judge: Judge, selection: Selection) -> list[dict[str, Any]]:
         return [*steps, {**skipped, "points": steps[-1]["points"], "note": found}]
     link, after = found
     sim, firm = activity(after[:, hold], ACTIVE_SIGNAL_COUNTS), activity(after[:, hold], FORCE_FILTER_COUNTS)
-    last = clouds.entry("contact propagation too", clean, clouds.without_outliers(firm), sim, _values(link))
+    last = clouds.entry("+ contact propagation", clean, clouds.without_outliers(firm), sim, _values(link))
     last["gap"] = float(np.sqrt(total(terms(real, after, layout).gap2)))
     return [*steps, last]
 
@@ -206,11 +206,11 @@ def _newtons(pair: Pair) -> str:
     """The force filter in newtons, by the simulator's sensor model."""
     model = pair.sensor_model
     if model is None:
-        return "; the simulator states no sensor model"
+        return "; the simulation has no sensor model"
     if model.full_scale_drop_counts <= FORCE_FILTER_COUNTS:
-        return "; by the simulator's sensor model no force reaches it"
+        return "; not reached by any force in the simulator's sensor model"
     force = model.half_force_n * FORCE_FILTER_COUNTS / (model.full_scale_drop_counts - FORCE_FILTER_COUNTS)
-    return f", {force:.3g} N by the simulator's sensor model"
+    return f", {force:.3g} N in the simulator's sensor model"
 
 
 def _rules(pair: Pair) -> str:
@@ -222,4 +222,4 @@ def _rules(pair: Pair) -> str:
 def _values(link: Link) -> str:
     """Form and values of contact propagation."""
     spread, strength = link.values[:, 0]
-    return f"fitted alone: form {link.effect.variant}, spread {spread:.3g} mm, strength {strength:.2g}"
+    return f"fitted alone: variant {link.effect.variant}, spread {spread:.3g} mm, strength {strength:.2g}"

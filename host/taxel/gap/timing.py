@@ -55,7 +55,7 @@ def timing_of(sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]], cells: Sequ
                 durations[wanted][side].append(float(own[-1] - own[0] + step) if len(own) else 0.0)
             if durations[Phase.HOLD][side][-1] <= 0:
                 where = f"{data.path}: /grasps/{grasp.id}/timestamp"
-                raise GapInputError(where, "time that passes in hold", "none", "correct the file")
+                raise GapInputError(where, "increasing time in hold", "constant time", "correct the file")
     number = {key: index for index, key in enumerate(cells)}
     cell = [number[grasp.object, grasp.approach] for _, grasps in sides for grasp in grasps]
     lasts = {wanted: _least(len(cells), cell, [*chain.from_iterable(both)]) for wanted, both in durations.items()}
@@ -76,6 +76,7 @@ def _frame_s(grasp: Grasp, path: str) -> float:
     """Median frame period, seconds. Raises GapInputError where most frames share their time with others."""
     steps = np.diff(grasp.timestamp)
     if len(steps) >= FEW_FRAMES and np.count_nonzero(steps) < LEAST_TIMES * len(steps):
-        where, found = f"{path}: /grasps/{grasp.id}/timestamp", f"{np.count_nonzero(steps) + 1} for {len(steps) + 1}"
-        raise GapInputError(where, "a time for each frame", found, "record with a finer clock")
+        where = f"{path}: /grasps/{grasp.id}/timestamp"
+        found = f"{np.count_nonzero(steps) + 1} times for {len(steps) + 1} frames"
+        raise GapInputError(where, "a different time for each frame", found, "record with a finer clock")
     return float(np.median(steps)) if len(steps) else 0.0

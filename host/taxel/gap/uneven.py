@@ -63,7 +63,7 @@ ALONG: Final = 0.2
 def odd_pattern(judge: Judge, link: Link) -> str | None:
     """What is odd about a link's values, as words after its name; None: they are as parts' are, or nobody knows."""
     if _goes_round(link):
-        return "goes to the taxels beside on all sides and not along the lines, as pressure in a cover may"
+        return "acts on the neighbours in all directions instead of along the lines, like pressure in a cover"
     if link.effect.name not in (GainMismatch.name, Stiffness.name):
         return None
     (parameter, *_) = link.effect.parameters()
@@ -90,9 +90,9 @@ def _pattern_of_boards(judge: Judge, logs: FloatArray, at_limit: NDArray[np.bool
     information = amplitude_information(judge).sum(axis=0)
     told = np.bincount(judge.state.pair.groups.sensor, information, len(logs)) * TELLING**2 > 1.0
     if (at_limit & told).any():
-        return "is at the limit of what parts can be"
+        return "is at the limit of its plausible range"
     if told.sum() >= 3 and abs(logs[told].mean()) > COMMON and _mean_is_sure(logs[told]):
-        return "is much the same on every board, which that of parts is not"
+        return "has nearly the same value on every board, unlike manufacturing tolerances"
     return None
 
 
@@ -107,8 +107,8 @@ def _pattern_of_taxels(judge: Judge, logs: FloatArray, prior: float) -> str | No
     boards = [one.taxels[known[one.taxels]] for one in judge.state.pair.boards]
     boards = [own for own in boards if len(own) >= LEAST_TAXELS]
     if len(boards) >= 3 and _stands_alone([float(np.var(logs[own], ddof=1)) for own in boards], [*map(len, boards)]):
-        return "is uneven on one board alone, which that of parts is not"
-    return "comes in patches, which that of parts does not" if _is_patchy(judge, logs, known) else None
+        return "varies on a single board only, unlike manufacturing tolerances"
+    return "varies in patches, unlike manufacturing tolerances" if _is_patchy(judge, logs, known) else None
 
 
 def _stands_alone(variances: list[float], counts: list[int]) -> bool:

@@ -44,18 +44,18 @@ NEARLY_ALL: Final = 0.96
 """Or this: no model of a large effect is better."""
 
 WORDS: Final = {
-    "contact_propagation": "pressure spreads sideways before it is measured",
-    "electrode_crosstalk": "taxels on a common electrode disturb each other",
-    "noise": "the hand is noisier",
+    "contact_propagation": "pressure spreads sideways in the dielectric",
+    "electrode_crosstalk": "taxels with a common electrode influence each other",
+    "noise": "the hand has more noise",
     "gain_mismatch": "taxels or boards are more or less sensitive than modelled",
     "stiffness": "the dielectric is softer or harder than modelled",
-    "baseline_drift": "the no-contact count wanders",
-    "hysteresis": "the layer creeps and recovers late",
-    "saturation": "the count stops falling at high force",
-    "proximity": "the fringe field answers before contact",
-    "dropout": "taxels, lines or boards do not answer",
-    "pose_error": "an object or a bracket is not where the model has it",
-    "latency": "boards lag the hand",
+    "baseline_drift": "the count without contact drifts",
+    "hysteresis": "the layer creeps and recovers slowly",
+    "saturation": "the count stops decreasing at high force",
+    "proximity": "the fringe field produces a signal before contact",
+    "dropout": "taxels, lines or boards do not respond",
+    "pose_error": "an object or a bracket is not where the model places it",
+    "latency": "boards lag behind the hand",
     "unknown": "a cause that is not in the catalogue",
 }
 
@@ -93,12 +93,14 @@ def judge_verdict(
     # Within the margin counts must tell it, too: a score may be of what hardly scatters, and no gap of counts.
     told = min(named, held.reducible or 0.0) >= NAMED and gap.excess.value > SURELY_WITHIN * margin
     if within and not local and not (names and told):
-        line = f"No gap: {gap.gap.value:.1f} counts where repeats and sessions alone make {gap.floor:.1f}"
+        line = f"No gap: {gap.gap.value:.1f} counts; repeats and sessions alone cause {gap.floor:.1f} counts"
         found = [_in_words(name) for name in names] if named >= NAMED else []
-        return Verdict("no_gap", (), f"{line}; of that: {'; '.join(found)}." if found else f"{line}.", margin)
+        line = f"{line}. A part of them is {'; '.join(found)}." if found else f"{line}."
+        return Verdict("no_gap", (), line, margin)
     if not names and gap.excess.value <= STRAYS * margin and (one := _hangs_on(gap, margin)) is not None:
-        press = f"one press ({' '.join(cells[one])})" if cells else "one press"
-        line = f"No gap but in {press}: {gap.gap.value:.1f} counts (floor {gap.floor:.1f}), hardly any in the others."
+        press = f"one condition ({' '.join(cells[one])})" if cells else "one condition"
+        size = f"{gap.gap.value:.1f} counts (floor {gap.floor:.1f})"
+        line = f"No gap except in {press}: {size}, hardly any excess in the other conditions."
         return Verdict("no_gap", (), line, margin)
     if within and local and gap.excess.value <= SURELY_WITHIN * margin:
         names = tuple(name for name in names if name == DROPOUT)  # what else was found is too little to be told
@@ -106,18 +108,18 @@ def judge_verdict(
     if not names and not (selection.rounds and selection.rounds[0].trials):
         return Verdict(UNKNOWN, (UNKNOWN,), f"Unknown: {size}; no effect of the catalogue was tried.", margin)
     if not names and gap.floor == 0.0:
-        line = f"Unknown: {size}, and nobody knows what scatters; make every press twice or more."
+        line = f"Unknown: {size}; without repeats the variance is unknown; record every condition at least twice."
         return Verdict(UNKNOWN, (UNKNOWN,), line, margin)
     if not names and gap.excess.error is None:
-        line = f"Unknown: {size}, whose cause fewer than three sessions cannot tell{_most_like(selection)}."
+        line = f"Unknown: {size}; fewer than three sessions do not determine its cause{_most_like(selection)}."
         return Verdict(UNKNOWN, (UNKNOWN,), line, margin)
     if not names or (named < NAMED and not local):
         return Verdict(UNKNOWN, (UNKNOWN,), f"Unknown: {size} that no effect of the catalogue explains.", margin)
     said = "; ".join(_in_words(name) for name in names)
-    less = f"{100 * held.shrink.value:.0f} % less with {said}"
+    less = f"reduced by {100 * held.shrink.value:.0f} % with {said}"
     enough = _is_enough(selection, held, margin) and not _has_pattern(bank, margin)
     if not (within and local) and not enough:
-        line = f"Partly explained: {size}, {less}; the rest is unknown."
+        line = f"Partly explained: {size}, {less}; the cause of the remaining gap is unknown."
         return Verdict("partly_explained", (*names, UNKNOWN), line, margin)
     unsure = "; ".join(dict.fromkeys(nameless[name] for name in names if name in nameless))
     if unsure:
@@ -152,7 +154,8 @@ def _most_like(selection: Selection) -> str:
     best = selection.rounds[0].best if selection.rounds else None
     if best is None or best.held is None or best.held.gone_of(selection.start) < NAMED:
         return ""
-    return f"; most like {_in_words(best.name)}: {100 * best.held.gone_of(selection.start):.0f} % of its score"
+    share = 100 * best.held.gone_of(selection.start)
+    return f"; the most similar effect is {_in_words(best.name)} with {share:.0f} % of the score"
 
 
 def _in_words(name: str) -> str:

@@ -1,1 +1,1 @@
-"""Synthetic grasps at scale: drawn from a recipe, simulated on many processes, written as shards with an index."""
+"""Synthetic grasps at scale: sampled from a recipe, simulated by many processes, written as shards with an index."""

@@ -1,4 +1,7 @@
-"""Shards made on a cluster through Dask. Its workers need taxel, and no folder in common: shards come back as bytes."""
+"""Generation of shards on a cluster with Dask.
+
+The workers need the package taxel but no shared folder: the shards are returned as bytes.
+"""
 
 from __future__ import annotations
 
@@ -9,90 +12,89 @@ from typing import Any, Final
 
 from taxel.generate.errors import ClusterError
 from taxel.generate.recipe import Recipe
-from taxel.generate.shard import make_shard
-from taxel.generate.versions import versions
-from taxel.generate.workers import AHEAD
+from taxel.generate.shard import generate_shard
+from taxel.generate.versions import package_versions
+from taxel.generate.workers import SHARDS_PER_WORKER
+from taxel.optional import optional_import
 
-PATIENCE_S: Final = 30.0
-"""For the scheduler to answer, and for its first worker."""
+CONNECT_TIMEOUT_S: Final = 30.0
+"""Time within which the scheduler must answer and a worker must be available, seconds."""
 
 
 class Cluster:
     """The workers of a Dask scheduler, such as "tcp://127.0.0.1:8786".
 
-    Raises ClusterError of one line: no Dask, no scheduler, no worker, or one with another release of taxel or of what
-    it computes with.
+    Raises ClusterError if there is no scheduler, no worker, or a worker with another release of taxel or of a library
+    that affects the result; MissingPackageError if Dask is not installed.
     """
 
-    def __init__(self, scheduler: str, patience_s: float = PATIENCE_S) -> None:
-        self._scheduler, self._patience_s = scheduler, patience_s
+    def __init__(self, scheduler: str, timeout_s: float = CONNECT_TIMEOUT_S) -> None:
+        self._scheduler, self._timeout_s = scheduler, timeout_s
 
-    def made(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
+    def generate_shards(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
         """See `taxel.generate.workers.Workers`."""
-        distributed = _distributed()
+        distributed = _import_distributed()
         try:
-            client = distributed.Client(self._scheduler, timeout=self._patience_s, set_as_default=False)
+            client = distributed.Client(self._scheduler, timeout=self._timeout_s, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             found = f"no Dask scheduler answers ({type(error).__name__})"
             raise ClusterError(f"--scheduler {self._scheduler}", found, "start one with dask scheduler") from None
         with client:
-            ahead = AHEAD * self._ready(client)
-            work = client.scatter(recipe, broadcast=True, hash=False)
+            pending = SHARDS_PER_WORKER * self._count_workers(client)
+            remote_recipe = client.scatter(recipe, broadcast=True, hash=False)
             try:
-                yield from _in_order_of_finish(distributed, client, work, iter(shards), ahead)
+                yield from _as_completed(distributed, client, remote_recipe, iter(shards), pending)
             except (distributed.KilledWorker, distributed.client.FutureCancelledError, OSError) as error:
-                found = f"it was lost meanwhile ({type(error).__name__})"
-                remedy = "finished shards are kept; run the same command again to go on"
+                found = f"the connection was lost ({type(error).__name__})"
+                remedy = "completed shards are kept; run the same command again to continue"
                 raise ClusterError(f"--scheduler {self._scheduler}", found, remedy) from None
 
-    def _ready(self, client: Any) -> int:
-        """Number of workers, once there are any and all can make the same bytes."""
+    def _count_workers(self, client: Any) -> int:
+        """Number of workers, after at least one is available and the releases of all have been checked."""
         where = f"--scheduler {self._scheduler}"
         try:
-            client.wait_for_workers(1, timeout=self._patience_s)
+            client.wait_for_workers(1, timeout=self._timeout_s)
         except TimeoutError:
             remedy = "start them with dask worker"
-            raise ClusterError(where, f"no worker within {self._patience_s:g} s", remedy) from None
+            raise ClusterError(where, f"no worker within {self._timeout_s:g} s", remedy) from None
         try:
-            theirs = client.run(versions)
-        except Exception as error:  # whatever a foreign process raises: it has no taxel, or another one
+            worker_versions = client.run(package_versions)
+        except Exception as error:  # a worker without taxel, or with another release, may raise any exception
             remedy = "install the same taxel on every worker"
             raise ClusterError(where, f"a worker cannot run taxel.generate ({type(error).__name__})", remedy) from None
-        check_releases(where, versions(), theirs)
-        return len(theirs)
+        check_releases(where, package_versions(), worker_versions)
+        return len(worker_versions)
 
 
-def check_releases(where: str, ours: Mapping[str, str], theirs: Mapping[str, Mapping[str, str]]) -> None:
-    """Refuse workers, by name, with other releases than ours: their bytes might differ. Raises ClusterError."""
-    for worker, found in theirs.items():
-        apart = [name for name, own in ours.items() if found.get(name) != own]
-        other = [f"{name} {found.get(name)} instead of {ours[name]}" for name in apart]
-        if other:
-            raise ClusterError(where, f"worker {worker} has {', '.join(other)}", "install the same on every worker")
+def check_releases(where: str, local: Mapping[str, str], worker_versions: Mapping[str, Mapping[str, str]]) -> None:
+    """Raise ClusterError if a worker (by name) has another release than this computer: its bytes might differ."""
+    for worker, versions in worker_versions.items():
+        differing = [name for name, release in local.items() if versions.get(name) != release]
+        texts = [f"{name} {versions.get(name)} instead of {local[name]}" for name in differing]
+        if texts:
+            raise ClusterError(where, f"worker {worker} has {', '.join(texts)}", "install the same on every worker")
 
 
-def _in_order_of_finish(
-    distributed: Any, client: Any, recipe: Any, shards: Iterator[int], ahead: int
+def _as_completed(
+    distributed: Any, client: Any, recipe: Any, shards: Iterator[int], pending: int
 ) -> Iterator[tuple[int, bytes]]:
     def submit(shard: int) -> Any:
-        return client.submit(_numbered, recipe, shard, pure=False)
+        return client.submit(_numbered_shard, recipe, shard, pure=False)
 
-    first = [submit(shard) for shard in islice(shards, ahead)]
+    first = [submit(shard) for shard in islice(shards, pending)]
     with client.as_current():
         running = distributed.as_completed(first, with_results=True)
     for future, result in running:
-        future.release()  # or the cluster keeps every shard that it made
+        future.release()  # otherwise the cluster keeps every shard in memory
         yield result
         for shard in islice(shards, 1):
             running.add(submit(shard))
 
 
-def _numbered(recipe: Recipe, shard: int) -> tuple[int, bytes]:
-    return shard, make_shard(recipe, shard)
+def _numbered_shard(recipe: Recipe, shard: int) -> tuple[int, bytes]:
+    return shard, generate_shard(recipe, shard)
 
 
-def _distributed() -> Any:
-    try:
+def _import_distributed() -> Any:
+    with optional_import("distributed", "--scheduler"):
         return import_module("distributed")
-    except ImportError:
-        raise ClusterError("--scheduler", "Dask is not installed", "pip install 'taxel[cluster]'") from None

@@ -1,4 +1,4 @@
-"""Effects that are drawn: those of a gap report within their intervals, and those that a recipe names with ranges."""
+"""Sampled effects: those of a gap report within their intervals, and those that a recipe names with ranges."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ from taxel.hand import Hand
 from taxel.types import FloatArray
 
 NORMAL_95: Final = 1.959964
-"""Half the width of a 95 % interval, in standard deviations."""
+"""Half width of a 95 % interval of a normal distribution, in standard deviations."""
 
 COMMON: Final = "common_counts"
+"""Label of the interval that a report gives for all noise that taxels share."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlannedEffect:
-    """An effect, and how its values vary from grasp to grasp.
+    """An effect and the distribution of its values over the grasps.
 
-    found: form, blocks and the values f64[P, G] about which is drawn. share: of grasps that have it. std: f64[P, G], of
-    a normal draw; 0: as it is. ranges: by parameter, instead of that. low, high: bounds f64[P]. source: of the values,
-    for people.
+    nominal: variant, blocks and the mean values f64[P, G]. share: share of grasps with the effect. std: f64[P, G],
+    standard deviations of a normal distribution; 0: a fixed value. ranges: uniform distributions of parameters, which
+    replace the normal ones. low, high: bounds f64[P]. source: origin of the values, as a text.
     """
 
-    found: ReportedEffect
+    nominal: ReportedEffect
     share: float
     std: FloatArray
     low: FloatArray
@@ -42,132 +43,144 @@ class PlannedEffect:
 
     @property
     def name(self) -> str:
-        """As the gap report's catalogue has it."""
-        return self.found.name
+        """Name of the effect in the catalogue of the diagnosis."""
+        return self.nominal.name
 
-    def draw(self, rng: np.random.Generator) -> tuple[ReportedEffect | None, dict[str, float]]:
-        """The effect as one grasp has it, None if it has not; and what was drawn, by label."""
-        there = float(rng.random()) < self.share
-        values = self.found.values + self.std * rng.standard_normal(self.std.shape)
-        for row, name in enumerate(self.found.parameters):
+    def sample(self, rng: np.random.Generator) -> tuple[ReportedEffect | None, dict[str, float]]:
+        """The effect in one grasp, None for a grasp without it; and the sampled values by label.
+
+        Values of single taxels are not in the result, because there are about a thousand of each parameter.
+        """
+        nominal = self.nominal
+        is_present = float(rng.random()) < self.share
+        values = nominal.values + self.std * rng.standard_normal(self.std.shape)
+        for row, name in enumerate(nominal.parameters):
             if name in self.ranges:
-                values[row] = [self.ranges[name].draw(rng) for _ in self.found.blocks]
+                values[row] = [self.ranges[name].sample(rng) for _ in nominal.blocks]
         values = np.clip(values, self.low[:, None], self.high[:, None])
-        told = {f"{self.name}.there": float(there)}
-        if self.found.effect.scope != TAXEL:  # of a thousand taxels the report or the seed tells
-            for row, name in enumerate(self.found.parameters):
-                for column, block in enumerate(self.found.blocks):
-                    told[f"{self.name}.{_label(self.found, name, block)}"] = float(values[row, column])
-        return (replace(self.found, values=values) if there else None), told
+        sampled = {f"{self.name}.there": float(is_present)}
+        if nominal.effect.scope != TAXEL:
+            for row, name in enumerate(nominal.parameters):
+                for column, block in enumerate(nominal.blocks):
+                    sampled[f"{self.name}.{_label(nominal, name, block)}"] = float(values[row, column])
+        return (replace(nominal, values=values) if is_present else None), sampled
 
     def to_json(self) -> dict[str, Any]:
-        """As plain values, for a recipe's digest."""
-        found = self.found
+        """The effect as JSON values, for the digest of a recipe."""
+        nominal = self.nominal
         return {
-            "name": found.name,
-            "form": found.effect.variant,
-            "scope": found.effect.scope,
+            "name": nominal.name,
+            "form": nominal.effect.variant,
+            "scope": nominal.effect.scope,
             "source": self.source,
             "share": self.share,
-            "until_s": found.until_s,
-            "shift_s": found.shift_s,
-            "blocks": list(found.blocks),
-            "values": {name: row.tolist() for name, row in zip(found.parameters, found.values, strict=True)},
-            "std": {name: row.tolist() for name, row in zip(found.parameters, self.std, strict=True)},
-            "ranges": {name: one.to_json() for name, one in self.ranges.items()},
-            "missing": {str(board): share for board, share in found.missing.items()},
-            "stuck": list(found.stuck),
+            "until_s": nominal.until_s,
+            "shift_s": nominal.shift_s,
+            "blocks": list(nominal.blocks),
+            "values": {name: row.tolist() for name, row in zip(nominal.parameters, nominal.values, strict=True)},
+            "std": {name: row.tolist() for name, row in zip(nominal.parameters, self.std, strict=True)},
+            "ranges": {name: value.to_json() for name, value in self.ranges.items()},
+            "missing": {str(board): share for board, share in nominal.missing.items()},
+            "stuck": list(nominal.stuck),
         }
 
 
-def _label(found: ReportedEffect, parameter: str, block: int | str) -> str:
-    return parameter if found.effect.scope == HAND else f"{parameter}@{block}"
+def _label(effect: ReportedEffect, parameter: str, block: int | str) -> str:
+    return parameter if effect.effect.scope == HAND else f"{parameter}@{block}"
 
 
-def planned_of_report(report: ReportedGap, hand: Hand, widen: float, share: float) -> tuple[PlannedEffect, ...]:
-    """The effects of a report's verdict. widen: factor on their intervals; 0: every grasp has the values found.
+def plan_report_effects(report: ReportedGap, hand: Hand, widen: float, share: float) -> tuple[PlannedEffect, ...]:
+    """The effects of a report's verdict. widen: factor on their intervals; 0: every grasp has the reported values.
 
-    A value without an interval (below three sessions, or of a single taxel) is taken as found. Raises RecipeError for a
-    report of another hand.
+    A value without an interval (fewer than three sessions, or a value of a single taxel) is fixed. Raises RecipeError
+    for a report of another hand.
     """
-    same = len(report.sensor) == hand.n_taxels and all(
-        np.array_equal(ours, theirs)
-        for ours, theirs in ((report.sensor, hand.sensor), (report.tx, hand.tx), (report.rx, hand.rx))
+    is_same_hand = len(report.sensor) == hand.n_taxels and all(
+        np.array_equal(reported, own)
+        for reported, own in ((report.sensor, hand.sensor), (report.tx, hand.tx), (report.rx, hand.rx))
     )
-    if not same:
+    if not is_same_hand:
         found = f"{len(report.sensor)} taxels of another hand"
-        raise RecipeError(str(report.path), "taxels", f"those of the hand {hand.name!r}", found, "give its own report")
+        raise RecipeError(
+            str(report.path), "taxels", f"those of the hand {hand.name!r}", found, "give a report of that hand"
+        )
     source = f"report {report.sha256}"
-    return tuple(_of_report(one, widen, share, source) for one in report.effects)
+    return tuple(_plan_reported(effect, widen, share, source) for effect in report.effects)
 
 
-def _of_report(found: ReportedEffect, widen: float, share: float, source: str) -> PlannedEffect:
-    std = np.zeros(found.values.shape)
-    for row, name in enumerate(found.parameters):
-        for column, block in enumerate(found.blocks if found.effect.scope != TAXEL else ()):
-            std[row, column] = widen * _std(found, name, _label(found, name, block), float(found.values[row, column]))
-    low, high = _bounds(found)
-    return PlannedEffect(found, share, std, low, high, source=source)
+def _plan_reported(reported: ReportedEffect, widen: float, share: float, source: str) -> PlannedEffect:
+    std = np.zeros(reported.values.shape)
+    for row, name in enumerate(reported.parameters):
+        for column, block in enumerate(reported.blocks if reported.effect.scope != TAXEL else ()):
+            std[row, column] = widen * _std(
+                reported, name, _label(reported, name, block), float(reported.values[row, column])
+            )
+    low, high = _bounds(reported)
+    return PlannedEffect(reported, share, std, low, high, source=source)
 
 
-def _std(found: ReportedEffect, name: str, label: str, value: float) -> float:
-    if found.name == "noise" and name != NOISE_PARTS[0]:
-        # The report tells one interval for all that taxels have in common.
-        bounds = found.intervals.get(label.replace(name, COMMON))
+def _std(reported: ReportedEffect, name: str, label: str, value: float) -> float:
+    if reported.name == "noise" and name != NOISE_PARTS[0]:
+        # The report gives one interval for all noise that taxels share.
+        bounds = reported.intervals.get(label.replace(name, COMMON))
         if bounds is None or sum(bounds) <= 0.0:
             return 0.0
         return value * (bounds[1] - bounds[0]) / (sum(bounds) * NORMAL_95)
-    bounds = found.intervals.get(label)
+    bounds = reported.intervals.get(label)
     return 0.0 if bounds is None else (bounds[1] - bounds[0]) / (2.0 * NORMAL_95)
 
 
-def _bounds(found: ReportedEffect) -> tuple[FloatArray, FloatArray]:
-    known = {one.name: one for one in _parameters(found)}
-    rows = [known[name] for name in found.parameters]
-    return np.array([one.low for one in rows], np.float64), np.array([one.high for one in rows], np.float64)
+def _bounds(reported: ReportedEffect) -> tuple[FloatArray, FloatArray]:
+    by_name = {parameter.name: parameter for parameter in _parameters(reported)}
+    rows = [by_name[name] for name in reported.parameters]
+    return np.array([row.low for row in rows], np.float64), np.array([row.high for row in rows], np.float64)
 
 
-def _parameters(found: ReportedEffect) -> Sequence[Parameter]:
-    return parameters_of(found.name, found.effect.own_parameters())
+def _parameters(reported: ReportedEffect) -> Sequence[Parameter]:
+    return sampled_parameters(reported.name, reported.effect.own_parameters())
 
 
-def parameters_of(name: str, own: Sequence[Parameter]) -> Sequence[Parameter]:
-    """What is drawn of an effect: of noise, its independent parts."""
+def sampled_parameters(name: str, own: Sequence[Parameter]) -> Sequence[Parameter]:
+    """The sampled parameters of an effect; for noise, its independent parts."""
     if name == "noise":
         return [Parameter(part, "counts", 0.0, MOST_NOISE_COUNTS, 0.0, 0.0) for part in NOISE_PARTS]
     return own
 
 
-def planned_by_name(
+def plan_effect(
     where: str, name: str, form: str, scope: str, share: float, ranges: Mapping[str, Range], hand: Hand, moving_s: float
 ) -> PlannedEffect:
-    """An effect of the catalogue with ranges. where: in the recipe, for errors. form, scope: "" for the first.
+    """An effect of the catalogue with sampled parameters. Raises RecipeError.
 
-    moving_s: seconds from closing to the end of a grasp, over which a drift reaches its counts. Raises RecipeError.
+    where: location in the recipe, for errors. form, scope: variant and scope in the catalogue; "": the first one.
+    moving_s: seconds from closing to the end of a grasp, over which a drift reaches its counts.
     """
-    forms = [one for one in all_effects().get(name, ()) if form in ("", one.variant) and scope in ("", one.scope)]
-    if not forms or forms[0].scope not in (HAND, BOARD, TAXEL):
-        known = ", ".join(f"{one.variant or 'plain'} of the {one.scope}" for one in all_effects().get(name, ()))
-        expected = f"a form of it ({known})" if known else "an effect of the catalogue"
-        every = ", ".join(key for key in all_effects() if key != DROPOUT)
-        remedy = f"they are {every}; lost boards come from a report alone"
+    catalogue = all_effects()
+    variants = [
+        effect for effect in catalogue.get(name, ()) if form in ("", effect.variant) and scope in ("", effect.scope)
+    ]
+    if not variants or variants[0].scope not in (HAND, BOARD, TAXEL):
+        available = ", ".join(f"{each.variant or 'plain'} of the {each.scope}" for each in catalogue.get(name, ()))
+        expected = f"one of its variants ({available})" if available else "an effect of the catalogue"
+        names = ", ".join(key for key in catalogue if key != DROPOUT)
+        remedy = f"use one of {names}; dropouts can be taken from a report only"
         raise RecipeError(where, "name", expected, " ".join(part for part in (name, form, scope) if part), remedy)
-    effect = forms[0]
-    parameters = parameters_of(name, effect.own_parameters())
-    for key, one in ranges.items():
+    effect = variants[0]
+    parameters = sampled_parameters(name, effect.own_parameters())
+    for key, bounds in ranges.items():
         parameter = next((each for each in parameters if each.name == key), None)
         if parameter is None:
             names = ", ".join(each.name for each in parameters)
             raise RecipeError(where, key, f"one of {names}", "another parameter", "correct the name")
-        if not parameter.low <= one.low <= one.high <= parameter.high:
+        if not parameter.low <= bounds.low <= bounds.high <= parameter.high:
             expected = f"a range within {parameter.low:g} to {parameter.high:g} {parameter.unit}"
-            raise RecipeError(where, key, expected, f"{one.low:g} to {one.high:g}", "correct it")
+            raise RecipeError(where, key, expected, f"{bounds.low:g} to {bounds.high:g}", "correct it")
     blocks = _blocks(effect.scope, hand)
     values = np.repeat([[each.neutral] for each in parameters], len(blocks), axis=1)
-    own = tuple(each.name for each in parameters)
-    found = ReportedEffect(name, effect, effect.order, moving_s, 0.0, blocks, own, values, {})
-    low, high = _bounds(found)
-    return PlannedEffect(found, share, np.zeros(values.shape), low, high, dict(ranges), "recipe")
+    parameter_names = tuple(each.name for each in parameters)
+    nominal = ReportedEffect(name, effect, effect.order, moving_s, 0.0, blocks, parameter_names, values, {})
+    low, high = _bounds(nominal)
+    return PlannedEffect(nominal, share, np.zeros(values.shape), low, high, dict(ranges), "recipe")
 
 
 def _blocks(scope: str, hand: Hand) -> tuple[int | str, ...]:

@@ -1,14 +1,14 @@
-"""What can be wrong with a recipe, a folder of shards, or those who make them."""
+"""Errors of recipes, folders of shards, and workers."""
 
 from taxel.errors import FieldError, TaxelError
 
 
 class RecipeError(FieldError, ValueError):
-    """A recipe that cannot be used; field: the key in it."""
+    """A recipe with an error. field: the key in the recipe."""
 
 
 class FolderError(FieldError, ValueError):
-    """A folder in which a recipe cannot be made or continued; field: what in it."""
+    """A folder in which a recipe cannot be generated or continued. field: the part of the folder."""
 
 
 class ClusterError(TaxelError):
@@ -22,12 +22,12 @@ class ClusterError(TaxelError):
         return f"{self.where}: {self.found}; {self.remedy}"
 
 
-class HopelessDrawError(TaxelError):
-    """A grasp whose every draw failed. Attributes: number, label, reason."""
+class SamplingError(TaxelError):
+    """A grasp of which no sample could be simulated. Attributes: number, label, reason."""
 
     def __init__(self, number: int, label: str, reason: str) -> None:
         super().__init__(number, label, reason)
         self.number, self.label, self.reason = number, label, reason
 
     def __str__(self) -> str:
-        return f"grasp {self.number}, {self.label}: no draw could be simulated ({self.reason}); narrow its ranges"
+        return f"grasp {self.number}, {self.label}: no sample could be simulated ({self.reason}); narrow its ranges"

@@ -1,4 +1,4 @@
-"""The folder of a recipe: what is there, what is missing, and how a file comes into it whole or not at all."""
+"""The folder of a recipe: its existing and missing shards, and atomic writing of files."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any, Final, NoReturn
 
 from taxel.generate.errors import FolderError
 from taxel.generate.recipe import Recipe
-from taxel.generate.shard import created, recipe_of, shard_name
-from taxel.generate.versions import versions
+from taxel.generate.shard import creation_time, read_recipe_digest, shard_name
+from taxel.generate.versions import package_versions
 from taxel.hand.errors import format_path, format_value
 from taxel.recording.errors import DatasetError
 
@@ -18,55 +18,55 @@ RECIPE: Final = "recipe.json"
 FORMAT: Final = "taxel-generated"
 VERSION: Final = 1
 
-ANOTHER: Final = "choose another --out, or give the recipe that this folder was begun with"
+OTHER_RECIPE: Final = "choose another --out, or give the recipe with which this folder was started"
 
 
-def begin(out: Path, recipe: Recipe) -> list[int]:
-    """Make the folder, or go on with it; the numbers of the shards that are missing.
+def open_folder(out: Path, recipe: Recipe) -> list[int]:
+    """Create the folder, or check an existing one; returns the numbers of the missing shards.
 
-    Raises FolderError for a folder of something else, of another recipe, or begun with other releases; OSError.
+    Raises FolderError for a folder with other content, with another recipe, or started with other releases; OSError.
     """
-    wanted = _statement(recipe)
+    expected = _recipe_record(recipe)
     if not out.exists():
         out.mkdir(parents=True)
     if not out.is_dir():
         _fail(out, "a folder", "a file", "choose another --out")
     record = out / RECIPE
     if record.exists():
-        _check_same(record, _read(record), wanted)
+        _check_same_recipe(record, _read_record(record), expected)
     else:
         _check_empty(out)
-        put(record, _text(wanted))
+        write_file(record, _to_text(expected))
     for part in out.glob(".*.part"):
-        part.unlink(missing_ok=True)  # what a killed run was writing
-    return [shard for shard in range(recipe.shards) if not _is_there(out, recipe, shard)]
+        part.unlink(missing_ok=True)  # incomplete files of a killed run
+    return [shard for shard in range(recipe.shards) if not _has_shard(out, recipe, shard)]
 
 
-def _is_there(out: Path, recipe: Recipe, shard: int) -> bool:
+def _has_shard(out: Path, recipe: Recipe, shard: int) -> bool:
     path = out / shard_name(shard, recipe.shards)
     if not path.exists():
         return False
     try:
-        found = recipe_of(path)
+        digest = read_recipe_digest(path)
     except DatasetError:
-        found = ""
-    if found != recipe.digest:
+        digest = ""
+    if digest != recipe.digest:
         _fail(path, "a shard of this recipe", "another file", "remove that file, or choose another --out")
     return True
 
 
-def put(path: Path, content: bytes) -> None:
-    """Write a file so that its name stands for all of it or for nothing, even after a power cut."""
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file completely or not at all, even if the power fails."""
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     with part.open("wb") as file:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())
-    place(part, path)
+    rename_durably(part, path)
 
 
-def place(part: Path, path: Path) -> None:
-    """Give a whole file, which is on the disk, its name."""
+def rename_durably(part: Path, path: Path) -> None:
+    """Rename a complete file that is on the disk to its final name, and flush the folder."""
     part.replace(path)
     folder = os.open(path.parent, os.O_RDONLY)
     try:
@@ -75,59 +75,61 @@ def place(part: Path, path: Path) -> None:
         os.close(folder)
 
 
-def _statement(recipe: Recipe) -> dict[str, Any]:
+def _recipe_record(recipe: Recipe) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "version": VERSION,
-        "created": created(),
-        "versions": versions(),
+        "created": creation_time(),
+        "versions": package_versions(),
         "recipe_sha256": recipe.digest,
         "recipe": recipe.to_json(),
     }
 
 
-def _text(content: dict[str, Any]) -> bytes:
+def _to_text(content: dict[str, Any]) -> bytes:
     return (json.dumps(content, indent=1, sort_keys=True) + "\n").encode()
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read_record(path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(path.read_bytes())
+        content = json.loads(path.read_bytes())
     except ValueError:
-        found = None
-    if not isinstance(found, dict) or found.get("format") != FORMAT:
+        content = None
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
         _fail(path, f'a record with format "{FORMAT}"', "another file", "choose another --out")
-    return found
+    return content
 
 
-def _check_same(path: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
-    difference = first_difference(found, wanted)
+def _check_same_recipe(path: Path, content: dict[str, Any], expected: dict[str, Any]) -> None:
+    difference = first_difference(content, expected)
     if difference is not None:
-        field, there, asked = difference
-        remedy = "make the rest with the releases that began it" if field.startswith("versions") else ANOTHER
-        raise FolderError(format_path(path), field, f"{format_value(asked)} as asked for", format_value(there), remedy)
+        field, in_folder, requested = difference
+        is_release = field.startswith("versions")
+        remedy = "generate the missing shards with the same releases" if is_release else OTHER_RECIPE
+        expected_text = f"{format_value(requested)} as requested"
+        raise FolderError(format_path(path), field, expected_text, format_value(in_folder), remedy)
 
 
-def first_difference(found: Any, wanted: Any, path: str = "") -> tuple[str, Any, Any] | None:
-    """Where two JSON values differ first: the path, and either side there. Digests are looked at last."""
-    if isinstance(found, dict) and isinstance(wanted, dict):
-        keys = sorted({*found, *wanted}, key=lambda key: (key.endswith("sha256"), key))
-        parts = [(f"{path}.{key}" if path else key, found.get(key), wanted.get(key)) for key in keys]
-    elif isinstance(found, list) and isinstance(wanted, list) and len(found) == len(wanted):
-        parts = [(f"{path}[{k}]", *pair) for k, pair in enumerate(zip(found, wanted, strict=True))]
+def first_difference(a: Any, b: Any, path: str = "") -> tuple[str, Any, Any] | None:
+    """The first difference of two JSON values: its path and both values; None for equal values. Digests come last."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        keys = sorted({*a, *b}, key=lambda key: (key.endswith("sha256"), key))
+        parts = [(f"{path}.{key}" if path else key, a.get(key), b.get(key)) for key in keys]
+    elif isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
+        parts = [(f"{path}[{k}]", *pair) for k, pair in enumerate(zip(a, b, strict=True))]
     else:
-        return None if found == wanted else (path, found, wanted)
-    differences = (first_difference(there, asked, where) for where, there, asked in parts)
-    return next((one for one in differences if one is not None), None)
+        return None if a == b else (path, a, b)
+    differences = (first_difference(value_a, value_b, part) for part, value_a, value_b in parts)
+    return next((difference for difference in differences if difference is not None), None)
 
 
 def _check_empty(out: Path) -> None:
-    others = sorted(one.name for one in out.iterdir() if not one.name.endswith(".part"))
-    if others:
+    names = sorted(path.name for path in out.iterdir() if not path.name.endswith(".part"))
+    if names:
         _fail(
             out,
-            "an empty folder, or one that taxel generate began",
-            f"one with {format_value(others[0])}",
+            "an empty folder, or one of taxel generate",
+            f"one with {format_value(names[0])}",
             "choose another --out",
         )
 

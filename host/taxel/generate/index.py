@@ -1,4 +1,4 @@
-"""The index of a folder: `grasps.csv`, a line a grasp, and `index.json`, the shards with their checksums."""
+"""The index of a folder: `grasps.csv` with one line for each grasp, and `index.json` with the shards and checksums."""
 
 from __future__ import annotations
 
@@ -13,22 +13,23 @@ from typing import Any, Final
 
 import numpy as np
 
-from taxel.generate.folder import FORMAT, VERSION, place, put
+from taxel.generate.folder import FORMAT, VERSION, rename_durably, write_file
 from taxel.generate.recipe import Recipe
-from taxel.generate.shard import created, grasp_id, read_table, shard_name
-from taxel.generate.versions import versions
+from taxel.generate.shard import creation_time, grasp_id, read_table, shard_name
+from taxel.generate.versions import package_versions
 
 INDEX: Final = "index.json"
 GRASPS: Final = "grasps.csv"
-FIRST: Final = ("grasp", "shard", "id", "label", "object", "approach")
-"""Columns before what was drawn."""
+FIRST_COLUMNS: Final = ("grasp", "shard", "id", "label", "object", "approach")
+"""Columns before the sampled values."""
 
 Progress = Callable[[int, int], object]
 
 
 def write_index(out: Path, recipe: Recipe, progress: Progress) -> None:
-    """Read every shard's table, one at a time, and write the index. The last file to be written is `index.json`: where
-    it stands, the folder is whole.
+    """Read the table of every shard, one at a time, and write the index.
+
+    `index.json` is written last: a folder with this file is complete.
     """
     names = sorted({name for shard in range(recipe.shards) for name in read_table(_path(out, recipe, shard)).names})
     labels: Counter[str] = Counter()
@@ -36,45 +37,45 @@ def write_index(out: Path, recipe: Recipe, progress: Progress) -> None:
     part = out / f".{GRASPS}.{os.getpid()}.part"
     with part.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow([*FIRST, *names])
+        writer.writerow([*FIRST_COLUMNS, *names])
         for shard in range(recipe.shards):
             path = _path(out, recipe, shard)
             table = read_table(path)
             labels.update(table.label)
             columns = [table.names.index(name) if name in table.names else -1 for name in names]
             for row, number in enumerate(table.number.tolist()):
-                values = [_text(table.values[row, column]) if column >= 0 else "" for column in columns]
+                values = [_format_number(table.values[row, column]) if column >= 0 else "" for column in columns]
                 texts = (table.label[row], table.object[row], table.approach[row])
                 writer.writerow([number, path.name, grasp_id(number), *texts, *values])
             first, grasps = int(table.number[0]), len(table.number)
-            shards.append({"file": path.name, "first": first, "grasps": grasps, **_weighed(path)})
+            shards.append({"file": path.name, "first": first, "grasps": grasps, **_size_and_checksum(path)})
             progress(shard + 1, recipe.shards)
         file.flush()
         os.fsync(file.fileno())
-    place(part, out / GRASPS)
+    rename_durably(part, out / GRASPS)
     content = {
         "format": FORMAT,
         "version": VERSION,
-        "created": created(),
-        "versions": versions(),
+        "created": creation_time(),
+        "versions": package_versions(),
         "recipe_sha256": recipe.digest,
         "recipe": recipe.to_json(),
         "labels": dict(sorted(labels.items())),
-        "table": {"file": GRASPS, "columns": [*FIRST, *names], **_weighed(out / GRASPS)},
+        "table": {"file": GRASPS, "columns": [*FIRST_COLUMNS, *names], **_size_and_checksum(out / GRASPS)},
         "shards": shards,
     }
-    put(out / INDEX, (json.dumps(content, indent=1) + "\n").encode())
+    write_file(out / INDEX, (json.dumps(content, indent=1) + "\n").encode())
 
 
 def _path(out: Path, recipe: Recipe, shard: int) -> Path:
     return out / shard_name(shard, recipe.shards)
 
 
-def _text(value: float) -> str:
-    """The shortest text that is read as the same number; empty for none."""
+def _format_number(value: float) -> str:
+    """The shortest text that represents the same number; empty for NaN."""
     return "" if np.isnan(value) else repr(float(value)).removesuffix(".0")
 
 
-def _weighed(path: Path) -> dict[str, Any]:
+def _size_and_checksum(path: Path) -> dict[str, Any]:
     with path.open("rb") as file:
         return {"bytes": path.stat().st_size, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}

@@ -1,4 +1,4 @@
-"""A number that is drawn, evenly between two bounds."""
+"""A range from which a number is sampled uniformly."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Range:
-    """From `low` to `high`, each value as likely; both the same: a fixed number."""
+    """Uniform distribution from `low` to `high`; equal bounds are a fixed number."""
 
     low: float
     high: float
 
     @property
-    def fixed(self) -> bool:
-        """Whether there is nothing to draw."""
+    def is_fixed(self) -> bool:
+        """Whether both bounds are equal."""
         return self.low == self.high
 
-    def draw(self, rng: np.random.Generator) -> float:
-        """One value. A fixed number takes a draw too, so that the draws after it stay what they are."""
+    def sample(self, rng: np.random.Generator) -> float:
+        """One value. A fixed number also consumes a random number, so that later samples do not change."""
         return self.low + (self.high - self.low) * float(rng.random())
 
     def to_json(self) -> list[float]:
@@ -29,5 +29,5 @@ class Range:
 
 
 def fixed(value: float) -> Range:
-    """A range of one number."""
+    """A range with equal bounds."""
     return Range(value, value)

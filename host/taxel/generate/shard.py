@@ -1,4 +1,4 @@
-"""One shard: an ordinary grasp dataset, with a table of what was drawn for each of its grasps."""
+"""One shard: a grasp dataset with a table of the sampled values of each grasp."""
 
 from __future__ import annotations
 
@@ -12,55 +12,57 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.campaign.setup import Setup
-from taxel.generate.grasping import ShardMaker
-from taxel.generate.one_thread import one_thread
+from taxel.generate.grasping import ShardGenerator
 from taxel.generate.recipe import HAND, Recipe
+from taxel.generate.single_thread import single_thread
 from taxel.hand import load_hand
-from taxel.recording.grasp_checks import Place
+from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_format import SIM
 from taxel.recording.grasp_hdf5 import open_hdf5
 from taxel.recording.grasp_storage import LIBVER, create_group, write_array, write_attributes, writing_errors
 from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
+from taxel.types import FloatArray, IntArray
 
 GROUP: Final = "generated"
-"""Of the table in a shard; readers of grasp datasets pass it by."""
+"""Name of the table's group in a shard; readers of grasp datasets ignore it."""
 
 TEXTS: Final = ("label", "object", "approach")
 
-BEGINNING: Final = "1970-01-01T00:00:00+00:00"
-"""When a shard says that it was created: the same recipe is the same bytes."""
+EPOCH: Final = "1970-01-01T00:00:00+00:00"
+"""Creation time in a shard. It is fixed, so that the same recipe gives the same bytes."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShardTable:
-    """A row for each grasp of a shard: number i64[g]; label, object, approach str[g]; values f64[g, p] of `names`, NaN
-    where it has none.
+    """One row for each grasp of a shard.
+
+    number: i64[g]. label, object, approach: str[g]. values: f64[g, p], sampled values of `names`, NaN where a grasp has
+    no such value.
     """
 
-    number: NDArray[np.int64]
+    number: IntArray
     label: tuple[str, ...]
     object: tuple[str, ...]
     approach: tuple[str, ...]
     names: tuple[str, ...]
-    values: NDArray[np.float64]
+    values: FloatArray
 
 
 def shard_name(shard: int, shards: int) -> str:
-    """The file of a shard; names sort as their numbers."""
+    """File name of a shard. The names sort in the order of the numbers."""
     return f"shard-{shard:0{max(5, len(str(shards - 1)))}d}.h5"
 
 
 def grasp_id(number: int) -> str:
-    """What a grasp is called in its shard."""
+    """Id of a grasp in its shard."""
     return f"g{number:09d}"
 
 
-def make_shard(recipe: Recipe, shard: int) -> bytes:
-    """A whole shard, as the bytes of its file. The same recipe and number give the same bytes, whoever makes it."""
-    with one_thread(), tempfile.TemporaryDirectory(prefix="taxel-") as folder:
+def generate_shard(recipe: Recipe, shard: int) -> bytes:
+    """The bytes of the file of a shard. They depend only on the recipe and the number of the shard."""
+    with single_thread(), tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         path = Path(folder) / shard_name(shard, recipe.shards)
         _write(recipe, shard, path)
         return path.read_bytes()
@@ -72,41 +74,41 @@ def _setup() -> Setup:
 
 
 def _write(recipe: Recipe, shard: int, path: Path) -> None:
-    maker = ShardMaker(recipe, shard, _setup())
+    generator = ShardGenerator(recipe, shard, _setup())
     rows: list[tuple[str, str, str, dict[str, float]]] = []
     header = DatasetHeader(
         source=SIM,
-        hand=maker.setup.hand.name,
-        taxels=maker.taxels,
-        sensors=maker.sensors,
+        hand=generator.setup.hand.name,
+        taxels=generator.taxels,
+        sensors=generator.sensors,
         objects={},
         generator=f"taxel {version('taxel')}; generated, recipe {recipe.digest[:12]}",
-        sensor_model=maker.sensor_model,
-        created=created(),
+        sensor_model=generator.sensor_model,
+        created=creation_time(),
     )
-    known: set[str] = set()
+    object_names: set[str] = set()
     with GraspDatasetWriter.create(path, header) as out:
         for number in recipe.numbers_of(shard):
-            made = maker.make(number)
-            if made.record.object not in known:
-                known.add(made.record.object)
-                out.add_object(made.record.object, made.mesh)
-            out.add(made.record, grasp_id(number))
-            rows.append((made.label, made.record.object, made.record.approach, made.values))
+            grasp = generator.generate(number)
+            if grasp.record.object not in object_names:
+                object_names.add(grasp.record.object)
+                out.add_object(grasp.record.object, grasp.mesh)
+            out.add(grasp.record, grasp_id(number))
+            rows.append((grasp.label, grasp.record.object, grasp.record.approach, grasp.values))
     _add_table(path, recipe, shard, rows)
 
 
-def created() -> str:
-    """`SOURCE_DATE_EPOCH` if it is set, else the beginning of 1970."""
+def creation_time() -> str:
+    """The time of `SOURCE_DATE_EPOCH` if this variable is set, else the start of 1970."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
-    return datetime.fromtimestamp(int(epoch), UTC).isoformat() if epoch.isdecimal() else BEGINNING
+    return datetime.fromtimestamp(int(epoch), UTC).isoformat() if epoch.isdecimal() else EPOCH
 
 
 def _add_table(path: Path, recipe: Recipe, shard: int, rows: list[tuple[str, str, str, dict[str, float]]]) -> None:
-    *texts, drawn = zip(*rows, strict=True)
-    names = tuple(sorted({name for values in drawn for name in values}))
-    table = np.array([[values.get(name, np.nan) for name in names] for values in drawn])
-    with writing_errors(Place(str(path))), open_hdf5(path, "r+", LIBVER) as file:
+    *texts, sampled = zip(*rows, strict=True)
+    names = tuple(sorted({name for values in sampled for name in values}))
+    table = np.array([[values.get(name, np.nan) for name in names] for values in sampled])
+    with writing_errors(Location(str(path))), open_hdf5(path, "r+", LIBVER) as file:
         group = create_group(file, GROUP)
         write_attributes(group, {"recipe_sha256": recipe.digest, "seed": recipe.seed, "shard": shard})
         write_array(group, "number", np.array(recipe.numbers_of(shard), np.int64))
@@ -117,18 +119,18 @@ def _add_table(path: Path, recipe: Recipe, shard: int, rows: list[tuple[str, str
 
 
 def read_table(path: Path) -> ShardTable:
-    """The table of a shard. Raises DatasetError for a file that has none."""
-    place = Place(str(path)).key(GROUP)
+    """The table of a shard. Raises DatasetError for a file without a table."""
+    location = Location(str(path)).key(GROUP)
     with open_hdf5(path, "r") as file:
         try:
             group = file[GROUP]
             texts = {name: tuple(group[name].asstr()[()].tolist()) for name in (*TEXTS, "names")}
             return ShardTable(group["number"][()], values=group["values"][()], **texts)
         except (KeyError, TypeError, AttributeError, OSError):
-            place.fail("the table of a generated shard", "none", "make the shard again with taxel generate")
+            location.fail("the table of a generated shard", "none", "generate the shard again with taxel generate")
 
 
-def recipe_of(path: Path) -> str:
-    """SHA-256 of the recipe that a shard was made from; "" for a file that says none."""
+def read_recipe_digest(path: Path) -> str:
+    """SHA-256 of the recipe of a shard; "" for a file without it."""
     with open_hdf5(path, "r") as file:
         return str(file[GROUP].attrs["recipe_sha256"]) if GROUP in file else ""

@@ -1,4 +1,4 @@
-"""Objects that are drawn: boxes, cylinders, prisms in ranges of sizes, and the convex hulls of mesh files."""
+"""Sampled objects: boxes, cylinders and prisms with ranges of sizes, and the convex hulls of mesh files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import ConvexHull, QhullError
 
 from taxel.cloud.files import MESH_READERS
@@ -19,9 +18,10 @@ from taxel.generate.errors import RecipeError
 from taxel.generate.ranges import Range
 from taxel.grasp import objects as thesis
 from taxel.grasp.objects import EDGE_RADIUS_M, GraspObject
-from taxel.grasp.plan import PLACINGS
+from taxel.grasp.plan import PALM_PLACEMENTS
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand.errors import format_path
+from taxel.types import FloatArray
 
 Solid = Literal["box", "cylinder", "prism", "mesh"]
 SIZES: Final[Mapping[str, tuple[str, ...]]] = {
@@ -30,20 +30,24 @@ SIZES: Final[Mapping[str, tuple[str, ...]]] = {
     "prism": ("side_mm", "height_mm"),
     "mesh": ("scale",),
 }
-"""What is drawn of each solid. prism: upright, of three equal sides."""
+"""Sampled sizes of each solid. prism: upright, with three equal sides."""
 
-MOST_CORNERS: Final = 80
-"""Of a hull: contact costs time with every face. Of more, those that lie farthest apart are kept."""
+MAX_CORNERS: Final = 80
+"""Largest number of corners of a hull; of more corners those farthest apart are kept. The simulation time grows with
+the number of faces; fewer corners remove more of the object (see `ObjectKind.outside_m`).
+"""
 
 SMALLEST_M, LARGEST_M = 0.005, 0.5
-"""Of a mesh's extents; outside, its unit is taken to be mistaken."""
+"""Permitted extents of a mesh, metres. A mesh outside them probably has another unit."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectKind:
-    """A kind of object. name: the label of its grasps. sizes: by the names of `SIZES`. share: how often, relative to
-    the others. approaches: "thesis", those that the thesis's object of this name has, or "any". file, hull: of a mesh;
-    corners f64[v, 3], metres, upright at the origin. outside_m: how far corners that were left out lie outside it.
+    """A kind of object.
+
+    name: label of its grasps. sizes: by the names of `SIZES`. share: frequency relative to the other kinds. approaches:
+    "thesis": those of the thesis's object with this name; or "any". file, hull: file and corners f64[v, 3] of a mesh,
+    metres, upright on the origin. outside_m: largest distance of a removed corner from the hull, metres.
     """
 
     name: str
@@ -52,29 +56,29 @@ class ObjectKind:
     share: float = 1.0
     approaches: Literal["thesis", "any"] = "any"
     file: str = ""
-    hull: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    hull: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     outside_m: float = 0.0
 
     @property
-    def varies(self) -> bool:
-        """Whether each grasp has an object of its own."""
-        return any(not one.fixed for one in self.sizes.values())
+    def is_varied(self) -> bool:
+        """Whether each grasp has an object with its own sizes."""
+        return any(not size.is_fixed for size in self.sizes.values())
 
     @cached_property
-    def _whole(self) -> ConvexPolytope:
+    def _unscaled(self) -> ConvexPolytope:
         return ConvexPolytope.from_mesh(self.hull)
 
-    def draw(self, rng: np.random.Generator) -> dict[str, float]:
-        """Its sizes, by name."""
-        return {name: one.draw(rng) for name, one in self.sizes.items()}
+    def sample(self, rng: np.random.Generator) -> dict[str, float]:
+        """Sampled sizes by name."""
+        return {name: size.sample(rng) for name, size in self.sizes.items()}
 
     def solid(self, sizes: Mapping[str, float], name: str) -> GraspObject:
-        """The object of these sizes. Raises ShapeError where they bound no solid."""
-        return GraspObject(name, self._shape(sizes), f"{self.shape}, drawn")
+        """The object with these sizes. Raises ShapeError if the sizes bound no solid."""
+        return GraspObject(name, self._shape(sizes), f"{self.shape}, sampled")
 
     def _shape(self, sizes: Mapping[str, float]) -> Shape:
         if self.shape == "mesh":
-            return ConvexPolytope(self._whole.normals, sizes["scale"] * self._whole.offsets)
+            return ConvexPolytope(self._unscaled.normals, sizes["scale"] * self._unscaled.offsets)
         metres = [1e-3 * sizes[name] for name in SIZES[self.shape]]
         if self.shape == "cylinder":
             return Cylinder(*metres)
@@ -82,17 +86,17 @@ class ObjectKind:
         return sharp.rounded(EDGE_RADIUS_M)
 
     def to_json(self) -> dict[str, Any]:
-        """As plain values; a mesh by its corners' SHA-256, so that the same mesh under another path is the same."""
-        plain = {name: getattr(self, name) for name in ("name", "shape", "share", "approaches")}
-        plain["sizes"] = {name: one.to_json() for name, one in self.sizes.items()}
+        """The kind as JSON values. A mesh is identified by the SHA-256 of its corners, independently of its path."""
+        content = {name: getattr(self, name) for name in ("name", "shape", "share", "approaches")}
+        content["sizes"] = {name: size.to_json() for name, size in self.sizes.items()}
         if self.shape == "mesh":
-            plain["corners"] = len(self.hull)
-            plain["corners_sha256"] = hashlib.sha256(np.ascontiguousarray(self.hull).tobytes()).hexdigest()
-        return plain
+            content["corners"] = len(self.hull)
+            content["corners_sha256"] = hashlib.sha256(np.ascontiguousarray(self.hull).tobytes()).hexdigest()
+        return content
 
 
 def default_kinds() -> tuple[ObjectKind, ...]:
-    """The thesis's three objects, each size up to 8 % smaller or larger."""
+    """The thesis's three objects with sizes from 8 % smaller to 8 % larger."""
     sizes = {
         "rectangular_prism": ("box", (thesis.BOX_WIDTH_M, thesis.BOX_DEPTH_M, thesis.BOX_HEIGHT_M)),
         "cylinder": ("cylinder", (thesis.CYLINDER_RADIUS_M, thesis.CYLINDER_HEIGHT_M)),
@@ -101,34 +105,39 @@ def default_kinds() -> tuple[ObjectKind, ...]:
     kinds = []
     for name, (shape, metres) in sizes.items():
         ranges = {
-            size: Range(round(920.0 * one, 6), round(1080.0 * one, 6))
-            for size, one in zip(SIZES[shape], metres, strict=True)
+            size: Range(round(920.0 * metre, 6), round(1080.0 * metre, 6))
+            for size, metre in zip(SIZES[shape], metres, strict=True)
         }
         kinds.append(ObjectKind(name, shape, ranges, 1.0, "thesis"))  # type: ignore[arg-type]
     return tuple(kinds)
 
 
 def has_thesis_approaches(name: str) -> bool:
-    """Whether the thesis grasps an object of this name."""
-    return any(item == name for item, _ in PLACINGS)
+    """Whether the thesis has an object of this name."""
+    return any(item == name for item, _ in PALM_PLACEMENTS)
 
 
-def mesh_kind(path: Path, name: str, scale: Range, unit_m: float, share: float = 1.0) -> ObjectKind:
-    """The convex hull of an STL, OBJ or PLY file, moved so that the middle of its bottom is the origin, z up.
+def read_mesh_kind(path: Path, name: str, scale: Range, unit_m: float, share: float = 1.0) -> ObjectKind:
+    """The convex hull of an STL, OBJ or PLY file, moved so that the centre of its bottom is the origin, with z upwards.
 
-    The mesh may have holes: only its corners count. Raises RecipeError; CloudFileError and OSError from reading.
+    The mesh may have holes, because only its corners are used. unit_m: length of its unit in metres. Raises
+    RecipeError; CloudFileError and OSError from reading.
     """
     if path.suffix.lower() not in MESH_READERS:
-        known = ", ".join(MESH_READERS)
+        endings = ", ".join(MESH_READERS)
         raise RecipeError(
-            format_path(path), "name", f"a mesh that ends in {known}", path.suffix or "no ending", "rename it"
+            format_path(path),
+            "name",
+            f"a mesh file with one of the endings {endings}",
+            path.suffix or "no ending",
+            "rename it",
         )
     points = unit_m * np.asarray(MESH_READERS[path.suffix.lower()](Source.open(path))[0], dtype=np.float64)
     try:
         corners = points[ConvexHull(points).vertices]
     except (QhullError, ValueError):
         raise RecipeError(
-            format_path(path), "vertices", "finite ones that span a solid", "others", "use a mesh of a solid"
+            format_path(path), "vertices", "finite vertices that span a solid", "other ones", "use a mesh of a solid"
         ) from None
     size = float(np.ptp(corners, axis=0).max())
     if not SMALLEST_M <= size <= LARGEST_M:
@@ -136,22 +145,22 @@ def mesh_kind(path: Path, name: str, scale: Range, unit_m: float, share: float =
         raise RecipeError(format_path(path), "vertices", expected, f"{size:.4g} m", remedy)
     low, high = corners.min(axis=0), corners.max(axis=0)
     corners = corners - np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
-    kept, inside = _spread(corners)
-    return ObjectKind(name, "mesh", {"scale": scale}, share, "any", str(path), kept, inside)
+    hull, outside_m = _select_corners(corners)
+    return ObjectKind(name, "mesh", {"scale": scale}, share, "any", str(path), hull, outside_m)
 
 
-def _spread(corners: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], float]:
-    """At most `MOST_CORNERS` of the corners, each next one the farthest from those before it, and how far the rest lies
-    outside their hull, metres.
+def _select_corners(corners: FloatArray) -> tuple[FloatArray, float]:
+    """At most `MAX_CORNERS` corners, each the farthest one from those before it, and the largest distance of the other
+    corners from their hull, metres.
     """
-    if len(corners) <= MOST_CORNERS:
+    if len(corners) <= MAX_CORNERS:
         return corners, 0.0
-    ends = [int(pick) for axis in corners.T for pick in (axis.argmin(), axis.argmax())]
-    chosen = list(dict.fromkeys(ends))
-    away = np.linalg.norm(corners[:, None] - corners[chosen], axis=2).min(axis=1)
-    while len(chosen) < MOST_CORNERS:
-        chosen.append(int(away.argmax()))
-        away = np.minimum(away, np.linalg.norm(corners - corners[chosen[-1]], axis=1))
-    equations = ConvexHull(corners[chosen]).equations
+    extremes = [int(index) for axis in corners.T for index in (axis.argmin(), axis.argmax())]
+    selected = list(dict.fromkeys(extremes))
+    distance = np.linalg.norm(corners[:, None] - corners[selected], axis=2).min(axis=1)
+    while len(selected) < MAX_CORNERS:
+        selected.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(corners - corners[selected[-1]], axis=1))
+    equations = ConvexHull(corners[selected]).equations
     outside = float((corners @ equations[:, :3].T + equations[:, 3]).max())
-    return corners[np.sort(chosen)], max(outside, 0.0)
+    return corners[np.sort(selected)], max(outside, 0.0)

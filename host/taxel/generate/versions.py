@@ -1,4 +1,4 @@
-"""Releases of what decides the bytes of a shard."""
+"""Releases of the libraries that affect the bytes of a shard."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from importlib.metadata import version
 import h5py  # type: ignore[import-untyped, unused-ignore]
 
 
-def versions() -> dict[str, str]:
-    """By name."""
-    found = {name: version(name) for name in ("taxel", "mujoco", "numpy", "scipy", "h5py")}
-    return {**found, "hdf5": str(h5py.version.hdf5_version)}
+def package_versions() -> dict[str, str]:
+    """Releases by name."""
+    releases = {name: version(name) for name in ("taxel", "mujoco", "numpy", "scipy", "h5py")}
+    return {**releases, "hdf5": str(h5py.version.hdf5_version)}

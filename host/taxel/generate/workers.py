@@ -1,4 +1,4 @@
-"""Who makes the shards: this process, several of this machine, or a cluster (`taxel.generate.cluster`)."""
+"""Workers that generate shards: this process, or several processes of this computer."""
 
 from __future__ import annotations
 
@@ -14,63 +14,68 @@ from typing import Final, Protocol
 
 from taxel.errors import TaxelError
 from taxel.generate.recipe import Recipe
-from taxel.generate.shard import make_shard
+from taxel.generate.shard import generate_shard
 
-AHEAD: Final = 2
-"""Shards in hand for each worker: enough that none waits, few enough that memory does not grow with their number."""
+SHARDS_PER_WORKER: Final = 2
+"""Number of submitted shards for each worker. With 1 a worker waits for its next shard; a larger number uses more
+memory.
+"""
 
 
 class WorkerLostError(TaxelError):
-    """A process has ended before its shard was done."""
+    """A worker process has ended before its shard was complete."""
 
     def __init__(self) -> None:
         super().__init__()
 
     def __str__(self) -> str:
         return (
-            "generate: one of its processes was ended from outside (memory?); finished shards are kept, "
-            "run the same command again to go on, or with fewer --workers"
+            "generate: a worker process was ended from outside (memory?); completed shards are kept, "
+            "run the same command again to continue, or with fewer --jobs"
         )
 
 
 class Workers(Protocol):
-    """Makes shards."""
+    """Generates shards."""
 
-    def made(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
-        """Number and bytes of each shard, as they are finished, in any order."""
+    def generate_shards(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
+        """Number and bytes of each shard, in the order of completion."""
         ...
 
 
 class Processes:
-    """Processes of this machine. count: 1: this process alone. Raises what `make_shard` does, and WorkerLostError."""
+    """Worker processes on this computer. count 1: this process generates the shards.
+
+    Raises the errors of `generate_shard`, and WorkerLostError.
+    """
 
     def __init__(self, count: int) -> None:
         self._count = count
 
-    def made(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
+    def generate_shards(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
         """See `Workers`."""
-        wanted = list(shards)
-        count = min(self._count, len(wanted))
+        numbers = list(shards)
+        count = min(self._count, len(numbers))
         if count <= 1:
-            yield from ((shard, make_shard(recipe, shard)) for shard in wanted)
+            yield from ((shard, generate_shard(recipe, shard)) for shard in numbers)
             return
         pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
         try:
-            yield from _in_pool(pool, partial(_numbered, recipe), wanted, AHEAD * count)
+            yield from _run_in_pool(pool, partial(_numbered_shard, recipe), numbers, SHARDS_PER_WORKER * count)
         except BrokenProcessPool:
             raise WorkerLostError from None
         finally:
             pool.shutdown(cancel_futures=True)
 
 
-def _numbered(recipe: Recipe, shard: int) -> tuple[int, bytes]:
-    _leave_with_parent()
-    return shard, make_shard(recipe, shard)
+def _numbered_shard(recipe: Recipe, shard: int) -> tuple[int, bytes]:
+    _exit_with_parent()
+    return shard, generate_shard(recipe, shard)
 
 
 @cache
-def _leave_with_parent() -> None:
-    """A parent that is killed cannot end its processes; they would wait for ever for what to do next."""
+def _exit_with_parent() -> None:
+    """End this process when its parent ends: a killed parent cannot end its workers, which would wait without limit."""
     parent = parent_process()
     if parent is not None:
 
@@ -81,13 +86,13 @@ def _leave_with_parent() -> None:
         Thread(target=watch, daemon=True).start()
 
 
-def _in_pool(
-    pool: ProcessPoolExecutor, work: partial[tuple[int, bytes]], shards: list[int], ahead: int
+def _run_in_pool(
+    pool: ProcessPoolExecutor, task: partial[tuple[int, bytes]], shards: list[int], pending: int
 ) -> Iterator[tuple[int, bytes]]:
-    left = iter(shards)
-    running: set[Future[tuple[int, bytes]]] = {pool.submit(work, shard) for shard in islice(left, ahead)}
+    remaining = iter(shards)
+    running: set[Future[tuple[int, bytes]]] = {pool.submit(task, shard) for shard in islice(remaining, pending)}
     while running:
         done, running = wait(running, return_when=FIRST_COMPLETED)
-        for one in done:
-            yield one.result()
-        running |= {pool.submit(work, shard) for shard in islice(left, len(done))}
+        for future in done:
+            yield future.result()
+        running |= {pool.submit(task, shard) for shard in islice(remaining, len(done))}

@@ -1,1 +1,1 @@
-"""Grasps of known objects: where the objects and the brackets are, and what the skin felt of them."""
+"""Grasps of known objects: shapes, grasp plan, controller, arm reach and calibrated poses."""

@@ -1,4 +1,4 @@
-"""What can be wrong with a calibration: each mistake prints as one line and carries its data."""
+"""Errors of a calibration; each message is one line."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from typing import NoReturn
 from taxel.errors import FieldError
 from taxel.hand.errors import Field
 
-__all__ = ["CalibrationError", "Place"]
+__all__ = ["CalibrationError", "CalibrationField"]
 
 
 class CalibrationError(FieldError, ValueError):
-    """A calibration that cannot be used."""
+    """Invalid or unreadable calibration."""
 
 
 @dataclass(frozen=True)
-class Place(Field):
-    """A place in a calibration: where an error points."""
+class CalibrationField(Field):
+    """Position of a field in a calibration, for error messages."""
 
-    def key(self, name: str) -> Place:
-        """The place of a key below this one."""
-        return Place(self.file, super().key(name).path)
+    def key(self, name: str) -> CalibrationField:
+        """Return the position of a key of this table."""
+        return CalibrationField(self.file, super().key(name).path)
 
-    def item(self, index: int) -> Place:
-        """The place of an element of the list that stands here."""
-        return Place(self.file, super().item(index).path)
+    def item(self, index: int) -> CalibrationField:
+        """Return the position of an element of this list."""
+        return CalibrationField(self.file, super().item(index).path)
 
     def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
-        """Raise CalibrationError for this place."""
+        """Raise CalibrationError for this field."""
         raise CalibrationError(self.file, self.path or "file", expected, found, remedy)
 
     def __str__(self) -> str:

@@ -1,6 +1,7 @@
-"""The schema of a calibration file: every mistake in one is refused with one clear line.
+"""Schema of a calibration file; the first error is reported in one line.
 
-Keys are declared in tables (``_TOP``, ``_ENTRY``, ``_POSE``). Nothing is repaired, and nothing unknown is ignored.
+Keys are declared in tables (``_TOP``, ``_ENTRY``, ``_POSE``). Invalid values are never corrected, and unknown keys are
+never ignored.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from taxel.grasp.calibration_errors import CalibrationError, Place
+from taxel.grasp.calibration_errors import CalibrationError, CalibrationField
 from taxel.hand.errors import HandDescriptionError, format_value
 from taxel.hand.toml_text import parse_toml
 
@@ -20,12 +21,17 @@ __all__ = ["FORMAT", "KINDS", "VERSION", "check_coordinate", "check_name", "pars
 
 FORMAT = "taxel-calibration"
 VERSION = 1
-KINDS: Mapping[str, str] = {"objects": "name", "brackets": "sensor"}  # the list, and the key that names an entry
+KINDS: Mapping[str, str] = {"objects": "name", "brackets": "sensor"}
+"""Lists of the file, and the key that names an entry of the list."""
 
-MAX_COORDINATE_M = 20.0  # beyond the reach of arm and tracker: a larger figure is a mistake of unit
-MAX_SIGMA_M = 0.1  # likewise
-UNIT_TOLERANCE = 1e-3  # of a quaternion's length: digits cut off are fine, another order of w is mostly not
-ROW = ("name", "x", "y", "z", "X", "Y", "Z")  # of a point: in the body's frame, then as measured
+MAX_COORDINATE_M = 20.0
+"""Largest coordinate, metres; a larger value indicates a wrong unit."""
+MAX_SIGMA_M = 0.1
+"""Largest standard deviation, metres; a larger value indicates a wrong unit."""
+UNIT_TOLERANCE = 1e-3
+"""Tolerance of the length of a quaternion: allows rounding, and usually detects a wrong order of components."""
+ROW = ("name", "x", "y", "z", "X", "Y", "Z")
+"""Values of a point: its name, coordinates in the body frame, measured coordinates."""
 MAX_TEXT = 200  # characters
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
@@ -53,22 +59,22 @@ def parse_calibration(data: bytes, file: str) -> dict[str, Any]:
     """Parse and check the bytes of a calibration file.
 
     Args:
-        data: the file's content, UTF-8 TOML in lines of at most 200 bytes.
-        file: its name, for errors.
+        data: content of the file, UTF-8 TOML in lines of at most 200 bytes.
+        file: file name, for errors.
 
     Returns:
         The document, with the lists ``objects`` and ``brackets`` present.
 
     Raises:
-        CalibrationError: the first mistake found.
+        CalibrationError: the first error.
     """
     try:
         document = parse_toml(data, file)
     except HandDescriptionError as error:
-        remedy = error.remedy.replace("a hand description", "a calibration")
+        remedy = error.remedy.replace("a hand description", "a calibration file")
         raise CalibrationError(error.file, error.field, error.expected, error.found, remedy) from None
-    top = Place(file)
-    _check_header(document, top)  # first: a file of another version may have other keys
+    top = CalibrationField(file)
+    _check_header(document, top)  # first, because a file of another version may have other keys
     _check_table(document, _TOP, top, required=())
     for kind, key in KINDS.items():
         names: dict[str, str] = {}
@@ -79,63 +85,67 @@ def parse_calibration(data: bytes, file: str) -> dict[str, Any]:
     return document
 
 
-def check_name(name: Any, owners: dict[str, str], place: Place) -> None:
-    """A name of letters, digits, '_', '.' and '-' that no other entry or point has; `owners` gathers the names."""
+def check_name(name: Any, owners: dict[str, str], place: CalibrationField) -> None:
+    """Check that a name has only letters, digits, '_', '.' and '-' and is unique; `owners` collects the names."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         place.fail("a name of letters, digits, '_', '.' and '-' (64 at most)", format_value(name), "rename it")
     if name in owners:
-        place.fail("a name used once", f"{name!r}, also in {owners[name]}", "rename one of them or leave one out")
+        place.fail("a unique name", f"{name!r}, also in {owners[name]}", "rename or remove one of them")
     owners[name] = place.path
 
 
-def check_coordinate(value: Any, place: Place) -> None:
-    """A number of metres within `MAX_COORDINATE_M`."""
+def check_coordinate(value: Any, place: CalibrationField) -> None:
+    """Check that a value is a number of metres within `MAX_COORDINATE_M`."""
     _check_type(value, _NUMBER, place)
-    if not abs(value) <= MAX_COORDINATE_M:  # also refuses nan
+    if not abs(value) <= MAX_COORDINATE_M:  # also true for nan
         place.fail(
-            f"metres, at most {MAX_COORDINATE_M:g}", format_value(value), "give the coordinate in metres, as 0.125"
+            f"metres, at most {MAX_COORDINATE_M:g}",
+            format_value(value),
+            "write the coordinate in metres, for example 0.125",
         )
 
 
-def _check_header(document: dict[str, Any], top: Place) -> None:
+def _check_header(document: dict[str, Any], top: CalibrationField) -> None:
     for key, expected in (("format", FORMAT), ("version", VERSION)):
-        found = document.get(key)
-        if found is None:
+        value = document.get(key)
+        if value is None:
             text = f'"{expected}"' if isinstance(expected, str) else str(expected)
             top.key(key).fail(format_value(expected), "nothing", f"add {key} = {text} at the top of the file")
-        # The type too: true == 1 and 1.0 == 1 in Python.
-        if type(found) is not type(expected) or found != expected:
+        # The type is compared too, since true == 1 and 1.0 == 1 in Python.
+        if type(value) is not type(expected) or value != expected:
             top.key(key).fail(
-                format_value(expected), format_value(found), "use a taxel release that reads that file, or convert it"
+                format_value(expected),
+                format_value(value),
+                "use a taxel release that reads this version, or convert it",
             )
 
 
-def _check_table(table: Any, keys: Mapping[str, _Types], place: Place, required: Iterable[str]) -> None:
+def _check_table(table: Any, keys: Mapping[str, _Types], place: CalibrationField, required: Iterable[str]) -> None:
     _check_type(table, _TABLE, place)
     for key, value in table.items():
         if key not in keys:
-            near = difflib.get_close_matches(key[:64], keys, n=1)  # cut: the comparison is quadratic
-            remedy = f"did you mean {near[0]}?" if near else f"known are {', '.join(keys)}"
-            place.key(key).fail("a known key", "an unknown one", remedy)
+            near = difflib.get_close_matches(key[:64], keys, n=1)  # truncated because the comparison is quadratic
+            remedy = f"did you mean {near[0]}?" if near else f"known keys: {', '.join(keys)}"
+            place.key(key).fail("a known key", "an unknown key", remedy)
         _check_type(value, keys[key], place.key(key))
     for key in required:
         if key not in table:
             place.key(key).fail(keys[key][0], "nothing", f"add {key}")
 
 
-def _check_type(value: Any, types: _Types, place: Place) -> None:
+def _check_type(value: Any, types: _Types, place: CalibrationField) -> None:
     if isinstance(value, bool) or not isinstance(value, types[1]):
         place.fail(types[0], format_value(value), "change its type")
 
 
-def _check_entry(entry: Any, key: str, names: dict[str, str], place: Place) -> None:
+def _check_entry(entry: Any, key: str, names: dict[str, str], place: CalibrationField) -> None:
     _check_table(entry, {key: _TEXT, **_ENTRY}, place, required=(key,))
     check_name(entry[key], names, place.key(key))
     if ("pose" in entry) == ("points" in entry):
         place.fail("either pose or points", "both" if "pose" in entry else "neither", "keep one of them")
-    for only in ("weights", "sigma_m"):
-        if only in entry and "points" not in entry:
-            place.key(only).fail("it with points only", "it with a pose", f"remove {only}, or give the points")
+    for key in ("weights", "sigma_m"):
+        if key in entry and "points" not in entry:
+            place.key(key).fail("an entry with points", "an entry with a pose", f"remove {key}, or add the points")
     if "instrument" in entry:
         _check_text(entry["instrument"], place.key("instrument"))
     if "pose" in entry:
@@ -144,16 +154,16 @@ def _check_entry(entry: Any, key: str, names: dict[str, str], place: Place) -> N
         _check_rows(entry["points"], place.key("points"))
         _check_weights(entry, place.key("weights"))
     if not 0 < entry.get("sigma_m", MAX_SIGMA_M) <= MAX_SIGMA_M:
-        remedy = "give the standard deviation in metres, as 25e-6"
+        remedy = "write the standard deviation in metres, for example 25e-6"
         place.key("sigma_m").fail(f"metres, above 0, at most {MAX_SIGMA_M:g}", format_value(entry["sigma_m"]), remedy)
 
 
-def _check_text(text: str, place: Place) -> None:
+def _check_text(text: str, place: CalibrationField) -> None:
     if not text.isprintable() or len(text) > MAX_TEXT:
         place.fail(f"one printable line of at most {MAX_TEXT} characters", format_value(text), "shorten it")
 
 
-def _check_pose(pose: Any, place: Place) -> None:
+def _check_pose(pose: Any, place: CalibrationField) -> None:
     _check_table(pose, _POSE, place, required=_POSE)
     for key, size in (("position_m", 3), ("quaternion_wxyz", 4)):
         if len(pose[key]) != size:
@@ -162,26 +172,30 @@ def _check_pose(pose: Any, place: Place) -> None:
             check_coordinate(value, place.key(key).item(index))
     length = math.hypot(*pose["quaternion_wxyz"])
     if abs(length - 1) > UNIT_TOLERANCE:
-        place.key("quaternion_wxyz").fail("a quaternion of length 1", f"{length:.6g}", "divide it by its length")
+        place.key("quaternion_wxyz").fail("a quaternion of length 1", f"{length:.6g}", "normalise the quaternion")
 
 
-def _check_rows(rows: list[Any], place: Place) -> None:
+def _check_rows(rows: list[Any], place: CalibrationField) -> None:
     names: dict[str, str] = {}
     for index, row in enumerate(rows):
         here = place.item(index)
         _check_type(row, _LIST, here)
         if len(row) != len(ROW):
-            here.fail(f"[{', '.join(ROW)}]", f"{len(row)} values", "give the point in its own frame, then as measured")
+            here.fail(
+                f"[{', '.join(ROW)}]",
+                f"{len(row)} values",
+                "write the coordinates in the body frame, then the measured coordinates",
+            )
         check_name(row[0], names, here)
         for column, value in enumerate(row[1:], start=1):
             check_coordinate(value, here.item(column))
 
 
-def _check_weights(entry: Mapping[str, Any], place: Place) -> None:
+def _check_weights(entry: Mapping[str, Any], place: CalibrationField) -> None:
     weights = entry.get("weights", [1] * len(entry["points"]))
     if len(weights) != len(entry["points"]):
-        place.fail(f"{len(entry['points'])} weights, one a point", str(len(weights)), "correct the list")
+        place.fail(f"{len(entry['points'])} weights, one per point", str(len(weights)), "correct the list")
     for index, weight in enumerate(weights):
         _check_type(weight, _NUMBER, place.item(index))
         if not 0 < weight < math.inf:
-            place.item(index).fail("a finite number above 0", format_value(weight), "leave a point out to ignore it")
+            place.item(index).fail("a finite number above 0", format_value(weight), "remove the point to ignore it")

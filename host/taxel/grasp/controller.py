@@ -1,4 +1,4 @@
-"""The torques that close the hand, hold and open it again: the same law for a simulated, a virtual and a real hand."""
+"""Joint torques of a grasp (closing, hold, release) for a simulated, a virtual and a physical hand."""
 
 from __future__ import annotations
 
@@ -10,42 +10,45 @@ from taxel.grasp.plan import Approach
 from taxel.grasp.timeline import Timeline
 from taxel.types import FloatArray
 
-TORQUE_LIMIT_NM: Final = 0.7  # of every joint (Wonik's data sheet of the Allegro hand)
+TORQUE_LIMIT_NM: Final = 0.7  # of every joint; source: Wonik's data sheet of the Allegro hand
 
-# Chosen. A held joint gives way by 0.05 rad under 0.5 Nm; damping is near critical for a geared finger joint's inertia.
+# Assumed: a held joint deflects by 0.05 rad under 0.5 Nm; near-critical damping for a geared finger joint.
 HOLD_NM_PER_RAD: Final = 10.0
 HOLD_NM_S_PER_RAD: Final = 0.3
-# Chosen. Opening is soft; the damping limits the speed at which a closing finger meets the object.
+# Assumed: low stiffness for opening; the damping limits the speed at which a closing finger touches the object.
 OPEN_NM_PER_RAD: Final = 1.0
 OPEN_NM_S_PER_RAD: Final = 0.045
 
 
 class GraspController:
-    """Torques for one grasp: f64[j] Nm at time t from the joints' angles and velocities; it keeps no state.
+    """Stateless controller of one grasp: joint torques from time, joint angles and joint velocities.
 
-    Held joints follow their targets all the time. The others hold their open angles, softly, in the baseline; close
-    with a torque that rises to the planned one and stays there; and return to the open angles. At rest in the hold
-    phase their torque is exactly the planned one times `torque_scale`. The limit is `TORQUE_LIMIT_NM`.
+    Held joints follow their targets in all phases. The other joints hold their open angles with a low stiffness in the
+    baseline, close with a torque that rises to the planned torque, and return to the open angles. At standstill in the
+    hold phase their torque equals the planned torque times `torque_scale`. All torques are limited to
+    `TORQUE_LIMIT_NM`. Raises ValueError for a scale below 0 or not finite.
     """
 
     def __init__(self, approach: Approach, timeline: Timeline, torque_scale: float = 1.0) -> None:
         if not 0 <= torque_scale < np.inf:
-            raise ValueError(f"torque_scale: expected at least 0, found {torque_scale}")
+            raise ValueError(f"torque_scale: expected a finite number of at least 0, found {torque_scale}")
         self.approach = approach
         self.timeline = timeline
-        self._held = approach.held
-        self._target = np.where(self._held, approach.base_targets, approach.open_angles)
-        self._grip = approach.torque * torque_scale
-        self._stiffness = np.where(self._held, HOLD_NM_PER_RAD, OPEN_NM_PER_RAD)
-        self._damping = np.where(self._held, HOLD_NM_S_PER_RAD, OPEN_NM_S_PER_RAD)
+        self._is_held = approach.is_held
+        self._target = np.where(self._is_held, approach.base_targets, approach.open_angles)
+        self._planned_torque = approach.torque * torque_scale
+        self._stiffness = np.where(self._is_held, HOLD_NM_PER_RAD, OPEN_NM_PER_RAD)
+        self._damping = np.where(self._is_held, HOLD_NM_S_PER_RAD, OPEN_NM_S_PER_RAD)
 
-    def torque(self, t: float, angles: FloatArray, velocities: FloatArray) -> FloatArray:
-        """Motor torques f64[j], Nm, at `t` seconds from the start of the grasp.
+    def compute_torque(self, t: float, angles: FloatArray, velocities: FloatArray) -> FloatArray:
+        """Compute the motor torques f64[j], Nm, at `t` seconds after the start of the grasp.
 
-        angles: f64[j], radians. velocities: f64[j], radians a second.
+        angles: f64[j], radians. velocities: f64[j], radians per second.
         """
-        grip = self.timeline.grip_at(t)
-        position = self._stiffness * (self._target - angles)
-        wanted = np.where(self._held, position, grip * self._grip + (1.0 - grip) * position)
-        wanted -= self._damping * velocities
-        return np.asarray(wanted.clip(-TORQUE_LIMIT_NM, TORQUE_LIMIT_NM))
+        fraction = self.timeline.get_torque_fraction(t)
+        position_torque = self._stiffness * (self._target - angles)
+        torque = np.where(
+            self._is_held, position_torque, fraction * self._planned_torque + (1.0 - fraction) * position_torque
+        )
+        torque -= self._damping * velocities
+        return np.asarray(torque.clip(-TORQUE_LIMIT_NM, TORQUE_LIMIT_NM))

@@ -1,4 +1,4 @@
-"""An upright cylinder."""
+"""Upright cylinder with exact rays and distances."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from taxel.types import FloatArray, Int32Array
 
 @dataclass(frozen=True)
 class Cylinder:
-    """An upright cylinder about the z axis, bottom at z = 0; metres. Raises ShapeError for a size of 0."""
+    """Upright cylinder about the z axis with its bottom at z = 0; metres. Raises ShapeError for invalid sizes."""
 
     radius: float
     height: float
@@ -28,13 +28,13 @@ class Cylinder:
         return np.array([[-r, -r, 0.0], [r, r, self.height]])
 
     def mesh(self, resolution: int = 64) -> tuple[FloatArray, Int32Array]:
-        """See `Shape`. `resolution`: corners of each cap, which lie on the circle; at least 3 (ShapeError)."""
+        """See `Shape`. `resolution`: number of vertices on each circle, at least 3 (else ShapeError)."""
         if resolution < 3:
             raise ShapeError("cylinder", "a resolution of at least 3", str(resolution))
         angles = 2 * np.pi * np.arange(resolution) / resolution
-        ring = self.radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        low = np.column_stack([ring, np.zeros(resolution)])
-        high = np.column_stack([ring, np.full(resolution, self.height)])
+        circle = self.radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        low = np.column_stack([circle, np.zeros(resolution)])
+        high = np.column_stack([circle, np.full(resolution, self.height)])
         vertices = np.concatenate([low, high, [[0.0, 0.0, 0.0], [0.0, 0.0, self.height]]])
         i = np.arange(resolution)
         j = (i + 1) % resolution
@@ -45,50 +45,50 @@ class Cylinder:
 
     def ray_separation(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> FloatArray:
         """See `Shape`."""
-        return self._clip(points, directions)[0]
+        return self._clip_lines(points, directions)[0]
 
     def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """See `Shape`."""
-        separation, by_wall = self._clip(points, directions)
-        hit = np.isfinite(separation)
+        separation, is_lateral = self._clip_lines(points, directions)
+        is_hit = np.isfinite(separation)
         p, d = np.broadcast_arrays(as_points(points), as_points(directions))
-        normal = (p + np.where(hit, separation, 0.0)[..., None] * d) / self.radius
+        normal = (p + np.where(is_hit, separation, 0.0)[..., None] * d) / self.radius
         normal[..., 2] = 0.0
-        cap = np.where(by_wall, 0.0, -np.sign(d[..., 2]))[..., None] * np.array([0.0, 0.0, 1.0])
-        return separation, np.where(hit[..., None], np.where(by_wall[..., None], normal, cap), 0.0)
+        cap = np.where(is_lateral, 0.0, -np.sign(d[..., 2]))[..., None] * np.array([0.0, 0.0, 1.0])
+        return separation, np.where(is_hit[..., None], np.where(is_lateral[..., None], normal, cap), 0.0)
 
-    def _clip(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-        """Separation, and whether by the wall: the line clipped by the round wall and by the two caps."""
+    def _clip_lines(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+        """Clip lines by the lateral surface and the caps; return the separation and whether a line enters laterally."""
         p, d = np.broadcast_arrays(as_points(points), as_points(directions))
-        wall_in, wall_out = self._wall(p, d)
+        lateral_in, lateral_out = self._clip_lateral(p, d)
         z, dz = p[..., 2], d[..., 2]
         with np.errstate(divide="ignore", invalid="ignore"):
             low, high = -z / dz, (self.height - z) / dz
-        level = dz == 0
-        between = (z >= 0) & (z <= self.height)
-        cap_in = np.where(level, np.where(between, -np.inf, np.inf), np.minimum(low, high))
-        cap_out = np.where(level, np.where(between, np.inf, -np.inf), np.maximum(low, high))
-        enter, leave = np.maximum(wall_in, cap_in), np.minimum(wall_out, cap_out)
-        return np.where((enter <= leave) & (leave >= 0), enter, np.inf), wall_in >= cap_in
+        is_horizontal = dz == 0
+        is_between = (z >= 0) & (z <= self.height)
+        cap_in = np.where(is_horizontal, np.where(is_between, -np.inf, np.inf), np.minimum(low, high))
+        cap_out = np.where(is_horizontal, np.where(is_between, np.inf, -np.inf), np.maximum(low, high))
+        enter, leave = np.maximum(lateral_in, cap_in), np.minimum(lateral_out, cap_out)
+        return np.where((enter <= leave) & (leave >= 0), enter, np.inf), lateral_in >= cap_in
 
-    def _wall(self, p: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Where lines enter and leave the endless cylinder; an empty interval where they miss it."""
+    def _clip_lateral(self, p: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Compute where lines enter and leave the infinite cylinder; (inf, -inf) for a miss."""
         x, y, dx, dy = p[..., 0], p[..., 1], d[..., 0], d[..., 1]
         a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - self.radius**2
-        # b^2 - a c by Lagrange's identity: no cancellation far from the cylinder.
+        # b^2 - a c by Lagrange's identity, which avoids cancellation far from the cylinder.
         discriminant = a * self.radius**2 - (x * dy - y * dx) ** 2
         root = np.sqrt(np.maximum(discriminant, 0.0))
         q = -(b + np.copysign(root, b))
         with np.errstate(divide="ignore", invalid="ignore"):
-            one = q / a
-            # q is 0 only for a point at which the line touches: both roots are 0.
-            two = np.where(q == 0, one, c / q)
-        upright = a == 0
-        inside = c <= 0
-        miss = np.where(upright, ~inside, discriminant < 0)
-        enter = np.where(upright, -np.inf, np.minimum(one, two))
-        leave = np.where(upright, np.inf, np.maximum(one, two))
-        return np.where(miss, np.inf, enter), np.where(miss, -np.inf, leave)
+            root_1 = q / a
+            # q is 0 only at a point of tangency, where both roots are 0.
+            root_2 = np.where(q == 0, root_1, c / q)
+        is_vertical = a == 0
+        is_inside = c <= 0
+        is_miss = np.where(is_vertical, ~is_inside, discriminant < 0)
+        enter = np.where(is_vertical, -np.inf, np.minimum(root_1, root_2))
+        leave = np.where(is_vertical, np.inf, np.maximum(root_1, root_2))
+        return np.where(is_miss, np.inf, enter), np.where(is_miss, -np.inf, leave)
 
     def signed_distance(self, points: npt.ArrayLike) -> FloatArray:
         """See `Shape`."""

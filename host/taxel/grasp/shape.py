@@ -1,7 +1,7 @@
-"""What a convex solid is to those who press against it; its methods are exact, never those of a mesh.
+"""Interface of convex solids with exact geometry (no mesh approximation).
 
-Lengths are metres, in the object's own frame: origin in the middle of the bottom face, z up. All methods take any
-leading axes and are vectorised over them.
+Lengths are metres, in the object frame: origin in the centre of the bottom face, z up. All methods are vectorised over
+leading axes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from taxel.types import FloatArray, Int32Array
 
 
 class ShapeError(TaxelError, ValueError):
-    """Numbers that bound no solid. Attributes: shape, expected, found."""
+    """Values that do not bound a solid. Attributes: shape, expected, found."""
 
     def __init__(self, shape: str, expected: str, found: str) -> None:
         super().__init__(shape, expected, found)
@@ -25,11 +25,13 @@ class ShapeError(TaxelError, ValueError):
         self.found = found
 
     def __str__(self) -> str:
-        return f"{self.shape}: expected {self.expected}, found {self.found}; correct the object's sizes or its mesh"
+        return (
+            f"{self.shape}: expected {self.expected}, found {self.found}; correct the sizes or the mesh of the object"
+        )
 
 
 class Shape(Protocol):
-    """A convex solid."""
+    """Convex solid."""
 
     @property
     def height(self) -> float:
@@ -42,47 +44,47 @@ class Shape(Protocol):
         ...
 
     def mesh(self, resolution: int = 64) -> tuple[FloatArray, Int32Array]:
-        """Vertices f64[v, 3] and triangles i32[f, 3], wound so that normals point outward."""
+        """Triangulate the surface: vertices f64[v, 3] and triangles i32[f, 3] with outward orientation."""
         ...
 
     def ray_separation(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> FloatArray:
-        """How far each point is from the solid along a direction, f64[...].
+        """Compute the distance from each point to the solid along a direction, f64[...].
 
-        points: f64[..., 3]. directions: unit vectors f64[..., 3]; the two broadcast. The result is the signed distance
-        from the point to where the line enters the solid: negative where the point is inside (it entered behind the
-        point), +inf where the line misses or the solid lies wholly behind the point.
+        points: f64[..., 3]. directions: unit vectors f64[..., 3]; both broadcast. The result is the signed distance
+        from the point to the entry point of the line: negative if the point is inside the solid, +inf if the line
+        misses the solid or the solid is entirely behind the point.
         """
         ...
 
     def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """`ray_separation` f64[...], and the outward unit normal f64[..., 3] where the line enters; 0 for a miss."""
+        """Compute `ray_separation` f64[...] and the outward unit normal f64[..., 3] at the entry; 0 for a miss."""
         ...
 
     def signed_distance(self, points: npt.ArrayLike) -> FloatArray:
-        """Euclidean distance of points f64[..., 3] to the surface, f64[...]; negative inside."""
+        """Compute the Euclidean distance of points f64[..., 3] to the surface, f64[...]; negative inside."""
         ...
 
     def distance_bound(self, points: npt.ArrayLike) -> FloatArray:
-        """What `signed_distance` is at least, f64[...], quickly."""
+        """Compute a lower bound of `signed_distance`, f64[...]; faster."""
         ...
 
 
 def check_sizes(shape: str, **sizes: float) -> None:
-    """Raises ShapeError for a size that is not above 0."""
+    """Raise ShapeError for a size that is not finite and above 0."""
     for name, value in sizes.items():
         if not (np.isfinite(value) and value > 0):
             raise ShapeError(shape, f"a {name} above 0 metres", str(value))
 
 
 def as_points(points: npt.ArrayLike) -> FloatArray:
-    """Points as f64[..., 3]; raises ValueError for another last axis."""
+    """Return points as f64[..., 3]. Raises ValueError for another last axis."""
     array = np.asarray(points, dtype=np.float64)
     if array.shape[-1:] != (3,):
         raise ValueError(f"points: expected 3 numbers in the last axis, found shape {array.shape}")
     return array
 
 
-def read_only(array: FloatArray) -> FloatArray:
-    """The same array, not to be written to any more."""
+def make_read_only(array: FloatArray) -> FloatArray:
+    """Set the array read-only and return it."""
     array.setflags(write=False)
     return array

@@ -1,4 +1,4 @@
-"""Convex solids as exact geometry: rays and distances from their formulas, never from a mesh."""
+"""Convex solids with exact rays and distances."""
 
 from taxel.grasp.cylinder import Cylinder
 from taxel.grasp.polytope import ConvexPolytope

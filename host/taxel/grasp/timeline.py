@@ -1,4 +1,4 @@
-"""The phases of one grasp and when each begins."""
+"""Phases of a grasp and their times."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-PHASE_TOLERANCE_S = 1e-9  # a sample computed as k / rate belongs to the phase that begins there
+PHASE_TOLERANCE_S = 1e-9
+"""Tolerance of phase boundaries: a sample at k / rate belongs to the phase that starts at this time."""
 
-# Chosen: shares of the closing phase in which the palm comes to the object, the torque rises, and all settles; and of
-# the release phase in which the torque falls, the fingers open, and the palm withdraws.
+# Assumed fractions of the closing phase: end of the palm motion and end of the torque rise. Assumed fractions of the
+# release phase: end of the torque decrease and start of the palm withdrawal.
 ADVANCE_END = 0.2
 GRIP_END = 0.6
 RELEASE_END = 0.3
-WITHDRAW_BEGIN = 0.7
+WITHDRAW_START = 0.7
 
 
 class Phase(IntEnum):
-    """What the hand does; the number is the one that recordings carry."""
+    """Phase of a grasp; recordings contain its number."""
 
     BASELINE = 0
     CLOSING = 1
@@ -31,11 +32,11 @@ class Phase(IntEnum):
 
 @dataclass(frozen=True)
 class Timeline:
-    """How long each phase lasts, seconds.
+    """Durations of the phases, seconds.
 
-    baseline_s: open, so that the taxels' rest level can be told. closing_s: the fingers close and press.
-    hold_s: they press at a constant torque. release_s: they open again. recovery_s: open, while the layer recovers.
-    Raises ValueError for a duration below 0 or not finite, or for no time at all.
+    baseline_s: open hand, baseline of the taxels. closing_s: the fingers close. hold_s: constant torque. release_s: the
+    fingers open. recovery_s: open hand, recovery of the dielectric. Raises ValueError for a duration below 0 or not
+    finite, or if all durations are 0.
     """
 
     baseline_s: float = 6.0
@@ -48,60 +49,60 @@ class Timeline:
         for item in fields(self):
             value = getattr(self, item.name)
             if not 0 <= value < np.inf:
-                raise ValueError(f"{item.name}: expected seconds, at least 0, found {value}")
+                raise ValueError(f"{item.name}: expected a finite number of seconds of at least 0, found {value}")
         if self.duration_s == 0:
-            raise ValueError("timeline: expected a phase that lasts, found all at 0 s")
+            raise ValueError("timeline: expected a duration above 0, found 0 s for all phases")
 
     @property
     def durations_s(self) -> tuple[float, ...]:
-        """Seconds of each phase, in order."""
+        """Duration of each phase, seconds, in order."""
         return (self.baseline_s, self.closing_s, self.hold_s, self.release_s, self.recovery_s)
 
     @property
     def duration_s(self) -> float:
-        """Seconds of all phases together."""
+        """Total duration, seconds."""
         return sum(self.durations_s)
 
-    def begin(self, phase: int) -> float:
-        """When a phase begins, seconds after the start of the grasp."""
-        return self._begins[phase]
+    def get_start_s(self, phase: int) -> float:
+        """Return the start of a phase, seconds after the start of the grasp."""
+        return self._start_times_s[phase]
 
     @cached_property
-    def _begins(self) -> tuple[float, ...]:
-        return tuple(sum(self.durations_s[:phase]) for phase in Phase)  # a controller asks in every step
+    def _start_times_s(self) -> tuple[float, ...]:
+        return tuple(sum(self.durations_s[:phase]) for phase in Phase)  # cached, since controllers use it in every step
 
-    def end(self, phase: int) -> float:
-        """When a phase ends, seconds."""
-        return self.begin(phase) + self.durations_s[Phase(phase)]
+    def get_end_s(self, phase: int) -> float:
+        """Return the end of a phase, seconds after the start of the grasp."""
+        return self.get_start_s(phase) + self.durations_s[Phase(phase)]
 
-    def phase_at(self, t: npt.ArrayLike) -> npt.NDArray[np.uint8]:
-        """The phase at times f64[...], u8[...]: it begins at its first moment; outside the grasp, the nearest."""
-        begins = [self.begin(phase) for phase in list(Phase)[1:]]
-        found = np.searchsorted(begins, np.asarray(t, dtype=np.float64) + PHASE_TOLERANCE_S, side="right")
-        return np.asarray(found, dtype=np.uint8)
+    def find_phases(self, t: npt.ArrayLike) -> npt.NDArray[np.uint8]:
+        """Return the phases at times f64[...], u8[...]; outside the grasp, the nearest phase."""
+        starts = [self.get_start_s(phase) for phase in list(Phase)[1:]]
+        phases = np.searchsorted(starts, np.asarray(t, dtype=np.float64) + PHASE_TOLERANCE_S, side="right")
+        return np.asarray(phases, dtype=np.uint8)
 
-    def share_at(self, phase: int, t: float) -> float:
-        """How much of a phase is over at time t, 0..1; 1 for a phase that lasts no time once it has begun."""
-        passed, lasts = t - self.begin(phase), self.durations_s[phase]
-        if passed < 0:
+    def get_phase_progress(self, phase: int, t: float) -> float:
+        """Return the elapsed fraction of a phase at time t, 0..1; 1 after the start of a phase of duration 0."""
+        elapsed_s, duration_s = t - self.get_start_s(phase), self.durations_s[phase]
+        if elapsed_s < 0:
             return 0.0
-        return min(passed / lasts, 1.0) if lasts > 0 else 1.0
+        return min(elapsed_s / duration_s, 1.0) if duration_s > 0 else 1.0
 
-    def grip_at(self, t: float) -> float:
-        """Share of the planned torque at time t, 0..1."""
-        if t >= self.begin(Phase.RELEASE):
-            return 1.0 - min(self.share_at(Phase.RELEASE, t) / RELEASE_END, 1.0)
-        return min(max(self.share_at(Phase.CLOSING, t) - ADVANCE_END, 0.0) / (GRIP_END - ADVANCE_END), 1.0)
+    def get_torque_fraction(self, t: float) -> float:
+        """Return the fraction of the planned torque at time t, 0..1."""
+        if t >= self.get_start_s(Phase.RELEASE):
+            return 1.0 - min(self.get_phase_progress(Phase.RELEASE, t) / RELEASE_END, 1.0)
+        return min(max(self.get_phase_progress(Phase.CLOSING, t) - ADVANCE_END, 0.0) / (GRIP_END - ADVANCE_END), 1.0)
 
-    def withdrawn_at(self, t: float) -> float:
-        """How far the palm is withdrawn from the object at time t: 1 in the baseline and in recovery, 0 on it."""
-        if t >= self.begin(Phase.RELEASE):
-            return max(self.share_at(Phase.RELEASE, t) - WITHDRAW_BEGIN, 0.0) / (1.0 - WITHDRAW_BEGIN)
-        return 1.0 - min(self.share_at(Phase.CLOSING, t) / ADVANCE_END, 1.0)
+    def get_withdrawal(self, t: float) -> float:
+        """Return the withdrawal of the palm at time t: 1 in baseline and recovery, 0 at the object."""
+        if t >= self.get_start_s(Phase.RELEASE):
+            return max(self.get_phase_progress(Phase.RELEASE, t) - WITHDRAW_START, 0.0) / (1.0 - WITHDRAW_START)
+        return 1.0 - min(self.get_phase_progress(Phase.CLOSING, t) / ADVANCE_END, 1.0)
 
-    def sample_times(self, rate_hz: float) -> npt.NDArray[np.float64]:
-        """Times 0, 1/rate, 2/rate ... before the end, seconds, f64[T]. Raises ValueError for a rate not above 0."""
+    def make_sample_times(self, rate_hz: float) -> npt.NDArray[np.float64]:
+        """Return the times 0, 1/rate, 2/rate ... before the end, seconds, f64[T]. Raises ValueError for a rate <= 0."""
         if not 0 < rate_hz < np.inf:
-            raise ValueError(f"rate_hz: expected above 0, found {rate_hz}")
+            raise ValueError(f"rate_hz: expected a finite number above 0, found {rate_hz}")
         count = int(np.ceil(self.duration_s * rate_hz - PHASE_TOLERANCE_S))
         return np.arange(count) / rate_hz

@@ -22,17 +22,17 @@ class UnknownBoardError(TaxelError, LookupError):
     Attributes:
         hand: name of the hand description.
         board: the requested address or name, as text.
-        known: addresses or names of the boards of the hand.
+        expected_boards: addresses or names of the boards of the hand.
     """
 
-    def __init__(self, hand: str, board: str, known: Sequence[str]) -> None:
-        super().__init__(hand, board, tuple(known))
+    def __init__(self, hand: str, board: str, expected_boards: Sequence[str]) -> None:
+        super().__init__(hand, board, tuple(expected_boards))
         self.hand = hand
         self.board = board
-        self.known = tuple(known)
+        self.expected_boards = tuple(expected_boards)
 
     def __str__(self) -> str:
-        return f"hand {self.hand!r} has no board {self.board}; expected one of {', '.join(self.known)}"
+        return f"hand {self.hand!r} has no board {self.board}; expected one of {', '.join(self.expected_boards)}"
 
 
 class HandGeometryError(TaxelError, ValueError):
@@ -56,17 +56,17 @@ class UnknownLinkError(TaxelError, LookupError):
     Attributes:
         robot: name of the robot.
         link_name: the requested link.
-        known: links of the robot.
+        expected_links: links of the robot.
     """
 
-    def __init__(self, robot: str, link_name: str, known: Sequence[str]) -> None:
-        super().__init__(robot, link_name, tuple(known))
+    def __init__(self, robot: str, link_name: str, expected_links: Sequence[str]) -> None:
+        super().__init__(robot, link_name, tuple(expected_links))
         self.robot = robot
         self.link_name = link_name
-        self.known = tuple(known)
+        self.expected_links = tuple(expected_links)
 
     def __str__(self) -> str:
-        return f"robot {self.robot!r} has no link {self.link_name!r}; expected one of {', '.join(self.known)}"
+        return f"robot {self.robot!r} has no link {self.link_name!r}; expected one of {', '.join(self.expected_links)}"
 
 
 @dataclass(frozen=True)

@@ -120,7 +120,7 @@ def make_pose(position: npt.ArrayLike, quaternion: npt.ArrayLike) -> FloatArray:
 
 
 def inverse(transform: npt.ArrayLike) -> FloatArray:
-    """Invert rigid transforms f64[..., 4, 4]; the rotation is transposed, hence without rounding error."""
+    """Invert rigid transforms f64[..., 4, 4]; the rotation is transposed, which causes no rounding error."""
     m = _check_matrices(transform)
     result = np.zeros_like(m)
     result[..., :3, :3] = np.swapaxes(m[..., :3, :3], -1, -2)

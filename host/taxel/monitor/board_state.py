@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.hand import Board
 from taxel.monitor.reading import BoardReading
 from taxel.signal import Activation, ActivationFrame, Baseline
 from taxel.stream import BoardCount, TaxelFrame
+from taxel.types import CountArray
 from taxel_protocol import BoardState as HubBoardState
 
 SILENT_S = 1.0
@@ -31,9 +31,7 @@ class BoardState:
     the last frame on the monitor's clock, and `time_s` the time of that frame; both are NaN before the first frame.
     """
 
-    def __init__(
-        self, board: Board, taxels: slice, raw: NDArray[np.uint16], lowest: NDArray[np.uint16], samples: int
-    ) -> None:
+    def __init__(self, board: Board, taxels: slice, raw: CountArray, lowest: CountArray, samples: int) -> None:
         self.board = board
         self.taxels = taxels
         self.frames = 0

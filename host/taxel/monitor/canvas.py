@@ -7,14 +7,13 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.color import Color
 from rich.console import Console, ConsoleOptions
 from rich.segment import Segment
 from rich.style import Style
 
 from taxel.monitor.colours import TABLE, UNKNOWN
-from taxel.types import BoolArray
+from taxel.types import BoolArray, IndexArray
 
 NOTHING = -1
 """Value in a picture where there is no taxel."""
@@ -49,7 +48,7 @@ class Canvas:
             self._styles[row, columns] = self._style_names.index(style)
         return end
 
-    def paint(self, row: int, column: int, steps: NDArray[np.intp], active: BoolArray) -> None:
+    def paint(self, row: int, column: int, steps: IndexArray, active: BoolArray) -> None:
         """Draw a picture [2 * k, w] of rows of `TABLE` or NOTHING; two of its rows are one row of characters.
 
         active: bool[2 * k, w], active taxels, used by a canvas without colour.

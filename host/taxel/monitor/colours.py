@@ -5,9 +5,8 @@ scale. Inactive taxels use its darkest part, active taxels its upper half.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taxel.types import FloatArray
+from taxel.types import ByteArray, FloatArray, IndexArray
 
 VIRIDIS = ("440154", "482878", "3e4989", "31688e", "26828e", "1f9e89", "35b779", "6ece58", "b5de2b", "fde725")
 """Ten equidistant colours of the map."""
@@ -27,7 +26,7 @@ SMALLEST_TOP = 2.0
 """Smallest end of the scale, in thresholds. With a smaller value the noise of an untouched skin gets bright colours."""
 
 
-def _build_table() -> NDArray[np.uint8]:
+def _build_table() -> ByteArray:
     anchors = np.array([[int(code[i : i + 2], 16) for i in (0, 2, 4)] for code in VIRIDIS], dtype=float)
     position = np.concatenate(
         [np.linspace(0.0, _INACTIVE_END, INACTIVE_STEPS), np.linspace(_ACTIVE_START, 1.0, STEPS - INACTIVE_STEPS)]
@@ -41,7 +40,7 @@ TABLE = _build_table()
 """Colours u8[STEPS + 1, 3]: from signal 0 to the end of the scale, then grey for an unknown signal."""
 
 
-def colour_steps(signal: FloatArray, threshold: float, top: float) -> NDArray[np.intp]:
+def colour_steps(signal: FloatArray, threshold: float, top: float) -> IndexArray:
     """Row of `TABLE` for each signal [n], counts. top: end of the scale, counts, above `threshold`."""
     finite = np.nan_to_num(signal, nan=0.0)
     inactive = np.clip(INACTIVE_STEPS * finite / threshold, 0, INACTIVE_STEPS - 1)

@@ -1,10 +1,9 @@
 """Signals of all taxels over the last half minute, for time series."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.monitor.reading import SkinReading
-from taxel.types import FloatArray
+from taxel.types import Float32Array, FloatArray, IndexArray
 
 
 class History:
@@ -31,7 +30,7 @@ class History:
         self._next = (self._next + 1) % len(self._times)
         self._count = min(self._count + 1, len(self._times))
 
-    def _rows(self) -> NDArray[np.intp]:
+    def _rows(self) -> IndexArray:
         return (self._next - self._count + np.arange(self._count)) % len(self._times)
 
     @property
@@ -40,11 +39,11 @@ class History:
         times = self._times[self._rows()]
         return times - times[-1] if times.size else times
 
-    def taxels(self, index: NDArray[np.intp]) -> NDArray[np.float32]:
+    def taxels(self, index: IndexArray) -> Float32Array:
         """Signals of the taxels `index` [k], f32[t, k], counts; NaN where unknown."""
         return np.asarray(self._signals[np.ix_(self._rows(), index)])
 
-    def most_active(self, count: int) -> NDArray[np.intp]:
+    def most_active(self, count: int) -> IndexArray:
         """The taxels with the largest signals of all stored readings, largest first, taxels without a signal last."""
         signals = self._signals[self._rows()]
         largest = np.nan_to_num(signals, nan=-np.inf).max(axis=0, initial=-np.inf)

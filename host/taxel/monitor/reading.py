@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.hand import Board
-from taxel.types import BoolArray, FloatArray
+from taxel.types import BoolArray, CountArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ class SkinReading:
 
     signal_counts: FloatArray
     active: BoolArray
-    raw_counts: NDArray[np.uint16]
+    raw_counts: CountArray
     boards: tuple[BoardReading, ...]
     time_s: float
     watched_s: float

@@ -9,7 +9,6 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.errors import TaxelError
 from taxel.monitor.colours import TABLE, UNKNOWN, ColourScale, colour_steps
@@ -19,6 +18,7 @@ from taxel.monitor.page import legend_html, status_html, table_html
 from taxel.monitor.reading import SkinReading
 from taxel.monitor.scene import HandScene, build_scene
 from taxel.optional import optional_import
+from taxel.types import Float32Array
 
 if TYPE_CHECKING:
     import viser
@@ -178,7 +178,7 @@ class WebView:
             self._plot.scales, self._plotted_top = _scales(top), top
         self._plot.data = (times, *(column.astype(np.float64) for column in values.T))
 
-    def _series(self) -> tuple[tuple[str, ...], NDArray[np.float32]]:
+    def _series(self) -> tuple[tuple[str, ...], Float32Array]:
         """Names and signals f32[t, k] of the selected time series."""
         hand, selection = self._monitor.hand, self._choice.value
         if selection == BOARDS:
@@ -203,7 +203,7 @@ def _title(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _row_maximum(signals: NDArray[np.float32]) -> NDArray[np.float32]:
+def _row_maximum(signals: Float32Array) -> Float32Array:
     """Largest known signal of each row of [t, k]; NaN where all are unknown."""
     largest = np.nan_to_num(signals, nan=-np.inf).max(axis=1, initial=-np.inf)
     return np.where(np.isfinite(largest), largest, np.nan).astype(np.float32)

@@ -17,7 +17,7 @@ from taxel.signal import (
 )
 from taxel.stream import CaptureDecoder, ClockMap
 from taxel.stream.row_clock import RowClock
-from taxel.types import FloatArray
+from taxel.types import CountArray, FloatArray
 
 
 class BoardFrames(NamedTuple):
@@ -28,9 +28,9 @@ class BoardFrames(NamedTuple):
     """
 
     time_s: FloatArray
-    raw_counts: NDArray[np.uint16]
-    sequence: NDArray[np.uint16]
-    cycle: NDArray[np.uint16]
+    raw_counts: CountArray
+    sequence: CountArray
+    cycle: CountArray
 
     def select(self, rows: slice) -> "BoardFrames":
         """The frames of some rows."""
@@ -67,9 +67,7 @@ def read_boards(path: str | os.PathLike[str]) -> Iterator[dict[int, BoardFrames]
             yield from _split_by_board(rows, time_s, batch.counts)
 
 
-def _split_by_board(
-    rows: NDArray[np.void], time_s: FloatArray, counts: NDArray[np.uint16]
-) -> Iterator[dict[int, BoardFrames]]:
+def _split_by_board(rows: NDArray[np.void], time_s: FloatArray, counts: CountArray) -> Iterator[dict[int, BoardFrames]]:
     key = rows["address"].astype(np.uint32) << 16 | rows["size"]
     order = np.argsort(key, kind="stable")
     borders = np.flatnonzero(np.diff(key[order])) + 1

@@ -29,7 +29,7 @@ import numpy as np
 
 from taxel.hand.errors import format_path, format_value
 from taxel.recording.errors import DatasetError
-from taxel.recording.grasp_checks import Place
+from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_format import (
     GRASP,
     GRASP_ATTRIBUTES,
@@ -70,20 +70,20 @@ def write_from_arrays(
             _write(path, values, overwrite)
         return
     flat = dict(_flatten(arrays, ""))
-    _write(path, _Values(flat.keys(), flat.__getitem__, Place(str(path))), overwrite)
+    _write(path, _Values(flat.keys(), flat.__getitem__, Location(str(path))), overwrite)
 
 
 class _Values:
     """Arrays by name. Raises DatasetError for an unknown name at construction, and for a missing name on access."""
 
-    def __init__(self, names: Iterable[object], read: Callable[[str], Any], place: Place) -> None:
-        self.place = place
+    def __init__(self, names: Iterable[object], read: Callable[[str], Any], location: Location) -> None:
+        self.location = location
         self._names = sorted(str(name) for name in names)
         self._read = read
         checked: set[str] = set()
         for name in self._names:
             if name not in checked and not _is_format_name(name):
-                self.place.key(name).fail("a name of the format", "an unknown one", _suggestion(name))
+                self.location.key(name).fail("a name of the format", "an unknown one", _suggestion(name))
             checked.add(name)
 
     def ids(self, group: str) -> list[str]:
@@ -98,7 +98,7 @@ class _Values:
         """One value; a 0-d array becomes a plain value. None for an absent value that is not required."""
         if name not in self._names:
             if required:
-                self.place.key(name).fail("a value", "nothing", "add it to the arrays")
+                self.location.key(name).fail("a value", "nothing", "add it to the arrays")
             return None
         value = self._read(name)
         # np.str_ is a str; 0-d arrays of texts and numbers become scalars here.
@@ -113,26 +113,26 @@ class _Npz:
     """The arrays of an .npz file, each read on access."""
 
     def __init__(self, path: Path) -> None:
-        self._place = Place(str(path))
+        self._location = Location(str(path))
         if not path.is_file():
-            self._place.fail("an .npz file", "a folder" if path.is_dir() else "nothing", "check the path")
+            self._location.fail("an .npz file", "a folder" if path.is_dir() else "nothing", "check the path")
         try:
             self._zip = zipfile.ZipFile(path)
         except (zipfile.BadZipFile, OSError) as error:
-            self._place.fail("an .npz file", format_value(str(error)), "write it with numpy.savez")
+            self._location.fail("an .npz file", format_value(str(error)), "write it with numpy.savez")
 
     def __enter__(self) -> _Values:
-        return _Values([name.removesuffix(".npy") for name in self._zip.namelist()], self._read_array, self._place)
+        return _Values([name.removesuffix(".npy") for name in self._zip.namelist()], self._read_array, self._location)
 
     def __exit__(self, *_: object) -> None:
         self._zip.close()
 
     def _read_array(self, name: str) -> Any:
-        place = self._place.key(name)
+        location = self._location.key(name)
         try:
             member = self._zip.getinfo(f"{name}.npy")
             if member.file_size > LARGEST_ARRAY_BYTES:
-                place.fail(f"at most {LARGEST_ARRAY_BYTES} bytes", str(member.file_size), "split the grasp")
+                location.fail(f"at most {LARGEST_ARRAY_BYTES} bytes", str(member.file_size), "split the grasp")
             with self._zip.open(member) as file:
                 version = np.lib.format.read_magic(file)
                 header = (
@@ -141,24 +141,24 @@ class _Npz:
                 shape, _, dtype = header(file)
                 # NumPy allocates the size in the header, so a false header is refused before NumPy reads the data.
                 if int(np.prod(shape, dtype=object)) * dtype.itemsize > member.file_size:
-                    place.fail("a complete array", "a truncated one", "write it again")
+                    location.fail("a complete array", "a truncated one", "write it again")
             with self._zip.open(member) as file:
                 return np.lib.format.read_array(file, allow_pickle=False)
         except (ValueError, OSError, KeyError, EOFError, RuntimeError, zlib.error, zipfile.BadZipFile) as error:
             reason = format_value(str(error).partition("\n")[0])
-            place.fail("a plain array", reason, "store numbers or texts, without Python objects")
+            location.fail("a plain array", reason, "store numbers or texts, without Python objects")
 
 
 def _write(path: str | PathLike[str], values: _Values, overwrite: bool) -> None:
-    target, place = Path(path), Place(str(path))
-    check_target(target, overwrite, place)
+    target, location = Path(path), Location(str(path))
+    check_target(target, overwrite, location)
     # The dataset is written beside the target, so that an error in a late grasp neither leaves an incomplete dataset
     # nor destroys an existing one.
     temporary = target.with_name(f".{target.name}.import")
     try:
         _write_dataset(temporary, values)
-        with writing_errors(place):
-            put_in_place(temporary, target, overwrite, place)
+        with writing_errors(location):
+            put_in_place(temporary, target, overwrite, location)
     except DatasetError as error:
         if error.file != format_path(temporary):
             raise
@@ -177,7 +177,7 @@ def _write_dataset(path: Path, values: _Values) -> None:
         optional = {name: values.get(f"sensor_model/{name}", required=False) for name in OPTIONAL}
         model = SensorModel(**required, **{name: value for name, value in optional.items() if value is not None})
     if not values.has_group("objects"):
-        values.place.key("objects").fail("at least one object", "nothing", "add objects/<name>/vertices and faces")
+        values.location.key("objects").fail("at least one object", "nothing", "add objects/<name>/vertices and faces")
     header = DatasetHeader(
         **attributes,
         taxels=TaxelTable(**values.table("taxels", tuple(TAXELS))),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from taxel.recording.grasp_checks import check_content, check_integer, check_text
 from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS, BASELINE_FRAMES, GRASP, SIM, Phase, is_required
 from taxel.recording.grasp_hdf5 import Node, scalar, set_read_only
-from taxel.types import BoolArray, FloatArray
+from taxel.types import BoolArray, ByteArray, CountArray, FloatArray, IntArray
 
 
 class Grasp:
@@ -20,7 +20,7 @@ class Grasp:
     An array is read and checked on first use (DatasetError) and stays in memory as long as this object exists.
     """
 
-    def __init__(self, node: Node, grasp_id: str, source: str, s: int, sensor_index: NDArray[np.int64]) -> None:
+    def __init__(self, node: Node, grasp_id: str, source: str, s: int, sensor_index: IntArray) -> None:
         """sensor_index: i64[n], row of each taxel's sensor in the sensor table, 0 to s - 1."""
         self.id = grasp_id
         self._node = node
@@ -28,17 +28,17 @@ class Grasp:
         self._sizes = {"n": len(sensor_index), "s": s}
         self._sensor_index = sensor_index
         self._arrays: dict[str, NDArray[Any] | None] = {}
-        place = node.place
-        text = {name: scalar(node.attribute(name), place.key(name)) for name in ("object", "approach")}
-        number = {name: scalar(node.attribute(name), place.key(name)) for name in ("iteration", "session")}
-        self.object: str = check_text(text["object"], place.key("object"))
-        self.approach: str = check_text(text["approach"], place.key("approach"))
-        self.iteration: int = check_integer(number["iteration"], place.key("iteration"))
-        self.session: int = check_integer(number["session"], place.key("session"))
+        location = node.location
+        text = {name: scalar(node.attribute(name), location.key(name)) for name in ("object", "approach")}
+        number = {name: scalar(node.attribute(name), location.key(name)) for name in ("iteration", "session")}
+        self.object: str = check_text(text["object"], location.key("object"))
+        self.approach: str = check_text(text["approach"], location.key("approach"))
+        self.iteration: int = check_integer(number["iteration"], location.key("iteration"))
+        self.session: int = check_integer(number["session"], location.key("session"))
         for name, spec in GRASP.items():
             is_present = node.has(name)
             if is_present and spec.sim_only and source != SIM:
-                place.key(name).fail('no such array where source = "real"', "one", "remove it or correct the source")
+                location.key(name).fail('no such array where source = "real"', "one", "remove it or correct the source")
             if is_present or is_required(spec, source):
                 node.check_array(name, spec, self._sizes)
 
@@ -59,12 +59,12 @@ class Grasp:
         return self._required_array("timestamp")
 
     @property
-    def phase(self) -> NDArray[np.uint8]:
+    def phase(self) -> ByteArray:
         """u8[T], the commanded phase, see `Phase`."""
         return self._required_array("phase")
 
     @property
-    def raw_counts(self) -> NDArray[np.uint16]:
+    def raw_counts(self) -> CountArray:
         """u16[T, n]; contact lowers the count."""
         return self._required_array("raw_counts")
 
@@ -165,19 +165,19 @@ class Grasp:
         remedy = "request fewer baseline frames, or leave this grasp out"
         commanded = int((self.phase == Phase.BASELINE).sum())
         if commanded < frames:
-            self._node.place.key("phase").fail(expected, str(commanded), remedy)
+            self._node.location.key("phase").fail(expected, str(commanded), remedy)
         valid = self._frames_of_phase(Phase.BASELINE).sum(axis=0)
         short = np.flatnonzero(sensors & (valid < frames))
         if short.size:
             found = f"{valid[short[0]]} valid ones of the sensor in column {short[0]}"
-            self._node.place.key("valid").fail(expected, found, remedy)
+            self._node.location.key("valid").fail(expected, found, remedy)
 
     def _frames_of_phase(self, phase: Phase, first: int | None = None) -> BoolArray:
         """bool[T, s]: the valid frames of a phase; for each sensor only the `first` ones, None for all."""
         frames: BoolArray = self.valid & (self.phase == phase)[:, None]
         return frames if first is None else frames & (np.cumsum(frames, axis=0) <= first)
 
-    def _sum_counts(self, frames: BoolArray, sensors: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _sum_counts(self, frames: BoolArray, sensors: BoolArray) -> tuple[IntArray, IntArray]:
         """i64[n], i64[n]: sum of the raw counts over a sensor's frames, and their number; (0, 1) for other sensors."""
         total = np.zeros(self._sizes["n"], np.int64)
         count = np.ones(self._sizes["n"], np.int64)
@@ -203,7 +203,7 @@ class Grasp:
         if not is_required(spec, self._source) and not self._node.has(name):
             return None
         array = self._node.array(name, spec, self._sizes)
-        check_content(name, array, self._node.place.key(name))
+        check_content(name, array, self._node.location.key(name))
         return set_read_only(array)
 
 

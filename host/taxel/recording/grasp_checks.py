@@ -1,7 +1,7 @@
 """Checks of the arrays and texts of a grasp dataset, both for a file and for values that a program passes to the
 writer.
 
-Each check takes a `Place` (file and HDF5 path) and raises DatasetError with this place.
+Each check takes a `Location` (file and HDF5 path) and raises DatasetError with this location.
 """
 
 from __future__ import annotations
@@ -34,41 +34,43 @@ _KIND_NAMES = {"u": "integers", "i": "integers", "f": "floating-point numbers", 
 
 
 @dataclass(frozen=True)
-class Place:
-    """A file and an HDF5 path in it: the location that an error message names."""
+class Location:
+    """A file and an HDF5 path in it, which an error message names."""
 
     file: str
     path: str = ""
 
-    def key(self, name: str) -> Place:
-        """The place of a group, an array or an attribute below this one."""
-        return Place(self.file, f"{self.path}/{name}")
+    def key(self, name: str) -> Location:
+        """The location of a group, an array or an attribute below this one."""
+        return Location(self.file, f"{self.path}/{name}")
 
     def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
-        """Raise DatasetError with this place."""
+        """Raise DatasetError with this location."""
         raise DatasetError(format_path(self.file), format_path(self.path or "/"), expected, found, remedy)
 
 
-def check_header(shape: tuple[int, ...], dtype: Any, spec: ArraySpec, sizes: dict[str, int], place: Place) -> None:
+def check_header(
+    shape: tuple[int, ...], dtype: Any, spec: ArraySpec, sizes: dict[str, int], location: Location
+) -> None:
     """Check the type and the shape of an array without its values.
 
     sizes: length of each axis so far; a new axis is added.
     """
-    _check_kind(dtype, spec, place)
+    _check_kind(dtype, spec, location)
     axes = ", ".join(str(axis) for axis in spec.axes)
     expected = f"shape [{axes}]" + _format_sizes(spec, sizes)
     if len(shape) != len(spec.axes):
-        place.fail(expected, f"{list(shape)}", "write the array in that shape")
+        location.fail(expected, f"{list(shape)}", "write the array in that shape")
     for axis, length in zip(spec.axes, shape, strict=True):
         if isinstance(axis, str) and axis not in sizes:
             if not 1 <= length <= LARGEST_AXIS[axis]:
-                place.fail(f"{expected} with {axis} from 1 to {LARGEST_AXIS[axis]}", f"{list(shape)}", "correct it")
+                location.fail(f"{expected} with {axis} from 1 to {LARGEST_AXIS[axis]}", f"{list(shape)}", "correct it")
             sizes[axis] = length
         elif length != (axis if isinstance(axis, int) else sizes[axis]):
-            place.fail(expected, f"{list(shape)}", "write the array in that shape")
+            location.fail(expected, f"{list(shape)}", "write the array in that shape")
     width = 8 if spec.dtype == STRING else max(np.dtype(spec.dtype).itemsize, dtype.itemsize)
     if prod(shape) * width > LARGEST_ARRAY_BYTES:
-        place.fail(f"at most {LARGEST_ARRAY_BYTES} bytes", f"{list(shape)}", "split the grasp")
+        location.fail(f"at most {LARGEST_ARRAY_BYTES} bytes", f"{list(shape)}", "split the grasp")
 
 
 def _format_sizes(spec: ArraySpec, sizes: Mapping[str, int]) -> str:
@@ -76,17 +78,17 @@ def _format_sizes(spec: ArraySpec, sizes: Mapping[str, int]) -> str:
     return f" ({', '.join(f'{axis} = {sizes[axis]}' for axis in letters)})" if letters else ""
 
 
-def _check_kind(dtype: Any, spec: ArraySpec, place: Place) -> None:
+def _check_kind(dtype: Any, spec: ArraySpec, location: Location) -> None:
     if spec.dtype == STRING:
         return  # HDF5 and NumPy store strings in several types; the readers of strings check them
     expected = np.dtype(spec.dtype).kind
     allowed = {"b": "bui", "u": "ui", "i": "ui", "f": "f"}[expected]
     if dtype.kind not in allowed:
         name = _KIND_NAMES["?" if expected == "b" else expected]
-        place.fail(name, f"type {dtype}", f"store it as {np.dtype(spec.dtype)}")
+        location.fail(name, f"type {dtype}", f"store it as {np.dtype(spec.dtype)}")
 
 
-def convert_type(array: NDArray[Any], spec: ArraySpec, place: Place) -> NDArray[Any]:
+def convert_type(array: NDArray[Any], spec: ArraySpec, location: Location) -> NDArray[Any]:
     """The array in the documented type. Raises DatasetError for a value outside this type, a NaN or an infinity."""
     dtype = np.dtype(spec.dtype)
     if dtype.kind == "f":
@@ -94,55 +96,55 @@ def convert_type(array: NDArray[Any], spec: ArraySpec, place: Place) -> NDArray[
             result = np.ascontiguousarray(array, dtype=dtype)
         if not np.isfinite(result).all():
             at = first_index(~np.isfinite(result))
-            place.fail("finite numbers", f"{result[at]} at {format_index(at)}", "remove or correct that value")
+            location.fail("finite numbers", f"{result[at]} at {format_index(at)}", "remove or correct that value")
         if array.dtype.itemsize > dtype.itemsize and (result != array).any():
             at = first_index(result != array)
             found = f"{array[at]} at {format_index(at)}"
-            place.fail("numbers that float64 represents exactly", found, "store float64")
+            location.fail("numbers that float64 represents exactly", found, "store float64")
         return result
     # A boolean in a file may have any byte value.
     numbers = array.view(np.uint8) if array.dtype == np.bool_ else array
     low, high = (0, 1) if dtype.kind == "b" else (np.iinfo(dtype).min, np.iinfo(dtype).max)
     if numbers.size and (int(numbers.min()) < low or int(numbers.max()) > high):
         at = first_index((numbers < low) | (numbers > high))
-        place.fail(f"values from {low} to {high}", f"{numbers[at]} at {format_index(at)}", "correct that value")
+        location.fail(f"values from {low} to {high}", f"{numbers[at]} at {format_index(at)}", "correct that value")
     return np.ascontiguousarray(array, dtype=dtype)
 
 
-def check_array(array: Any, spec: ArraySpec, sizes: dict[str, int], place: Place) -> NDArray[Any]:
+def check_array(array: Any, spec: ArraySpec, sizes: dict[str, int], location: Location) -> NDArray[Any]:
     """An array from a program in the documented type, after the same checks as for an array in a file."""
     try:
         values = np.asarray(array)
     except ValueError:
-        place.fail("an array", "rows of different lengths", "make them equally long")
-    check_header(values.shape, values.dtype, spec, sizes, place)
-    return convert_type(values, spec, place)
+        location.fail("an array", "rows of different lengths", "make them equally long")
+    check_header(values.shape, values.dtype, spec, sizes, location)
+    return convert_type(values, spec, location)
 
 
-def check_content(name: str, array: NDArray[Any], place: Place) -> None:
+def check_content(name: str, array: NDArray[Any], location: Location) -> None:
     """Check the meaning of the values of a grasp's array, which has its documented type."""
     if name == "timestamp":
-        _check_times(array, place)
+        _check_times(array, location)
     elif name == "phase" and array.max() > max(Phase):
         at = first_index(array > max(Phase))
-        place.fail("phases from 0 to 4", f"{array[at]} at {format_index(at)}", "correct that frame's phase")
+        location.fail("phases from 0 to 4", f"{array[at]} at {format_index(at)}", "correct that frame's phase")
     elif name in ("sensor_pose", "sensor_pose_t", "object_pose"):
-        check_poses(array, place)
+        check_poses(array, location)
     elif name == "contact_force" and array.min() < 0.0:
         at = first_index(array < 0.0)
         remedy = "correct the sign: a contact cannot pull a taxel"
-        place.fail("forces of 0 N or more", f"{array[at]} at {format_index(at)}", remedy)
+        location.fail("forces of 0 N or more", f"{array[at]} at {format_index(at)}", remedy)
 
 
-def _check_times(times: FloatArray, place: Place) -> None:
+def _check_times(times: FloatArray, location: Location) -> None:
     decreases = times[1:] < times[:-1]
     if decreases.any():
         frame = first_index(decreases)[0] + 1
         found = f"{times[frame]} after {times[frame - 1]} at [{frame}]"
-        place.fail("times that do not decrease", found, "put the frames in order of time")
+        location.fail("times that do not decrease", found, "put the frames in order of time")
 
 
-def check_poses(poses: FloatArray, place: Place) -> None:
+def check_poses(poses: FloatArray, location: Location) -> None:
     """Check that each pose of f64[..., 4, 4] is a rotation and a translation, metres."""
     remedy = "store [R t; 0 0 0 1] with R a rotation"
     rotation = poses[..., :3, :3]
@@ -153,13 +155,15 @@ def check_poses(poses: FloatArray, place: Place) -> None:
         is_mirrored = ~(np.linalg.det(rotation) > 0.0)
     if (poses[..., 3, :] != (0.0, 0.0, 0.0, 1.0)).any():
         at = first_index((poses[..., 3, :] != (0.0, 0.0, 0.0, 1.0)).any(axis=-1))
-        place.fail("a last row 0 0 0 1", f"{poses[at][3].tolist()} at {format_index(at)}", remedy)
+        location.fail("a last row 0 0 0 1", f"{poses[at][3].tolist()} at {format_index(at)}", remedy)
     if is_skewed.any():
         at = first_index(is_skewed)
         found = f"columns off by {error[at]:.2g} at {format_index(at)}"
-        place.fail(f"an orthonormal rotation (to {POSE_TOLERANCE:g})", found, remedy)
+        location.fail(f"an orthonormal rotation (to {POSE_TOLERANCE:g})", found, remedy)
     if is_mirrored.any():
-        place.fail("a rotation of determinant +1", f"a reflection at {format_index(first_index(is_mirrored))}", remedy)
+        location.fail(
+            "a rotation of determinant +1", f"a reflection at {format_index(first_index(is_mirrored))}", remedy
+        )
 
 
 def first_index(mask: BoolArray | np.bool_) -> tuple[int, ...]:
@@ -172,57 +176,57 @@ def format_index(index: tuple[int, ...]) -> str:
     return str(list(index))
 
 
-def check_text(value: Any, place: Place) -> str:
+def check_text(value: Any, location: Location) -> str:
     """A text of one printable line. Bytes are decoded as UTF-8."""
     if isinstance(value, bytes):
         try:
             value = value.decode("utf-8")
         except UnicodeDecodeError:
-            place.fail("UTF-8 text", format_value(value), "store it as UTF-8")
+            location.fail("UTF-8 text", format_value(value), "store it as UTF-8")
     if not isinstance(value, str):
-        place.fail("a text", format_value(value), "store a string")
+        location.fail("a text", format_value(value), "store a string")
     if not value or len(value) > LONGEST_TEXT or not value.isprintable():
         expected = f"1 to {LONGEST_TEXT} printable characters"
-        place.fail(expected, format_value(value) if value else "an empty text", "correct the text")
+        location.fail(expected, format_value(value) if value else "an empty text", "correct the text")
     return str(value)
 
 
-def check_choice(value: Any, choices: tuple[str, ...], place: Place) -> str:
+def check_choice(value: Any, choices: tuple[str, ...], location: Location) -> str:
     """One of the texts in `choices`."""
-    text = check_text(value, place)
+    text = check_text(value, location)
     if text not in choices:
-        place.fail(" or ".join(f'"{choice}"' for choice in choices), format_value(text), "write one of these")
+        location.fail(" or ".join(f'"{choice}"' for choice in choices), format_value(text), "write one of these")
     return text
 
 
-def check_created(value: Any, place: Place) -> str:
+def check_created(value: Any, location: Location) -> str:
     """A date and time in ISO 8601."""
-    text = check_text(value, place)
+    text = check_text(value, location)
     try:
         datetime.fromisoformat(text)
     except ValueError:
-        place.fail("a time of ISO 8601", format_value(text), "write it as 2024-05-31T12:00:00+00:00")
+        location.fail("a time of ISO 8601", format_value(text), "write it as 2024-05-31T12:00:00+00:00")
     return text
 
 
-def check_integer(value: Any, place: Place) -> int:
+def check_integer(value: Any, location: Location) -> int:
     """An integer from 0 to 2^63 - 1."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
-        place.fail("an integer of 0 or more", format_value(value), "store an integer")
+        location.fail("an integer of 0 or more", format_value(value), "store an integer")
     if not 0 <= value < 2**63:
-        place.fail("an integer from 0 to 2^63 - 1", format_value(int(value)), "count from 0")
+        location.fail("an integer from 0 to 2^63 - 1", format_value(int(value)), "count from 0")
     return int(value)
 
 
-def check_number(value: Any, place: Place, allow_zero: bool = False) -> float:
+def check_number(value: Any, location: Location, allow_zero: bool = False) -> float:
     """A finite number above 0; with `allow_zero` also 0."""
     expected = "a finite number of 0 or more" if allow_zero else "a finite number above 0"
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.integer | np.floating):
-        place.fail(expected, format_value(value), "store one number")
+        location.fail(expected, format_value(value), "store one number")
     try:
         number = float(value)
     except OverflowError:
         number = np.inf
     if not np.isfinite(number) or number < 0.0 or (number == 0.0 and not allow_zero):
-        place.fail(expected, str(number), "correct it")
+        location.fail(expected, str(number), "correct it")
     return number

@@ -9,11 +9,10 @@ from types import MappingProxyType, TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
 from taxel.recording.grasp import Grasp
-from taxel.recording.grasp_checks import Place, check_choice, check_created, check_text
+from taxel.recording.grasp_checks import Location, check_choice, check_created, check_text
 from taxel.recording.grasp_format import FORMAT, MESH, REAL, SENSORS, SIM, TAXELS, VERSION
 from taxel.recording.grasp_hdf5 import Node, open_hdf5, scalar
 from taxel.recording.grasp_sensor_model import OPTIONAL, REQUIRED, SensorModel, check_sensor_model
@@ -26,6 +25,7 @@ from taxel.recording.grasp_tables import (
     check_sensors,
     check_taxels,
 )
+from taxel.types import IntArray
 
 
 class GraspDataset:
@@ -42,10 +42,10 @@ class GraspDataset:
 
     def __init__(self, path: str | PathLike[str], baseline_frames: int = 0) -> None:
         self.path = Path(path)
-        self._place = Place(str(path))
+        self._location = Location(str(path))
         self._file = open_hdf5(self.path, "r")
         try:
-            self._read_header(Node(self._file, self._place))
+            self._read_header(Node(self._file, self._location))
             if baseline_frames:
                 self.require_baseline(baseline_frames)
         except BaseException:
@@ -54,18 +54,22 @@ class GraspDataset:
 
     def _read_header(self, root: Node) -> None:
         check_format(root)
-        place = self._place
-        text = {name: scalar(root.attribute(name), place.key(name)) for name in ("source", "hand", "generator")}
-        self.source: str = check_choice(text["source"], (REAL, SIM), place.key("source"))
-        self.hand: str = check_text(text["hand"], place.key("hand"))
-        self.generator: str = check_text(text["generator"], place.key("generator"))
-        self.created: str = check_created(scalar(root.attribute("created"), place.key("created")), place.key("created"))
-        sizes: dict[str, int] = {}
-        self.taxels: TaxelTable = check_taxels(_read_arrays(root, "taxels", TAXELS, sizes), place.key("taxels"), sizes)
-        self.sensors: SensorTable = check_sensors(
-            _read_arrays(root, "sensors", SENSORS, sizes), place.key("sensors"), sizes
+        location = self._location
+        text = {name: scalar(root.attribute(name), location.key(name)) for name in ("source", "hand", "generator")}
+        self.source: str = check_choice(text["source"], (REAL, SIM), location.key("source"))
+        self.hand: str = check_text(text["hand"], location.key("hand"))
+        self.generator: str = check_text(text["generator"], location.key("generator"))
+        self.created: str = check_created(
+            scalar(root.attribute("created"), location.key("created")), location.key("created")
         )
-        check_addresses(self.taxels, self.sensors, place)
+        sizes: dict[str, int] = {}
+        self.taxels: TaxelTable = check_taxels(
+            _read_arrays(root, "taxels", TAXELS, sizes), location.key("taxels"), sizes
+        )
+        self.sensors: SensorTable = check_sensors(
+            _read_arrays(root, "sensors", SENSORS, sizes), location.key("sensors"), sizes
+        )
+        check_addresses(self.taxels, self.sensors, location)
         self.objects: Mapping[str, ObjectMesh] = MappingProxyType(_read_objects(root))
         self.sensor_model: SensorModel | None = self._read_sensor_model(root)
         # These grasps never read their arrays: callers get copies, so that the arrays are freed with the copies.
@@ -74,22 +78,22 @@ class GraspDataset:
             grasp_id: self._open_grasp(grasp_id, node, index) for grasp_id, node in _grasp_nodes(root).items()
         }
 
-    def _open_grasp(self, grasp_id: str, node: Node, sensor_index: NDArray[np.int64]) -> Grasp:
+    def _open_grasp(self, grasp_id: str, node: Node, sensor_index: IntArray) -> Grasp:
         grasp = Grasp(node, grasp_id, self.source, self.sensors.s, sensor_index)
         if grasp.object not in self.objects:
-            self._place.key("grasps").key(grasp_id).key("object").fail(
+            self._location.key("grasps").key(grasp_id).key("object").fail(
                 "a name in /objects", format_value(grasp.object), "add that object or correct the name"
             )
         return grasp
 
     def _read_sensor_model(self, root: Node) -> SensorModel | None:
-        place = self._place.key("sensor_model")
+        location = self._location.key("sensor_model")
         if self.source == REAL:
             if root.has("sensor_model"):
-                place.fail('no such group where source = "real"', "one", "remove it or correct the source")
+                location.fail('no such group where source = "real"', "one", "remove it or correct the source")
             return None
         values = dict(root.group("sensor_model").attributes(REQUIRED + OPTIONAL))
-        return check_sensor_model(values, place, self.taxels.n)
+        return check_sensor_model(values, location, self.taxels.n)
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -107,11 +111,11 @@ class GraspDataset:
 
     def __getitem__(self, grasp_id: str) -> Grasp:
         """The grasp with that id; raises DatasetError for an unknown id."""
-        place = self._place.key("grasps")
+        location = self._location.key("grasps")
         if not self._file:
-            self._place.fail("an open dataset", "a closed one", "use it inside its with block")
+            self._location.fail("an open dataset", "a closed one", "use it inside its with block")
         if grasp_id not in self._grasps:
-            place.key(str(grasp_id)).fail("a grasp of this file", "nothing", f"use one of its {len(self)} ids")
+            location.key(str(grasp_id)).fail("a grasp of this file", "nothing", f"use one of its {len(self)} ids")
         return self._grasps[grasp_id].without_arrays()
 
     def require_baseline(self, frames: int) -> None:
@@ -143,13 +147,13 @@ class GraspDataset:
 def check_format(root: Node) -> None:
     """Raise DatasetError for a file of another format or version. This check is the first one of a reader."""
     remedy = "use a taxel release that reads that file, or convert the file"
-    name = scalar(root.attribute("format"), root.place.key("format"))
+    name = scalar(root.attribute("format"), root.location.key("format"))
     if name not in (FORMAT, FORMAT.encode()):
-        root.place.key("format").fail(format_value(FORMAT), format_value(name), remedy)
-    version = scalar(root.attribute("version"), root.place.key("version"))
+        root.location.key("format").fail(format_value(FORMAT), format_value(name), remedy)
+    version = scalar(root.attribute("version"), root.location.key("version"))
     # The type is checked too, because True == 1 and 1.0 == 1 in Python.
     if not isinstance(version, np.integer) or version != VERSION:
-        root.place.key("version").fail(format_value(VERSION), format_value(version), remedy)
+        root.location.key("version").fail(format_value(VERSION), format_value(version), remedy)
 
 
 def _read_arrays(root: Node, name: str, specs: Mapping[str, Any], sizes: dict[str, int]) -> dict[str, Any]:
@@ -162,7 +166,7 @@ def _read_objects(root: Node) -> dict[str, ObjectMesh]:
     meshes = {}
     for name in group.names():
         sizes: dict[str, int] = {}
-        meshes[name] = check_mesh(_read_arrays(group, name, MESH, sizes), group.place.key(name))
+        meshes[name] = check_mesh(_read_arrays(group, name, MESH, sizes), group.location.key(name))
     return meshes
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
 from taxel.optional import optional_import
-from taxel.recording.grasp_checks import Place, check_header, convert_type
+from taxel.recording.grasp_checks import Location, check_header, convert_type
 from taxel.recording.grasp_format import LARGEST_ARRAY_BYTES, LONGEST_TEXT, STRING, ArraySpec
 
 with optional_import("h5py", "a grasp dataset (.h5)"):
@@ -26,12 +26,12 @@ _DAMAGED = "the file is damaged or truncated; copy it again or record it again"
 
 
 @contextmanager
-def hdf5_errors(place: Place) -> Iterator[None]:
-    """Convert the exceptions of the HDF5 library for a damaged file into a DatasetError for this place."""
+def hdf5_errors(location: Location) -> Iterator[None]:
+    """Convert the exceptions of the HDF5 library for a damaged file into a DatasetError for this location."""
     try:
         yield
     except (OSError, RuntimeError, LookupError, ValueError, TypeError, OverflowError, MemoryError) as error:
-        place.fail("readable HDF5 data", format_value(str(error).partition("\n")[0]), _DAMAGED)
+        location.fail("readable HDF5 data", format_value(str(error).partition("\n")[0]), _DAMAGED)
 
 
 def open_hdf5(path: Path, mode: str, libver: tuple[str, str] | None = None) -> Any:
@@ -39,43 +39,43 @@ def open_hdf5(path: Path, mode: str, libver: tuple[str, str] | None = None) -> A
 
     Raises DatasetError for a file that is missing, is no HDF5 file, is truncated, or is open for writing elsewhere.
     """
-    place = Place(str(path))
+    location = Location(str(path))
     if not path.is_file():
-        place.fail("an HDF5 file", "a folder" if path.is_dir() else "nothing", "check the path")
+        location.fail("an HDF5 file", "a folder" if path.is_dir() else "nothing", "check the path")
     try:
         return h5py.File(path, mode, libver=libver)
     except OSError as error:
         text = str(error)
         if "signature not found" in text:
-            place.fail("an HDF5 file", "another kind of file", "give a grasp dataset")
+            location.fail("an HDF5 file", "another kind of file", "give a grasp dataset")
         if "truncated file" in text:
-            place.fail("a complete HDF5 file", "a truncated one", _DAMAGED)
+            location.fail("a complete HDF5 file", "a truncated one", _DAMAGED)
         if "unable to lock" in text:
-            place.fail("a file that no program is writing", "one that is open elsewhere", "wait until it is closed")
-        place.fail("a readable HDF5 file", format_value(text.partition("\n")[0]), _DAMAGED)
+            location.fail("a file that no program is writing", "one that is open elsewhere", "wait until it is closed")
+        location.fail("a readable HDF5 file", format_value(text.partition("\n")[0]), _DAMAGED)
 
 
 class Node:
-    """A group of an HDF5 file and its place. Only hard links are followed, so that no other file is read."""
+    """A group of an HDF5 file and its location. Only hard links are followed, so that no other file is read."""
 
-    def __init__(self, group: Any, place: Place) -> None:
+    def __init__(self, group: Any, location: Location) -> None:
         self._group = group
-        self.place = place
+        self.location = location
         self._open_datasets: dict[tuple[str, ArraySpec], Any] = {}
 
     def names(self) -> list[str]:
         """Names of all members of the group, sorted."""
-        with hdf5_errors(self.place):
+        with hdf5_errors(self.location):
             return sorted(self._group)
 
     def has(self, name: str) -> bool:
         """Whether the group has a member of that name."""
-        with hdf5_errors(self.place.key(name)):
+        with hdf5_errors(self.location.key(name)):
             return bool(self._group.id.links.exists(_encode_name(name)))
 
     def group(self, name: str) -> Node:
         """The subgroup of that name."""
-        return Node(self._child(name, h5py.Group, "group"), self.place.key(name))
+        return Node(self._child(name, h5py.Group, "group"), self.location.key(name))
 
     def check_array(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> None:
         """Check the type and shape of an array without reading it. sizes: as in `check_header`."""
@@ -84,24 +84,24 @@ class Node:
 
     def array(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> Any:
         """Read an array in its documented type; texts as a list of str. sizes: as in `check_header`."""
-        dataset, place = self._open_datasets.pop((name, spec), None), self.place.key(name)
+        dataset, location = self._open_datasets.pop((name, spec), None), self.location.key(name)
         if dataset is None:
             dataset = self._checked_dataset(name, spec, sizes)
-        with hdf5_errors(place):
+        with hdf5_errors(location):
             values = dataset[()]
-        return list(values) if spec.dtype == STRING else convert_type(values, spec, place)
+        return list(values) if spec.dtype == STRING else convert_type(values, spec, location)
 
     def attribute(self, name: str) -> Any:
         """The value of an attribute: a scalar, an array or a text."""
         value = self.optional_attribute(name)
         if value is None:
-            self.place.key(name).fail("an attribute", "nothing", "add it")
+            self.location.key(name).fail("an attribute", "nothing", "add it")
         return value
 
     def optional_attribute(self, name: str) -> Any:
         """The value of an attribute, or None if the attribute is absent."""
-        place = self.place.key(name)
-        with hdf5_errors(place):
+        location = self.location.key(name)
+        with hdf5_errors(location):
             if name not in self._group.attrs:
                 return None
             header = self._group.attrs.get_id(name)
@@ -109,10 +109,10 @@ class Node:
             shape, dtype, text = header.shape, header.dtype, h5py.check_string_dtype(header.dtype)
         if is_null or (text is None and dtype.kind not in "biuf"):
             found = "an empty value" if is_null else f"type {dtype}"
-            place.fail("a number or a text", found, "store a number or a text")
+            location.fail("a number or a text", found, "store a number or a text")
         if prod(shape) > _LARGEST_ATTRIBUTE or len(shape) > 1:
-            place.fail("one value, or one for each taxel", f"shape {list(shape)}", "correct it")
-        with hdf5_errors(place):
+            location.fail("one value, or one for each taxel", f"shape {list(shape)}", "correct it")
+        with hdf5_errors(location):
             return self._group.attrs[name]
 
     def attributes(self, names: tuple[str, ...]) -> Mapping[str, Any]:
@@ -120,36 +120,36 @@ class Node:
         return {name: value for name in names if (value := self.optional_attribute(name)) is not None}
 
     def _child(self, name: str, kind: type, kind_name: str) -> Any:
-        place = self.place.key(name)
+        location = self.location.key(name)
         if not self.has(name):
-            place.fail(f"a {kind_name}", "nothing", "add it")
-        with hdf5_errors(place):
+            location.fail(f"a {kind_name}", "nothing", "add it")
+        with hdf5_errors(location):
             link = self._group.id.links.get_info(_encode_name(name))
         if link.type != h5py.h5l.TYPE_HARD:
-            place.fail(f"a {kind_name} of this file", "a link", "store the data itself; links are not followed")
-        with hdf5_errors(place):
+            location.fail(f"a {kind_name} of this file", "a link", "store the data itself; links are not followed")
+        with hdf5_errors(location):
             child = self._group[name]
         if not isinstance(child, kind):
-            place.fail(f"a {kind_name}", f"a {type(child).__name__.lower()}", f"store a {kind_name} there")
+            location.fail(f"a {kind_name}", f"a {type(child).__name__.lower()}", f"store a {kind_name} there")
         return child
 
     def _checked_dataset(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> Any:
-        dataset, place = self._child(name, h5py.Dataset, "dataset"), self.place.key(name)
-        with hdf5_errors(place):
+        dataset, location = self._child(name, h5py.Dataset, "dataset"), self.location.key(name)
+        with hdf5_errors(location):
             shape, dtype, chunks = dataset.shape, dataset.dtype, dataset.chunks
             is_external = dataset.is_virtual or dataset.external is not None
             text = h5py.check_string_dtype(dtype)
         if shape is None:
-            place.fail("an array", "an empty dataset", "store the array")
+            location.fail("an array", "an empty dataset", "store the array")
         if is_external:
-            place.fail("data in this file", "data in another file", "store the data itself; links are not followed")
+            location.fail("data in this file", "data in another file", "store the data itself; links are not followed")
         if spec.dtype == STRING and text is None:
-            place.fail("texts", f"type {dtype}", "store strings")
+            location.fail("texts", f"type {dtype}", "store strings")
         if spec.dtype == STRING and text.length is not None and text.length > 4 * LONGEST_TEXT:
-            place.fail(f"texts of at most {LONGEST_TEXT} characters", f"type {dtype}", "shorten them")
-        check_header(shape, dtype, spec, sizes, place)
+            location.fail(f"texts of at most {LONGEST_TEXT} characters", f"type {dtype}", "shorten them")
+        check_header(shape, dtype, spec, sizes, location)
         if chunks is not None and prod(chunks) * dtype.itemsize > LARGEST_ARRAY_BYTES:
-            place.fail(f"chunks of at most {LARGEST_ARRAY_BYTES} bytes", f"{list(chunks)}", "use smaller chunks")
+            location.fail(f"chunks of at most {LARGEST_ARRAY_BYTES} bytes", f"{list(chunks)}", "use smaller chunks")
         return dataset
 
 
@@ -157,11 +157,11 @@ def _encode_name(name: str) -> bytes:
     return name.encode("utf-8", "surrogateescape")  # the inverse of h5py's decoding of names
 
 
-def scalar(value: Any, place: Place) -> Any:
+def scalar(value: Any, location: Location) -> Any:
     """The value of an attribute with one value. Raises DatasetError for an array."""
     if isinstance(value, np.ndarray):
         if value.ndim:
-            place.fail("one value", f"shape {list(value.shape)}", "store one value")
+            location.fail("one value", f"shape {list(value.shape)}", "store one value")
         return value[()]
     return value
 

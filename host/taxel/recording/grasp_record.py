@@ -6,13 +6,12 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
-from taxel.recording.grasp_checks import Place, check_array, check_content, check_integer, check_text
+from taxel.recording.grasp_checks import Location, check_array, check_content, check_integer, check_text
 from taxel.recording.grasp_format import GRASP, SIM, is_required
-from taxel.types import BoolArray, FloatArray
+from taxel.types import BoolArray, ByteArray, CountArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +26,8 @@ class GraspRecord:
     iteration: int
     session: int
     timestamp: FloatArray
-    phase: NDArray[np.uint8]
-    raw_counts: NDArray[np.uint16]
+    phase: ByteArray
+    raw_counts: CountArray
     valid: BoolArray
     sensor_pose: FloatArray
     object_pose: FloatArray
@@ -40,23 +39,25 @@ class GraspRecord:
     distance: FloatArray | None = None
 
 
-def check_attributes(record: GraspRecord, objects: Collection[str], place: Place) -> dict[str, Any]:
+def check_attributes(record: GraspRecord, objects: Collection[str], location: Location) -> dict[str, Any]:
     """The four attributes of a grasp's group; raises DatasetError for the first error.
 
     objects: names of the objects in the dataset.
     """
-    name = check_text(record.object, place.key("object"))
+    name = check_text(record.object, location.key("object"))
     if name not in objects:
-        place.key("object").fail("a name in /objects", format_value(name), "add that object or correct the name")
+        location.key("object").fail("a name in /objects", format_value(name), "add that object or correct the name")
     return {
         "object": name,
-        "approach": check_text(record.approach, place.key("approach")),
-        "iteration": check_integer(record.iteration, place.key("iteration")),
-        "session": check_integer(record.session, place.key("session")),
+        "approach": check_text(record.approach, location.key("approach")),
+        "iteration": check_integer(record.iteration, location.key("iteration")),
+        "session": check_integer(record.session, location.key("session")),
     }
 
 
-def check_arrays(record: GraspRecord, source: str, sizes: Mapping[str, int], place: Place) -> dict[str, NDArray[Any]]:
+def check_arrays(
+    record: GraspRecord, source: str, sizes: Mapping[str, int], location: Location
+) -> dict[str, NDArray[Any]]:
     """The arrays to write, in their documented types; raises DatasetError for the first error.
 
     sizes: lengths of the axes n and s.
@@ -64,13 +65,13 @@ def check_arrays(record: GraspRecord, source: str, sizes: Mapping[str, int], pla
     lengths = dict(sizes)
     arrays = {}
     for name, spec in GRASP.items():
-        value, array_place = getattr(record, name), place.key(name)
+        value, array_location = getattr(record, name), location.key(name)
         if value is None:
             if is_required(spec, source):
-                array_place.fail("a dataset", "nothing", "add it")
+                array_location.fail("a dataset", "nothing", "add it")
             continue
         if spec.sim_only and source != SIM:
-            array_place.fail('no such array where source = "real"', "one", "leave it out or correct the source")
-        arrays[name] = check_array(value, spec, lengths, array_place)
-        check_content(name, arrays[name], array_place)
+            array_location.fail('no such array where source = "real"', "one", "leave it out or correct the source")
+        arrays[name] = check_array(value, spec, lengths, array_location)
+        check_content(name, arrays[name], array_location)
     return arrays

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numpy.typing import NDArray
 
-from taxel.recording.grasp_checks import Place, check_array, check_choice, check_number, first_index, format_index
+from taxel.recording.grasp_checks import Location, check_array, check_choice, check_number, first_index, format_index
 from taxel.recording.grasp_format import LAYERS, ArraySpec
 from taxel.recording.grasp_tables import copy_read_only
-from taxel.types import FloatArray
+from taxel.types import CountArray, FloatArray, IntArray
 
 LARGEST_COUNT = 65_535
 """Largest raw count: a count has 16 bits."""
@@ -49,9 +48,7 @@ class SensorModel:
         newtons = np.asarray(force, np.float64)
         return np.asarray(self.full_scale_drop_counts * newtons / (newtons + self.half_force_n))
 
-    def counts(
-        self, force: npt.ArrayLike, generator: np.random.Generator, line: NDArray[np.int64] | None = None
-    ) -> NDArray[np.uint16]:
+    def counts(self, force: npt.ArrayLike, generator: np.random.Generator, line: IntArray | None = None) -> CountArray:
         """Raw counts u16[T, n] with noise, clipped to 16 bits.
 
         force: f64[T, n], newtons. generator: source of the noise. line: i64[n], `TaxelTable.rx_line`, required if
@@ -70,34 +67,34 @@ class SensorModel:
         return np.clip(np.rint(exact), 0, LARGEST_COUNT).astype(np.uint16)
 
 
-def check_sensor_model(values: Mapping[str, Any], place: Place, n: int) -> SensorModel:
+def check_sensor_model(values: Mapping[str, Any], location: Location, n: int) -> SensorModel:
     """The sensor model with these attributes; raises DatasetError for the first error.
 
     values: attributes by name; an absent or None value gets its default. n: number of taxels.
     """
     for name in REQUIRED:
         if values.get(name) is None:
-            place.key(name).fail("a number", "nothing", "add the attribute")
-    baseline = _check_baseline(values["baseline_counts"], place.key("baseline_counts"), n)
-    numbers = {name: check_number(values[name], place.key(name)) for name in REQUIRED[1:]}
+            location.key(name).fail("a number", "nothing", "add the attribute")
+    baseline = _check_baseline(values["baseline_counts"], location.key("baseline_counts"), n)
+    numbers = {name: check_number(values[name], location.key(name)) for name in REQUIRED[1:]}
     for name in ("noise_counts", "noise_line_counts"):
         if values.get(name) is not None:
-            numbers[name] = check_number(values[name], place.key(name), allow_zero=True)
+            numbers[name] = check_number(values[name], location.key(name), allow_zero=True)
     stiffness, layer = values.get("contact_stiffness_n_per_m"), values.get("layer")
     if stiffness is not None:
-        stiffness = check_number(stiffness, place.key("contact_stiffness_n_per_m"))
+        stiffness = check_number(stiffness, location.key("contact_stiffness_n_per_m"))
     if layer is not None:
-        layer = check_choice(layer, LAYERS, place.key("layer"))
+        layer = check_choice(layer, LAYERS, location.key("layer"))
     return SensorModel(baseline, **numbers, contact_stiffness_n_per_m=stiffness, layer=layer)
 
 
-def _check_baseline(value: Any, place: Place, n: int) -> float | FloatArray:
+def _check_baseline(value: Any, location: Location, n: int) -> float | FloatArray:
     if np.ndim(value) == 0:
-        return check_number(value[()] if isinstance(value, np.ndarray) else value, place)
+        return check_number(value[()] if isinstance(value, np.ndarray) else value, location)
     if isinstance(value, np.ndarray) and value.dtype.kind in "ui":
         value = value.astype(np.float64)  # many programs store counts as integers
-    counts = copy_read_only(check_array(value, ArraySpec("f8", ("n",)), {"n": n}, place))
+    counts = copy_read_only(check_array(value, ArraySpec("f8", ("n",)), {"n": n}, location))
     if (counts <= 0.0).any():
         at = first_index(counts <= 0.0)
-        place.fail("counts above 0", f"{counts[at]} at {format_index(at)}", "correct it")
+        location.fail("counts above 0", f"{counts[at]} at {format_index(at)}", "correct it")
     return counts

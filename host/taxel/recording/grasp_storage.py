@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
 from taxel.optional import optional_import
-from taxel.recording.grasp_checks import Place
+from taxel.recording.grasp_checks import Location
 
 with optional_import("h5py", "a grasp dataset (.h5)"):
     import h5py  # type: ignore[import-untyped, unused-ignore]
@@ -52,21 +52,21 @@ _GZIP_LEVEL = 1
 
 
 @contextmanager
-def writing_errors(place: Place) -> Iterator[None]:
-    """Convert exceptions of the system and the HDF5 library during writing into a DatasetError for this place."""
+def writing_errors(location: Location) -> Iterator[None]:
+    """Convert exceptions of the system and the HDF5 library during writing into a DatasetError for this location."""
     try:
         yield
     except (OSError, RuntimeError, ValueError) as error:
         reason = format_value(str(error).partition("\n")[0])
-        place.fail("space and permission to write", reason, "correct that and write the grasp again")
+        location.fail("space and permission to write", reason, "correct that and write the grasp again")
 
 
-def check_target(target: Path, overwrite: bool, place: Place) -> None:
+def check_target(target: Path, overwrite: bool, location: Location) -> None:
     """Raise DatasetError for a path at which a new file must not or cannot be created."""
     if target.is_dir() or (target.exists() and not overwrite):
-        _fail_existing(place)
+        _fail_existing(location)
     if not target.parent.is_dir():
-        place.fail("a folder to write in", "none", "create the folder first")
+        location.fail("a folder to write in", "none", "create the folder first")
 
 
 def part_path(target: Path) -> Path:
@@ -74,7 +74,7 @@ def part_path(target: Path) -> Path:
     return target.with_name(f".{target.name}.part")
 
 
-def put_in_place(part: Path, target: Path, overwrite: bool, place: Place) -> None:
+def put_in_place(part: Path, target: Path, overwrite: bool, location: Location) -> None:
     """Rename a complete file to its final name in one step. Without `overwrite` an existing file is not replaced."""
     if not overwrite:
         try:
@@ -83,14 +83,14 @@ def put_in_place(part: Path, target: Path, overwrite: bool, place: Place) -> Non
             return
         except FileExistsError:
             part.unlink()
-            _fail_existing(place)
+            _fail_existing(location)
         except OSError:
             pass  # the file system has no hard links
     os.replace(part, target)
 
 
-def _fail_existing(place: Place) -> NoReturn:
-    place.fail("a new file", "an existing one", "choose another name, or request overwriting")
+def _fail_existing(location: Location) -> NoReturn:
+    location.fail("a new file", "an existing one", "choose another name, or request overwriting")
 
 
 def create_file(path: Path) -> Any:

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from taxel.hand.errors import format_address, format_value
 from taxel.recording.grasp_checks import (
     NORMAL_TOLERANCE,
-    Place,
+    Location,
     check_array,
     check_text,
     first_index,
     format_index,
 )
 from taxel.recording.grasp_format import MESH, SENSORS, TAXELS
-from taxel.types import FloatArray
+from taxel.types import ByteArray, FloatArray, Int32Array, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +33,9 @@ class TaxelTable:
     size: f64[n], side of the square electrode, metres.
     """
 
-    sensor: NDArray[np.uint8]
-    tx: NDArray[np.uint8]
-    rx: NDArray[np.uint8]
+    sensor: ByteArray
+    tx: ByteArray
+    rx: ByteArray
     position: FloatArray
     normal: FloatArray
     size: FloatArray
@@ -46,9 +46,9 @@ class TaxelTable:
         return len(self.sensor)
 
     @property
-    def rx_line(self) -> NDArray[np.int64]:
+    def rx_line(self) -> IntArray:
         """i64[n], number of each taxel's RX line; taxels with the same receive electrode have the same number."""
-        number: NDArray[np.int64] = np.unique(self.sensor.astype(np.int64) * 256 + self.rx, return_inverse=True)[1]
+        number: IntArray = np.unique(self.sensor.astype(np.int64) * 256 + self.rx, return_inverse=True)[1]
         return number.reshape(-1)
 
 
@@ -60,7 +60,7 @@ class SensorTable:
     in a second.
     """
 
-    address: NDArray[np.uint8]
+    address: ByteArray
     name: tuple[str, ...]
     kind: tuple[str, ...]
     rate_hz: FloatArray
@@ -70,7 +70,7 @@ class SensorTable:
         """Number of sensors."""
         return len(self.address)
 
-    def index_of(self, taxels: TaxelTable) -> NDArray[np.int64]:
+    def index_of(self, taxels: TaxelTable) -> IntArray:
         """i64[n], the row of each taxel's sensor in this table."""
         row = np.zeros(256, np.int64)
         row[self.address] = np.arange(self.s)
@@ -82,7 +82,7 @@ class ObjectMesh:
     """Mesh of an object. vertices: f64[v, 3], metres, object frame. faces: i32[f, 3], outward winding."""
 
     vertices: FloatArray
-    faces: NDArray[np.int32]
+    faces: Int32Array
 
 
 def copy_read_only(array: NDArray[Any]) -> NDArray[Any]:
@@ -93,11 +93,11 @@ def copy_read_only(array: NDArray[Any]) -> NDArray[Any]:
     return array
 
 
-def check_taxels(arrays: Mapping[str, Any], place: Place, sizes: dict[str, int]) -> TaxelTable:
+def check_taxels(arrays: Mapping[str, Any], location: Location, sizes: dict[str, int]) -> TaxelTable:
     """The taxel table of six arrays; raises DatasetError for the first error. Adds n to sizes."""
     table = TaxelTable(
         **{
-            name: copy_read_only(check_array(arrays[name], spec, sizes, place.key(name)))
+            name: copy_read_only(check_array(arrays[name], spec, sizes, location.key(name)))
             for name, spec in TAXELS.items()
         }
     )
@@ -107,10 +107,10 @@ def check_taxels(arrays: Mapping[str, Any], place: Place, sizes: dict[str, int])
     if is_not_unit.any():
         at = first_index(is_not_unit)
         found = f"{length[at]:.6g} at {format_index(at)}"
-        place.key("normal").fail("normals of length 1", found, "divide them by their length")
+        location.key("normal").fail("normals of length 1", found, "divide them by their length")
     if (table.size <= 0.0).any():
         at = first_index(table.size <= 0.0)
-        place.key("size").fail("metres above 0", f"{table.size[at]} at {format_index(at)}", "correct it")
+        location.key("size").fail("metres above 0", f"{table.size[at]} at {format_index(at)}", "correct it")
     crossing = (table.sensor.astype(np.int64) * 256 + table.tx) * 256 + table.rx
     _, first_row, number = np.unique(crossing, return_index=True, return_inverse=True)
     is_repeated = first_row[number.reshape(-1)] != np.arange(table.n)
@@ -118,59 +118,59 @@ def check_taxels(arrays: Mapping[str, Any], place: Place, sizes: dict[str, int])
         at = first_index(is_repeated)
         address = format_address(int(table.sensor[at]))
         found = f"{address} tx {table.tx[at]} rx {table.rx[at]} again at {format_index(at)}"
-        place.key("sensor").fail("each (sensor, tx, rx) once", found, "remove or renumber that taxel")
+        location.key("sensor").fail("each (sensor, tx, rx) once", found, "remove or renumber that taxel")
     return table
 
 
-def check_sensors(arrays: Mapping[str, Any], place: Place, sizes: dict[str, int]) -> SensorTable:
+def check_sensors(arrays: Mapping[str, Any], location: Location, sizes: dict[str, int]) -> SensorTable:
     """The sensor table of four arrays; raises DatasetError for the first error. Adds s to sizes."""
-    address = copy_read_only(check_array(arrays["address"], SENSORS["address"], sizes, place.key("address")))
-    rate = copy_read_only(check_array(arrays["rate_hz"], SENSORS["rate_hz"], sizes, place.key("rate_hz")))
-    name = _check_texts(arrays["name"], sizes["s"], place.key("name"))
-    kind = _check_texts(arrays["kind"], sizes["s"], place.key("kind"))
+    address = copy_read_only(check_array(arrays["address"], SENSORS["address"], sizes, location.key("address")))
+    rate = copy_read_only(check_array(arrays["rate_hz"], SENSORS["rate_hz"], sizes, location.key("rate_hz")))
+    name = _check_texts(arrays["name"], sizes["s"], location.key("name"))
+    kind = _check_texts(arrays["kind"], sizes["s"], location.key("kind"))
     values, counts = np.unique(address, return_counts=True)
     if (counts > 1).any():
         found = f"{format_address(int(values[counts > 1][0]))} twice"
-        place.key("address").fail("each address once", found, "give each sensor its own address")
+        location.key("address").fail("each address once", found, "give each sensor its own address")
     if (rate <= 0.0).any():
         at = first_index(rate <= 0.0)
-        place.key("rate_hz").fail("rates above 0", f"{rate[at]} at {format_index(at)}", "correct it")
+        location.key("rate_hz").fail("rates above 0", f"{rate[at]} at {format_index(at)}", "correct it")
     return SensorTable(address, name, kind, rate)
 
 
-def _check_texts(values: Any, count: int, place: Place) -> tuple[str, ...]:
+def _check_texts(values: Any, count: int, location: Location) -> tuple[str, ...]:
     if isinstance(values, str | bytes) or np.ndim(values) != 1 or len(values) != count:
-        place.fail(f"{count} texts (s = {count})", f"shape {list(np.shape(values))}", "give one for each sensor")
+        location.fail(f"{count} texts (s = {count})", f"shape {list(np.shape(values))}", "give one for each sensor")
     items = values.tolist() if isinstance(values, np.ndarray) else values
-    return tuple(check_text(value, place) for value in items)
+    return tuple(check_text(value, location) for value in items)
 
 
-def check_addresses(taxels: TaxelTable, sensors: SensorTable, place: Place) -> None:
-    """Raise DatasetError if the sensor table lacks the sensor of a taxel. place: the place of the file."""
+def check_addresses(taxels: TaxelTable, sensors: SensorTable, location: Location) -> None:
+    """Raise DatasetError if the sensor table lacks the sensor of a taxel. location: the location of the file."""
     is_unknown = ~np.isin(taxels.sensor, sensors.address)
     if is_unknown.any():
         at = first_index(is_unknown)
         found = f"{format_address(int(taxels.sensor[at]))} at {format_index(at)}"
-        place.key("taxels").key("sensor").fail("an address in /sensors/address", found, "add that sensor")
+        location.key("taxels").key("sensor").fail("an address in /sensors/address", found, "add that sensor")
 
 
-def check_mesh(arrays: Mapping[str, Any], place: Place) -> ObjectMesh:
+def check_mesh(arrays: Mapping[str, Any], location: Location) -> ObjectMesh:
     """The mesh of two arrays; raises DatasetError for the first error."""
     sizes: dict[str, int] = {}
     vertices, faces = (
-        copy_read_only(check_array(arrays[name], spec, sizes, place.key(name))) for name, spec in MESH.items()
+        copy_read_only(check_array(arrays[name], spec, sizes, location.key(name))) for name, spec in MESH.items()
     )
     is_outside = (faces < 0) | (faces >= len(vertices))
     if is_outside.any():
         at = first_index(is_outside)
         found = f"{faces[at]} at {format_index(at)}"
-        place.key("faces").fail(f"vertex numbers from 0 to {len(vertices) - 1}", found, "correct that face")
+        location.key("faces").fail(f"vertex numbers from 0 to {len(vertices) - 1}", found, "correct that face")
     return ObjectMesh(vertices, faces)
 
 
-def check_name(name: Any, place: Place) -> str:
+def check_name(name: Any, location: Location) -> str:
     """A name of an object or a grasp, which is used as the name of an HDF5 group."""
-    text = check_text(name, place)
+    text = check_text(name, location)
     if "/" in text or text in (".", ".."):
-        place.fail("a name without a slash, other than . and ..", format_value(text), "rename it")
+        location.fail("a name without a slash, other than . and ..", format_value(text), "rename it")
     return text

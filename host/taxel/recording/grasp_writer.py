@@ -11,7 +11,7 @@ from types import MappingProxyType, TracebackType
 from typing import Any
 
 from taxel.hand.errors import format_value
-from taxel.recording.grasp_checks import Place, check_choice, check_created, check_text
+from taxel.recording.grasp_checks import Location, check_choice, check_created, check_text
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import FORMAT, MESH, REAL, SENSORS, SIM, TAXELS, VERSION
 from taxel.recording.grasp_hdf5 import open_hdf5
@@ -80,7 +80,7 @@ class GraspDatasetWriter:
             self._sizes = {"n": data.taxels.n, "s": data.sensors.s}
             self._ids = list(data.ids)
         self.path = path
-        self._place = Place(str(path))
+        self._location = Location(str(path))
         self._file = open_hdf5(path, "r+", LIBVER)
 
     @classmethod
@@ -89,16 +89,16 @@ class GraspDatasetWriter:
 
         Raises DatasetError for an existing file (unless overwrite) and for the first error in the header.
         """
-        target, place = Path(path), Place(str(path))
-        check_target(target, overwrite, place)
-        attributes = _check_attributes(header, place)
+        target, location = Path(path), Location(str(path))
+        check_target(target, overwrite, location)
+        attributes = _check_attributes(header, location)
         sizes: dict[str, int] = {}
-        tables = _check_tables(header, place, sizes)
-        model = _check_model(header.sensor_model, header.source, place.key("sensor_model"), sizes["n"])
+        tables = _check_tables(header, location, sizes)
+        model = _check_model(header.sensor_model, header.source, location.key("sensor_model"), sizes["n"])
         part = part_path(target)
-        with writing_errors(place):
+        with writing_errors(location):
             _write_new(part, attributes, tables, model)
-            put_in_place(part, target, overwrite, place)
+            put_in_place(part, target, overwrite, location)
         return cls(target)
 
     @classmethod
@@ -122,12 +122,12 @@ class GraspDatasetWriter:
         Unlike `add`, this method may leave an unreadable file if the program is killed meanwhile. Therefore put objects
         that are known beforehand into the header.
         """
-        place = self._place.key("objects")
-        object_place = place.key(check_name(name, place))
+        location = self._location.key("objects")
+        object_location = location.key(check_name(name, location))
         if name in self._objects:
-            object_place.fail("a new name", "an existing one", "leave the object out, or choose another name")
-        table = check_mesh(vars(mesh), object_place)
-        with writing_errors(object_place):
+            object_location.fail("a new name", "an existing one", "leave the object out, or choose another name")
+        table = check_mesh(vars(mesh), object_location)
+        with writing_errors(object_location):
             group = create_group(self._file["objects"], name)
             for key in MESH:
                 write_array(group, key, getattr(table, key))
@@ -140,17 +140,17 @@ class GraspDatasetWriter:
 
         Raises DatasetError, and leaves the file unchanged, for a grasp that the reader would refuse.
         """
-        grasps = self._place.key("grasps")
+        grasps = self._location.key("grasps")
         if not self._file:
-            self._place.fail("an open dataset", "a closed one", "use it inside its with block")
+            self._location.fail("an open dataset", "a closed one", "use it inside its with block")
         name = check_name(f"{len(self._ids) + 1:0{_ID_DIGITS}}" if grasp_id is None else grasp_id, grasps)
         if self._ids and name <= self._ids[-1]:
             expected = f"an id that sorts after {format_value(self._ids[-1])}"
             grasps.key(name).fail(expected, format_value(name), "ids sort in order of time; give a grasp_id")
-        place = grasps.key(name)
-        attributes = check_attributes(grasp, self._objects, place)
-        arrays = check_arrays(grasp, self._source, self._sizes, place)
-        with writing_errors(place):
+        location = grasps.key(name)
+        attributes = check_attributes(grasp, self._objects, location)
+        arrays = check_arrays(grasp, self._source, self._sizes, location)
+        with writing_errors(location):
             group = create_group(self._file, None)
             write_attributes(group, attributes)
             for key, array in arrays.items():
@@ -172,40 +172,40 @@ class GraspDatasetWriter:
         self.close()
 
 
-def _check_attributes(header: DatasetHeader, place: Place) -> dict[str, Any]:
+def _check_attributes(header: DatasetHeader, location: Location) -> dict[str, Any]:
     created = datetime.now(UTC).isoformat(timespec="seconds") if header.created is None else header.created
     return {
         **header.notes,
         "format": FORMAT,
         "version": VERSION,
-        "source": check_choice(header.source, (REAL, SIM), place.key("source")),
-        "hand": check_text(header.hand, place.key("hand")),
-        "created": check_created(created, place.key("created")),
-        "generator": check_text(header.generator, place.key("generator")),
+        "source": check_choice(header.source, (REAL, SIM), location.key("source")),
+        "hand": check_text(header.hand, location.key("hand")),
+        "created": check_created(created, location.key("created")),
+        "generator": check_text(header.generator, location.key("generator")),
     }
 
 
 def _check_tables(
-    header: DatasetHeader, place: Place, sizes: dict[str, int]
+    header: DatasetHeader, location: Location, sizes: dict[str, int]
 ) -> dict[str, tuple[Any, Mapping[str, Any]]]:
     """Tables and their array specifications by HDF5 path. Adds n and s to sizes."""
     tables: dict[str, tuple[Any, Mapping[str, Any]]] = {
-        "taxels": (check_taxels(vars(header.taxels), place.key("taxels"), sizes), TAXELS),
-        "sensors": (check_sensors(vars(header.sensors), place.key("sensors"), sizes), SENSORS),
+        "taxels": (check_taxels(vars(header.taxels), location.key("taxels"), sizes), TAXELS),
+        "sensors": (check_sensors(vars(header.sensors), location.key("sensors"), sizes), SENSORS),
     }
-    check_addresses(tables["taxels"][0], tables["sensors"][0], place)
+    check_addresses(tables["taxels"][0], tables["sensors"][0], location)
     for name, mesh in header.objects.items():
-        object_place = place.key("objects").key(check_name(name, place.key("objects")))
-        tables[f"objects/{name}"] = (check_mesh(vars(mesh), object_place), MESH)
+        object_location = location.key("objects").key(check_name(name, location.key("objects")))
+        tables[f"objects/{name}"] = (check_mesh(vars(mesh), object_location), MESH)
     return tables
 
 
-def _check_model(model: SensorModel | None, source: str, place: Place, n: int) -> SensorModel | None:
+def _check_model(model: SensorModel | None, source: str, location: Location, n: int) -> SensorModel | None:
     if (model is None) == (source == SIM):
         if model is None:
-            place.fail("a sensor model", "none", "a simulated dataset states how force became counts")
-        place.fail('none where source = "real"', "one", "leave it out or correct the source")
-    return None if model is None else check_sensor_model(vars(model), place, n)
+            location.fail("a sensor model", "none", "a simulated dataset states how force became counts")
+        location.fail('none where source = "real"', "one", "leave it out or correct the source")
+    return None if model is None else check_sensor_model(vars(model), location, n)
 
 
 def _write_new(path: Path, attributes: Mapping[str, Any], tables: Mapping[str, Any], model: SensorModel | None) -> None:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taxel.hand import Board, Hand
 from taxel.hand.world import WorldSettings, format_world
@@ -25,7 +24,7 @@ from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES, Activati
 from taxel.skin import open_skin
 from taxel.stream import TaxelFrame
 from taxel.stream.start_script import START_S, write_start_script
-from taxel.types import FloatArray
+from taxel.types import CountArray, FloatArray, IntArray
 
 LEAD_IN_MIN_S = 4.0
 """Smallest time without contact before the recording starts, seconds. After it, each board's clock has been read twice.
@@ -99,7 +98,7 @@ def lead_in(hand: Hand, settings: WorldSettings) -> float:
     return max(LEAD_IN_MIN_S, START_S + BASELINE_SAMPLES * cycle_s)
 
 
-def _emulate(folder: Path, hand: Hand, options: ReplayOptions, time_s: FloatArray, counts: NDArray[np.uint16]) -> Path:
+def _emulate(folder: Path, hand: Hand, options: ReplayOptions, time_s: FloatArray, counts: CountArray) -> Path:
     """The capture of a skin with raw counts `counts` [T, n] from the times `time_s` [T] on, emulated seconds."""
     stimulus, script, capture = folder / "touches.stimulus", folder / "host.capture", folder / "touches.capture"
     if capture.exists():
@@ -163,8 +162,8 @@ def _taxel_offsets(frames: list[TaxelFrame], time_s: FloatArray, n_taxels: int) 
     return offsets
 
 
-def _unwrap(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+def _unwrap(numbers: IntArray) -> IntArray:
     """Numbers modulo 65,536 as a continuous count that starts with the first number."""
     steps = np.diff(numbers, prepend=numbers[0])
-    unwrapped: NDArray[np.int64] = numbers[0] + np.cumsum((steps + _MODULUS // 2) % _MODULUS - _MODULUS // 2)
+    unwrapped: IntArray = numbers[0] + np.cumsum((steps + _MODULUS // 2) % _MODULUS - _MODULUS // 2)
     return unwrapped

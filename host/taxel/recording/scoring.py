@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taxel.types import BoolArray, FloatArray
+from taxel.types import BoolArray, FloatArray, IntArray
 
 STEP_TOLERANCE_S = 1.5e-3
 """Uncertainty of the time of a conversion, seconds: the mapping of three clocks onto one, and the duration of a
@@ -34,7 +33,7 @@ class SourceTouches:
     A touch is a maximal run of frames with at least one active taxel. Raises ValueError for inconsistent shapes.
     """
 
-    def __init__(self, time_s: FloatArray, values: NDArray[np.int64], threshold: float) -> None:
+    def __init__(self, time_s: FloatArray, values: IntArray, threshold: float) -> None:
         if values.ndim != 2 or time_s.shape != values.shape[:1] or not len(time_s):
             found = f"{time_s.shape} and {values.shape}"
             raise ValueError(f"expected time_s [T] and values [T, n] with T > 0, found {found}")
@@ -53,7 +52,7 @@ class SourceTouches:
         """Number of touches. They are numbered from 0 in the order of their onsets `onset_s` f64[n_touches]."""
         return len(self.onset_s)
 
-    def row_at(self, time_s: FloatArray) -> NDArray[np.int64]:
+    def row_at(self, time_s: FloatArray) -> IntArray:
         """Row of `values` and `active` that is valid at each time; row 0 is the time before the first frame."""
         return np.searchsorted(self.time_s, time_s, side="right")
 
@@ -68,7 +67,7 @@ class DecodedBoard:
     """
 
     taxels: slice
-    cycle: NDArray[np.int64]
+    cycle: IntArray
     sampled_s: FloatArray
     signal_counts: FloatArray
     active: BoolArray
@@ -189,10 +188,10 @@ class _BoardComparison:
         differs_after = np.abs(values[self._row_after, self._taxel] - signal) > EXACT_COUNTS
         return int((differs_before & differs_after).sum())
 
-    def touch_of(self, samples: BoolArray) -> NDArray[np.int64]:
+    def touch_of(self, samples: BoolArray) -> IntArray:
         """The touch of each of these samples."""
         row = np.where(self._active_before, self._row_before, self._row_after)
-        touches: NDArray[np.int64] = self._source.touch_of_row[row[samples]]
+        touches: IntArray = self._source.touch_of_row[row[samples]]
         return touches
 
 

@@ -13,11 +13,11 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from taxel.hand import Board, Hand
 from taxel.recording.capfingerid import COLUMNS, ROWS
 from taxel.recording.errors import RecordingError
+from taxel.types import CountArray, IntArray
 
 BOARDS_MIN = 4
 """Smallest number of boards that share the panel, so that a touch can move from board to board. With 4, no board has
@@ -41,7 +41,7 @@ class Tiling:
     """
 
     n_taxels: int
-    taxel_of_cell: NDArray[np.int64]
+    taxel_of_cell: IntArray
     tile_shape: tuple[int, int]
 
     def __post_init__(self) -> None:
@@ -67,7 +67,7 @@ class Tiling:
             "boards; use a larger hand"
         )
 
-    def to_taxels(self, values: npt.ArrayLike) -> NDArray[np.int64]:
+    def to_taxels(self, values: npt.ArrayLike) -> IntArray:
         """Values of all taxels, int64[T, n_taxels], from panel values [T, 27, 15]; 0 for taxels without a cell."""
         cells = np.asarray(values)
         if cells.ndim != 3 or cells.shape[1:] != (ROWS, COLUMNS) or cells.dtype.kind not in "iu":
@@ -76,7 +76,7 @@ class Tiling:
         result[:, self.taxel_of_cell] = cells.reshape(len(cells), -1)
         return result
 
-    def to_counts(self, values: npt.ArrayLike, untouched: int = UNTOUCHED_COUNTS) -> NDArray[np.uint16]:
+    def to_counts(self, values: npt.ArrayLike, untouched: int = UNTOUCHED_COUNTS) -> CountArray:
         """Raw counts u16[T, n_taxels] from panel values [T, 27, 15]: untouched - value, clipped to 0..65,535.
 
         Taxels without a cell have the count `untouched`.
@@ -84,7 +84,7 @@ class Tiling:
         """
         if not 0 <= untouched <= RAW_COUNT_MAX:
             raise ValueError(f"untouched: expected 0 to {RAW_COUNT_MAX}, found {untouched}")
-        counts: NDArray[np.uint16] = np.clip(untouched - self.to_taxels(values), 0, RAW_COUNT_MAX).astype(np.uint16)
+        counts: CountArray = np.clip(untouched - self.to_taxels(values), 0, RAW_COUNT_MAX).astype(np.uint16)
         return counts
 
 
@@ -98,7 +98,7 @@ def _tile_shapes() -> list[tuple[int, int]]:
     return sorted(usable, key=lambda shape: (-shape[0] * shape[1], abs(shape[0] - shape[1])))
 
 
-def _tiles_on(hand: Hand, board: Board, shape: tuple[int, int], most: int) -> Iterator[NDArray[np.int64]]:
+def _tiles_on(hand: Hand, board: Board, shape: tuple[int, int], most: int) -> Iterator[IntArray]:
     """At most `most` windows of a board that do not overlap, each as its taxels, int64[rows, columns]."""
     free = board.kind.crossings.copy()
     if shape[0] > free.shape[0] or shape[1] > free.shape[1]:
@@ -115,7 +115,7 @@ def _tiles_on(hand: Hand, board: Board, shape: tuple[int, int], most: int) -> It
             yield taxel[window]
 
 
-def _join_tiles(tiles: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.int64]:
+def _join_tiles(tiles: IntArray, shape: tuple[int, int]) -> IntArray:
     """Tiles [k, rows, columns] in the panel's row-major order, joined to int64[405]."""
     down, across = ROWS // shape[0], COLUMNS // shape[1]
     return tiles.reshape(down, across, *shape).swapaxes(1, 2).reshape(-1)

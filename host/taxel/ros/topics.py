@@ -15,7 +15,7 @@ from taxel.ros.tf_tree import FrameTree, header
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES, Activation, Baseline, BaselineResult
 from taxel.stream import HubClient, TaxelFrame
 from taxel.stream.cycles import CycleSorter
-from taxel.types import BoolArray
+from taxel.types import BoolArray, CountArray
 
 TREE_PERIOD_S = 0.1
 """Smallest interval between two messages of the joint states and of the moving part of the TF tree."""
@@ -167,7 +167,7 @@ class SkinTopics:
             cloud = contact_cloud_message(self._hand, activation, positions, normals, head)
             yield TopicMessage("/taxel/contact_cloud", "sensor_msgs/PointCloud2", time_ns, cloud)
 
-    def _update_baseline(self, counts: npt.NDArray[np.uint16], valid: BoolArray) -> bool:
+    def _update_baseline(self, counts: CountArray, valid: BoolArray) -> bool:
         """Add one scan of the skin to the baseline; whether the baseline is now complete.
 
         After twice the number of baseline scans the baseline is complete without the boards that do not respond; their

@@ -7,7 +7,7 @@ impulses and slow drift.
 Test 1: running median over 13 consecutive samples, with the last sample followed by the first. A median of 13 ignores
 up to 6 impulses, and follows a touch of 7 or more samples. A taxel is disturbed if its largest and smallest running
 medians differ by more than the limit (90 counts). The difference is used instead of an absolute level, so that touches
-of a tenth and of nine tenths of the samples are detected alike; the circular window detects a touch of nine tenths
+of a tenth and of nine tenths of the samples are detected equally; the circular window detects a touch of nine tenths
 at any position.
 
 Test 2 detects many short taps, which a running median ignores: the mean differs from the median of all samples by more

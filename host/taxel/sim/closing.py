@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.grasp.controller import GraspController
-from taxel.grasp.objects import standing_pose
+from taxel.grasp.objects import make_standing_pose
 from taxel.grasp.plan import Approach
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand.transforms import to_quaternion
@@ -83,7 +83,7 @@ def simulate_grasp(
 ) -> GraspMotion:
     """Run one grasp. The same arguments give the same bytes.
 
-    The palm comes to the object when closing begins and withdraws at the end of release (`Timeline.withdrawn_at`).
+    The palm comes to the object when closing begins and withdraws at the end of release (`Timeline.get_withdrawal`).
     Baseline and recovery are static: the states before and after.
 
     Args:
@@ -94,7 +94,7 @@ def simulate_grasp(
         object_offset: f64[4, 4], where the object truly is in its nominal frame; None: there.
         torque_scale: factor on the planned torques.
         seed: draws where the held joints truly stop (`START_SPREAD_RAD`); None: exactly where planned.
-        object_pose: nominal pose in the world, f64[4, 4]; None: `standing_pose()`.
+        object_pose: nominal pose in the world, f64[4, 4]; None: `make_standing_pose()`.
         law: of a soft layer that bears between hand and object; None: rigid boards meet it.
         soft_step_s: seconds of a step with a soft layer; twice the usual one is as good as the layer's own figures.
         settle_s: seconds before closing.
@@ -103,7 +103,7 @@ def simulate_grasp(
         ValueError: another number of joints, another object, or a rate above one sample a step.
     """
     _check(scene, approach, rate_hz)
-    nominal = standing_pose() if object_pose is None else object_pose
+    nominal = make_standing_pose() if object_pose is None else object_pose
     true = nominal if object_offset is None else nominal @ object_offset
     soft = None if law is None else NativeContact(scene.hand, scene.item.shape, law)
     push = None if soft is None else SoftPush(scene, soft, soft_step_s)
@@ -145,7 +145,7 @@ class _Run:
     def place(self, item: FloatArray) -> None:
         """Put the mount, the palm and the joints where the grasp begins."""
         self._put(self.scene.model.body("mount").id, item)
-        self._put(self.scene.link_bodies[0], self.nominal @ self.controller.approach.palm_pose_at(1.0))
+        self._put(self.scene.link_bodies[0], self.nominal @ self.controller.approach.compute_palm_pose_at(1.0))
         self.data.qpos[self.scene.joint_addresses] = self.controller.approach.open_angles
 
     def _put(self, body: int, transform: FloatArray) -> None:
@@ -154,17 +154,17 @@ class _Run:
         self.data.mocap_quat[index] = to_quaternion(transform)
 
     def _put_palm(self, time: float) -> None:
-        withdrawn = self.controller.timeline.withdrawn_at(time)
+        withdrawn = self.controller.timeline.get_withdrawal(time)
         if withdrawn != self._withdrawn:
             index = self.scene.model.body_mocapid[self.scene.link_bodies[0]]
-            pose = self.nominal @ self.controller.approach.palm_pose_at(withdrawn)
+            pose = self.nominal @ self.controller.approach.compute_palm_pose_at(withdrawn)
             self.data.mocap_pos[index] = pose[:3, 3]  # it withdraws without turning
             self._withdrawn = withdrawn
 
     def record(self, timeline: Timeline, rate_hz: float, settle_s: float) -> GraspMotion:
         """Step from rest to the end of release, and take the samples."""
-        times = timeline.sample_times(rate_hz)
-        begin, end = timeline.begin(Phase.CLOSING), timeline.begin(Phase.RECOVERY)
+        times = timeline.make_sample_times(rate_hz)
+        begin, end = timeline.get_start_s(Phase.CLOSING), timeline.get_start_s(Phase.RECOVERY)
         for _ in range(round(settle_s / self._step_s)):
             self._step(0.0)
         states: list[_State] = []
@@ -176,13 +176,13 @@ class _Run:
                     self._step(begin + step * self._step_s, watched=step >= wanted - AVERAGED_STEPS)
                 done, now = wanted, self._state()
             states.append(now)
-        return self._motion(times, timeline.phase_at(times), states)
+        return self._motion(times, timeline.find_phases(times), states)
 
     def _step(self, time: float, watched: bool = False) -> None:
         scene, data = self.scene, self.data
         self._put_palm(time)
         angles, velocities = data.qpos[scene.joint_addresses], data.qvel[scene.joint_dofs]
-        data.qfrc_applied[scene.joint_dofs] = self.controller.torque(time, angles, velocities)
+        data.qfrc_applied[scene.joint_dofs] = self.controller.compute_torque(time, angles, velocities)
         if self._soft is not None:
             self._soft.step(data)
             return

@@ -19,8 +19,8 @@ class BatchOutput(ctypes.Structure):
     """`struct taxel_batch_output`: output buffers of a decoder call, their capacities and their filled sizes."""
 
     _fields_ = [
-        ("taxels", ctypes.c_void_p),
-        ("others", ctypes.c_void_p),
+        ("taxel_rows", ctypes.c_void_p),
+        ("message_rows", ctypes.c_void_p),
         ("counts", ctypes.c_void_p),
         ("payloads", ctypes.c_void_p),
         ("row_capacity", ctypes.c_size_t),

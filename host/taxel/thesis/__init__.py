@@ -1,1 +1,1 @@
-"""The thesis's experiments of chapter 5 once more: its tables, its figures and what it found, ours beside its own."""
+"""Reproduction of chapter 5 of the thesis: tables, figures and findings, compared with the printed ones."""

@@ -1,4 +1,6 @@
-"""The thesis's figures 5.6 to 5.14 from our results, as PNG files. Where a figure holds numbers, its own are pale."""
+"""Figures 5.6 to 5.14 of the thesis from the reproduced results, as PNG files; printed numbers are shown in pale
+colours.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,8 @@ from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import PointTarget, align_to_mesh, align_to_points
 from taxel.hand.transforms import apply
 from taxel.thesis.matching import CLEANED, FILTERED, REAL, SIM, SPREAD, ObjectClouds, ObjectResult
-from taxel.thesis.printed import OBJECTS, STAGES, rows_of
-from taxel.thesis.tables import contributions
+from taxel.thesis.printed import OBJECTS, STAGES, select_rows
+from taxel.thesis.tables import compute_contributions
 from taxel.types import FloatArray
 
 COLOURS: Final = {REAL: "#d9772b", SIM: "#5d3a9b", FILTERED: "#c9a227", CLEANED: "#3d8f5f", SPREAD: "#1f5fa8"}
@@ -28,52 +30,54 @@ FIGURES: Final = {
     "5.6": "Accumulated clouds before any treatment",
     "5.7": "Clouds on their CAD models",
     "5.8": "Real on simulated clouds",
-    "5.9": "The treatment, and the points that it leaves",
+    "5.9": "Number of points at each step of the treatment",
     "5.10": "Force filter: distances to the CAD models",
-    "5.11": "The rectangular prism's clouds as the treatment goes on",
+    "5.11": "Clouds of the rectangular prism at each stage of the treatment",
     "5.12": "Distances between real and simulated clouds, step by step",
-    "5.13": "Share of each step in the fall of the mean distance",
+    "5.13": "Share of each step in the decrease of the mean distance",
     "5.14": "Treated clouds on all CAD models",
 }
 
 
 def save_figures(items: Sequence[ObjectClouds], results: Sequence[ObjectResult], out: Path) -> dict[str, Path]:
-    """Draw all; files by the thesis's number. items, results: in the thesis's order of objects."""
-    drawn = {
-        "5.6": _accumulated(items),
-        "5.7": _on_cad(items),
-        "5.8": _on_sim(items),
-        "5.9": _treatment(results),
-        "5.10": _force(results),
-        "5.11": _progress(items[0]),
-        "5.12": _stages(results),
-        "5.13": _shares(results),
-        "5.14": _cross(results),
+    """Draw all figures and return their files by figure number. items, results: in the order of the thesis."""
+    figures = {
+        "5.6": _draw_accumulated(items),
+        "5.7": _draw_on_cad(items),
+        "5.8": _draw_on_sim(items),
+        "5.9": _draw_treatment(results),
+        "5.10": _draw_force_filter(results),
+        "5.11": _draw_progress(items[0]),
+        "5.12": _draw_stages(results),
+        "5.13": _draw_shares(results),
+        "5.14": _draw_cross_match(results),
     }
     paths = {}
-    for number, figure in drawn.items():
+    for number, figure in figures.items():
         paths[number] = out / f"figure_{number.replace('.', '_')}.png"
         figure.savefig(paths[number], dpi=110, facecolor="white")
     return paths
 
 
-def _figure(width: float, height: float) -> Any:
-    from matplotlib.figure import Figure  # here: it takes a second that other commands need not wait
+def _new_figure(width: float, height: float) -> Any:
+    from matplotlib.figure import Figure  # the import takes a second, which other commands need not wait for
 
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def _clouds(axis: Any, clouds: Mapping[str, tuple[FloatArray, str]], mesh: TriangleMesh | None, title: str) -> None:
-    every = [points for points, _ in clouds.values()] + ([mesh.vertices] if mesh is not None else [])
-    low, high = (1e3 * f(np.concatenate(every), axis=0) for f in (np.min, np.max))
-    middle, half = 0.5 * (low + high), 0.5 * float((high - low).max())
+def _draw_clouds(
+    axis: Any, clouds: Mapping[str, tuple[FloatArray, str]], mesh: TriangleMesh | None, title: str
+) -> None:
+    all_points = [points for points, _ in clouds.values()] + ([mesh.vertices] if mesh is not None else [])
+    low, high = (1e3 * f(np.concatenate(all_points), axis=0) for f in (np.min, np.max))
+    centre, half = 0.5 * (low + high), 0.5 * float((high - low).max())
     if mesh is not None:
-        for corners in _edges(mesh):
+        for corners in _find_sharp_edges(mesh):
             axis.plot(*(1e3 * corners.T), color=EDGE, linewidth=0.8)
     for label, (points, colour) in clouds.items():
         axis.scatter(*(1e3 * points.T), s=2.5, c=colour, alpha=0.5, linewidths=0, label=label)
-    axis.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half))
-    axis.set_zlim(middle[2] - half, middle[2] + half)
+    axis.set(xlim=(centre[0] - half, centre[0] + half), ylim=(centre[1] - half, centre[1] + half))
+    axis.set_zlim(centre[2] - half, centre[2] + half)
     axis.set_box_aspect((1, 1, 1), zoom=0.92)
     axis.view_init(*VIEW)
     axis.set_title(title, fontsize=10, y=0.98)
@@ -82,10 +86,11 @@ def _clouds(axis: Any, clouds: Mapping[str, tuple[FloatArray, str]], mesh: Trian
 
 
 SHARP_COS: Final = 0.9
+"""Cosine of the angle between face normals below which an edge is drawn."""
 
 
-def _edges(mesh: TriangleMesh) -> list[FloatArray]:
-    """Edges between faces of different directions, f64[2, 3] each: of a round side only the rims."""
+def _find_sharp_edges(mesh: TriangleMesh) -> list[FloatArray]:
+    """Edges between faces of different directions, f64[2, 3] each; of a round side only the rims."""
     owners: dict[tuple[int, int], list[int]] = {}
     for number, face in enumerate(mesh.faces.tolist()):
         for first, second in ((0, 1), (1, 2), (2, 0)):
@@ -95,80 +100,86 @@ def _edges(mesh: TriangleMesh) -> list[FloatArray]:
     return [mesh.vertices[list(key)] for key in sharp]
 
 
-def _accumulated(items: Sequence[ObjectClouds]) -> Any:
-    figure = _figure(4.0 * len(items), 7.6)
+def _draw_accumulated(items: Sequence[ObjectClouds]) -> Any:
+    figure = _new_figure(4.0 * len(items), 7.6)
     for column, item in enumerate(items):
         for row, name in enumerate((REAL, SIM)):
             axis = figure.add_subplot(2, len(items), row * len(items) + column + 1, projection="3d")
             cloud = item.clouds[name]
-            title = f"{item.thesis}, {name}: {len(cloud)} points"
-            _clouds(axis, {name: (cloud.points, COLOURS[name])}, item.mesh, title)
+            title = f"{item.printed_name}, {name}: {len(cloud)} points"
+            _draw_clouds(axis, {name: (cloud.points, COLOURS[name])}, item.mesh, title)
     return figure
 
 
-def _on_cad(items: Sequence[ObjectClouds]) -> Any:
-    figure = _figure(4.0 * len(items), 4.1)
+def _draw_on_cad(items: Sequence[ObjectClouds]) -> Any:
+    figure = _new_figure(4.0 * len(items), 4.1)
     for column, item in enumerate(items):
-        placed = {
+        aligned = {
             name: (
-                _placed(item.clouds[name], align_to_mesh(item.clouds[name].points, item.mesh).transform),
+                _transform(item.clouds[name], align_to_mesh(item.clouds[name].points, item.mesh).transform),
                 COLOURS[name],
             )
             for name in (REAL, SIM)
         }
         axis = figure.add_subplot(1, len(items), column + 1, projection="3d")
-        _clouds(axis, placed, item.mesh, f"{item.thesis} on its CAD model")
+        _draw_clouds(axis, aligned, item.mesh, f"{item.printed_name} on its CAD model")
     figure.axes[0].legend(loc="upper left", fontsize=8, markerscale=3)
     return figure
 
 
-def _on_sim(items: Sequence[ObjectClouds]) -> Any:
-    figure = _figure(4.0 * len(items), 4.1)
+def _draw_on_sim(items: Sequence[ObjectClouds]) -> Any:
+    figure = _new_figure(4.0 * len(items), 4.1)
     for column, item in enumerate(items):
         target = item.clouds[SIM].points
-        moved = align_to_points(item.clouds[REAL].points, PointTarget(target)).transform
+        transform = align_to_points(item.clouds[REAL].points, PointTarget(target)).transform
         axis = figure.add_subplot(1, len(items), column + 1, projection="3d")
-        placed = {REAL: (_placed(item.clouds[REAL], moved), COLOURS[REAL]), SIM: (target, COLOURS[SIM])}
-        _clouds(axis, placed, None, f"{item.thesis}, real on simulated")
+        aligned = {REAL: (_transform(item.clouds[REAL], transform), COLOURS[REAL]), SIM: (target, COLOURS[SIM])}
+        _draw_clouds(axis, aligned, None, f"{item.printed_name}, real on simulated")
     figure.axes[0].legend(loc="upper left", fontsize=8, markerscale=3)
     return figure
 
 
-def _placed(cloud: ContactCloud, transform: FloatArray) -> FloatArray:
+def _transform(cloud: ContactCloud, transform: FloatArray) -> FloatArray:
     return np.asarray(apply(transform, cloud.points))
 
 
-def _treatment(results: Sequence[ObjectResult]) -> Any:
-    figure = _figure(9.0, 3.4)
+def _draw_treatment(results: Sequence[ObjectResult]) -> Any:
+    figure = _new_figure(9.0, 3.4)
     axis = figure.add_subplot()
     steps = (REAL, FILTERED, CLEANED, SIM, SPREAD)
-    words = ("real, raw", "force filter\n190 counts", "SOR\n(Table 5.4)", "simulated, raw", "contact\npropagation")
+    labels = ("real, raw", "force filter\n190 counts", "SOR\n(Table 5.4)", "simulated, raw", "contact\npropagation")
     width = 0.8 / len(results)
-    for place, one in enumerate(results):
-        at = np.arange(len(steps)) + (place - 0.5 * (len(results) - 1)) * width
-        axis.bar(at, [one.cad[step].points for step in steps], width * 0.92, label=one.thesis, color=_shade(place))
-    axis.set_xticks(range(len(steps)), words, fontsize=9)
+    for position, result in enumerate(results):
+        at = np.arange(len(steps)) + (position - 0.5 * (len(results) - 1)) * width
+        axis.bar(
+            at,
+            [result.cad[step].points for step in steps],
+            width * 0.92,
+            label=result.printed_name,
+            color=_choose_shade(position),
+        )
+    axis.set_xticks(range(len(steps)), labels, fontsize=9)
     axis.set_ylabel("points")
     axis.axvline(2.5, color=EDGE, linewidth=0.8)
     axis.legend(fontsize=8, frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    _plain(axis)
+    _remove_frame(axis)
     return figure
 
 
-def _shade(place: int) -> str:
-    return ("#1f5fa8", "#6f9fce", "#b9cbe2")[place % 3]
+def _choose_shade(position: int) -> str:
+    return ("#1f5fa8", "#6f9fce", "#b9cbe2")[position % 3]
 
 
-def _force(results: Sequence[ObjectResult]) -> Any:
-    figure = _figure(4.0 * len(results), 3.6)
-    for column, one in enumerate(results):
+def _draw_force_filter(results: Sequence[ObjectResult]) -> Any:
+    figure = _new_figure(4.0 * len(results), 3.6)
+    for column, result in enumerate(results):
         axis = figure.add_subplot(1, len(results), column + 1)
-        rows = rows_of("I_1_to_3_force_filter", one.thesis)
+        rows = select_rows("I_1_to_3_force_filter", result.printed_name)
         at = [row["threshold_counts"] for row in rows]
         for key, colour in (("rms_m", "#b3313e"), ("mean_m", "#1f5fa8")):
-            word = key[: -len("_m")].upper() if key == "rms_m" else "mean"
+            name = "RMS" if key == "rms_m" else "mean"
             axis.plot(
-                at, [1e3 * getattr(one.force[int(t)], key) for t in at], "o-", color=colour, label=word, markersize=4
+                at, [1e3 * getattr(result.force[int(t)], key) for t in at], "o-", color=colour, label=name, markersize=4
             )
             axis.plot(
                 at,
@@ -176,86 +187,91 @@ def _force(results: Sequence[ObjectResult]) -> Any:
                 "s--",
                 color=colour,
                 alpha=PALE,
-                label=f"{word}, thesis",
+                label=f"{name}, thesis",
                 markersize=4,
             )
-        axis.set(title=one.thesis, xlabel="threshold, counts", ylim=(0.0, None))
-        _plain(axis)
+        axis.set(title=result.printed_name, xlabel="threshold, counts", ylim=(0.0, None))
+        _remove_frame(axis)
     figure.axes[0].set_ylabel("distance to CAD, mm")
     figure.axes[0].legend(fontsize=8, frameon=False)
     return figure
 
 
-def _progress(item: ObjectClouds) -> Any:
+def _draw_progress(item: ObjectClouds) -> Any:
     steps = ((REAL, SIM), (FILTERED, SIM), (CLEANED, SIM), (CLEANED, SPREAD))
-    figure = _figure(4.0 * len(steps), 4.1)
+    figure = _new_figure(4.0 * len(steps), 4.1)
     for column, (real, sim) in enumerate(steps):
         axis = figure.add_subplot(1, len(steps), column + 1, projection="3d")
         clouds = {name: (item.clouds[name].points, COLOURS[name]) for name in (real, sim)}
-        _clouds(axis, clouds, None, STAGES[column].replace("+ ", " and ").replace("+", " and"))
+        _draw_clouds(axis, clouds, None, STAGES[column].replace("+ ", " and ").replace("+", " and"))
         axis.legend(loc="lower left", fontsize=7, markerscale=3)
     return figure
 
 
-def _stages(results: Sequence[ObjectResult]) -> Any:
-    figure = _figure(4.0 * len(results), 3.6)
-    for column, one in enumerate(results):
+def _draw_stages(results: Sequence[ObjectResult]) -> Any:
+    figure = _new_figure(4.0 * len(results), 3.6)
+    for column, result in enumerate(results):
         axis = figure.add_subplot(1, len(results), column + 1)
-        rows = {row["stage"]: row for row in rows_of("I_10_to_12_sim_to_real", one.thesis)}
+        rows = {row["stage"]: row for row in select_rows("I_10_to_12_sim_to_real", result.printed_name)}
         at = range(len(STAGES))
-        for key, colour, word in (("rms_m", "#b3313e", "RMS"), ("mean_m", "#1f5fa8", "mean")):
-            axis.plot(at, [1e3 * getattr(one.to_sim[s], key) for s in STAGES], "o-", color=colour, label=word)
+        for key, colour, name in (("rms_m", "#b3313e", "RMS"), ("mean_m", "#1f5fa8", "mean")):
+            axis.plot(at, [1e3 * getattr(result.to_sim[s], key) for s in STAGES], "o-", color=colour, label=name)
             axis.plot(
-                at, [1e3 * rows[s][key] for s in STAGES], "s--", color=colour, alpha=PALE, label=f"{word}, thesis"
+                at, [1e3 * rows[s][key] for s in STAGES], "s--", color=colour, alpha=PALE, label=f"{name}, thesis"
             )
-        axis.set(title=one.thesis, ylim=(0.0, None))
+        axis.set(title=result.printed_name, ylim=(0.0, None))
         axis.set_xticks(at, SHORT, fontsize=8)
-        _plain(axis)
+        _remove_frame(axis)
     figure.axes[0].set_ylabel("real to simulated, mm")
     figure.axes[0].legend(fontsize=8, frameon=False)
     return figure
 
 
-def _shares(results: Sequence[ObjectResult]) -> Any:
-    figure = _figure(9.0, 3.4)
+def _draw_shares(results: Sequence[ObjectResult]) -> Any:
+    figure = _new_figure(9.0, 3.4)
     axis = figure.add_subplot()
     labels, at = [], []
-    for place, one in enumerate(results):
-        printed = {row["stage"]: float(row["mean_m"]) for row in rows_of("I_10_to_12_sim_to_real", one.thesis)}
-        ours = contributions({stage: one.to_sim[stage].mean_m for stage in STAGES})
-        for offset, (values, alpha, who) in enumerate(((ours, 1.0, "ours"), (contributions(printed), PALE, "thesis"))):
-            y, left = 3 * place + offset, 0.0
-            for value, colour, on_it, word in zip(values, STEP_COLOURS, STEP_INKS, STAGES[1:], strict=True):
-                shown = max(value, 0.0)
-                label = word.replace("+ ", " + ") if place == 0 and offset == 0 else None
-                axis.barh(y, shown, left=left, color=colour, alpha=alpha, label=label)
-                if shown > 4.0:
-                    ink = on_it if alpha == 1.0 else INK
-                    axis.text(left + 0.5 * shown, y, f"{value:.0f}", ha="center", va="center", fontsize=8, color=ink)
-                left += shown
-            labels.append(f"{one.thesis}, {who}")
+    for position, result in enumerate(results):
+        printed = {
+            row["stage"]: float(row["mean_m"]) for row in select_rows("I_10_to_12_sim_to_real", result.printed_name)
+        }
+        reproduced = {stage: result.to_sim[stage].mean_m for stage in STAGES}
+        for offset, (means, alpha, source) in enumerate(((reproduced, 1.0, "reproduced"), (printed, PALE, "thesis"))):
+            y, start = 3 * position + offset, 0.0
+            shares = compute_contributions(means)
+            for value, colour, text_colour, stage in zip(shares, STEP_COLOURS, STEP_INKS, STAGES[1:], strict=True):
+                width = max(value, 0.0)
+                label = stage.replace("+ ", " + ") if position == 0 and offset == 0 else None
+                axis.barh(y, width, left=start, color=colour, alpha=alpha, label=label)
+                if width > 4.0:
+                    ink = text_colour if alpha == 1.0 else INK
+                    axis.text(start + 0.5 * width, y, f"{value:.0f}", ha="center", va="center", fontsize=8, color=ink)
+                start += width
+            labels.append(f"{result.printed_name}, {source}")
             at.append(y)
     axis.set_yticks(at, labels, fontsize=8)
     axis.invert_yaxis()
-    axis.set_xlabel("share of the fall of the mean real-to-simulated distance, %")
+    axis.set_xlabel("share of the decrease of the mean real-to-simulated distance, %")
     axis.legend(fontsize=7, frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    _plain(axis)
+    _remove_frame(axis)
     return figure
 
 
-def _cross(results: Sequence[ObjectResult]) -> Any:
-    figure = _figure(4.0 * len(results), 6.0)
-    for column, one in enumerate(results):
+def _draw_cross_match(results: Sequence[ObjectResult]) -> Any:
+    figure = _new_figure(4.0 * len(results), 6.0)
+    for column, result in enumerate(results):
         for row, side in enumerate((REAL, SIM)):
             axis = figure.add_subplot(2, len(results), row * len(results) + column + 1)
             printed = {
                 r["cad_object"]: r
-                for r in rows_of("I_13_to_18_cross_shape", one.thesis, "cloud_object")
+                for r in select_rows("I_13_to_18_cross_shape", result.printed_name, "cloud_object")
                 if r["cloud_source"] == side
             }
             at = np.arange(len(OBJECTS))
-            ours = [1e3 * one.cross[side, word].mean_m if (side, word) in one.cross else 0.0 for word in OBJECTS]
-            axis.bar(at - 0.2, ours, 0.38, color=COLOURS[side], label="ours")
+            values = [
+                1e3 * result.cross[side, word].mean_m if (side, word) in result.cross else 0.0 for word in OBJECTS
+            ]
+            axis.bar(at - 0.2, values, 0.38, color=COLOURS[side], label="reproduced")
             axis.bar(
                 at + 0.2,
                 [1e3 * printed[w]["mean_m"] for w in OBJECTS],
@@ -265,13 +281,13 @@ def _cross(results: Sequence[ObjectResult]) -> Any:
                 label="thesis",
             )
             axis.set_xticks(at, OBJECTS, fontsize=8)
-            axis.set_title(f"{one.thesis} cloud, {side}", fontsize=10)
-            _plain(axis)
+            axis.set_title(f"{result.printed_name} cloud, {side}", fontsize=10)
+            _remove_frame(axis)
     figure.axes[0].set_ylabel("mean distance to CAD, mm")
     figure.axes[0].legend(fontsize=8, frameon=False)
     return figure
 
 
-def _plain(axis: Any) -> None:
+def _remove_frame(axis: Any) -> None:
     axis.spines[["top", "right"]].set_visible(False)
     axis.tick_params(labelsize=8)

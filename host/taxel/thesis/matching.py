@@ -1,4 +1,4 @@
-"""How well a cloud lies on a CAD model or on another cloud, as the thesis measures it (5.6.1)."""
+"""Distances of clouds to CAD models and to other clouds, computed as in the thesis (5.6.1)."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from taxel.cloud.sweep import (
 from taxel.cloud.treatment import get_outlier_filter
 from taxel.hand.transforms import apply
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.thesis.printed import FORCE_FILTER, STAGES, of_dataset, rows_of
+from taxel.thesis.printed import FORCE_FILTER, STAGES, get_printed_name, select_rows
 from taxel.thesis.settings import PROPAGATION
 
 REAL, SIM = "real", "sim"
 FILTERED, CLEANED, SPREAD = "real, force filter", "real, force and SOR filters", "sim, contact propagation"
-"""Clouds of an object: both sides as they are, and treated."""
+"""Clouds of an object: untreated, and after each step of the treatment."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectClouds:
-    """name: of the dataset; thesis: the thesis's word. grasps: of the real side. clouds: by name; mesh: the object."""
+    """Clouds of an object by name. name: in the dataset. printed_name: in the thesis. grasps: number of real grasps."""
 
     name: str
-    thesis: str
+    printed_name: str
     grasps: int
     clouds: Mapping[str, ContactCloud]
     mesh: TriangleMesh
@@ -46,15 +46,15 @@ class ObjectClouds:
 
 @dataclass(frozen=True)
 class ObjectResult:
-    """All that is measured of one object.
+    """All distances of one object.
 
-    cad: match with its own mesh, by cloud. force: the real cloud above a threshold, counts. sor: the force-filtered
-    cloud after SOR with the thesis's N and nSigma; neighbours: the N that was taken for each of the thesis's. to_sim:
-    real cloud to simulated cloud by stage; sim_points: of the latter. cross: (cloud, mesh's thesis word).
+    cad: to its own mesh, by cloud. force: real cloud above a threshold in counts. sor: force-filtered cloud after SOR,
+    by the printed N and nSigma. neighbours: N that was used for each printed N. to_sim: real cloud to simulated cloud,
+    by stage. sim_points: points of the simulated cloud, by stage. cross: by cloud and printed name of the mesh.
     """
 
     name: str
-    thesis: str
+    printed_name: str
     grasps: int
     cad: dict[str, DistanceStats]
     force: dict[int, DistanceStats]
@@ -65,91 +65,102 @@ class ObjectResult:
     cross: dict[tuple[str, str], DistanceStats] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """For files."""
+        """The result as JSON values."""
         return {
             "name": self.name,
             "grasps": self.grasps,
-            "cad": {key: asdict(one) for key, one in self.cad.items()},
-            "force": {str(key): asdict(one) for key, one in self.force.items()},
-            "sor": {f"{n} / {sigma:g}": asdict(one) for (n, sigma), one in self.sor.items()},
-            "to_sim": {key: asdict(one) for key, one in self.to_sim.items()},
-            "cross": {f"{cloud} on {mesh}": asdict(one) for (cloud, mesh), one in self.cross.items()},
+            "cad": {key: asdict(stats) for key, stats in self.cad.items()},
+            "force": {str(key): asdict(stats) for key, stats in self.force.items()},
+            "sor": {f"{n} / {sigma:g}": asdict(stats) for (n, sigma), stats in self.sor.items()},
+            "to_sim": {key: asdict(stats) for key, stats in self.to_sim.items()},
+            "cross": {f"{cloud} on {mesh}": asdict(stats) for (cloud, mesh), stats in self.cross.items()},
         }
 
 
-def clouds_of(real: GraspDataset, sim: GraspDataset, name: str) -> ObjectClouds:
-    """Accumulate and treat both sides' clouds of an object. Raises CloudError of one line."""
-    raw, model = accumulate(real, name), accumulate(sim, name)
-    for side, cloud in ((real, raw), (sim, model)):
+def accumulate_clouds(real: GraspDataset, sim: GraspDataset, name: str) -> ObjectClouds:
+    """Accumulated and treated clouds of an object in both datasets. Raises CloudError for an object without grasps."""
+    real_cloud, sim_cloud = accumulate(real, name), accumulate(sim, name)
+    for data, cloud in ((real, real_cloud), (sim, sim_cloud)):
         if not len(cloud.grasps):
-            raise CloudError(str(side.path), name, "grasps of this object", "none", "use a whole campaign")
+            raise CloudError(str(data.path), name, "grasps of this object", "none", "use a whole campaign")
     item = real.objects[name]
     mesh = TriangleMesh(name, item.vertices, item.faces.astype(np.int64))
-    spread = accumulate(sim, name, propagation=PROPAGATION)
-    return treated(name, of_dataset(name), len(raw.grasps), raw, model, spread, mesh)
+    propagated = accumulate(sim, name, propagation=PROPAGATION)
+    return apply_treatment(name, len(real_cloud.grasps), real_cloud, sim_cloud, propagated, mesh)
 
 
-def treated(
-    name: str, word: str, grasps: int, real: ContactCloud, sim: ContactCloud, spread: ContactCloud, mesh: TriangleMesh
+def apply_treatment(
+    name: str, grasps: int, real: ContactCloud, sim: ContactCloud, propagated: ContactCloud, mesh: TriangleMesh
 ) -> ObjectClouds:
-    """The thesis's treatment of an object's clouds. spread: the simulated one with contact propagation."""
-    filtered, rule = filter_by_force(real, FORCE_FILTER), get_outlier_filter(name)
-    cleaned = remove_outliers(filtered, min(rule.count_neighbours(len(filtered)), len(filtered)), rule.deviations)
-    clouds = {REAL: real, FILTERED: filtered, CLEANED: cleaned, SIM: sim, SPREAD: spread}
-    return ObjectClouds(name, word, grasps, clouds, mesh)
+    """Clouds of an object after the treatment of the thesis. propagated: simulated cloud with contact propagation."""
+    filtered, settings = filter_by_force(real, FORCE_FILTER), get_outlier_filter(name)
+    neighbours = min(settings.count_neighbours(len(filtered)), len(filtered))
+    cleaned = remove_outliers(filtered, neighbours, settings.deviations)
+    clouds = {REAL: real, FILTERED: filtered, CLEANED: cleaned, SIM: sim, SPREAD: propagated}
+    return ObjectClouds(name, get_printed_name(name), grasps, clouds, mesh)
 
 
-def _quiet() -> None:
-    """Nothing is shown."""
+def _no_advance() -> None:
+    """Report no progress."""
 
 
 def measure(
-    item: ObjectClouds, meshes: Mapping[str, TriangleMesh], show: Callable[[], None] = _quiet, *, sweeps: bool = True
+    item: ObjectClouds,
+    meshes: Mapping[str, TriangleMesh],
+    advance: Callable[[], None] = _no_advance,
+    *,
+    with_sweeps: bool = True,
 ) -> ObjectResult:
-    """Everything that the tables hold of one object. meshes: by thesis word. show: called after each part. sweeps:
-    False leaves out what no finding needs.
+    """All distances of one object.
+
+    meshes: by printed name. advance: called `STEPS` times. with_sweeps: False leaves out what no finding needs.
     """
     real = item.clouds[REAL]
     cad = {name: measure_after_alignment(cloud, item.mesh) for name, cloud in item.clouds.items()}
-    show()
-    thresholds = FORCE_THRESHOLDS if sweeps else (FORCE_FILTER, HIGHEST)
+    advance()
+    thresholds = FORCE_THRESHOLDS if with_sweeps else (FORCE_FILTER, LARGEST_THRESHOLD)
     rows = sweep_force_filter(real, item.mesh, item.name, thresholds)
     force = {int(row.threshold_counts): get_distance_stats(row) for row in rows}
-    show()
-    sor, neighbours = _sor_sweep(item) if sweeps else ({}, {})
-    show()
-    targets = {name: (PointTarget(item.clouds[name].points, name), item.clouds[name]) for name in (SIM, SPREAD)}
+    advance()
+    sor, neighbours = _sweep_sor(item) if with_sweeps else ({}, {})
+    advance()
+    targets = {name: PointTarget(item.clouds[name].points, name) for name in (SIM, SPREAD)}
     steps = dict(zip(STAGES, ((REAL, SIM), (FILTERED, SIM), (CLEANED, SIM), (CLEANED, SPREAD)), strict=True))
-    to_sim = {stage: _to_points(item.clouds[cloud], *targets[target]) for stage, (cloud, target) in steps.items()}
-    sim_points = {stage: len(item.clouds[target]) for stage, (_, target) in steps.items()}
-    show()
-    cross = {
-        (side, word): measure_after_alignment(item.clouds[cloud], mesh)
-        for side, cloud in ((REAL, CLEANED), (SIM, SPREAD))
-        for word, mesh in meshes.items()
+    to_sim = {
+        stage: _measure_to_points(item.clouds[cloud], targets[target]) for stage, (cloud, target) in steps.items()
     }
-    show()
-    return ObjectResult(item.name, item.thesis, item.grasps, cad, force, sor, neighbours, to_sim, sim_points, cross)
+    sim_points = {stage: len(item.clouds[target]) for stage, (_, target) in steps.items()}
+    advance()
+    cross = {
+        (side, name): measure_after_alignment(item.clouds[cloud], mesh)
+        for side, cloud in ((REAL, CLEANED), (SIM, SPREAD))
+        for name, mesh in meshes.items()
+    }
+    advance()
+    return ObjectResult(
+        item.name, item.printed_name, item.grasps, cad, force, sor, neighbours, to_sim, sim_points, cross
+    )
 
 
-HIGHEST: Final = 320
-"""Counts, of the force filter's sweep."""
+LARGEST_THRESHOLD: Final = 320
+"""Largest threshold of the force filter sweep, counts."""
 
-PARTS: Final = 5
-"""How often `measure` calls `show`."""
+STEPS: Final = 5
+"""Number of calls of `advance` by `measure`."""
 
 
-def _sor_sweep(item: ObjectClouds) -> tuple[dict[tuple[int, float], DistanceStats], dict[int, int]]:
-    """By the thesis's N and nSigma, in whose order the sweep's rows are; and the N that was taken for each of its."""
+def _sweep_sor(item: ObjectClouds) -> tuple[dict[tuple[int, float], DistanceStats], dict[int, int]]:
+    """Distances by the printed N and nSigma, and the N that was used for each printed N."""
     rows = sweep_outlier_filter(item.clouds[REAL], item.mesh, item.name)
-    found, neighbours = {}, {}
-    for row, printed in zip(rows, rows_of("I_4_to_6_sor", item.thesis), strict=True):
+    stats, neighbours = {}, {}
+    # The rows of the sweep are in the order of the printed table.
+    for row, printed in zip(rows, select_rows("I_4_to_6_sor", item.printed_name), strict=True):
         n = int(printed["n_neighbors"])
-        found[n, float(printed["n_sigma"])], neighbours[n] = get_distance_stats(row), row.n_neighbors
-    return found, neighbours
+        stats[n, float(printed["n_sigma"])], neighbours[n] = get_distance_stats(row), row.n_neighbors
+    return stats, neighbours
 
 
-def _to_points(cloud: ContactCloud, target: PointTarget, there: ContactCloud) -> DistanceStats:
-    """After ICP, to the nearest points of another cloud. target: its points, made ready."""
-    placed = apply(align_to_points(cloud.points, target, name=cloud.name).transform, cloud.points)
-    return DistanceStats.from_distances(compute_distances_to_cloud(placed, there.points, cloud.name))
+def _measure_to_points(cloud: ContactCloud, target: PointTarget) -> DistanceStats:
+    """Distances to the nearest points of a target after ICP."""
+    aligned = apply(align_to_points(cloud.points, target, name=cloud.name).transform, cloud.points)
+    return DistanceStats.from_distances(compute_distances_to_cloud(aligned, target.points, cloud.name))

@@ -1,11 +1,11 @@
-"""`taxel thesis`: campaigns, tables, figures, findings, diagnosis and page, in one folder."""
+"""The reproduction of chapter 5 in one folder: campaigns, tables, figures, findings, diagnosis and page."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
 from typing import Final
@@ -19,131 +19,157 @@ from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.cloud.errors import CloudError
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.page import write_page as write_gap_page
-from taxel.grasp.plan import thesis_plan
+from taxel.grasp.plan import make_thesis_plan
 from taxel.recording.grasp_dataset import GraspDataset
+from taxel.thesis.distance_agreement import DistanceAgreement, compare_distances
 from taxel.thesis.figures import save_figures
-from taxel.thesis.findings import Finding, findings, others
-from taxel.thesis.gap_beside import Beside, beside
-from taxel.thesis.matching import PARTS, ObjectClouds, ObjectResult, clouds_of, measure
-from taxel.thesis.nearness import Nearness, nearness_of
-from taxel.thesis.page import write_page
-from taxel.thesis.printed import OBJECTS, STAGES, rows_of
-from taxel.thesis.settings import DEEPER_M, EFFECTS, SCATTER, SIM_LAYER_M, SIM_SCATTER, TOUCHED, effects_on
-from taxel.thesis.shapes import PARTS as SHAPE_PARTS
-from taxel.thesis.shapes import shapes_told
-from taxel.thesis.tables import all_tables
+from taxel.thesis.findings import Finding, compute_further_results, evaluate_findings
+from taxel.thesis.gap_summary import GapSummary, summarise_gap
+from taxel.thesis.matching import STEPS, ObjectClouds, ObjectResult, accumulate_clouds, measure
+from taxel.thesis.page import PageContent, write_page
+from taxel.thesis.printed import OBJECTS, STAGES, select_rows
+from taxel.thesis.settings import (
+    BRACKET_OFFSET_M,
+    EFFECTS,
+    OBJECT_VARIATION,
+    SIM_LAYER_M,
+    SIM_VARIATION,
+    THESIS_PLACEMENTS,
+    build_effects,
+)
+from taxel.thesis.shape_matching import STEPS as SHAPE_STEPS
+from taxel.thesis.shape_matching import count_identified_shapes
+from taxel.thesis.tables import build_tables
 
-Show = Callable[[str, int, int], None]
+ShowStage = Callable[[str, int, int], None]
+"""Called with the name of a stage, the finished steps of the stage and the number of all its steps."""
 
 SIM_SEED_STEP: Final = 1
-"""The simulator's noise is not the emulated hand's."""
+"""Difference between the seeds of the simulator and of the emulated hand, so that their noise differs."""
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """Files of both sides. made: sentences on how they were made, for the page."""
+    """The two datasets. description: sentences for the page on how they were made."""
 
     real: Path
     sim: Path
-    made: tuple[str, ...]
+    description: tuple[str, ...]
 
 
-def make_campaign(out: Path, seed: int, jobs: int | None, show: Show) -> Campaign:
-    """The 144 grasps of both sides in `out`; what is there already is gone on with. Raises TaxelError of one line."""
-    plan, setup = thesis_plan(seed), Setup(placings=TOUCHED)
-    effects = effects_on(board.name for board in setup.hand.boards)
-    emulated = EmulatedSettings(seed=seed, effects=effects, variation=SCATTER)
-    simulated = SimSettings(seed=seed + SIM_SEED_STEP, variation=SIM_SCATTER)
+def make_campaign(out: Path, seed: int, jobs: int | None, show: ShowStage) -> Campaign:
+    """The 144 grasps on the emulated hand and in the simulator, in the folder `out`.
+
+    An interrupted campaign in the folder is continued. Raises TaxelError.
+    """
+    plan, setup = make_thesis_plan(seed), Setup(placements=THESIS_PLACEMENTS)
+    effects = build_effects(board.name for board in setup.hand.boards)
+    emulated = EmulatedSettings(seed=seed, effects=effects, variation=OBJECT_VARIATION)
+    simulated = SimSettings(seed=seed + SIM_SEED_STEP, variation=SIM_VARIATION)
     real, sim = out / "real.h5", out / "sim.h5"
     run_emulated(
-        real, plan, emulated, setup, jobs=jobs, resume=True, progress=lambda done, of: show("emulated hand", done, of)
+        real,
+        plan,
+        emulated,
+        setup,
+        jobs=jobs,
+        resume=True,
+        progress=lambda done, total: show("emulated hand", done, total),
     )
-    thinner = replace(setup, hand=replace(setup.hand, layer_m=SIM_LAYER_M))
+    sim_setup = replace(setup, hand=replace(setup.hand, layer_m=SIM_LAYER_M))
     run_simulated(
-        sim, plan, simulated, thinner, jobs=jobs, resume=True, progress=lambda done, of: show("simulator", done, of)
+        sim,
+        plan,
+        simulated,
+        sim_setup,
+        jobs=jobs,
+        resume=True,
+        progress=lambda done, total: show("simulator", done, total),
     )
-    made = (
-        f"{len(plan)} grasps of each side, seed {seed}. The real side is the emulated hand with {'; '.join(EFFECTS)}; "
-        f"its brackets lie {1e3 * DEEPER_M:.1f} mm deeper than its model has them; "
-        f"objects stand {1e3 * SCATTER.object_m:.1f} mm and {np.degrees(SCATTER.object_rad):.1f} degrees from their "
-        "places (standard deviation, each axis, each grasp; "
-        f"{', '.join(f'{name} {factor:g} times as far' for name, factor in SCATTER.objects)}).",
-        f"The simulated side is the simulator with its elastic layer, {1e3 * SIM_LAYER_M:.1f} mm thick, without any of "
-        "that: objects and brackets stand where they are believed to be.",
+    factors = ", ".join(f"{name} times {factor:g}" for name, factor in OBJECT_VARIATION.objects)
+    description = (
+        f"{len(plan)} grasps on each side, seed {seed}. The real side is the emulated hand with {'; '.join(EFFECTS)}. "
+        f"Its brackets lie {1e3 * BRACKET_OFFSET_M:.1f} mm deeper than in the description of the hand. The object pose "
+        f"varies by {1e3 * OBJECT_VARIATION.object_m:.1f} mm and {np.degrees(OBJECT_VARIATION.object_rad):.1f} degrees "
+        f"(standard deviation of each axis in each grasp; {factors}).",
+        f"The simulated side is the simulator with an elastic layer of {1e3 * SIM_LAYER_M:.1f} mm, without these "
+        "effects, with the nominal poses of objects and brackets.",
     )
-    return Campaign(real, sim, made)
+    return Campaign(real, sim, description)
 
 
 def reproduce(
-    campaign: Campaign, out: Path, show: Show, *, with_gap: bool = True
-) -> tuple[list[Finding], Nearness, Beside | None]:
-    """Tables, figures, findings and the page of a campaign. Raises TaxelError of one line."""
+    campaign: Campaign, out: Path, show: ShowStage, *, with_gap: bool = True
+) -> tuple[list[Finding], DistanceAgreement, GapSummary | None]:
+    """Write tables, figures, findings and the page of a campaign to the folder `out`. Raises TaxelError."""
     with closing(GraspDataset(campaign.real)) as real, closing(GraspDataset(campaign.sim)) as sim:
-        items = _clouds(real, sim, show)
-    results = _results(items, show)
-    tables = all_tables(results)
+        items = _accumulate_all(real, sim, show)
+    results = _measure_all(items, show)
+    tables = build_tables(results)
     (out / "tables").mkdir(parents=True, exist_ok=True)
     for table in tables:
         table.write(out / "tables" / table.file_name)
     (out / "figures").mkdir(exist_ok=True)
     figures = save_figures(items, results, out / "figures")
-    besides = [*others(results), *shapes_told(items, _steps("shapes", SHAPE_PARTS * len(items), show))]
-    found, near = findings(results), nearness_of(tables)
-    gap = _diagnosis(campaign, out, results, show) if with_gap else None
-    write_page(out / "thesis.html", tables, found, near, besides, figures, gap, campaign.made)
+    shapes = count_identified_shapes(items, _step_counter("shapes", SHAPE_STEPS * len(items), show))
+    further_results = [*compute_further_results(results), *shapes]
+    findings, agreement = evaluate_findings(results), compare_distances(tables)
+    gap = _diagnose(campaign, out, results, show) if with_gap else None
+    content = PageContent(tables, findings, agreement, further_results, figures, gap, campaign.description)
+    write_page(out / "thesis.html", content)
     summary = {
-        "made": campaign.made,
-        "findings": [one.to_json() for one in found],
-        "distances": near.to_json(),
-        "besides": [asdict(one) for one in besides],
-        "objects": [one.to_json() for one in results],
-        "gap": None if gap is None else asdict(gap),
+        "made": campaign.description,
+        "findings": [finding.to_json() for finding in findings],
+        "distances": agreement.to_json(),
+        "besides": [result.to_json() for result in further_results],
+        "objects": [result.to_json() for result in results],
+        "gap": None if gap is None else gap.to_json(),
     }
     (out / "thesis.json").write_text(json.dumps(summary, indent=1))
-    return found, near, gap
+    return findings, agreement, gap
 
 
-def _clouds(real: GraspDataset, sim: GraspDataset, show: Show) -> list[ObjectClouds]:
+def use_existing_campaign(real: Path, sim: Path) -> Campaign:
+    """A campaign of two existing datasets."""
+    return Campaign(real, sim, (f"Real side: {real.name}. Simulated side: {sim.name}.",))
+
+
+def _accumulate_all(real: GraspDataset, sim: GraspDataset, show: ShowStage) -> list[ObjectClouds]:
     names = [name for name in real.objects if name in sim.objects]
     items = {}
     for done, name in enumerate(names):
         show("clouds", done, len(names))
-        item = clouds_of(real, sim, name)
-        items[item.thesis] = item
+        item = accumulate_clouds(real, sim, name)
+        items[item.printed_name] = item
     show("clouds", len(names), len(names))
-    missing = [word for word in OBJECTS if word not in items]
+    missing = [name for name in OBJECTS if name not in items]
     if missing:
-        expected = f"the thesis's objects ({', '.join(OBJECTS)})"
+        expected = f"the objects of the thesis ({', '.join(OBJECTS)})"
         raise CloudError(str(real.path), "objects", expected, f"no {missing[0]} one", "use a campaign of taxel grasp")
-    return [items[word] for word in OBJECTS]
+    return [items[name] for name in OBJECTS]
 
 
-def _results(items: Sequence[ObjectClouds], show: Show) -> list[ObjectResult]:
-    meshes = {item.thesis: item.mesh for item in items}
-    step = _steps("matching", PARTS * len(items), show)
-    return [measure(item, meshes, step) for item in items]
+def _measure_all(items: Sequence[ObjectClouds], show: ShowStage) -> list[ObjectResult]:
+    meshes = {item.printed_name: item.mesh for item in items}
+    advance = _step_counter("matching", STEPS * len(items), show)
+    return [measure(item, meshes, advance) for item in items]
 
 
-def _steps(stage: str, total: int, show: Show) -> Callable[[], None]:
-    """To be called after each of a stage's steps."""
+def _step_counter(stage: str, total: int, show: ShowStage) -> Callable[[], None]:
+    """Function that reports one more finished step of a stage at each call."""
     done = count(1)
     return lambda: show(stage, next(done), total)
 
 
-def _diagnosis(campaign: Campaign, out: Path, results: Sequence[ObjectResult], show: Show) -> Beside:
-    """Blind to the settings: it sees the two files alone."""
-    report = diagnose(campaign.real, campaign.sim, show=lambda _, done, of: show("diagnosing", done, of)).report
+def _diagnose(campaign: Campaign, out: Path, results: Sequence[ObjectResult], show: ShowStage) -> GapSummary:
+    """Diagnose the gap from the two datasets alone, without the settings of the campaign, and write its report."""
+    report = diagnose(campaign.real, campaign.sim, show=lambda _, done, total: show("diagnosing", done, total)).report
     (out / "gap").mkdir(exist_ok=True)
     text = json.dumps(report, allow_nan=False)
     (out / "gap" / "report.json").write_text(text)
     write_gap_page(json.loads(text), out / "gap" / "report.html")
     printed = {
-        word: {row["stage"]: float(row["mean_m"]) for row in rows_of("I_10_to_12_sim_to_real", word)}
-        for word in OBJECTS
+        name: {row["stage"]: float(row["mean_m"]) for row in select_rows("I_10_to_12_sim_to_real", name)}
+        for name in OBJECTS
     }
-    return beside(report, results, {word: {stage: printed[word][stage] for stage in STAGES} for word in OBJECTS})
-
-
-def given(real: Path, sim: Path) -> Campaign:
-    """A campaign that somebody made."""
-    return replace(Campaign(real, sim, ()), made=(f"Real side: {real.name}. Simulated side: {sim.name}.",))
+    return summarise_gap(report, results, {name: {stage: printed[name][stage] for stage in STAGES} for name in OBJECTS})

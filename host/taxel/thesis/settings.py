@@ -1,9 +1,9 @@
-"""Settings of the emulated hand, and of the propagation in the simulated clouds, with which chapter 5 is repeated.
+"""Settings of the emulated hand, the simulator and the contact propagation for the reproduction of chapter 5.
 
-The thesis gives neither sizes of its noise, coupling and spread nor the reach of its contact propagation. These were
-found with `tools/thesis/search.py`, which says what it aimed at; the knee of the counts, the noisier board, the depth
-of the brackets, the simulator's layer and the press on the prism were then chosen on whole campaigns (docs/thesis.md).
-All but that press and how firmly objects stand are the same for all objects.
+The thesis states neither the sizes of its noise, coupling and contact spread nor the reach of its contact propagation.
+The values were found with `tools/thesis/search_settings.py`. The knee of the counts, the noisier board, the depth of the
+brackets, the layer of the simulator and the press on the triangular prism were then chosen on whole campaigns
+(docs/thesis.md). All settings except that press and the position factors of the objects are the same for all objects.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import Final
 
 from taxel.campaign.variation import NO_VARIATION, Variation
 from taxel.cloud.propagation import Propagation
-from taxel.grasp.plan import PLACINGS
+from taxel.grasp.plan import PALM_PLACEMENTS
 
 PRISM: Final = "triangular_prism"
-PRISM_PRESS_M: Final = 0.0003
+PRISM_INDENTATION_M: Final = 0.0003
 
 EFFECTS: Final = (
     "noise pink counts=50",
@@ -28,47 +28,49 @@ EFFECTS: Final = (
     "gain electrode factor=1.5",
     "saturation clip counts=295 strength=0.98",
 )
-"""Slow noise is what makes single taxels far from any contact active, as the thesis saw them; one small board of a
-finger whose tip has failed (5.2) has more of it. Counts hardly rise above 295: the thesis's force filter takes few
-points up to 190 and most of them up to 320 (Tables I-1 to I-3). That knee differs from taxel to taxel, since the
-coupling shifts their rest.
+"""Slow noise activates single taxels far from any contact, as in the thesis. One small board, on a finger whose tip
+failed in the thesis (5.2), has more of it. Counts hardly exceed 295: the force filter of the thesis removes few points
+up to 190 and most points up to 320 (Tables I-1 to I-3). This knee differs between taxels, since the coupling shifts
+their baseline.
 """
 
-DEEPER_M: Final = 0.0004
-"""Every bracket lies this much deeper in the hand than its model has it, as where a printed mount gives. Contacts are
-then believed to lie nearer to the objects, or in them: without it the triangular prism's cloud hardly lies nearer to
-its own CAD than to the others (finding 12).
-"""
+BRACKET_OFFSET_M: Final = 0.0004
+"""Depth by which every bracket lies deeper in the hand than in its description, as with a printed mount that yields.
+The contacts are then computed nearer to the objects or inside them. With 0 the cloud of the triangular prism is hardly
+nearer to its own CAD model than to the others (finding 12)."""
 
 
-def effects_on(boards: Iterable[str]) -> tuple[str, ...]:
-    """`EFFECTS`, and the brackets of these boards where they truly are."""
-    return (*EFFECTS, *(f"bracket_offset {name} 0 0 {-DEEPER_M:g} 0 0 0" for name in boards))
+def build_effects(board_names: Iterable[str]) -> tuple[str, ...]:
+    """`EFFECTS`, and the true poses of the brackets of these boards."""
+    return (*EFFECTS, *(f"bracket_offset {name} 0 0 {-BRACKET_OFFSET_M:g} 0 0 0" for name in board_names))
 
 
-STANDS: Final = (("rectangular_prism", 0.68), ("cylinder", 0.77), ("triangular_prism", 1.1))
-"""How far these stand from their places, as a share of what `SCATTER` says: found with `tools/thesis/search.py`, and
+POSITION_FACTORS: Final = (("rectangular_prism", 0.68), ("cylinder", 0.77), ("triangular_prism", 1.1))
+"""Factors on the standard deviations of `OBJECT_VARIATION` for each object, found with `tools/thesis/search_settings.py` and
 changed by a few hundredths on whole campaigns."""
 
-SCATTER: Final = Variation(object_m=3.4e-3, object_rad=0.04, objects=STANDS)
-"""Objects were put in their places by hand; the arm, the hand and its calibration have their share."""
-
-TOUCHED: Final = {
-    (item, approach): replace(placing, press_m=PRISM_PRESS_M) if item == PRISM and not placing.top else placing
-    for (item, approach), placing in PLACINGS.items()
-}
-"""How the hand meets the objects. The thesis's simulated contacts lie 1.53 mm from the triangular prism, twice as far
-as from the others (Tables I-7 to I-9): on its sides the palm hardly presses it.
+OBJECT_VARIATION: Final = Variation(object_m=3.4e-3, object_rad=0.04, objects=POSITION_FACTORS)
+"""Variation of the object pose in the emulated experiment: objects placed by hand, errors of arm, hand and calibration.
 """
 
-SIM_SCATTER: Final = NO_VARIATION
-"""In the thesis's simulator the object stands where its model says (4.3)."""
+THESIS_PLACEMENTS: Final = {
+    (item, approach): (
+        replace(placement, indentation_m=PRISM_INDENTATION_M) if item == PRISM and not placement.top else placement
+    )
+    for (item, approach), placement in PALM_PLACEMENTS.items()
+}
+"""Contact of the hand with the objects. The simulated contacts of the thesis lie 1.53 mm from the triangular prism,
+twice as far as from the other objects (Tables I-7 to I-9); here the palm presses less on its sides.
+"""
+
+SIM_VARIATION: Final = NO_VARIATION
+"""The simulator of the thesis uses the nominal object pose (4.3)."""
 
 SIM_LAYER_M: Final = 0.0016
-"""Thickness of the simulator's layer. The thesis's is rigid and as thick as the dielectric under 50 N, about 1 mm
-(4.2.1); ours bears like springs, and its electrodes come as near to the object as the thesis's with this thickness,
-between that and the 2 mm at rest.
+"""Thickness of the layer in the simulator. The layer of the thesis is rigid, with the thickness of the dielectric under
+50 N, about 1 mm (4.2.1). Here the layer is elastic, and at this thickness, between 1 mm and the 2 mm at rest, its
+electrodes come as near to the objects as in the thesis.
 """
 
 PROPAGATION: Final = Propagation(min_signal_counts=340.0)
-"""Only taxels that are pressed firmly activate their neighbours."""
+"""Only taxels under a strong contact activate their neighbours."""

@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from host.tests.command_line import refusal
+from host.tests.command_line import exit_status
 from taxel.blind import grasp_world
 from taxel.blind.grasp_world import sample_grasp_world, small_plans
 from taxel.blind.seal import commitment
@@ -47,5 +47,6 @@ def test_the_hidden_cause_acts_on_the_whole_hand(seed):
 
 @pytest.mark.parametrize("arguments", [("--seed", "-1"), ("--jobs", "-1")])
 def test_invalid_numbers_are_rejected_before_a_file_is_made(arguments, tmp_path, capsys):
-    assert refusal(capsys, "demo", "--out", tmp_path / "demo", *arguments)
+    assert exit_status("demo", "--out", tmp_path / "demo", *arguments) == 2
+    assert f"'{arguments[0]}'" in capsys.readouterr().err
     assert not (tmp_path / "demo").exists()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from taxel.campaign.setup import Setup
-from taxel.grasp.plan import PlannedGrasp, thesis_plan
+from taxel.grasp.plan import PlannedGrasp, make_thesis_plan
 from taxel.grasp.timeline import Timeline
 
 SHORT = Timeline(baseline_s=0.6, closing_s=1.0, hold_s=0.5, release_s=0.5, recovery_s=0.3)
@@ -24,11 +24,11 @@ def timeline() -> Timeline:
 @pytest.fixture(scope="session")
 def plan() -> tuple[PlannedGrasp, ...]:
     """One grasp of the cylinder in each of two sessions."""
-    grasps = [planned for planned in thesis_plan(1) if planned.object == "cylinder" and planned.approach != "top"]
+    grasps = [planned for planned in make_thesis_plan(1) if planned.object == "cylinder" and planned.approach != "top"]
     return tuple(next(planned for planned in grasps if planned.session == session) for session in (0, 1))
 
 
 @pytest.fixture(scope="session")
 def two_of_one_session() -> tuple[PlannedGrasp, ...]:
-    grasps = [planned for planned in thesis_plan(1) if planned.object == "cylinder" and planned.session == 0]
+    grasps = [planned for planned in make_thesis_plan(1) if planned.object == "cylinder" and planned.session == 0]
     return tuple(grasps[:2])

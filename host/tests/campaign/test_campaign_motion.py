@@ -54,8 +54,8 @@ class RecordingDynamics:
 class RecordingController(GraspController):
     """A controller that records its torques."""
 
-    def torque(self, t: float, angles: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-        torque_nm = super().torque(t, angles, velocities)
+    def compute_torque(self, t: float, angles: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+        torque_nm = super().compute_torque(t, angles, velocities)
         self.commanded.append(torque_nm)
         return torque_nm
 
@@ -72,7 +72,9 @@ def grasp_motion(setup, plan, timeline):
     with SkinContact(format_scene(setup.hand, Scene({"cylinder": setup.objects["cylinder"].shape}))) as contact:
 
         def wrist_at(times_s: np.ndarray) -> np.ndarray:
-            return np.stack([pose @ approach.palm_pose_at(timeline.withdrawn_at(time)) for time in times_s.tolist()])
+            return np.stack(
+                [pose @ approach.compute_palm_pose_at(timeline.get_withdrawal(time)) for time in times_s.tolist()]
+            )
 
         wrist = wrist_at(np.zeros(1))[0]
         hand = HandInContact(
@@ -85,8 +87,8 @@ def grasp_motion(setup, plan, timeline):
 
 def test_the_record_starts_before_closing_and_ends_with_the_release(grasp_motion, timeline):
     _, motion, _ = grasp_motion
-    assert motion.time_s[0] == pytest.approx(timeline.begin(Phase.CLOSING) - SETTLE_S)
-    assert timeline.end(Phase.RELEASE) - motion.time_s[-1] <= (RECORD_PERIODS + 0.5) * PERIOD_S
+    assert motion.time_s[0] == pytest.approx(timeline.get_start_s(Phase.CLOSING) - SETTLE_S)
+    assert timeline.get_end_s(Phase.RELEASE) - motion.time_s[-1] <= (RECORD_PERIODS + 0.5) * PERIOD_S
     assert np.diff(motion.time_s) == pytest.approx(RECORD_PERIODS * PERIOD_S)
     count = len(motion.time_s)
     assert motion.object_poses.shape == (count, 4, 4)
@@ -112,8 +114,8 @@ def test_torques_are_quantised_to_pwm_counts(grasp_motion):
 
 def test_the_hold_applies_the_planned_torques(grasp_motion, timeline):
     _, motion, controller = grasp_motion
-    hold = timeline.phase_at(motion.joints.time_s) == Phase.HOLD
-    free = ~controller.approach.held
+    hold = timeline.find_phases(motion.joints.time_s) == Phase.HOLD
+    free = ~controller.approach.is_held
     mean = np.array(controller.commanded)[hold][:, free].mean(axis=0)
     assert mean == pytest.approx(controller.approach.torque[free], abs=0.05)
 
@@ -159,7 +161,7 @@ def test_a_fault_of_the_hand_is_raised_and_clears_the_torques(free_hand, control
         with pytest.raises(AllegroTemperatureError, match="90 C"):
             control_grasp(hand, controller, 0.0, 3.0, periods(virtual), on_period)
         virtual.step(0.001)
-        assert not virtual.demand.any()
+        assert not virtual.torque_command.any()
     virtual.step(0.001)
     assert not virtual.servo_on
 
@@ -168,7 +170,7 @@ def test_a_hand_that_stops_responding_raises_the_error_of_the_driver(free_hand, 
     virtual, hand = free_hand
 
     def on_period(time_s: float) -> None:
-        virtual.faults.silent = time_s > 0.5
+        virtual.faults.is_silent = time_s > 0.5
 
     with hand, pytest.raises(AllegroSilentError, match="no pose of"):
         control_grasp(hand, controller, 0.0, 3.0, periods(virtual), on_period)
@@ -184,9 +186,9 @@ def test_any_exception_in_a_period_clears_the_torques(free_hand, controller):
     with hand:
         with pytest.raises(KeyboardInterrupt):
             control_grasp(hand, controller, 0.0, 3.0, periods(virtual), on_period)
-        assert virtual.demand.any()
+        assert virtual.torque_command.any()
         virtual.step(0.001)
-        assert not virtual.demand.any()
+        assert not virtual.torque_command.any()
 
 
 def test_the_torques_are_zero_after_a_grasp(free_hand, controller):
@@ -194,7 +196,7 @@ def test_the_torques_are_zero_after_a_grasp(free_hand, controller):
     with hand:
         control_grasp(hand, controller, 0.9, 1.4, periods(virtual))
         virtual.step(0.001)
-        assert not virtual.demand.any()
+        assert not virtual.torque_command.any()
 
 
 def test_missed_periods_do_not_lengthen_the_grasp(free_hand, setup, plan):

@@ -9,7 +9,7 @@ from taxel.campaign.settings import EmulatedSettings, OffsetLineError
 from taxel.campaign.setup import Setup
 from taxel.campaign.store import open_campaign_writer
 from taxel.campaign.variation import NO_VARIATION
-from taxel.grasp.calibration import Calibration, given_pose
+from taxel.grasp.calibration import Calibration, make_pose_estimate
 from taxel.hand import UnknownBoardError
 
 LINES = (
@@ -38,8 +38,8 @@ def test_an_offset_without_six_numbers_is_rejected_in_one_line(line):
 
 def test_a_calibrated_bracket_moves_its_taxels_and_a_calibrated_object_its_pose():
     calibration = Calibration(
-        objects={"cylinder": given_pose([0.6, 0.1, 0.1], [1, 0, 0, 0])},
-        brackets={"palm": given_pose([0.014, -0.008, -0.045], [0, 0.5**0.5, 0, 0.5**0.5])},
+        objects={"cylinder": make_pose_estimate([0.6, 0.1, 0.1], [1, 0, 0, 0])},
+        brackets={"palm": make_pose_estimate([0.014, -0.008, -0.045], [0, 0.5**0.5, 0, 0.5**0.5])},
     )
     planned, measured = Setup(), Setup(calibration=calibration)
     assert measured.object_pose("cylinder")[0, 3] == pytest.approx(0.6)
@@ -53,12 +53,14 @@ def test_a_calibrated_bracket_moves_its_taxels_and_a_calibrated_object_its_pose(
 
 def test_a_calibration_of_an_unknown_bracket_is_rejected():
     with pytest.raises(UnknownBoardError, match="elbow"):
-        Setup(calibration=Calibration(objects={}, brackets={"elbow": given_pose([0, 0, 0], [1, 0, 0, 0])}))
+        Setup(calibration=Calibration(objects={}, brackets={"elbow": make_pose_estimate([0, 0, 0], [1, 0, 0, 0])}))
 
 
 def test_the_dataset_stores_the_calibration_and_the_source_date_epoch(tmp_path, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
-    setup = Setup(calibration=Calibration(objects={"cylinder": given_pose([0.6, 0.1, 0.1], [1, 0, 0, 0])}, brackets={}))
+    setup = Setup(
+        calibration=Calibration(objects={"cylinder": make_pose_estimate([0.6, 0.1, 0.1], [1, 0, 0, 0])}, brackets={})
+    )
     for name in ("a.h5", "b.h5"):
         open_campaign_writer(tmp_path / name, "real", setup, 18.8, "a test").close()
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()

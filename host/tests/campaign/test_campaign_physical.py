@@ -51,7 +51,7 @@ def rig_of(setup) -> Iterator[Rig]:
         thread.start()
         try:
             with (
-                AllegroHand(host_bus, silence_limit_s=SILENCE_LIMIT_S, answer_timeout_s=SILENCE_LIMIT_S) as hand,
+                AllegroHand(host_bus, silence_limit_s=SILENCE_LIMIT_S, reply_timeout_s=SILENCE_LIMIT_S) as hand,
                 open_skin("emulator:?speed=real", setup.hand) as skin,
             ):
                 arm = SimulatedArm()
@@ -116,7 +116,7 @@ def test_the_placement_is_confirmed_before_each_session(finished, plan):
 
 
 def test_the_torques_are_zero_after_the_grasps(finished):
-    assert is_eventually(lambda: not finished[2].virtual.demand.any())
+    assert is_eventually(lambda: not finished[2].virtual.torque_command.any())
 
 
 def test_a_resumed_campaign_does_not_repeat_a_grasp(finished, plan, setup):
@@ -136,7 +136,7 @@ def test_a_hand_that_stops_responding_ends_the_campaign_and_keeps_the_first_gras
 
         def silence_hand(done: int, total: int) -> None:
             if done == 1:
-                rig.virtual.faults.silent = True
+                rig.virtual.faults.is_silent = True
 
         settings = PhysicalSettings(LASTING)
         with pytest.raises(AllegroSilentError, match="no pose of") as caught:
@@ -144,7 +144,7 @@ def test_a_hand_that_stops_responding_ends_the_campaign_and_keeps_the_first_gras
         assert "\n" not in str(caught.value)
         rig.arm.step(60.0)
         assert not rig.arm.is_moving
-        rig.virtual.faults.silent = False
+        rig.virtual.faults.is_silent = False
     with GraspDataset(tmp_path / "real.h5") as data:
         data.check()
         assert data.ids == (plan[0].id,)
@@ -155,14 +155,14 @@ def test_a_hand_that_stops_responding_during_a_grasp_stops_arm_and_torques(setup
         joint_angles = rig.arm.read_joint_angles
 
         def joint_angles_with_fault() -> np.ndarray:
-            if rig.virtual.demand.any():
+            if rig.virtual.torque_command.any():
                 rig.virtual.faults.dropped_fingers = {2}
             return joint_angles()
 
         rig.arm.read_joint_angles = joint_angles_with_fault
         with pytest.raises(AllegroSilentError, match="no pose of"):
             run_physical(tmp_path / "real.h5", plan, rig.station, PhysicalSettings(LASTING), setup)
-        assert is_eventually(lambda: not rig.virtual.demand.any())
+        assert is_eventually(lambda: not rig.virtual.torque_command.any())
         rig.arm.step(60.0)
         assert not rig.arm.is_moving
     assert not rig.virtual.servo_on
@@ -176,7 +176,7 @@ def test_a_lost_skin_ends_the_campaign_with_an_error_of_one_line(setup, plan, tm
         with pytest.raises(TaxelError) as caught:
             run_physical(tmp_path / "real.h5", plan, rig.station, settings, setup)
         assert "\n" not in str(caught.value)
-        assert is_eventually(lambda: not rig.virtual.demand.any())
+        assert is_eventually(lambda: not rig.virtual.torque_command.any())
 
 
 def test_an_arm_that_does_not_reach_its_target_ends_the_campaign(setup, plan, tmp_path, monkeypatch):

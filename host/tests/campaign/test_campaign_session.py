@@ -55,7 +55,7 @@ def test_phases_follow_the_timeline(records, timeline):
         elapsed = record.timestamp - LEAD_IN_S - index * timeline.duration_s
         assert elapsed[0] >= 0
         assert elapsed[-1] < timeline.duration_s
-        assert record.phase.tolist() == timeline.phase_at(elapsed).tolist()
+        assert record.phase.tolist() == timeline.find_phases(elapsed).tolist()
         assert set(record.phase.tolist()) == set(Phase)
 
 

@@ -49,7 +49,7 @@ def test_the_file_is_a_simulated_dataset_of_the_plan(complete, plan, timeline):
         assert (data.source, data.hand, data.ids) == ("sim", "allegro", tuple(planned.id for planned in plan))
         assert "layer sensing" in data.generator
         for grasp in data:
-            assert grasp.phase.tolist() == timeline.phase_at(grasp.timestamp).tolist()
+            assert grasp.phase.tolist() == timeline.find_phases(grasp.timestamp).tolist()
             assert grasp.valid.all()
             assert grasp.joint_position.shape == (len(grasp.timestamp), 22)
     assert count_contact_points(complete)["cylinder"].points > 20

@@ -52,7 +52,7 @@ def close_hand(dynamics: HandInContact, approach, seconds: float) -> np.ndarray:
     """Close and hold the hand; returns the last torque."""
     controller, torque = GraspController(approach, CLOSED), np.zeros(16)
     for tick in range(round(seconds / PERIOD_S)):
-        torque = controller.torque(tick * PERIOD_S, dynamics.angles, dynamics.velocities)
+        torque = controller.compute_torque(tick * PERIOD_S, dynamics.angles, dynamics.velocities)
         dynamics.step(torque, PERIOD_S)
     return torque
 

@@ -163,7 +163,7 @@ def test_the_mount_moves_in_holds_and_returns_along_the_same_travel(touch, end):
     stroke = Stroke.through(Timeline(1.0, 1.2, 1.2, 0.8, 0.8), touch, end)
     assert stroke.start_m == pytest.approx(min(-CLEARANCE_M, touch - 0.0005))
     times = np.linspace(0.0, stroke.timeline.duration_s, 501)
-    travel, phase = stroke.travel_at(times), stroke.timeline.phase_at(times)
+    travel, phase = stroke.travel_at(times), stroke.timeline.find_phases(times)
     assert travel[(phase == Phase.BASELINE) | (phase == Phase.RECOVERY)] == pytest.approx(stroke.start_m - AWAY_M)
     assert travel[phase == Phase.HOLD] == pytest.approx(end)
     assert (np.diff(travel[phase == Phase.CLOSING]) >= 0).all()

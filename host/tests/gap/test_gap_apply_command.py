@@ -167,7 +167,7 @@ def test_what_is_no_report_is_one_line(text, tmp_path):
         read_report(path)
     with pytest.raises(GapInputError, match="found a folder"):
         read_report(tmp_path)
-    with pytest.raises(GapInputError, match="found nothing"):
+    with pytest.raises(GapInputError, match="found no file"):
         read_report(tmp_path / "none.json")
 
 

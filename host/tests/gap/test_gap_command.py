@@ -61,9 +61,9 @@ def no_baseline(file):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (rename_approaches, ("/grasps", "an (object, approach) of", "simulate the grasps that were made")),
-        (move_a_taxel, ("/taxels/position[3]", "the same hand")),
-        (swap_lines, ("/taxels/rx[0]", "the same hand")),
+        (rename_approaches, ("/grasps", "an (object, approach) of", "simulate the recorded grasps")),
+        (move_a_taxel, ("/taxels/position[3]", "the same taxels in the same order")),
+        (swap_lines, ("/taxels/rx[0]", "the same taxels in the same order")),
         (no_baseline, ("/grasps/0000", "baseline")),
     ],
 )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taxel.gap.boards import BoardLayout
-from taxel.gap.catalogue import OWN_EFFECTS
+from taxel.gap.catalogue import OWN_EFFECTS, all_effects
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.lag import low_pass
 from taxel.gap.effects.pillar_propagation import LEVELS, drawn
@@ -21,7 +21,7 @@ from taxel.gap.pair import read_pair
 from taxel.gap.state import state_of
 from taxel.recording.grasp_format import Phase
 
-FORMS = [(name, form) for name, forms in OWN_EFFECTS.items() for form in forms]
+FORMS = [(name, form) for name, forms in all_effects().items() for form in forms]
 IDS = [f"{name} {form.variant or form.scope} {form.scope}" for name, form in FORMS]
 
 

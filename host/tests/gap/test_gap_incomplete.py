@@ -66,7 +66,7 @@ def test_two_sessions_tell_a_gap_and_not_its_cause(world, tmp_path):
     verdict = diagnose(*world(tmp_path, sessions=2, repeats=3, effect=clipped)).report["verdict"]
     assert (verdict["status"], verdict["effects"]) == ("unknown", ["unknown"])
     assert "fewer than three sessions" in verdict["one_line"]
-    assert "most like saturation" in verdict["one_line"]
+    assert "the most similar effect is saturation" in verdict["one_line"]
 
 
 def test_of_no_gap_nothing_is_added(world, tmp_path):

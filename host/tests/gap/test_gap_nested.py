@@ -33,11 +33,11 @@ def test_a_clear_effect_is_found_without_any_session(world, tmp_path):
     assert "chosen_inside" not in plain["after"]
     page = tmp_path / "report.html"
     write_page(json.loads(json.dumps(nested)), page)
-    assert "Chosen inside" in page.read_text()
+    assert "Repeated searches" in page.read_text()
 
 
 def test_three_sessions_are_too_few(world, tmp_path):
-    with pytest.raises(GapInputError, match="--nested: expected 4 sessions or more, found 3"):
+    with pytest.raises(GapInputError, match="--nested: expected at least 4 sessions, found 3"):
         diagnose(*world(tmp_path, effect=clipped, sessions=3, most=3.0), nested=True)
 
 

@@ -1,4 +1,4 @@
-"""The gap report's page: what it shows of two realistic reports, and what it leaves out."""
+"""The page of a gap report: sections, texts and pictures of two realistic reports."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def taxel_table(hand_name: str) -> tuple[Report, list[Report], list[str]]:
     return taxels, sensors, [b.name for b in hand.boards]
 
 
-def places(taxels: Report, sensors: list[Report], excess: np.ndarray[Any, Any], strong: bool) -> Report:
+def locations(taxels: Report, sensors: list[Report], excess: np.ndarray[Any, Any], strong: bool) -> Report:
     """The lists of "where" for these taxels."""
     address = np.array(taxels["sensor"])
     weights = np.maximum(excess, 0.0) + 1e-3
@@ -151,7 +151,7 @@ def candidates(sensors: list[Report]) -> list[Report]:
 
 
 def report_of(hand_name: str) -> Report:
-    """A report of two effects and a rest, as the diagnosis writes it."""
+    """A report with two effects and an unexplained part, as the diagnosis writes it."""
     random = np.random.default_rng(SEED)
     taxels, sensors, names = taxel_table(hand_name)
     count = len(taxels["sensor"])
@@ -162,8 +162,8 @@ def report_of(hand_name: str) -> Report:
     middle = np.exp(-((np.array(taxels["tx"]) - 5.0) ** 2 + (np.array(taxels["rx"]) - 5.0) ** 2) / 14.0)
     before = 900.0 * board * middle * random.uniform(0.6, 1.4, count) + random.normal(0.0, 4.0, count)
     after = 0.12 * before + random.normal(0.0, 4.0, count)
-    hurt = (address == sensors[0]["address"]) & (np.array(taxels["tx"]) == 2)
-    after[hurt] += 160.0
+    is_unexplained = (address == sensors[0]["address"]) & (np.array(taxels["tx"]) == 2)
+    after[is_unexplained] += 160.0
     parts = [{"before": 17.0 - 2 * k, "after": 6.0 - k, "floor": 2.5 + 0.2 * k} for k in range(3)]
     return {
         "format": "taxel-gap-report",
@@ -183,12 +183,12 @@ def report_of(hand_name: str) -> Report:
             "significant": True,
             "mm": {"value": 4.6, "ci95": [4.1, 5.2], "floor": 1.2, "placebo": 3.9},
         },
-        "where": places(taxels, sensors, before, strong=True),
+        "where": locations(taxels, sensors, before, strong=True),
         "verdict": {
             "status": "partly_explained",
             "effects": ["contact_propagation", "noise", "unknown"],
             "confounded_with": {"gain_mismatch": ["stiffness", "saturation"]},
-            "one_line": "Contact propagation and noise explain 61 % of the gap; on one TX line an unknown rest stays.",
+            "one_line": "Contact propagation and noise explain 61 % of the gap; a part on one TX line is unexplained.",
         },
         "effects": candidates(sensors),
         "after": {
@@ -202,7 +202,7 @@ def report_of(hand_name: str) -> Report:
         },
         "unexplained": {
             "p_value": 0.0008,
-            "signature": "a row: one TX line answers too strongly",
+            "signature": "row: the signal of one TX line is too large",
             "where": [{"address": sensors[0]["address"], "axis": "tx", "index": 2}],
         },
         "taxels": taxels,
@@ -236,14 +236,14 @@ def report_of(hand_name: str) -> Report:
 
 
 def no_gap_report(hand_name: str) -> Report:
-    """A report of two recordings that agree."""
+    """A report of two datasets that agree."""
     report = report_of(hand_name)
     random = np.random.default_rng(SEED + 1)
     taxels, sensors, _ = taxel_table(hand_name)
     noise = random.normal(0.0, 3.0, len(taxels["sensor"]))
     report["gap"] |= {"value": 2.9, "ci95": None, "excess": 0.4, "p_value": 0.43, "significant": False}
-    report["where"] = places(taxels, sensors, noise, strong=False)
-    line = "No gap: hand and simulator agree as well as repeats of a grasp do."
+    report["where"] = locations(taxels, sensors, noise, strong=False)
+    line = "No gap: hand and simulator agree within the variance between repeats."
     report["verdict"] = {"status": "no_gap", "effects": [], "confounded_with": {}, "one_line": line}
     report["effects"] = [row | {"in_verdict": False, "shrink_alone": 0.01} for row in report["effects"]]
     numbers = {"before": 2.9, "value": 2.9, "predicted_shrink": 0.0, "shrink": 0.0, "reducible_shrink": None}
@@ -264,11 +264,11 @@ def small() -> Report:
     return report_of("rig4")
 
 
-def bare() -> Report:
-    """What the format asks for, and nothing beside it."""
+def minimal_report() -> Report:
+    """Only the fields that the format requires."""
     report = report_of("rig4")
-    beside = ("taxels", "sensors", "taxel_excess", "counts", "waterfall", "ablation", "by_object", "by_sensor")
-    for key in (*beside, "thesis_terms", "next_presses", "losses", "margin", "notes"):
+    optional = ("taxels", "sensors", "taxel_excess", "counts", "waterfall", "ablation", "by_object", "by_sensor")
+    for key in (*optional, "thesis_terms", "next_presses", "losses", "margin", "notes"):
         del report[key]
     return report
 
@@ -286,8 +286,8 @@ def visible(text: str) -> str:
     return " ".join(" ".join(root.itertext()).replace("\N{NO-BREAK SPACE}", " ").split())
 
 
-class Nesting(HTMLParser):
-    """Fails where an HTML reader would see other elements than an XML reader."""
+class NestingChecker(HTMLParser):
+    """Fails where an HTML parser would see other elements than an XML parser."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -298,7 +298,7 @@ class Nesting(HTMLParser):
             self.open.append(tag)
 
     def handle_startendtag(self, tag: str, attrs: object) -> None:
-        assert tag in VOID or "svg" in self.open, f"<{tag}/> is left open by an HTML reader"
+        assert tag in VOID or "svg" in self.open, f"<{tag}/> is not closed for an HTML parser"
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
@@ -307,26 +307,26 @@ class Nesting(HTMLParser):
 def test_page_of_the_full_hand_has_every_section_in_order(full: Report) -> None:
     assert titles(page_text(full)) == [
         "Figures",
-        "The hand unrolled",
-        "From gap to floor",
-        "Where",
+        "Unrolled hand",
+        "Gap after each effect",
+        "Location of the gap",
         "Effects",
-        "Not told apart",
-        "Unexplained",
-        "What to press next",
+        "Confounded effects",
+        "Unexplained part",
+        "Recommended measurements",
         "Without each effect",
         "By object and by board",
-        "In the thesis's terms",
+        "In the terms of the thesis",
         "Inputs",
     ]
 
 
-def test_verdict_is_the_heading(full: Report) -> None:
+def test_the_verdict_is_the_heading(full: Report) -> None:
     (heading,) = parsed(page_text(full)).iter("h1")
     assert heading.text == full["verdict"]["one_line"]
 
 
-def test_page_says_the_figures_of_the_report(full: Report) -> None:
+def test_the_page_contains_the_figures_of_the_report(full: Report) -> None:
     text = visible(page_text(full))
     for words in ("15.3 counts", "14.1 to 16.5", "2.81 counts", "61 %", "88 %", "4.60 mm", "3.90 mm", "p < 0.001"):
         assert words in text
@@ -336,22 +336,22 @@ def test_page_says_the_figures_of_the_report(full: Report) -> None:
         assert words in text
 
 
-def test_page_is_read_alike_as_xml_and_as_html(full: Report) -> None:
+def test_xml_and_html_parsers_see_the_same_elements(full: Report) -> None:
     text = page_text(full)
     parsed(text)
-    reader = Nesting()
+    reader = NestingChecker()
     reader.feed(text)
     assert reader.open == []
 
 
-def test_page_needs_nothing_from_outside_and_runs_nothing(full: Report) -> None:
+def test_the_page_has_no_external_resources_and_no_scripts(full: Report) -> None:
     text = page_text(full)
     assert not re.search(r"https?:|//[a-z]|url\(|@import|<script|<link|<img|<iframe| on[a-z]+=", text)
     policy = next(meta for meta in parsed(text).iter("meta") if meta.get("http-equiv"))
     assert policy.get("content", "").startswith("default-src 'none'")
 
 
-def test_every_picture_has_words_or_is_passed_over(full: Report) -> None:
+def test_every_picture_has_a_description_or_is_hidden_from_screen_readers(full: Report) -> None:
     root = parsed(page_text(full))
     ids = [element.get("id") for element in root.iter() if element.get("id")]
     assert len(ids) == len(set(ids))
@@ -364,125 +364,126 @@ def test_every_picture_has_words_or_is_passed_over(full: Report) -> None:
             assert name in ids
 
 
-def test_links_lead_to_sections(full: Report) -> None:
+def test_every_link_leads_to_a_section(full: Report) -> None:
     root = parsed(page_text(full))
     anchors = {section.get("id") for section in root.iter("section")}
     links = {(link.get("href") or "").removeprefix("#") for link in root.iter("a")}
     assert links == anchors
 
 
-def test_full_page_is_small(full: Report) -> None:
+def test_the_page_of_the_full_hand_is_below_the_size_limit(full: Report) -> None:
     assert len(page_text(full).encode()) < MAX_BYTES
 
 
-def test_same_report_gives_same_bytes_also_after_json(full: Report, tmp_path: Path) -> None:
+def test_equal_reports_give_equal_bytes(full: Report, tmp_path: Path) -> None:
     write_page(full, tmp_path / "a.html")
     write_page(json.loads(json.dumps(full)), tmp_path / "b.html")
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.html", "b.html"]
 
 
-def test_sections_without_content_are_left_out() -> None:
-    assert titles(page_text(bare())) == ["Figures", "Where", "Effects", "Not told apart", "Unexplained", "Inputs"]
+def test_sections_without_content_are_omitted() -> None:
+    expected = ["Figures", "Location of the gap", "Effects", "Confounded effects", "Unexplained part", "Inputs"]
+    assert titles(page_text(minimal_report())) == expected
 
 
-def test_empty_additions_are_left_out_like_absent_ones() -> None:
-    report = bare()
+def test_empty_optional_fields_are_omitted_like_absent_ones() -> None:
+    report = minimal_report()
     report |= {"taxels": {}, "sensors": [], "taxel_excess": {}, "counts": {}, "waterfall": [], "ablation": []}
     report |= {"by_object": [], "by_sensor": [], "thesis_terms": [], "next_presses": [], "losses": [], "notes": []}
-    assert page_text(report) == page_text(bare())
+    assert page_text(report) == page_text(minimal_report())
 
 
-def test_no_gap_is_said_calmly_and_its_pictures_are_noise() -> None:
+def test_without_a_gap_the_pictures_are_described_as_noise() -> None:
     text = page_text(no_gap_report("rig4"))
-    assert "The hand unrolled: noise" in titles(text)
-    assert "Where the noise falls" in titles(text)
-    assert "From gap to floor" not in titles(text)
-    assert "agree as well as repeats" in visible(text)
+    assert "Unrolled hand: noise" in titles(text)
+    assert "Location of the noise" in titles(text)
+    assert "Gap after each effect" not in titles(text)
+    assert "agree within the variance between repeats of the same grasp" in visible(text)
     assert "No effect is needed." in visible(text)
-    steps = [int(found) for found in re.findall(r'class="q(\d+)" x="[\d.]+" y', text)]
+    steps = [int(match) for match in re.findall(r'class="q(\d+)" x="[\d.]+" y', text)]
     assert np.mean(steps) < 5
 
 
-def test_a_small_gap_that_is_hardly_chance_is_not_said_to_be_noise() -> None:
+def test_a_small_significant_gap_is_not_described_as_noise() -> None:
     report = no_gap_report("rig4")
-    report["verdict"]["one_line"] = "No gap: 2.9 counts where repeats and sessions alone make 2.8."
+    report["verdict"]["one_line"] = "No gap: 2.9 counts; repeats and sessions alone cause 2.8."
     report["gap"]["significant"] = True
-    seen = visible(page_text(report))
-    assert "hardly chance" in seen
-    assert "as well as repeats" not in seen
+    text = visible(page_text(report))
+    assert "hardly due to chance" in text
+    assert "within the variance" not in text
 
 
-def test_places_of_next_to_nothing_are_not_listed(small: Report) -> None:
+def test_locations_with_a_negligible_share_are_not_listed(small: Report) -> None:
     board = small["sensors"][0]["address"]
     small["unexplained"] |= {"p_value": 1e-4, "signature": "one board"}
     small["unexplained"]["where"] = [{"address": board, "share": share} for share in (0.81234, 0.0004)]
-    seen = visible(page_text(small))
-    assert "81 %" in seen.replace("\N{NO-BREAK SPACE}", " ")
-    assert ": 0 %" not in seen.replace("\N{NO-BREAK SPACE}", " ")
+    text = visible(page_text(small))
+    assert "81 %" in text
+    assert ": 0 %" not in text
 
 
-def test_taxels_that_do_not_answer_are_numbered_in_whole_numbers(small: Report) -> None:
+def test_dead_taxels_are_listed_as_integers(small: Report) -> None:
     small["verdict"] |= {"status": "explained", "effects": ["dropout"]}
     for row in small["effects"]:
         row["in_verdict"] = row["name"] == "dropout"
         if row["in_verdict"]:
             row["parameters"] = {"taxels": {"value": [70, 71, 1072], "ci95": None, "unit": "index"}}
-    seen = visible(page_text(small))
-    assert "70, 71 and 1072" in seen
-    assert "70.0" not in seen
+    text = visible(page_text(small))
+    assert "70, 71 and 1072" in text
+    assert "70.0" not in text
 
 
-def test_unknown_cause_names_no_effect(small: Report) -> None:
+def test_an_unknown_cause_has_a_signature_and_no_effect(small: Report) -> None:
     small["verdict"] |= {"status": "unknown", "effects": ["unknown"]}
     for row in small["effects"]:
         row["in_verdict"] = False
     text = visible(page_text(small))
     assert "No effect of the catalogue is the cause." in text
     assert "in the verdict" not in text
-    assert "It looks like this: a row" in text
+    assert "Signature: row" in text
 
 
-def test_what_is_left_within_the_floor_is_not_dramatised(small: Report) -> None:
+def test_an_insignificant_remaining_gap_is_not_called_unexplained(small: Report) -> None:
     small["unexplained"]["p_value"] = 0.3
-    assert "not told from the floor (p = 0.30)" in visible(page_text(small))
+    assert "not significantly above the floor (p = 0.30)" in visible(page_text(small))
 
 
-def test_waterfall_starts_from_a_first_entry_that_is_the_gap(small: Report) -> None:
+def test_the_waterfall_starts_with_a_first_entry_named_gap(small: Report) -> None:
     small["waterfall"].insert(0, {"effect": "gap", "gap": 15.25, "ci95": [14.0, 16.0]})
     rows = visible(page_text(small))
     assert "14.0 to 16.0" in rows
     assert "+ gap" not in rows
 
 
-def test_effect_that_makes_it_worse_is_shown_as_such(small: Report) -> None:
+def test_an_effect_that_increases_the_gap_is_marked(small: Report) -> None:
     small["waterfall"][1]["gap"] = 9.0
     text = page_text(small)
     assert 'class="worse"' in text
     assert "+8.6 %" in visible(text)
 
 
-def test_below_three_sessions_no_interval_is_shown(small: Report) -> None:
+def test_without_intervals_in_the_report_the_figures_have_none(small: Report) -> None:
     small["gap"]["ci95"] = small["after"]["ci95"] = None
-    figures = visible(page_text(small)).partition("The hand unrolled Each")[0]
+    figures = visible(page_text(small)).partition("Unrolled hand Each")[0]
     assert "14.1 to 16.5" not in figures
 
 
-def test_report_is_left_as_it_was(small: Report) -> None:
-    kept = copy.deepcopy(small)
+def test_the_report_is_not_modified(small: Report) -> None:
+    original = copy.deepcopy(small)
     page_text(small)
-    assert small == kept
+    assert small == original
 
 
-def test_long_lists_are_cut_but_counted(full: Report) -> None:
-    assert re.search(r"\d+ more: \d+ % together", visible(page_text(full)))
+def test_long_lists_are_shortened_with_a_count(full: Report) -> None:
+    assert re.search(r"\d+ more: \d+ % in total", visible(page_text(full)))
 
 
 def test_parameters_of_many_boards_are_folded_behind_their_range(full: Report) -> None:
     assert "seconds of 17 boards: 0.0100 to 0.0420 s" in visible(page_text(full))
 
 
-def test_file_that_cannot_be_written_leaves_nothing(small: Report, tmp_path: Path) -> None:
+def test_a_failed_write_leaves_no_file(small: Report, tmp_path: Path) -> None:
     with pytest.raises(OSError):
         write_page(small, tmp_path / "absent" / "page.html")
     (tmp_path / "folder").mkdir()
@@ -493,5 +494,5 @@ def test_file_that_cannot_be_written_leaves_nothing(small: Report, tmp_path: Pat
 
 @pytest.mark.parametrize("make", [report_of, no_gap_report])
 @pytest.mark.parametrize("hand_name", ["allegro", "rig4", "flat8"])
-def test_any_hand_makes_a_page(make: Callable[[str], Report], hand_name: str) -> None:
+def test_any_hand_gives_a_page(make: Callable[[str], Report], hand_name: str) -> None:
     parsed(page_text(make(hand_name)))

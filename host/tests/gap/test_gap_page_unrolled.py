@@ -1,4 +1,4 @@
-"""The unrolled hand of a gap report: where boards stand, how taxels are coloured, what is marked."""
+"""The unrolled hand of a gap report: positions of the boards, colours of the taxels, marks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from taxel.gap.errors import GapInputError
 from taxel.gap.page import unrolled_png, unrolled_svg
 from taxel.gap.page.board_map import View, boards_of, views_of
 from taxel.gap.page.colours import DARK, LIGHT, STEPS, step_of, top_of
-from taxel.gap.page.report import Report as Checked
+from taxel.gap.report.checked_report import CheckedReport
 from taxel.hand import load_hand
 
 Report = dict[str, Any]
@@ -27,7 +27,7 @@ LARGEST = 400.0  # counts squared
 
 
 def report_of(hand_name: str, boards: list[str] | None = None) -> Report:
-    """The least report that has a picture: one loud taxel on the first board, nothing elsewhere."""
+    """The smallest report with a picture: one taxel of the first board has an excess."""
     taxels: Report = {"sensor": [], "tx": [], "rx": []}
     sensors = []
     for board in load_hand(hand_name).boards:
@@ -52,35 +52,36 @@ def report_of(hand_name: str, boards: list[str] | None = None) -> Report:
 
 
 def views(report: Report) -> tuple[View, ...]:
-    return views_of(boards_of(Checked(report)))
+    return views_of(boards_of(CheckedReport(report)))
 
 
 def squares(svg: str) -> list[str]:
-    """The class of each taxel, in the order of the picture."""
+    """The CSS class of each taxel, in the order of the picture."""
     return [r.get("class", "") for r in ET.fromstring(svg).iter(f"{SVG}rect") if r.find(f"{SVG}title") is not None]
 
 
-def words(svg: str, kind: str) -> list[str]:
-    return [t.text or "" for t in ET.fromstring(svg).iter(f"{SVG}text") if (t.get("class") or "").startswith(kind)]
+def texts(svg: str, kind: str) -> list[str]:
+    found = [t.text or "" for t in ET.fromstring(svg).iter(f"{SVG}text") if (t.get("class") or "").startswith(kind)]
+    return [text.replace("\N{NO-BREAK SPACE}", " ") for text in found]
 
 
-def overlap(view: View) -> bool:
+def has_overlap(view: View) -> bool:
     boxes = [(p.x, p.y - 1.0, p.x + p.board.columns, p.y + p.board.rows) for p in view.boards]
     return any(a is not b and a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3] for a in boxes for b in boxes)
 
 
 @pytest.mark.parametrize("hand_name", ["allegro", "rig4", "flat8"])
-def test_every_taxel_is_drawn_once_and_no_board_covers_another(hand_name: str) -> None:
+def test_every_taxel_is_drawn_once_and_boards_do_not_overlap(hand_name: str) -> None:
     report = report_of(hand_name)
     assert len(squares(unrolled_svg(report))) == len(report["taxels"]["sensor"])
     for view in views(report):
-        assert not overlap(view)
+        assert not has_overlap(view)
         for placed in view.boards:
             assert 0 <= placed.x <= view.width - placed.board.columns
             assert 0 < placed.y <= view.height - placed.board.rows
 
 
-def test_default_hand_is_laid_out_like_a_right_hand() -> None:
+def test_the_default_hand_is_arranged_like_a_right_hand() -> None:
     palm_side, back = views(report_of("allegro"))
     at = {placed.board.name: placed for view in (palm_side, back) for placed in view.boards}
     assert len(palm_side.boards) + len(back.boards) == 17
@@ -96,13 +97,13 @@ def test_default_hand_is_laid_out_like_a_right_hand() -> None:
     assert [heading.label for heading in palm_side.headings] == ["pinkie", "middle", "index"]
 
 
-def test_part_of_the_default_hand_keeps_its_layout() -> None:
+def test_a_part_of_the_default_hand_keeps_its_arrangement() -> None:
     (view,) = views(report_of("allegro", ["palm", "fingertip_index", "fingertip_thumb"]))
     assert view.title == "palm side"
-    assert not overlap(view)
+    assert not has_overlap(view)
 
 
-def test_one_name_that_is_not_the_default_hands_puts_all_boards_in_rows() -> None:
+def test_an_unknown_board_name_arranges_all_boards_in_rows() -> None:
     report = report_of("allegro")
     report["sensors"][0]["name"] = "forearm"
     (view,) = views(report)
@@ -110,20 +111,20 @@ def test_one_name_that_is_not_the_default_hands_puts_all_boards_in_rows() -> Non
     assert len({placed.y for placed in view.boards}) > 1
 
 
-def test_boards_without_a_name_are_named_by_their_address() -> None:
+def test_boards_without_a_name_are_labelled_by_their_address() -> None:
     report = report_of("rig4") | {"sensors": []}
-    assert words(unrolled_svg(report), "name") == ["board 80", "board 81", "board 82", "board 83"]
+    assert texts(unrolled_svg(report), "name") == ["board 80", "board 81", "board 82", "board 83"]
 
 
-def test_long_name_is_cut_and_escaped() -> None:
+def test_a_long_name_is_shortened_and_escaped() -> None:
     report = report_of("rig4")
     report["sensors"][0]["name"] = "<b>" + "x" * 100
-    name = words(unrolled_svg(report), "name")[0]
+    name = texts(unrolled_svg(report), "name")[0]
     assert name.startswith("<b>xx")
     assert len(name) <= 18
 
 
-def test_colour_is_the_root_of_the_excess_on_one_scale() -> None:
+def test_the_colour_is_linear_in_the_root_of_the_excess_on_a_common_scale() -> None:
     report = report_of("rig4")
     report["taxel_excess"]["before"][1] = LARGEST / 4
     before, after = squares(unrolled_svg(report, "before")), squares(unrolled_svg(report, "after"))
@@ -133,14 +134,14 @@ def test_colour_is_the_root_of_the_excess_on_one_scale() -> None:
     assert squares(unrolled_svg(report, "before"))[0] == f"q{STEPS // 2}"
 
 
-def test_scale_ends_well_above_the_floor_so_that_noise_looks_calm() -> None:
-    quiet = ([1.0, 0.0], [0.5, 0.0])
-    assert top_of(quiet, FLOOR) == 3 * FLOOR
-    assert step_of(1.0, top_of(quiet, FLOOR)) <= 2
+def test_the_scale_ends_at_three_floors_or_above() -> None:
+    noise = ([1.0, 0.0], [0.5, 0.0])
+    assert top_of(noise, FLOOR) == 3 * FLOOR
+    assert step_of(1.0, top_of(noise, FLOOR)) <= 2
     assert top_of(([-1.0], [-2.0]), 0.0) > 0.0
 
 
-def test_taxel_of_which_nothing_is_known_is_empty() -> None:
+def test_a_taxel_without_data_is_empty() -> None:
     report = report_of("rig4")
     report["taxel_excess"]["before"][3] = None
     assert squares(unrolled_svg(report))[3] == "none"
@@ -158,25 +159,25 @@ def test_boards_and_lines_with_a_small_p_are_marked_before() -> None:
         {"address": address, "axis": "rx", "index": 2, "share": 0.1, "p_value": 0.5},
     ]
     svg = unrolled_svg(report, "before")
-    assert words(svg, "name marked") == ["wall 62 %"]
+    assert texts(svg, "name marked") == ["wall 62 %"]
     assert svg.count('class="arrow"') == 1
-    assert "marked" not in re.sub("<style>.*</style>", "", unrolled_svg(report, "after"))
+    assert "marked" not in re.sub("<style>.*</style>", "", unrolled_svg(report, "after"), flags=re.DOTALL)
 
 
-def test_unexplained_places_are_marked_after() -> None:
+def test_unexplained_locations_are_marked_after() -> None:
     report = report_of("rig4")
     address = report["sensors"][2]["address"]
-    places = [{"address": address, "axis": "rx", "index": 1}, {"address": address}, "somewhere"]
-    report["unexplained"] = {"p_value": 0.001, "where": places}
+    locations = [{"address": address, "axis": "rx", "index": 1}, {"address": address}, "somewhere"]
+    report["unexplained"] = {"p_value": 0.001, "where": locations}
     svg = unrolled_svg(report, "after")
-    assert words(svg, "name marked") == ["dome"]
+    assert texts(svg, "name marked") == ["dome"]
     assert svg.count('class="arrow"') == 1
     assert 'class="arrow"' not in unrolled_svg(report, "before")
     report["unexplained"]["p_value"] = 0.3
     assert 'class="arrow"' not in unrolled_svg(report, "after")
 
 
-def test_line_that_the_board_does_not_have_is_no_mark() -> None:
+def test_a_line_that_the_board_lacks_is_not_marked() -> None:
     report = report_of("rig4")
     line = {"address": report["sensors"][0]["address"], "axis": "tx", "index": 200, "share": 1.0, "p_value": 0.001}
     report["where"]["lines"] = [line]
@@ -190,26 +191,26 @@ def luminance(colour: str) -> float:
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
-def test_ramps_are_read_by_lightness_alone() -> None:
+def test_the_lightness_of_the_ramps_is_monotonic() -> None:
     assert all(luminance(a) > luminance(b) for a, b in pairwise(LIGHT))
     assert all(luminance(a) < luminance(b) for a, b in pairwise(DARK))
     assert len(LIGHT) == len(DARK) == STEPS
 
 
-def test_svg_stands_alone() -> None:
+def test_the_svg_has_no_external_references() -> None:
     svg = unrolled_svg(report_of("allegro"))
     assert not re.search(r"url\(|@import|href|<script", svg)
     assert re.findall(r"https?://[^\"]*", svg) == ["http://www.w3.org/2000/svg"]
     assert ET.fromstring(svg).find(f"{SVG}title") is not None
 
 
-def test_unknown_stage_is_refused() -> None:
+def test_an_unknown_stage_is_rejected() -> None:
     with pytest.raises(ValueError, match="expected one of before, after, found 'later'"):
         unrolled_svg(report_of("rig4"), "later")
 
 
 @pytest.mark.parametrize("key", ["taxels", "taxel_excess"])
-def test_report_without_taxels_has_no_picture(key: str, tmp_path: Path) -> None:
+def test_a_report_without_taxels_has_no_picture(key: str, tmp_path: Path) -> None:
     report = report_of("rig4")
     del report[key]
     with pytest.raises(GapInputError, match="taxel_excess: expected taxels and the excess of each, found none"):
@@ -219,9 +220,9 @@ def test_report_without_taxels_has_no_picture(key: str, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_png_shows_the_hand_and_is_the_same_each_time(tmp_path: Path) -> None:
+def test_the_png_is_reproducible_and_contains_the_colours_of_the_hand(tmp_path: Path) -> None:
     report = report_of("rig4")
-    report["sensors"][0]["name"] = "$x_{"  # no formula
+    report["sensors"][0]["name"] = "$x_{"  # must not be parsed as a formula
     unrolled_png(report, tmp_path / "a.png")
     unrolled_png(copy.deepcopy(report), tmp_path / "b.png")
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()

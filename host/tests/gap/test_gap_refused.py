@@ -43,10 +43,10 @@ def coarse(number, grasp):
 @pytest.mark.parametrize(
     ("side", "change", "words"),
     [
-        (0, no_hold, "frames of hold that arrived"),
+        (0, no_hold, "valid frames in hold"),
         (1, silent_board, "frames of sensor 33"),
-        (0, still, "check the hand"),
-        (1, still, "counts that follow contact_force"),
+        (0, still, "check the recording of the hand"),
+        (1, still, "counts that depend on contact_force"),
         (0, coarse, "a finer clock"),
     ],
 )
@@ -78,7 +78,7 @@ def test_copies_are_no_repeats(world, tmp_path):
     paths = world(tmp_path, cells=3, sessions=3)
     copies(paths[0])
     losses = read_pair(*paths).losses
-    assert any("alike to the bit" in loss for loss in losses)
+    assert any("bit-identical" in loss for loss in losses)
 
 
 def test_a_phase_that_one_grasp_lacks_is_told(world, tmp_path):
@@ -97,7 +97,7 @@ def test_a_phase_that_one_grasp_lacks_is_told(world, tmp_path):
 def test_milliseconds_are_told(world, tmp_path):
     paths = world(tmp_path, cells=3, sessions=3)
     changed(paths[0], lambda number, grasp: grasp["timestamp"].write_direct(1e3 * grasp["timestamp"][()]))
-    assert any("are both in seconds" in loss for loss in read_pair(*paths).losses)
+    assert any("check the unit of time" in loss for loss in read_pair(*paths).losses)
 
 
 def test_a_grasp_of_which_nothing_arrived_is_told(world, tmp_path):
@@ -109,7 +109,7 @@ def test_a_grasp_of_which_nothing_arrived_is_told(world, tmp_path):
 
     changed(paths[0], lost)
     losses = read_pair(*paths).losses
-    assert "no frame arrived of 1 of 18 grasps of the hand" in losses
+    assert "1 of 18 grasps of the hand have no valid frame" in losses
     assert not any("baselines" in loss for loss in losses)
 
 

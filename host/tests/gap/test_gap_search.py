@@ -210,4 +210,4 @@ def test_a_board_without_a_baseline_in_one_grasp_is_left_out_there(world, tmp_pa
 
     report = diagnose(*world(tmp_path, cells=4, sessions=4, effect=clipped, after=lossy)).report
     assert report["verdict"]["effects"][0] == "saturation"
-    assert any("1 of 32 grasps of the hand a board lost its baseline" in loss for loss in report["losses"])
+    assert any("1 of 32 grasps of the hand a board has no baseline" in loss for loss in report["losses"])

@@ -103,21 +103,21 @@ def test_a_weak_line_is_named_with_its_factor(of_drop):
     found = of_drop(
         lambda drop: drop * np.where(np.arange(N) % COLUMNS == 3, np.where(np.arange(N) >= N // 2, 0.6, 1.0), 1.0)
     )
-    assert re.search("grows with the drop: the hand drops (39|40|41) % less, on RX line 3 of b;", found["signature"])
+    assert re.search("the hand has (39|40|41) % less signal, on RX line 3 of b;", found["signature"])
     assert [(one["address"], one["axis"], one["index"]) for one in found["where"]] == [(0x21, "rx", 3)]
 
 
 def test_compressed_counts_are_a_curve_over_the_drop(of_drop):
     found = of_drop(lambda drop: 20.0 * np.sqrt(np.maximum(drop, 0.0)))
-    assert found["signature"].startswith(("a curve over the drop", "grows with the drop, bent"))
-    assert "too little where" in found["signature"]
+    assert found["signature"].startswith(("nonlinear in the signal", "grows with the signal, with a bend"))
+    assert "counts too small at a predicted signal" in found["signature"]
     assert "on all boards" in found["signature"]
     assert of(found, "amplitude") == max(found["bank"], key=lambda one: one["share"])
     assert of(found, "amplitude")["scope"] == "hand"
 
 
 def test_a_factor_is_a_straight_line(of_drop):
-    assert "the hand drops 20 % less" in of_drop(lambda drop: 0.8 * drop)["signature"]
+    assert "the hand has 20 % less signal" in of_drop(lambda drop: 0.8 * drop)["signature"]
 
 
 def test_a_stuck_bit_of_one_taxel_is_found_at_the_taxel(told):
@@ -129,7 +129,7 @@ def test_a_stuck_bit_of_one_taxel_is_found_at_the_taxel(told):
     found = told(after=stick, cells=8)
     assert found["where"][0]["index"] == 17
     assert "axis" not in found["where"][0]
-    assert "the taxel at TX 3, RX 2 of a" in found["signature"]
+    assert "taxel TX 3, RX 2 of a" in found["signature"]
 
 
 def test_loss_from_press_to_press_is_told_beside_what_is_left(told):
@@ -140,8 +140,8 @@ def test_loss_from_press_to_press_is_told_beside_what_is_left(told):
 
     found = told(effect=worn, cells=4, repeat_scatter=0.005, session_scatter=0.005)
     assert of(found, "session")["p_value"] < 0.05
-    assert "sessions differ in sensitivity by" in found["signature"]
-    assert "falling from each session to the next" in found["signature"]
+    assert "the sensitivity differs between sessions by" in found["signature"]
+    assert "decreasing from session to session" in found["signature"]
 
 
 def test_loss_within_each_session_has_its_sign_and_size(told):
@@ -152,7 +152,7 @@ def test_loss_within_each_session_has_its_sign_and_size(told):
 
     found = told(effect=tired, cells=4, sessions=4, repeats=4, repeat_scatter=0.005)
     assert of(found, "presses")["p_value"] < 0.05
-    size = re.search(r"sensitivity falls by ([\d.]+) % from a session's first press to its last", found["signature"])
+    size = re.search(r"the sensitivity decreases by ([\d.]+) % from the first to the last grasp", found["signature"])
     assert size
     assert float(size[1]) == pytest.approx(30.0, abs=2.0)
 
@@ -165,7 +165,7 @@ def test_a_late_board_is_told_with_its_seconds(told):
 
     found = told(effect=late, sessions=4, repeats=1)
     assert of(found, "lag")["share"] > 0.5
-    assert "the hand answers 0.1" in found["signature"]
+    assert "the signal of the hand is 0.1" in found["signature"]
     assert "s later, on b" in found["signature"]
     assert [one["address"] for one in found["where"]] == [0x21]
 
@@ -179,8 +179,8 @@ def test_what_stays_after_release_is_history(of_drop, plain):
 
     found = of_drop(sticky)
     assert first(found) == "history"
-    assert "stays" in found["signature"]
-    assert "15.0 % of hold's drop too much in recovery" in found["signature"]
+    assert "decays too slowly" in found["signature"]
+    assert "15.0 % of the hold signal too much in recovery" in found["signature"]
 
 
 def test_a_print_that_is_too_wide_is_radial(of_drop):
@@ -198,7 +198,7 @@ def test_a_print_that_is_too_wide_is_radial(of_drop):
 def test_taxels_that_move_together_are_common(of_drop):
     found = of_drop(lambda drop: drop - 0.4 * drop.mean(axis=-1, keepdims=True))
     assert first(found) == "common"
-    assert "rise above their baseline" in found["signature"]
+    assert "have a negative signal" in found["signature"]
 
 
 def test_a_noisy_board_is_told_as_noise_there(plain):
@@ -206,7 +206,7 @@ def test_a_noisy_board_is_told_as_noise_there(plain):
     value[:, :, plain.layout.noise, : N // 2] += 60.0
     found = plain.told(real=replace(plain.real, value=value))
     assert first(found) == "noise"
-    assert re.search(r"noisier by (59\.\d|60|60\.\d) counts, on a", found["signature"])
+    assert re.search(r"the noise of the hand is larger by (59\.\d|60|60\.\d) counts, on a", found["signature"])
     assert [one["address"] for one in found["where"]] == [0x20]
 
 
@@ -235,7 +235,7 @@ def test_what_is_like_nothing_in_the_bank_is_not_given_a_name(of_drop):
     # a pattern of its own in every cell: nothing that one press tells holds for another
     patterns = np.random.default_rng(3).normal(0.0, 120.0, (CELLS, 1, 1, N))
     found = of_drop(lambda drop: drop + patterns * (drop.max(axis=-1, keepdims=True) > 300.0))
-    assert "like none of the bank" in found["signature"]
+    assert "not significantly similar" in found["signature"]
     assert "mostly in" in found["signature"]
     assert {one["name"] for one in found["where"]} == {"a", "b"}
 
@@ -247,9 +247,9 @@ def test_few_sessions_and_cells_are_told_without_a_test(told, changes):
     found = told(**{"cells": 3, "effect": lambda force, drop: 0.7 * drop, **changes})
     if changes.get("sessions", 5) < 3:
         assert all(one["p_value"] is None for one in found["bank"] if one["name"] not in ("session", "presses"))
-        assert not found["where"] or found["signature"].startswith("perhaps grows with the drop")
+        assert not found["where"] or found["signature"].startswith("possibly proportional to the signal")
     else:
-        assert re.search("the hand drops (29|30|31) % less", found["signature"])
+        assert re.search("the hand has (29|30|31) % less signal", found["signature"])
 
 
 def test_unknown_features_and_sessions_tell_nothing(plain):
@@ -292,9 +292,9 @@ def test_the_diagnosis_tells_it_and_the_page_shows_the_bank(world, tmp_path):
     assert {one["name"] for one in left["bank"]} == BANK
     report["unexplained"]["p_value"] = 0.001
     page = page_text(report)
-    assert "The bank of distortions" in page
-    assert "TX lines wrong throughout" in page
-    assert "<b>It looks like this:</b>" in page
+    assert "Generic distortions" in page
+    assert "TX lines: a different signal" in page
+    assert "<b>Signature:</b>" in page
     left["bank"] = [{"name": "<new>_kind", "scope": "hand", "share": 0.4, "p_value": None}]
     page = page_text(report)
     assert "&lt;new&gt; kind" in page

@@ -22,7 +22,7 @@ from taxel.gap.trial import Round, Selection, Trial
 
 ROWS, COLUMNS, N = 6, 5, 60
 HALF = N // 2
-STEPS = ["as they are", "force filter", "SOR too", "contact propagation too"]
+STEPS = ["unfiltered", "force filter", "+ SOR", "+ contact propagation"]
 NOTHING = Selection(
     None, None, None, (), None, None, None, None, None
 )  # nothing was tried: what is needed is fitted here
@@ -92,7 +92,7 @@ def test_no_distance_is_below_nothing():
 
 def test_the_force_filter_is_told_in_newtons(told):
     note = told()[1]["note"]
-    assert note == "drop of 190 counts, 0.157 N by the simulator's sensor model"  # 2000 F / (F + 1.5)
+    assert note == "signal of 190 counts, 0.157 N in the simulator's sensor model"  # 2000 F / (F + 1.5)
 
 
 def test_contact_propagation_is_what_closes_its_own_gap(told):
@@ -144,9 +144,9 @@ def test_without_force_the_last_step_says_why_it_is_missing(judged):
     pair = judged(effect=spread).state.pair
     forceless = replace(pair, sim=replace(pair.sim, force=None, separation=None), sensor_model=None)
     entries = thesis_terms(prepared(forceless).judge, NOTHING)
-    assert entries[3]["step"] == "contact propagation: not added, the simulation tells no contact force"
+    assert entries[3]["step"] == "contact propagation: not added, the simulation has no contact force"
     assert entries[3]["mm"] is entries[3]["gap"] is None
-    assert entries[1]["note"] == "drop of 190 counts; the simulator states no sensor model"
+    assert entries[1]["note"] == "signal of 190 counts; the simulation has no sensor model"
     assert all(entry["mm"] is not None for entry in entries[:3])
 
 

@@ -52,7 +52,7 @@ def test_parts_that_scatter_everywhere_are_plain(judge, seed):
 def test_one_board_that_scatters_alone_is_odd(judge, seed):
     values = np.random.default_rng(seed).normal(0.0, 0.03, N)
     values[EACH : 2 * EACH] *= 10.0
-    assert "on one board alone" in odd_pattern(judge, gains(values))
+    assert "on a single board only" in odd_pattern(judge, gains(values))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -73,8 +73,8 @@ def test_what_was_never_pressed_is_not_asked(judge):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ([-0.4, -0.41, -0.39, -0.4], "same on every board"),
-        ([-0.26, -0.16, -0.17, -0.21], "same on every board"),
+        ([-0.4, -0.41, -0.39, -0.4], "same value on every board"),
+        ([-0.26, -0.16, -0.17, -0.21], "same value on every board"),
         ([-0.26, 0.16, -0.17, -0.21], None),
         ([-0.02, 0.01, -0.4, 0.0], None),
         ([0.02, 0.021, 0.02, 0.02], None),
@@ -104,7 +104,7 @@ def test_crosstalk_that_goes_round_about_is_not_of_electrodes(values, round_abou
 def test_a_board_that_is_hardly_touched_says_nothing(judge):
     judge.state.mean[:, :, :EACH] = 0.5
     assert odd_pattern(judge, of_boards([10.0, 1.0, 1.0, 0.98], Stiffness)) is None
-    assert "same on every board" in odd_pattern(judge, of_boards([0.0, -0.4, -0.41, -0.39]))
+    assert "same value on every board" in odd_pattern(judge, of_boards([0.0, -0.4, -0.41, -0.39]))
 
 
 def test_what_was_known_beforehand_is_not_odd(judge):

@@ -40,7 +40,7 @@ def test_a_gap_without_a_name_must_not_hang_on_one_press(cells, status):
     presses = [("cylinder", str(number)) for number in range(len(cells))]
     verdict = judge_verdict(gap_of(cells), NOTHING, (), HELD, cells=presses)
     assert verdict.status == status
-    assert ("one press (cylinder 0)" in verdict.one_line) == (status == "no_gap")
+    assert ("one condition (cylinder 0)" in verdict.one_line) == (status == "no_gap")
 
 
 def entry(**changes):
@@ -72,4 +72,4 @@ def test_within_the_margin_counts_must_tell_an_effect_and_not_its_score_alone(re
     held = SimpleNamespace(reducible=reducible, shrink=SimpleNamespace(value=0.3), left2=0.0)
     verdict = judge_verdict(gap_of([0.08 * MARGIN] * 10), found, ("noise",), held)
     assert verdict.status == status
-    assert verdict.one_line.endswith("of that: noise (the hand is noisier).") == (status == "no_gap")
+    assert verdict.one_line.endswith("A part of them is noise (the hand has more noise).") == (status == "no_gap")

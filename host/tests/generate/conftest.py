@@ -1,4 +1,4 @@
-"""What the tests of generated grasps share: a small recipe, made once without a cut."""
+"""A small recipe that is generated once without interruption."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from taxel.generate.recipe import Recipe
 from taxel.generate.run import generate
 from taxel.generate.workers import Processes
 
-SMALL = Recipe(grasps=5, seed=3, shard=2)
+SMALL = Recipe(grasps=5, seed=3, grasps_per_shard=2)
 
 
-class Whole(NamedTuple):
-    """A folder that was made in one go."""
+class GeneratedFolder(NamedTuple):
+    """A folder that was generated in one run."""
 
     recipe: Recipe
     folder: Path
 
 
 @pytest.fixture(scope="session")
-def whole(tmp_path_factory) -> Whole:
-    folder = tmp_path_factory.mktemp("generated") / "whole"
+def generated(tmp_path_factory) -> GeneratedFolder:
+    folder = tmp_path_factory.mktemp("generated") / "complete"
     assert generate(SMALL, folder, Processes(1)).made == 5
-    return Whole(SMALL, folder)
+    return GeneratedFolder(SMALL, folder)
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    """All files of a folder, hidden ones too."""
+    """Contents of all files of a folder by name, including hidden ones."""
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 

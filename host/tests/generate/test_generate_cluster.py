@@ -1,4 +1,4 @@
-"""Shards on a Dask cluster: the same bytes as on one machine, and one line for what is missing."""
+"""Generation on a Dask cluster: the same bytes as on one computer, and errors of one line."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ import pytest
 from taxel.generate.cluster import Cluster, check_releases
 from taxel.generate.errors import ClusterError
 from taxel.generate.run import generate
+from taxel.optional import MissingPackageError
 
 PICKLED = dict(copyreg.dispatch_table)
 distributed = pytest.importorskip("distributed")
-copyreg.dispatch_table.clear()  # distributed has every exception of the process pickled with its traceback
+copyreg.dispatch_table.clear()  # distributed registers a pickler for all exceptions of the process
 copyreg.dispatch_table.update(PICKLED)
 
 
@@ -26,26 +27,26 @@ def scheduler():
         yield local
 
 
-def test_a_cluster_makes_the_same_bytes(whole, files_of, scheduler, tmp_path):
+def test_cluster_generates_the_same_bytes(generated, files_of, scheduler, tmp_path):
     out = tmp_path / "cluster"
-    assert generate(whole.recipe, out, Cluster(scheduler.scheduler_address)).made == 5
-    assert files_of(out) == files_of(whole.folder)
+    assert generate(generated.recipe, out, Cluster(scheduler.scheduler_address)).made == 5
+    assert files_of(out) == files_of(generated.folder)
 
 
-def test_a_worker_with_another_release_is_refused():
+def test_worker_with_another_release_is_refused():
     check_releases("--scheduler x", {"taxel": "9"}, {"tcp://a": {"taxel": "9"}})
     with pytest.raises(ClusterError, match=r"^--scheduler x: worker tcp://b has taxel 8 instead of 9; install"):
         check_releases("--scheduler x", {"taxel": "9"}, {"tcp://a": {"taxel": "9"}, "tcp://b": {"taxel": "8"}})
 
 
-def test_no_scheduler_is_one_line(whole):
+def test_missing_scheduler_is_refused(generated):
     with pytest.raises(ClusterError, match=r"^--scheduler tcp://127.0.0.1:9: no Dask scheduler answers"):
-        list(Cluster("tcp://127.0.0.1:9", patience_s=0.3).made(whole.recipe, [0]))
+        list(Cluster("tcp://127.0.0.1:9", timeout_s=0.3).generate_shards(generated.recipe, [0]))
 
 
-def test_without_dask_it_says_what_to_install(whole):
+def test_missing_dask_gives_the_install_command(generated):
     with (
         mock.patch.dict(sys.modules, {"distributed": None}),
-        pytest.raises(ClusterError, match=r"^--scheduler: Dask is not installed; pip install 'taxel\[cluster\]'$"),
+        pytest.raises(MissingPackageError, match=r"^--scheduler needs .*: pip install 'taxel\[cluster\]'$"),
     ):
-        list(Cluster("tcp://127.0.0.1:8786").made(whole.recipe, [0]))
+        list(Cluster("tcp://127.0.0.1:8786").generate_shards(generated.recipe, [0]))

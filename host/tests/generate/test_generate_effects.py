@@ -1,4 +1,4 @@
-"""Effects that are drawn: from a report within its intervals, by name within ranges, and nothing else is changed."""
+"""Sampled effects: from a report within its intervals, or by name within ranges."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import pytest
 
 from taxel.campaign.setup import Setup
 from taxel.gap.report.reading import read_report
-from taxel.generate.draws import draw_effects
-from taxel.generate.effects import planned_by_name, planned_of_report
+from taxel.generate.effects import plan_effect, plan_report_effects
 from taxel.generate.errors import RecipeError
-from taxel.generate.grasping import ShardMaker
+from taxel.generate.grasping import ShardGenerator
 from taxel.generate.ranges import Range
-from taxel.generate.recipe_file import with_report
+from taxel.generate.recipe_file import add_report
+from taxel.generate.sampling import sample_effects
 from taxel.grasp.timeline import Phase
 from taxel.hand import load_hand
 
@@ -24,63 +24,63 @@ HAND = load_hand("allegro")
 SEED = 5
 
 
-def spread(share: float = 1.0, **ranges: Range):
-    """Contact propagation by name."""
-    known = {"spread_mm": Range(1.0, 4.0), "strength": Range(0.2, 0.8)}
-    return planned_by_name("recipe", "contact_propagation", "", "", share, {**known, **ranges}, HAND, 3.5)
+def contact_propagation(share: float = 1.0, **ranges: Range):
+    """The planned effect "contact propagation" by name."""
+    defaults = {"spread_mm": Range(1.0, 4.0), "strength": Range(0.2, 0.8)}
+    return plan_effect("recipe", "contact_propagation", "", "", share, {**defaults, **ranges}, HAND, 3.5)
 
 
-def test_an_effect_changes_counts_from_closing_on_and_neither_motion_nor_noise(whole):
-    recipe = replace(whole.recipe, effects=(spread(),))
-    plain = ShardMaker(whole.recipe, 0, Setup()).make(1).record
-    added = ShardMaker(recipe, 0, Setup()).make(1)
-    record = added.record
+def test_effect_changes_counts_from_closing_on_but_not_the_motion_or_the_noise(generated):
+    recipe = replace(generated.recipe, effects=(contact_propagation(),))
+    plain = ShardGenerator(generated.recipe, 0, Setup()).generate(1).record
+    with_effect = ShardGenerator(recipe, 0, Setup()).generate(1)
+    record = with_effect.record
     assert np.array_equal(plain.contact_force, record.contact_force)
     assert np.array_equal(plain.separation, record.separation)
     before = plain.phase == Phase.BASELINE
     assert np.array_equal(plain.raw_counts[before], record.raw_counts[before])
     change = plain.raw_counts.astype(int) - record.raw_counts
     touched = plain.contact_force[-1] > 0.0
-    assert change[-1][touched].min() < -30  # what is pressed gives away
-    assert change[-1][~touched].max() > 30  # to what is not
-    assert 1.0 <= added.values["contact_propagation.spread_mm"] <= 4.0
+    assert change[-1][touched].min() < -30  # touched taxels lose signal
+    assert change[-1][~touched].max() > 30  # which untouched taxels gain
+    assert 1.0 <= with_effect.values["contact_propagation.spread_mm"] <= 4.0
 
 
-def test_draws_by_name_fill_their_range_and_a_share_of_grasps_has_the_effect(whole):
-    recipe = replace(whole.recipe, seed=SEED, effects=(spread(share=0.25),))
-    drawn = [draw_effects(recipe, number) for number in range(2000)]
-    values = np.array([told["contact_propagation.spread_mm"] for _, told in drawn])
+def test_samples_by_name_fill_their_range_and_a_share_of_grasps_has_the_effect(generated):
+    recipe = replace(generated.recipe, seed=SEED, effects=(contact_propagation(share=0.25),))
+    samples = [sample_effects(recipe, number) for number in range(2000)]
+    values = np.array([sampled["contact_propagation.spread_mm"] for _, sampled in samples])
     assert (values.min(), values.mean(), values.max()) == pytest.approx((1.0, 2.5, 4.0), abs=0.06), f"seed {SEED}"
-    assert np.mean([len(effects) for effects, _ in drawn]) == pytest.approx(0.25, abs=0.04), f"seed {SEED}"
+    assert np.mean([len(effects) for effects, _ in samples]) == pytest.approx(0.25, abs=0.04), f"seed {SEED}"
 
 
-def test_draws_of_a_report_have_the_mean_and_the_width_of_its_intervals(whole):
+def test_samples_of_a_report_have_the_mean_and_the_width_of_its_intervals(generated):
     report = read_report(REPORT)
-    recipe = with_report(replace(whole.recipe, seed=SEED), REPORT)
+    recipe = add_report(replace(generated.recipe, seed=SEED), REPORT)
     assert [one.name for one in recipe.effects] == [one.name for one in report.effects]
-    found = next(one for one in report.effects if one.name == "contact_propagation")
-    low, high = found.intervals["spread_mm"]
-    told = [draw_effects(recipe, number)[1]["contact_propagation.spread_mm"] for number in range(1000)]
-    middle = found.values[found.parameters.index("spread_mm"), 0]
-    assert np.mean(told) == pytest.approx(middle, abs=0.1 * (high - low)), f"seed {SEED}"
-    assert np.percentile(told, [2.5, 97.5]) == pytest.approx(
+    reported = next(effect for effect in report.effects if effect.name == "contact_propagation")
+    low, high = reported.intervals["spread_mm"]
+    values = [sample_effects(recipe, number)[1]["contact_propagation.spread_mm"] for number in range(1000)]
+    middle = reported.values[reported.parameters.index("spread_mm"), 0]
+    assert np.mean(values) == pytest.approx(middle, abs=0.1 * (high - low)), f"seed {SEED}"
+    assert np.percentile(values, [2.5, 97.5]) == pytest.approx(
         [middle - (high - low) / 2, middle + (high - low) / 2], abs=0.15 * (high - low)
     ), f"seed {SEED}"
 
 
-def test_without_widening_every_grasp_has_the_values_that_were_found():
+def test_without_widening_every_grasp_has_the_reported_values():
     report = read_report(REPORT)
-    for planned in planned_of_report(report, HAND, widen=0.0, share=1.0):
-        one, _ = planned.draw(np.random.default_rng(SEED))
-        assert one is not None
-        assert np.array_equal(one.values, planned.found.values)
+    for planned in plan_report_effects(report, HAND, widen=0.0, share=1.0):
+        effect, _ = planned.sample(np.random.default_rng(SEED))
+        assert effect is not None
+        assert np.array_equal(effect.values, planned.nominal.values)
 
 
-def test_a_report_of_another_hand_is_refused():
+def test_report_of_another_hand_is_refused():
     with pytest.raises(
         RecipeError, match=r"taxels: expected those of the hand 'rig4', found 1073 taxels of another hand"
     ):
-        planned_of_report(read_report(REPORT), load_hand("rig4"), 1.0, 1.0)
+        plan_report_effects(read_report(REPORT), load_hand("rig4"), 1.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -96,15 +96,15 @@ def test_a_report_of_another_hand_is_refused():
         ),
     ],
 )
-def test_a_mistake_is_named(name, ranges, complaint):
+def test_invalid_effect_is_refused(name, ranges, complaint):
     with pytest.raises(RecipeError, match=f"^recipe: {complaint}"):
-        planned_by_name("recipe", name, "", "", 1.0, ranges, HAND, 3.5)
+        plan_effect("recipe", name, "", "", 1.0, ranges, HAND, 3.5)
 
 
-def test_effects_of_boards_and_taxels_have_a_draw_for_each():
+def test_effects_of_boards_and_taxels_have_one_sample_for_each():
     for scope, blocks in (("board", 17), ("taxel", 1073)):
-        planned = planned_by_name("recipe", "gain_mismatch", "", scope, 1.0, {"log_gain": Range(-0.5, 0.5)}, HAND, 3.5)
-        one, told = planned.draw(np.random.default_rng(SEED))
-        assert one is not None
-        assert len(np.unique(one.values)) == blocks
-        assert len(told) == (18 if scope == "board" else 1)
+        planned = plan_effect("recipe", "gain_mismatch", "", scope, 1.0, {"log_gain": Range(-0.5, 0.5)}, HAND, 3.5)
+        effect, sampled = planned.sample(np.random.default_rng(SEED))
+        assert effect is not None
+        assert len(np.unique(effect.values)) == blocks
+        assert len(sampled) == (18 if scope == "board" else 1)

@@ -1,4 +1,4 @@
-"""The example that trains on generated grasps, in a tiny form: a generated test set instead of the emulated hand."""
+"""The example that trains on generated grasps: few grasps, and a generated test set instead of the emulated hand."""
 
 from __future__ import annotations
 
@@ -25,31 +25,31 @@ def example():
     return module
 
 
-def test_it_trains_tests_and_says_both_accuracies(example, whole, capsys, tmp_path):
-    test_set = whole.folder / "shard-00000.h5"
+def test_example_reports_the_accuracies_without_and_with_effects(example, generated, capsys, tmp_path):
+    test_set = generated.folder / "shard-00000.h5"
     arguments = ["--grasps", "6", "--workers", "1", "--test-set", test_set, "--out", tmp_path / "out", "--json"]
     assert example.main([str(word) for word in arguments]) == 0
-    told = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert (told["train_grasps"], told["test_grasps"]) == (6, 2)
-    for row in told["views"].values():
+    report = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert (report["train_grasps"], report["test_grasps"]) == (6, 2)
+    for row in report["views"].values():
         for name in ("without_effects", "with_effects"):
             low, high = row[name]["ci95"]
             assert 0.0 <= low <= row[name]["accuracy"] <= high <= 1.0
 
 
-def test_a_training_set_that_lacks_what_the_test_set_has_is_told_apart(example):
+def test_training_set_without_the_effect_of_the_test_set_has_a_lower_accuracy(example):
     rng = np.random.default_rng(4)
     labels = np.repeat(["a", "b"], 40)
     signal = rng.normal(0.0, 100.0, (80, 1073))
     signal[:40, :200] += 400.0
     plain, test = example.Holds(signal, labels), example.Holds(signal[:, ::-1], labels)
-    told = example.compared(plain, test, test)
-    row = told["views"]["every taxel's signal"]
+    report = example.compare(plain, test, test)
+    row = report["views"]["every taxel's signal"]
     assert row["with_effects"]["accuracy"] == 1.0
     assert row["without_effects"]["accuracy"] < 0.7
     assert row["gain_ci95"][0] > 0.0
 
 
-def test_intervals_of_an_accuracy_are_wilsons(example):
+def test_interval_of_an_accuracy_is_the_wilson_interval(example):
     low, high = example.Accuracy(9, 10).ci95
     assert (low, high) == pytest.approx((0.5958, 0.9821), abs=1e-4)

@@ -1,4 +1,4 @@
-"""A recipe's file: what it may say, and one line for what it may not. Meshes become convex solids."""
+"""Recipe files: valid content, errors of one line, and meshes as convex solids."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import pytest
 from taxel.cloud.files import write_mesh
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.models import build_sphere
-from taxel.generate.draws import draw_grasp, draw_sensor
 from taxel.generate.errors import RecipeError
 from taxel.generate.ranges import Range, fixed
 from taxel.generate.recipe import Recipe
-from taxel.generate.recipe_file import read_recipe, with_mesh
-from taxel.generate.solids import MOST_CORNERS
+from taxel.generate.recipe_file import add_mesh, read_recipe
+from taxel.generate.sampling import sample_grasp, sample_sensor
+from taxel.generate.solids import MAX_CORNERS
 
-WHOLE = """
+FULL_RECIPE = """
 grasps = 500
 seed = 7
 shard = 50
@@ -61,15 +61,21 @@ def folder(tmp_path):
     return tmp_path
 
 
-def written(folder, text):
+def write_recipe(folder, text):
     path = folder / "recipe.toml"
     path.write_text(text)
     return path
 
 
-def test_a_recipe_is_read(folder):
-    recipe = read_recipe(written(folder, WHOLE))
-    assert (recipe.grasps, recipe.seed, recipe.shard, recipe.shards, recipe.fidelity) == (500, 7, 50, 10, "full")
+def test_recipe_is_read(folder):
+    recipe = read_recipe(write_recipe(folder, FULL_RECIPE))
+    assert (recipe.grasps, recipe.seed, recipe.grasps_per_shard, recipe.shards, recipe.fidelity) == (
+        500,
+        7,
+        50,
+        10,
+        "full",
+    )
     assert [(kind.name, kind.share, kind.approaches) for kind in recipe.objects] == [
         ("can", 2.0, "any"),
         ("ball", 1.0, "any"),
@@ -77,34 +83,34 @@ def test_a_recipe_is_read(folder):
     assert recipe.objects[0].sizes == {"radius_mm": Range(18.0, 25.0), "height_mm": fixed(120.0)}
     assert recipe.grasp.grip == Range(0.5, 1.5)
     assert recipe.simulator.layer_stiffness == fixed(1.2)
-    assert [one.name for one in recipe.effects] == ["noise"]
+    assert [effect.name for effect in recipe.effects] == ["noise"]
     assert recipe.digest != Recipe().digest
 
 
-def test_draws_stay_in_their_ranges_and_every_kind_has_its_share(folder):
-    recipe = read_recipe(written(folder, WHOLE))
-    drawn = [draw_grasp(recipe, number) for number in range(300)]
-    names = [one.kind.name for one in drawn]
+def test_samples_are_in_their_ranges_and_every_kind_has_its_share(folder):
+    recipe = read_recipe(write_recipe(folder, FULL_RECIPE))
+    samples = [sample_grasp(recipe, number) for number in range(300)]
+    names = [sample.kind.name for sample in samples]
     assert 160 < names.count("can") < 240
-    radii = [one.values["radius_mm"] for one in drawn if one.kind.name == "can"]
+    radii = [sample.values["radius_mm"] for sample in samples if sample.kind.name == "can"]
     assert 18.0 <= min(radii) < 18.5
     assert 24.5 < max(radii) <= 25.0
-    assert {one.approach for one in drawn} == {"side", "top"}
-    assert len({one.item.name for one in drawn}) == 300
-    sensors = {draw_sensor(recipe, shard).half_force_n for shard in range(5)}
+    assert {sample.approach for sample in samples} == {"side", "top"}
+    assert len({sample.item.name for sample in samples}) == 300
+    sensors = {sample_sensor(recipe, shard).half_force_n for shard in range(5)}
     assert len(sensors) == 5
-    assert all(1.4 <= one <= 2.0 for one in sensors)
+    assert all(1.4 <= force <= 2.0 for force in sensors)
 
 
-def test_a_grasps_draws_do_not_depend_on_how_many_there_are(folder):
-    few, many = (read_recipe(written(folder, WHOLE.replace("500", str(count)))) for count in (100, 100_000))
-    assert draw_grasp(few, 42).values == draw_grasp(many, 42).values
+def test_samples_of_a_grasp_do_not_depend_on_the_number_of_grasps(folder):
+    few, many = (read_recipe(write_recipe(folder, FULL_RECIPE.replace("500", str(count)))) for count in (100, 100_000))
+    assert sample_grasp(few, 42).values == sample_grasp(many, 42).values
 
 
-def test_a_mesh_becomes_its_hull_upright_at_the_origin(folder):
-    kind = with_mesh(Recipe(), folder / "ball.stl", "mm").objects[-1]
+def test_mesh_becomes_its_hull_upright_at_the_origin(folder):
+    kind = add_mesh(Recipe(), folder / "ball.stl", "mm").objects[-1]
     assert kind.name == "ball"
-    assert len(kind.hull) == MOST_CORNERS
+    assert len(kind.hull) == MAX_CORNERS
     assert 0.0 < kind.outside_m < 0.003
     low, high = kind.solid({"scale": 1.0}, "ball").shape.bounds
     assert low == pytest.approx([-0.03, -0.03, 0.0], abs=1e-6)
@@ -112,15 +118,15 @@ def test_a_mesh_becomes_its_hull_upright_at_the_origin(folder):
     assert np.ptp(kind.solid({"scale": 1.1}, "ball").shape.bounds, axis=0) == pytest.approx([0.066] * 3)
 
 
-def test_a_mesh_with_holes_will_do(folder):
+def test_mesh_with_holes_is_accepted(folder):
     (folder / "open.obj").write_text("v 0 0 0\nv 0.05 0 0\nv 0 0.05 0\nv 0 0 0.05\nf 1 2 3\nf 1 2 4\n")
-    assert len(with_mesh(Recipe(), folder / "open.obj", "m").objects[-1].hull) == 4
+    assert len(add_mesh(Recipe(), folder / "open.obj", "m").objects[-1].hull) == 4
 
 
 @pytest.mark.parametrize(
     ("before", "after", "complaint"),
     [
-        ("grasps = 500", "grasps = 0", "grasps: expected a whole number from 1 to 1000000000, found 0"),
+        ("grasps = 500", "grasps = 0", "grasps: expected an integer from 1 to 1000000000, found 0"),
         ("seed = 7", "sede = 7", "sede: expected one of grasps, seed, "),
         ('fidelity = "full"', 'fidelity = "best"', "fidelity: expected one of quick, full, found 'best'"),
         ("[18, 25]", "[25, 18]", r"object\[0\].radius_mm: expected a number or \[lowest, highest\] from 5 to 500"),
@@ -139,8 +145,8 @@ def test_a_mesh_with_holes_will_do(folder):
         ("grasps = 500", "grasps = 500 500", "file: expected TOML, found "),
     ],
 )
-def test_a_mistake_is_one_line(folder, before, after, complaint):
-    assert before in WHOLE
-    with pytest.raises(RecipeError, match=complaint) as refused:
-        read_recipe(written(folder, WHOLE.replace(before, after)))
-    assert "\n" not in str(refused.value)
+def test_invalid_recipe_gives_an_error_of_one_line(folder, before, after, complaint):
+    assert before in FULL_RECIPE
+    with pytest.raises(RecipeError, match=complaint) as caught:
+        read_recipe(write_recipe(folder, FULL_RECIPE.replace(before, after)))
+    assert "\n" not in str(caught.value)

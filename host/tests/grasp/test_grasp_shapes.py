@@ -1,4 +1,4 @@
-"""Rays and distances of the solids are exact: they equal those of dense meshes, and of formulas in plain cases."""
+"""Rays and distances of solids agree with dense meshes and, in simple cases, with formulas."""
 
 import numpy as np
 import pytest
@@ -17,51 +17,50 @@ every_shape = pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
 UP, EAST, NORTH = np.eye(3)[2], np.eye(3)[0], np.eye(3)[1]
 
 
-def unit(vectors):
+def normalise(vectors):
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
-def crossings(shape, point, direction, resolution):
-    """Where a line crosses the triangles of the mesh (Moeller and Trumbore 1997)."""
+def intersect_mesh(shape, point, direction, resolution):
+    """Intersect a line with the triangles of the mesh (Moeller and Trumbore 1997); return distances."""
     vertices, faces = shape.mesh(resolution)
     corner, b, c = vertices[faces].swapaxes(0, 1)
-    one, two = b - corner, c - corner
-    h = np.cross(direction, two)
+    side_1, side_2 = b - corner, c - corner
+    h = np.cross(direction, side_2)
     with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = 1 / np.sum(one * h, axis=1)
+        inverse = 1 / np.sum(side_1 * h, axis=1)
         u = np.sum((point - corner) * h, axis=1) * inverse
-        q = np.cross(point - corner, one)
+        q = np.cross(point - corner, side_1)
         v = (q @ direction) * inverse
-        t = np.sum(two * q, axis=1) * inverse
+        t = np.sum(side_2 * q, axis=1) * inverse
     return t[(u >= -1e-12) & (v >= -1e-12) & (u + v <= 1 + 1e-12)]
 
 
 @every_shape
-def test_points_may_share_a_direction(shape):
-    """Exactly as if each had it, along faces too."""
+def test_a_shared_direction_gives_the_same_result_as_separate_directions(shape):
     rng = np.random.default_rng(2)
     points = rng.uniform(-0.06, 0.16, (400, 9, 3))
-    directions = unit(rng.normal(size=(400, 1, 3)))
+    directions = normalise(rng.normal(size=(400, 1, 3)))
     directions[:3, 0] = UP, EAST, NORTH
-    found = shape.ray_separation(points, directions)
-    np.testing.assert_array_equal(found, shape.ray_separation(points, np.repeat(directions, 9, axis=1)))
-    assert np.isfinite(found).sum() > 200
+    separation = shape.ray_separation(points, directions)
+    np.testing.assert_array_equal(separation, shape.ray_separation(points, np.repeat(directions, 9, axis=1)))
+    assert np.isfinite(separation).sum() > 200
     assert shape.ray_separation(points[:0], directions[:0]).shape == (0, 9)
 
 
 @every_shape
-def test_a_ray_enters_where_it_enters_the_mesh(shape):
+def test_ray_separation_agrees_with_a_dense_mesh(shape):
     seed = 1
     rng = np.random.default_rng(seed)
     points = rng.uniform(-0.08, 0.16, (150, 3))
-    directions = unit(rng.uniform((-0.04, -0.04, 0.03), (0.04, 0.04, 0.11), (150, 3)) - points)
-    found = shape.ray_separation(points, directions)
+    directions = normalise(rng.uniform((-0.04, -0.04, 0.03), (0.04, 0.04, 0.11), (150, 3)) - points)
+    separations = shape.ray_separation(points, directions)
     hits = 0
-    for point, direction, separation in zip(points, directions, found, strict=True):
-        at = crossings(shape, point, direction, 2000)
-        expected = at.min() if len(at) > 1 and at.max() >= 0 else np.inf
+    for point, direction, separation in zip(points, directions, separations, strict=True):
+        distances = intersect_mesh(shape, point, direction, 2000)
+        expected = distances.min() if len(distances) > 1 and distances.max() >= 0 else np.inf
         if np.isfinite(expected) != np.isfinite(separation):
-            # A line that cuts off less of the round wall than a chord of the mesh does.
+            # The line passes between the lateral surface and a chord of the mesh.
             assert shape is CYLINDER, f"seed {seed}"
             continue
         hits += np.isfinite(expected)
@@ -71,7 +70,7 @@ def test_a_ray_enters_where_it_enters_the_mesh(shape):
 
 
 @every_shape
-def test_the_distance_is_that_to_the_nearest_point_of_a_dense_mesh(shape):
+def test_signed_distance_agrees_with_the_nearest_point_of_a_dense_mesh(shape):
     seed = 2
     rng = np.random.default_rng(seed)
     vertices, faces = shape.mesh(400)
@@ -79,36 +78,36 @@ def test_the_distance_is_that_to_the_nearest_point_of_a_dense_mesh(shape):
     samples = np.einsum("fsk,fkc->fsc", weights, vertices[faces]).reshape(-1, 3)
     points = rng.uniform(-0.08, 0.18, (60, 3))
     nearest = np.array([np.linalg.norm(samples - point, axis=1).min() for point in points])
-    found = shape.signed_distance(points)
-    inside = np.isfinite(shape.ray_separation(points, UP)) & (shape.ray_separation(points, UP) < 0)
-    assert ((found < 0) == inside).all(), f"seed {seed}"
-    assert (np.abs(found) <= nearest + 5e-6).all(), f"seed {seed}"
-    np.testing.assert_allclose(np.abs(found), nearest, atol=2e-3, err_msg=f"seed {seed}")
+    distance = shape.signed_distance(points)
+    is_inside = np.isfinite(shape.ray_separation(points, UP)) & (shape.ray_separation(points, UP) < 0)
+    assert ((distance < 0) == is_inside).all(), f"seed {seed}"
+    assert (np.abs(distance) <= nearest + 5e-6).all(), f"seed {seed}"
+    np.testing.assert_allclose(np.abs(distance), nearest, atol=2e-3, err_msg=f"seed {seed}")
 
 
 @every_shape
-def test_the_entry_lies_on_the_surface_with_the_normal_there(shape):
+def test_the_entry_point_is_on_the_surface_with_its_outward_normal(shape):
     seed = 3
     rng = np.random.default_rng(seed)
-    points, directions = rng.uniform(-0.08, 0.16, (500, 3)), unit(rng.normal(size=(500, 3)))
+    points, directions = rng.uniform(-0.08, 0.16, (500, 3)), normalise(rng.normal(size=(500, 3)))
     separation, normal = shape.ray_entry(points, directions)
-    hit = np.isfinite(separation)
-    at = points[hit] + separation[hit, None] * directions[hit]
-    np.testing.assert_allclose(shape.signed_distance(at), 0.0, atol=1e-12)
-    np.testing.assert_allclose(shape.signed_distance(at + 1e-6 * normal[hit]), 1e-6, atol=1e-9)
-    assert (np.sum(normal[hit] * directions[hit], axis=1) < 0).all()
-    assert (normal[~hit] == 0).all()
+    is_hit = np.isfinite(separation)
+    entry = points[is_hit] + separation[is_hit, None] * directions[is_hit]
+    np.testing.assert_allclose(shape.signed_distance(entry), 0.0, atol=1e-12)
+    np.testing.assert_allclose(shape.signed_distance(entry + 1e-6 * normal[is_hit]), 1e-6, atol=1e-9)
+    assert (np.sum(normal[is_hit] * directions[is_hit], axis=1) < 0).all()
+    assert (normal[~is_hit] == 0).all()
 
 
 @every_shape
-def test_the_mesh_is_closed_wound_outward_and_within_the_bounds(shape):
+def test_the_mesh_is_closed_oriented_outwards_and_within_the_bounds(shape):
     vertices, faces = shape.mesh()
     edges = {(int(a), int(b)) for face in faces for a, b in zip(face, np.roll(face, -1), strict=True)}
     assert len(edges) == 3 * len(faces)
     assert {(b, a) for a, b in edges} == edges
     a, b, c = vertices[faces].swapaxes(0, 1)
-    middle = vertices.mean(axis=0)
-    assert (np.sum(np.cross(b - a, c - a) * (a - middle), axis=1) > 0).all()
+    centre = vertices.mean(axis=0)
+    assert (np.sum(np.cross(b - a, c - a) * (a - centre), axis=1) > 0).all()
     np.testing.assert_allclose([vertices.min(axis=0), vertices.max(axis=0)], shape.bounds, atol=1e-12)
     assert shape.height == pytest.approx(np.ptp(vertices[:, 2]))
 
@@ -119,49 +118,49 @@ def test_the_mesh_is_closed_wound_outward_and_within_the_bounds(shape):
     seed=st.integers(0, 2**32 - 1),
     step=st.floats(-0.02, 0.02),
 )
-def test_moving_along_the_ray_shortens_it_by_the_step(name, seed, step):
+def test_a_step_along_the_ray_reduces_the_separation_by_the_step(name, seed, step):
     shape, rng = SHAPES[name], np.random.default_rng(seed)
-    point, direction = rng.uniform(-0.05, 0.12, 3), unit(rng.normal(size=3))
+    point, direction = rng.uniform(-0.05, 0.12, 3), normalise(rng.normal(size=3))
     before, after = shape.ray_separation(point, direction), shape.ray_separation(point + step * direction, direction)
     if np.isfinite(before) and np.isfinite(after):
         assert after == pytest.approx(before - step, abs=1e-9)
-    # A lower bound, outside: nothing is nearer along a ray than at all.
+    # Outside, the separation along a ray is at least the distance.
     assert before >= shape.signed_distance(point) - 1e-12 or before < 0
 
 
 @settings(max_examples=60, deadline=None)
 @given(name=st.sampled_from(sorted(SHAPES)), seed=st.integers(0, 2**32 - 1))
-def test_the_distance_changes_no_faster_than_the_point_moves(name, seed):
+def test_signed_distance_is_lipschitz_continuous_with_constant_one(name, seed):
     shape, rng = SHAPES[name], np.random.default_rng(seed)
-    one = rng.uniform(-0.08, 0.16, (30, 3))
-    two = one + rng.normal(scale=0.01, size=(30, 3))
-    change = np.abs(shape.signed_distance(one) - shape.signed_distance(two))
-    assert (change <= np.linalg.norm(one - two, axis=1) + 1e-12).all()
+    first = rng.uniform(-0.08, 0.16, (30, 3))
+    second = first + rng.normal(scale=0.01, size=(30, 3))
+    change = np.abs(shape.signed_distance(first) - shape.signed_distance(second))
+    assert (change <= np.linalg.norm(first - second, axis=1) + 1e-12).all()
 
 
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
-def test_the_quick_bound_is_never_above_the_distance_and_is_it_inside(shape):
+def test_the_distance_bound_is_a_lower_bound_and_exact_inside(shape):
     points = np.random.default_rng(3).uniform(-0.15, 0.25, size=(400, 3))
     bound, distance = shape.distance_bound(points), shape.signed_distance(points)
     assert (bound <= distance + 1e-12).all()
-    inside = distance < 0
-    np.testing.assert_allclose(bound[inside], distance[inside], atol=1e-12)
+    is_inside = distance < 0
+    np.testing.assert_allclose(bound[is_inside], distance[is_inside], atol=1e-12)
 
 
-def test_a_point_inside_has_entered_behind_itself():
+def test_the_separation_of_an_inner_point_is_negative():
     assert BOX.ray_separation([0, 0, 0.07], EAST) == pytest.approx(-0.045)
     assert CYLINDER.ray_separation([0, 0, 0.07], EAST) == pytest.approx(-0.03)
     assert CYLINDER.ray_separation([0, 0, 0.07], UP) == pytest.approx(-0.07)
     assert BOX.signed_distance([0, 0, 0.07]) == pytest.approx(-0.0275)
 
 
-def test_a_shape_that_lies_behind_is_missed():
+def test_a_shape_behind_the_point_is_missed():
     assert BOX.ray_separation([0.05, 0, 0.07], EAST) == np.inf
     assert CYLINDER.ray_separation([0.05, 0, 0.07], EAST) == np.inf
     assert CYLINDER.ray_separation([0, 0, 0.2], UP) == np.inf
 
 
-def test_rays_parallel_to_a_face_hit_inside_the_slab_only():
+def test_rays_parallel_to_a_face_hit_only_between_the_faces():
     heights = np.array([-1e-6, 1e-6, 0.07, 0.14 - 1e-6, 0.14 + 1e-6])
     points = np.stack([np.full(5, -0.1), np.zeros(5), heights], axis=1)
     for shape, entry in ((BOX, 0.055), (CYLINDER, 0.07)):
@@ -169,7 +168,7 @@ def test_rays_parallel_to_a_face_hit_inside_the_slab_only():
         np.testing.assert_allclose(shape.ray_separation(points, EAST), expected)
 
 
-def test_rays_along_the_cylinders_axis_hit_its_caps_within_the_radius():
+def test_rays_along_the_axis_of_a_cylinder_hit_its_caps_within_the_radius():
     x = np.array([0.0, 0.03 - 1e-9, 0.03 + 1e-9])
     points = np.stack([x, np.zeros(3), np.full(3, 0.2)], axis=1)
     np.testing.assert_allclose(CYLINDER.ray_separation(points, -UP), [0.06, 0.06, np.inf])
@@ -182,10 +181,10 @@ def test_grazing_rays_hit_just_inside_and_miss_just_outside():
         assert np.isfinite(BOX.ray_separation([-0.1, 0.0275 + offset, 0.07], EAST)) == hits
         # Over an edge at 45 degrees.
         start = np.array([0.045 + 0.05 + offset, 0.0275 - 0.05, 0.07])
-        assert np.isfinite(BOX.ray_separation(start, unit(NORTH - EAST))) == hits
+        assert np.isfinite(BOX.ray_separation(start, normalise(NORTH - EAST))) == hits
 
 
-def test_a_grazing_hit_is_as_exact_as_the_formula():
+def test_a_grazing_hit_agrees_with_the_formula():
     depth = 1e-8
     half_chord = np.sqrt(2 * 0.03 * depth - depth**2)
     assert CYLINDER.ray_separation([-0.1, 0.03 - depth, 0.07], EAST) == pytest.approx(0.1 - half_chord, abs=1e-9)
@@ -199,12 +198,12 @@ def test_distances_at_faces_edges_and_corners():
     np.testing.assert_allclose(CYLINDER.signed_distance([0, 0, -0.004]), 0.004)
 
 
-def test_the_prism_shows_one_face_to_the_thumbs_side():
+def test_the_prism_has_a_face_towards_positive_y():
     assert PRISM.signed_distance([0, 0.055 / (2 * np.sqrt(3)) + 0.01, 0.06]) == pytest.approx(0.01)
     assert PRISM.bounds[:, 0] == pytest.approx([-0.0275, 0.0275])
 
 
-def test_leading_axes_are_a_batch_and_broadcast():
+def test_leading_axes_are_batch_axes_and_broadcast():
     points = np.random.default_rng(4).uniform(-0.1, 0.1, (2, 5, 3))
     for shape in SHAPES.values():
         assert shape.ray_separation(points, UP).shape == (2, 5)
@@ -215,7 +214,7 @@ def test_leading_axes_are_a_batch_and_broadcast():
 
 
 @pytest.mark.parametrize("shape", [BOX, PRISM], ids=["box", "prism"])
-def test_a_rounding_touches_the_faces_stays_in_the_solid_and_turns_in_small_steps(shape):
+def test_a_rounded_solid_is_inside_the_solid_and_has_small_angles_between_strips(shape):
     radius, step = 0.004, np.radians(15.0)
     rounded = shape.rounded(radius, step)
     np.testing.assert_allclose(rounded.bounds[:, 2], shape.bounds[:, 2], atol=1e-12)
@@ -223,26 +222,26 @@ def test_a_rounding_touches_the_faces_stays_in_the_solid_and_turns_in_small_step
     corner = shape.vertices[0]
     assert rounded.signed_distance(corner) > 0.0
     for normal in rounded.normals:
-        others = rounded.normals @ normal
-        assert np.degrees(np.arccos(np.sort(others)[-2])) <= 15.0 + 1e-6
+        cosines = rounded.normals @ normal
+        assert np.degrees(np.arccos(np.sort(cosines)[-2])) <= 15.0 + 1e-6
 
 
-def test_a_rounded_edge_is_as_far_from_the_sharp_one_as_a_circle_would_be():
+def test_the_distance_from_a_rounded_to_the_sharp_edge_agrees_with_a_circle():
     radius = 0.004
     edge = np.array([0.045, 0.0275, 0.07])
-    away = BOX.rounded(radius, np.radians(2.0)).signed_distance(edge)
-    assert away == pytest.approx((np.sqrt(2.0) - 1.0) * radius, rel=2e-3)
+    distance = BOX.rounded(radius, np.radians(2.0)).signed_distance(edge)
+    assert distance == pytest.approx((np.sqrt(2.0) - 1.0) * radius, rel=2e-3)
 
 
-def test_no_rounding_changes_nothing_and_too_large_a_one_is_refused():
+def test_a_zero_radius_changes_nothing_and_a_too_large_radius_is_rejected():
     np.testing.assert_array_equal(BOX.rounded(0.0).normals, BOX.normals)
-    with pytest.raises(ShapeError, match=r"rounding that leaves something of every face, found 0\.03 m"):
+    with pytest.raises(ShapeError, match=r"radius that leaves a part of every face, found 0\.03 m"):
         BOX.rounded(0.03)
-    with pytest.raises(ShapeError, match="rounding of at least 0 metres"):
+    with pytest.raises(ShapeError, match="radius of at least 0 m"):
         BOX.rounded(-0.001)
 
 
-def test_half_spaces_that_repeat_or_only_touch_change_nothing():
+def test_duplicate_and_tangent_half_spaces_change_nothing():
     normals = np.concatenate([BOX.normals, BOX.normals[:1], [[1.0, 1.0, 0.0]]])
     offsets = np.concatenate([BOX.offsets, BOX.offsets[:1], [0.045 + 0.0275]])
     vertices, faces = ConvexPolytope(normals, offsets).mesh()
@@ -256,11 +255,11 @@ def test_half_spaces_that_repeat_or_only_touch_change_nothing():
         (lambda: Cylinder(float("nan"), 0.1), "cylinder: expected a radius above 0 metres, found nan"),
         (lambda: ConvexPolytope(np.eye(3), np.ones(3)), "bound a solid"),
         (lambda: ConvexPolytope(np.concatenate([np.eye(3), -np.eye(3)]), -np.ones(6)), "bound a solid"),
-        (lambda: ConvexPolytope(np.zeros((4, 3)), np.ones(4)), "above zero length"),
-        (lambda: ConvexPolytope.from_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]), "not in one plane"),
+        (lambda: ConvexPolytope(np.zeros((4, 3)), np.ones(4)), "longer than 0"),
+        (lambda: ConvexPolytope.from_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]), "not coplanar"),
         (lambda: CYLINDER.mesh(2), "resolution of at least 3"),
     ],
 )
-def test_numbers_that_bound_no_solid_are_refused(make, message):
+def test_values_that_do_not_bound_a_solid_are_rejected(make, message):
     with pytest.raises(ShapeError, match=message):
         make()

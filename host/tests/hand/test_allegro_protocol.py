@@ -1,4 +1,4 @@
-"""Every message of the Allegro hand survives the wire; every frame that is none is refused with one line."""
+"""Every message of the Allegro hand is encoded and decoded; every invalid frame raises a one-line error."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from taxel.hand.allegro.messages import (
     SystemOn,
     Temperature,
 )
-from taxel.hand.allegro.protocol import FULL_PWM, RAD_PER_COUNT, arbitration_id, decode, device_of, encode
+from taxel.hand.allegro.protocol import FULL_PWM, RAD_PER_COUNT, decode, encode, get_device_id, make_arbitration_id
 
 FINGER = st.integers(0, 3)
 I16 = st.integers(-0x8000, 0x7FFF)
@@ -35,11 +35,11 @@ U16 = st.integers(0, 0xFFFF)
 U8 = st.integers(0, 0xFF)
 
 
-def four(integers: st.SearchStrategy[int], scale: float) -> st.SearchStrategy[tuple[float, ...]]:
+def make_four(integers: st.SearchStrategy[int], scale: float) -> st.SearchStrategy[tuple[float, ...]]:
     return st.tuples(*[integers.map(lambda i: i * scale)] * 4)
 
 
-ANGLES = four(I16, RAD_PER_COUNT)
+ANGLES = make_four(I16, RAD_PER_COUNT)
 MESSAGES: st.SearchStrategy[Message] = st.one_of(
     st.just(SystemOn()),
     st.just(SystemOff()),
@@ -57,36 +57,36 @@ MESSAGES: st.SearchStrategy[Message] = st.one_of(
 )
 
 
-def frame(identifier: int, data: bytes = b"", *, remote: bool = False) -> can.Message:
+def make_frame(identifier: int, data: bytes = b"", *, remote: bool = False) -> can.Message:
     return can.Message(arbitration_id=identifier, data=data, is_extended_id=False, is_remote_frame=remote)
 
 
 @settings(deadline=None)
 @given(MESSAGES, st.integers(0, 3))
-def test_what_is_encoded_is_decoded(message: Message, device_id: int) -> None:
+def test_decoding_inverts_encoding(message: Message, device_id: int) -> None:
     sent = encode(message, device_id)
     assert decode(sent) == message
-    assert device_of(sent) == device_id
+    assert get_device_id(sent) == device_id
     assert not sent.is_extended_id
     assert sent.arbitration_id < 0x800
 
 
 @settings(deadline=None)
 @given(U16.filter(lambda i: i < 0x800), st.binary(max_size=8), st.booleans())
-def test_any_frame_is_a_message_or_none_or_a_frame_error(identifier: int, data: bytes, remote: bool) -> None:
+def test_any_frame_is_a_message_none_or_a_frame_error(identifier: int, data: bytes, remote: bool) -> None:
     message = text = None
     try:
-        message = decode(frame(identifier, b"" if remote else data, remote=remote))
+        message = decode(make_frame(identifier, b"" if remote else data, remote=remote))
     except AllegroFrameError as error:
         text = str(error)
-    if device_of(frame(identifier)) is None:
+    if get_device_id(make_frame(identifier)) is None:
         assert (message, text) == (None, None)
     else:
         assert (message is None) != (text is None)
     assert text is None or ("\n" not in text and f"0x{identifier:03X}" in text)
 
 
-# The wire of the maker's table, byte by byte.
+# Bytes according to the manufacturer's table.
 @pytest.mark.parametrize(
     ("message", "identifier", "data"),
     [
@@ -104,13 +104,13 @@ def test_any_frame_is_a_message_or_none_or_a_frame_error(identifier: int, data: 
     ],
     ids=lambda value: type(value).__name__,
 )
-def test_bytes_on_the_wire(message: Message, identifier: int, data: str) -> None:
+def test_encoded_bytes_agree_with_the_table(message: Message, identifier: int, data: str) -> None:
     sent = encode(message)
     assert (sent.arbitration_id, bytes(sent.data)) == (identifier, bytes.fromhex(data))
 
 
 def test_an_angle_is_333_3_degrees_over_65536_counts() -> None:
-    message = decode(frame(0x20 << 2, bytes.fromhex("0040 0000 0000 0000")))
+    message = decode(make_frame(0x20 << 2, bytes.fromhex("0040 0000 0000 0000")))
     assert isinstance(message, FingerPose)
     assert message.angles[0] == pytest.approx(math.radians(333.3 / 4))
 
@@ -122,9 +122,9 @@ def test_an_angle_is_rounded_to_the_nearest_count(angle: float) -> None:
     assert abs(message.angles[0] - angle) <= RAD_PER_COUNT / 2
 
 
-@pytest.mark.parametrize(("demand", "pwm"), [(1.5, 1200), (-9.0, -1200), (0.25, 300), (0.0, 0)])
-def test_a_demand_is_clipped_to_full_pwm(demand: float, pwm: int) -> None:
-    assert int.from_bytes(encode(SetTorque(0, (demand, 0.0, 0.0, 0.0))).data[:2], "little", signed=True) == pwm
+@pytest.mark.parametrize(("torque", "pwm"), [(1.5, 1200), (-9.0, -1200), (0.25, 300), (0.0, 0)])
+def test_a_torque_is_clipped_to_full_pwm(torque: float, pwm: int) -> None:
+    assert int.from_bytes(encode(SetTorque(0, (torque, 0.0, 0.0, 0.0))).data[:2], "little", signed=True) == pwm
 
 
 @pytest.mark.parametrize(
@@ -132,38 +132,38 @@ def test_a_demand_is_clipped_to_full_pwm(demand: float, pwm: int) -> None:
     [(0x40, 0), (0x41, 0), (0x60, 8), (0xE0, 8), (0x81, 6), (0x68, 6), (0x80, 7), (0x88, 8), (0x20, 8), (0x30, 6),
      (0x38, 4)],
 )  # fmt: skip
-def test_a_frame_of_another_length_is_refused(message_id: int, length: int) -> None:
+def test_a_frame_of_another_length_is_rejected(message_id: int, length: int) -> None:
     for wrong in set(range(9)) - {length}:
         with pytest.raises(AllegroFrameError, match=f"expected {length} bytes of .*, found {wrong} bytes"):
-            decode(frame(message_id << 2, bytes(wrong)))
+            decode(make_frame(message_id << 2, bytes(wrong)))
 
 
 @pytest.mark.parametrize("message_id", [0x40, 0x41, 0x60, 0xE3, 0x81, 0x68])
 def test_a_command_cannot_be_requested(message_id: int) -> None:
     with pytest.raises(AllegroFrameError, match="as a data frame, found a remote frame"):
-        decode(frame(message_id << 2, remote=True))
+        decode(make_frame(message_id << 2, remote=True))
     with pytest.raises(ValueError, match="cannot be requested"):
         encode(Request(MessageId.SYSTEM_ON))
 
 
-def test_frames_of_others_are_no_messages() -> None:
+def test_frames_of_other_protocols_are_ignored() -> None:
     extended = can.Message(arbitration_id=0x40 << 2, is_extended_id=True)
     flexible = can.Message(arbitration_id=0x40 << 2, is_extended_id=False, is_fd=True)
     failed = can.Message(arbitration_id=0x40 << 2, is_extended_id=False, is_error_frame=True)
-    for other in (extended, flexible, failed, frame(0x7FF), frame(0x64 << 2)):
+    for other in (extended, flexible, failed, make_frame(0x7FF), make_frame(0x64 << 2)):
         assert decode(other) is None
-        assert device_of(other) is None
+        assert get_device_id(other) is None
 
 
 @pytest.mark.parametrize("content", [b"\0" * 8, b"SAH\x07abcd", b"SAH\xff1234", b"A\0B\0\0\0\0\0"])
-def test_a_serial_that_cannot_be_printed_is_refused(content: bytes) -> None:
+def test_an_unprintable_serial_number_is_rejected(content: bytes) -> None:
     with pytest.raises(AllegroFrameError, match="printable ASCII"):
-        decode(frame(0x88 << 2, content))
+        decode(make_frame(0x88 << 2, content))
 
 
-def test_a_config_of_an_impossible_device_is_refused() -> None:
+def test_a_config_with_an_invalid_device_id_is_rejected() -> None:
     with pytest.raises(AllegroFrameError, match="device id of 0 to 3"):
-        decode(frame(0x68 << 2, bytes.fromhex("01 09 00000000")))
+        decode(make_frame(0x68 << 2, bytes.fromhex("01 09 00000000")))
 
 
 @pytest.mark.parametrize(
@@ -185,17 +185,17 @@ def test_a_config_of_an_impossible_device_is_refused() -> None:
         Request(MessageId.IMU, 1),
     ],
 )
-def test_what_the_wire_cannot_hold_is_refused(message: Message) -> None:
+def test_values_out_of_the_range_of_their_field_are_rejected(message: Message) -> None:
     with pytest.raises(ValueError):
         encode(message)
 
 
 def test_a_device_id_has_two_bits() -> None:
-    assert arbitration_id(MessageId.SET_POSE, 3, 3) == 0xE3 << 2 | 3
+    assert make_arbitration_id(MessageId.SET_POSE, 3, 3) == 0xE3 << 2 | 3
     with pytest.raises(ValueError, match="expected 0 to 3, found 4"):
         encode(SystemOn(), 4)
 
 
-def test_a_frame_error_survives_pickling() -> None:
+def test_a_frame_error_can_be_pickled() -> None:
     error = AllegroFrameError(0x80, "8 bytes", "7 bytes")
     assert str(pickle.loads(pickle.dumps(error))) == str(error)

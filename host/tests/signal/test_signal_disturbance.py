@@ -7,7 +7,7 @@ from taxel.signal import Baseline, compute_baseline, find_disturbed_taxels
 
 SKIN_TAXELS = 1073
 SAMPLES = 100
-REST_COUNTS = 30_000
+BASELINE_COUNTS = 30_000
 MAX_SIGMA = 28.0  # counts
 SEEDS = [1, 20_260, 3_141_592]
 
@@ -19,7 +19,7 @@ def rng(request):
 
 
 def make_untouched(rng, sigma=MAX_SIGMA, taxels=SKIN_TAXELS):
-    return REST_COUNTS + sigma * rng.standard_normal((SAMPLES, taxels))
+    return BASELINE_COUNTS + sigma * rng.standard_normal((SAMPLES, taxels))
 
 
 def to_counts(values):
@@ -63,7 +63,7 @@ def test_a_touch_of_150_counts_is_detected_with_the_largest_noise(rng, length):
 @pytest.mark.parametrize("length", range(10, 91))
 def test_a_touch_of_150_counts_without_noise_is_detected_at_any_position(length):
     first = np.arange(SAMPLES - length + 1)
-    values = np.full((SAMPLES, first.size), float(REST_COUNTS))
+    values = np.full((SAMPLES, first.size), float(BASELINE_COUNTS))
     assert find_disturbed_taxels(to_counts(add_touch(values, first, length, 150))).all()
 
 
@@ -81,7 +81,7 @@ def test_short_taps_in_a_third_of_the_samples_are_detected(rng):
 
 
 def test_a_touch_that_ends_during_the_baseline_is_detected():
-    values = np.full((SAMPLES, 1), REST_COUNTS)
+    values = np.full((SAMPLES, 1), BASELINE_COUNTS)
     values[:33] -= 400
     assert find_disturbed_taxels(to_counts(values)).tolist() == [True]
 
@@ -110,7 +110,7 @@ def test_a_touch_through_all_samples_is_not_detectable(rng):
 
 
 def test_the_limit_is_a_parameter():
-    values = np.full((SAMPLES, 1), REST_COUNTS)
+    values = np.full((SAMPLES, 1), BASELINE_COUNTS)
     values[:40] -= 60
     raw = to_counts(values)
     assert not find_disturbed_taxels(raw).any()

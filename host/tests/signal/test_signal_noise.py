@@ -1,11 +1,11 @@
-"""Each noise figure measures its kind of noise and is insensitive to the others."""
+"""Each noise figure measures its kind of noise and is insensitive to the other kinds."""
 
 import numpy as np
 import pytest
 
 from taxel.signal import measure_noise, snr, snr_db
 
-FRAMES, TAXELS, REST_COUNTS = 4000, 24, 30_000
+FRAMES, TAXELS, BASELINE_COUNTS = 4000, 24, 30_000
 LINES = np.repeat([7, 3, 5], 8)
 
 
@@ -16,7 +16,7 @@ def rng(request):
 
 
 def make_white_noise(rng, sigma):
-    return REST_COUNTS + sigma * rng.standard_normal((FRAMES, TAXELS))
+    return BASELINE_COUNTS + sigma * rng.standard_normal((FRAMES, TAXELS))
 
 
 def to_counts(values):

@@ -8,10 +8,10 @@ from taxel.grasp.objects import (
     MOUNT_STIFFNESS_N_PER_M,
     MOUNT_STIFFNESS_NM_PER_RAD,
     GraspObject,
-    standing_pose,
-    thesis_objects,
+    make_standing_pose,
+    make_thesis_objects,
 )
-from taxel.grasp.plan import Approach, thesis_approaches
+from taxel.grasp.plan import Approach, make_thesis_approaches
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
@@ -22,14 +22,14 @@ from taxel.sim.scene import JOINT_FRICTION_NM, build_scene
 
 HAND = load_hand("allegro")
 LINE = Timeline(baseline_s=0.5, recovery_s=0.5)
-APPROACHES = {f"{a.object}-{a.name}": a for a in thesis_approaches(withdraw_m=0.02)}
+APPROACHES = {f"{a.object}-{a.name}": a for a in make_thesis_approaches(withdraw_m=0.02)}
 SIDES = [key for key in APPROACHES if not key.endswith("-top")]
 FIRST = APPROACHES["rectangular_prism-wide_side_1"]
 
 
 @cache
 def scene_of(name):
-    return build_scene(HAND, thesis_objects()[name], "palm")
+    return build_scene(HAND, make_thesis_objects()[name], "palm")
 
 
 @cache
@@ -82,11 +82,11 @@ def test_the_contact_forces_balance_the_mounts_springs(key):
     end = last(motion, Phase.HOLD)
     here = motion.contacts.sample == end
     force, position = -motion.contacts.force[here], motion.contacts.position[here]
-    middle = np.array([0.0, 0.0, thesis_objects()[APPROACHES[key].object].shape.height / 2, 1.0])
-    moved, rest = motion.object_pose[end] @ middle, standing_pose() @ middle
+    middle = np.array([0.0, 0.0, make_thesis_objects()[APPROACHES[key].object].shape.height / 2, 1.0])
+    moved, rest = motion.object_pose[end] @ middle, make_standing_pose() @ middle
     assert np.allclose(force.sum(axis=0), MOUNT_STIFFNESS_N_PER_M * (moved - rest)[:3], atol=0.2)
     moment = np.cross(position - moved[:3], force).sum(axis=0)
-    turned = to_rotation_vector(motion.object_pose[end] @ inverse(standing_pose()))
+    turned = to_rotation_vector(motion.object_pose[end] @ inverse(make_standing_pose()))
     assert np.allclose(moment, MOUNT_STIFFNESS_NM_PER_RAD * turned, atol=0.02)
 
 
@@ -179,7 +179,7 @@ def test_an_object_that_stands_elsewhere_than_planned_is_pressed_where_it_stands
     offset = make_pose([0.0, 0.002, 0.0], [1, 0, 0, 0])  # 2 mm towards the palm
     moved = simulate_grasp(scene_of("rectangular_prism"), FIRST, LINE, object_offset=offset)
     nominal = motion_of("rectangular_prism-wide_side_1")
-    assert np.allclose(moved.object_pose[0], standing_pose() @ offset, atol=1e-6)
+    assert np.allclose(moved.object_pose[0], make_standing_pose() @ offset, atol=1e-6)
     end = last(nominal, Phase.HOLD)
     assert force_on_boards(moved, end)["palm"] > force_on_boards(nominal, end)["palm"] + 1.0
 

@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from taxel.grasp.objects import standing_pose, thesis_objects
-from taxel.grasp.plan import thesis_approaches
+from taxel.grasp.objects import make_standing_pose, make_thesis_objects
+from taxel.grasp.plan import make_thesis_approaches
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
 from taxel.hand.kinematics import build_kinematics, compute_taxel_normals, compute_taxel_positions
@@ -23,15 +23,15 @@ from taxel.sim.scene import build_scene
 from taxel.sim.separation import separations
 
 HAND = load_hand("allegro")
-CYLINDER = thesis_objects()["cylinder"]
+CYLINDER = make_thesis_objects()["cylinder"]
 CONES = ConeSensing(base_radius(HAND), contact_offset_m=0.001)
 SCENE = build_scene(HAND, CYLINDER, "palm")
-STANDING = ImportOptions(object_poses={"cylinder": standing_pose()}, baseline_frames=100)
+STANDING = ImportOptions(object_poses={"cylinder": make_standing_pose()}, baseline_frames=100)
 
 
 @cache
 def motion():
-    approach = next(a for a in thesis_approaches(withdraw_m=0.02) if (a.object, a.name) == ("cylinder", "side_1"))
+    approach = next(a for a in make_thesis_approaches(withdraw_m=0.02) if (a.object, a.name) == ("cylinder", "side_1"))
     return simulate_grasp(SCENE, approach, Timeline(0.2, 2.0, 0.5, 0.3, 0.2))
 
 
@@ -105,7 +105,7 @@ def test_contact_points_of_the_simulator_activate_the_same_taxels_as_cone_sensin
         hold = made.phase == Phase.HOLD
         np.testing.assert_array_equal(active, expected[hold].mean(axis=0) > 0.15)
         assert known.all()
-        assert np.allclose(grasp.object_pose, standing_pose())
+        assert np.allclose(grasp.object_pose, make_standing_pose())
     assert report.contacts == len(points[0])
 
 
@@ -305,7 +305,7 @@ def test_ids_of_grasps_sort_in_the_order_of_the_file(tmp_path):
         )
         joints = write(tmp_path / "j.csv", header, [[name, *made.joint_angles[end]] for name in names])
         options = ImportOptions(
-            object_poses={"cylinder": standing_pose()},
+            object_poses={"cylinder": make_standing_pose()},
             wrist=made.link_poses[end, 0],
             baseline_frames=100,
             overwrite=True,
@@ -361,7 +361,7 @@ def test_a_hand_without_an_arm_stands_at_the_root_of_its_robot(tmp_path):
         tmp_path / "p.csv", ["grasp", "object", "approach", "x", "y", "z"], [["a", "cylinder", "?", *centre]]
     )
     joints = write(tmp_path / "j.csv", ["grasp", *kinematics.robot.joint_names], [["a", 0.1]])
-    options = ImportOptions(plate, object_poses={"cylinder": standing_pose()}, baseline_frames=100)
+    options = ImportOptions(plate, object_poses={"cylinder": make_standing_pose()}, baseline_frames=100)
     import_active(points, tmp_path / "sim.h5", joints=joints, options=options)
     with GraspDataset(tmp_path / "sim.h5") as data:
         assert np.flatnonzero(data["a"].active_taxels()[0]).tolist() == [3]

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from taxel.grasp.objects import thesis_objects
-from taxel.grasp.plan import thesis_approaches
+from taxel.grasp.objects import make_thesis_objects
+from taxel.grasp.plan import make_thesis_approaches
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
 from taxel.recording.grasp_dataset import GraspDataset
@@ -21,7 +21,7 @@ from taxel.sim.scene import build_scene
 from taxel.sim.sensing import Sensing, sense
 
 HAND = load_hand("allegro")
-CYLINDER = thesis_objects()["cylinder"]
+CYLINDER = make_thesis_objects()["cylinder"]
 SCENE = build_scene(HAND, CYLINDER, "palm")
 OPTIONS = ImportOptions(baseline_frames=100)
 KNOWN = {"object": {"known": "cylinder"}}
@@ -40,7 +40,7 @@ def recorded():
             states[name].append(getattr(run.data, name).copy())
         return result
 
-    approach = next(a for a in thesis_approaches(withdraw_m=0.02) if (a.object, a.name) == ("cylinder", "side_1"))
+    approach = next(a for a in make_thesis_approaches(withdraw_m=0.02) if (a.object, a.name) == ("cylinder", "side_1"))
     closing._Run._state = watched
     try:
         motion = closing.simulate_grasp(SCENE, approach, Timeline(0.0, 2.0, 0.3, 0.3, 0.0))
@@ -109,7 +109,7 @@ def test_the_shape_of_the_model_does_as_well_as_the_known_one(tmp_path, model, s
 
 @pytest.mark.parametrize("name", ["rectangular_prism", "triangular_prism"])
 def test_mesh_objects_keep_their_faces(tmp_path, name):
-    item = thesis_objects()[name]
+    item = make_thesis_objects()[name]
     scene = build_scene(HAND, item, "palm")
     mujoco.mj_saveModel(scene.model, str(tmp_path / "model.mjb"))
     states = saved(tmp_path, qpos=np.tile(scene.model.qpos0, (2, 1)))

@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from taxel.grasp.objects import thesis_objects
-from taxel.grasp.plan import thesis_approaches
+from taxel.grasp.objects import make_thesis_objects
+from taxel.grasp.plan import make_thesis_approaches
 from taxel.grasp.shapes import ConvexPolytope, Cylinder
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
@@ -69,13 +69,13 @@ def test_lines_along_a_face_are_lines_too(name):
 
 @cache
 def scene_of(name):
-    return build_scene(load_hand("allegro"), thesis_objects()[name], "palm")
+    return build_scene(load_hand("allegro"), make_thesis_objects()[name], "palm")
 
 
 @pytest.mark.parametrize("name", ["rectangular_prism", "cylinder"])
 def test_a_grasp_comes_out_the_same(name, monkeypatch):
     scene, line = scene_of(name), Timeline(baseline_s=0.1, closing_s=1.0, hold_s=0.2, release_s=0.3, recovery_s=0.1)
-    approach = next(each for each in thesis_approaches(withdraw_m=0.02) if each.object == name)
+    approach = next(each for each in make_thesis_approaches(withdraw_m=0.02) if each.object == name)
     native = simulate_grasp(scene, approach, line, law=LAW)
     monkeypatch.setattr(closing, "NativeContact", SoftContact)
     reference = simulate_grasp(scene, approach, line, law=LAW)

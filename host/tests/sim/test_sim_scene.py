@@ -2,7 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from taxel.grasp.objects import GraspObject, thesis_objects
+from taxel.grasp.objects import GraspObject, make_thesis_objects
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.hand import load_hand
 from taxel.hand.errors import UnknownLinkError
@@ -12,7 +12,7 @@ from taxel.hand.transforms import apply, inverse
 from taxel.sim.scene import BACKING_M, build_scene
 
 HAND = load_hand("allegro")
-OBJECTS = thesis_objects()
+OBJECTS = make_thesis_objects()
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from taxel.grasp.objects import MOUNT_STIFFNESS_N_PER_M, standing_pose, thesis_objects
-from taxel.grasp.plan import thesis_approaches
+from taxel.grasp.objects import MOUNT_STIFFNESS_N_PER_M, make_standing_pose, make_thesis_objects
+from taxel.grasp.plan import make_thesis_approaches
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
 from taxel.sim.closing import simulate_grasp
@@ -19,7 +19,7 @@ from taxel.sim.separation import MISS_M
 from taxel.sim.soft_contact import LayerLaw
 
 HAND = load_hand("allegro")
-ITEM = thesis_objects()["rectangular_prism"]
+ITEM = make_thesis_objects()["rectangular_prism"]
 LINE = Timeline(baseline_s=0.2, closing_s=2.0, hold_s=0.4, release_s=1.0, recovery_s=0.2)
 ROUNDING_N = 1e-6
 
@@ -27,7 +27,7 @@ ROUNDING_N = 1e-6
 @cache
 def motion():
     approach = next(
-        a for a in thesis_approaches(withdraw_m=0.02) if (a.object, a.name) == ("rectangular_prism", "narrow_side_1")
+        a for a in make_thesis_approaches(withdraw_m=0.02) if (a.object, a.name) == ("rectangular_prism", "narrow_side_1")
     )
     return simulate_grasp(build_scene(HAND, ITEM, "palm"), approach, LINE, rate_hz=5.0)
 
@@ -129,7 +129,7 @@ def test_the_layer_is_what_is_used_unless_told_otherwise():
 
 @cache
 def soft_motion():
-    approach = next(a for a in thesis_approaches(withdraw_m=0.02) if a.name == "narrow_side_1")
+    approach = next(a for a in make_thesis_approaches(withdraw_m=0.02) if a.name == "narrow_side_1")
     return simulate_grasp(build_scene(HAND, ITEM, "palm"), approach, LINE, rate_hz=5.0, law=LayerLaw())
 
 
@@ -154,7 +154,7 @@ def test_a_soft_layer_ends_where_the_mounts_spring_balances_the_hand():
     motion = soft_motion()
     end = int(np.flatnonzero(motion.phase == Phase.HOLD)[-1])
     yielded = motion.object_pose[end, :3, 3] + motion.object_pose[end, :3, 2] * ITEM.shape.height / 2
-    yielded -= standing_pose()[:3, 3] + np.array([0.0, 0.0, ITEM.shape.height / 2])
+    yielded -= make_standing_pose()[:3, 3] + np.array([0.0, 0.0, ITEM.shape.height / 2])
     forces = np.einsum("sij,sj->si", motion.sensor_poses[end, :, :3, :3], motion.wrench[end, :, :3])
     np.testing.assert_allclose(-forces.sum(axis=0), MOUNT_STIFFNESS_N_PER_M * yielded, atol=0.3)
 

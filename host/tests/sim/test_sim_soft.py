@@ -9,10 +9,10 @@ import pytest
 from taxel.grasp.objects import (
     MOUNT_STIFFNESS_N_PER_M,
     MOUNT_STIFFNESS_NM_PER_RAD,
-    standing_pose,
-    thesis_objects,
+    make_standing_pose,
+    make_thesis_objects,
 )
-from taxel.grasp.plan import thesis_approaches
+from taxel.grasp.plan import make_thesis_approaches
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
@@ -26,13 +26,13 @@ from taxel.sim.soft_contact import LayerLaw, SoftContact
 HAND = load_hand("allegro")
 LAW = LayerLaw()
 LINE = Timeline(baseline_s=0.5, recovery_s=0.5)
-APPROACHES = {f"{a.object}-{a.name}": a for a in thesis_approaches(withdraw_m=0.02)}
+APPROACHES = {f"{a.object}-{a.name}": a for a in make_thesis_approaches(withdraw_m=0.02)}
 ONE_OF_EACH = [key for key in APPROACHES if key.rsplit("_", 1)[-1] not in {"2", "3", "4"}]
 
 
 @cache
 def scene_of(name):
-    return build_scene(HAND, thesis_objects()[name], "palm")
+    return build_scene(HAND, make_thesis_objects()[name], "palm")
 
 
 @cache
@@ -78,11 +78,11 @@ def test_the_layers_forces_balance_the_mounts_springs(key):
     frames, wrench = motion.sensor_poses[end], motion.wrench[end]
     force = np.einsum("sij,sj->si", frames[:, :3, :3], wrench[:, :3])
     moment = np.einsum("sij,sj->si", frames[:, :3, :3], wrench[:, 3:])
-    middle = np.array([0.0, 0.0, thesis_objects()[APPROACHES[key].object].shape.height / 2, 1.0])
-    moved, rest = motion.object_pose[end] @ middle, standing_pose() @ middle
+    middle = np.array([0.0, 0.0, make_thesis_objects()[APPROACHES[key].object].shape.height / 2, 1.0])
+    moved, rest = motion.object_pose[end] @ middle, make_standing_pose() @ middle
     np.testing.assert_allclose(-force.sum(axis=0), MOUNT_STIFFNESS_N_PER_M * (moved - rest)[:3], atol=slack)
     about = moment + np.cross(frames[:, :3, 3] - moved[:3], force)
-    turned = to_rotation_vector(motion.object_pose[end] @ inverse(standing_pose()))
+    turned = to_rotation_vector(motion.object_pose[end] @ inverse(make_standing_pose()))
     np.testing.assert_allclose(-about.sum(axis=0), MOUNT_STIFFNESS_NM_PER_RAD * turned, atol=0.05)
 
 
@@ -121,12 +121,12 @@ def test_how_fast_a_piece_sinks_in_is_its_speed_along_its_normal():
     key, scene = "cylinder-side_1", scene_of("cylinder")
     motion = motion_of(key)
     end = int(np.flatnonzero(motion.phase == Phase.HOLD)[-1])
-    soft = SoftContact(HAND, thesis_objects()["cylinder"].shape, LAW)
+    soft = SoftContact(HAND, make_thesis_objects()["cylinder"].shape, LAW)
     push = soft_push.SoftPush(scene, soft)
     data = mujoco.MjData(scene.model)
     for name, angle in zip(scene.joint_names, motion.joint_angles[end], strict=True):
         data.qpos[scene.model.joint(name).qposadr[0]] = angle
-    places = {scene.model.body("mount").id: standing_pose(), scene.link_bodies[0]: motion.link_poses[end, 0]}
+    places = {scene.model.body("mount").id: make_standing_pose(), scene.link_bodies[0]: motion.link_poses[end, 0]}
     for body, place in places.items():
         index = scene.model.body_mocapid[body]
         data.mocap_pos[index], data.mocap_quat[index] = place[:3, 3], to_quaternion(place)

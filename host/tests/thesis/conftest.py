@@ -1,4 +1,4 @@
-"""Small campaigns of the thesis's three objects: one board laid onto each object's surface, pressed in the middle."""
+"""Small campaigns of the three objects of the thesis: one board in contact with the surface of the object."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ from taxel.recording import (
 SIDE = 8
 N = SIDE * SIDE
 PHASES = np.repeat([0, 1, 2, 3], [10, 2, 4, 2]).astype(np.uint8)
-REST = 30_000
+REST_COUNTS = 30_000
 OBJECTS = ("cylinder", "rectangular_prism", "triangular_prism")
 MODEL = SensorModel(30_000.0, 2000.0, 1.5, 4.0, layer="uncoupled")
 
 
-def board() -> TaxelTable:
+def build_board() -> TaxelTable:
     number = np.arange(N)
     tx, rx = number // SIDE, number % SIDE
-    place = np.column_stack([0.005 * (tx - 3.5), 0.005 * (rx - 3.5), np.zeros(N)])
+    position = np.column_stack([0.005 * (tx - 3.5), 0.005 * (rx - 3.5), np.zeros(N)])
     up = np.tile([0.0, 0.0, 1.0], (N, 1))
     return TaxelTable(
-        np.full(N, 0x20, np.uint8), tx.astype(np.uint8), rx.astype(np.uint8), place, up, np.full(N, 0.003)
+        np.full(N, 0x20, np.uint8), tx.astype(np.uint8), rx.astype(np.uint8), position, up, np.full(N, 0.003)
     )
 
 
-def on_surface(mesh, rng) -> np.ndarray:
-    """The board's pose, f64[4, 4], on a point of the object, its normal into it."""
+def sample_surface_pose(mesh, rng) -> np.ndarray:
+    """Pose of the board, f64[4, 4], at a random point of the surface, with its normal into the object."""
     face = rng.choice(len(mesh.faces), p=mesh.areas / mesh.areas.sum())
     corners, normal = mesh.vertices[mesh.faces[face]], mesh.normals[face]
-    place = np.eye(4)
+    pose = np.eye(4)
     across = np.cross(normal, [0.3, 0.5, 0.8])
     across /= np.linalg.norm(across)
-    place[:3, :3] = np.column_stack([across, np.cross(-normal, across), -normal])
-    place[:3, 3] = rng.dirichlet(np.ones(3)) @ corners
-    return place
+    pose[:3, :3] = np.column_stack([across, np.cross(-normal, across), -normal])
+    pose[:3, 3] = rng.dirichlet(np.ones(3)) @ corners
+    return pose
 
 
-def write(path, source: str, width: float, noise_m: float, grasps: int = 8):
-    """width: of the pressed patch, taxels. noise_m: by which the object is not where it is believed to be."""
+def write_campaign(path, source: str, width: float, noise_m: float, grasps: int = 8):
+    """width: of the contact, in taxels. noise_m: standard deviation of the board position in each grasp."""
     sensors = SensorTable(np.array([0x20], np.uint8), ("palm",), ("palm",), np.full(1, 6.0))
     shapes = get_builtin_models()
     meshes = {name: ObjectMesh(shapes[name].vertices, shapes[name].faces.astype(np.int32)) for name in OBJECTS}
@@ -58,7 +58,7 @@ def write(path, source: str, width: float, noise_m: float, grasps: int = 8):
         DatasetHeader(
             source=source,
             hand="one board",
-            taxels=board(),
+            taxels=build_board(),
             sensors=sensors,
             objects=meshes,
             generator="a test",
@@ -67,12 +67,15 @@ def write(path, source: str, width: float, noise_m: float, grasps: int = 8):
     ) as out:
         for number in range(grasps * len(OBJECTS)):
             name = OBJECTS[number % len(OBJECTS)]
-            rng, own = np.random.default_rng([3, number]), np.random.default_rng([4, number, source == "sim"])
-            pose = on_surface(shapes[name], rng)
-            pose[:3, 3] += own.normal(0.0, noise_m, 3)
-            apart = np.linalg.norm(board().position, axis=1) / 0.005
-            signal = np.rint(600.0 * np.exp(-0.5 * (apart / width) ** 2)).astype(np.uint16)
-            raw = np.full((len(PHASES), N), REST, np.uint16)
+            pose_rng, noise_rng = (
+                np.random.default_rng([3, number]),
+                np.random.default_rng([4, number, source == "sim"]),
+            )
+            pose = sample_surface_pose(shapes[name], pose_rng)
+            pose[:3, 3] += noise_rng.normal(0.0, noise_m, 3)
+            distance = np.linalg.norm(build_board().position, axis=1) / 0.005
+            signal = np.rint(600.0 * np.exp(-0.5 * (distance / width) ** 2)).astype(np.uint16)
+            raw = np.full((len(PHASES), N), REST_COUNTS, np.uint16)
             raw[PHASES == 2] -= signal
             record = GraspRecord(
                 object=name,
@@ -88,14 +91,14 @@ def write(path, source: str, width: float, noise_m: float, grasps: int = 8):
             )
             if source == "sim":
                 force = MODEL.half_force_n * signal / (MODEL.full_scale_drop_counts - signal)
-                still = np.where(PHASES[:, None] == 2, force, 0.0)
-                record = replace(record, contact_force=still, separation=np.where(still > 0, -0.001, 0.05))
+                hold_force = np.where(PHASES[:, None] == 2, force, 0.0)
+                record = replace(record, contact_force=hold_force, separation=np.where(hold_force > 0, -0.001, 0.05))
             out.add(record, f"{number:04d}")
     return path
 
 
 @pytest.fixture(scope="session")
 def campaign(tmp_path_factory):
-    """Both sides: the real one wider, and not quite where it is believed to be."""
+    """Real and simulated dataset; the real contacts are wider and displaced."""
     folder = tmp_path_factory.mktemp("campaign")
-    return write(folder / "real.h5", "real", 2.0, 0.0015), write(folder / "sim.h5", "sim", 1.2, 0.0)
+    return write_campaign(folder / "real.h5", "real", 2.0, 0.0015), write_campaign(folder / "sim.h5", "sim", 1.2, 0.0)

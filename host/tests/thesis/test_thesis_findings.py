@@ -1,4 +1,4 @@
-"""The findings and tables, checked on the thesis's own numbers: whoever measured what it printed must reproduce it."""
+"""Findings and tables, computed from the printed numbers of the thesis, which must reproduce themselves."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from dataclasses import replace
 import pytest
 
 from taxel.cloud.distance import DistanceStats
-from taxel.thesis.findings import findings, others
-from taxel.thesis.gap_beside import beside
+from taxel.thesis.distance_agreement import compare_distances
+from taxel.thesis.findings import compute_further_results, evaluate_findings
+from taxel.thesis.gap_summary import summarise_gap
 from taxel.thesis.matching import (
     CLEANED,
     FILTERED,
@@ -18,37 +19,42 @@ from taxel.thesis.matching import (
     SPREAD,
     ObjectResult,
 )
-from taxel.thesis.nearness import nearness_of
-from taxel.thesis.printed import INCONSISTENT, OBJECTS, SOR_OF, STAGES, match_of, of_dataset, rows_of
-from taxel.thesis.tables import PRINTED_NAMES, all_tables, best_sor, contributions
+from taxel.thesis.printed import (
+    INCONSISTENCIES,
+    OBJECTS,
+    PRINTED_SOR,
+    STAGES,
+    get_distances,
+    get_printed_name,
+    select_rows,
+)
+from taxel.thesis.tables import TITLES, build_tables, compute_contributions, find_best_sor
 
-NEAR = DistanceStats(9, 1e-4, 0.0, 1e-4, 1e-4)
+
+def parse_stats(row, points: str = "points") -> DistanceStats:
+    return DistanceStats(int(row.get(points, 0)), **get_distances(row))
 
 
-def matched(row, points: str = "points") -> DistanceStats:
-    return DistanceStats(int(row.get(points, 0)), **match_of(row))
-
-
-def as_printed(word: str) -> ObjectResult:
-    """What the thesis printed of an object, as if it were ours."""
-    force = {int(row["threshold_counts"]): matched(row) for row in rows_of("I_1_to_3_force_filter", word)}
-    sor = {(int(row["n_neighbors"]), row["n_sigma"]): matched(row) for row in rows_of("I_4_to_6_sor", word)}
-    sim, spread = (matched(row) for row in rows_of("I_7_to_9_simulation_cad", word))
-    stages = rows_of("I_10_to_12_sim_to_real", word)
+def build_printed_result(name: str) -> ObjectResult:
+    """The printed numbers of an object as if they were measured."""
+    force = {int(row["threshold_counts"]): parse_stats(row) for row in select_rows("I_1_to_3_force_filter", name)}
+    sor = {(int(row["n_neighbors"]), row["n_sigma"]): parse_stats(row) for row in select_rows("I_4_to_6_sor", name)}
+    sim, spread = (parse_stats(row) for row in select_rows("I_7_to_9_simulation_cad", name))
+    stages = select_rows("I_10_to_12_sim_to_real", name)
     cross = {
-        (row["cloud_source"], row["cad_object"]): matched(row)
-        for row in rows_of("I_13_to_18_cross_shape", word, "cloud_object")
+        (row["cloud_source"], row["cad_object"]): parse_stats(row)
+        for row in select_rows("I_13_to_18_cross_shape", name, "cloud_object")
     }
-    (count,) = rows_of("5_2_contact_points", PRINTED_NAMES[word])
+    (count,) = select_rows("5_2_contact_points", TITLES[name])
     return ObjectResult(
-        word,
-        word,
+        name,
+        name,
         int(count["grasps"]),
-        {REAL: force[150], FILTERED: force[190], CLEANED: sor[SOR_OF[word]], SIM: sim, SPREAD: spread},
+        {REAL: force[150], FILTERED: force[190], CLEANED: sor[PRINTED_SOR[name]], SIM: sim, SPREAD: spread},
         force,
         sor,
         {n: n for n, _ in sor},
-        {row["stage"]: matched(row, "real_points") for row in stages},
+        {row["stage"]: parse_stats(row, "real_points") for row in stages},
         {row["stage"]: int(row["sim_points"]) for row in stages},
         cross,
     )
@@ -56,47 +62,50 @@ def as_printed(word: str) -> ObjectResult:
 
 @pytest.fixture
 def printed_results():
-    return [as_printed(word) for word in OBJECTS]
+    return [build_printed_result(name) for name in OBJECTS]
 
 
-def test_the_thesis_reproduces_itself(printed_results):
-    found = findings(printed_results)
-    assert [one.number for one in found] == list(range(1, 13))
-    assert {one.number: one.holds for one in found if not one.reproduced} == {}
+def test_printed_numbers_reproduce_every_finding(printed_results):
+    findings = evaluate_findings(printed_results)
+    assert [finding.number for finding in findings] == list(range(1, 13))
+    assert {finding.number: finding.holds for finding in findings if not finding.is_reproduced} == {}
 
 
-def test_the_numbers_are_those_that_the_thesis_states(printed_results):
-    for one in findings(printed_results):
-        assert list(one.numbers.values()) == pytest.approx(list(one.thesis), rel=0.04, abs=0.06), one.number
+def test_numbers_of_findings_equal_the_printed_numbers(printed_results):
+    for finding in evaluate_findings(printed_results):
+        printed = pytest.approx(list(finding.printed), rel=0.04, abs=0.06)
+        assert list(finding.numbers.values()) == printed, finding.number
 
 
 @pytest.mark.parametrize(
-    ("number", "broken"),
+    ("number", "change"),
     [
-        (1, lambda one: replace(one, cad={**one.cad, SIM: replace(one.cad[SIM], points=10)})),
-        (3, lambda one: replace(one, cad={**one.cad, FILTERED: replace(one.cad[FILTERED], rms_m=1.0)})),
-        (6, lambda one: replace(one, cad={**one.cad, CLEANED: replace(one.cad[CLEANED], points=100)})),
-        (8, lambda one: replace(one, cad={**one.cad, SPREAD: one.cad[SIM]})),
-        (10, lambda one: replace(one, to_sim={**one.to_sim, STAGES[1]: one.to_sim[STAGES[0]]})),
+        (1, lambda result: replace(result, cad={**result.cad, SIM: replace(result.cad[SIM], points=10)})),
+        (3, lambda result: replace(result, cad={**result.cad, FILTERED: replace(result.cad[FILTERED], rms_m=1.0)})),
+        (6, lambda result: replace(result, cad={**result.cad, CLEANED: replace(result.cad[CLEANED], points=100)})),
+        (8, lambda result: replace(result, cad={**result.cad, SPREAD: result.cad[SIM]})),
+        (10, lambda result: replace(result, to_sim={**result.to_sim, STAGES[1]: result.to_sim[STAGES[0]]})),
         (
             12,
-            lambda one: replace(
-                one, cross={**one.cross, (REAL, "cylindrical"): DistanceStats(9, 1e-4, 1e-4, 1e-4, 0.0)}
+            lambda result: replace(
+                result, cross={**result.cross, (REAL, "cylindrical"): DistanceStats(9, 1e-4, 1e-4, 1e-4, 0.0)}
             ),
         ),
     ],
 )
-def test_a_finding_breaks_with_one_object(printed_results, number, broken):
-    results = [broken(printed_results[0]), *printed_results[1:]]
-    found = next(one for one in findings(results) if one.number == number)
-    assert not found.reproduced
-    assert not found.holds["rectangular"]
+def test_finding_that_fails_for_one_object_is_not_reproduced(printed_results, number, change):
+    results = [change(printed_results[0]), *printed_results[1:]]
+    finding = next(finding for finding in evaluate_findings(results) if finding.number == number)
+    assert not finding.is_reproduced
+    assert not finding.holds["rectangular"]
 
 
-def test_tables_of_the_thesis_beside_itself_have_a_ratio_of_one(printed_results, tmp_path):
-    tables = all_tables(printed_results)
+def test_tables_from_printed_numbers_have_a_ratio_of_one(printed_results, tmp_path):
+    tables = build_tables(printed_results)
     assert [table.number for table in tables][2:5] == ["I-1", "I-2", "I-3"]
-    assert {f"I-{number}" for number in range(1, 19)} | {"5.2", "5.3", "5.4", "5.5"} <= {one.number for one in tables}
+    assert {f"I-{number}" for number in range(1, 19)} | {"5.2", "5.3", "5.4", "5.5"} <= {
+        table.number for table in tables
+    }
     for table in tables:
         for row in table.rows:
             for column in table.columns:
@@ -110,32 +119,32 @@ def test_tables_of_the_thesis_beside_itself_have_a_ratio_of_one(printed_results,
     assert float(rows[0]["real_points_ours"]) == float(rows[0]["real_points_thesis"]) == 3504.0
 
 
-def test_what_the_text_says_and_its_tables_do_not(printed_results):
-    surge, lowest, best, sor = others(printed_results)
-    assert surge.numbers == {"rectangular": "16.0 %", "cylindrical": "27.4 %", "triangular": "12.5 %"}
-    assert lowest.numbers["cylindrical"] == "at most 190"
-    assert best.numbers["cylindrical"] == "20 / 2, 2759 / 2, 690 / 3"
-    assert "; ".join(best.numbers.values()) == best.thesis
+def test_further_results_from_printed_numbers(printed_results):
+    removed, threshold, settings, sor = compute_further_results(printed_results)
+    assert removed.numbers == {"rectangular": "16.0 %", "cylindrical": "27.4 %", "triangular": "12.5 %"}
+    assert threshold.numbers["cylindrical"] == "at most 190"
+    assert settings.numbers["cylindrical"] == "20 / 2, 2759 / 2, 690 / 3"
+    assert "; ".join(settings.numbers.values()) == settings.printed
     assert sor.numbers["cylindrical"] == "no"
-    assert all(INCONSISTENT)
+    assert all(INCONSISTENCIES)
 
 
-def test_contributions_are_shares_of_the_whole_fall():
-    assert contributions(dict(zip(STAGES, (4.0, 3.0, 2.5, 2.0), strict=True))) == [50.0, 25.0, 25.0]
-    assert contributions(dict.fromkeys(STAGES, 1.0)) == [0.0, 0.0, 0.0]
+def test_contributions_are_shares_of_the_total_decrease():
+    assert compute_contributions(dict(zip(STAGES, (4.0, 3.0, 2.5, 2.0), strict=True))) == [50.0, 25.0, 25.0]
+    assert compute_contributions(dict.fromkeys(STAGES, 1.0)) == [0.0, 0.0, 0.0]
 
 
-def test_objects_are_known_by_the_beginning_of_their_names():
-    assert of_dataset("cylinder") == "cylindrical"
-    assert of_dataset("Rectangular prism") == "rectangular"
-    assert of_dataset("mug") == "mug"
+def test_printed_name_depends_on_the_first_letters_of_a_name():
+    assert get_printed_name("cylinder") == "cylindrical"
+    assert get_printed_name("Rectangular prism") == "rectangular"
+    assert get_printed_name("mug") == "mug"
 
 
-def test_the_best_settings_have_the_smallest_mean(printed_results):
-    assert best_sor(printed_results[0]) == (20, 1.0)
+def test_best_sor_settings_have_the_smallest_mean(printed_results):
+    assert find_best_sor(printed_results[0]) == (20, 1.0)
 
 
-def test_the_diagnosis_stands_beside_the_steps(printed_results):
+def test_gap_summary_has_shares_of_causes_and_steps(printed_results):
     entries = [
         {"name": "contact_propagation", "in_verdict": True, "shapley_share": 0.6},
         {"name": "noise", "in_verdict": True, "shapley_share": 0.2},
@@ -143,22 +152,22 @@ def test_the_diagnosis_stands_beside_the_steps(printed_results):
     ]
     report = {"effects": entries, "verdict": {"one_line": "x", "effects": ["contact_propagation", "noise"]}}
     printed = {
-        word: {row["stage"]: row["mean_m"] for row in rows_of("I_10_to_12_sim_to_real", word)} for word in OBJECTS
+        name: {row["stage"]: row["mean_m"] for row in select_rows("I_10_to_12_sim_to_real", name)} for name in OBJECTS
     }
-    found = beside(report, printed_results, printed)
-    assert found.finds_largest
-    assert found.shares == pytest.approx({"contact_propagation": 75.0, "noise": 25.0})
-    assert all(ours == pytest.approx(theirs) for ours, theirs in found.steps.values())
+    summary = summarise_gap(report, printed_results, printed)
+    assert summary.is_largest_cause_found
+    assert summary.shares == pytest.approx({"contact_propagation": 75.0, "noise": 25.0})
+    assert all(value == pytest.approx(printed) for value, printed in summary.steps.values())
 
 
-def test_distances_as_printed_are_all_near_and_one_that_is_not_is_named(printed_results):
-    near = nearness_of(all_tables(printed_results))
-    assert near.near == len(near.distances) == 234
+def test_printed_distances_agree_and_a_deviating_one_is_listed(printed_results):
+    agreement = compare_distances(build_tables(printed_results))
+    assert agreement.count_within_factor == len(agreement.distances) == 234
     first = printed_results[0]
-    own = first.cross[REAL, "cylindrical"]
-    cross = {**first.cross, (REAL, "cylindrical"): replace(own, mean_m=0.5 * own.mean_m, rms_m=1.4 * own.rms_m)}
-    less = nearness_of(all_tables([replace(first, cross=cross), *printed_results[1:]]))
-    assert (less.near, len(less.distances)) == (233, 234)
-    assert "Table I-13, cylindrical, mean: " in less.one_line
-    assert "0.500 of the thesis's" in less.one_line
-    assert [one["ratio"] for one in less.to_json()["farthest"]] == [pytest.approx(0.5)]
+    stats = first.cross[REAL, "cylindrical"]
+    cross = {**first.cross, (REAL, "cylindrical"): replace(stats, mean_m=0.5 * stats.mean_m, rms_m=1.4 * stats.rms_m)}
+    changed = compare_distances(build_tables([replace(first, cross=cross), *printed_results[1:]]))
+    assert (changed.count_within_factor, len(changed.distances)) == (233, 234)
+    assert "Table I-13, cylindrical, mean: " in changed.summary
+    assert "ratio 0.500" in changed.summary
+    assert [item["ratio"] for item in changed.to_json()["farthest"]] == [pytest.approx(0.5)]

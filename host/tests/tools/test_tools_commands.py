@@ -76,7 +76,10 @@ def test_flash_updates_a_list_of_boards_and_prints_json(run, files):
     status, out, _ = run("flash", URL, *files(), "--board", "0x51", "--board", "83", "--json")
     document = json.loads(out)
     assert status == 0
-    assert [(one["address"], one["after"]) for one in document["done"]] == [(0x51, [1, 2, 3]), (0x53, [1, 2, 3])]
+    assert [(outcome["address"], outcome["after"]) for outcome in document["done"]] == [
+        (0x51, [1, 2, 3]),
+        (0x53, [1, 2, 3]),
+    ]
 
 
 def test_a_dry_run_of_flash_prints_the_changes_and_writes_nothing(run, files):

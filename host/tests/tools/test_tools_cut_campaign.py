@@ -52,15 +52,15 @@ def test_a_short_campaign_leaves_the_old_or_the_new_version_after_each_cut(tmp_p
 
 def test_every_write_of_an_update_is_cut_at_every_point():
     plans = cut_plan.plan_worlds(10_000, 1)
-    sequences = [one for plan in plans for one in plan.sequences if plan.route == "board, through an adapter"]
-    firsts = {(one.rows, one.cuts[0].operation, one.cuts[0].after_s) for one in sequences}
-    assert firsts == {
+    sequences = [sequence for plan in plans for sequence in plan.sequences if plan.route == "board, through an adapter"]
+    first_cuts = {(sequence.rows, sequence.cuts[0].operation, sequence.cuts[0].after_s) for sequence in sequences}
+    assert first_cuts == {
         (rows, operation, after)
         for rows in cut_plan.ROWS
         for operation in range(1, rows + 4)
         for after in cut_plan.POINTS_S
     }
-    assert sum(len(one.cuts) for plan in plans for one in plan.sequences) >= 10_000
+    assert sum(len(sequence.cuts) for plan in plans for sequence in plan.sequences) >= 10_000
     assert {plan.route for plan in plans} == set(cut_plan.ROUTES)
 
 

@@ -67,8 +67,8 @@ def test_provisioning_restores_the_boot_attempts_used_by_a_blank_board(worlds, o
     def procedure():
         yield from session.start_session()
         first, _ = yield from session.read_free_rows()
-        for place, row in enumerate(image.rows()):
-            yield from session.write_row(first + place, row)
+        for i, row in enumerate(image.rows()):
+            yield from session.write_row(first + i, row)
         assert (yield from session.verify_application())
         yield from session.exit()
 
@@ -93,10 +93,10 @@ def test_blank_boards_at_one_address_are_distinguished(worlds, open_wire, count)
     assert len(candidates) == count
     entries = [Entry(c.unique_id, 0x20 + i, 1 + i, f"S{i}") for i, c in enumerate(candidates)]
     write_changes(wire, plan_changes(candidates, entries, wire.scan()))
-    found = boards_by_address(wire)
-    assert BLANK not in found
+    devices = boards_by_address(wire)
+    assert BLANK not in devices
     assert {(0x20 + i, c.unique_id.hex()) for i, c in enumerate(candidates)} <= {
-        (one.address, one.unique_id) for one in found.values()
+        (device.address, device.unique_id) for device in devices.values()
     }
 
 
@@ -151,8 +151,8 @@ def test_boards_with_a_duplicate_address_get_different_addresses(worlds, open_wi
     write_changes(wire, changes)
     release_boards(wire, [c for c in candidates if c is not moved])
     wire.collect(0.1)
-    found = boards_by_address(wire)
-    assert {(one.address, one.runs, one.kind) for one in found.values()} == {
+    devices = boards_by_address(wire)
+    assert {(device.address, device.runs, device.kind) for device in devices.values()} == {
         (0x50, "application", 9),
         (0x55, "application", 10),
         (0x52, "application", 11),

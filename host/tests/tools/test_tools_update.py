@@ -65,8 +65,8 @@ def test_a_board_that_runs_the_image_already_is_not_written_unless_forced(worlds
     wire = adapter(world)
     update_all(wire, make_firmware(), [FIRST])
     wear = world.board_flash(FIRST).wear.copy()
-    again = update_all(wire, make_firmware(), [FIRST])[FIRST]
-    assert (again.is_written, again.rows_written) == (False, 0)
+    second_result = update_all(wire, make_firmware(), [FIRST])[FIRST]
+    assert (second_result.is_written, second_result.rows_written) == (False, 0)
     assert (world.board_flash(FIRST).wear == wear).all()
     assert update_all(wire, make_firmware(), [FIRST], force=True)[FIRST].slot == 0
 
@@ -102,8 +102,8 @@ def test_rows_with_an_accidentally_correct_sum_are_rewritten_after_a_wrong_crc(w
     def write_damaged_image():
         yield from session.enter()
         padded = bytes(swapped) + bytes(24)
-        for place in range(8):
-            yield from session.write_row(128 + place, padded[128 * place : 128 * place + 128])
+        for i in range(8):
+            yield from session.write_row(128 + i, padded[128 * i : 128 * i + 128])
         yield from session.exit()
 
     run(wire, write_damaged_image())

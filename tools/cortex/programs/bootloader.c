@@ -1,5 +1,5 @@
 /* Slot selection of the bootloader on a flash in RAM: two small slots and the rows of configuration and metadata. */
-#include "bootloader/parts.h"
+#include "bootloader/internal.h"
 #include "codec/crc32.h"
 #include "image.h"
 

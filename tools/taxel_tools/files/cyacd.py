@@ -45,17 +45,17 @@ def write_cyacd(image: FirmwareImage, first_row: int, checksum: BootChecksum = B
 
 
 def _fail(
-    source: str, where: str, expected: str, found: str, remedy: str = "the file is damaged; copy it again"
+    source: str, location: str, expected: str, found: str, remedy: str = "the file is damaged; copy it again"
 ) -> NoReturn:
-    raise FirmwareFileError(source, where, expected, found, remedy)
+    raise FirmwareFileError(source, location, expected, found, remedy)
 
 
-def _parse_hex(digits: str, where: str, source: str) -> bytes:
+def _parse_hex(digits: str, location: str, source: str) -> bytes:
     if len(digits) % 2:
-        _fail(source, where, "two hexadecimal digits for each byte", f"{len(digits)} digits")
+        _fail(source, location, "two hexadecimal digits for each byte", f"{len(digits)} digits")
     for i, digit in enumerate(digits):
         if digit not in "0123456789abcdefABCDEF":
-            _fail(source, where, "hexadecimal digits", f"{digit!r} at digit {i + 1}")
+            _fail(source, location, "hexadecimal digits", f"{digit!r} at digit {i + 1}")
     return bytes.fromhex(digits)
 
 
@@ -76,14 +76,14 @@ def _check_header(line: str, source: str) -> None:
         _fail(source, "line 1", "checksum kind 0 or 1", str(header[5]))
 
 
-def _parse_row(line: str, where: str, source: str) -> tuple[int, bytes]:
+def _parse_row(line: str, location: str, source: str) -> tuple[int, bytes]:
     if not line.startswith(":"):
-        _fail(source, where, "a row that begins with ':'", repr(line[:1]))
-    record = _parse_hex(line[1:], where, source)
+        _fail(source, location, "a row that begins with ':'", repr(line[:1]))
+    record = _parse_hex(line[1:], location, source)
     if len(record) < ROW_OVERHEAD:
         _fail(
             source,
-            where,
+            location,
             f"at least {ROW_OVERHEAD} bytes",
             f"{len(record)}",
             "the line is truncated; copy the file again",
@@ -92,16 +92,16 @@ def _parse_row(line: str, where: str, source: str) -> tuple[int, bytes]:
     if len(record) != ROW_OVERHEAD + length:
         _fail(
             source,
-            where,
+            location,
             f"{length} bytes of data",
             f"{len(record) - ROW_OVERHEAD}",
             "the line is truncated; copy the file again",
         )
     expected = -sum(record[:-1]) & 0xFF
     if record[-1] != expected:
-        _fail(source, where, f"checksum {expected:02X}", f"{record[-1]:02X}")
+        _fail(source, location, f"checksum {expected:02X}", f"{record[-1]:02X}")
     if record[0]:
-        _fail(source, where, "flash array 0", str(record[0]), "the file is for another processor")
+        _fail(source, location, "flash array 0", str(record[0]), "the file is for another processor")
     if length != BOOT_ROW_SIZE:
-        _fail(source, where, f"rows of {BOOT_ROW_SIZE} bytes", f"{length}", "the file is for another processor")
+        _fail(source, location, f"rows of {BOOT_ROW_SIZE} bytes", f"{length}", "the file is for another processor")
     return int.from_bytes(record[1:3], "big"), record[5:-1]

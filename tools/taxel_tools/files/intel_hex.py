@@ -34,25 +34,25 @@ def rows_of_intel_hex(text: str, source: str) -> Rows:
     is_set = bytearray(FLASH_SIZE)
     base, has_end = 0, False
     for number, line in enumerate(text.splitlines(), start=1):
-        where = f"line {number}"
+        location = f"line {number}"
         if not line.strip():
             continue
         if has_end:
-            _fail(source, where, "nothing after the end record", "another record")
-        kind, offset, data = _parse_record(line.strip(), where, source)
+            _fail(source, location, "nothing after the end record", "another record")
+        kind, offset, data = _parse_record(line.strip(), location, source)
         if kind == DATA:
-            _store_data(flash, is_set, row_sources, base + offset, data, where, source)
+            _store_data(flash, is_set, row_sources, base + offset, data, location, source)
         elif kind == END:
             has_end = True
         elif kind in (SEGMENT, LINEAR):
             base = int.from_bytes(data, "big") << (4 if kind == SEGMENT else 16)
         elif kind not in (SEGMENT_START, LINEAR_START):
-            _fail(source, where, "record type 0 to 5", str(kind))
+            _fail(source, location, "record type 0 to 5", str(kind))
     if not has_end:
         _fail(source, "file", "an end record (:00000001FF)", "none", "the file is truncated; copy it again")
     return {
-        row: (bytes(flash[row * BOOT_ROW_SIZE : (row + 1) * BOOT_ROW_SIZE]), where)
-        for row, where in sorted(row_sources.items())
+        row: (bytes(flash[row * BOOT_ROW_SIZE : (row + 1) * BOOT_ROW_SIZE]), location)
+        for row, location in sorted(row_sources.items())
     }
 
 
@@ -67,51 +67,57 @@ def write_intel_hex(data: bytes, address: int) -> str:
 
 
 def _fail(
-    source: str, where: str, expected: str, found: str, remedy: str = "the file is damaged; copy it again"
+    source: str, location: str, expected: str, found: str, remedy: str = "the file is damaged; copy it again"
 ) -> NoReturn:
-    raise FirmwareFileError(source, where, expected, found, remedy)
+    raise FirmwareFileError(source, location, expected, found, remedy)
 
 
-def _parse_record(line: str, where: str, source: str) -> tuple[int, int, bytes]:
+def _parse_record(line: str, location: str, source: str) -> tuple[int, int, bytes]:
     """Type, address and data of a line."""
     if not line.startswith(":"):
-        _fail(source, where, "a record that begins with ':'", repr(line[:1]))
+        _fail(source, location, "a record that begins with ':'", repr(line[:1]))
     try:
         record = bytes.fromhex(line[1:])
     except ValueError:
-        _fail(source, where, "two hexadecimal digits for each byte", "other characters")
+        _fail(source, location, "two hexadecimal digits for each byte", "other characters")
     if len(record) < RECORD_OVERHEAD or len(record) != RECORD_OVERHEAD + record[0]:
         stated_size = record[0] if record else 0
         _fail(
             source,
-            where,
+            location,
             f"{stated_size} bytes of data",
             f"{max(len(record) - RECORD_OVERHEAD, 0)}",
             "the line is truncated",
         )
     expected = -sum(record[:-1]) & 0xFF
     if record[-1] != expected:
-        _fail(source, where, f"checksum {expected:02X}", f"{record[-1]:02X}")
+        _fail(source, location, f"checksum {expected:02X}", f"{record[-1]:02X}")
     if record[3] in (SEGMENT, LINEAR) and record[0] != 2:
-        _fail(source, where, "2 bytes of address", str(record[0]))
+        _fail(source, location, "2 bytes of address", str(record[0]))
     return record[3], int.from_bytes(record[1:3], "big"), record[4:-1]
 
 
 def _store_data(
-    flash: bytearray, is_set: bytearray, row_sources: dict[int, str], address: int, data: bytes, where: str, source: str
+    flash: bytearray,
+    is_set: bytearray,
+    row_sources: dict[int, str],
+    address: int,
+    data: bytes,
+    location: str,
+    source: str,
 ) -> None:
     end = address + len(data)
     if end > FLASH_SIZE:
         _fail(
             source,
-            where,
+            location,
             f"addresses below 0x{FLASH_SIZE:X}",
             f"0x{address:X}, beyond the flash",
             "export the application without the programmer's sections",
         )
     if any(is_set[address:end]):
-        _fail(source, where, "each byte once", f"address 0x{address:X} a second time")
+        _fail(source, location, "each byte once", f"address 0x{address:X} a second time")
     flash[address:end] = data
     is_set[address:end] = b"\x01" * len(data)
     for row in range(address // BOOT_ROW_SIZE, -(-end // BOOT_ROW_SIZE)):
-        row_sources.setdefault(row, where)
+        row_sources.setdefault(row, location)

@@ -74,10 +74,14 @@ def _read_image(path: Path, field: str, entry: dict[str, Any], read_one: ReadOne
     file = path.parent / name
     data = file.read_bytes()
     expected_hash = entry.get("sha256")
-    found = hashlib.sha256(data).hexdigest()
-    if expected_hash is not None and str(expected_hash).lower() != found:
+    actual_hash = hashlib.sha256(data).hexdigest()
+    if expected_hash is not None and str(expected_hash).lower() != actual_hash:
         _fail(
-            path, f"{field}.sha256", str(expected_hash), found, f"{name} is damaged or of another build; copy it again"
+            path,
+            f"{field}.sha256",
+            str(expected_hash),
+            actual_hash,
+            f"{name} is damaged or of another build; copy it again",
         )
     has_no_header = file.suffix == ".bin" and not data.startswith(BOOT_IMAGE_MAGIC.to_bytes(4, "little"))
     result = _add_header(path, field, entry, file, data) if has_no_header else read_one(file, data)
@@ -121,20 +125,20 @@ def _parse_claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, An
     return claims
 
 
-def _check_claims(path: Path, field: str, entry: dict[str, Any], found: FirmwareImage) -> None:
+def _check_claims(path: Path, field: str, entry: dict[str, Any], loaded_image: FirmwareImage) -> None:
     formatters: dict[str, Callable[[Any], str]] = {
         "slot": slot_name,
         "version": lambda version: ".".join(map(str, version)),
         "device": lambda device: device.name.lower(),
     }
     for key, claim in _parse_claims(path, field, entry).items():
-        value = getattr(found, key)
+        value = getattr(loaded_image, key)
         if value != claim:
             text = formatters.get(key, str)
             _fail(
                 path,
                 f"{field}.{key}",
                 text(claim),
-                f"{text(value)} in {found.source}",
+                f"{text(value)} in {loaded_image.source}",
                 "correct the manifest or the file",
             )

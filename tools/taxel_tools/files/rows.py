@@ -25,11 +25,11 @@ def build_image(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareI
 
     `rows`: 128 bytes of each row, and the place in the file that sets the row ("line 12").
     """
-    for row, (_, where) in sorted(rows.items()):
+    for row, (_, location) in sorted(rows.items()):
         if row < BOOT_BOOTLOADER_ROWS:
             raise FirmwareFileError(
                 source,
-                where,
+                location,
                 f"rows from {BOOT_BOOTLOADER_ROWS} on",
                 f"row {row} of the bootloader",
                 "the bootloader cannot replace itself; use the file of an application",

@@ -56,13 +56,13 @@ static inline void interrupts_unmask(uint32_t state)
     __asm__ volatile("msr primask, %0" ::"r"(state) : "memory");
 }
 
-/* Asleep until an interrupt is pending, also a masked one. */
+/* Sleep until an interrupt is pending, also a masked one. */
 static inline void wait_for_interrupt(void)
 {
     __asm__ volatile("wfi" ::: "memory");
 }
 
-/* On a board, peripherals interrupt at level 1, all of them: none cuts into another. SysTick stays at 0 and may cut into
+/* On a board, all peripherals interrupt at level 1, so that none preempts another. SysTick stays at 0 and may preempt
  * them. In the hub and the bootloaders all are at 0, as a reset leaves them, which takes less stack. */
 static inline void interrupt_enable(unsigned number)
 {

@@ -1,5 +1,6 @@
-/* CPU subsystem: where vectors are served from, and the door to the supervisory ROM. Source: PSoC 4100/4200 Registers
- * TRM (001-85847), CPUSS_CONFIG, CPUSS_SYSREQ, CPUSS_SYSARG; figures as in the maker's device header for this part. */
+/* CPU subsystem: location of the vectors, and calls into the supervisory ROM. Source: PSoC 4100/4200 Registers TRM
+ * (001-85847), CPUSS_CONFIG, CPUSS_SYSREQ, CPUSS_SYSARG; values as in the manufacturer's device header for this
+ * part. */
 #ifndef PSOC4200_REGS_CPUSS_H
 #define PSOC4200_REGS_CPUSS_H
 

@@ -1,6 +1,6 @@
 /* CapSense block of the first generation, and its two current sources. Source: Registers TRM (001-85847), chapter CSD;
- * figures as in the maker's device header for this part. How a mutual capacitance is measured with it: as public
- * CapSense sources for the blocks before the fourth generation do it. Later revisions of those blocks have two
+ * values as in the manufacturer's device header for this part. The measurement of a mutual capacitance follows public
+ * CapSense sources for the blocks before the fourth generation. Later revisions of those blocks have two
  * integration capacitors and a filter (CONFIG bits 4 and 3) that this one has not; whether it measures mutual
  * capacitance well without them is open (confirm). */
 #ifndef PSOC4200_REGS_CSD_H
@@ -33,11 +33,11 @@ _Static_assert(offsetof(struct csd_regs, intr) == 0x14, "CSD_INTR is at 0x400800
 #define CSD_CONFIG_MUTUAL_CAP (1u << 18)
 #define CSD_CONFIG_SENSE_COMP_EN (1u << 19)
 #define CSD_CONFIG_REFBUF_OUT_AMUX_B (1u << 21)
-#define CSD_CONFIG_SENSE_IN_AMUX_A (1u << 22) /* the comparator looks at analog bus A */
+#define CSD_CONFIG_SENSE_IN_AMUX_A (1u << 22) /* the comparator input is analog bus A */
 #define CSD_CONFIG_REFBUF_DRIVE_3 (3u << 23)
 #define CSD_CONFIG_ENABLE (1u << 31)
 
-/* On while the comparator asks for it; bits 0 to 7: code, 1.2 uA each in range 4x. */
+/* On while the comparator requests it; bits 0 to 7: code, 1.2 uA each in range 4x. */
 #define CSD_IDAC_IDAC1_VARIABLE (2u << 8)
 
 #define CSD_COUNTER_PERIOD(clocks) ((uint32_t)(clocks) << 16) /* writing it starts a conversion; it counts down */

@@ -1,5 +1,5 @@
 /* Ports and the switch matrix behind them (HSIOM). Source: Registers TRM (001-85847), PRTx_DR .. PRTx_PC2 and
- * HSIOM_PORT_SELx; figures as in the maker's device header. */
+ * HSIOM_PORT_SELx; values as in the manufacturer's device header. */
 #ifndef PSOC4200_REGS_GPIO_H
 #define PSOC4200_REGS_GPIO_H
 

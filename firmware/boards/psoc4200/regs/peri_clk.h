@@ -1,6 +1,6 @@
 /* Dividers of HFCLK for the peripherals, and which peripheral takes which. Source: Registers TRM (001-85847),
- * CLK_DIVIDER_A00 .. CLK_SELECT15; figures as in the maker's device header for this part. Numbers of the peripherals:
- * SCB0 and TCPWM as public projects for this part have them; SCB1 and CSD (confirm). */
+ * CLK_DIVIDER_A00 .. CLK_SELECT15; values as in the manufacturer's device header for this part. Numbers of the
+ * peripherals: SCB0 and TCPWM as public projects for this part have them; SCB1 and CSD (confirm). */
 #ifndef PSOC4200_REGS_PERI_CLK_H
 #define PSOC4200_REGS_PERI_CLK_H
 

@@ -1,5 +1,5 @@
 /* Serial communication block, as I2C slave, I2C master and UART. Eight bytes of FIFO each way. Source: Registers TRM
- * (001-85847), chapter SCB, and Architecture TRM (001-85634), "Serial Communications Block"; figures as in the maker's
+ * (001-85847), chapter SCB, and Architecture TRM (001-85634), "Serial Communications Block"; values as in the maker's
  * device header for this part. */
 #ifndef PSOC4200_REGS_SCB_H
 #define PSOC4200_REGS_SCB_H

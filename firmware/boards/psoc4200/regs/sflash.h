@@ -1,5 +1,5 @@
-/* Supervisory flash: what the maker has measured and written into each die.
- * Source: Registers TRM (001-85847), chapter SFLASH; figures as in the maker's device header for this part. */
+/* Supervisory flash: values measured by the manufacturer and written into each die.
+ * Source: Registers TRM (001-85847), chapter SFLASH; values as in the manufacturer's device header for this part. */
 #ifndef PSOC4200_REGS_SFLASH_H
 #define PSOC4200_REGS_SFLASH_H
 

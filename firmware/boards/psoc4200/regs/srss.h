@@ -1,5 +1,5 @@
 /* System resources: oscillators, HFCLK and SYSCLK, watchdog counters, reset cause, trims. Source: Registers TRM
- * (001-85847), chapters CLK, WDT, RES and PWR; figures as in the maker's device header for this part. */
+ * (001-85847), chapters CLK, WDT, RES and PWR; values as in the manufacturer's device header for this part. */
 #ifndef PSOC4200_REGS_SRSS_H
 #define PSOC4200_REGS_SRSS_H
 

@@ -139,7 +139,7 @@ def _record(plan: IndentationPlan, indentation: PlannedIndentation, cycles: Poll
         iteration=indentation.iteration,
         session=indentation.session,
         timestamp=recorded.time_s,
-        phase=plan.timeline.phase_at(recorded.time_s - begin_s),
+        phase=plan.timeline.find_phases(recorded.time_s - begin_s),
         raw_counts=recorded.raw_counts,
         valid=recorded.valid,
         sensor_pose=plan.bracket_poses,

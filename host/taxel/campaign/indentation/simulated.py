@@ -96,7 +96,7 @@ def simulate_indentation(setup: Setup, indentation: PlannedIndentation, campaign
     shape = setup.objects[approach.object].shape
     layer = _layer(plan, settings.law)
     equilibrium = SimulatedEquilibrium(layer, shape, plan.mount, approach.touch_pose @ offset, approach.direction)
-    times = plan.timeline.sample_times(settings.rate_hz)
+    times = plan.timeline.make_sample_times(settings.rate_hz)
     try:
         path = equilibrium.solve_path(force_factor * approach.force_n)
     except EquilibriumError as error:
@@ -109,7 +109,7 @@ def simulate_indentation(setup: Setup, indentation: PlannedIndentation, campaign
         iteration=indentation.iteration,
         session=indentation.session,
         timestamp=times,
-        phase=plan.timeline.phase_at(times),
+        phase=plan.timeline.find_phases(times),
         raw_counts=settings.sensor.raw_counts(setup.hand, force, rng),
         valid=np.ones((len(times), len(setup.hand.boards)), bool),
         sensor_pose=plan.bracket_poses.copy(),

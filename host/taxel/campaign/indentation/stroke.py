@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxel.grasp.timeline import ADVANCE_END, GRIP_END, RELEASE_END, WITHDRAW_BEGIN, Phase, Timeline
+from taxel.grasp.timeline import ADVANCE_END, GRIP_END, RELEASE_END, WITHDRAW_START, Phase, Timeline
 from taxel.types import FloatArray
 
 AWAY_M = 0.025
@@ -38,8 +38,8 @@ class Stroke(NamedTuple):
 
     def travel_at(self, times_s: FloatArray) -> FloatArray:
         """Travel f64[k] at `times_s` f64[k] since the start of the indentation."""
-        withdrawn = np.array([self.timeline.withdrawn_at(time) for time in times_s.tolist()])
-        grip = np.array([self.timeline.grip_at(time) for time in times_s.tolist()])
+        withdrawn = np.array([self.timeline.get_withdrawal(time) for time in times_s.tolist()])
+        grip = np.array([self.timeline.get_torque_fraction(time) for time in times_s.tolist()])
         return np.asarray(self.start_m - AWAY_M * withdrawn + (self.end_m - self.start_m) * grip)
 
     def times_of(self, travel_m: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -48,8 +48,8 @@ class Stroke(NamedTuple):
         grip = np.clip((travel_m - self.start_m) / (self.end_m - self.start_m), 0.0, 1.0)
         slow_in, slow_out = ADVANCE_END + (GRIP_END - ADVANCE_END) * grip, RELEASE_END * (1.0 - grip)
         share_in = np.where(withdrawn > 0, ADVANCE_END * (1.0 - withdrawn), slow_in)
-        share_out = np.where(withdrawn > 0, WITHDRAW_BEGIN + (1.0 - WITHDRAW_BEGIN) * withdrawn, slow_out)
-        begin, duration_s = self.timeline.begin, self.timeline.durations_s
-        inwards = begin(Phase.CLOSING) + duration_s[Phase.CLOSING] * share_in
-        outwards = begin(Phase.RELEASE) + duration_s[Phase.RELEASE] * share_out
+        share_out = np.where(withdrawn > 0, WITHDRAW_START + (1.0 - WITHDRAW_START) * withdrawn, slow_out)
+        start_of, duration_s = self.timeline.get_start_s, self.timeline.durations_s
+        inwards = start_of(Phase.CLOSING) + duration_s[Phase.CLOSING] * share_in
+        outwards = start_of(Phase.RELEASE) + duration_s[Phase.RELEASE] * share_out
         return np.asarray(inwards), np.asarray(outwards)

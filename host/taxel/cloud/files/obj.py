@@ -40,8 +40,9 @@ def encode_mesh(mesh: TriangleMesh) -> bytes:
 
 
 def _parse_corner(source: Source, word: str, vertices: int, line: int) -> int:
-    """Vertex number from 0. The file counts from 1, or backwards from the last vertex; texture and normal follow a
-    /.
+    """Vertex number from 0.
+
+    The file counts from 1, or backwards from the last vertex; texture and normal follow a /.
     """
     text = word.partition("/")[0]
     value = parse_natural(text.removeprefix("-"))

@@ -1,6 +1,4 @@
-"""An untrusted file of points: its bytes with an upper bound on their number, and one-line errors that name the
-file.
-"""
+"""An untrusted file of points: a bounded number of bytes, and one-line errors that name the file."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def with_effects(
         still[list(one.stuck)] = True
     if not np.isfinite(change).all():
         where = f"{pair.paths[1]}: /grasps/{grasp.id}/contact_force"
-        raise GapInputError(where, "forces that become counts", "larger ones", "correct contact_force")
+        raise GapInputError(where, "forces with finite counts", "larger forces", "correct contact_force")
     if change.any():
         raw = np.clip(np.rint(raw - change), 0, LARGEST_COUNT).astype(np.uint16)
     if still.any():

@@ -105,7 +105,7 @@ def _add(found: ReportedGap, sim: Path, target: Path, seed: int, show: Show) -> 
             for array, before, after in (("raw_counts", grasp.raw_counts, raw), ("valid", grasp.valid, valid)):
                 if changed(before, after):
                     copy.put(name, array, after)
-            show("adding", done + 1, len(keys))
+            show("adding effects", done + 1, len(keys))
         copy.note(_provenance(found, {"seed": seed}))
 
 
@@ -129,7 +129,7 @@ def _provenance(found: ReportedGap, how: Mapping[str, Any]) -> str:
 def _check_hand(found: ReportedGap, data: GraspDataset, path: str) -> None:
     """Refuse a dataset that is no simulation, or of another hand than the report."""
     if data.source != SIM:
-        remedy = "give the simulation: effects are never added to a recording"
+        remedy = "give the simulation, because effects are never added to a recording"
         raise GapInputError(f"{path}: /source", f'"{SIM}"', f'"{data.source}"', remedy)
     report = format_path(found.path)
     if data.taxels.n != len(found.sensor):
@@ -151,10 +151,10 @@ def _check_made(found: ReportedGap, sim: Path, made: Path, out: Path) -> None:
         apart = np.linalg.norm(before.taxels.position - after.taxels.position, axis=1)
         if apart.max() > PLACE_TOLERANCE_M:
             k = int(apart.argmax())
-            expected, far = f"the place that {format_path(sim)} gives", f"one {1e3 * apart[k]:.3g} mm away"
+            expected, far = f"the position in {format_path(sim)}", f"a position {1e3 * apart[k]:.3g} mm away"
             raise GapInputError(f"{path}: /taxels/position[{k}]", expected, far, SAME_HAND)
         if not len(after):
-            raise GapInputError(f"{path}: /grasps", "grasps", "none", "have the simulator make them")
+            raise GapInputError(f"{path}: /grasps", "grasps", "none", "let the simulator write them")
 
 
 def _notes(found: ReportedGap, sim: Path, out: Path) -> list[str]:
@@ -162,16 +162,16 @@ def _notes(found: ReportedGap, sim: Path, out: Path) -> list[str]:
     notes = []
     if not found.effects:
         why = "there is no gap" if found.status == "no_gap" else "the cause of the gap is unknown"
-        return [f"{why}: nothing was added, {out} is a copy"]
+        return [f"{why}: no effect was added, {out} is a copy"]
     if found.remainder:
         notes.append("a part of the gap has an unknown cause, which was not added")
     with sim.open("rb") as file:
         if hashlib.file_digest(file, "sha256").hexdigest() != found.sim_sha256:
-            notes.append("the report was made from another simulation than this")
+            notes.append("the report was made from another simulation")
     with GraspDataset(sim) as data:
         objects = {grasp.object for grasp in data}
     for one in found.effects:
         left = sorted(objects - set(one.blocks)) if one.effect.scope == OBJECT else []
         if left:
-            notes.append(f"{one.name}: the report has nothing of {', '.join(left[:4])}, left as simulated")
+            notes.append(f"{one.name}: the report has no values for {', '.join(left[:4])}; these are unchanged")
     return notes

@@ -128,7 +128,7 @@ class FrameStates:
         clock = FrameClock.at(grasp.timestamp[own], grasp.phase[own])
         if not clock.since_start[-1] > 0.0:
             where = f"{self._data.path}: /grasps/{grasp.id}/timestamp"
-            raise GapInputError(where, "time that passes from closing on", "none", "correct the file")
+            raise GapInputError(where, "increasing time from closing on", "constant time", "correct the file")
         base = Signal(grasp.contact_force[None, own], grasp.separation[None, own], None)
         layout, pair = Layout.of(clock), self._pair(grasp, clock)
         return State(pair, layout, clock, np.zeros(1, np.intp), base, np.zeros((1, layout.count, pair.n)))

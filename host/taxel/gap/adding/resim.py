@@ -40,17 +40,18 @@ def run_simulator(command: str, effects: str, sim: Path, out: Path) -> None:
     places = {"effects": out.with_name("effects.json"), "sim": sim, "out": out}
     places["effects"].write_text(effects)
     arguments = [PLACE.sub(lambda found: str(places[found[1]].resolve()), word) for word in arguments]
-    remedy = "correct the command; SIM.h5 and the report stay as they are"
+    remedy = "correct the command; SIM.h5 and the report are unchanged"
     try:
         done = subprocess.run(arguments, stdin=subprocess.DEVNULL, stdout=2, check=False)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise GapInputError("--resim", f"a program that runs ({format_value(arguments[0])})", reason, remedy) from None
+        expected = f"an executable program ({format_value(arguments[0])})"
+        raise GapInputError("--resim", expected, reason, remedy) from None
     if done.returncode:
-        found = f"status {done.returncode}" if done.returncode > 0 else f"its end by signal {-done.returncode}"
+        found = f"status {done.returncode}" if done.returncode > 0 else f"an end by signal {-done.returncode}"
         raise GapInputError("--resim", f"a command that succeeds ({format_value(arguments[0])})", found, remedy)
     if not out.is_file():
-        raise GapInputError("--resim", "a dataset where {out} says", "no file", "have the command write it there")
+        raise GapInputError("--resim", "a dataset at the path {out}", "no file", "let the command write it there")
 
 
 def _split(command: str) -> list[str]:
@@ -60,7 +61,7 @@ def _split(command: str) -> list[str]:
         raise GapInputError("--resim", "a command", f"{format_value(command)} ({error})", "close the quotes") from None
     missing = [place for place in NEEDED if place not in command]
     if not words or missing:
-        expected = f"a command with {' and '.join(NEEDED)} in it"
-        remedy = "say where it reads the effects and where it writes the dataset"
+        expected = f"a command with {' and '.join(NEEDED)}"
+        remedy = "add the paths from which it reads the effects and to which it writes the dataset"
         raise GapInputError("--resim", expected, format_value(command), remedy)
     return words

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from taxel.gap.errors import GapInputError
 from taxel.hand.errors import format_path
 from taxel.recording.errors import DatasetError
-from taxel.recording.grasp_checks import Place
+from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_hdf5 import open_hdf5
 from taxel.recording.grasp_storage import check_target, put_in_place, write_array, writing_errors
 
@@ -32,7 +32,7 @@ def made_beside(target: Path, inputs: tuple[Path, ...], overwrite: bool) -> Iter
     Whatever fails, a target that was there stays as it was. Raises DatasetError for a target that must not or cannot
     be made, and GapInputError for one that is among the inputs.
     """
-    place = Place(str(target))
+    place = Location(str(target))
     for path in inputs:
         if target.exists() and path.exists() and target.samefile(path):
             raise GapInputError("--out", "another file than the inputs", format_path(target), "choose another name")
@@ -54,7 +54,7 @@ def made_beside(target: Path, inputs: tuple[Path, ...], overwrite: bool) -> Iter
 
 def copied(source: str | PathLike[str], target: Path) -> None:
     """Copy a file, bit for bit. Raises DatasetError where the disk refuses."""
-    with writing_errors(Place(str(target))):
+    with writing_errors(Location(str(target))):
         shutil.copyfile(source, target)
 
 
@@ -62,7 +62,7 @@ class Rewriting:
     """An open copy in which arrays of grasps are replaced. Use it as a context manager."""
 
     def __init__(self, path: Path) -> None:
-        self._place = Place(str(path))
+        self._place = Location(str(path))
         self._file = open_hdf5(path, "r+")
 
     def put(self, grasp_id: str, name: str, array: NDArray[Any]) -> None:

@@ -102,7 +102,7 @@ class Effect(ABC):
 
     def unavailable(self, state: State) -> str:
         """Why it cannot be tried on this pair; empty if it can."""
-        return "the simulation tells no contact force" if self.needs_force and not state.has_force else ""
+        return "the simulation has no contact force" if self.needs_force and not state.has_force else ""
 
     def blocks(self, state: State) -> NDArray[np.intp]:
         """Which block acts on a taxel in a cell, [C, n]."""

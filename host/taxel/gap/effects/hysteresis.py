@@ -38,7 +38,7 @@ class Hysteresis(Effect):
     def unavailable(self, state: State) -> str:
         """See `Effect`."""
         on_drop = self.variant in ("drop", "gap")
-        return "" if on_drop or state.has_force else "the simulation tells no contact force"
+        return "" if on_drop or state.has_force else "the simulation has no contact force"
 
     def is_idle(self, state: State, values: FloatArray) -> bool:
         """Whether it goes on so slowly that hardly anything is seen to come late: that is another law of counts."""

@@ -1,7 +1,8 @@
-"""Small pictures in the cells of tables: bars of shares, steps of the waterfall, before and after.
+"""Small diagrams in table cells: bars of shares, steps of the waterfall, values before and after.
 
-They have no view box: positions along x are per cent of the cell, so that they grow with it and their strokes and dots
-do not. The numbers stand beside them in the table, hence a screen reader is told to pass them over.
+A diagram has no view box: its x coordinates are per cent of the cell's width, so that it scales with the cell while its
+strokes and dots keep their size. The table contains the same numbers as text, so the diagrams are hidden from screen
+readers.
 """
 
 from __future__ import annotations
@@ -9,101 +10,123 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from taxel.gap.page.fields import Interval
+from taxel.gap.report.report_values import Interval
 
 HEIGHT = 22  # pixels
-STEP_HEIGHT = 38  # the waterfall's rows touch each other
+STEP_HEIGHT = 38  # pixels; the rows of the waterfall touch each other
 MIDDLE = HEIGHT // 2
 
 
 @dataclass(frozen=True)
 class Axis:
-    """The values at the left and at the right end of a cell."""
+    """The values at the left and the right end of a cell."""
 
     low: float
     high: float
 
     @classmethod
     def over(cls, values: Iterable[float | None]) -> Axis:
-        """From zero, or the least value if that is negative, to the largest."""
+        """From zero, or the smallest value if it is negative, to the largest value."""
         known = [0.0, *(value for value in values if value is not None)]
         low, high = min(known), max(known)
         return cls(low, high if high > low else low + 1.0)
 
     def percent(self, value: float) -> float:
-        """Where a value is, per cent of the width; what lies outside is at the end."""
+        """Position of a value, per cent of the width; values outside of the axis are at its end."""
         return 100.0 * min(max((value - self.low) / (self.high - self.low), 0.0), 1.0)
 
     def at(self, value: float) -> str:
-        """The same as a length of SVG."""
+        """The position as an SVG length."""
         return f"{self.percent(value):.2f}%"
 
     def span(self, first: float, second: float) -> tuple[str, str]:
-        """Left end and width between two values, as lengths of SVG."""
+        """Left end and width between two values, as SVG lengths."""
         left, right = sorted((self.percent(first), self.percent(second)))
         return f"{left:.2f}%", f"{right - left:.2f}%"
 
 
+@dataclass(frozen=True)
+class Shape:
+    """A shape of a diagram. tag: "rect", "line", "circle" or "diamond". kind: CSS class. attributes: SVG attributes."""
+
+    tag: str
+    kind: str
+    attributes: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A diagram of `height` pixels."""
+
+    shapes: tuple[Shape, ...]
+    height: int = HEIGHT
+
+
 def picture(shapes: str, height: int = HEIGHT) -> str:
-    """The cell's picture around its shapes."""
+    """SVG element of a diagram around the SVG text of its shapes, for pages that are built from strings."""
     return f'<svg class="bar" width="100%" height="{height}" aria-hidden="true">{shapes}</svg>'
 
 
-def share_bar(axis: Axis, share: float, strong: bool) -> str:
-    """A bar from zero; faint unless `strong`."""
-    zero = _upright(axis, 0.0, "axis") if axis.low < 0 else ""
-    return picture(f"{_bar(axis, 0.0, share, 'mark' if strong else 'faint', 5, 12)}{zero}")
+def share_bar(axis: Axis, share: float, is_strong: bool) -> Bar:
+    """A bar from zero; pale unless `is_strong`."""
+    return Bar((_rect(axis, 0.0, share, "mark" if is_strong else "faint", 5, 12), *_zero_line(axis)))
 
 
-def waterfall_bar(axis: Axis, start: float, end: float, kind: str, floor: float | None) -> str:
-    """A step from `start` to `end`, `kind` its class, with the floor as a line that runs on from row to row."""
-    line = "" if floor is None else _upright(axis, floor, "floor", STEP_HEIGHT)
-    return picture(f"{_bar(axis, start, end, kind, 9, 20)}{line}", STEP_HEIGHT)
+def waterfall_bar(axis: Axis, start: float, end: float, kind: str, floor: float | None) -> Bar:
+    """A step from `start` to `end` with the CSS class `kind`, and the floor as a line through all rows."""
+    floor_line = () if floor is None else (_vertical_line(axis, floor, "floor", STEP_HEIGHT),)
+    return Bar((_rect(axis, start, end, kind, 9, 20), *floor_line), STEP_HEIGHT)
 
 
-def whisker(axis: Axis, bounds: Interval | None, middle: int = MIDDLE) -> str:
-    """An interval, with its ends."""
-    if bounds is None:
-        return ""
-    low, high = (axis.at(bound) for bound in bounds)
-    ends = "".join(f'<line x1="{x}" x2="{x}" y1="{middle - 4}" y2="{middle + 4}" class="ci"/>' for x in (low, high))
-    return f'<line x1="{low}" x2="{high}" y1="{middle}" y2="{middle}" class="ci"/>{ends}'
-
-
-def shrink_bar(axis: Axis, shrink: float, bounds: Interval | None, strong: bool) -> str:
+def shrink_bar(axis: Axis, shrink: float, bounds: Interval | None, is_strong: bool) -> Bar:
     """A bar from zero with its interval."""
-    zero = _upright(axis, 0.0, "axis") if axis.low < 0 else ""
-    return picture(f"{_bar(axis, 0.0, shrink, 'mark' if strong else 'faint', 5, 12)}{zero}{whisker(axis, bounds)}")
+    bar = _rect(axis, 0.0, shrink, "mark" if is_strong else "faint", 5, 12)
+    return Bar((bar, *_zero_line(axis), *_whisker(axis, bounds)))
 
 
-def before_after(axis: Axis, before: float, after: float, floor: float | None) -> str:
-    """A ring before, a dot after, and the floor."""
-    left, right = axis.at(before), axis.at(after)
-    line = "" if floor is None else _upright(axis, floor, "floor")
-    return picture(
-        f'{line}<line x1="{left}" x2="{right}" y1="{MIDDLE}" y2="{MIDDLE}" class="thread"/>'
-        f'<circle cx="{left}" cy="{MIDDLE}" r="5" class="ring"/><circle cx="{right}" cy="{MIDDLE}" r="5" class="dot"/>'
-    )
+def before_after_bar(axis: Axis, before: float, after: float, floor: float | None) -> Bar:
+    """A ring at the value before, a dot at the value after, and a line at the floor."""
+    floor_line = () if floor is None else (_vertical_line(axis, floor, "floor"),)
+    connection = Shape("line", "thread", {"x1": axis.at(before), "x2": axis.at(after), **_at_middle()})
+    return Bar((*floor_line, connection, _circle(axis, before, "ring"), _circle(axis, after, "dot")))
 
 
-def predicted_measured(axis: Axis, predicted: float | None, measured: float | None, bounds: Interval | None) -> str:
-    """An open diamond where it was predicted, a dot with its interval where it was measured."""
-    shapes = whisker(axis, bounds)
+def prediction_bar(axis: Axis, predicted: float | None, measured: float | None, bounds: Interval | None) -> Bar:
+    """A diamond at the predicted value, and a dot with its interval at the measured value."""
+    shapes = [Shape("line", "axis", {"x1": "0", "x2": "100%", **_at_middle()}), *_whisker(axis, bounds)]
     if measured is not None:
-        shapes += f'<circle cx="{axis.at(measured)}" cy="{MIDDLE}" r="5" class="dot"/>'
+        shapes.append(_circle(axis, measured, "dot"))
     if predicted is not None:
-        shapes += (
-            f'<svg x="{axis.at(predicted)}" y="{MIDDLE}" overflow="visible">'
-            '<path d="M0 -7L7 0L0 7L-7 0Z" class="ring hollow"/></svg>'
-        )
-    ground = f'<line x1="0" x2="100%" y1="{MIDDLE}" y2="{MIDDLE}" class="axis"/>'
-    return picture(f"{ground}{shapes}")
+        shapes.append(Shape("diamond", "ring hollow", {"x": axis.at(predicted), "y": str(MIDDLE)}))
+    return Bar(tuple(shapes))
 
 
-def _bar(axis: Axis, start: float, end: float, kind: str, top: int, height: int) -> str:
+def _rect(axis: Axis, start: float, end: float, kind: str, top: int, height: int) -> Shape:
     left, width = axis.span(start, end)
-    return f'<rect x="{left}" width="{width}" y="{top}" height="{height}" class="{kind}"/>'
+    return Shape("rect", kind, {"x": left, "width": width, "y": str(top), "height": str(height)})
 
 
-def _upright(axis: Axis, value: float, kind: str, height: int = HEIGHT) -> str:
-    return f'<line x1="{axis.at(value)}" x2="{axis.at(value)}" y1="0" y2="{height}" class="{kind}"/>'
+def _circle(axis: Axis, value: float, kind: str) -> Shape:
+    return Shape("circle", kind, {"cx": axis.at(value), "cy": str(MIDDLE), "r": "5"})
+
+
+def _vertical_line(axis: Axis, value: float, kind: str, height: int = HEIGHT) -> Shape:
+    return Shape("line", kind, {"x1": axis.at(value), "x2": axis.at(value), "y1": "0", "y2": str(height)})
+
+
+def _zero_line(axis: Axis) -> tuple[Shape, ...]:
+    return (_vertical_line(axis, 0.0, "axis"),) if axis.low < 0 else ()
+
+
+def _whisker(axis: Axis, bounds: Interval | None) -> list[Shape]:
+    """An interval with short vertical lines at its ends."""
+    if bounds is None:
+        return []
+    low, high = (axis.at(bound) for bound in bounds)
+    vertical = {"y1": str(MIDDLE - 4), "y2": str(MIDDLE + 4)}
+    ends = [Shape("line", "ci", {"x1": x, "x2": x, **vertical}) for x in (low, high)]
+    return [Shape("line", "ci", {"x1": low, "x2": high, **_at_middle()}), *ends]
+
+
+def _at_middle() -> dict[str, str]:
+    return {"y1": str(MIDDLE), "y2": str(MIDDLE)}

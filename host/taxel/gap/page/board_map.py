@@ -1,8 +1,8 @@
-"""Where each board stands in the picture of the unrolled hand. Lengths are in cells: one taxel pitch on the picture.
+"""Positions of the boards in the picture of the unrolled hand. The unit of length is one taxel pitch of the picture.
 
 A board is the rectangle of its TX lines (rows, TX 0 on top) and RX lines (columns, RX 0 on the left), seen from outside
-with the distal end on top, as the hand descriptions have it. The boards of the default hand are laid out like a right
-hand, its palm side and its back; any others stand in rows.
+with the distal end on top, as in the hand descriptions. The boards of the default hand are arranged like a right hand,
+with its palm side and its back; the boards of other hands are arranged in rows.
 """
 
 from __future__ import annotations
@@ -10,23 +10,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from taxel.gap.page.report import Report
+from taxel.gap.page.text import readable
+from taxel.gap.report.checked_report import CheckedReport
 from taxel.hand.unrolled_layout import SIDES, get_short_name
 
-LABEL = 3.1  # above each board: its name, and the marks of its RX lines
-HEADING = 2.6  # above each column: its finger
-TITLE = 2.0  # above all
+LABEL = 3.1  # height above each board for its name and the marks of its RX lines
+HEADING = 2.6  # height above each column for the name of its finger
+TITLE = 2.0  # height of the title
 GAP_X = 2.4
 GAP_Y = 0.6
 EDGE = 1.0
 ROW_WIDTH = 46.0
-LETTER = 0.8  # mean width of a letter of a board's label
-LONGEST_NAME = 18
+LETTER = 0.8  # mean width of a letter of a label
+MAX_NAME = 18  # characters
 
 
 @dataclass(frozen=True)
 class Board:
-    """A board: its address, its name, and of each of its taxels the index in the report and the TX and RX line."""
+    """A board. index, tx, rx: index in the report, TX line and RX line of each of its taxels."""
 
     address: int
     name: str
@@ -36,18 +37,18 @@ class Board:
 
     @property
     def rows(self) -> int:
-        """Number of TX lines, as far as taxels show."""
+        """Number of TX lines up to the last one with a taxel."""
         return max(self.tx) + 1
 
     @property
     def columns(self) -> int:
-        """Number of RX lines, as far as taxels show."""
+        """Number of RX lines up to the last one with a taxel."""
         return max(self.rx) + 1
 
 
 @dataclass(frozen=True)
-class Placed:
-    """A board in a view: the left and upper edge of its block, and the words over it."""
+class PlacedBoard:
+    """A board in a view: left and upper edge of its block, and its label."""
 
     board: Board
     label: str
@@ -57,7 +58,7 @@ class Placed:
 
 @dataclass(frozen=True)
 class Heading:
-    """Words over a column of boards: their middle and their lower edge."""
+    """Heading of a column of boards. x, y: its middle and its lower edge."""
 
     label: str
     x: float
@@ -66,17 +67,17 @@ class Heading:
 
 @dataclass(frozen=True)
 class View:
-    """One picture: its title (empty if it is the only one), its size, its boards, and the headings of its columns."""
+    """One picture of the hand. title: empty if it is the only picture."""
 
     title: str
     width: float
     height: float
-    boards: tuple[Placed, ...]
+    boards: tuple[PlacedBoard, ...]
     headings: tuple[Heading, ...] = ()
 
 
-def boards_of(report: Report) -> tuple[Board, ...]:
-    """The boards of a report that says where its taxels are, by address; none otherwise. Raises GapInputError."""
+def boards_of(report: CheckedReport) -> tuple[Board, ...]:
+    """The boards of a report by address; none if the report has no taxel table. Raises GapInputError."""
     if report.taxels is None:
         return ()
     members: dict[int, list[int]] = {}
@@ -86,17 +87,17 @@ def boards_of(report: Report) -> tuple[Board, ...]:
     return tuple(
         Board(
             address,
-            report.names.get(address, f"board {address}"),
-            tuple(own),
-            tuple(tx[index] for index in own),
-            tuple(rx[index] for index in own),
+            report.board_names.get(address, f"board {address}"),
+            tuple(indices),
+            tuple(tx[index] for index in indices),
+            tuple(rx[index] for index in indices),
         )
-        for address, own in sorted(members.items())
+        for address, indices in sorted(members.items())
     )
 
 
 def views_of(boards: Sequence[Board]) -> tuple[View, ...]:
-    """The pictures of these boards: both sides of the default hand, or one of rows."""
+    """The pictures of these boards: both sides of the default hand, or one picture with rows of boards."""
     by_name = {board.name: board for board in boards}
     known = {name for _, grid, _ in SIDES for row in grid for name in row if name}
     if not boards or len(by_name) < len(boards) or not by_name.keys() <= known:
@@ -112,19 +113,19 @@ def _grid(title: str, grid: Sequence[Sequence[str]], fingers: Sequence[str], by_
     for width in widths:
         lefts.append(left)
         left += width + GAP_X if width else 0.0
-    placed: list[Placed] = []
+    placed: list[PlacedBoard] = []
     headings: dict[str, Heading] = {}
     top = TITLE + HEADING
     for row in grid:
-        here = [(column, by_name[name]) for column, name in enumerate(row) if name in by_name]
-        if not here:
+        boards_of_row = [(column, by_name[name]) for column, name in enumerate(row) if name in by_name]
+        if not boards_of_row:
             continue
-        tallest = max(board.rows for _, board in here)
+        tallest = max(board.rows for _, board in boards_of_row)
         top += LABEL
-        for column, board in here:
+        for column, board in boards_of_row:
             x = lefts[column] + (widths[column] - board.columns) / 2
             y = top + tallest - board.rows
-            placed.append(Placed(board, get_short_name(board.name), x, y))
+            placed.append(PlacedBoard(board, get_short_name(board.name), x, y))
             if board.name.endswith(f"_{fingers[column]}") and fingers[column] not in headings:
                 middle = lefts[column] + widths[column] / 2
                 headings[fingers[column]] = Heading(fingers[column], middle, y - LABEL)
@@ -133,17 +134,17 @@ def _grid(title: str, grid: Sequence[Sequence[str]], fingers: Sequence[str], by_
 
 
 def _rows(boards: Sequence[Board]) -> View:
-    placed: list[Placed] = []
-    row: list[Placed] = []
+    placed: list[PlacedBoard] = []
+    row: list[PlacedBoard] = []
     left, top, widest = EDGE, LABEL, 0.0
     for board in boards:
-        label = board.name.replace("_", " ")
-        label = label if len(label) <= LONGEST_NAME else f"{label[: LONGEST_NAME - 1]}\N{HORIZONTAL ELLIPSIS}"
-        width = max(board.columns, LETTER * (len(label) + 6))  # room for the board's share beside its name
+        label = readable(board.name)
+        label = label if len(label) <= MAX_NAME else f"{label[: MAX_NAME - 1]}\N{HORIZONTAL ELLIPSIS}"
+        width = max(board.columns, LETTER * (len(label) + 6))  # includes space for the board's share after its name
         if row and left + width > ROW_WIDTH:
             top += max(item.board.rows for item in row) + LABEL + GAP_Y
             left, row = EDGE, []
-        row.append(Placed(board, label, left + (width - board.columns) / 2, top))
+        row.append(PlacedBoard(board, label, left + (width - board.columns) / 2, top))
         placed.append(row[-1])
         left += width + GAP_X
         widest = max(widest, left - GAP_X)

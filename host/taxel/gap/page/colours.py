@@ -1,7 +1,7 @@
-"""The colours of the unrolled hand.
+"""The colour scale of the unrolled hand.
 
-Both ramps are even steps of OKLab lightness (Ottosson 2020), so that they are read as more or less without hue: by
-colour-blind people and on a grey print. Nothing is pale on a light page and dim on a dark one.
+Both ramps have uniform steps of OKLab lightness (Ottosson 2020), so that they are readable without hue, by colour-blind
+readers and in a grey print. A taxel without excess is pale on a light page and dark on a dark page.
 """
 
 from __future__ import annotations
@@ -38,29 +38,29 @@ DARK = (
 )
 STEPS = len(LIGHT)
 
-# The scale reaches at least this many floors, so that a hand without a gap looks as calm as it is.
-LEAST_TOP_FLOORS = 3.0
+# The scale ends at this multiple of the floor or above, so that noise does not fill the scale if there is no gap.
+MIN_TOP_FLOORS = 3.0
 
 
 def top_of(excess: tuple[list[float], list[float]], floor: float) -> float:
-    """The end of the scale, counts: the root of the largest excess before or after [n] (counts squared).
+    """Upper end of the scale, counts: the root of the largest excess before or after [n] (counts squared).
 
-    `floor`: of the gap, counts; the scale ends at three times that or above.
+    floor: of the gap, counts; the scale ends at `MIN_TOP_FLOORS` times the floor or above.
     """
     largest = max((value for values in excess for value in values if not math.isnan(value)), default=0.0)
-    return max(math.sqrt(max(largest, 0.0)), LEAST_TOP_FLOORS * floor, math.ulp(1.0))
+    return max(math.sqrt(max(largest, 0.0)), MIN_TOP_FLOORS * floor, math.ulp(1.0))
 
 
 def step_of(excess: float, top: float) -> int:
-    """The step of the ramp, 0 to STEPS - 1, of an excess (counts squared): even in its root, 0 at or below none."""
+    """Step of the ramp, 0 to STEPS - 1, of an excess (counts squared): linear in its root; 0 for an excess up to 0."""
     return min(STEPS - 1, int(STEPS * math.sqrt(max(excess, 0.0)) / top))
 
 
 def ramp_css(colours: tuple[str, ...]) -> str:
-    """The ramp as custom properties."""
+    """The ramp as CSS custom properties."""
     return "".join(f"--q{step}:{colour};" for step, colour in enumerate(colours))
 
 
 def step_css() -> str:
-    """A class for each step."""
+    """A CSS class for each step."""
     return "".join(f".q{step}{{fill:var(--q{step})}}" for step in range(STEPS))

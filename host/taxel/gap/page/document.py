@@ -1,54 +1,53 @@
-"""The page of a gap report: one file that needs nothing else, reads without scripts, and prints."""
+"""The page of a gap report: one HTML file without scripts and without external resources, which can be printed."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
 from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from taxel.gap.page.breakdown import ablation_section, parts_section, thesis_section
-from taxel.gap.page.colours import DARK, LIGHT, ramp_css
-from taxel.gap.page.effects import effects_section
-from taxel.gap.page.figures import figures_section
-from taxel.gap.page.hand import hand_section
-from taxel.gap.page.header import header
-from taxel.gap.page.inputs import inputs_section
-from taxel.gap.page.remainder import confounded_section, next_section, unexplained_section
-from taxel.gap.page.report import Report
-from taxel.gap.page.tables import Section
-from taxel.gap.page.text import escaped
-from taxel.gap.page.unrolled import shape_css
-from taxel.gap.page.waterfall import waterfall_section
-from taxel.gap.page.where import where_section
+from taxel.gap.page.breakdown_sections import ablation_section, parts_section, thesis_section
+from taxel.gap.page.cells import SectionData
+from taxel.gap.page.colours import DARK, LIGHT, ramp_css, step_css
+from taxel.gap.page.effects_section import effects_section
+from taxel.gap.page.figures_section import figures_section
+from taxel.gap.page.hand_section import hand_section
+from taxel.gap.page.header_section import header_context
+from taxel.gap.page.inputs_section import inputs_section
+from taxel.gap.page.location_section import location_section
+from taxel.gap.page.remainder_sections import confounded_section, recommendation_section, unexplained_section
+from taxel.gap.page.rendering import read_resource, render
+from taxel.gap.page.text import clean_text
+from taxel.gap.page.waterfall_section import waterfall_section
+from taxel.gap.report.checked_report import CheckedReport
 
-_SECTIONS: tuple[Callable[[Report], Section | None], ...] = (
+_SECTIONS: tuple[Callable[[CheckedReport], SectionData | None], ...] = (
     figures_section,
     hand_section,
     waterfall_section,
-    where_section,
+    location_section,
     effects_section,
     confounded_section,
     unexplained_section,
-    next_section,
+    recommendation_section,
     ablation_section,
     parts_section,
     thesis_section,
     inputs_section,
 )
 
-# Nothing may be fetched or run, whatever a report's text says.
+# The browser fetches and executes nothing, regardless of the texts in a report.
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
 def write_page(report: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
-    """Write the page of a report; the same report gives the same bytes.
+    """Write the page of a report; equal reports give equal bytes.
 
     Args:
-        report: as `json.load` gives `report.json`.
-        path: the file to write; one that stands there is replaced only once the page is whole.
+        report: content of `report.json`, as `json.load` returns it.
+        path: the file to write; an existing file is replaced only when the page is complete.
 
     Raises:
         GapInputError: a field is missing or malformed; nothing is written then.
@@ -66,22 +65,22 @@ def write_page(report: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
 
 
 def page_text(report: Mapping[str, Any]) -> str:
-    """The page as text: HTML that is well-formed XML too. Raises GapInputError as `write_page` does."""
-    checked = Report(report)
+    """The page as HTML that is also well-formed XML. Raises GapInputError as `write_page` does."""
+    checked = CheckedReport(report)
     sections = [section for make in _SECTIONS if (section := make(checked)) is not None]
-    title = escaped(f"Gap report: {checked.verdict.text('one_line')}")
-    body = "".join(section.html() for section in sections)
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8"/>\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{escaped(_POLICY)}"/>\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1"/>\n'
-        f'<meta name="color-scheme" content="light dark"/>\n<title>{title}</title>\n<style>\n{_style()}</style>\n'
-        f"</head>\n<body>\n{header(checked, sections)}<main>\n{body}</main>\n</body>\n</html>\n"
+    return render(
+        "page.html",
+        title=clean_text(f"Gap report: {checked.verdict.text('one_line')}"),
+        policy=_POLICY,
+        style=_style(),
+        header=header_context(checked),
+        sections=sections,
     )
 
 
 @cache
 def _style() -> str:
-    own = resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")
     dark = f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {ramp_css(DARK)} }} }}"
-    return f":root {{ {ramp_css(LIGHT)} }}\n{dark}\n{shape_css()}\n{own}"
+    return (
+        f":root {{ {ramp_css(LIGHT)} }}\n{dark}\n{step_css()}\n{read_resource('hand.css')}{read_resource('page.css')}"
+    )

@@ -1,4 +1,4 @@
-"""What the report's fixed names mean, in the words of the page."""
+"""Texts of the page for the fixed names of the report."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ STATUSES: Mapping[str, str] = {
     "no_gap": "no gap",
     "explained": "explained",
     "partly_explained": "partly explained",
-    "unknown": "cause unknown",
+    "unknown": "unknown cause",
 }
 
 IDENTIFIABILITIES: Mapping[str, tuple[str, str]] = {
-    "identifiable": ("identifiable", "these grasps determine it"),
-    "weak": ("weak", "these grasps determine it poorly"),
-    "confounded": ("confounded", "these grasps cannot tell it from another effect"),
-    "not_excited": ("not excited", "these grasps hardly bring it about"),
-    "unavailable": ("unavailable", "the files lack what it acts on"),
+    "identifiable": ("identifiable", "determined by these grasps"),
+    "weak": ("weak", "poorly determined by these grasps"),
+    "confounded": ("confounded", "not distinguishable from another effect in these grasps"),
+    "not_excited": ("not excited", "hardly occurs in these grasps"),
+    "unavailable": ("unavailable", "the files lack the data that the effect needs"),
 }
 
-LACKS: Mapping[str, str] = {
+DESCRIPTIONS: Mapping[str, str] = {
     "contact_propagation": "Pressure spreads sideways through the elastic dielectric.",
-    "electrode_crosstalk": "Taxels that share a TX or RX electrode disturb each other.",
+    "electrode_crosstalk": "Taxels that share a TX or RX electrode influence each other.",
     "noise": "Read-out noise, white and common to a line.",
     "gain_mismatch": "Taxels or whole boards are more or less sensitive than modelled.",
     "stiffness": "The dielectric is softer or harder than modelled.",
-    "baseline_drift": "The no-contact count wanders with time or temperature.",
-    "hysteresis": "Unloading does not retrace loading, and the dielectric creeps.",
-    "saturation": "The count stops falling at high force.",
-    "proximity": "The fringe field answers before contact.",
-    "dropout": "Dead or stuck taxels, broken lines, or boards that go silent.",
-    "pose_error": "The object or a bracket is not where the model has it.",
-    "latency": "A board's frames lag the hand.",
-    "unknown": "None of the catalogue's effects; what it looks like is below.",
+    "baseline_drift": "The count without contact drifts with time or temperature.",
+    "hysteresis": "The unloading curve differs from the loading curve, and the dielectric creeps.",
+    "saturation": "The count stops decreasing at high force.",
+    "proximity": "The fringe field produces a signal before contact.",
+    "dropout": "Dead or stuck taxels, broken lines, or boards that stop sending.",
+    "pose_error": "The object or a bracket is not where the model places it.",
+    "latency": "The frames of a board lag behind the hand.",
+    "unknown": "No effect of the catalogue; its signature is stated below.",
 }
-"""What the simulator lacks when an effect is the cause; an effect that is not listed is shown by its name alone."""
+"""Description of an effect as a cause; an effect without an entry is shown by its name only."""

@@ -1,35 +1,53 @@
-"""Other people's text made safe for the page, and numbers as people read them."""
+"""Numbers, names and other texts of a page."""
 
 from __future__ import annotations
 
 import html
 import math
 
-from taxel.gap.page.fields import Interval
+from taxel.gap.report.report_values import Interval
 
 MINUS = "\N{MINUS SIGN}"
 SPACE = "\N{NO-BREAK SPACE}"
 ABSENT = "\N{EN DASH}"
 
 SMALL_P = 0.05
-"""Below this a p-value is marked: the usual level; the report's p-values are corrected for the search already."""
+"""p-values below this are marked (usual level); the p-values of a report are already corrected for the search."""
 
 _DIGITS = 3
-_LEAST_P = 0.001
+_MIN_P = 0.001
+
+
+def clean_text(text: str) -> str:
+    """Text on one line in which every unprintable character is replaced by U+FFFD.
+
+    XML forbids control characters and lone surrogates. Characters that change the direction of writing would allow a
+    name to alter the text around it.
+    """
+    line = " ".join(text.split())
+    return "".join(character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in line)
+
+
+def readable(name: str) -> str:
+    """A name of the report as words: contact_propagation becomes "contact propagation"."""
+    return clean_text(name.replace("_", " "))
 
 
 def escaped(text: str) -> str:
-    """Text that can stand in an element or in a quoted attribute.
+    """Clean text as HTML, for pages that are built from strings."""
+    return html.escape(clean_text(text))
 
-    Control characters, lone surrogates and marks that turn the direction of writing become U+FFFD: XML forbids the
-    first two, and the last would let a name rewrite its surroundings.
-    """
-    plain = " ".join(text.split())
-    return html.escape("".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in plain))
+
+def words(name: str) -> str:
+    """A readable name as HTML, for pages that are built from strings."""
+    return html.escape(readable(name))
 
 
 def number(value: float | None, beside: float = 0.0) -> str:
-    """Three significant digits: 0.0153, 1.53, 15.3, 1,530; as many decimals as `beside` has, if that is larger."""
+    """Three significant digits: 0.0153, 1.53, 15.3, 1,530.
+
+    beside: a number with which the value is compared; if it is larger, it determines the number of decimals.
+    """
     if value is None or math.isnan(value):
         return ABSENT
     size = max(abs(value), abs(beside))
@@ -42,7 +60,7 @@ def number(value: float | None, beside: float = 0.0) -> str:
 
 
 def percent(value: float | None) -> str:
-    """A share as per cent: 0.4 %, 7.3 %, 63 %."""
+    """A share in per cent: 0.4 %, 7.3 %, 63 %."""
     if value is None or math.isnan(value):
         return ABSENT
     scaled = 100.0 * value
@@ -54,12 +72,12 @@ def percent(value: float | None) -> str:
 
 
 def with_unit(value: float | None, unit: str, beside: float = 0.0) -> str:
-    """A number, with decimals as `number` gives them, and its unit, escaped."""
-    return ABSENT if value is None else f"{number(value, beside)}{SPACE}{escaped(unit)}".rstrip(SPACE)
+    """A number as by `number`, and its unit."""
+    return ABSENT if value is None else f"{number(value, beside)}{SPACE}{clean_text(unit)}".rstrip(SPACE)
 
 
 def interval(bounds: Interval | None, beside: float = 0.0) -> str:
-    """The bounds of an interval, in words, both with the same decimals."""
+    """The bounds of an interval with the same number of decimals: "1.20 to 3.40"."""
     if bounds is None:
         return ABSENT
     largest = max(abs(beside), *(abs(bound) for bound in bounds))
@@ -67,42 +85,37 @@ def interval(bounds: Interval | None, beside: float = 0.0) -> str:
 
 
 def percent_interval(bounds: Interval | None) -> str:
-    """The bounds of an interval of shares, in words."""
+    """The bounds of an interval of shares: "12 % to 34 %"."""
     return ABSENT if bounds is None else f"{percent(bounds[0])} to {percent(bounds[1])}"
 
 
 def p_value(value: float | None) -> str:
-    """A p-value, escaped: 0.41, 0.003, or below the least that is worth telling apart."""
+    """A p-value: 0.41, 0.003, or "< 0.001"."""
     if value is None:
         return ABSENT
-    if value < _LEAST_P:
-        return f"&lt;{SPACE}{_LEAST_P}"
+    if value < _MIN_P:
+        return f"<{SPACE}{_MIN_P}"
     return f"{value:.3f}" if value < SMALL_P else f"{value:.2f}"
 
 
-def p_words(value: float | None) -> str:
-    """A p-value in a sentence, escaped."""
+def p_equation(value: float | None) -> str:
+    """A p-value in a sentence: "p = 0.41"."""
     if value is None:
         return "not tested"
-    sign = "" if value < _LEAST_P else f"={SPACE}"
+    sign = "" if value < _MIN_P else f"={SPACE}"
     return f"p{SPACE}{sign}{p_value(value)}"
 
 
 def is_small(value: float | None) -> bool:
-    """Whether a p-value is to be marked."""
+    """Whether a p-value is marked."""
     return value is not None and value < SMALL_P
 
 
-def words(name: str) -> str:
-    """A name of the report as words, escaped: contact_propagation is contact propagation."""
-    return escaped(name.replace("_", " "))
-
-
-def listed(names: list[str], last: str = "and") -> str:
-    """Words in a row: a, b and c."""
+def join_words(names: list[str], last: str = "and") -> str:
+    """A list in a sentence: "a, b and c"."""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}" if names else ""
 
 
-def plural(count: int, noun: str, many: str = "") -> str:
-    """A number of things."""
-    return f"{count:,}{SPACE}{noun if count == 1 else many or f'{noun}s'}"
+def plural(count: int, noun: str, plural_noun: str = "") -> str:
+    """A count and its noun: "1 board", "2 boards"."""
+    return f"{count:,}{SPACE}{noun if count == 1 else plural_noun or f'{noun}s'}"

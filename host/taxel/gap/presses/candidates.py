@@ -50,18 +50,18 @@ class Press:
         """For people."""
         how = []
         if self.apart_mm is not None:
-            how.append(f"held {self.apart_mm:g} mm off")
+            how.append(f"held at a distance of {self.apart_mm:g} mm")
         if self.force_scale != 1.0:
             how.append(f"with {self.force_scale:g} times the force")
         if self.closing_scale > 1.0:
-            how.append(f"closed {self.closing_scale:g} times as slowly")
+            how.append(f"closed {self.closing_scale:g} times slower")
         if self.closing_scale < 1.0:
-            how.append(f"closed {1.0 / self.closing_scale:g} times as quickly")
+            how.append(f"closed {1.0 / self.closing_scale:g} times faster")
         if self.hold_scale != 1.0:
             how.append(f"held {self.hold_scale:g} times as long")
         if not self.recorded:
-            how.append("which is simulated and not yet recorded")
-        return f"{self.object} {self.approach} {', '.join(how) or 'once more'}"
+            how.append("simulated but not yet recorded")
+        return f"{self.object} {self.approach}, {', '.join(how) or 'repeated'}"
 
     def to_json(self) -> dict[str, Any]:
         """For the report."""

@@ -19,13 +19,13 @@ from taxel.gap.errors import GapInputError
 from taxel.gap.fit import started
 from taxel.gap.held_out import held_out
 from taxel.gap.judge import Judge
-from taxel.gap.page.fields import Value
-from taxel.gap.page.report import Report
 from taxel.gap.pair import Pair, read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.presses.findings import Findings, findings_of, pairs_of, rivals_of
+from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.model import block_names
 from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_report
+from taxel.gap.report.report_values import ReportValue
 from taxel.gap.state import State
 from taxel.hand.errors import format_path, format_value
 
@@ -49,7 +49,7 @@ def findings_in(path: Text, show: Show = quiet) -> Findings:
     line; OSError for a report that cannot be read.
     """
     reported = read_report(path)
-    report = Report(json.loads(Path(path).read_bytes()))
+    report = CheckedReport(json.loads(Path(path).read_bytes()))
     pair = _pair(report, reported, show)
     judge = prepared(pair).judge
     state = judge.state
@@ -66,18 +66,18 @@ def findings_in(path: Text, show: Show = quiet) -> Findings:
     return Findings(judge, chain, names, rivals, links)
 
 
-def _pair(report: Report, reported: ReportedGap, show: Show) -> Pair:
+def _pair(report: CheckedReport, reported: ReportedGap, show: Show) -> Pair:
     inputs = report.root.field("inputs")
     named = [(inputs.field(side).text("path"), inputs.field(side).text("sha256")) for side in ("real", "sim")]
     source = format_path(reported.path)
     for place, _ in named:
         if not Path(place).is_file():
-            remedy = "go to the folder where it was diagnosed, or give REAL.h5 and SIM.h5 instead of the report"
+            remedy = "change to the folder of the diagnosis, or give REAL.h5 and SIM.h5 instead of the report"
             raise GapInputError(f"{source}: inputs", f"the file {format_path(place)}", "none", remedy)
     pair = read_pair(named[0][0], named[1][0], lambda done, total: show("reading", done, total))
     for (place, digest), found in zip(named, pair.digests, strict=True):
         if digest != found:
-            expected = f"the file that {source} was made from, SHA-256 {format_value(digest)}"
+            expected = f"the file from which {source} was made, SHA-256 {format_value(digest)}"
             raise GapInputError(format_path(place), expected, found, AGAIN)
     return pair
 
@@ -100,8 +100,8 @@ def _dropped(judge: Judge, chain: Chain) -> Link:
     return Link(effect, effect.found_values(judge.state))
 
 
-def _confounded(report: Report, reported: ReportedGap) -> Mapping[str, list[str]]:
-    found = report.verdict.maybe("confounded_with")
+def _confounded(report: CheckedReport, reported: ReportedGap) -> Mapping[str, list[str]]:
+    found = report.verdict.optional("confounded_with")
     named = {} if found is None else {name: [item.as_text() for item in own.items()] for name, own in found.entries()}
     for name in {*named, *(other for others in named.values() for other in others)}:
         if name not in catalogue.all_effects():
@@ -110,12 +110,12 @@ def _confounded(report: Report, reported: ReportedGap) -> Mapping[str, list[str]
     return named
 
 
-def _starts(state: State, report: Report, name: str) -> list[Link]:
+def _starts(state: State, report: CheckedReport, name: str) -> list[Link]:
     """An effect in the form that the report has of it; in all forms if it has none."""
     forms = [form for form in catalogue.all_effects()[name] if not form.unavailable(state)]
-    entry: Value | None = next((one for one in report.effects if one.text("name") == name), None)
-    model = None if entry is None else entry.maybe("model")
+    entry: ReportValue | None = next((one for one in report.effects if one.text("name") == name), None)
+    model = None if entry is None else entry.optional("model")
     if model is not None:
-        told = (model.maybe_text("form"), model.maybe_text("scope"))
+        told = (model.optional_text("form"), model.optional_text("scope"))
         forms = [form for form in forms if (form.variant, form.scope) == told] or forms
     return [started(state, form) for form in forms]

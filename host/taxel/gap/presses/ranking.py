@@ -62,7 +62,7 @@ class NextPresses:
 def next_presses(findings: Findings, more: Sequence[State] = (), most: int = MOST_PRESSES) -> NextPresses:
     """Rank the recorded presses, once more or changed, and those that only the simulator made (`more`)."""
     if not findings.names:
-        return NextPresses("No effect was named: there is nothing that a press could tell more of.", ())
+        return NextPresses("The verdict has no effect whose parameters a further grasp could determine.", ())
     questions = _Questions(findings)
     answers = in_copies(findings.judge.state, questions.answers, _every(findings, more))
     found = sorted((one for own in answers for one in own if one.gain > LEAST_BITS), key=lambda one: -one.gain)
@@ -114,14 +114,14 @@ class _Questions:
     def line(self) -> str:
         """What presses are ranked by."""
         if self._pairs:
-            told = "; ".join(" from ".join(_words(name) for name in pair.names) for pair in self._pairs)
-            return f"Not told apart so far: {told}."
+            told = "; ".join(" and ".join(_words(name) for name in pair.names) for pair in self._pairs)
+            return f"Confounded so far: {told}."
         if not len(self._values.place):
-            return "Nothing is confounded, and what was found has no value that a press could tell more of."
+            return "No effects are confounded, and the effects have no parameters that a further grasp could determine."
         if self._all_known:
-            known = f"all values are known to {100 * WELL_KNOWN:.0f} %"
-            return f"Nothing is confounded and {known}: presses are ranked by what is left of the intervals."
-        return "Nothing is confounded: presses are ranked by how much narrower they make the values' intervals."
+            known = f"all parameters are known to {100 * WELL_KNOWN:.0f} %"
+            return f"No effects are confounded and {known}; the grasps are ranked by the remaining intervals."
+        return "No effects are confounded; the grasps are ranked by the reduction of the parameters' intervals."
 
     def answers(self, batch: Batch) -> list[Advice]:
         """What each press of a batch would add."""
@@ -154,9 +154,9 @@ class _Questions:
         if len(apart) and apart.max() > max(told, LEAST_BITS):
             best = int(apart.argmax())
             names = self._pairs[best].names
-            deviations = f"{np.sqrt(after[best]):.1f} standard deviations, {np.sqrt(before[best]):.1f} so far"
+            deviations = f"{np.sqrt(after[best]):.1f} standard deviations instead of {np.sqrt(before[best]):.1f}"
             return Advice(press, gain, names, f"{_words(names[0])} and {_words(names[1])} would differ by {deviations}")
-        why = f"the standard error of {label} falls by {100 * share:.0f} %" if label else ""
+        why = f"the standard error of {label} decreases by {100 * share:.0f} %" if label else ""
         return Advice(press, gain, (label,) if label else (), why)
 
     def _told(self, added: Added) -> tuple[float, str, float]:

@@ -28,7 +28,7 @@ def unrecorded(
     with GraspDataset(path) as more:
         name = format_path(more.path)
         if more.source != SIM:
-            raise GapInputError(f"{name}: /source", f'"{SIM}"', f'"{more.source}"', "give approaches of the simulator")
+            raise GapInputError(f"{name}: /source", f'"{SIM}"', f'"{more.source}"', "give a simulated dataset")
         with GraspDataset(pair.paths[0]) as real:
             columns = check_tables(real, more)
         old = {*pair.cells, *known}

@@ -62,7 +62,7 @@ def page_fields(
         "losses": list(pair.losses),
         "margin": {
             "excess_counts2": verdict.margin,
-            "words": f"no gap: the upper bound of the excess is at most {MARGIN_FLOORS:g} squared floors of both "
-            f"sides, or {LEAST_MARGIN_COUNTS**2:g} squared counts where those are less",
+            "words": f"an upper bound of the excess up to {MARGIN_FLOORS:g} squared floors of both sides, at least "
+            f"{LEAST_MARGIN_COUNTS**2:g} squared counts, counts as no gap",
         },
     }

@@ -18,9 +18,9 @@ from taxel.gap.catalogue import DROPOUT
 from taxel.gap.effects.dropout import Dropout, Dropped, Short
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect, Parameter
 from taxel.gap.errors import GapInputError
-from taxel.gap.page.fields import REMEDY, Interval, Value
-from taxel.gap.page.report import Report
+from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.model import NOISE_PARTS
+from taxel.gap.report.report_values import REMEDY, Interval, ReportValue
 from taxel.gap.verdict import UNKNOWN
 from taxel.hand.errors import format_path, format_value
 from taxel.types import FloatArray
@@ -92,7 +92,7 @@ def read_report(path: str | PathLike[str]) -> ReportedGap:
 
 def _size(path: Path) -> int:
     if not path.is_file():
-        _fail(path, "a report.json of taxel gap diagnose", "a folder" if path.is_dir() else "nothing")
+        _fail(path, "a report.json of taxel gap diagnose", "a folder" if path.is_dir() else "no file")
     return path.stat().st_size
 
 
@@ -112,7 +112,7 @@ def _parsed(path: Path, content: bytes) -> dict[str, Any]:
 
 
 def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
-    report = Report(content)
+    report = CheckedReport(content)
     taxels = report.taxels
     if taxels is None:
         raise GapInputError("report: taxels", "sensor, tx and rx of each taxel", "none", REMEDY)
@@ -139,24 +139,24 @@ def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
         tx,
         rx,
         report.root.field("inputs").field("sim").text("sha256"),
-        Path(hand.text("path")) if (hand := report.root.field("inputs").maybe("real")) is not None else None,
+        Path(hand.text("path")) if (hand := report.root.field("inputs").optional("real")) is not None else None,
     )
 
 
-def _effect(name: str, entry: Value, taxels: int) -> ReportedEffect:
+def _effect(name: str, entry: ReportValue, taxels: int) -> ReportedEffect:
     model = entry.field("model")
     form, scope = model.text("form"), model.text("scope")
     blocks = _blocks(model, scope, taxels)
     missing: dict[int, float] = {}
     stuck: tuple[int, ...] = ()
     if name == DROPOUT:
-        shorts = tuple(_short(one) for one in model.maybe_list("shorts"))
+        shorts = tuple(_short(one) for one in model.optional_list("shorts"))
         effect: Effect = Dropout(Dropped(np.zeros(0, bool), (), np.zeros(0), shorts=shorts))
         missing, stuck = _missing(model.field("missing")), tuple(model.integers("stuck", 0, taxels - 1))
     else:
         effect = _form(name, form, scope, model)
     if scope != effect.scope:
-        model.field("scope").fail(effect.scope)
+        model.field("scope").reject(effect.scope)
     parameters = effect.parameters()
     if name == "noise":
         parameters = tuple(Parameter(part, "counts", 0.0, MOST_NOISE_COUNTS, 0.0, 0.0) for part in NOISE_PARTS)
@@ -172,29 +172,29 @@ def _effect(name: str, entry: Value, taxels: int) -> ReportedEffect:
         {**model.table(), "name": name},
         missing,
         stuck,
-        _intervals(entry.maybe("parameters")),
+        _intervals(entry.optional("parameters")),
     )
 
 
-def _intervals(parameters: Value | None) -> dict[str, Interval]:
+def _intervals(parameters: ReportValue | None) -> dict[str, Interval]:
     entries = parameters.entries() if parameters else ()
-    found = {label: one.maybe_interval("ci95") for label, one in entries}
+    found = {label: one.optional_interval("ci95") for label, one in entries}
     return {label: bounds for label, bounds in found.items() if bounds is not None}
 
 
-def _form(name: str, form: str, scope: str, model: Value) -> Effect:
+def _form(name: str, form: str, scope: str, model: ReportValue) -> Effect:
     forms = catalogue.all_effects()[name]
     found = next((one for one in forms if (one.variant, one.scope) == (form, scope)), None)
     if found is None:
         known = ", ".join(f"{one.variant or 'plain'} of the {one.scope}" for one in forms)
-        where, remedy = f"report: {model.path}.form", "use the release of taxel that made the report"
+        where, remedy = f"report: {model.path}.form", "use the version of taxel that made the report"
         raise GapInputError(
             where, f"a form of {name} ({known})", f"{format_value(form)} of {format_value(scope)}", remedy
         )
     return found
 
 
-def _blocks(model: Value, scope: str, taxels: int) -> tuple[Block, ...]:
+def _blocks(model: ReportValue, scope: str, taxels: int) -> tuple[Block, ...]:
     found = model.field("blocks")
     items = found.items()
     if scope == HAND and [item.content for item in items] == [HAND]:
@@ -206,21 +206,23 @@ def _blocks(model: Value, scope: str, taxels: int) -> tuple[Block, ...]:
     elif scope == OBJECT:
         blocks = [item.as_text() for item in items]
     else:
-        found.fail({HAND: f"[{HAND!r}]", TAXEL: f"the indices 0 to {taxels - 1}"}.get(scope, "blocks of a known scope"))
+        found.reject(
+            {HAND: f"[{HAND!r}]", TAXEL: f"the indices 0 to {taxels - 1}"}.get(scope, "blocks of a known scope")
+        )
     if not blocks or len(set(blocks)) != len(blocks):
-        found.fail("each board or object once")
+        found.reject("each board or object once")
     return tuple(blocks)
 
 
-def _values(found: Value, parameters: tuple[Parameter, ...], blocks: int) -> FloatArray:
+def _values(found: ReportValue, parameters: tuple[Parameter, ...], blocks: int) -> FloatArray:
     wanted = [parameter.name for parameter in parameters]
     if sorted(found.table()) != sorted(wanted):
-        found.fail(f"{', '.join(wanted)} and nothing else")
+        found.reject(f"{', '.join(wanted)} and nothing else")
     rows = []
     for parameter in parameters:
         own = found.field(parameter.name)
         if own.text("unit") != parameter.unit:
-            own.field("unit").fail(parameter.unit)
+            own.field("unit").reject(parameter.unit)
         items = own.field("values").items()
         if len(items) != blocks:
             raise GapInputError(f"report: {own.path}.values", f"{blocks} numbers", str(len(items)), REMEDY)
@@ -228,7 +230,7 @@ def _values(found: Value, parameters: tuple[Parameter, ...], blocks: int) -> Flo
     return np.array(rows, dtype=np.float64).reshape(len(parameters), blocks)
 
 
-def _missing(found: Value) -> dict[int, float]:
+def _missing(found: ReportValue) -> dict[int, float]:
     boards = _blocks(found, BOARD, 0)
     shares = [_between(item, 0.0, 1.0) for item in found.field("values").items()]
     if len(shares) != len(boards):
@@ -236,16 +238,16 @@ def _missing(found: Value) -> dict[int, float]:
     return {int(board): share for board, share in zip(boards, shares, strict=True)}
 
 
-def _short(found: Value) -> Short:
+def _short(found: ReportValue) -> Short:
     parts = found.items()
     if len(parts) != 4 or parts[1].content not in ("tx", "rx"):
-        found.fail('an address, "tx" or "rx", an index and a share')
+        found.reject('an address, "tx" or "rx", an index and a share')
     share = _between(parts[3], 0.0, 2.0)
     return Short(parts[0].as_integer(0, 255), parts[1].as_text(), parts[2].as_integer(0, 255), share)
 
 
-def _between(found: Value, low: float, high: float) -> float:
+def _between(found: ReportValue, low: float, high: float) -> float:
     number = found.as_number()
     if not low <= number <= high:
-        found.fail(f"a number from {low:g} to {high:g}")
+        found.reject(f"a number from {low:g} to {high:g}")
     return number

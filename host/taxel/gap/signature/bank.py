@@ -97,7 +97,7 @@ def unexplained(
         words, places = _said(pair, layout, found, model)
         where = places or where
         if found.best is None:
-            words = f"{words}; mostly in {_phase(left, layout)}, most of it on {_name(pair, boards[0])}"
+            words = f"{words}; mostly in {_phase(left, layout)} and on {_name(pair, boards[0])}"
     words = sum_words([words, *(change_words(pair, one.change) for one in found.besides if one.change is not None)])
     return {
         "p_value": float(p.min(initial=1.0)),
@@ -198,7 +198,7 @@ def _said(pair: Pair, layout: Layout, found: Signature, model: FloatArray) -> tu
     if best is None:
         largest = max((one.share for one in found.bank if one.change is None), default=0.0)
         return (
-            f"like none of the bank of distortions for sure: the best may tell {100 * largest:.0f} % of what is left",
+            f"not significantly similar to a generic distortion; the best one explains {100 * largest:.0f} % of it",
             [],
         )
     if best.spot is not None:
@@ -210,8 +210,8 @@ def _said(pair: Pair, layout: Layout, found: Signature, model: FloatArray) -> tu
         assert best.told is not None
         scope, places = located(pair, best.told.taxels, found.pressed, best.told.scope)
     words = shape_words(pair, layout, best.told, best.spot, model, scope, [k for k, _ in places])
-    sure = "" if found.sure else "perhaps "
-    words = f"{sure}{words}; {100 * best.share:.0f} % of what is left"
+    sure = "" if found.sure else "possibly "
+    words = f"{sure}{words}; {100 * best.share:.0f} % of the unexplained part"
     return words, [place_entry(pair, scope, k, share * best.share) for k, share in places]
 
 

@@ -151,5 +151,5 @@ def place_words(pair: Pair, scope: str, number: int) -> str:
         BOARD: board,
         ROW: f"TX line {tx} of {board}",
         COLUMN: f"RX line {rx} of {board}",
-        TAXEL: f"the taxel at TX {tx}, RX {rx} of {board}",
+        TAXEL: f"taxel TX {tx}, RX {rx} of {board}",
     }[scope]

@@ -29,23 +29,23 @@ def shape_words(
 ) -> str:
     """What a distortion does, and where. places: numbers of the groups of `scope`, the largest first."""
     found = told is not None and told.scope != scope
-    here = _here(pair, scope, places, ", most of it on " if found else ", on ")
+    here = _here(pair, scope, places, ", mostly on " if found else ", on ")
     if spot is not None:
-        often = "in the one press that reaches there" if spot.alone else "wherever that is pressed"
-        return f"a matter of place{here}: wrong {often}, right elsewhere"
+        often = "in the only condition that loads this location" if spot.alone else "in every condition that loads it"
+        return f"local deviation{here}: present {often}, absent elsewhere"
     assert told is not None
     numbers = told.numbers[_group(told, scope, places)]
     match told.shape:
         case "amplitude":
             words = _amplitude(numbers, bends(np.nan_to_num(model[:, : layout.bins])))
         case "lag":
-            words = f"the hand answers {abs(numbers[0]):.2g} s {'later' if numbers[0] > 0 else 'earlier'}"
+            words = f"the signal of the hand is {abs(numbers[0]):.2g} s {'later' if numbers[0] > 0 else 'earlier'}"
         case "history":
             words = _history(numbers, layout)
         case "radial":
-            words = f"the print is {'wider' if numbers[2:].sum() > 0 else 'narrower'} than predicted"
+            words = f"the contact area is {'wider' if numbers[2:].sum() > 0 else 'narrower'} than predicted"
         case "shift":
-            words = "the print lies beside where it is predicted"
+            words = "the contact area is displaced from its predicted position"
         case "common":
             words = _common(numbers)
         case "noise" | "missing" | "wander":
@@ -58,20 +58,20 @@ def shape_words(
 def change_words(pair: Pair, change: Change) -> str:
     """A change over sessions or presses."""
     size, boards = f"{100 * abs(change.size):.1f} %", [pair.sensors.name[k].replace("_", " ") for k in change.boards]
-    place = f", most on {boards[0]}" if boards and len(boards) < len(pair.sensors.name) else ""
+    place = f", mostly on {boards[0]}" if boards and len(boards) < len(pair.sensors.name) else ""
     if change.name == "presses":
-        way = "rises" if change.size > 0 else "falls"
-        return f"sensitivity {way} by {size} from a session's first press to its last{place}"
+        way = "increases" if change.size > 0 else "decreases"
+        return f"the sensitivity {way} by {size} from the first to the last grasp of a session{place}"
     steady = ""
     if change.trend:
-        steady = ", rising" if change.size > 0 else ", falling"
-        steady += " from each session to the next"
-    return f"sessions differ in sensitivity by {size} (standard deviation){steady}{place}"
+        steady = ", increasing" if change.size > 0 else ", decreasing"
+        steady += " from session to session"
+    return f"the sensitivity differs between sessions by {size} (standard deviation){steady}{place}"
 
 
 def sum_words(parts: list[str]) -> str:
     """Clauses as one sentence."""
-    return "; besides, ".join(part for part in parts if part)
+    return "; in addition, ".join(part for part in parts if part)
 
 
 def _here(pair: Pair, scope: str, places: list[int], on: str) -> str:
@@ -94,10 +94,10 @@ def _besides(name: str, numbers: FloatArray) -> str:
     """Noise, missing frames and wander."""
     value = _strongest(numbers)
     if name == "noise":
-        return f"the hand is {'noisier' if value > 0 else 'quieter'} by {abs(value):.3g} counts"
+        return f"the noise of the hand is {'larger' if value > 0 else 'smaller'} by {abs(value):.3g} counts"
     if name == "missing":
         return f"{'more' if value > 0 else 'fewer'} frames are missing ({100 * abs(value):.1f} %)"
-    return f"untouched taxels wander by {abs(value):.3g} counts {'more' if value > 0 else 'less'} after release"
+    return f"unloaded taxels drift by {abs(value):.3g} counts {'more' if value > 0 else 'less'} after the release"
 
 
 def _amplitude(numbers: FloatArray, knots: FloatArray) -> str:
@@ -105,37 +105,39 @@ def _amplitude(numbers: FloatArray, knots: FloatArray) -> str:
     line = float(numbers @ knots / (knots @ knots))
     largest = float(np.abs(numbers).max())
     if largest <= 0:
-        return "a curve over the drop"
+        return "nonlinear in the signal"
     if np.abs(numbers - line * knots).max() < ONE_WAY * largest:
-        return f"grows with the drop: the hand drops {100 * abs(line):.0f} % {'more' if line > 0 else 'less'}"
+        way = "more" if line > 0 else "less"
+        return f"proportional to the signal: the hand has {100 * abs(line):.0f} % {way} signal"
     signs = np.sign(np.where(np.abs(numbers) < ONE_WAY * largest, 0.0, numbers))
-    high = _too(float(numbers[-1]), float(knots[-1])) if signs[-1] else "none at the largest"
+    high = _too(float(numbers[-1]), float(knots[-1])) if signs[-1] else "none at the largest signal"
     if signs[-1] == 0 or (signs[:-1] * signs[-1] < 0).any():
         other = np.where(signs[:-1] * signs[-1] < 0, np.abs(numbers[:-1]), 0.0) if signs[-1] else np.abs(numbers[:-1])
         k = int(other.argmax())
-        return f"a curve over the drop: {_too(float(numbers[k]), float(knots[k]))}, {high}"
+        return f"nonlinear in the signal: {_too(float(numbers[k]), float(knots[k]))}, {high}"
     slopes = np.diff(np.concatenate([[0.0], numbers])) / np.diff(np.concatenate([[0.0], knots]))
     bend = int(np.abs(np.diff(slopes)).argmax())
-    return f"grows with the drop, bent at {knots[bend]:.0f} counts: {high}"
+    return f"grows with the signal, with a bend at {knots[bend]:.0f} counts: {high}"
 
 
 def _too(counts: float, drop: float) -> str:
-    return f"{abs(counts):.0f} counts too {'much' if counts > 0 else 'little'} where {drop:.0f} are predicted"
+    way = "large" if counts > 0 else "small"
+    return f"the signal is {abs(counts):.0f} counts too {way} at a predicted signal of {drop:.0f} counts"
 
 
 def _history(numbers: FloatArray, layout: Layout) -> str:
     bins = layout.phase[: layout.bins]
     later = bins[np.isin(bins, [Phase.RELEASE, Phase.RECOVERY])]
     parts = [
-        f"{100 * abs(value):.1f} % of hold's drop too {'much' if value > 0 else 'little'} in {name}"
+        f"{100 * abs(value):.1f} % of the hold signal too {'much' if value > 0 else 'little'} in {name}"
         for phase, name in ((Phase.RELEASE, "release"), (Phase.RECOVERY, "recovery"))
         for value in [_strongest(numbers[later == phase])]
         if value != 0.0
     ]
     return (
-        f"what was pressed before stays: {', '.join(parts)}"
+        f"the signal decays too slowly after a load: {', '.join(parts)}"
         if numbers.sum() > 0
-        else f"lets go too soon: {', '.join(parts)}"
+        else f"the signal decays too fast after a load: {', '.join(parts)}"
     )
 
 
@@ -144,30 +146,31 @@ def _strongest(values: FloatArray) -> float:
 
 
 def _common(numbers: FloatArray) -> str:
-    way = "drop" if numbers.sum() > 0 else "rise above their baseline"
+    sign = "positive" if numbers.sum() > 0 else "negative"
     what = "the hand" if abs(numbers[0]) > abs(numbers[1]) else "their board"
-    return f"the more is pressed on {what}, the more all taxels {way}, touched or not"
+    return f"all taxels, loaded or not, have a {sign} signal that grows with the total load of {what}"
 
 
 def _fixed(told: Told, numbers: FloatArray, pair: Pair, scope: str, places: list[int]) -> str:
     """Own factor and offset; a line that shows what another should."""
     if told.shape in (BOARD, TAXEL) or numbers.shape[-1] == 2:
         factor, offset = (float(value) for value in numbers)
-        parts = [f"{100 * abs(factor):.0f} % {'more' if factor > 0 else 'less'} drop"] if abs(factor) >= 0.005 else []
-        parts += [f"{offset:+.0f} counts throughout"] if abs(offset) >= 1.0 else []
-        return f"the same in every press: {' and '.join(parts) or 'next to nothing'}"
+        parts = [f"{100 * abs(factor):.0f} % {'more' if factor > 0 else 'less'} signal"] if abs(factor) >= 0.005 else []
+        parts += [f"an offset of {offset:+.0f} counts"] if abs(offset) >= 1.0 else []
+        return f"the same in every condition: {' and '.join(parts) or 'a negligible deviation'}"
     group = {ROW: pair.groups.tx, COLUMN: pair.groups.rx}[told.shape]
     if not places:
-        return "the same in every press, line by line"
+        return "the same in every condition, for each line"
     board = pair.groups.sensor[np.flatnonzero(group == places[0])[0]]
     first = int(group[pair.groups.sensor == board].min())
     own, others = float(numbers[places[0] - first]), numbers[:-1].copy()
     others[places[0] - first] = 0.0
     most = int(np.abs(others).argmax())
     if own < -0.5 and others[most] > 0.5:
-        return f"a {LINES[scope]} answers for another: {place_words(pair, scope, first + most)}"
+        return f"a {LINES[scope]} shows the signal of another line: {place_words(pair, scope, first + most)}"
     if np.abs(others).max() > abs(own):
         if abs(others[most]) > 1.0:  # beside a line that hardly drops a share says nothing
-            return f"{LINES[scope]}s follow others"
-        return f"{LINES[scope]}s take {100 * others[most]:+.0f} % of what others drop"
-    return f"the same in every press, by {LINES[scope]}s: {100 * abs(own):.0f} % {'more' if own > 0 else 'less'} drop"
+            return f"{LINES[scope]}s show the signal of other lines"
+        return f"{LINES[scope]}s have {100 * others[most]:+.0f} % of the signal of other lines"
+    way = "more" if own > 0 else "less"
+    return f"the same in every condition, by {LINES[scope]}s: {100 * abs(own):.0f} % {way} signal"

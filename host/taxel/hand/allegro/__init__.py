@@ -1,4 +1,4 @@
-"""The right Allegro hand V4 on CAN: protocol, driver, and a virtual hand to drive.
+"""The right Allegro hand V4 on CAN: protocol, driver and virtual hand.
 
 >>> import can
 >>> host_end, hand_end = open_bus("can:virtual:example"), can.Bus("example", "virtual")

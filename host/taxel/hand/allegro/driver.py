@@ -1,4 +1,4 @@
-"""The driver of a right Allegro hand on a CAN channel."""
+"""Driver of a right Allegro hand on a CAN channel."""
 
 import contextlib
 import time
@@ -25,7 +25,7 @@ from taxel.hand.allegro.joints import (
     JOINT_MAX_RAD,
     JOINT_MIN_RAD,
     JOINT_NAMES,
-    sixteen,
+    check_joint_values,
 )
 from taxel.hand.allegro.messages import (
     HandInfo,
@@ -43,12 +43,12 @@ from taxel.hand.allegro.messages import (
 from taxel.hand.allegro.protocol import encode
 from taxel.hand.allegro.reports import FrameCounts, JointReading, Reports
 
-POSITION_PERIOD_MS: Final = 3  # the maker's usual control period
+POSITION_PERIOD_MS: Final = 3  # usual control period of the manufacturer
 SILENCE_LIMIT_S: Final = 0.1
-ANSWER_TIMEOUT_S: Final = 0.5
+REPLY_TIMEOUT_S: Final = 0.5
 INFO_PERIOD_S: Final = 0.5
-_WAIT_S = 0.001  # grain of waiting for an answer
-_MIN_PERIODS_OF_SILENCE = 3  # fewer could be one late frame
+_WAIT_STEP_S = 0.001  # time step while waiting for a reply
+_MIN_PERIODS_OF_SILENCE = 3  # fewer periods may be caused by one late frame
 _SEND_TIMEOUT_S = 0.1
 _SERVO_ATTEMPTS = 10
 _SERVO_PAUSE_S = 0.01
@@ -59,21 +59,21 @@ _Reply = TypeVar("_Reply", HandInfo, Serial)
 
 
 class AllegroHand:
-    """A right Allegro hand V4; a context manager.
+    """Driver of a right Allegro hand V4; a context manager.
 
-    bus: an open channel at 1 Mbit/s (`open_bus`); stays the caller's.
-    device_id: 0 to 3. clock: seconds; virtual seconds in lock step.
-    advance: what to do while an answer is awaited, given seconds to let pass. Default: wait on the bus in real time.
-        In lock step it steps the virtual hand, so that one thread suffices and nothing sleeps.
-    silence_limit_s: `update` raises AllegroSilentError when a finger has not reported for longer; never less than three
-        position periods. answer_timeout_s: how long an answer is awaited. info_period_s: how often the status is asked.
+    bus: open channel at 1 Mbit/s (`open_bus`); the caller shuts it down.
+    device_id: 0 to 3. clock: returns seconds; virtual seconds in lock step.
+    advance: function that lets the given seconds elapse while the driver waits for a reply; default: real time. In lock
+        step it advances the virtual hand, so that a single thread suffices.
+    silence_limit_s: `update` raises AllegroSilentError if a finger has not reported for longer, but not before three
+        position periods. reply_timeout_s: time limit of a reply. info_period_s: period of status requests.
 
-    On entry the hand is asked what it is (a left hand, a fault or no answer are errors), the periods are set to
-    (`position_ms`, 0, 0), demands to zero, and the motors go on. On exit, also after an error, demands go to zero and
-    the motors off.
+    On entry the driver requests the hand info (a left hand, a fault or a missing reply raises an error), sets the
+    periods to (`position_ms`, 0, 0) and the torques to 0, and switches the motors on. On exit, also after an error, it
+    sets the torques to 0 and switches the motors off.
 
-    Every method may raise AllegroBusError; those that read raise what the hand reports: AllegroTemperatureError,
-    AllegroServoOffError, AllegroCommunicationError, AllegroSilentError. Not thread-safe.
+    Every method may raise AllegroBusError. `update` and the entry raise the faults reported by the hand:
+    AllegroTemperatureError, AllegroServoOffError, AllegroCommunicationError, AllegroSilentError. Not thread-safe.
     """
 
     def __init__(
@@ -85,35 +85,35 @@ class AllegroHand:
         advance: Callable[[float], object] | None = None,
         position_ms: int = POSITION_PERIOD_MS,
         silence_limit_s: float = SILENCE_LIMIT_S,
-        answer_timeout_s: float = ANSWER_TIMEOUT_S,
+        reply_timeout_s: float = REPLY_TIMEOUT_S,
         info_period_s: float = INFO_PERIOD_S,
     ) -> None:
-        if not (silence_limit_s > 0 and answer_timeout_s > 0 and info_period_s > 0):
-            raise ValueError("silence_limit_s, answer_timeout_s and info_period_s: expected more than 0")
-        encode(SystemOff(), device_id)  # refuses a device id out of range
+        if not (silence_limit_s > 0 and reply_timeout_s > 0 and info_period_s > 0):
+            raise ValueError("silence_limit_s, reply_timeout_s and info_period_s: expected values above 0")
+        encode(SystemOff(), device_id)  # raises ValueError for an invalid device id
         self.channel = str(bus.channel_info)
         self.device_id = device_id
         self._bus, self._clock, self._advance = bus, clock, advance
         self._start_period_ms = position_ms
-        self._silence_limit_s, self._answer_timeout_s = silence_limit_s, answer_timeout_s
+        self._silence_limit_s, self._reply_timeout_s = silence_limit_s, reply_timeout_s
         self._info_period_s = info_period_s
         self._is_on = False
         self._position_ms = 0
         self._reports = Reports(device_id)
-        self._quiet_since_s = 0.0
-        self._asked_s = 0.0
+        self._silence_start_s = 0.0
+        self._info_request_s = 0.0
 
     def __enter__(self) -> Self:
         try:
-            self._check(self._ask(HandInfo))
-            self._ask(Serial)
+            self._check(self._request_and_wait(HandInfo))
+            self._request_and_wait(Serial)
             self.set_period(self._start_period_ms)
             self._switch_on()
         except BaseException:
             with contextlib.suppress(AllegroBusError):
                 self._switch_off()
             raise
-        self._quiet_since_s = self._clock()
+        self._silence_start_s = self._clock()
         return self
 
     def __exit__(
@@ -122,49 +122,56 @@ class AllegroHand:
         try:
             self._switch_off()
         except AllegroBusError:
-            if error is None:  # an error on its way out says more
+            if error is None:  # an earlier exception is more informative
                 raise
 
-    def set_torque(self, demand: npt.ArrayLike) -> None:
-        """Send torque demands: f64[16], shares of full PWM, clipped to -1 .. 1. Raises ValueError for a wrong shape or
-        a value that is not finite.
+    def set_torque(self, torque: npt.ArrayLike) -> None:
+        """Send torque commands: f64[16], fractions of full PWM, clipped to -1 .. 1.
+
+        Raises ValueError for a wrong shape or a value that is not finite.
         """
-        values = sixteen("demand", demand).tolist()
+        values = check_joint_values("torque", torque).tolist()
         for finger in range(len(FINGERS)):
-            self._send(SetTorque(finger, _of_finger(values, finger)))
+            self._send(SetTorque(finger, _get_finger_values(values, finger)))
 
     def set_pose(self, angles: npt.ArrayLike) -> None:
-        """Send wanted joint angles: f64[16], radians. The maker's V4 manual calls this message not implemented: use
-        torque control on a real hand. Raises AllegroPoseError outside the joint ranges, ValueError for a wrong shape.
+        """Send target joint angles: f64[16], radians.
+
+        The manufacturer's V4 manual lists this message as not implemented; use torque control on a physical hand.
+        Raises AllegroPoseError outside the joint ranges, ValueError for a wrong shape.
         """
-        wanted = sixteen("angles", angles)
-        outside = np.flatnonzero((wanted < JOINT_MIN_RAD) | (wanted > JOINT_MAX_RAD))
+        target = check_joint_values("angles", angles)
+        outside = np.flatnonzero((target < JOINT_MIN_RAD) | (target > JOINT_MAX_RAD))
         if outside.size:
             j = int(outside[0])
-            found = f"{JOINT_NAMES[j]}: expected {JOINT_MIN_RAD[j]:g} to {JOINT_MAX_RAD[j]:g} rad, found {wanted[j]:g}"
-            raise AllegroPoseError(self.channel, self.device_id, f"{found}; nothing was sent, keep to the joint range")
-        values = wanted.tolist()
+            problem = (
+                f"{JOINT_NAMES[j]}: expected {JOINT_MIN_RAD[j]:g} to {JOINT_MAX_RAD[j]:g} rad, found {target[j]:g}"
+            )
+            raise AllegroPoseError(
+                self.channel, self.device_id, f"{problem}; nothing was sent; keep within the joint range"
+            )
+        values = target.tolist()
         for finger in range(len(FINGERS)):
-            self._send(SetPose(finger, _of_finger(values, finger)))
+            self._send(SetPose(finger, _get_finger_values(values, finger)))
 
     def set_period(self, position_ms: int, imu_ms: int = 0, temperature_ms: int = 0) -> None:
-        """Set how often the hand reports, whole milliseconds; 0 is never. Raises ValueError outside 0 to 65535.
+        """Set the report periods, milliseconds, 0 to 65535; 0 disables a report. Raises ValueError outside this range.
 
-        With a position period of 0 the hand is not missed when it is silent; ask with `request_poses`.
+        With a position period of 0, missing poses are no error; request them with `request_poses`.
         """
         self._send(SetPeriod(position_ms, imu_ms, temperature_ms))
         self._position_ms = position_ms
-        self._quiet_since_s = self._clock()
+        self._silence_start_s = self._clock()
 
     def request_poses(self) -> None:
-        """Ask all four fingers for their pose, once."""
+        """Request the pose of all four fingers once."""
         for finger in range(len(FINGERS)):
             self._send(Request(MessageId.FINGER_POSE, finger))
 
     def poll(self, timeout_s: float = 0.0) -> int:
-        """Take all frames that are there, waiting at most `timeout_s` seconds for the first one.
+        """Process all received frames, waiting at most `timeout_s` seconds for the first; return their number.
 
-        Returns their number, those of others included. Frames that are not understood are counted, never fatal.
+        Frames of other devices are included. Malformed frames are counted and cause no error.
         """
         number = 0
         while (frame := self._receive(0.0 if number else timeout_s)) is not None:
@@ -173,11 +180,11 @@ class AllegroHand:
         return number
 
     def update(self, timeout_s: float = 0.0) -> int:
-        """`poll`, then raise what is wrong: a fault that the hand reports, or silence. Asks for the status in time."""
+        """Call `poll`, request the status when due, and raise reported faults or silence; return the frame count."""
         number = self.poll(timeout_s)
         now_s = self._clock()
-        if self._is_on and now_s - self._asked_s >= self._info_period_s:
-            self._request(HandInfo)  # before anything is raised: a fault that has passed must be seen to have passed
+        if self._is_on and now_s - self._info_request_s >= self._info_period_s:
+            self._request(HandInfo)  # before faults are raised, so that the end of a fault is noticed
         if self._reports.info is not None:
             self._check(self._reports.info)
         if self._is_on:
@@ -185,61 +192,61 @@ class AllegroHand:
         return number
 
     def read_joint_angles(self) -> JointReading:
-        """The latest joint angles that `poll` or `update` has taken, with their age."""
+        """Return the latest joint angles received by `poll` or `update`, with their age."""
         return self._reports.read_angles(self._clock())
 
     def get_info(self) -> HandInfo:
-        """What the hand last said of itself. Raises AllegroSilentError if it has not been asked or not answered."""
-        return self._known(self._reports.info, "hand info")
+        """Return the latest hand info. Raises AllegroSilentError if none has been received."""
+        return self._require_report(self._reports.info, "hand info")
 
     def get_serial(self) -> str:
-        """The serial number. Raises AllegroSilentError if it has not been asked or not answered."""
-        return self._known(self._reports.serial, "serial number").text
+        """Return the serial number. Raises AllegroSilentError if none has been received."""
+        return self._require_report(self._reports.serial, "serial number").text
 
     @property
     def imu(self) -> Imu | None:
-        """The last report of the IMU; None before the first."""
+        """Latest IMU report; None before the first."""
         return self._reports.imu
 
     @property
     def temperatures_c(self) -> dict[int, int]:
-        """The last report of each temperature sensor, degrees Celsius, by sensor."""
+        """Latest temperature of each sensor, degrees Celsius, by sensor."""
         return dict(self._reports.temperatures_c)
 
     @property
     def frames(self) -> FrameCounts:
-        """Frames taken, ignored and malformed so far."""
+        """Numbers of accepted, ignored and malformed frames."""
         return self._reports.frames
 
-    def _ask(self, kind: type[_Reply]) -> _Reply:
-        """Request a message and wait for it."""
+    def _request_and_wait(self, kind: type[_Reply]) -> _Reply:
+        """Request a message and wait for the reply. Raises AllegroSilentError after the timeout."""
         if kind is HandInfo:
             self._reports.info = None
         else:
             self._reports.serial = None
         self._request(kind)
-        begun_s = self._clock()
-        quiet = 0  # a clock that nobody moves must not wait for ever
-        while self._clock() - begun_s <= self._answer_timeout_s and quiet * _WAIT_S <= self._answer_timeout_s:
+        start_s = self._clock()
+        empty_polls = 0  # limits the wait if the clock does not advance
+        while self._clock() - start_s <= self._reply_timeout_s and empty_polls * _WAIT_STEP_S <= self._reply_timeout_s:
             if self._advance is not None:
-                self._advance(_WAIT_S)
-            quiet += not self.poll(0.0 if self._advance is not None else _WAIT_S)
-            answer = self._reports.info if kind is HandInfo else self._reports.serial
-            if isinstance(answer, kind):
-                return answer
-        raise self._silent(f"no answer to {_IDS[kind].name} in {self._answer_timeout_s:g} s")
+                self._advance(_WAIT_STEP_S)
+            empty_polls += not self.poll(0.0 if self._advance is not None else _WAIT_STEP_S)
+            reply = self._reports.info if kind is HandInfo else self._reports.serial
+            if isinstance(reply, kind):
+                return reply
+        raise self._make_silent_error(f"no reply to {_IDS[kind].name} in {self._reply_timeout_s:g} s")
 
     def _request(self, kind: type[HandInfo] | type[Serial]) -> None:
         if kind is HandInfo:
-            self._asked_s = self._clock()
+            self._info_request_s = self._clock()
         self._send(Request(_IDS[kind]))
 
     def _switch_on(self) -> None:
-        self.set_torque(np.zeros(JOINT_COUNT))  # or the demands of an earlier program could come alive
-        self._is_on = True  # before it is sent: whatever happens next, the motors are switched off again
+        self.set_torque(np.zeros(JOINT_COUNT))  # otherwise the torques of an earlier program could take effect
+        self._is_on = True  # set before sending, so that the motors are switched off again after any error
         self._send(SystemOn())
-        for _ in range(_SERVO_ATTEMPTS):  # the motors may take a moment
-            if self._ask(HandInfo).servo_on:
+        for _ in range(_SERVO_ATTEMPTS):  # the motors need some time
+            if self._request_and_wait(HandInfo).servo_on:
                 break
             (self._advance or time.sleep)(_SERVO_PAUSE_S)
         self._check(self.get_info())
@@ -256,7 +263,7 @@ class AllegroHand:
             )
         if info.communication_fault:
             raise AllegroCommunicationError(
-                *where, "internal communication fault; switch the hand's power off and on, then check its finger cables"
+                *where, "internal communication fault; switch the hand off and on, then check its finger cables"
             )
         if self._is_on and not info.servo_on:
             raise AllegroServoOffError(
@@ -267,19 +274,19 @@ class AllegroHand:
         if not self._position_ms:
             return
         limit_s = max(self._silence_limit_s, _MIN_PERIODS_OF_SILENCE * self._position_ms / 1000)
-        ages = [now_s - max(at_s, self._quiet_since_s) for at_s in self._reports.posed_s]
+        ages = [now_s - max(time_s, self._silence_start_s) for time_s in self._reports.pose_time_s]
         silent = [name for name, age_s in zip(FINGERS, ages, strict=True) if age_s > limit_s]
         if silent:
-            raise self._silent(f"no pose of {', '.join(silent)} for {max(ages):.3f} s (limit {limit_s:g} s)")
+            raise self._make_silent_error(f"no pose of {', '.join(silent)} for {max(ages):.3f} s (limit {limit_s:g} s)")
 
-    def _silent(self, problem: str) -> AllegroSilentError:
+    def _make_silent_error(self, problem: str) -> AllegroSilentError:
         return AllegroSilentError(
             self.channel, self.device_id, f"{problem}; check power, CAN cable, termination, bit rate and device id"
         )
 
-    def _known(self, value: _T | None, name: str) -> _T:
+    def _require_report(self, value: _T | None, name: str) -> _T:
         if value is None:
-            raise self._silent(f"no {name} yet; open the hand with 'with'")
+            raise self._make_silent_error(f"no {name} received; open the hand with 'with'")
         return value
 
     def _switch_off(self) -> None:
@@ -288,7 +295,7 @@ class AllegroHand:
             return
         try:
             self.set_torque(np.zeros(JOINT_COUNT))
-        finally:  # motors off even where a demand could not be sent
+        finally:  # motors off even if the torques could not be sent
             self._send(SystemOff())
 
     def _send(self, message: Message) -> None:
@@ -296,21 +303,23 @@ class AllegroHand:
         try:
             self._bus.send(frame, timeout=_SEND_TIMEOUT_S)
         except (can.CanError, OSError) as error:
-            raise self._bus_error("sent", error) from error
+            raise self._make_bus_error("send", error) from error
 
     def _receive(self, timeout_s: float) -> can.Message | None:
         try:
             return self._bus.recv(timeout_s)
         except (can.CanError, OSError) as error:
-            raise self._bus_error("received", error) from error
+            raise self._make_bus_error("receive", error) from error
 
-    def _bus_error(self, done: str, error: Exception) -> AllegroBusError:
+    def _make_bus_error(self, operation: str, error: Exception) -> AllegroBusError:
         reason = " ".join(str(error).split()) or type(error).__name__
         return AllegroBusError(
-            self.channel, self.device_id, f"nothing can be {done} ({reason}); check adapter, cable and termination"
+            self.channel,
+            self.device_id,
+            f"the bus cannot {operation} frames ({reason}); check adapter, cable and termination",
         )
 
 
-def _of_finger(values: list[float], finger: int) -> tuple[float, float, float, float]:
+def _get_finger_values(values: list[float], finger: int) -> tuple[float, float, float, float]:
     a, b, c, d = values[4 * finger : 4 * finger + 4]
     return a, b, c, d

@@ -1,19 +1,19 @@
-"""The errors of the Allegro hand: each prints as one line and carries its data."""
+"""Errors of the Allegro hand; each message is one line."""
 
 from taxel.errors import TaxelError
 
 
 class AllegroError(TaxelError):
-    """The hand cannot be used as it is.
+    """The hand cannot be used in its current state.
 
     Attributes:
-        channel: the CAN channel, as python-can names it.
+        channel: name of the CAN channel in python-can.
         device: device id of the hand on that channel.
-        problem: what was expected, what was found, what to do.
+        problem: expected value, found value and remedy.
     """
 
     def __init__(self, channel: str, device: int, problem: str) -> None:
-        # All three are args, so that the error survives pickling between processes.
+        # All three are args, so that the error can be pickled.
         super().__init__(channel, device, problem)
         self.channel = channel
         self.device = device
@@ -24,7 +24,7 @@ class AllegroError(TaxelError):
 
 
 class AllegroSilentError(AllegroError):
-    """The hand does not answer, or sends no finger pose for too long."""
+    """The hand does not reply, or has sent no finger pose for too long."""
 
 
 class AllegroTemperatureError(AllegroError):
@@ -32,7 +32,7 @@ class AllegroTemperatureError(AllegroError):
 
 
 class AllegroServoOffError(AllegroError):
-    """The motors are off although they were switched on."""
+    """The motors are off after they were switched on."""
 
 
 class AllegroCommunicationError(AllegroError):
@@ -40,19 +40,19 @@ class AllegroCommunicationError(AllegroError):
 
 
 class AllegroLeftHandError(AllegroError):
-    """A left hand, where the joint ranges and the skin are those of a right one."""
+    """A left hand is connected, but joint ranges and skin are those of a right hand."""
 
 
 class AllegroPoseError(AllegroError, ValueError):
-    """A pose that lies outside the joint ranges. Nothing was sent."""
+    """Target angles outside the joint ranges; nothing was sent."""
 
 
 class AllegroBusError(AllegroError):
-    """The CAN channel fails: unplugged, bus off, or its buffer is full."""
+    """The CAN channel failed: unplugged, bus off, or buffer full."""
 
 
 class CanUrlError(TaxelError):
-    """A CAN channel that cannot be opened. `url` names it, `problem` says why and what to do."""
+    """The CAN channel cannot be opened. Attributes: url, problem (cause and remedy)."""
 
     def __init__(self, url: str, problem: str) -> None:
         super().__init__(url, problem)
@@ -64,12 +64,12 @@ class CanUrlError(TaxelError):
 
 
 class AllegroFrameError(TaxelError, ValueError):
-    """A CAN frame with an identifier of the protocol and content that it does not allow.
+    """CAN frame with a valid identifier but invalid content.
 
     Attributes:
         arbitration_id: identifier of the frame, 11 bits.
-        expected: what the protocol asks for.
-        found: what the frame holds.
+        expected: content required by the protocol.
+        found: content of the frame.
     """
 
     def __init__(self, arbitration_id: int, expected: str, found: str) -> None:

@@ -1,13 +1,14 @@
-"""The messages of the Allegro hand as values: angles in radians, torque demands as shares of full PWM, -1 to 1."""
+"""Message types of the Allegro hand: angles in radians, torques as fractions of full PWM, -1 to 1."""
 
 from dataclasses import dataclass
 from enum import IntEnum
 
-Four = tuple[float, float, float, float]
+FingerValues = tuple[float, float, float, float]
+"""One value per joint of a finger."""
 
 
 class MessageId(IntEnum):
-    """Message ids; those of a finger or a sensor are the first of four."""
+    """Message ids; messages of a finger or a sensor use four consecutive ids from this value on."""
 
     FINGER_POSE = 0x20
     IMU = 0x30
@@ -34,23 +35,23 @@ class SystemOff:
 
 @dataclass(frozen=True, slots=True)
 class SetTorque:
-    """Torque demands of the four joints of finger `finger`, shares of full PWM; clipped to -1 .. 1."""
+    """Torque commands of the four joints of finger `finger`, fractions of full PWM; clipped to -1 .. 1."""
 
     finger: int
-    demand: Four
+    torque: FingerValues
 
 
 @dataclass(frozen=True, slots=True)
 class SetPose:
-    """Wanted angles of the four joints of finger `finger`, radians."""
+    """Target angles of the four joints of finger `finger`, radians."""
 
     finger: int
-    angles: Four
+    angles: FingerValues
 
 
 @dataclass(frozen=True, slots=True)
 class SetPeriod:
-    """How often the hand reports, milliseconds, 0 to 65535; 0 is never."""
+    """Report periods, milliseconds, 0 to 65535; 0 disables a report."""
 
     position_ms: int
     imu_ms: int
@@ -59,7 +60,7 @@ class SetPeriod:
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """New device id (0 to 3) and RS-485 baud rate; None leaves one as it is. The hand keeps them over power cycles."""
+    """New device id (0 to 3) and RS-485 baud rate; None: unchanged. The hand stores both permanently."""
 
     device_id: int | None = None
     rs485_baud: int | None = None
@@ -67,7 +68,7 @@ class Config:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """A remote frame: asks for a message; `index` is the finger or the sensor, 0 where there is one only."""
+    """Remote frame that requests a message; `index`: finger or sensor, 0 if there is only one."""
 
     message: MessageId
     index: int = 0
@@ -75,7 +76,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class HandInfo:
-    """What the hand says of itself. `hand_type`: 0 is a right hand, any other a left one."""
+    """Status of the hand. `hand_type`: 0 is a right hand, any other value a left hand."""
 
     hardware_version: int
     firmware_version: int
@@ -88,22 +89,22 @@ class HandInfo:
 
 @dataclass(frozen=True, slots=True)
 class Serial:
-    """The serial number: 1 to 8 printable ASCII characters, filled up with NUL on the wire."""
+    """Serial number: 1 to 8 printable ASCII characters, padded with NUL in the frame."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class FingerPose:
-    """Measured angles of the four joints of finger `finger`, radians; steps of `RAD_PER_COUNT`."""
+    """Measured angles of the four joints of finger `finger`, radians; resolution `RAD_PER_COUNT`."""
 
     finger: int
-    angles: Four
+    angles: FingerValues
 
 
 @dataclass(frozen=True, slots=True)
 class Imu:
-    """Roll, pitch and yaw of the palm, int16 as they come; their unit is not public."""
+    """Roll, pitch and yaw of the palm, raw int16 values; their unit is not public."""
 
     raw: tuple[int, int, int]
 

@@ -1,11 +1,11 @@
-"""The CAN messages of the Allegro hand V4, as values: `encode` and `decode` are pure functions.
+"""Encoding and decoding of the CAN messages of the Allegro hand V4.
 
 11-bit identifiers, ``message id << 2 | device id``; payloads are little-endian. Source of identifiers and payloads:
-the maker's CAN definitions for V4 as public drivers use them. Angles are radians and torque demands are shares of full
-PWM, -1 to 1; the integers of the wire stay in this module.
+the manufacturer's CAN definitions for V4 as used by public drivers. Angles are radians, torques are fractions of full
+PWM, -1 to 1; the integers of the frames are used only in this module.
 
-Not settled by public sources, and never sent by the driver: the layout of Config (drivers differ; a mask of what is
-set, the device id and a 32-bit baud rate is taken) and the unit of the IMU's three values (kept as they come).
+Public sources disagree about the layout of Config (assumed: mask of set fields, device id, 32-bit baud rate) and do not
+give the unit of the IMU values (kept as raw values). The driver never sends Config.
 """
 
 import math
@@ -19,7 +19,7 @@ from taxel.hand.allegro.errors import AllegroFrameError
 from taxel.hand.allegro.messages import (
     Config,
     FingerPose,
-    Four,
+    FingerValues,
     HandInfo,
     Imu,
     Message,
@@ -34,13 +34,13 @@ from taxel.hand.allegro.messages import (
     Temperature,
 )
 
-BITRATE: Final = 1_000_000  # bits a second
+BITRATE: Final = 1_000_000  # bits per second
 MAX_DEVICE_ID: Final = 3
-FULL_PWM: Final = 1200  # demand of 1
+FULL_PWM: Final = 1200  # torque command of 1
 RAD_PER_COUNT: Final = math.radians(333.3 / 65536)  # encoder scale
 SERIAL_LENGTH: Final = 8  # characters
 
-_FOUR = struct.Struct("<4h")
+_FOUR_INT16 = struct.Struct("<4h")
 _INFO = struct.Struct("<HHBBB")
 _PERIOD = struct.Struct("<3H")
 _CONFIG = struct.Struct("<BBI")
@@ -49,37 +49,37 @@ _TEMPERATURE = struct.Struct("<i")
 _SERVO_ON, _HIGH_TEMPERATURE, _COMMUNICATION_FAULT = 1, 2, 4
 _SET_DEVICE_ID, _SET_BAUD = 1, 2
 
-_OF_FOUR = frozenset({MessageId.FINGER_POSE, MessageId.TEMPERATURE, MessageId.SET_TORQUE, MessageId.SET_POSE})
+_IDS_OF_FOUR = frozenset({MessageId.FINGER_POSE, MessageId.TEMPERATURE, MessageId.SET_TORQUE, MessageId.SET_POSE})
 _REQUESTABLE = frozenset(
     {MessageId.FINGER_POSE, MessageId.IMU, MessageId.TEMPERATURE, MessageId.HAND_INFO, MessageId.SERIAL}
 )
-# Message id on the wire -> (MessageId, which of the four).
-_MEANING = {
-    int(message) + k: (message, k) for message in MessageId for k in (range(4) if message in _OF_FOUR else range(1))
+# Message id in the frame -> (MessageId, finger or sensor).
+_MESSAGE_OF_ID = {
+    int(message) + k: (message, k) for message in MessageId for k in (range(4) if message in _IDS_OF_FOUR else range(1))
 }
 
 
-def arbitration_id(message: MessageId, index: int = 0, device_id: int = 0) -> int:
-    """The 11-bit identifier. Raises ValueError for a finger, sensor or device id out of range."""
-    if not 0 <= index < (4 if message in _OF_FOUR else 1):
-        raise ValueError(f"index of {message.name}: expected 0 to {3 if message in _OF_FOUR else 0}, found {index}")
+def make_arbitration_id(message: MessageId, index: int = 0, device_id: int = 0) -> int:
+    """Make the 11-bit identifier. Raises ValueError for a finger, sensor or device id out of range."""
+    if not 0 <= index < (4 if message in _IDS_OF_FOUR else 1):
+        raise ValueError(f"index of {message.name}: expected 0 to {3 if message in _IDS_OF_FOUR else 0}, found {index}")
     if not 0 <= device_id <= MAX_DEVICE_ID:
         raise ValueError(f"device_id: expected 0 to {MAX_DEVICE_ID}, found {device_id}")
     return (message + index) << 2 | device_id
 
 
-def device_of(frame: can.Message) -> int | None:
-    """Device id of a frame of this protocol; None for any other frame (unknown, extended, CAN FD or error frame)."""
-    if frame.is_extended_id or frame.is_error_frame or frame.is_fd or frame.arbitration_id >> 2 not in _MEANING:
+def get_device_id(frame: can.Message) -> int | None:
+    """Return the device id of a frame of this protocol; None for any other frame (extended, CAN FD, error, unknown)."""
+    if frame.is_extended_id or frame.is_error_frame or frame.is_fd or frame.arbitration_id >> 2 not in _MESSAGE_OF_ID:
         return None
     return frame.arbitration_id & MAX_DEVICE_ID
 
 
 def encode(message: Message, device_id: int = 0) -> can.Message:
-    """The frame of `message`. Raises ValueError for a value that the wire cannot hold."""
-    kind, index, payload = _parts(message)
+    """Encode `message` as a CAN frame. Raises ValueError for a value out of the range of its field."""
+    kind, index, payload = _encode_payload(message)
     return can.Message(
-        arbitration_id=arbitration_id(kind, index, device_id),
+        arbitration_id=make_arbitration_id(kind, index, device_id),
         is_extended_id=False,
         is_remote_frame=isinstance(message, Request),
         data=payload,
@@ -87,28 +87,36 @@ def encode(message: Message, device_id: int = 0) -> can.Message:
 
 
 def decode(frame: can.Message) -> Message | None:
-    """The message in `frame`; None where `device_of` is None.
+    """Decode a CAN frame; return None for a frame of another protocol.
 
-    Raises AllegroFrameError for a wrong length, a request for what is a command, or content that is not allowed.
+    Raises AllegroFrameError for a wrong length, a request of a command message, or invalid content.
     """
-    if device_of(frame) is None:
+    if get_device_id(frame) is None:
         return None
-    kind, index = _MEANING[frame.arbitration_id >> 2]
+    kind, index = _MESSAGE_OF_ID[frame.arbitration_id >> 2]
     if frame.is_remote_frame:
         if kind not in _REQUESTABLE:
             raise AllegroFrameError(frame.arbitration_id, f"{kind.name} as a data frame", "a remote frame")
         return Request(kind, index)
-    return _decoded(kind, index, frame)
+    return _decode_payload(kind, index, frame)
 
 
-def _parts(message: Message) -> tuple[MessageId, int, bytes]:
+def _encode_payload(message: Message) -> tuple[MessageId, int, bytes]:
     match message:
-        case SetTorque(finger, demand):
-            return MessageId.SET_TORQUE, finger, _FOUR.pack(*(_pwm(share) for share in _four(demand)))
+        case SetTorque(finger, torque):
+            return (
+                MessageId.SET_TORQUE,
+                finger,
+                _FOUR_INT16.pack(*(_to_pwm(fraction) for fraction in _check_four(torque))),
+            )
         case FingerPose(finger, angles):
-            return MessageId.FINGER_POSE, finger, _FOUR.pack(*(_counts(angle) for angle in _four(angles)))
+            return (
+                MessageId.FINGER_POSE,
+                finger,
+                _FOUR_INT16.pack(*(_to_counts(angle) for angle in _check_four(angles))),
+            )
         case SetPose(finger, angles):
-            return MessageId.SET_POSE, finger, _FOUR.pack(*(_counts(angle) for angle in _four(angles)))
+            return MessageId.SET_POSE, finger, _FOUR_INT16.pack(*(_to_counts(angle) for angle in _check_four(angles)))
         case Request(kind, index):
             if kind not in _REQUESTABLE:
                 raise ValueError(f"{kind.name} is a command and cannot be requested")
@@ -118,48 +126,50 @@ def _parts(message: Message) -> tuple[MessageId, int, bytes]:
         case SystemOff():
             return MessageId.SYSTEM_OFF, 0, b""
         case _:
-            return _rare_parts(message)
+            return _encode_rare_payload(message)
 
 
-def _rare_parts(message: SetPeriod | Config | HandInfo | Serial | Imu | Temperature) -> tuple[MessageId, int, bytes]:
+def _encode_rare_payload(
+    message: SetPeriod | Config | HandInfo | Serial | Imu | Temperature,
+) -> tuple[MessageId, int, bytes]:
     try:
         match message:
             case SetPeriod(position_ms, imu_ms, temperature_ms):
                 return MessageId.SET_PERIOD, 0, _PERIOD.pack(position_ms, imu_ms, temperature_ms)
             case Config():
-                return MessageId.CONFIG, 0, _config_payload(message)
+                return MessageId.CONFIG, 0, _encode_config(message)
             case HandInfo():
-                return MessageId.HAND_INFO, 0, _info_payload(message)
+                return MessageId.HAND_INFO, 0, _encode_info(message)
             case Serial(text):
-                return MessageId.SERIAL, 0, _serial_payload(text)
+                return MessageId.SERIAL, 0, _encode_serial(text)
             case Imu(raw):
                 return MessageId.IMU, 0, _IMU.pack(*raw)
             case Temperature(sensor, celsius):
                 return MessageId.TEMPERATURE, sensor, _TEMPERATURE.pack(celsius)
     except struct.error as error:
-        raise ValueError(f"{message}: expected values that fit the frame, but {error}") from None
+        raise ValueError(f"{message}: expected values within the range of their fields, found: {error}") from None
 
 
-def _decoded(kind: MessageId, index: int, frame: can.Message) -> Message:
+def _decode_payload(kind: MessageId, index: int, frame: can.Message) -> Message:
     match kind:
         case MessageId.FINGER_POSE:
-            return FingerPose(index, _angles(frame))
+            return FingerPose(index, _decode_angles(frame))
         case MessageId.SET_TORQUE:
-            a, b, c, d = _unpack(_FOUR, frame)
+            a, b, c, d = _unpack(_FOUR_INT16, frame)
             return SetTorque(index, (a / FULL_PWM, b / FULL_PWM, c / FULL_PWM, d / FULL_PWM))
         case MessageId.SET_POSE:
-            return SetPose(index, _angles(frame))
+            return SetPose(index, _decode_angles(frame))
         case MessageId.SYSTEM_ON | MessageId.SYSTEM_OFF:
             _check_length(0, frame)
             return SystemOn() if kind is MessageId.SYSTEM_ON else SystemOff()
         case MessageId.SET_PERIOD:
             return SetPeriod(*_unpack(_PERIOD, frame))
         case MessageId.HAND_INFO:
-            return _decoded_info(frame)
+            return _decode_info(frame)
         case MessageId.SERIAL:
-            return _decoded_serial(frame)
+            return _decode_serial(frame)
         case MessageId.CONFIG:
-            return _decoded_config(frame)
+            return _decode_config(frame)
         case MessageId.IMU:
             roll, pitch, yaw = _unpack(_IMU, frame)
             return Imu((roll, pitch, yaw))
@@ -167,58 +177,58 @@ def _decoded(kind: MessageId, index: int, frame: can.Message) -> Message:
             return Temperature(index, *_unpack(_TEMPERATURE, frame))
 
 
-def _four(values: Sequence[float]) -> Sequence[float]:
+def _check_four(values: Sequence[float]) -> Sequence[float]:
     if len(values) != 4 or not all(math.isfinite(value) for value in values):
-        raise ValueError(f"expected four finite values, one a joint, found {values}")
+        raise ValueError(f"expected four finite values, one per joint, found {values}")
     return values
 
 
-def _pwm(share: float) -> int:
-    return round(min(1.0, max(-1.0, share)) * FULL_PWM)
+def _to_pwm(fraction: float) -> int:
+    return round(min(1.0, max(-1.0, fraction)) * FULL_PWM)
 
 
-def _counts(angle: float) -> int:
+def _to_counts(angle: float) -> int:
     counts = round(angle / RAD_PER_COUNT)
     if not -0x8000 <= counts <= 0x7FFF:
-        raise ValueError(f"angle: expected within {0x7FFF * RAD_PER_COUNT:.3f} rad of zero, found {angle}")
+        raise ValueError(f"angle: expected at most {0x7FFF * RAD_PER_COUNT:.3f} rad from 0, found {angle}")
     return counts
 
 
-def _angles(frame: can.Message) -> Four:
-    a, b, c, d = _unpack(_FOUR, frame)
+def _decode_angles(frame: can.Message) -> FingerValues:
+    a, b, c, d = _unpack(_FOUR_INT16, frame)
     return a * RAD_PER_COUNT, b * RAD_PER_COUNT, c * RAD_PER_COUNT, d * RAD_PER_COUNT
 
 
 def _check_length(expected: int, frame: can.Message) -> None:
     if len(frame.data) != expected:
-        kind, _ = _MEANING[frame.arbitration_id >> 2]
+        kind, _ = _MESSAGE_OF_ID[frame.arbitration_id >> 2]
         raise AllegroFrameError(frame.arbitration_id, f"{expected} bytes of {kind.name}", f"{len(frame.data)} bytes")
 
 
-def _unpack(form: struct.Struct, frame: can.Message) -> tuple[int, ...]:
-    _check_length(form.size, frame)
-    return form.unpack(frame.data)
+def _unpack(layout: struct.Struct, frame: can.Message) -> tuple[int, ...]:
+    _check_length(layout.size, frame)
+    return layout.unpack(frame.data)
 
 
-def _info_payload(info: HandInfo) -> bytes:
+def _encode_info(info: HandInfo) -> bytes:
     flags = ((info.servo_on, _SERVO_ON), (info.high_temperature, _HIGH_TEMPERATURE))
     status = sum(bit for is_set, bit in (*flags, (info.communication_fault, _COMMUNICATION_FAULT)) if is_set)
     return _INFO.pack(info.hardware_version, info.firmware_version, info.hand_type, info.temperature_c, status)
 
 
-def _decoded_info(frame: can.Message) -> HandInfo:
+def _decode_info(frame: can.Message) -> HandInfo:
     hardware, firmware, hand_type, temperature_c, status = _unpack(_INFO, frame)
-    servo_on, is_hot, is_cut_off = (bool(status & bit) for bit in (_SERVO_ON, _HIGH_TEMPERATURE, _COMMUNICATION_FAULT))
-    return HandInfo(hardware, firmware, hand_type, temperature_c, servo_on, is_hot, is_cut_off)
+    servo_on, is_hot, has_fault = (bool(status & bit) for bit in (_SERVO_ON, _HIGH_TEMPERATURE, _COMMUNICATION_FAULT))
+    return HandInfo(hardware, firmware, hand_type, temperature_c, servo_on, is_hot, has_fault)
 
 
-def _serial_payload(text: str) -> bytes:
+def _encode_serial(text: str) -> bytes:
     if not (1 <= len(text) <= SERIAL_LENGTH and text.isascii() and text.isprintable()):
         raise ValueError(f"serial: expected 1 to {SERIAL_LENGTH} printable ASCII characters, found {text!r}")
     return text.encode("ascii").ljust(SERIAL_LENGTH, b"\0")
 
 
-def _decoded_serial(frame: can.Message) -> Serial:
+def _decode_serial(frame: can.Message) -> Serial:
     _check_length(SERIAL_LENGTH, frame)
     content = bytes(frame.data).rstrip(b"\0")
     text = content.decode("ascii", errors="replace")
@@ -227,14 +237,14 @@ def _decoded_serial(frame: can.Message) -> Serial:
     return Serial(text)
 
 
-def _config_payload(config: Config) -> bytes:
+def _encode_config(config: Config) -> bytes:
     if config.device_id is not None and not 0 <= config.device_id <= MAX_DEVICE_ID:
         raise ValueError(f"device_id: expected 0 to {MAX_DEVICE_ID}, found {config.device_id}")
     mask = _SET_DEVICE_ID * (config.device_id is not None) | _SET_BAUD * (config.rs485_baud is not None)
     return _CONFIG.pack(mask, config.device_id or 0, config.rs485_baud or 0)
 
 
-def _decoded_config(frame: can.Message) -> Config:
+def _decode_config(frame: can.Message) -> Config:
     mask, device_id, baud = _unpack(_CONFIG, frame)
     if device_id > MAX_DEVICE_ID or mask & ~(_SET_DEVICE_ID | _SET_BAUD):
         raise AllegroFrameError(

@@ -1,4 +1,4 @@
-"""What a hand has reported so far: frames in, the latest value of each message out."""
+"""Latest value of each report of a hand, from received CAN frames."""
 
 import math
 from dataclasses import dataclass
@@ -9,18 +9,17 @@ import numpy as np
 from taxel.hand.allegro.errors import AllegroFrameError
 from taxel.hand.allegro.joints import FINGERS, JOINT_COUNT, JOINTS_PER_FINGER
 from taxel.hand.allegro.messages import FingerPose, HandInfo, Imu, Serial, Temperature
-from taxel.hand.allegro.protocol import decode, device_of
+from taxel.hand.allegro.protocol import decode, get_device_id
 from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class JointReading:
-    """The latest joint angles.
+    """Latest joint angles.
 
-    angles: f64[16], radians; NaN for a finger that has not reported yet.
-    age_s: seconds on the driver's clock since the oldest finger's frame was taken from the bus; infinite if a finger
-        has not reported.
-    is_complete: whether all four fingers have reported since the last reading.
+    angles: f64[16], radians; NaN for a finger without a report.
+    age_s: age of the oldest finger report on the driver's clock, seconds; infinite if a finger has not reported.
+    is_complete: whether all four fingers have reported since the previous reading.
     """
 
     angles: FloatArray
@@ -30,15 +29,15 @@ class JointReading:
 
 @dataclass(frozen=True)
 class FrameCounts:
-    """Frames from the bus: `taken` from this hand, `ignored` of others or not for the host, `malformed`."""
+    """Numbers of received frames: `accepted` from this hand, `ignored` of other devices or for a hand, `malformed`."""
 
-    taken: int = 0
+    accepted: int = 0
     ignored: int = 0
     malformed: int = 0
 
 
 class Reports:
-    """The latest reports of the hand with id `device_id`; None or NaN before the first."""
+    """Latest reports of the hand with id `device_id`; None or NaN before the first."""
 
     def __init__(self, device_id: int) -> None:
         self.device_id = device_id
@@ -46,14 +45,14 @@ class Reports:
         self.serial: Serial | None = None
         self.imu: Imu | None = None
         self.temperatures_c: dict[int, int] = {}
-        self.posed_s = [-math.inf] * len(FINGERS)  # when each finger last reported
+        self.pose_time_s = [-math.inf] * len(FINGERS)  # time of the latest report of each finger
         self._angles: FloatArray = np.full(JOINT_COUNT, np.nan)
-        self._fresh: set[int] = set()
-        self._taken = self._ignored = self._malformed = 0
+        self._reported_fingers: set[int] = set()
+        self._accepted = self._ignored = self._malformed = 0
 
     def take(self, frame: can.Message, now_s: float) -> None:
-        """Take one frame of the bus, whatever it is. What is not understood is counted."""
-        if device_of(frame) != self.device_id:
+        """Process any frame of the bus; malformed frames are counted."""
+        if get_device_id(frame) != self.device_id:
             self._ignored += 1
             return
         try:
@@ -65,8 +64,8 @@ class Reports:
             case FingerPose(finger, angles):
                 first = JOINTS_PER_FINGER * finger
                 self._angles[first : first + JOINTS_PER_FINGER] = angles
-                self.posed_s[finger] = now_s
-                self._fresh.add(finger)
+                self.pose_time_s[finger] = now_s
+                self._reported_fingers.add(finger)
             case HandInfo():
                 self.info = message
             case Serial():
@@ -75,18 +74,18 @@ class Reports:
                 self.imu = message
             case Temperature(sensor, celsius):
                 self.temperatures_c[sensor] = celsius
-            case _:  # a command or a request that another program sends to this hand
+            case _:  # a command or a request of another program to this hand
                 self._ignored += 1
                 return
-        self._taken += 1
+        self._accepted += 1
 
     def read_angles(self, now_s: float) -> JointReading:
-        """The latest angles; the next reading is complete once all fingers have reported again."""
-        is_complete = len(self._fresh) == len(FINGERS)
-        self._fresh.clear()
-        return JointReading(self._angles.copy(), now_s - min(self.posed_s), is_complete)
+        """Return the latest angles; the next reading is complete when all fingers have reported again."""
+        is_complete = len(self._reported_fingers) == len(FINGERS)
+        self._reported_fingers.clear()
+        return JointReading(self._angles.copy(), now_s - min(self.pose_time_s), is_complete)
 
     @property
     def frames(self) -> FrameCounts:
-        """Frames so far."""
-        return FrameCounts(self._taken, self._ignored, self._malformed)
+        """Numbers of received frames."""
+        return FrameCounts(self._accepted, self._ignored, self._malformed)

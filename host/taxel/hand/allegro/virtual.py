@@ -1,4 +1,4 @@
-"""A virtual Allegro hand at the other end of a CAN channel."""
+"""Virtual Allegro hand at the other end of a CAN channel."""
 
 import threading
 from dataclasses import dataclass, field
@@ -26,52 +26,52 @@ from taxel.hand.allegro.messages import (
     SystemOn,
     Temperature,
 )
-from taxel.hand.allegro.protocol import decode, device_of, encode
+from taxel.hand.allegro.protocol import decode, encode, get_device_id
 from taxel.hand.control_loop import ControlLoop
 from taxel.types import FloatArray
 
-MAX_TORQUE_NM: Final = 0.7  # of a joint at full PWM; source: the maker's data sheet
-TEMPERATURE_LIMIT_C: Final = 70  # chosen: the real limit is not public
+MAX_TORQUE_NM: Final = 0.7  # of a joint at full PWM; source: manufacturer's data sheet
+TEMPERATURE_LIMIT_C: Final = 70  # assumed, since the limit is not public
 _HARDWARE_VERSION, _FIRMWARE_VERSION = 0x0400, 0x0400
 _NS = 1_000_000_000
-_SERVO_PERIOD_NS = 1_000_000  # of the inner position law
-# The inner position law, chosen for `FreeJoints`.
+_SERVO_PERIOD_NS = 1_000_000  # of the internal position controller
+# Gains of the internal position controller, chosen for `FreeJoints`.
 _STIFFNESS_NM, _DAMPING_NM_S = 3.0, 0.03
 _REPORTS = (MessageId.FINGER_POSE, MessageId.IMU, MessageId.TEMPERATURE)  # in the order of SetPeriod
 
 
 @dataclass
 class VirtualFaults:
-    """What is wrong with the virtual hand; may be changed at any time.
+    """Faults of the virtual hand, which can be changed at any time.
 
-    temperature_c: above 70 the hand reports its fault and stops its motors. servo_off: the motors stay off whatever is
-    commanded. communication: the hand reports its internal fault. silent: it neither reads nor sends.
+    temperature_c: above 70 the hand reports a fault and stops its motors. is_servo_off: the motors stay off.
+    has_communication_fault: the hand reports an internal fault. is_silent: the hand neither reads nor sends frames.
     dropped_fingers: fingers, 0 to 3, whose pose is not sent.
     """
 
     temperature_c: int = 35
-    servo_off: bool = False
-    communication: bool = False
-    silent: bool = False
+    is_servo_off: bool = False
+    has_communication_fault: bool = False
+    is_silent: bool = False
     dropped_fingers: set[int] = field(default_factory=set)
 
 
 class VirtualAllegro:
-    """Answers like an Allegro hand V4 on `bus` and moves `dynamics` with the torques it is sent.
+    """Model of an Allegro hand V4 on `bus` that drives `dynamics` with the commanded torques.
 
-    bus: its own end of the channel; stays the caller's. device_id: 0 to 3. hand_type: 0 is right. serial: 1 to 8 ASCII
-    characters. max_torque_nm: torque of a joint at full PWM. `faults` may be set at any time.
+    bus: the hand's end of the channel; the caller shuts it down. device_id: 0 to 3. hand_type: 0 is right. serial: 1 to
+    8 ASCII characters. max_torque_nm: torque of a joint at full PWM. `faults` can be set at any time.
 
-    Run it with `step` in lock step (virtual time, one thread, nothing sleeps) or with `run` in a thread in real time.
-    Position commands are held by an inner PD law, torque commands until the next one. Time is kept in whole
-    nanoseconds, so a report that is due each 3 ms comes at exact multiples of 3 ms, at whatever steps.
+    Use `step` in lock step (virtual time, one thread, no sleeping) or `run` in a thread in real time. An internal PD
+    controller executes position commands; a torque command holds until the next command. Time is counted in integer
+    nanoseconds, so reports with a period of 3 ms occur at exact multiples of 3 ms for any step length.
 
     .. warning::
-        Not modelled: bit timing, arbitration and bus load; lost, late or repeated frames other than by `faults`;
-        motor current, back EMF, supply voltage and heating; gear backlash and joint elasticity; encoder noise and
-        offset (angles are only rounded to counts); the IMU (reports zeros); the time that the motors need to come on;
-        what the real firmware does when commands stop coming (here the last one holds). The maker's V4 manual calls
-        position commands not implemented; here they work. Config changes the device id at once and nothing else.
+        Not modelled: bit timing, arbitration and bus load; lost, late or repeated frames except by `faults`; motor
+        current, back EMF, supply voltage and heating; gear backlash and joint elasticity; encoder noise and offset
+        (angles are only rounded to counts); the IMU (reports zeros); the start-up time of the motors; the behaviour
+        of the physical firmware when commands stop (here the last command holds). The manufacturer's V4 manual lists
+        position commands as not implemented; here they work. Config only changes the device id, immediately.
     """
 
     def __init__(
@@ -83,19 +83,19 @@ class VirtualAllegro:
         serial: str = "SAH040VR",
         max_torque_nm: float = MAX_TORQUE_NM,
     ) -> None:
-        encode(Serial(serial), device_id)  # refuses what the wire cannot hold
+        encode(Serial(serial), device_id)  # raises ValueError for an invalid serial number or device id
         self.dynamics = dynamics
         self.device_id = device_id
         self.hand_type = hand_type
         self.serial = serial
         self.max_torque_nm = max_torque_nm
         self.faults = VirtualFaults()
-        self.ignored = 0  # frames that were not understood
+        self.ignored_frames = 0  # malformed or unexpected frames
         self._bus = bus
         self._time_ns = 0
         self._is_on = False
-        self._demand: FloatArray = np.zeros(JOINT_COUNT)
-        self._target: FloatArray = np.full(JOINT_COUNT, np.nan)  # NaN: the joint is under torque control
+        self._torque_command: FloatArray = np.zeros(JOINT_COUNT)
+        self._target: FloatArray = np.full(JOINT_COUNT, np.nan)  # NaN: torque control
         self._velocities: FloatArray = np.zeros(JOINT_COUNT)
         self._period_ns = dict.fromkeys(_REPORTS, 0)
         self._due_ns = dict.fromkeys(_REPORTS, 0)
@@ -108,61 +108,61 @@ class VirtualAllegro:
     @property
     def servo_on(self) -> bool:
         """Whether the motors are on."""
-        return self._is_on and not self.faults.servo_off and self.faults.temperature_c <= TEMPERATURE_LIMIT_C
+        return self._is_on and not self.faults.is_servo_off and self.faults.temperature_c <= TEMPERATURE_LIMIT_C
 
     @property
-    def demand(self) -> FloatArray:
-        """f64[16], the torque demands held, shares of full PWM."""
-        return self._demand.copy()
+    def torque_command(self) -> FloatArray:
+        """Current torque commands, f64[16], fractions of full PWM."""
+        return self._torque_command.copy()
 
     def step(self, dt_s: float) -> None:
-        """Read the commands that are there, move for `dt_s` virtual seconds, send what falls due on the way."""
-        self._read()
+        """Process received commands, advance `dt_s` virtual seconds, and send the reports that become due."""
+        self._process_frames()
         end_ns = self._time_ns + round(dt_s * _NS)
         while self._time_ns < end_ns:
             dues = [self._due_ns[report] for report in _REPORTS if self._period_ns[report]]
             stop_ns = min([end_ns, *dues])
             if np.isfinite(self._target).any():
                 stop_ns = min(stop_ns, self._time_ns + _SERVO_PERIOD_NS)
-            self._move(stop_ns - self._time_ns)
+            self._advance(stop_ns - self._time_ns)
             self._time_ns = stop_ns
-            self._send_due()
+            self._send_due_reports()
 
     def run(self, stop: threading.Event, period_s: float = 0.001) -> None:
-        """Keep up with real time in steps of about `period_s` until `stop` is set. Runs in a thread of its own."""
+        """Follow real time in steps of about `period_s` until `stop` is set; run it in a separate thread."""
         loop = ControlLoop(period_s, spin_s=0.0)
-        begun_s = loop.clock()
-        begun_ns = self._time_ns
+        start_s = loop.clock()
+        start_ns = self._time_ns
         while not stop.is_set():
             loop.wait()
-            self.step(max(0.0, loop.clock() - begun_s - (self._time_ns - begun_ns) / _NS))
+            self.step(max(0.0, loop.clock() - start_s - (self._time_ns - start_ns) / _NS))
 
-    def _read(self) -> None:
+    def _process_frames(self) -> None:
         while (frame := self._bus.recv(0.0)) is not None:
-            if self.faults.silent or device_of(frame) != self.device_id:
+            if self.faults.is_silent or get_device_id(frame) != self.device_id:
                 continue
             try:
                 message = decode(frame)
             except AllegroFrameError:
-                self.ignored += 1
+                self.ignored_frames += 1
                 continue
             if message is not None:
-                self._obey(message)
+                self._execute(message)
 
-    def _obey(self, message: Message) -> None:
+    def _execute(self, message: Message) -> None:
         match message:
-            case SetTorque(finger, demand):
-                self._demand[_joints_of(finger)] = demand
-                self._target[_joints_of(finger)] = np.nan
+            case SetTorque(finger, torque):
+                self._torque_command[_get_joint_slice(finger)] = torque
+                self._target[_get_joint_slice(finger)] = np.nan
             case SetPose(finger, angles):
-                self._target[_joints_of(finger)] = angles
+                self._target[_get_joint_slice(finger)] = angles
             case Request(kind, index):
-                self._report(kind, index)
+                self._send_report(kind, index)
             case SystemOn():
                 self._is_on = True
             case SystemOff():
                 self._is_on = False
-                self._demand[:] = 0.0
+                self._torque_command[:] = 0.0
                 self._target[:] = np.nan
             case SetPeriod(position_ms, imu_ms, temperature_ms):
                 for report, period_ms in zip(_REPORTS, (position_ms, imu_ms, temperature_ms), strict=True):
@@ -171,38 +171,38 @@ class VirtualAllegro:
             case Config(device_id):
                 self.device_id = self.device_id if device_id is None else device_id
             case _:
-                self.ignored += 1
+                self.ignored_frames += 1
 
-    def _move(self, duration_ns: int) -> None:
+    def _advance(self, duration_ns: int) -> None:
         if duration_ns <= 0:
             return
         before = self.dynamics.angles
-        after = self.dynamics.step(self._torque(before), duration_ns / _NS)
+        after = self.dynamics.step(self._compute_torque(before), duration_ns / _NS)
         self._velocities = (after - before) * (_NS / duration_ns)
 
-    def _torque(self, angles: FloatArray) -> FloatArray:
+    def _compute_torque(self, angles: FloatArray) -> FloatArray:
         if not self.servo_on:
             return np.zeros(JOINT_COUNT)
-        inner = _STIFFNESS_NM * (self._target - angles) - _DAMPING_NM_S * self._velocities
-        torque = np.where(np.isnan(self._target), self._demand * self.max_torque_nm, inner)
+        position_torque = _STIFFNESS_NM * (self._target - angles) - _DAMPING_NM_S * self._velocities
+        torque = np.where(np.isnan(self._target), self._torque_command * self.max_torque_nm, position_torque)
         return np.clip(torque, -self.max_torque_nm, self.max_torque_nm)
 
-    def _send_due(self) -> None:
+    def _send_due_reports(self) -> None:
         for report in _REPORTS:
             if self._period_ns[report] and self._time_ns >= self._due_ns[report]:
                 self._due_ns[report] += self._period_ns[report]
                 for index in range(1 if report is MessageId.IMU else len(FINGERS)):
-                    self._report(report, index)
+                    self._send_report(report, index)
 
-    def _report(self, kind: MessageId, index: int) -> None:
-        if self.faults.silent or (kind is MessageId.FINGER_POSE and index in self.faults.dropped_fingers):
+    def _send_report(self, kind: MessageId, index: int) -> None:
+        if self.faults.is_silent or (kind is MessageId.FINGER_POSE and index in self.faults.dropped_fingers):
             return
-        self._bus.send(encode(self._reply(kind, index), self.device_id))
+        self._bus.send(encode(self._make_report(kind, index), self.device_id))
 
-    def _reply(self, kind: MessageId, index: int) -> Message:
+    def _make_report(self, kind: MessageId, index: int) -> Message:
         match kind:
             case MessageId.FINGER_POSE:
-                a, b, c, d = self.dynamics.angles[_joints_of(index)].tolist()
+                a, b, c, d = self.dynamics.angles[_get_joint_slice(index)].tolist()
                 return FingerPose(index, (a, b, c, d))
             case MessageId.SERIAL:
                 return Serial(self.serial)
@@ -211,17 +211,17 @@ class VirtualAllegro:
             case MessageId.TEMPERATURE:
                 return Temperature(index, self.faults.temperature_c)
             case _:
-                hot = self.faults.temperature_c > TEMPERATURE_LIMIT_C
+                is_hot = self.faults.temperature_c > TEMPERATURE_LIMIT_C
                 return HandInfo(
                     _HARDWARE_VERSION,
                     _FIRMWARE_VERSION,
                     self.hand_type,
                     self.faults.temperature_c,
                     self.servo_on,
-                    hot,
-                    self.faults.communication,
+                    is_hot,
+                    self.faults.has_communication_fault,
                 )
 
 
-def _joints_of(finger: int) -> slice:
+def _get_joint_slice(finger: int) -> slice:
     return slice(JOINTS_PER_FINGER * finger, JOINTS_PER_FINGER * (finger + 1))

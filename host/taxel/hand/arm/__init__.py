@@ -1,4 +1,4 @@
-"""The arm that carries the hand: one small interface, a simulated arm, and the UR5e over RTDE."""
+"""The arm that carries the hand: interface, simulated arm, and the UR5e over RTDE."""
 
 from taxel.hand.arm.base import ARM_JOINT_NAMES, Arm
 from taxel.hand.arm.errors import ArmBusyError, ArmConnectionError, ArmError, ArmLimitError, ArmPackageMissingError

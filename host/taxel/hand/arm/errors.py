@@ -1,13 +1,13 @@
-"""The errors of the arm: each prints as one line and carries its data."""
+"""Errors of the arm; each message is one line."""
 
 from taxel.errors import TaxelError
 
 
 class ArmError(TaxelError):
-    """The arm cannot do what was asked. `arm` names it, `problem` says why and what to do."""
+    """A command of the arm failed. Attributes: arm (its name), problem (cause and remedy)."""
 
     def __init__(self, arm: str, problem: str) -> None:
-        # Both are args, so that the error survives pickling between processes.
+        # Both are args, so that the error can be pickled.
         super().__init__(arm, problem)
         self.arm = arm
         self.problem = problem
@@ -17,16 +17,16 @@ class ArmError(TaxelError):
 
 
 class ArmLimitError(ArmError, ValueError):
-    """A target or a speed outside the limits. The arm has not moved."""
+    """Target or speed outside the limits; the arm has not moved."""
 
 
 class ArmBusyError(ArmError):
-    """The arm is still moving. The motion goes on."""
+    """The arm is still moving; the motion continues."""
 
 
 class ArmConnectionError(ArmError):
-    """The arm's controller cannot be reached, or refuses."""
+    """The controller of the arm is not reachable or rejects a command."""
 
 
 class ArmPackageMissingError(ArmError):
-    """An optional Python package that this arm needs is not installed."""
+    """An optional Python package required by this arm is not installed."""

@@ -8,16 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taxel.grasp.objects import thesis_objects
+from taxel.grasp.objects import make_thesis_objects
 from taxel.grasp.timeline import Phase
 from taxel.hand import Hand
 from taxel.hand.errors import format_value
 from taxel.hand.kinematics import build_kinematics
 from taxel.recording.formats.frame_table import fail
 from taxel.recording.formats.grasp_options import UNKNOWN_OBJECT, GraspOptions
-from taxel.recording.grasp_checks import Place
+from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import REAL
 from taxel.recording.grasp_hdf5 import open_hdf5
@@ -35,7 +34,7 @@ from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
 from taxel.stream import TaxelFrame
 from taxel.stream.cycles import CycleSorter
 from taxel.stream.encoder import FramesLink
-from taxel.types import FloatArray
+from taxel.types import ByteArray, FloatArray, IndexArray
 
 BLOCK_ROWS = 256
 """Rows in memory at one time, and rows of a chunk in the file."""
@@ -62,12 +61,12 @@ class Hdf5Sink:
         overwrite: bool,
     ) -> None:
         self._path, self._hand, self._options, self._overwrite = path, hand, options, overwrite
-        self._place = Place(str(path))
+        self._location = Location(str(path))
         self._part = path.with_name(f".{path.name}.part")
         kinematics = build_kinematics(hand)
         self._joints = np.zeros(len(kinematics.robot.joint_names)) if joint_position is None else joint_position
         self._pose = kinematics.compute_sensor_poses(self._joints)
-        _create_dataset(self._part, hand, generator, _objects(options.object, self._place))
+        _create_dataset(self._part, hand, generator, _objects(options.object, self._location))
         self._file = open_hdf5(self._part, "r+", LIBVER)
         self._group = create_group(self._file, None)
         self._columns = {board.address: column for column, board in enumerate(hand.boards)}
@@ -123,7 +122,7 @@ class Hdf5Sink:
         return (frame.board_time_us - last + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
 
     def _write_block(self) -> None:
-        with writing_errors(self._place):
+        with writing_errors(self._location):
             for name, dtype in _TYPES.items():
                 block = np.stack([row[name] for row in self._rows]).astype(dtype)
                 if name not in self._group:
@@ -151,7 +150,7 @@ class Hdf5Sink:
             self._file.close()
             if is_complete:
                 GraspDataset(self._part).close()
-                put_in_place(self._part, self._path, self._overwrite, self._place)
+                put_in_place(self._part, self._path, self._overwrite, self._location)
         finally:
             self._file.close()
             self._part.unlink(missing_ok=True)
@@ -159,10 +158,10 @@ class Hdf5Sink:
     def _finish(self) -> None:
         self._write_cycles(is_end=True)
         if not self._count:
-            self._place.fail("at least one frame", "none", "give a recording with frames")
+            self._location.fail("at least one frame", "none", "give a recording with frames")
         if self._rows:
             self._write_block()
-        with writing_errors(self._place):
+        with writing_errors(self._location):
             write_array(self._group, "sensor_pose", self._pose)
             write_array(self._group, "object_pose", np.eye(4))
             options = self._options
@@ -188,13 +187,13 @@ def _create_dataset(path: Path, hand: Hand, generator: str, objects: dict[str, O
     GraspDatasetWriter.create(path, header, overwrite=True).close()
 
 
-def _objects(name: str, place: Place) -> dict[str, ObjectMesh]:
+def _objects(name: str, location: Location) -> dict[str, ObjectMesh]:
     if name == UNKNOWN_OBJECT:
         vertices = np.array([[0.0, 0.0, 0.0], [1e-6, 0.0, 0.0], [0.0, 1e-6, 0.0]])
         return {UNKNOWN_OBJECT: ObjectMesh(vertices, np.array([[0, 1, 2]], np.int32))}
-    known = thesis_objects()
+    known = make_thesis_objects()
     if name not in known:
-        place.key("objects").fail(
+        location.key("objects").fail(
             f"one of {', '.join([*known, UNKNOWN_OBJECT])}", format_value(name), "correct --object"
         )
     vertices, faces = known[name].shape.mesh()
@@ -217,14 +216,12 @@ def open_hdf5_recording(path: Path, grasp: str | None = None) -> FramesLink:
         return link
 
 
-def _taxels_of_sensors(data: GraspDataset) -> list[NDArray[np.intp]]:
+def _taxels_of_sensors(data: GraspDataset) -> list[IndexArray]:
     """For each sensor, the indices of its taxels on the taxel axis."""
     return [np.flatnonzero(data.taxels.sensor == address) for address in data.sensors.address]
 
 
-def _read_frames(
-    path: Path, grasp: str, addresses: NDArray[np.uint8], taxels: list[NDArray[np.intp]]
-) -> Iterator[TaxelFrame]:
+def _read_frames(path: Path, grasp: str, addresses: ByteArray, taxels: list[IndexArray]) -> Iterator[TaxelFrame]:
     with open_hdf5(path, "r") as file:
         group: Mapping[str, Any] = file["grasps"][grasp]
         for start in range(0, len(group["timestamp"]), BLOCK_ROWS):

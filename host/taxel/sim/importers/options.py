@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from taxel.grasp.objects import GraspObject, thesis_objects
+from taxel.grasp.objects import GraspObject, make_thesis_objects
 from taxel.hand import Hand, load_hand
 from taxel.sim.importers.csv_table import Progress, silent
 from taxel.sim.sensor_model import SimSensor
@@ -25,7 +25,7 @@ class ImportOptions:
     """
 
     hand: Hand = field(default_factory=lambda: load_hand("allegro"))
-    objects: Mapping[str, GraspObject] = field(default_factory=thesis_objects)
+    objects: Mapping[str, GraspObject] = field(default_factory=make_thesis_objects)
     object_poses: Mapping[str, FloatArray] = field(default_factory=dict)
     wrist: FloatArray | None = None
     baseline_frames: int | None = None

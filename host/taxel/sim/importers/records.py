@@ -16,7 +16,7 @@ from taxel.grasp.timeline import Phase
 from taxel.hand import Hand
 from taxel.hand.errors import HandGeometryError, format_path, format_value
 from taxel.recording.errors import DatasetError
-from taxel.recording.grasp_checks import Place
+from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_format import BASELINE_FRAMES
 from taxel.recording.grasp_record import GraspRecord
 from taxel.recording.grasp_sensor_model import SensorModel
@@ -60,7 +60,7 @@ class FeltGrasp:
 
 def check_new(path: str | os.PathLike[str], overwrite: bool) -> None:
     """Refuse a file that exists, before any long reading; raises DatasetError."""
-    check_target(Path(path), overwrite, Place(str(path)))
+    check_target(Path(path), overwrite, Location(str(path)))
 
 
 def frame_rate(times: Iterable[FloatArray]) -> float:
@@ -84,7 +84,7 @@ def new_dataset(
 
     Raises DatasetError as the writer does, under the name of `path`.
     """
-    target, place = Path(path), Place(str(path))
+    target, place = Path(path), Location(str(path))
     check_target(target, options.overwrite, place)
     whole = target.with_name(f".{target.name}.import")
     sensor = options.sensor

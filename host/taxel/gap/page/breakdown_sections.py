@@ -1,0 +1,84 @@
+"""The shrink in parts: without each effect, by object and by board, and in the terms of the thesis."""
+
+from __future__ import annotations
+
+from taxel.gap.page.bars import Axis, before_after_bar, share_bar
+from taxel.gap.page.cells import Heading, SectionData, TableData, make_table
+from taxel.gap.page.locations import board_text
+from taxel.gap.page.text import number, readable
+from taxel.gap.report.checked_report import CheckedReport, address_of
+from taxel.gap.report.report_values import ReportValue
+
+_GAP = Heading("Gap of held-out grasps", "pic")
+_COUNTS = Heading("Counts", "n")
+
+
+def ablation_section(report: CheckedReport) -> SectionData | None:
+    """The gap without one effect of the verdict; None if the report has no ablation. Raises GapInputError."""
+    entries = report.root.optional_list("ablation")
+    if not entries:
+        return None
+    complete = report.after.number("value")
+    gaps = [entry.number("gap") for entry in entries]
+    axis = Axis.over([complete, *gaps])
+    rows = [("all effects of the verdict", share_bar(axis, complete, False), number(complete, axis.high), "")]
+    rows += [
+        (
+            f"without {readable(entry.text('without'))}",
+            share_bar(axis, gap, True),
+            number(gap, axis.high),
+            _increase(gap - complete, axis.high),
+        )
+        for entry, gap in zip(entries, gaps, strict=True)
+    ]
+    headings = (Heading("Added effects"), _GAP, _COUNTS, Heading("Increase", "n"))
+    table = make_table(headings, rows, "The gap without each effect", "wide")
+    return SectionData("ablation", "Without each effect", "table", {"table": table})
+
+
+def parts_section(report: CheckedReport) -> SectionData | None:
+    """Before and after by object and by board; None if the report has neither. Raises GapInputError."""
+    root = report.root
+    objects = [(readable(entry.text("name")), entry) for entry in root.optional_list("by_object")]
+    boards = [(board_text(report, address_of(entry)), entry) for entry in root.optional_list("by_sensor")]
+    tables = [table for table in (_part_table("Object", objects), _part_table("Board", boards)) if table]
+    return SectionData("parts", "By object and by board", "parts", {"tables": tables}) if tables else None
+
+
+def _part_table(title: str, entries: list[tuple[str, ReportValue]]) -> TableData | None:
+    if not entries:
+        return None
+    keys = ("before", "after", "floor")
+    numbers = [[entry.optional_number(key) for key in keys] for _, entry in entries]
+    axis = Axis.over(value for row in numbers for value in row)
+    headings = (Heading(title), Heading("", "pic"), *(Heading(key.capitalize(), "n") for key in keys))
+    rows = []
+    for (name, _), (before, after, floor) in zip(entries, numbers, strict=True):
+        bar = None if before is None or after is None else before_after_bar(axis, before, after, floor)
+        rows.append((name, bar, *(number(value, axis.high) for value in (before, after, floor))))
+    return make_table(headings, rows, f"Before and after by {title.lower()}", "parts")
+
+
+def thesis_section(report: CheckedReport) -> SectionData | None:
+    """The gap after each processing step of the thesis; None if the report has none. Raises GapInputError."""
+    entries = report.root.optional_list("thesis_terms")
+    if not entries:
+        return None
+    gaps = [entry.optional_number("gap") for entry in entries]
+    axis = Axis.over(gaps)
+    rows = [
+        (
+            readable(entry.text("step")),
+            None if gap is None else share_bar(axis, gap, True),
+            number(gap, axis.high),
+            number(entry.optional_number("mm")),
+        )
+        for entry, gap in zip(entries, gaps, strict=True)
+    ]
+    headings = (Heading("Step"), Heading("Gap", "pic"), _COUNTS, Heading("Millimetres", "n"))
+    table = make_table(headings, rows, "The gap after the processing steps of the thesis", "wide")
+    return SectionData("thesis", "In the terms of the thesis", "table", {"table": table})
+
+
+def _increase(difference: float, beside: float) -> str:
+    return f"+{number(difference, beside)}" if difference > 0 else number(difference, beside)

@@ -1,0 +1,102 @@
+"""The main figures: gap, floor and shrink."""
+
+from __future__ import annotations
+
+from taxel.gap.page.cells import Cell, Heading, SectionData, make_table
+from taxel.gap.page.text import clean_text, interval, p_equation, percent, plural, with_unit
+from taxel.gap.report.checked_report import CheckedReport
+from taxel.gap.report.report_values import ReportValue
+
+_COUNTS = "counts"
+
+Row = tuple[Cell, Cell]
+
+
+def figures_section(report: CheckedReport) -> SectionData:
+    """The section. Raises GapInputError."""
+    groups = (
+        ("All grasps", _gap_rows(report)),
+        ("Held-out grasps", _after_rows(report)),
+        ("In millimetres", _mm_rows(report)),
+    )
+    tables = [
+        make_table((Heading(title), Heading("Value", "n")), rows, title, "figures") for title, rows in groups if rows
+    ]
+    has_interval = report.gap.optional_interval("ci95") is not None
+    return SectionData("figures", "Figures", "figures", {"tables": tables, "has_interval": has_interval})
+
+
+def _gap_rows(report: CheckedReport) -> list[Row]:
+    gap = report.gap
+    significance = "above the floor" if gap.flag("significant") else "not above the floor"
+    excess = f"gap² minus floor²; {p_equation(gap.optional_number('p_value'))}, {significance}"
+    rows = [
+        _row(gap, "value", "Gap", _COUNTS, "RMS difference of the mean features"),
+        _row(gap, "floor", "Floor", _COUNTS, "gap caused by repeats and sessions alone"),
+        _row(gap, "excess", "Excess", "counts²", excess),
+    ]
+    margin = report.root.optional("margin")
+    if margin is not None and margin.optional_number("excess_counts2") is not None:
+        note = clean_text(margin.optional_text("words")) or "an excess below this value counts as no gap"
+        rows.append(_row(margin, "excess_counts2", "Margin", "counts²", note))
+    return rows
+
+
+def _after_rows(report: CheckedReport) -> list[Row]:
+    after, effects = report.after, _effect_count(report)
+    predicted = after.optional_number("predicted_shrink")
+    prediction = "" if predicted is None or not effects else f"; predicted before this evaluation: {percent(predicted)}"
+    reducible = after.optional_number("reducible_shrink")
+    reducible_note = (
+        "not stated, because the excess before is not significantly positive"
+        if reducible is None
+        else "share of the squared gap above the floor"
+    )
+    added = f"the {plural(effects, 'effect')} of the verdict" if effects else "nothing"
+    return [
+        _row(after, "before", "Before", _COUNTS, "gap of the grasps that were not used for the fit"),
+        _row(after, "value", "After", _COUNTS, f"with {added} added"),
+        _row(after, "floor", "Floor", _COUNTS, "of the same grasps"),
+        (Cell("Shrink", f"share of the gap{prediction}"), Cell(percent(after.optional_number("shrink")))),
+        (Cell("Reducible shrink", reducible_note), Cell(percent(reducible))),
+        *_repeated_search_rows(report),
+    ]
+
+
+def _repeated_search_rows(report: CheckedReport) -> list[Row]:
+    """Agreement of the searches that were repeated without each session."""
+    searches = report.after.optional_list("chosen_inside")
+    if not searches:
+        return []
+    names = set(report.verdict.texts("effects")) - {"unknown"}
+    agreeing = sum({name.as_text() for name in search.items()} == names for search in searches)
+    note = "searches without one session that find the same effects"
+    return [(Cell("Repeated searches", note), Cell(f"{agreeing} of {len(searches)}"))]
+
+
+def _effect_count(report: CheckedReport) -> int:
+    return sum(name != "unknown" for name in report.verdict.texts("effects"))
+
+
+def _mm_rows(report: CheckedReport) -> list[Row]:
+    mm = report.gap.optional("mm")
+    if mm is None or mm.optional_number("value") is None:
+        return []
+    return [
+        _row(mm, "value", "Gap", "mm", "between the clouds of active taxels"),
+        _row(mm, "floor", "Floor", "mm", "between repeats of the same grasp"),
+        _row(
+            mm,
+            "placebo",
+            "Placebo",
+            "mm",
+            "with the same number of randomly activated taxels: the effect of a denser cloud",
+        ),
+    ]
+
+
+def _row(entry: ReportValue, key: str, label: str, unit: str, note: str) -> Row:
+    content = entry.field(key)
+    value = None if content.content is None else content.as_number()
+    bounds = entry.optional_interval("ci95") if key == "value" else None
+    return Cell(label, note), Cell(with_unit(value, unit), interval(bounds, value or 0.0) if bounds else "")

@@ -1,0 +1,264 @@
+"""Drawing of the unrolled hand: each board as its matrix of TX and RX lines, each taxel coloured by its excess.
+
+The drawing is a list of shapes in taxel pitches. The page and the SVG file (templates) and the PNG file (`hand_png.py`)
+draw the same shapes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from taxel.gap.errors import GapInputError
+from taxel.gap.page.board_map import EDGE, Board, PlacedBoard, View, boards_of, views_of
+from taxel.gap.page.colours import DARK, LIGHT, ramp_css, step_css, step_of, top_of
+from taxel.gap.page.locations import line_of
+from taxel.gap.page.rendering import read_resource, render
+from taxel.gap.page.text import is_small, join_words, number, percent, plural, readable
+from taxel.gap.report.checked_report import CheckedReport, address_of
+from taxel.gap.report.report_values import REMEDY, ReportValue
+
+SQUARE = 0.86
+"""Side of a taxel, in taxel pitches."""
+
+FRAME = 0.22
+"""Distance of a board's frame from its taxels."""
+
+MIN_SHARE = 0.01
+"""Smallest share of the excess at which a board is marked."""
+
+STAGES = ("before", "after")
+
+_DESCRIBED_BOARDS = 3
+_SVG_COLOURS = (
+    f":root{{{ramp_css(LIGHT)}--ink:#1b1d22;--muted:#5b606b;--ground:#f7f7f5;--line:#d5d7dc}}"
+    f"@media (prefers-color-scheme:dark){{:root{{{ramp_css(DARK)}--ink:#eceef2;--muted:#a3a9b5;"
+    "--ground:#1b1d22;--line:#3a3e47}}"
+    "text{font-family:system-ui,sans-serif}"
+)
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Marked boards by address, with their share of the excess if known, and marked lines (address, axis, index)."""
+
+    boards: Mapping[int, float | None] = field(default_factory=dict)
+    lines: frozenset[tuple[int, str, int]] = frozenset()
+
+
+@dataclass(frozen=True)
+class Square:
+    """A taxel. x, y: upper left corner in the board. step: of the colour ramp; None without data."""
+
+    x: float
+    y: float
+    size: float
+    step: int | None
+    title: str
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """A rectangle with its upper left corner."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """A triangle at the end of a marked line. points: its three corners in the board, the last one at the line."""
+
+    points: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class Label:
+    """A text with its horizontal middle and its base line."""
+
+    x: float
+    y: float
+    text: str
+
+
+@dataclass(frozen=True)
+class BoardDrawing:
+    """A board. x, y: upper left corner of its taxels in the view; all shapes are relative to this corner."""
+
+    x: float
+    y: float
+    columns: int
+    label: str
+    is_marked: bool
+    frame: Rectangle
+    squares: tuple[Square, ...]
+    arrows: tuple[Arrow, ...]
+    label_y: float = -1.4
+
+
+@dataclass(frozen=True)
+class ViewDrawing:
+    """One picture of the hand. description: the boards with the largest mean excess, for screen readers."""
+
+    title: str
+    width: float
+    height: float
+    headings: tuple[Label, ...]
+    boards: tuple[BoardDrawing, ...]
+    description: str
+    title_x: float = EDGE - 0.2
+    title_y: float = 1.5
+
+
+@dataclass(frozen=True)
+class UnrolledHand:
+    """Data of the pictures of both stages.
+
+    Attributes:
+        views: the pictures of the hand, from left to right.
+        excess: before and after, counts squared, each [n]; NaN where there are no data.
+        top: upper end of the colour scale, counts.
+        marks: before: boards and lines with a small p-value, boards only with a share of at least `MIN_SHARE`; after:
+            boards and lines where an unexplained part remains.
+    """
+
+    views: tuple[View, ...]
+    excess: tuple[list[float], list[float]]
+    top: float
+    marks: tuple[Marks, Marks]
+
+    def draw(self, stage: str) -> tuple[ViewDrawing, ...]:
+        """The drawings of a stage, one for each view."""
+        index = STAGES.index(stage)
+        return tuple(self._draw_view(view, self.excess[index], self.marks[index]) for view in self.views)
+
+    def _draw_view(self, view: View, excess: Sequence[float], marks: Marks) -> ViewDrawing:
+        headings = tuple(Label(heading.x, heading.y, heading.label) for heading in view.headings)
+        boards = tuple(self._draw_board(placed, excess, marks) for placed in view.boards)
+        return ViewDrawing(view.title, view.width, view.height, headings, boards, _describe(view, excess))
+
+    def _draw_board(self, placed: PlacedBoard, excess: Sequence[float], marks: Marks) -> BoardDrawing:
+        board = placed.board
+        frame = Rectangle(-FRAME, -FRAME, board.columns + 2 * FRAME, board.rows + 2 * FRAME)
+        share = marks.boards.get(board.address)
+        label = placed.label if share is None else f"{placed.label} {percent(share)}"
+        squares = tuple(self._draw_squares(board, excess))
+        is_marked = board.address in marks.boards
+        return BoardDrawing(
+            placed.x, placed.y, board.columns, label, is_marked, frame, squares, _draw_arrows(board, marks)
+        )
+
+    def _draw_squares(self, board: Board, excess: Sequence[float]) -> list[Square]:
+        squares, margin, name = [], (1.0 - SQUARE) / 2, readable(board.name)
+        for index, tx, rx in zip(board.index, board.tx, board.rx, strict=True):
+            before, after = (values[index] for values in self.excess)
+            step = None if math.isnan(excess[index]) else step_of(excess[index], self.top)
+            title = f"{name}, TX {tx} RX {rx}: {_counts(before)} before, {_counts(after)} after"
+            squares.append(Square(rx + margin, tx + margin, SQUARE, step, title))
+        return squares
+
+
+def unrolled_hand_of(report: CheckedReport) -> UnrolledHand | None:
+    """Data of the pictures; None if the report has no excess of taxels. Raises GapInputError."""
+    if report.excess is None:
+        return None
+    floors = [report.gap.optional_number("floor"), report.after.optional_number("floor")]
+    top = top_of(report.excess, max((floor for floor in floors if floor is not None), default=0.0))
+    return UnrolledHand(views_of(boards_of(report)), report.excess, top, (_marks_before(report), _marks_after(report)))
+
+
+def require_unrolled_hand(report: Mapping[str, Any]) -> UnrolledHand:
+    """Data of the pictures. Raises GapInputError, also if the report has no excess of taxels."""
+    hand = unrolled_hand_of(CheckedReport(report))
+    if hand is None:
+        raise GapInputError("report: taxel_excess", "taxels and the excess of each", "none", REMEDY)
+    return hand
+
+
+def unrolled_svg(report: Mapping[str, Any], stage: str = "before") -> str:
+    """The unrolled hand of a report as a complete SVG document, light or dark as the reader prefers.
+
+    Args:
+        report: content of `report.json`, as `json.load` returns it.
+        stage: "before", or "after" for the excess with the effects of the verdict added.
+
+    Raises:
+        GapInputError: a report without taxels and their excess, or a malformed field.
+        ValueError: another stage.
+    """
+    if stage not in STAGES:
+        raise ValueError(f"stage: expected one of {', '.join(STAGES)}, found {stage!r}")
+    drawings = require_unrolled_hand(report).draw(stage)
+    height = max(view.height for view in drawings)
+    views, left = [], 0.0
+    for view in drawings:
+        views.append((left, height - view.height, view))
+        left += view.width
+    style = f"{_SVG_COLOURS}{step_css()}{read_resource('hand.css')}"
+    return render("hand.svg", width=left, height=height, stage=stage, style=style, views=views)
+
+
+def _marks_before(report: CheckedReport) -> Marks:
+    where = report.where
+    entries = [entry for entry in where.optional_list("sensors") if _is_marked(entry)]
+    boards = {address_of(entry): entry.number("share") for entry in entries}
+    lines = {line_of(entry) for entry in where.optional_list("lines") if is_small(entry.optional_number("p_value"))}
+    return Marks(boards, frozenset(lines))
+
+
+def _is_marked(entry: ReportValue) -> bool:
+    """Whether a board has a small p-value and at least `MIN_SHARE` of the excess.
+
+    If only noise differs, all boards have a small p-value.
+    """
+    return is_small(entry.optional_number("p_value")) and entry.number("share") >= MIN_SHARE
+
+
+def _marks_after(report: CheckedReport) -> Marks:
+    unexplained = report.root.field("unexplained")
+    if not is_small(unexplained.optional_number("p_value")):
+        return Marks()
+    locations = [
+        location
+        for location in unexplained.optional_list("where")
+        if isinstance(location.content, dict) and location.optional("address")
+    ]
+    lines = {line_of(location) for location in locations if location.optional("axis")}
+    boards = {
+        address_of(location): None
+        for location in locations
+        if not location.optional("axis") and not location.optional("index")
+    }
+    return Marks(boards, frozenset(lines))
+
+
+def _draw_arrows(board: Board, marks: Marks) -> tuple[Arrow, ...]:
+    arrows = []
+    for address, axis, index in sorted(marks.lines):
+        if address == board.address and index < (board.rows if axis == "tx" else board.columns):
+            middle = index + 0.5
+            points = ((middle - 0.34, -0.96), (middle + 0.34, -0.96), (middle, -0.34))
+            arrows.append(Arrow(tuple((y, x) for x, y in points) if axis == "tx" else points))
+    return tuple(arrows)
+
+
+def _describe(view: View, excess: Sequence[float]) -> str:
+    means = []
+    for placed in view.boards:
+        known = [excess[index] for index in placed.board.index if not math.isnan(excess[index])]
+        if known:
+            means.append((sum(known) / len(known), placed.board))
+    largest = sorted(means, key=lambda item: (-item[0], item[1].address))[:_DESCRIBED_BOARDS]
+    boards = [f"{readable(board.name)} ({_counts(mean)})" for mean, board in largest]
+    return f"{plural(len(view.boards), 'board')}; the mean excess is largest on {join_words(boards) or 'none'}."
+
+
+def _counts(excess: float) -> str:
+    """The root of an excess as text."""
+    if math.isnan(excess):
+        return "no data"
+    return f"{number(math.sqrt(excess))} counts" if excess > 0 else "at the floor"

@@ -1,0 +1,118 @@
+"""The unrolled hand before and after as a PNG file, for documents and terminals."""
+
+from __future__ import annotations
+
+import os
+import textwrap
+from collections.abc import Mapping
+from typing import Any
+
+from taxel.gap.page.colours import LIGHT, STEPS
+from taxel.gap.page.hand_drawing import MIN_SHARE, STAGES, BoardDrawing, ViewDrawing, require_unrolled_hand
+from taxel.gap.page.text import SMALL_P, number
+from taxel.gap.report.checked_report import CheckedReport
+
+# Lengths in taxel pitches of the picture, unless the name states another unit.
+_INCHES_PER_PITCH = 0.09
+_DPI = 150
+_TITLE = 5.5  # height of the verdict, two lines
+_CAPTION = 3.0  # height of the caption of a stage
+_SCALE = 7.0  # height of the colour scale
+_GAP = 3.0  # between views
+_RAMP = 30.0  # length of the colour scale
+_LETTERS_PER_PITCH = 0.9
+_MIN_WIDTH = 70.0
+_INK, _MUTED, _EDGE, _GROUND = "#1b1d22", "#5b606b", "#d5d7dc", "#ffffff"
+
+
+def unrolled_png(report: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
+    """Draw the unrolled hand before and after on one colour scale, with the verdict as title, and save it as `path`.
+
+    Args:
+        report: content of `report.json`, as `json.load` returns it.
+        path: the PNG file to write.
+
+    Raises:
+        GapInputError: a report without taxels and their excess, or a malformed field.
+        OSError: the file cannot be written.
+    """
+    hand = require_unrolled_hand(report)
+    checked = CheckedReport(report)
+    verdict = checked.verdict.text("one_line")
+    captions = {
+        "before": f"Before: {number(checked.after.optional_number('before'))} counts",
+        "after": f"After: {number(checked.after.optional_number('value'))} counts",
+    }
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    stage_width = sum(view.width + _GAP for view in hand.views)
+    tallest = max(view.height for view in hand.views)
+    width, height = max(2 * stage_width, _MIN_WIDTH), _TITLE + _CAPTION + tallest + _SCALE
+    figure = plt.figure(figsize=(_INCHES_PER_PITCH * width, _INCHES_PER_PITCH * height), facecolor=_GROUND)
+    axis = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axis.set_xlim(0.0, width)
+    axis.set_ylim(height, 0.0)
+    axis.axis("off")
+    title = textwrap.fill(verdict, int(_LETTERS_PER_PITCH * width), max_lines=2, placeholder=" ...")
+    _write(axis, _GAP, 1.2, title, fontsize=11, fontweight="bold", verticalalignment="top")
+    for index, stage in enumerate(STAGES):
+        left, bottom = _GAP / 2 + index * width / 2, _TITLE + _CAPTION + tallest
+        _write(axis, left + 1.0, _TITLE + 2.0, captions[stage], fontsize=10)
+        for view in hand.draw(stage):
+            _draw_view(axis, view, left, bottom - view.height)
+            left += view.width + _GAP
+    _draw_scale(axis, hand.top, height - _SCALE + 2.0)
+    try:
+        figure.savefig(path, dpi=_DPI, format="png", facecolor=_GROUND, metadata={"Software": None})
+    finally:
+        plt.close(figure)
+
+
+def _draw_view(axis: Any, view: ViewDrawing, left: float, top: float) -> None:
+    _write(axis, left + view.title_x, top + view.title_y, view.title, fontsize=7, color=_MUTED)
+    for heading in view.headings:
+        style = {"fontsize": 7, "fontweight": "bold", "horizontalalignment": "center"}
+        _write(axis, left + heading.x, top + heading.y, heading.text, **style)
+    for board in view.boards:
+        _draw_board(axis, board, left + board.x, top + board.y)
+
+
+def _draw_board(axis: Any, board: BoardDrawing, x: float, y: float) -> None:
+    from matplotlib.collections import PatchCollection
+    from matplotlib.patches import Polygon, Rectangle
+
+    squares = [Rectangle((x + square.x, y + square.y), square.size, square.size) for square in board.squares]
+    colours = ["none" if square.step is None else LIGHT[square.step] for square in board.squares]
+    edges = [_MUTED if square.step is None else "none" for square in board.squares]
+    axis.add_collection(PatchCollection(squares, facecolor=colours, edgecolor=edges, linewidth=0.5))
+    frame = Rectangle((x + board.frame.x, y + board.frame.y), board.frame.width, board.frame.height, facecolor="none")
+    frame.set_edgecolor(_INK if board.is_marked else _EDGE)
+    frame.set_linewidth(1.4 if board.is_marked else 0.7)
+    axis.add_patch(frame)
+    style = {"fontweight": "bold", "color": _INK} if board.is_marked else {"color": _MUTED}
+    middle = x + board.columns / 2
+    _write(axis, middle, y + board.label_y, board.label, fontsize=6.5, horizontalalignment="center", **style)
+    for arrow in board.arrows:
+        axis.add_patch(Polygon([(x + dx, y + dy) for dx, dy in arrow.points], facecolor=_INK, edgecolor="none"))
+
+
+def _draw_scale(axis: Any, top: float, y: float) -> None:
+    from matplotlib.patches import Rectangle
+
+    step = _RAMP / STEPS
+    for index, colour in enumerate(LIGHT):
+        axis.add_patch(Rectangle((_GAP + index * step, y), step, 1.2, facecolor=colour))
+    for share in (0.0, 0.5, 1.0):
+        text = number(share * top)
+        _write(axis, _GAP + share * _RAMP, y + 2.9, text, fontsize=7, color=_MUTED, horizontalalignment="center")
+    marks = f"arrow: line with p < {SMALL_P}; bold frame: board with p < {SMALL_P} and {100 * MIN_SHARE:.0f} % or more"
+    _write(axis, _GAP + _RAMP + 2.5, y + 1.1, f"root of the excess, counts; {marks}", fontsize=7, color=_MUTED)
+
+
+def _write(axis: Any, x: float, y: float, text: str, **style: Any) -> None:
+    """Write a text without mathematical formulas, so that a dollar sign in a name stays a dollar sign."""
+    printable = "".join(letter if letter.isprintable() or letter == "\n" else " " for letter in text)
+    axis.text(x, y, printable, parse_math=False, **{"color": _INK, **style})

@@ -1,0 +1,64 @@
+"""The header of the page: the verdict, the inputs and the links to the sections."""
+
+from __future__ import annotations
+
+from pathlib import PureWindowsPath
+from typing import Any
+
+from taxel.gap.page.glossary import STATUSES
+from taxel.gap.page.text import clean_text, plural, readable
+from taxel.gap.report.checked_report import CheckedReport
+from taxel.gap.report.report_values import ReportValue
+
+AGREEMENT = (
+    "Hand and simulator agree within the variance between repeats of the same grasp. The following figures and "
+    "pictures show noise; none of the locations needs attention."
+)
+SMALL_GAP = (
+    "The difference between hand and simulator is hardly due to chance, but it is smaller than the difference between "
+    "two good simulators of the same hand. The following figures and pictures show where it lies; none of the "
+    "locations needs attention."
+)
+
+
+def header_context(report: CheckedReport) -> dict[str, Any]:
+    """Variables of the header in the template of the page. Raises GapInputError."""
+    inputs = report.root.field("inputs")
+    note = ""
+    if report.is_no_gap:
+        note = SMALL_GAP if report.gap.flag("significant") else AGREEMENT
+    return {
+        "real": clean_text(file_name(inputs.field("real").text("path"))),
+        "sim": clean_text(file_name(inputs.field("sim").text("path"))),
+        "verdict": clean_text(report.verdict.text("one_line")),
+        "status": STATUSES[report.status],
+        "status_class": report.status,
+        "effects": [readable(name) for name in report.verdict.texts("effects") if name != report.status],
+        "note": note,
+        "counts": _counts_text(report),
+    }
+
+
+def file_name(path: str) -> str:
+    """The last component of a path of any operating system."""
+    return PureWindowsPath(path).name or path
+
+
+def _counts_text(report: CheckedReport) -> str:
+    counts = report.root.optional("counts")
+    if counts is None or not counts.table():
+        return ""
+    real, sim = counts.optional("real"), counts.optional("sim")
+    parts = []
+    if real:
+        sessions = f" in {_count(real, 'sessions', 'session')}" if real.optional("sessions") else ""
+        parts.append(f"{_count(real, 'grasps', 'grasp')} on the hand{sessions}")
+    if sim:
+        parts.append(f"{_count(sim, 'grasps', 'grasp')} in the simulator")
+    if counts.optional("cells"):
+        parts.append(f"{_count(counts, 'cells', 'condition')} in common")
+    return ", ".join(parts) + "."
+
+
+def _count(entry: ReportValue, key: str, noun: str) -> str:
+    return plural(entry.field(key).as_integer(0, 10**9), noun)

@@ -1,0 +1,37 @@
+"""The input files, missing data and further notes."""
+
+from __future__ import annotations
+
+from taxel.gap.page.cells import SectionData
+from taxel.gap.page.text import SPACE, clean_text, number, plural
+from taxel.gap.report.checked_report import CheckedReport
+
+
+def inputs_section(report: CheckedReport) -> SectionData:
+    """The section. Raises GapInputError."""
+    inputs = report.root.field("inputs")
+    files = [
+        {
+            "label": label,
+            "path": clean_text(inputs.field(side).text("path")),
+            "sha256": clean_text(inputs.field(side).text("sha256")),
+        }
+        for label, side in (("Hand", "real"), ("Simulator", "sim"))
+    ]
+    context = {
+        "files": files,
+        "seed": report.root.field("seed").as_integer(-(2**255), 2**255),
+        "runtime": runtime_text(report.root.optional_number("runtime_s")),
+        "losses": [clean_text(text) for text in report.root.texts("losses")],
+        "notes": [clean_text(text) for text in report.root.texts("notes")],
+    }
+    return SectionData("inputs", "Inputs", "inputs", context)
+
+
+def runtime_text(seconds: float | None) -> str:
+    """A run time as text."""
+    if seconds is None:
+        return "run time not stated"
+    minutes = int(seconds // 60)
+    text = f"{plural(minutes, 'minute')} {seconds - 60 * minutes:.0f}" if minutes else number(seconds)
+    return f"run time {text}{SPACE}s"

@@ -1,0 +1,79 @@
+"""Shares of the excess by board, line, taxel, phase, object and approach."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from taxel.gap.page.bars import Axis, share_bar
+from taxel.gap.page.cells import Cell, Heading, SectionData, make_table
+from taxel.gap.page.locations import axis_of, board_text, line_of, line_text, taxel_text
+from taxel.gap.page.text import SMALL_P, is_small, p_value, percent, readable
+from taxel.gap.report.checked_report import CheckedReport, address_of
+from taxel.gap.report.report_values import ReportValue
+
+_MAX_INDEX = 2**20
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A list of shares. name: text of an entry. max_rows: number of entries that are shown."""
+
+    title: str
+    entries: list[ReportValue]
+    name: Callable[[ReportValue], str]
+    max_rows: int
+
+
+def location_section(report: CheckedReport) -> SectionData | None:
+    """The section; None if the report has no shares. Raises GapInputError."""
+    panels = [_panel_context(panel) for panel in _panels(report) if panel.entries]
+    if not panels:
+        return None
+    title = "Location of the noise" if report.is_no_gap else "Location of the gap"
+    context = {"panels": panels, "is_no_gap": report.is_no_gap, "small_p": SMALL_P}
+    return SectionData("where", title, "locations", context)
+
+
+def _panels(report: CheckedReport) -> list[Panel]:
+    where = report.where
+    lines = where.optional_list("lines")
+    by_axis = [(axis, [entry for entry in lines if axis_of(entry) == axis]) for axis in ("tx", "rx")]
+    return [
+        Panel("Boards", where.optional_list("sensors"), lambda entry: board_text(report, address_of(entry)), 17),
+        Panel("Phases", where.optional_list("phases"), lambda entry: readable(entry.text("phase")), 10),
+        *(
+            Panel(f"{axis.upper()} lines", entries, lambda entry: line_text(report, line_of(entry)), 8)
+            for axis, entries in by_axis
+        ),
+        Panel("Objects", where.optional_list("objects"), lambda entry: readable(entry.text("name")), 10),
+        Panel("Approaches", where.optional_list("approaches"), _condition_text, 15),
+        Panel("Taxels", where.optional_list("taxels"), lambda entry: taxel_text(report, _index_of(entry)), 8),
+    ]
+
+
+def _condition_text(entry: ReportValue) -> str:
+    return f"{readable(entry.text('object'))}, {readable(entry.text('approach'))}"
+
+
+def _index_of(entry: ReportValue) -> int:
+    return entry.field("index").as_integer(0, _MAX_INDEX)
+
+
+def _panel_context(panel: Panel) -> dict[str, Any]:
+    shares = [entry.number("share") for entry in panel.entries]
+    p_values = [entry.optional_number("p_value") for entry in panel.entries]
+    axis = Axis.over(shares)
+    rows = [
+        (panel.name(entry), share_bar(axis, share, is_small(p)), percent(share), Cell(p_value(p), has_dot=is_small(p)))
+        for entry, share, p in list(zip(panel.entries, shares, p_values, strict=True))[: panel.max_rows]
+    ]
+    headings = (Heading(panel.title), Heading("Share", "pic"), Heading("", "n"), Heading("p", "n"))
+    hidden = shares[panel.max_rows :]
+    return {
+        "table": make_table(headings, rows, f"Shares by {panel.title.lower()}", "shares"),
+        "hidden_count": len(hidden),
+        "hidden_significant": sum(is_small(p) for p in p_values[panel.max_rows :]),
+        "hidden_share": percent(sum(hidden)),
+    }

@@ -1,0 +1,100 @@
+"""Locations of the report as text: boards, lines, taxels, phases."""
+
+from __future__ import annotations
+
+from taxel.gap.page.text import SPACE, readable
+from taxel.gap.report.checked_report import CheckedReport, address_of
+from taxel.gap.report.report_values import ReportValue
+
+_MAX_LINE = 255
+_ADDRESS_KEYS = ("address", "sensor")
+_MAX_LISTED = 12
+
+
+def axis_of(entry: ReportValue) -> str:
+    """The axis of a line: tx or rx."""
+    return entry.choice("axis", ("tx", "rx"))
+
+
+def line_of(entry: ReportValue) -> tuple[int, str, int]:
+    """Address, axis and index of a line."""
+    return address_of(entry), axis_of(entry), entry.field("index").as_integer(0, _MAX_LINE)
+
+
+def board_text(report: CheckedReport, address: int) -> str:
+    """A board by its name, or by its address if the report has no name."""
+    name = report.board_names.get(address)
+    return readable(name) if name else f"board {address}"
+
+
+def line_text(report: CheckedReport, line: tuple[int, str, int]) -> str:
+    """A line as text."""
+    address, axis, index = line
+    return f"{board_text(report, address)}, {axis.upper()}{SPACE}{index}"
+
+
+def taxel_text(report: CheckedReport, index: int) -> str:
+    """A taxel by its board and lines, or by its index if the report has no taxel table."""
+    if report.taxels is None or index >= len(report.taxels[0]):
+        return f"taxel {index}"
+    address, tx, rx = (column[index] for column in report.taxels)
+    return f"{board_text(report, address)}, TX{SPACE}{tx} RX{SPACE}{rx}"
+
+
+def location_text(report: CheckedReport, location: ReportValue) -> str:
+    """Any location as text: a string unchanged; a table by the fields of the lists under `where`."""
+    if isinstance(location.content, str):
+        return readable(location.content)
+    parts = []
+    table = location.table()
+    for key in _ADDRESS_KEYS:
+        if isinstance(table.get(key), int):
+            parts.append(board_text(report, location.field(key).as_integer(0, 255)))
+            break
+        if isinstance(table.get(key), str):
+            parts.append(readable(location.text(key)))
+            break
+    if "axis" in table:
+        parts.append(f"{axis_of(location).upper()}{SPACE}{location.field('index').as_integer(0, _MAX_LINE)}")
+    elif "index" in table:
+        parts.append(taxel_text(report, location.field("index").as_integer(0, 2**20)))
+    elif not parts and "name" in table:
+        parts.append(readable(location.text("name")))
+    parts += [
+        readable(location.text(key)) for key in ("phase", "object", "approach") if isinstance(table.get(key), str)
+    ]
+    if not parts:
+        location.reject("a text, or a table with address, axis and index, phase, object or name")
+    return ", ".join(parts)
+
+
+def effect_locations(report: CheckedReport, effect: ReportValue) -> str:
+    """Locations of a local effect as text; empty if the effect acts everywhere."""
+    where = effect.optional("where")
+    if where is None:
+        return ""
+    texts = [_sensor_text(report, item) for item in where.optional_list("sensors")]
+    texts += [_line_text(report, item) for item in where.optional_list("lines")]
+    texts += [_taxel_text(report, item) for item in where.optional_list("taxels")]
+    hidden = len(texts) - _MAX_LISTED
+    return "; ".join([*texts[:_MAX_LISTED], *([f"{hidden} more"] if hidden > 0 else [])])
+
+
+def _sensor_text(report: CheckedReport, item: ReportValue) -> str:
+    if isinstance(item.content, int):
+        return board_text(report, item.as_integer(0, 255))
+    return location_text(report, item)
+
+
+def _line_text(report: CheckedReport, item: ReportValue) -> str:
+    parts = item.content
+    if isinstance(parts, list) and len(parts) == 3:
+        keys = ("address", "axis", "index")
+        item = ReportValue(dict(zip(keys, parts, strict=True)), item.path)
+    return location_text(report, item)
+
+
+def _taxel_text(report: CheckedReport, item: ReportValue) -> str:
+    if isinstance(item.content, int):
+        return taxel_text(report, item.as_integer(0, 2**20))
+    return location_text(report, item)

@@ -1,0 +1,154 @@
+"""Open questions: confounded effects, the unexplained part, and recommended measurements."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from taxel.gap.page.bars import Axis, share_bar
+from taxel.gap.page.cells import Cell, Heading, SectionData, make_table
+from taxel.gap.page.locations import location_text
+from taxel.gap.page.text import (
+    SMALL_P,
+    clean_text,
+    is_small,
+    join_words,
+    number,
+    p_equation,
+    p_value,
+    percent,
+    readable,
+)
+from taxel.gap.report.checked_report import CheckedReport
+from taxel.gap.report.report_values import ReportValue
+
+_MAX_LOCATIONS = 12
+_MIN_SHOWN_SHARE = 0.01
+_BANK_HEADINGS = (
+    Heading("Distortion"),
+    Heading("Share of the unexplained part", "pic"),
+    Heading("", "n"),
+    Heading("p", "n"),
+)
+_MEANINGS = {
+    "amplitude": "the signal is a nonlinear function of the predicted signal",
+    "lag": "the signal is earlier or later",
+    "history": "release and recovery depend on the preceding load",
+    "radial": "the contact area is wider or narrower",
+    "shift": "the contact area is displaced",
+    "common": "all taxels change together, with or without contact",
+    "board": "boards: factor and offset, or a different signal",
+    "row": "TX lines: a different signal, or the signal of another line",
+    "column": "RX lines: a different signal, or the signal of another line",
+    "taxel": "taxels: factor and offset, or a different signal",
+    "noise": "variation between frames",
+    "missing": "frames are missing",
+    "wander": "unloaded taxels drift after the release",
+    "session": "the sensitivity differs between sessions",
+    "presses": "the sensitivity differs between repeats",
+}
+_SCOPES = {
+    "board": "for each board",
+    "row": "for each TX line",
+    "column": "for each RX line",
+    "taxel": "for each taxel",
+}
+_RECOMMENDATION_HEADINGS = (
+    Heading("Measurement"),
+    Heading("Separates"),
+    Heading("Expected information, bits", "pic"),
+    Heading("", "n"),
+)
+
+
+def confounded_section(report: CheckedReport) -> SectionData | None:
+    """Classes of confounded effects; None if there are none. Raises GapInputError."""
+    table = report.verdict.optional("confounded_with")
+    entries = [] if table is None else [(name, [i.as_text() for i in value.items()]) for name, value in table.entries()]
+    classes = [
+        {"first": readable(name), "others": [readable(other) for other in others]} for name, others in entries if others
+    ]
+    if not classes:
+        return None
+    context = {"classes": classes, "has_recommendation": recommendation_section(report) is not None}
+    return SectionData("confounded", "Confounded effects", "confounded", context)
+
+
+def unexplained_section(report: CheckedReport) -> SectionData:
+    """The part of the gap that the effects of the verdict do not explain. Raises GapInputError."""
+    unexplained = report.root.field("unexplained")
+    p = unexplained.optional_number("p_value")
+    locations = [_location(report, item) for item in unexplained.optional_list("where") if _is_shown(item)]
+    hidden = len(locations) - _MAX_LOCATIONS
+    context = {
+        "signature": clean_text(unexplained.optional_text("signature")),
+        "p_value": p_equation(p),
+        "is_significant": is_small(p),
+        "locations": locations[:_MAX_LOCATIONS] + ([f"{hidden} more locations"] if hidden > 0 else []),
+        "bank": _bank(unexplained.optional_list("bank")) if is_small(p) else None,
+        "small_p": SMALL_P,
+    }
+    return SectionData("unexplained", "Unexplained part", "unexplained", context)
+
+
+def _share_of(location: ReportValue) -> float | None:
+    return location.optional_number("share") if isinstance(location.content, dict) else None
+
+
+def _is_shown(location: ReportValue) -> bool:
+    share = _share_of(location)
+    return share is None or share >= _MIN_SHOWN_SHARE
+
+
+def _location(report: CheckedReport, location: ReportValue) -> str:
+    share = _share_of(location)
+    return location_text(report, location) + ("" if share is None else f": {percent(share)}")
+
+
+def _bank(entries: list[ReportValue]) -> dict[str, Any] | None:
+    """Table of the generic distortions; None if none was tried."""
+    if not entries:
+        return None
+    shares = [entry.number("share") for entry in entries]
+    p_values = [entry.optional_number("p_value") for entry in entries]
+    axis = Axis.over([1.0, *shares])
+    rows = [
+        (_distortion(entry), share_bar(axis, share, is_small(p)), percent(share), p_value(p))
+        for entry, share, p in zip(entries, shares, p_values, strict=True)
+        if share >= _MIN_SHOWN_SHARE
+    ]
+    small = [
+        readable(entry.text("name")) for entry, share in zip(entries, shares, strict=True) if share < _MIN_SHOWN_SHARE
+    ]
+    return {
+        "table": make_table(_BANK_HEADINGS, rows, "Generic distortions", "wide") if rows else None,
+        "small": join_words(small),
+    }
+
+
+def _distortion(entry: ReportValue) -> Cell:
+    name, scope = entry.text("name"), entry.optional_text("scope")
+    meaning = _MEANINGS.get(name, "")
+    if scope != name and meaning:
+        meaning = ", ".join(part for part in (meaning, _SCOPES.get(scope, "")) if part)
+    return Cell(readable(name), meaning)
+
+
+def recommendation_section(report: CheckedReport) -> SectionData | None:
+    """The recommended measurements; None if the report has none. Raises GapInputError."""
+    measurements = report.root.optional_list("next_presses")
+    if not measurements:
+        return None
+    gains = [measurement.optional_number("gain") for measurement in measurements]
+    axis = Axis.over(gains)
+    rows = [
+        (
+            clean_text(measurement.text("press")),
+            join_words([readable(name) for name in measurement.texts("separates")]),
+            None if gain is None else share_bar(axis, gain, True),
+            number(gain, 1.0),
+        )
+        for measurement, gain in zip(measurements, gains, strict=True)
+    ]
+    caption = "Measurements with the largest expected information first"
+    table = make_table(_RECOMMENDATION_HEADINGS, rows, caption, "recommendations")
+    return SectionData("next", "Recommended measurements", "table", {"table": table})

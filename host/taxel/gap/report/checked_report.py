@@ -1,0 +1,110 @@
+"""A gap report whose fields are checked when they are read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+from taxel.gap.errors import GapInputError
+from taxel.gap.report.report_values import REMEDY, ReportValue
+from taxel.hand.errors import format_value
+
+FORMAT = "taxel-gap-report"
+VERSION = 1
+
+STATUSES = ("no_gap", "explained", "partly_explained", "unknown")
+
+_MAX_TAXELS = 2**20
+_MAX_ADDRESS = 255
+_MAX_LINE = 255
+
+
+class CheckedReport:
+    """The report of a diagnosis.
+
+    Attributes: root, all fields of the report.
+
+    Raises GapInputError: the content is not a report, or a report of another version. Every property raises the same
+    error for the fields that it reads.
+    """
+
+    def __init__(self, content: Mapping[str, Any]) -> None:
+        self.root = ReportValue(dict(content) if isinstance(content, Mapping) else content)
+        for key, expected in (("format", FORMAT), ("version", VERSION)):
+            found = self.root.field(key).content
+            if type(found) is not type(expected) or found != expected:
+                raise GapInputError(f"report: {key}", repr(expected), format_value(found), REMEDY)
+
+    @cached_property
+    def verdict(self) -> ReportValue:
+        """The fields of the verdict."""
+        return self.root.field("verdict")
+
+    @cached_property
+    def status(self) -> str:
+        """One of `STATUSES`."""
+        return self.verdict.choice("status", STATUSES)
+
+    @property
+    def is_no_gap(self) -> bool:
+        """Whether the two datasets agree."""
+        return self.status == "no_gap"
+
+    @cached_property
+    def gap(self) -> ReportValue:
+        """The gap over all grasps."""
+        return self.root.field("gap")
+
+    @cached_property
+    def after(self) -> ReportValue:
+        """The gap of the held-out grasps with the effects of the verdict added."""
+        return self.root.field("after")
+
+    @cached_property
+    def where(self) -> ReportValue:
+        """Shares of the excess by location."""
+        return self.root.field("where")
+
+    @cached_property
+    def effects(self) -> list[ReportValue]:
+        """All candidate effects in the order of the catalogue."""
+        return self.root.field("effects").items()
+
+    @cached_property
+    def board_names(self) -> dict[int, str]:
+        """Names of the boards by address, as the report gives them."""
+        entries = self.root.optional_list("sensors") + self.where.optional_list("sensors")
+        return {address_of(entry): entry.text("name") for entry in reversed(entries)}
+
+    @cached_property
+    def taxels(self) -> tuple[list[int], list[int], list[int]] | None:
+        """Address, TX and RX line of each taxel, each [n]; None if the report does not contain them."""
+        table = self.root.optional("taxels")
+        if table is None or not table.table():
+            return None
+        address = table.integers("sensor", 0, _MAX_ADDRESS)
+        lines = [table.integers(axis, 0, _MAX_LINE) for axis in ("tx", "rx")]
+        for axis, indices in zip(("tx", "rx"), lines, strict=True):
+            if len(indices) != len(address):
+                where = f"report: taxels.{axis}"
+                raise GapInputError(where, f"{len(address)} integers, as in taxels.sensor", str(len(indices)), REMEDY)
+        if len(address) > _MAX_TAXELS:
+            raise GapInputError("report: taxels.sensor", f"at most {_MAX_TAXELS} taxels", str(len(address)), REMEDY)
+        if len(set(zip(address, *lines, strict=True))) != len(address):
+            raise GapInputError("report: taxels", "each crossing once", "a repeated crossing", REMEDY)
+        return (address, lines[0], lines[1]) if address else None
+
+    @cached_property
+    def excess(self) -> tuple[list[float], list[float]] | None:
+        """Excess of each taxel before and after, counts squared, each [n]; NaN where there are no data."""
+        table = self.root.optional("taxel_excess")
+        if self.taxels is None or table is None or not table.table():
+            return None
+        count = len(self.taxels[0])
+        return table.numbers("before", count), table.numbers("after", count)
+
+
+def address_of(entry: ReportValue) -> int:
+    """The board address of an entry."""
+    return entry.field("address").as_integer(0, _MAX_ADDRESS)

@@ -1,0 +1,71 @@
+"""Hold signals and labels of a generated folder, shard after shard, for a learner."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.cloud.contacts import count_baseline_frames
+from taxel.generate.errors import FolderError
+from taxel.generate.folder import FORMAT
+from taxel.generate.index import INDEX
+from taxel.generate.shard import read_table
+from taxel.hand.errors import format_path
+from taxel.recording.grasp import Grasp
+from taxel.recording.grasp_dataset import GraspDataset
+from taxel.types import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Holds:
+    """Hold phases of g grasps. signal_counts: f64[g, n], mean over hold, 0 for a taxel without a valid hold frame.
+    label: str[g], kind of the object.
+    """
+
+    signal_counts: FloatArray
+    label: NDArray[np.str_]
+
+
+def list_shards(folder: Path) -> list[Path]:
+    """The shards of a complete folder, in order. Raises FolderError for a folder without an index."""
+    path = folder / INDEX
+    try:
+        index = json.loads(path.read_bytes())
+        if index["format"] != FORMAT:
+            raise ValueError(index["format"])
+        return [folder / shard["file"] for shard in index["shards"]]
+    except (OSError, ValueError, KeyError, TypeError):
+        remedy = "run taxel generate again until it is complete"
+        raise FolderError(format_path(path), "/", "the index of a generated folder", "none", remedy) from None
+
+
+def read_generated_grasps(folder: Path) -> Iterator[tuple[Grasp, str]]:
+    """Every grasp of a folder with its label. A grasp is readable until the next one is requested."""
+    for path in list_shards(folder):
+        labels = read_table(path).label
+        with GraspDataset(path) as data:
+            yield from zip(data, labels, strict=True)
+
+
+def read_generated_holds(folder: Path) -> Holds:
+    """Hold signals and labels of a generated folder."""
+    return _holds_of(read_generated_grasps(folder))
+
+
+def read_dataset_holds(path: Path) -> Holds:
+    """Hold signals of any grasp dataset, such as one of the emulated hand; the labels are the names of the objects."""
+    with GraspDataset(path) as data:
+        return _holds_of((grasp, grasp.object) for grasp in data)
+
+
+def _holds_of(grasps: Iterator[tuple[Grasp, str]]) -> Holds:
+    signals, labels = [], []
+    for grasp, label in grasps:
+        signals.append(np.nan_to_num(grasp.mean_hold_signal(max(count_baseline_frames(grasp), 1))))
+        labels.append(label)
+    return Holds(np.array(signals), np.array(labels))

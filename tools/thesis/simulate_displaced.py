@@ -1,0 +1,57 @@
+"""Simulated campaign with the object poses of the emulated hand, the input of `tools/thesis/search_settings.py`.
+
+--share scales the pose variation of `taxel.thesis.settings`, equally for all objects.
+
+Example: python tools/thesis/simulate_displaced.py out/displaced_0.8.h5 --share 0.8
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.campaign.setup import Setup
+from taxel.campaign.simulated import SimSettings, simulate_planned_grasp
+from taxel.campaign.store import open_campaign_writer
+from taxel.campaign.variation import Variation, sample_grasp_variation
+from taxel.grasp.plan import make_thesis_plan
+from taxel.sim.closing import RATE_HZ
+from taxel.thesis.settings import OBJECT_VARIATION, THESIS_PLACEMENTS
+
+
+@dataclass(frozen=True)
+class EmulatedVariation(Variation):
+    """Variation with the unit samples of a grasp on the emulated hand, in place of those of the simulator."""
+
+    unit_samples: tuple[float, ...] = ()
+
+    def apply(self, draw: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        """Offset of the object and factor on the torque, see `Variation.apply`; the argument is ignored."""
+        return super().apply(np.array(self.unit_samples))
+
+
+def main() -> None:
+    """Simulate the campaign."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path, help="dataset to write")
+    parser.add_argument("--share", type=float, default=1.0, help="factor on the pose variation")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the campaign of the emulated hand")
+    options = parser.parse_args()
+    object_m, object_rad = (options.share * std for std in (OBJECT_VARIATION.object_m, OBJECT_VARIATION.object_rad))
+    setup, settings = Setup(placements=THESIS_PLACEMENTS), SimSettings(seed=options.seed + 1)
+    model = settings.sensor.told(settings.sensing.stiffness_n_per_m, "uncoupled")
+    with open_campaign_writer(
+        options.out, "sim", setup, RATE_HZ, settings.describe(), overwrite=True, sensor_model=model
+    ) as out:
+        for planned in make_thesis_plan(options.seed):
+            samples = tuple(sample_grasp_variation(options.seed, planned.id).tolist())
+            variation = EmulatedVariation(object_m=object_m, object_rad=object_rad, unit_samples=samples)
+            out.add(simulate_planned_grasp(setup, planned, replace(settings, variation=variation)), planned.id)
+
+
+if __name__ == "__main__":
+    main()
