@@ -119,7 +119,7 @@ class Page:
         data = base64.b64decode(self.send_command("Page.captureScreenshot", format="png")["data"])
         self.png = data
         pixels = matplotlib.image.imread(io.BytesIO(data), format="png")[..., :3]
-        picture: NDArray[np.uint8] = np.rint(255 * pixels).astype(np.uint8)
+        picture: ByteArray = np.rint(255 * pixels).astype(np.uint8)
         return picture
 
     def close(self) -> None:

@@ -88,9 +88,8 @@ def print_tables(results: dict[str, Result]) -> None:
     """Print three tables as Markdown, then every deviation from the expected result."""
     _print_files(results)
     _print_speed(results)
-    print(
-        "\n| library | version | licence | import, s | installed, MB | with dependencies, MB |\n|---|---|---|---|---|---|"
-    )
+    print("\n| library | version | licence | import, s | installed, MB | with dependencies, MB |")
+    print("|---|---|---|---|---|---|")
     for name, result in results.items():
         if "version" in result:
             sizes = f"{result['size_mb']:.1f} | {result['size_with_dependencies_mb']:.1f}"

@@ -83,7 +83,7 @@ def filter_cloud(
 ) -> None:
     """Filter a cloud by signal, then by statistical outlier removal with the definition of CloudCompare.
 
-    Example: taxel cloud filter out/cylinder.ply --out out/clean.ply --threshold-counts 190 --sor-points 20 --sor-sigma 2
+    Example: taxel cloud filter out/cylinder.ply --out clean.ply --threshold-counts 190 --sor-points 20 --sor-sigma 2
     """
     require_new_file(out, overwrite)
     if (sor_points is None) != (sor_sigma is None):

@@ -32,8 +32,9 @@ Anywhere = Annotated[
 UNITS: Final = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 
 LARGEST_SIZE_RATIO: Final = 50.0
-"""Ratio of the sizes of mesh and cloud, or its inverse, above which the mesh is assumed to be in another unit. The units
-differ by factors of 10 to 1000; a cloud covers at least a few per cent of its object.
+"""Ratio of the sizes of mesh and cloud, or its inverse, above which the mesh is assumed to be in another unit.
+
+The units differ by factors of 10 to 1000; a cloud covers at least a few per cent of its object.
 """
 
 
@@ -65,5 +66,6 @@ def check_scale(cloud: ContactCloud, mesh: TriangleMesh) -> None:
     if extent > 0.0 and not 1.0 / LARGEST_SIZE_RATIO < mesh.size / extent < LARGEST_SIZE_RATIO:
         sizes = f"mesh {mesh.size:.3g} m, cloud {extent:.3g} m"
         raise TaxelError(
-            f"{mesh.name}: expected a mesh of about the size of the cloud, found {sizes}; give the unit of the mesh with --unit"
+            f"{mesh.name}: expected a mesh of about the size of the cloud, found {sizes}; "
+            "give the unit of the mesh with --unit"
         )

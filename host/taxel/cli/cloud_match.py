@@ -90,7 +90,12 @@ def match(
                 show("matching", len(matches), total)
                 part = cloud.select_approach(approach) if approach else cloud
                 result = match_cloud(
-                    part, models, in_model_frame=not anywhere, likelihoods=likelihoods, bootstrap_samples=resamples, seed=seed
+                    part,
+                    models,
+                    in_model_frame=not anywhere,
+                    likelihoods=likelihoods,
+                    bootstrap_samples=resamples,
+                    seed=seed,
                 )
                 matches.append(CloudMatch(path, true_object, approach, result))
         show("matching", total, total)

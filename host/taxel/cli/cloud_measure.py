@@ -101,8 +101,12 @@ def sweep(
         solid = TriangleMesh(
             f"{dataset}, {object_name}", data.objects[object_name].vertices, data.objects[object_name].faces
         )
-        force = sweep_force_filter(cloud, solid, object_name, progress=lambda done, total: show("force filter", done, total))
-        sor = sweep_outlier_filter(cloud, solid, object_name, progress=lambda done, total: show("outlier filter", done, total))
+        force = sweep_force_filter(
+            cloud, solid, object_name, progress=lambda done, total: show("force filter", done, total)
+        )
+        sor = sweep_outlier_filter(
+            cloud, solid, object_name, progress=lambda done, total: show("outlier filter", done, total)
+        )
     out.mkdir(parents=True, exist_ok=True)
     paths[0].write_text(format_csv(force))
     paths[1].write_text(format_csv(sor))

@@ -67,7 +67,7 @@ def count_bar(console: Console, title: str, unit: str) -> Iterator[ShowCount]:
 
 @contextmanager
 def spinner(title: str) -> Iterator[Callable[[str], None]]:
-    """A spinner on standard error, for work of unknown length; gone at the end. Yields a function that sets the title."""
+    """A spinner on standard error for work of unknown length, erased at the end. Yields a setter of its title."""
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
     with Progress(*columns, console=_stderr_console(), transient=True) as progress:
         task = progress.add_task(title)

@@ -34,8 +34,8 @@ def ros(
 ) -> None:
     """Publish a skin as ROS topics.
 
-    Topics: one for each sensor, the TF tree, joint states, activations, contact cloud and diagnostics. The first 100 poll
-    cycles are the baseline, during which nothing may touch the skin. Needs rospy (ROS 1) or rclpy (ROS 2).
+    Topics: one for each sensor, the TF tree, joint states, activations, contact cloud and diagnostics. The first 100
+    poll cycles are the baseline, during which nothing may touch the skin. Needs rospy (ROS 1) or rclpy (ROS 2).
 
     Example: taxel ros "emulator:" --seconds 1
     """

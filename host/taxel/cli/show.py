@@ -22,7 +22,8 @@ def show(
 ) -> None:
     """Draw the contact points of a grasp dataset.
 
-    One picture shows the accumulated contact points of each object, the other the active and inactive taxels of a grasp.
+    One picture shows the accumulated contact points of each object, the other the active and inactive taxels of a
+    grasp.
 
     Example: taxel show out/campaign/real.h5 out/campaign/sim.h5 --out out/show
     """

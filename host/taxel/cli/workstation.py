@@ -17,7 +17,7 @@ from taxel.skin import open_skin
 def open_workstation(arm: str, can: str, skin: str, hand: Hand) -> Iterator[Workstation]:
     """The arm, the Allegro hand and the skin of a physical campaign, closed at the end of the block.
 
-    arm: `rtde:HOST` or `simulated`. can: CAN channel of the hand. skin: URL of the skin. Raises `TaxelError` of one line
+    arm: `rtde:HOST` or `simulated`. can: CAN channel of the hand. skin: URL of the skin. Raises `TaxelError`
     for a device that cannot be opened.
     """
     kind, _, host = arm.partition(":")

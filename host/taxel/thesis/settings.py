@@ -1,8 +1,8 @@
 """Settings of the emulated hand, the simulator and the contact propagation for the reproduction of chapter 5.
 
 The thesis states neither the sizes of its noise, coupling and contact spread nor the reach of its contact propagation.
-The values were found with `tools/thesis/search_settings.py`. The knee of the counts, the noisier board, the depth of the
-brackets, the layer of the simulator and the press on the triangular prism were then chosen on whole campaigns
+The values were found with `tools/thesis/search_settings.py`. The knee of the counts, the noisier board, the depth of
+the brackets, the layer of the simulator and the press on the triangular prism were then chosen on whole campaigns
 (docs/thesis.md). All settings except that press and the position factors of the objects are the same for all objects.
 """
 
@@ -46,8 +46,8 @@ def build_effects(board_names: Iterable[str]) -> tuple[str, ...]:
 
 
 POSITION_FACTORS: Final = (("rectangular_prism", 0.68), ("cylinder", 0.77), ("triangular_prism", 1.1))
-"""Factors on the standard deviations of `OBJECT_VARIATION` for each object, found with `tools/thesis/search_settings.py` and
-changed by a few hundredths on whole campaigns."""
+"""Factors on the standard deviations of `OBJECT_VARIATION` for each object, found with
+`tools/thesis/search_settings.py` and changed by a few hundredths on whole campaigns."""
 
 OBJECT_VARIATION: Final = Variation(object_m=3.4e-3, object_rad=0.04, objects=POSITION_FACTORS)
 """Variation of the object pose in the emulated experiment: objects placed by hand, errors of arm, hand and calibration.

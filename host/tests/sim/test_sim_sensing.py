@@ -27,7 +27,9 @@ ROUNDING_N = 1e-6
 @cache
 def motion():
     approach = next(
-        a for a in make_thesis_approaches(withdraw_m=0.02) if (a.object, a.name) == ("rectangular_prism", "narrow_side_1")
+        a
+        for a in make_thesis_approaches(withdraw_m=0.02)
+        if (a.object, a.name) == ("rectangular_prism", "narrow_side_1")
     )
     return simulate_grasp(build_scene(HAND, ITEM, "palm"), approach, LINE, rate_hz=5.0)
 
