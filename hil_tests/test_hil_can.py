@@ -149,7 +149,7 @@ def test_a_hand_that_does_not_answer_is_refused_when_it_is_opened(rig: Rig) -> N
     rig.can_faults.silence(True)
     bus = rig.can.open()
     with (
-        pytest.raises(AllegroSilentError, match="no answer"),
+        pytest.raises(AllegroSilentError, match="no reply"),
         AllegroHand(bus, clock=rig.can.now_s, advance=rig.can.let_pass),
     ):
         pass

@@ -33,7 +33,7 @@ def run_to_image(part: Part, device: str, slot: int) -> None:
 
 
 def run_to_main_loop(part: Part) -> None:
-    part.run_until(lambda: part.enabled != 0 and not part.is_masked and part.message[IMO_TRIM2] == 53, 200)
+    part.run_until(lambda: part.enabled != 0 and not part.is_masked and part.words[IMO_TRIM2] == 53, 200)
     part.run(50)
 
 
@@ -98,7 +98,7 @@ def test_an_image_reads_its_vectors_from_ram(flash_with, device, slot):
     run_to_image(part, device, slot)
     run_to_main_loop(part)
     begin = slot_address(device, slot)
-    assert part.message[CPUSS_CONFIG] & 1
+    assert part.words[CPUSS_CONFIG] & 1
     assert part.ram(0, 128) == part.flash(begin + 32, 128)
     assert part.vectors[0] == 0x20001000
     handlers = {vector for vector in part.vectors[1:] if vector}
@@ -110,8 +110,8 @@ def test_an_image_runs_at_48_mhz_with_the_flash_at_24_mhz(flash_with, device):
     part = Part(SOFTWARE, flash_with(device, "a", bytes([0, NONE, 3, 3])))
     run_to_image(part, device, 0)
     run_to_main_loop(part)
-    assert part.message[IMO_TRIM2] == 53
-    assert part.message[CLK_SELECT] >> 18 & 1
+    assert part.words[IMO_TRIM2] == 53
+    assert part.words[CLK_SELECT] >> 18 & 1
 
 
 @pytest.mark.parametrize("cause", [POWER_ON, 1 << 0, 1 << 1, SOFTWARE])
@@ -119,13 +119,13 @@ def test_the_bootloader_clears_the_reset_cause_and_passes_it_to_the_image(flash_
     part = Part(cause, flash_with("board", "a", bytes([0, NONE, 3, 3])))
     part.run(5)
     assert int.from_bytes(part.ram(HANDOVER + 4, 4), "little") == cause
-    assert part.message[0x400B0300] == 0
+    assert part.words[0x400B0300] == 0
 
 
 def test_the_serial_block_is_disabled_before_the_image_starts(flash_with):
     for device, control in (("board", SCB0_CTRL), ("hub", SCB1_CTRL)):
         part = Part(SOFTWARE, flash_with(device, "a", bytes([0, NONE, 3, 3])))
-        part.run_until(lambda part=part, control=control: part.message[control] != 0)
+        part.run_until(lambda part=part, control=control: part.words[control] != 0)
         writes: list[int] = []
         part.on_write[control] = writes.append
         run_to_image(part, device, 0)

@@ -142,7 +142,7 @@ def test_the_slave_is_disabled_while_a_row_is_written(listening_board):
 
 def test_a_bootloader_responds_after_a_bus_error(listening_board):
     part, bus = listening_board
-    bus.begin(UNSET, reading=False)
+    bus.start(UNSET, reading=False)
     bus.raise_event(INTR_S, BUS_ERROR)
     part.run()
     bus.raise_event(INTR_S, 0)
@@ -233,7 +233,7 @@ def test_a_commanded_restart_passes_the_stay_request_to_the_bootloader(scanning_
 
 def test_the_capacitor_and_the_bus_share_one_port(scanning_board):
     part, _, _ = scanning_board()
-    assert part.message[0x40010010] == 0x6EE
+    assert part.words[0x40010010] == 0x6EE
 
 
 class Host:
@@ -312,7 +312,7 @@ def test_a_hub_releases_a_bus_whose_sda_is_held_low(flash_with):
     host.send_frame(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
     host.run_until(lambda: len(edges) >= 5)
     host.part.run(100)
-    assert host.part.message[0x40010010] == 0xEE  # the pins are connected to the I2C block again
+    assert host.part.words[0x40010010] == 0xEE  # the pins are connected to the I2C block again
     probed = len(host.bus.probed)
     host.run_until(lambda: len(host.bus.probed) > probed + 10)
 

@@ -79,7 +79,7 @@ def angle(judge) -> float:
 
 def test_a_force_ladder_comes_first_where_presses_of_one_force_tell_two_effects_alike(gentle, world, tmp_path):
     found = next_presses(stiff_or_gain(gentle[1]))
-    assert found.line == "Not told apart so far: stiffness from gain mismatch."
+    assert found.line == "Confounded so far: stiffness and gain mismatch."
     assert len(found.presses) == 10
     first = found.presses[0]
     assert (first.press.force_scale, first.separates) == (3.0, (STIFF, GAIN))
@@ -121,7 +121,7 @@ def test_a_press_sets_two_effects_apart_by_what_neither_can_do_with_all_presses(
 def test_where_nothing_is_confounded_presses_are_ranked_by_intervals(world, tmp_path):
     judge = judge_of(world(tmp_path, effect=late, cells=4, sessions=3))
     found = next_presses(findings_of(judge, plain(judge, Latency(), 0.05)), most=40)
-    assert found.line.startswith("Nothing is confounded")
+    assert found.line.startswith("No effects are confounded")
     first = found.presses[0]
     assert first.separates[0].startswith("seconds of latency, ")
     assert "standard error" in first.why
@@ -139,13 +139,13 @@ def test_what_is_felt_before_contact_is_asked_for_with_the_object_held_off(gentl
     found = next_presses(Findings(judge, Chain((link,)), ("proximity",), {}, ()), most=100)
     off = [one for one in found.presses if one.press.apart_mm]
     assert off
-    assert off[0].press.words.endswith("held 2 mm off")
+    assert off[0].press.words.endswith("held at a distance of 2 mm")
 
 
 def test_without_a_named_effect_no_press_is_asked_for(gentle):
     found = next_presses(Findings(gentle[1], Chain(), (), {}, ()))
     assert found.presses == ()
-    assert "No effect was named" in found.line
+    assert "The verdict has no effect" in found.line
 
 
 def test_approaches_that_were_only_simulated_are_ranked_with_the_others(gentle, world, tmp_path):
@@ -187,7 +187,7 @@ def test_the_report_holds_the_presses_and_the_page_shows_them(diagnosed, tmp_pat
     assert any(not one["recorded"] for one in presses)
     write_page(report, tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
-    assert "What to press next" in page
+    assert "Recommended measurements" in page
     assert presses[0]["press"] in page
 
 
@@ -217,13 +217,14 @@ def test_what_does_not_answer_has_no_value_to_be_told(capsys, world, tmp_path):
     capsys.readouterr()
     assert json.loads((tmp_path / "report.json").read_text())["next_presses"] == []
     assert exit_status("gap", "next", tmp_path / "report.json") == 0
-    assert "no value that a press could tell more of" in capsys.readouterr().out
+    assert "no parameters that a further grasp could determine" in capsys.readouterr().out
 
 
 def test_bad_input_is_one_line(capsys, diagnosed, gentle, tmp_path):
     paths, report = diagnosed
     assert "SIM.h5" in refusal(capsys, "gap", "next", paths[0])
-    assert "Invalid value for '--top'" in refusal(capsys, "gap", "next", report, "--top", 0)
+    assert exit_status("gap", "next", report, "--top", 0) == 2
+    assert "'--top'" in capsys.readouterr().err
     assert "no-such" in refusal(capsys, "gap", "next", tmp_path / "no-such.json")
     assert "/source" in refusal(capsys, "gap", "next", report, "--candidates", paths[0])
     assert "sim.h5" in refusal(capsys, "gap", "next", report, "--candidates", tmp_path / "sim.h5")

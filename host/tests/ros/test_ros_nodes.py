@@ -34,11 +34,11 @@ from taxel.ros.pace import Pace
 from taxel.skin import open_skin
 node = open_node(1)
 with open_skin("file:" + sys.argv[1]) as skin:
-    publish_skin(skin, node, joint_angles(sys.argv[2]), None, 0.0, Pace(3.0))
+    publish_skin(skin, node, joint_angles(sys.argv[2]), None, None, Pace(3.0))
 input()  # latched topics exist as long as the node
 node.close()
 """
-EXAMPLE = "from taxel.cli.ros import ros; ros('emulator:', None, '', '', 1, 1.0)"  # taxel ros "emulator:" --seconds 1
+EXAMPLE = "from taxel.cli.ros import ros; ros('emulator:', version=1, seconds=1.0)"  # taxel ros "emulator:" --seconds 1
 
 
 def missing_ros1_part():
