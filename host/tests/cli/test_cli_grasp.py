@@ -33,7 +33,7 @@ SHORT = Timeline(baseline_s=0.6, closing_s=1.0, hold_s=0.5, release_s=0.5, recov
         (["--source", "emulated", "--effect", "best"], "taxel: effects: expected thesis, none, or lines "),
         (["--source", "both", "--effect", "best"], "taxel: effects: expected thesis, none, or lines "),
         (["--source", "physical", "--arm", "ur5e"], "taxel: --arm: expected rtde:HOST or simulated, found 'ur5e'"),
-        (["--source", "physical", "--arm", "simulated", "--can", "usb"], "taxel: usb: is not the URL of a CAN channel; "),
+        (["--source", "physical", "--arm", "simulated", "--can", "usb"], "taxel: usb: is not the URL of a CAN channel"),
         (["--source", "sim", "--calibration", "missing.toml"], "taxel: missing.toml: "),
     ],
 )
