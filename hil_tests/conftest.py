@@ -1,7 +1,5 @@
 """Which rig the tests run on, and the table of what ran."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """Hours of virtual time with random faults: `python -m hil_tests.soak --hours 24 --seed 1` (`make soak HOURS=24`)."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import secrets

@@ -1,7 +1,5 @@
 """Many runs of the state machine: `python -m hil_tests.states --runs 20000` (`make fuzz-states`)."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import secrets

@@ -1,7 +1,5 @@
 """Executed images: counts of native boards, coherent snapshots at any instant, a program that works after any cut."""
 
-from __future__ import annotations
-
 import json
 import struct
 import sys

@@ -1,7 +1,5 @@
 """The hub takes new firmware over its UART, and keeps the old until the new one has shown that it works."""
 
-from __future__ import annotations
-
 import struct
 
 import pytest

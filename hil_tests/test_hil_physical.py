@@ -1,7 +1,5 @@
 """The suite again, on the drivers for real ports: they stand on a fake /dev here, and know nothing of it."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Commands, faults and time in any order. TAXEL_STATE_RUNS and TAXEL_STATE_SEED make it long (`make fuzz-states`)."""
 
-from __future__ import annotations
-
 import os
 
 from hypothesis import HealthCheck, seed, settings

@@ -5,8 +5,6 @@ beside this file). The test set comes from the emulated hand with the effects th
 campaign, with another seed: other sessions, other variation, other noise. No parameter is fitted to the test set.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence

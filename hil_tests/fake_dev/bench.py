@@ -1,7 +1,5 @@
 """A bench in real time, for drivers that know nothing of virtual ones."""
 
-from __future__ import annotations
-
 import contextlib
 import selectors
 import socket

@@ -1,7 +1,5 @@
 """Every fault on the wires: how it is made, and what must come of it (docs/faults-on-the-wires.md is made of this)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A host that waits for nothing: it sends what it is told to, and keeps what arrives."""
 
-from __future__ import annotations
-
 from taxel.link import Link
 from taxel.stream import TaxelFrame
 from taxel.stream.frame_stream import FrameStream

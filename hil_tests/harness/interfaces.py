@@ -1,7 +1,5 @@
 """The wires and hands of a rig. A driver implements one of these; a rig has those that it can."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, Protocol
 

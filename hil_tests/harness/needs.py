@@ -1,7 +1,5 @@
 """What a test needs of a rig, and what is said where a rig does not have it."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 import pytest

@@ -1,7 +1,5 @@
 """A rig: the drivers of what stands on the bench, and what it can therefore do."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field

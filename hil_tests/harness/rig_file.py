@@ -1,7 +1,5 @@
 """The rig file: which boards, wires and hands stand on the bench. hil_tests/rigs/README.md describes it."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field

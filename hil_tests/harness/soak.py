@@ -4,8 +4,6 @@ What is missing is seen from the outside, in the frames alone: gaps in a board's
 new. What was injected, and when, is known here. The two meet in `Soak._explain`.
 """
 
-from __future__ import annotations
-
 import itertools
 import random
 import resource

@@ -1,7 +1,5 @@
 """What goes wrong in a soak."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable
 from typing import Final

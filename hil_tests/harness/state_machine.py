@@ -1,7 +1,5 @@
 """Commands, faults and time in any order, on an emulated skin with known counts: what must hold after every step."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What ran where: the table at the end of the suite."""
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 

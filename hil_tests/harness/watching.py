@@ -1,7 +1,5 @@
 """Frames of a rig over a time, and whether they are the right ones."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from hil_tests.harness.rig import Rig

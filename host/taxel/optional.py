@@ -4,8 +4,6 @@ The core of the package needs numpy, pyserial, construct, typer and rich. Every 
 `pip` installs: ``pip install 'taxel[sim]'``. A module that needs such a library imports it inside `optional_import`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import MappingProxyType

@@ -4,8 +4,6 @@ A group is a table of names. The project's own names are a mapping from name to 
 adds names by entry points of the group (see docs/how-to-write-a-plugin.md). Nothing is imported before it is loaded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 from importlib import import_module

@@ -1,7 +1,5 @@
 """A page in headless Chromium, controlled through the Chrome DevTools protocol."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -1,7 +1,5 @@
 """Runs the command line `taxel` inside the test process."""
 
-from __future__ import annotations
-
 import sys
 from unittest import mock
 

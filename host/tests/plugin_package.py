@@ -1,7 +1,5 @@
 """A package with entry points, written to a folder and found as if `pip` had installed it."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

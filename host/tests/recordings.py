@@ -1,7 +1,5 @@
 """Helpers for tests of recordings: read the frames of a recording in any format, and compare two lists of frames."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Operator for tests, with prepared answers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 
 from taxel_tools.testing.errors import OperatorNeededError

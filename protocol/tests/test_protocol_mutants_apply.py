@@ -1,7 +1,5 @@
 """tools/mutants: every bug of the list can be planted, and the suite's output is parsed."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from pathlib import Path

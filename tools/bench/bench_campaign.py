@@ -1,7 +1,5 @@
 """Rate of grasp campaigns, compared with the rate needed for 144 grasps in the allowed time."""
 
-from __future__ import annotations
-
 import os
 import resource
 import tempfile

@@ -1,7 +1,5 @@
 """Processor time of an indentation campaign, compared with the time available for each of hundreds of small worlds."""
 
-from __future__ import annotations
-
 import resource
 import tempfile
 from collections.abc import Callable

@@ -7,8 +7,6 @@ process on a terminal of 170 x 42 characters, or a page that one browser display
 is the processor time of the monitor divided by the watched time, after the start.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import fcntl

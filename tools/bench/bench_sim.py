@@ -1,7 +1,5 @@
 """Processor time of a simulated grasp, and the gain of the layer's contact in C over the NumPy version."""
 
-from __future__ import annotations
-
 import statistics
 import time
 

@@ -9,8 +9,6 @@ The ratio of a cause on one board or line depends on the load of this location: 
 world takes about 8 s on one core.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

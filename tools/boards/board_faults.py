@@ -5,8 +5,6 @@ emulator (firmware/emulator/README.md). A short, a stuck taxel and swapped lines
 (drift) are measured on a twin of the board without noise, and scaled.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Callable

@@ -6,8 +6,6 @@ Tests single faults of severity 1.5 to 10, healthy boards, and, below 1.5, the s
 table; with --page, writes docs/bench-faults.md and its picture.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import random

@@ -4,8 +4,6 @@ An operation that a library does not offer is None. Every library converges as f
 thread.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

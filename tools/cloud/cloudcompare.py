@@ -4,8 +4,6 @@ Its distances to a mesh (C2M) are signed, so that their absolute values are used
 precision.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

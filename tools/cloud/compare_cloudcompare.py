@@ -10,8 +10,6 @@ measure distances in the pose that taxel.cloud computed. Then both compute the s
 object. Exit status 1: a bound is exceeded.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

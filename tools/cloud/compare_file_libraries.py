@@ -8,8 +8,6 @@ files of each format, the time to read and to write 100,000 points and 99,904 tr
 installed size. A library that is not installed is named and left out.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

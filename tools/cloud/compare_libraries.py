@@ -9,8 +9,6 @@ Alignment: the real clouds of all objects to 20,000 points on their meshes and t
 frame of the object. Distances: of the real clouds to their meshes and to a sphere of 3,968 triangles.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

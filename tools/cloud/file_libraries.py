@@ -4,8 +4,6 @@ Every reader receives a path and returns the same `Contents`, so that the result
 library that has no reader for a format has no entry for that format.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path

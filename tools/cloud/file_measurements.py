@@ -4,8 +4,6 @@ Every file is read in a forked process with limits of memory and time, so that a
 a result and not the end of the comparison.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import resource

@@ -8,8 +8,6 @@ grasp, so that the outlier filter (SOR) removes fewer genuine points. Here a poi
 object after alignment is at most the thickness of the layer. The SOR settings are those of Table 5.4.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -1,7 +1,5 @@
 """Python interface of the emulated Cortex-M0 (firmware/emulator/cortex_m0) without peripherals."""
 
-from __future__ import annotations
-
 import ctypes
 from dataclasses import dataclass, fields
 from enum import IntEnum

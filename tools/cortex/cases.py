@@ -1,7 +1,5 @@
 """Random test cases: an instruction with random registers and memory."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

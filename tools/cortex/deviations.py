@@ -1,7 +1,5 @@
 """Known deviations of Unicorn from a Cortex-M0: differences that a comparison ignores, with the reasons."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

@@ -8,8 +8,6 @@ Consecutive blocks sweep all first halfwords. The exit status is 1 at the first 
 deviations.py does not list.
 """
 
-from __future__ import annotations
-
 import argparse
 import multiprocessing
 import sys

@@ -3,8 +3,6 @@
 A program calls its host through BKPT 0xAB (semihosting) to write a text or to end.
 """
 
-from __future__ import annotations
-
 import importlib
 import shutil
 import subprocess

@@ -7,8 +7,6 @@ The figures are processor time of one core, median of the repeats. Unicorn runs 
 of a thousand and a hundred instructions, which a caller needs to stop Unicorn near a given time.
 """
 
-from __future__ import annotations
-
 import argparse
 import statistics
 import sys

@@ -3,8 +3,6 @@
 UC_MODE_MCLASS must not be set: with this mode Unicorn 2.1 emulates a Cortex-M33 regardless of the selected model.
 """
 
-from __future__ import annotations
-
 import ctypes
 import importlib
 from enum import IntEnum

@@ -4,8 +4,6 @@ Pages stay where they are in the repository, so that the same links work here an
 link leads nowhere.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The command reference: what `--help` says of every command, as one page."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """Formulas: what Git hosts show of a ```math block, a site shows without a script and without a network."""
 
-from __future__ import annotations
-
 import re
 
 from latex2mathml.converter import convert

@@ -1,7 +1,5 @@
 """The API reference: a page for every package, which shows what its modules' docstrings say."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 SOURCES = {"host": "taxel", "protocol": "taxel_protocol", "tools": "taxel_tools"}

@@ -1,7 +1,5 @@
 """The repository's Markdown pages as a tree that MkDocs can build: same places, same links."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

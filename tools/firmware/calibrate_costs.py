@@ -6,8 +6,6 @@ Boards with the images of `make firmware` run in the emulator, which counts the 
 and docs/firmware-cycles.md with the same figures; --check only reports whether one of them is stale.
 """
 
-from __future__ import annotations
-
 import argparse
 import struct
 import sys

@@ -2,8 +2,6 @@
 per taxel.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final, Literal
 

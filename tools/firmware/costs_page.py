@@ -1,7 +1,5 @@
 """Text of docs/firmware-cycles.md: the definition and the measurement of each figure of costs.h, and the total load."""
 
-from __future__ import annotations
-
 import re
 from typing import Final
 

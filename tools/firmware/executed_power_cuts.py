@@ -7,8 +7,6 @@ writes, and in half of the cases also in a write of the repeated update. After e
 run; the repeated command must succeed, and the slot must contain the image. The exit status is 1 otherwise.
 """
 
-from __future__ import annotations
-
 import argparse
 import random
 import sys

@@ -1,7 +1,5 @@
 """World files whose boards execute the images of `make firmware`, and these images under other versions."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Iterator
 from contextlib import contextmanager

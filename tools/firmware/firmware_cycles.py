@@ -4,8 +4,6 @@ The cycles are counted in the images of `make firmware`, executed in the emulato
 figures.
 """
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 from typing import Final, NamedTuple

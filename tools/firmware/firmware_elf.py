@@ -1,7 +1,5 @@
 """Reader of linked images (ELF): loaded bytes, sections and symbols."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 from pathlib import Path

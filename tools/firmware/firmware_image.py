@@ -6,8 +6,6 @@ Writes DIR/NAME-a and -b as .bin, .hex and .cyacd with complete headers, the man
 DIR/NAME-factory.hex for a programmer with the bootloader and the image of slot A. The same input gives the same bytes.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import re

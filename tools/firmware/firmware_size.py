@@ -7,8 +7,6 @@ exceeded. Budgets: flash from the layout, RAM and stack from the image's linker 
 (`firmware_cycles.py`).
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

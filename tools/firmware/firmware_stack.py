@@ -6,8 +6,6 @@ The frame of a function is the sum of its pushes and subtractions from the stack
 other. An exception takes 32 bytes and up to 4 bytes of alignment (ARMv6-M Architecture Reference Manual, B1.5.6).
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import tomllib

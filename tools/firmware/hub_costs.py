@@ -1,7 +1,5 @@
 """Measure the cycles of the hub's firmware in an executed image: interrupts, a pass of the main loop, a framed byte."""
 
-from __future__ import annotations
-
 import bisect
 from pathlib import Path
 from typing import Final

@@ -7,8 +7,6 @@ snapshot values never decrease from taxel to taxel, and no snapshot starts below
 CRC must be correct. The exit status is 1 otherwise.
 """
 
-from __future__ import annotations
-
 import argparse
 import struct
 import sys

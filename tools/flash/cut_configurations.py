@@ -1,7 +1,5 @@
 """Configuration writes interrupted by power cuts: the old or the new one stays valid, and a retry succeeds."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 from cut_plan import CutSequence, WorldPlan, name_moment

@@ -1,7 +1,5 @@
 """Plan of the power cuts: each flash write of an update is cut at ten points; many sequences contain a second cut."""
 
-from __future__ import annotations
-
 import itertools
 import random
 from collections.abc import Iterator

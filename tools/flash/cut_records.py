@@ -1,7 +1,5 @@
 """Interpretation of flash rows: the operation that a power cut interrupted, and the valid record."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 from taxel.link.virtual import PowerCut

@@ -1,7 +1,5 @@
 """Access routes to an emulated board or hub whose power fails: update the firmware, and check the result."""
 
-from __future__ import annotations
-
 from typing import Final, Protocol
 
 from taxel.errors import TaxelError

@@ -1,7 +1,5 @@
 """Updates interrupted by power cuts: the old or the new image runs after each cut, and a retry succeeds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Final
 

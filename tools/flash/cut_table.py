@@ -1,7 +1,5 @@
 """Results of a campaign: text tables, JSON, and the documentation page."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field

@@ -7,8 +7,6 @@ I2C at 400 kHz, UART at 1 Mbaud; every row is read back as a sum, every image co
 adapter delays bytes in both directions; `to the host`: only in this direction, as its latency timer does.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

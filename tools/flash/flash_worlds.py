@@ -1,7 +1,5 @@
 """Emulated worlds and random firmware images for measurements and power cuts of updates."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Sequence
 

@@ -11,8 +11,6 @@ the writes that follow. After each cut the complete old or new image must run, t
 the hub must continue to poll the other board. The exit status is 1 if any of these requirements is violated.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import multiprocessing

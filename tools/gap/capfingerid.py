@@ -21,8 +21,6 @@ What is compared: (1) half the looks against the other half, over many random de
 the same frames without stale prefixes and impulses, without one of them, and prefixes alone against neither.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import runpy

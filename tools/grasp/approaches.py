@@ -6,8 +6,6 @@ The colour of a board is the force on it, from grey (0 N) to red (5 N). Without 
 MUJOCO_GL=osmesa.
 """
 
-from __future__ import annotations
-
 import argparse
 import copy
 from pathlib import Path

@@ -7,8 +7,6 @@ a strip over the dome of the fingertips. The tables are written below a marker l
     python tools/hand/brackets.py [--check]
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Callable

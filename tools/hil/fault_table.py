@@ -1,7 +1,5 @@
 """docs/faults-on-the-wires.md: each fault on the virtual rig, measured. `python tools/hil/fault_table.py`."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

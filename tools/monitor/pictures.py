@@ -5,8 +5,6 @@ python tools/monitor/pictures.py [--out docs/images]
 Needs chromium for both pictures.
 """
 
-from __future__ import annotations
-
 import argparse
 import io
 import sys

@@ -6,8 +6,6 @@ manylinux2014 permits, and for aarch64 on an x86-64 machine. `auditwheel` verifi
 cibuildwheel builds the same wheels (section `tool.cibuildwheel` of pyproject.toml).
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import shutil

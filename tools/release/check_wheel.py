@@ -5,8 +5,6 @@ monitor, number and size of the installed packages, and the message of each comm
 `--extra all`: a campaign of a few grasps on both sides and its diagnosis.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

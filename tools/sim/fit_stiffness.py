@@ -3,8 +3,6 @@
 python tools/sim/fit_stiffness.py
 """
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

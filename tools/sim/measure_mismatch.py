@@ -5,8 +5,6 @@ taxel grasp --source both --effect none --out out/none && python tools/sim/misma
 --all counts every board's taxels, as presses on a rig need it; else those that the thesis's experiments used.
 """
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

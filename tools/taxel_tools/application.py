@@ -1,7 +1,5 @@
 """Register reads of a running board: identity, status, and the snapshot that makes a new image confirm itself."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 from taxel_protocol.framing import crc32

@@ -1,7 +1,5 @@
 """The command `taxel bench`."""
 
-from __future__ import annotations
-
 import getpass
 import platform
 import sys

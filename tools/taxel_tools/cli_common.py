@@ -1,7 +1,5 @@
 """Helpers shared by the board commands: addresses on the command line, progress bars, JSON and tables."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, is_dataclass

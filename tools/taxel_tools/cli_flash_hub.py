@@ -1,7 +1,5 @@
 """`taxel flash` for the hub."""
 
-from __future__ import annotations
-
 from rich.console import Console
 
 from taxel.errors import TaxelError

@@ -1,7 +1,5 @@
 """`taxel flash --swd`: programs a blank board through its debug port."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Sequence
 from pathlib import Path

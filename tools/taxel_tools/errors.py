@@ -1,7 +1,5 @@
 """Errors of the board commands. Each prints as one line that names the bus or the board."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from taxel.errors import FieldError, TaxelError

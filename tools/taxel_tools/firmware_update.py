@@ -1,7 +1,5 @@
 """Firmware update of a board or of the hub, as a procedure that can run concurrently with others."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final

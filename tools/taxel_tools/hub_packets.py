@@ -4,8 +4,6 @@ Because of this interface `session.py` serves the bootloaders of the boards and 
 packet at a time, so a write ends when the response has arrived.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 from taxel.link import Link, clock_of

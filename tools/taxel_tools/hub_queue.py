@@ -8,8 +8,6 @@ The adapter also delays replies of the hub until 62 bytes have accumulated or it
 When replies are too short to fill a USB packet, the queue sends GET_TIME commands whose replies flush the earlier ones.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 from typing import Final

@@ -1,7 +1,5 @@
 """The hub as a device that receives firmware: on one link, its application uses frames and its bootloader packets."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Opening of the bus that a URL names."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace

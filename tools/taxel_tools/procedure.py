@@ -4,8 +4,6 @@ A generator is independent of the connection and of other generators that share 
 inside the generator as a `TransferError`; the outcomes of a burst are stored in the burst.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from typing import TypeAlias, TypeVar

@@ -4,8 +4,6 @@ Boards that share an address are restarted into their bootloaders, identified by
 time, configured and restarted; the restart moves each board to its own address.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass

@@ -12,8 +12,6 @@
 Keys that are left out keep the value stored on the board.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Bus scan: applications with version and health, bootloaders, addresses that several boards share."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, Final
 

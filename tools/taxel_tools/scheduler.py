@@ -1,7 +1,5 @@
 """Scheduler that runs many procedures on one bus: while one board writes its flash, other boards use the bus."""
 
-from __future__ import annotations
-
 import heapq
 from collections import deque
 from collections.abc import Hashable, Mapping

@@ -1,7 +1,5 @@
 """Session with one bootloader: sends packets, reads responses, repeats damaged packets."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ only with a CMSIS pack (`pyocd pack install CY8C4245AXI-483`), and pyOCD issue 1
 halt.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

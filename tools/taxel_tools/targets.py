@@ -1,7 +1,5 @@
 """Devices that receive firmware: how to start the bootloader, and how to check the new application."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 from taxel_tools.application import firmware_version, read_identity, trigger_confirmation, wait_for_application

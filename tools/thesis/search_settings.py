@@ -12,8 +12,6 @@ Example: python tools/thesis/search_settings.py out/thesis/sim.h5 out/displaced_
 out/search.jsonl
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence

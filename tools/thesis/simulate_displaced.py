@@ -5,8 +5,6 @@
 Example: python tools/thesis/simulate_displaced.py out/displaced_0.8.h5 --share 0.8
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -5,8 +5,6 @@ python tools/wording/check_terms.py PATH ...      only these files and folders
 python tools/wording/check_terms.py --counts      findings by word and by folder
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 import subprocess

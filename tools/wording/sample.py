@@ -7,8 +7,6 @@ generated files, and the internals of the diagnosis (host/taxel/gap, docs/gap-di
 rewrites.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import random

@@ -1,7 +1,5 @@
 """Names and prose of a source file, each with its line number."""
 
-from __future__ import annotations
-
 import ast
 import io
 import re

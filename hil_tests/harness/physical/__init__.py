@@ -1,7 +1,5 @@
 """A rig on a bench: real ports, opened as its file names them."""
 
-from __future__ import annotations
-
 from contextlib import ExitStack
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The hand's CAN channel, through python-can."""
 
-from __future__ import annotations
-
 import time
 
 import can

@@ -1,7 +1,5 @@
 """Power of the whole rig, switched by a modem line of a serial port that drives a transistor or a relay."""
 
-from __future__ import annotations
-
 import contextlib
 
 import serial

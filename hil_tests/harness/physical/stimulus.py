@@ -1,7 +1,5 @@
 """A person with a force probe."""
 
-from __future__ import annotations
-
 from taxel.hand import Hand
 
 

@@ -1,7 +1,5 @@
 """The hub's UART on a serial port, and this machine's clock."""
 
-from __future__ import annotations
-
 import time
 
 from taxel.link import Link, open_link

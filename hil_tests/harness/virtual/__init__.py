@@ -1,7 +1,5 @@
 """The virtual rig: every wire ends in one emulated world, and the CAN channel in a virtual Allegro hand."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path

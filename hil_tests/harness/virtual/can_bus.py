@@ -1,7 +1,5 @@
 """A virtual Allegro hand on python-can's virtual bus, in lock step, and what can go wrong with both."""
 
-from __future__ import annotations
-
 import itertools
 from contextlib import ExitStack
 

@@ -1,7 +1,5 @@
 """Faults of an emulated world."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from taxel.link.virtual import Strike, VirtualWorld

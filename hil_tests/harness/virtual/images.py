@@ -1,7 +1,5 @@
 """The images that a rig with executed processors runs: built as `make firmware` builds them, once."""
 
-from __future__ import annotations
-
 import fcntl
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Power in an emulated world: each board and the hub alone."""
 
-from __future__ import annotations
-
 from taxel.link.virtual import VirtualWorld
 
 

@@ -1,7 +1,5 @@
 """A probe on an emulated skin, and raw counts in its place."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """The hub's UART and the clock of a virtual rig."""
 
-from __future__ import annotations
-
 from taxel.link import Link
 from taxel.link.virtual import VirtualMemoryLink, VirtualSerialLink, VirtualWorld
 

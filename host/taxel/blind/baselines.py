@@ -1,7 +1,5 @@
 """Simple reference diagnosers, scored beside the diagnosis: they show how easy the worlds are."""
 
-from __future__ import annotations
-
 import hashlib
 from typing import Final
 

@@ -5,8 +5,6 @@ The ranges are chosen such that the excess of the gap is between half a floor (s
 reach six floors. The score reports accuracy as a function of the measured gap.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Types of causes: an effect of the emulator, and the random sampling of its parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

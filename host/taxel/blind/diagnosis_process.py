@@ -4,8 +4,6 @@ Standard input: one JSON object per line, {"real", "sim", "without", "seed", "ou
 Standard output: one JSON object per line, {} or {"error": "one line"}.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

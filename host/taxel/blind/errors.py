@@ -1,7 +1,5 @@
 """Errors of a blind check's folder."""
 
-from __future__ import annotations
-
 from taxel.errors import TaxelError
 
 

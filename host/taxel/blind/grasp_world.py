@@ -1,7 +1,5 @@
 """A small grasp campaign on the whole hand with one hidden cause, for the demonstration."""
 
-from __future__ import annotations
-
 import secrets
 from collections.abc import Callable
 from dataclasses import dataclass, replace

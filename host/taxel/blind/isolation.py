@@ -1,7 +1,5 @@
 """Isolation of a diagnosing process: it can read only its own folder and the Python installation."""
 
-from __future__ import annotations
-
 import os
 import sys
 import sysconfig

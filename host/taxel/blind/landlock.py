@@ -4,8 +4,6 @@ Unlike an audit hook, Landlock also restricts C code, such as HDF5. Source of th
 linux/landlock.h and Documentation/userspace-api/landlock.rst of the kernel.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import struct

@@ -1,7 +1,5 @@
 """Boards, lines and taxels that a simulated campaign loads: only faults on these are observable."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final

@@ -1,7 +1,5 @@
 """Out-of-catalogue causes: some that no effect of the catalogue describes, and some that resemble an effect."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from taxel.blind.cause_types import (

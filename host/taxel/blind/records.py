@@ -1,7 +1,5 @@
 """File of the results of a check, for inspection and for the common score of several runs."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import zlib

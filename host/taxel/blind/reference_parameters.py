@@ -1,7 +1,5 @@
 """Reference parameters: the best fit to noise-free indentations, used where no definition fixes the true value."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Result of one world: its truth, the verdicts of its diagnoses, and their comparison."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Execution of a blind check: make the datasets of each world and diagnose them; an interrupted check resumes."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """The folder of a blind check: commitments, keys and worlds."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any, Final

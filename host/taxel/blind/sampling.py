@@ -1,7 +1,5 @@
 """Random sampling of worlds and their hidden causes."""
 
-from __future__ import annotations
-
 import math
 import secrets
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The sandboxed diagnosing process, controlled from the process that holds the keys."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

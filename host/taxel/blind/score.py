@@ -1,7 +1,5 @@
 """The figures of a blind check, computed from its results."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The score sheet of a blind check as a Markdown page."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final

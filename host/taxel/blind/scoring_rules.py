@@ -1,7 +1,5 @@
 """Rules of the score: which reports are scored, and how effect models are matched."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Final
 

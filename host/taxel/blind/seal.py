@@ -1,7 +1,5 @@
 """Commitments: the hidden causes are fixed before the data are published and cannot be changed afterwards."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from typing import Any

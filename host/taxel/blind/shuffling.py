@@ -1,7 +1,5 @@
 """A simulated dataset with exchanged conditions: the wrong simulation for every indentation."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

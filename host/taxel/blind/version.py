@@ -1,7 +1,5 @@
 """Fingerprint of the diagnosis, which shows whether two runs can be scored together."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The two datasets of a world: indentations on the emulated skin and in the simulator."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

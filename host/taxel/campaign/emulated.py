@@ -1,7 +1,5 @@
 """A grasp campaign on the emulated hand: sessions in parallel, each through firmware, bus, hub, UART and host."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from itertools import groupby

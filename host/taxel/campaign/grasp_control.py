@@ -1,7 +1,5 @@
 """Control loop of one grasp, with a period of 3 ms, for an emulated or a physical Allegro hand on CAN."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ linearly implicit (Rosenbrock-Euler): with the stiffness K of the contact at the
 (M / dt + B + dt K) v' = M v / dt + torque + contact. The step is stable for any stiffness of the layer.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motion of one grasp of the emulated hand: a virtual Allegro hand on CAN closes on an object in contact."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass

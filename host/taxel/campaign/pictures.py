@@ -1,7 +1,5 @@
 """Pictures of a campaign: each object's accumulated contact points, and one grasp with active and inactive taxels."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Number of contact points per object in a dataset, as in Table 5.2 of the thesis."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 

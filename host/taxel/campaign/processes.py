@@ -1,7 +1,5 @@
 """Parallel map over the parts of a campaign, with the results in the order of the parts."""
 
-from __future__ import annotations
-
 import os
 import pickle
 from collections.abc import Callable, Iterator, Sequence

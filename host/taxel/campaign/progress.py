@@ -1,7 +1,5 @@
 """Progress callback of the campaigns."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 Progress = Callable[[int, int], object]

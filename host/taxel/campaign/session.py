@@ -1,7 +1,5 @@
 """One session on the emulated hand: one mounting of the skin, one power-up, and the grasps in their order."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Settings of a campaign on the emulated hand: variation between repeats, and effects of the emulated skin."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """The workstation of a campaign: the hand on its robot, the objects and their poses, the approaches."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property

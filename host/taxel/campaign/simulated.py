@@ -1,7 +1,5 @@
 """A grasp campaign in the simulator: every grasp is simulated independently, in parallel."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Writer of a campaign's dataset: a new file, or the continuation of an interrupted campaign."""
 
-from __future__ import annotations
-
 import json
 import os
 from datetime import UTC, datetime

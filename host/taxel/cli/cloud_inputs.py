@@ -1,7 +1,5 @@
 """Arguments that the commands of `taxel cloud` share, and the objects that they name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Final
 

@@ -1,7 +1,5 @@
 """`taxel cloud match`: the shape of the object in a cloud."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass

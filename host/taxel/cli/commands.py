@@ -3,8 +3,6 @@
 The help page and shell completion are built from this table alone, so that they import no command.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, NamedTuple

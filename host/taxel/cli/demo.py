@@ -1,7 +1,5 @@
 """`taxel demo`: a sealed cause in the emulated hand, its diagnosis, and the comparison of both."""
 
-from __future__ import annotations
-
 import json
 import time
 from functools import partial

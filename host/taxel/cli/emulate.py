@@ -1,7 +1,5 @@
 """`taxel emulate`."""
 
-from __future__ import annotations
-
 import subprocess
 import tempfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`taxel gap`: diagnosis of the gap between simulator and hand."""
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile

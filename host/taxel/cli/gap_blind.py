@@ -1,7 +1,5 @@
 """`taxel gap blind`: sealed causes, diagnosed in a separate process, opened and scored."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """Summary of a gap report on a terminal."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`taxel generate`."""
 
-from __future__ import annotations
-
 import json
 import os
 import time

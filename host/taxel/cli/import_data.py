@@ -1,7 +1,5 @@
 """`taxel import`."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager

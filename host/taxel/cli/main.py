@@ -1,7 +1,5 @@
 """The program `taxel`: finds the requested command, runs it, and prints an error as one line."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

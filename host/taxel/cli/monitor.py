@@ -1,7 +1,5 @@
 """`taxel monitor`."""
 
-from __future__ import annotations
-
 import json
 import time
 from contextlib import AbstractContextManager, nullcontext

@@ -1,7 +1,5 @@
 """Options that several commands share: one name and one meaning for each concept."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

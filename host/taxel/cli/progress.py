@@ -1,7 +1,5 @@
 """Progress bars on a terminal: one bar for each stage of a long job."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """Options that have a new name: an old name is refused with one line that gives the new one."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final

@@ -1,7 +1,5 @@
 """`taxel ros`."""
 
-from __future__ import annotations
-
 import time
 from typing import Annotated
 

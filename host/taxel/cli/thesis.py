@@ -1,7 +1,5 @@
 """`taxel thesis`."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated

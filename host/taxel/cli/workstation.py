@@ -1,7 +1,5 @@
 """Open the devices of a physical campaign: arm, hand and skin, by their URLs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 

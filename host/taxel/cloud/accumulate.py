@@ -1,7 +1,5 @@
 """Contact cloud of one object of a grasp dataset: the active taxels of all its grasps in the object's frame."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 

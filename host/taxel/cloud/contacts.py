@@ -1,7 +1,5 @@
 """Taxels, baseline and positions that define a contact point in the thesis (section 5.2, Table 5.2)."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -17,8 +17,6 @@ only with a long reach, and a large model loses if it explains them only with a 
 are treated as independent, which they are not: the sign of a difference of evidence is more reliable than its size.
 """
 
-from __future__ import annotations
-
 from functools import cache, partial
 from typing import Final
 from weakref import WeakKeyDictionary

@@ -6,8 +6,6 @@ stays if its mean distance is at most mean + n sigma over all points, with the p
 not N - 1). `tools/cloud/compare_cloudcompare.py` measures that both programs keep the same points.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Final
 

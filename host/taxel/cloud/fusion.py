@@ -5,8 +5,6 @@ detected contact points can be averaged across the different attempts of the sam
 contact if they are of the same taxel and of the same approach.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from taxel.cloud.contact_cloud import ContactCloud

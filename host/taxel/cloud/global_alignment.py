@@ -4,8 +4,6 @@ Each guess moves the centre of the cloud to the centre of the target and its pri
 one of the 24 ways that are rotations. The guesses are compared after a few iterations on a subset of the points.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import permutations, product
 from typing import Final

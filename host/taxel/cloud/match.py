@@ -6,8 +6,6 @@ points to each model are measured. For a cloud with inactive points the best mod
 inactive points the best model is the one with the smallest mean distance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final

@@ -3,8 +3,6 @@
 All shapes stand upright in the object frame of a dataset: origin at the centre of the base, z upward, metres.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path

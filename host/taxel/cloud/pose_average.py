@@ -9,8 +9,6 @@ Cornuet et al. 2012, with the deterministic mixture weights of Owen and Zhou 200
 estimates the average over the prior for any choice of sampling distributions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Final

@@ -4,8 +4,6 @@ On the hand the elastic layer propagates contact; the simulator of the thesis is
 the immediate neighbourhood" and no distance.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

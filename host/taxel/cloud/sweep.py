@@ -4,8 +4,6 @@ Force filter: Tables I-1 to I-3. Statistical outlier removal (SOR) after the for
 thesis, the filtered cloud of every row is aligned separately, starting in the frame of the object.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Callable, Sequence

@@ -4,8 +4,6 @@
 activity.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

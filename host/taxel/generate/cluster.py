@@ -3,8 +3,6 @@
 The workers need the package taxel but no shared folder: the shards are returned as bytes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
 from itertools import islice

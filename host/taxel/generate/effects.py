@@ -1,7 +1,5 @@
 """Sampled effects: those of a gap report within their intervals, and those that a recipe names with ranges."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """The folder of a recipe: its existing and missing shards, and atomic writing of files."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

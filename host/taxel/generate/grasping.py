@@ -1,7 +1,5 @@
 """Generation of one grasp of a recipe: motion, contact forces, raw counts, effects."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Hold signals and labels of a generated folder, shard after shard, for a learner."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The index of a folder: `grasps.csv` with one line for each grasp, and `index.json` with the shards and checksums."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Sampled placement of the hand at an object: the thesis's approaches, or any approach from the side or from above."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Final
 

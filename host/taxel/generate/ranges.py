@@ -1,7 +1,5 @@
 """A range from which a number is sampled uniformly."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A recipe: the ranges from which objects, grasps, simulator, sensor and effects are sampled."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Generation of a whole recipe: the missing shards, then the index."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

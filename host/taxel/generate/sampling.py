@@ -1,7 +1,5 @@
 """All samples of one grasp, from its own seed: each grasp can be generated alone, by any worker and in any order."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

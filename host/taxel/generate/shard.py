@@ -1,7 +1,5 @@
 """One shard: a grasp dataset with a table of the sampled values of each grasp."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from dataclasses import dataclass

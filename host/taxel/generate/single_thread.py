@@ -5,8 +5,6 @@ Therefore the first shard sets the limit and the last one restores it. If each s
 while other shards still need it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Lock

@@ -1,7 +1,5 @@
 """Sampled objects: boxes, cylinders and prisms with ranges of sizes, and the convex hulls of mesh files."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field

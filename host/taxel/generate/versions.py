@@ -1,7 +1,5 @@
 """Releases of the libraries that affect the bytes of a shard."""
 
-from __future__ import annotations
-
 from importlib.metadata import version
 
 import h5py  # type: ignore[import-untyped, unused-ignore]

@@ -1,7 +1,5 @@
 """Workers that generate shards: this process, or several processes of this computer."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait

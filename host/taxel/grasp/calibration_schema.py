@@ -4,8 +4,6 @@ Keys are declared in tables (``_TOP``, ``_ENTRY``, ``_POSE``). Invalid values ar
 never ignored.
 """
 
-from __future__ import annotations
-
 import datetime
 import difflib
 import math

@@ -1,7 +1,5 @@
 """Joint torques of a grasp (closing, hold, release) for a simulated, a virtual and a physical hand."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Upright cylinder with exact rays and distances."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Grasped objects, their mount and their nominal pose."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

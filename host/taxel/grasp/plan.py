@@ -1,7 +1,5 @@
 """Grasp plan of the thesis: fifteen approaches to three objects, 144 grasps in six sessions (Table 5.1)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -3,8 +3,6 @@
 Source of the procedure: thesis, section 5.5; an optical tracker measures the object in the frame of the robot's base.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any

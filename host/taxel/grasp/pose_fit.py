@@ -4,8 +4,6 @@ Model: ``measured_i = R points_i + t + e_i`` with normal, isotropic e_i of varia
 in the body frame (a CAD model) are exact.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Inverse kinematics of the arm: joint angles for a palm pose in the world."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -4,8 +4,6 @@ Lengths are metres, in the object frame: origin in the centre of the bottom face
 leading axes.
 """
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Phases of a grasp and their times."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from functools import cached_property

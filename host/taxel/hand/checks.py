@@ -1,7 +1,5 @@
 """Checks shared by all description files: keys, types, names and ranges; each failure is a one-line error."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import re

@@ -1,7 +1,5 @@
 """Crossing map: ASCII picture of the TX x RX matrix of a board, and its array."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

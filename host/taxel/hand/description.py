@@ -4,8 +4,6 @@ This module defines the taxel order of the last axis of every array in the libra
 board row-major over the crossing map (TX 0 first, and within a TX line RX 0 first).
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, field, replace
 from functools import cached_property

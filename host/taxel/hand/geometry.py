@@ -4,8 +4,6 @@ Bracket frame of a board: z points out of the skin, x to the distal end (decreas
 outside (decreasing RX number).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

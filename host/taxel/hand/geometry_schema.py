@@ -1,7 +1,5 @@
 """Schema of the geometry part of a hand description, which is either complete or absent."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

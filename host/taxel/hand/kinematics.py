@@ -1,7 +1,5 @@
 """Forward kinematics: poses of links, brackets and taxels from joint angles, vectorised over time."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Schema of a robot description file; the first error is reported in one line."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

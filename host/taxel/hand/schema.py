@@ -4,8 +4,6 @@ Keys are declared in tables (``_HAND``, ``_TAXEL``, ``_KIND``, ``_BOARD``); a ne
 below if its type is not sufficient. Invalid values are never corrected, and unknown keys are never ignored.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NotRequired, TypedDict, cast
 

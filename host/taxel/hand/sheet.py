@@ -3,8 +3,6 @@
 The margin transmits contact forces like the other squares, but there is no electrode below it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Parser of untrusted TOML files with limits on size and line length."""
 
-from __future__ import annotations
-
 import os
 import re
 import tomllib

@@ -5,8 +5,6 @@ The transform ``a_T_b`` is the pose of frame b in frame a and maps coordinates i
 quaternions (w, x, y, z).
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

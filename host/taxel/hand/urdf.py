@@ -1,7 +1,5 @@
 """Export of a robot, and of the skin brackets on it, as URDF."""
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable

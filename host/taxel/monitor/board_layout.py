@@ -1,7 +1,5 @@
 """Positions of the boards on a terminal. Lengths are in characters; a taxel is `scale` wide and half as high."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

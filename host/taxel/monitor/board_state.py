@@ -1,7 +1,5 @@
 """State of one board between two readings of the monitor."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A screen of characters with text and with taxels as half blocks, two taxels in one character."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import lru_cache
 from itertools import pairwise

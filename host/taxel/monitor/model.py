@@ -1,7 +1,5 @@
 """State of a skin, updated with every frame and read some times in a second. Independent of the views."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Sequence

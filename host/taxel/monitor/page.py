@@ -1,7 +1,5 @@
 """HTML of the texts and tables in the browser view."""
 
-from __future__ import annotations
-
 import math
 from html import escape
 

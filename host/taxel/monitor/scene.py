@@ -1,7 +1,5 @@
 """Three-dimensional shapes of a hand for a viewer, in metres and in the frame of the hand's base."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

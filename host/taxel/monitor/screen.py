@@ -1,7 +1,5 @@
 """A reading on a terminal of a given size: header, heat maps of the boards, table of the boards."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Texts of a reading for all views: each part is a pair of a text and whether it reports a problem."""
 
-from __future__ import annotations
-
 import math
 
 from taxel.monitor.advice import LAG_BYTES

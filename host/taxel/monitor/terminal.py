@@ -1,7 +1,5 @@
 """View of the skin on a terminal, and its keys."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

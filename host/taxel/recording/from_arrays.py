@@ -15,8 +15,6 @@ values:
 ``{"taxels": {"sensor": ...}}``.
 """
 
-from __future__ import annotations
-
 import difflib
 import zipfile
 import zlib

@@ -1,7 +1,5 @@
 """One grasp in memory, as a recorder or a simulator passes it to the writer."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The sensor model of a simulated dataset: how the simulator converted force into raw counts."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -16,8 +16,6 @@ header grows by further blocks, each linked by a separate write. A kill between 
 each grasp, leaves a file that does not open. A power failure is not covered: no step waits for the disk.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """The tables that all grasps of a dataset share: taxels, sensors and objects."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ A message to encode is a dict of values by field name. A decoded message is an o
 its arrays of numbers are NumPy arrays.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any

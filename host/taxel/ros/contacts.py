@@ -1,7 +1,5 @@
 """ROS messages of the baseline, the active taxels and the contact cloud."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ A message name is "package/Name". ROS 1 and ROS 2 use the same definition text w
 counter `seq` in ROS 1, and the type of a time is `time` in ROS 1 and `builtin_interfaces/Time` in ROS 2.
 """
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from importlib import resources

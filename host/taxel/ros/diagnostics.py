@@ -1,7 +1,5 @@
 """Loss counters of the hub and the boards as a ROS diagnostics message."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from taxel.hand import Hand

@@ -1,7 +1,5 @@
 """Writer of MCAP recordings: the topics of the skin as ROS 2 messages, and the bytes of the hub."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Reader of MCAP recordings, as a link whose bytes come from the file instead of a port."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import os

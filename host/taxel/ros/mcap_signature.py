@@ -1,7 +1,5 @@
 """Recognition of an MCAP file by its first bytes, without the mcap package."""
 
-from __future__ import annotations
-
 import os
 
 SIGNATURE = b"\x89MCAP0\r\n"

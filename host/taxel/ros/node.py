@@ -1,7 +1,5 @@
 """A ROS node of the installed ROS version, and joint angles from a ROS topic."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 from typing import Protocol

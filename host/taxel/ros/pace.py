@@ -1,7 +1,5 @@
 """Playback of a recording at its own speed or a multiple of it."""
 
-from __future__ import annotations
-
 import time
 
 

@@ -1,7 +1,5 @@
 """A ROS 1 node that publishes the topics of the skin."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from typing import Any

@@ -4,8 +4,6 @@
     Written for the documented interface of rclpy and tested with a substitute; not yet run with a ROS 2 installation.
 """
 
-from __future__ import annotations
-
 import array
 import contextlib
 import importlib

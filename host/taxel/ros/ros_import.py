@@ -1,7 +1,5 @@
 """Import of rospy (ROS 1) or rclpy (ROS 2), also from the system folders that a virtual environment does not search."""
 
-from __future__ import annotations
-
 import glob
 import importlib
 import sys

@@ -1,7 +1,5 @@
 """The TF tree of a hand on its robot, the joint states, and the taxel centres as ROS messages."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """ROS topics of the skin, and the messages that each taxel frame of a skin produces."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """One grasp in a scene: the hand closes, holds and opens, and every board's contact wrench is recorded."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Final
 

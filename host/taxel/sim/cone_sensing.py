@@ -6,8 +6,6 @@ the cone's tip to the rim of its base; a base enlarged beyond the taxel activate
 contact spreads through the dielectric (section 5.6.2).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ an electrode feels is k d: the sum over the board is that of f, but it reaches b
 touch is an active set.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

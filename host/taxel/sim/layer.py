@@ -9,8 +9,6 @@ Separations are exact: after every solution of the problem that is linear in the
 its rays are cast again, until it no longer moves.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The elastic layer's contact in C (`native/`), called through ctypes: what `SoftContact` computes, and faster."""
 
-from __future__ import annotations
-
 import ctypes
 from functools import cache
 from itertools import pairwise

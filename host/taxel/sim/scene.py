@@ -5,8 +5,6 @@ outside. Each board is a rigid body part as thick as its bracket with the layer 
 afterwards, from the forces that this scene gives.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

@@ -1,7 +1,5 @@
 """From a simulated motion to what every taxel feels, at the level that is asked for."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 

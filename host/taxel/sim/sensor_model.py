@@ -1,7 +1,5 @@
 """From force to raw counts: a saturating signal, white noise, and noise common to an RX line."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 
 import numpy as np

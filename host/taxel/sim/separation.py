@@ -1,7 +1,5 @@
 """How far every taxel's surface is from the object: along its normal, and in all directions."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -7,8 +7,6 @@ joints.
 Here in NumPy, as the reference; a grasp runs on the same in C (`taxel.sim.native_contact`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 

@@ -4,8 +4,6 @@ MuJoCo gives inertia, springs, bias forces and kinematics. The step is linearly 
 in that of the mount: (M / h + D + h K) v' = M v / h + forces, then the position moves on with v'.
 """
 
-from __future__ import annotations
-
 import copy
 from typing import Final
 

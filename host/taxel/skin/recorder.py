@@ -1,7 +1,5 @@
 """Open a skin whose bytes, and on request whose topics, are written to a file while its frames are read."""
 
-from __future__ import annotations
-
 import os
 from typing import Any
 

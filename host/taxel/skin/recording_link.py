@@ -1,7 +1,5 @@
 """A link whose bytes are recorded while they are read, and the header of the recording."""
 
-from __future__ import annotations
-
 import os
 import time
 from datetime import UTC, datetime

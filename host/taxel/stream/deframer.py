@@ -3,8 +3,6 @@
 The batch decoder of `taxel.stream.decoder` is much faster.
 """
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Iterable
 from typing import Any

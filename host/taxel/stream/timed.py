@@ -1,7 +1,5 @@
 """Bytes of a recording in pieces with their times, for replay in real time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Agreement of the reproduced RMS and mean distances with the printed ones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """The twelve findings of the thesis, evaluated on the reproduced results."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

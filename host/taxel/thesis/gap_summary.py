@@ -1,7 +1,5 @@
 """Summary of the gap diagnosis of the datasets, beside the shares of the treatment steps (Figure 5.13)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final

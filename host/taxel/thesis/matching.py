@@ -1,7 +1,5 @@
 """Distances of clouds to CAD models and to other clouds, computed as in the thesis (5.6.1)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final

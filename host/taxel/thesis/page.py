@@ -1,7 +1,5 @@
 """The HTML page of the reproduction: findings, figures, and tables with reproduced value, printed value and ratio."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The tables of the thesis as printed (chapter 5 and appendix I), and the places where they are inconsistent."""
 
-from __future__ import annotations
-
 import csv
 import importlib.resources
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The reproduction of chapter 5 in one folder: campaigns, tables, figures, findings, diagnosis and page."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from contextlib import closing

@@ -6,8 +6,6 @@ the brackets, the layer of the simulator and the press on the triangular prism w
 (docs/thesis.md). All settings except that press and the position factors of the objects are the same for all objects.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final

@@ -1,7 +1,5 @@
 """Number of clouds whose shape is identified: whole clouds and single approaches, among three and among six models."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The tables of the thesis (5.2 to 5.5, 5.13, I-1 to I-18): reproduced value, printed value, and their ratio."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """Fixtures for the tests of the board test: emulated boards on a bench, and a short plan."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass

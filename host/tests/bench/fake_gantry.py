@@ -1,7 +1,5 @@
 """A fake gantry that processes G-code as grbl does, as a port object or behind a pseudo-terminal."""
 
-from __future__ import annotations
-
 import os
 import re
 import select

@@ -1,7 +1,5 @@
 """Synthetic raw counts of healthy boards and of boards with a known fault."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from taxel.hand import BoardKind, load_hand

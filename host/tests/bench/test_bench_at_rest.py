@@ -1,7 +1,5 @@
 """Open, shorted and swapped lines from the raw counts of an untouched board."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

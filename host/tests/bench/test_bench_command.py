@@ -1,7 +1,5 @@
 """`taxel bench`: exit status, printed output, files, and refusals with one error line."""
 
-from __future__ import annotations
-
 import io
 import json
 import sqlite3

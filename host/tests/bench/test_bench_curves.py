@@ -1,7 +1,5 @@
 """Drift, loading curve, smallest detectable force, stuck bits."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

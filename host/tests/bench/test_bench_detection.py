@@ -1,7 +1,5 @@
 """tools/boards/detection.py, shortened: one fault of each family on a small board, and several healthy boards."""
 
-from __future__ import annotations
-
 import importlib
 import random
 import sys

@@ -1,7 +1,5 @@
 """The blocks of docs/how-to-bench-boards.md, run in order on emulated boards."""
 
-from __future__ import annotations
-
 import io
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Probe on a G-code gantry, here a program behind a pseudo-terminal that indents an emulated board."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Response of a board to indentations: dead taxels, line faults, gain and crosstalk."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Merging of faults from raw counts at rest and from indentations: each fault is reported once."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from host.tests.bench.synthetic_boards import KINDS, measure_at_rest, measure_indentations, sample_responses

@@ -1,7 +1,5 @@
 """Separation of noise into components, and noise faults."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

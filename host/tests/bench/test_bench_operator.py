@@ -1,7 +1,5 @@
 """Manual probe: an operator follows the instructions, here with a probe in the emulated world."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

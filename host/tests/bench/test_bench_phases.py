@@ -1,7 +1,5 @@
 """Phases on an emulated board: measurements and faults, through the hub and over an adapter."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Phases and probes of other packages, found by entry points."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

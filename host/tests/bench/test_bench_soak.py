@@ -1,7 +1,5 @@
 """Soak: interruptions and restarts of a board."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

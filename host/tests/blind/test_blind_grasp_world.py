@@ -1,7 +1,5 @@
 """The world of the demonstration: one hidden cause, and a few grasps on both sides."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

@@ -1,7 +1,5 @@
 """Isolation of the diagnosing process: it can access its folder and the Python installation, but no hidden cause."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Datasets of worlds that differ only in their hidden causes: they differ only in counts and lost frames."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import replace

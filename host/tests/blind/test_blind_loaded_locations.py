@@ -1,7 +1,5 @@
 """Loaded lines and taxels of a simulated campaign: faults are expected in the report only there."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

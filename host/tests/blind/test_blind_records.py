@@ -1,7 +1,5 @@
 """File of results: round trip, and rejection of results of different versions of the diagnosis."""
 
-from __future__ import annotations
-
 import gzip
 from dataclasses import replace
 

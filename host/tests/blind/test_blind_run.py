@@ -1,7 +1,5 @@
 """`taxel gap blind` from end to end: interrupted after a world, resumed, opened and scored."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import threading

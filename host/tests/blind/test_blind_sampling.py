@@ -1,7 +1,5 @@
 """Sampling of worlds: proportions of the kinds, all cause types, strengths, and independence of kind and seed."""
 
-from __future__ import annotations
-
 from collections import Counter
 from itertools import pairwise
 

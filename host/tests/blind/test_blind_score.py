@@ -1,7 +1,5 @@
 """The figures of the score, from constructed results."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

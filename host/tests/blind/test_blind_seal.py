@@ -1,7 +1,5 @@
 """The seal: causes are committed to before the datasets are made, and later changes are detected."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import pickle

@@ -1,7 +1,5 @@
 """Fixtures of the campaign tests: a workstation, a few cylinder grasps in two sessions, and a short timeline."""
 
-from __future__ import annotations
-
 import pytest
 
 from taxel.campaign.setup import Setup

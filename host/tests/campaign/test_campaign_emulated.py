@@ -1,7 +1,5 @@
 """A campaign on the emulated hand: parallel, interrupted and resumed."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """A grasp of the emulated hand over CAN: encoder angles, commanded torques and faults."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """A physical campaign with a virtual hand, an emulated skin in real time and a simulated arm."""
 
-from __future__ import annotations
-
 import itertools
 import tempfile
 import threading

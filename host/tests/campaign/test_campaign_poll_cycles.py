@@ -1,7 +1,5 @@
 """Grouping of frames by poll cycle: lost frames, and counters that wrap or restart."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

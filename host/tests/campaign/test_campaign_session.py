@@ -1,7 +1,5 @@
 """One session through the emulator: content of its records, and dependence on seed and settings."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

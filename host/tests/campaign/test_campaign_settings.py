@@ -1,7 +1,5 @@
 """Settings of an emulated campaign: effect texts and the description of a dataset's generator."""
 
-from __future__ import annotations
-
 import pickle
 
 import pytest

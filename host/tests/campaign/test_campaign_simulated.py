@@ -1,7 +1,5 @@
 """A campaign in the simulator: dataset, levels of sensing, and conversion of force into counts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import h5py

@@ -1,7 +1,5 @@
 """Creation and continuation of a campaign's dataset."""
 
-from __future__ import annotations
-
 import pytest
 
 from taxel.campaign.store import open_campaign_writer

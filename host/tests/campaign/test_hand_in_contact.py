@@ -1,7 +1,5 @@
 """Joint dynamics of the emulated hand: equilibrium on an object, joint limits, time step."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Datasets of indentation campaigns: a pair from one plan, reproducibility, and agreement of the two sides."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

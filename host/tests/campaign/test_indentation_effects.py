@@ -1,7 +1,5 @@
 """Effects of the emulated skin in indentations: each effect changes the expected taxels, phases or frames."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

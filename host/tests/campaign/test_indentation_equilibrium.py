@@ -1,7 +1,5 @@
 """Equilibrium of an indentation: both solvers balance the force of the mount and agree with each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

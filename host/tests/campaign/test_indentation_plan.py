@@ -1,7 +1,5 @@
 """Plans of indentations: reproducibility, properties of every plan, and the hand of the rig."""
 
-from __future__ import annotations
-
 import pickle
 from collections import Counter
 from itertools import pairwise

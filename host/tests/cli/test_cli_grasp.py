@@ -1,7 +1,5 @@
 """`taxel grasp`: what it refuses, and what it makes."""
 
-from __future__ import annotations
-
 import io
 import json
 from contextlib import redirect_stdout

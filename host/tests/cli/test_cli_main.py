@@ -1,7 +1,5 @@
 """The program loads what a command needs, and knows all of them."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

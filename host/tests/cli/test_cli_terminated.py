@@ -1,7 +1,5 @@
 """A command that a service manager ends puts its things away."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

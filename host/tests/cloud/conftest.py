@@ -1,7 +1,5 @@
 """Clouds on known shapes, and small grasp datasets of four boards."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Accumulation of a dataset into a cloud: taxels, positions, grasps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

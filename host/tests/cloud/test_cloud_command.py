@@ -1,7 +1,5 @@
 """The commands of `taxel cloud`, and the input that they refuse in one line."""
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import replace

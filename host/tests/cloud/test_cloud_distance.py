@@ -1,7 +1,5 @@
 """Unsigned distances to surfaces and clouds are exact and invariant under a common rigid motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

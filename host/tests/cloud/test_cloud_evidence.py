@@ -1,7 +1,5 @@
 """Evidence of shapes from active and inactive taxels, with displaced objects."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 The valid and the malformed files are in file_samples.toml.
 """
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Force filter and statistical outlier filter, with the definition of CloudCompare."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fusion of repeats: a taxel gives one point for each approach."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

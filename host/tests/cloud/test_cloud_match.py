@@ -1,7 +1,5 @@
 """Match of a cloud with models: best model, margin, lead, confidence."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

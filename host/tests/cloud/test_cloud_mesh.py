@@ -1,7 +1,5 @@
 """Triangle meshes: checks of the surface, nearest points, built-in shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Alignment to meshes and points: known motions, convergence, refused input."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Parameter sweeps of Tables I-1 to I-6."""
 
-from __future__ import annotations
-
 import csv
 import io
 

@@ -1,7 +1,5 @@
 """The comparison programs in tools/cloud."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 import tomllib

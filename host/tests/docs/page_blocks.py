@@ -10,8 +10,6 @@ A comment in the line above a block says what is to be done with it:
 Blocks of other languages, or of none, are shown, not run; a command in one of them is a mistake.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 `make docs-test` (TAXEL_DOCS=all) runs the long ones too, each line in a shell, campaigns shortened.
 """
 
-from __future__ import annotations
-
 import ast
 import importlib
 import os

@@ -4,8 +4,6 @@ What takes a second runs here; `make docs-test` (TAXEL_DOCS=all) runs the others
 their words are checked against the command's own options.
 """
 
-from __future__ import annotations
-
 import inspect
 import os
 import re

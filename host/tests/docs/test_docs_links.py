@@ -1,7 +1,5 @@
 """Links between pages lead somewhere, on a plain Git host too; the index names every page of docs/ once, by kind."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

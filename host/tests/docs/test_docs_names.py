@@ -1,7 +1,5 @@
 """Every public name has a docstring, in whichever of the three packages; ruff's rules leave out what overrides."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 from collections.abc import Iterator

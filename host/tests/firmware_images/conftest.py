@@ -1,7 +1,5 @@
 """Fixtures: the images as built by `make firmware`, and the modules of tools/firmware."""
 
-from __future__ import annotations
-
 import fcntl
 import importlib
 import os

@@ -1,7 +1,5 @@
 """Model of the CapSense block: a conversion ends after its period with a count that depends on its lines."""
 
-from __future__ import annotations
-
 from host.tests.firmware_images.psoc_part import Part
 
 CONFIG, IDAC, COUNTER, STATUS, INTR = 0x40080004, 0x40080008, 0x4008000C, 0x40080010, 0x40080014

@@ -5,8 +5,6 @@ model returns the last written value. firmware/boards/psoc4200/PERIPHERALS.md sp
 register.
 """
 
-from __future__ import annotations
-
 import struct
 from collections import defaultdict
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Models of the serial blocks: the I2C bus of a slave, the I2C bus of a master (hub), and a UART."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from host.tests.firmware_images.psoc_part import Part

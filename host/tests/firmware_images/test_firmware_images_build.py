@@ -2,8 +2,6 @@
 budgets and are reproducible.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 

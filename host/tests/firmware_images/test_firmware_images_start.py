@@ -1,7 +1,5 @@
 """Start-up between a reset and the first instructions of an image, executed in Unicorn."""
 
-from __future__ import annotations
-
 import pytest
 
 from taxel_protocol.bootloader import LAYOUTS, BootDevice

@@ -1,7 +1,5 @@
 """The build tools without a compiler: pins, stack analysis, invalid files."""
 
-from __future__ import annotations
-
 import pickle
 import re
 import struct

@@ -1,7 +1,5 @@
 """The images on their wires, executed in Unicorn: packets, snapshots, frames."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """A small recipe that is generated once without interruption."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Generation on a Dask cluster: the same bytes as on one computer, and errors of one line."""
 
-from __future__ import annotations
-
 import copyreg
 import sys
 from unittest import mock

@@ -1,7 +1,5 @@
 """`taxel generate`: the example of its help, its output, and invalid options."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

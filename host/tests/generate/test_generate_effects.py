@@ -1,7 +1,5 @@
 """Sampled effects: from a report within its intervals, or by name within ranges."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The example that trains on generated grasps: few grasps, and a generated test set instead of the emulated hand."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import sys

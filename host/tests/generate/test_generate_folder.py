@@ -1,7 +1,5 @@
 """A generated folder: its content, and equal bytes after interruptions and with several workers."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import json

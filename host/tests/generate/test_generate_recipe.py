@@ -1,7 +1,5 @@
 """Recipe files: valid content, errors of one line, and meshes as convex solids."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

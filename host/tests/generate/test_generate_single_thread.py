@@ -1,7 +1,5 @@
 """Shards that one process generates at the same time: linear algebra has one thread from the first to the last."""
 
-from __future__ import annotations
-
 from unittest import mock
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Poses from measured points and their covariance are correct; every error in a file is reported in one line."""
 
-from __future__ import annotations
-
 import json
 import pickle
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Driver with a virtual hand in lock step: sent frames, received values, and every error."""
 
-from __future__ import annotations
-
 import itertools
 import pickle
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Every message of the Allegro hand is encoded and decoded; every invalid frame raises a one-line error."""
 
-from __future__ import annotations
-
 import math
 import pickle
 

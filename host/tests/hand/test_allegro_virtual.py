@@ -1,7 +1,5 @@
 """Virtual hand: sent reports, their times, and the motion of the joints."""
 
-from __future__ import annotations
-
 import itertools
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The UR5e over RTDE with simulated modules of ur_rtde; not verified on hardware."""
 
-from __future__ import annotations
-
 import pickle
 import sys
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The simulated arm follows its commands exactly in virtual time and applies the limits of the UR5e."""
 
-from __future__ import annotations
-
 import math
 import pickle
 

@@ -1,7 +1,5 @@
 """The control loop keeps absolute deadlines and counts missed periods; tested with a simulated clock."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """The packaged hands agree with the thesis and with their documentation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Geometry of the packaged skins: taxel positions on the brackets and bracket poses on the hand."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

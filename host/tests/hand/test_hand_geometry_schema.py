@@ -1,7 +1,5 @@
 """Every error in the geometry of a hand description is reported in one line."""
 
-from __future__ import annotations
-
 import copy
 import tomllib
 from pathlib import Path

@@ -4,8 +4,6 @@ The reference is independent: the dimensions of arm and fingers are constants of
 from the description with a TOML parser.
 """
 
-from __future__ import annotations
-
 import pickle
 import tomllib
 from dataclasses import replace

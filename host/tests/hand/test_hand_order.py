@@ -1,7 +1,5 @@
 """Order of taxels, boards and bitmap bits, on which every array of the library depends."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every error in a robot description is reported in one line that names the file and the field."""
 
-from __future__ import annotations
-
 import copy
 import os
 import tomllib

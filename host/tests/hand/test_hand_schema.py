@@ -1,7 +1,5 @@
 """Every error in a hand description is reported in one line that names the file and the field."""
 
-from __future__ import annotations
-
 import os
 import pickle
 from pathlib import Path

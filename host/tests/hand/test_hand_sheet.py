@@ -1,7 +1,5 @@
 """Dielectric sheet of a board: squares over its taxels, a margin around them, and the pieces of squares."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

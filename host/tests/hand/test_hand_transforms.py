@@ -1,7 +1,5 @@
 """Rigid transforms agree with the rotations of scipy, also near angles of 0 and pi."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

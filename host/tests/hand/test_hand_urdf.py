@@ -1,7 +1,5 @@
 """MuJoCo and Pinocchio read the exported URDF and compute the same link poses."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import xml.etree.ElementTree as ET

@@ -1,7 +1,5 @@
 """What the tests of links share: a hub's end of a pseudo-terminal, a small world, and the emulators that still run."""
 
-from __future__ import annotations
-
 import os
 import time
 import tty

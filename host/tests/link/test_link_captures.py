@@ -1,7 +1,5 @@
 """A capture gives back what was recorded; a damaged one gives everything before the damage and then says so."""
 
-from __future__ import annotations
-
 import json
 import resource
 import struct

@@ -1,7 +1,5 @@
 """The emulator as a link: it says what is wrong in its own words, counts what it did, and leaves nothing behind."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

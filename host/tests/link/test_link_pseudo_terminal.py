@@ -1,7 +1,5 @@
 """The emulator behind a pseudo-terminal: a serial port like any other, which clients may leave and come back to."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import signal

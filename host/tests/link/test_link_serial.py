@@ -1,7 +1,5 @@
 """A serial port gives every byte that arrived, and says when it is gone."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import socket

@@ -1,7 +1,5 @@
 """A stimulus file holds what it was given, and what cannot act on a skin is refused before it is written or run."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A URL names a port, an emulator or a file; a mistake in it is one line that says what to do."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A substitute for a skin whose frames and counters a test sets, and an emulated hand on a pseudo-terminal."""
 
-from __future__ import annotations
-
 import subprocess
 import tempfile
 import time

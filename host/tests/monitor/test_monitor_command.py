@@ -1,7 +1,5 @@
 """`taxel monitor` with an emulator, a port and a capture, on a terminal and in a pipe."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

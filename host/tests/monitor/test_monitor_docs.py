@@ -1,7 +1,5 @@
 """docs/how-to-monitor.md: all code blocks run."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Readings and advice of the monitor for a skin with known frames."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

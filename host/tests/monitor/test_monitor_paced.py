@@ -1,7 +1,5 @@
 """Playback of a capture at its recorded speed or a multiple of it."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

@@ -1,7 +1,5 @@
 """Screens of a reading on terminals of several sizes."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

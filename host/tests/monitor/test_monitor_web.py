@@ -1,7 +1,5 @@
 """The browser page: no errors in its console, colours of the hand, and effects of its controls."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The boards of a capture as arrays, compared with the frames of the skin, and their activation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The core without optional packages: captures, CSV export, terminal monitor; other formats name their extra."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """Recordings of two emulated hands, first without contact and then with one indentation."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """docs/how-to-record.md: its commands run in order, and the help of each command has an example that runs."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

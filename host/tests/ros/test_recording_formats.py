@@ -1,7 +1,5 @@
 """Conversion between the formats of a recording: fields that are kept, fields that are lost, and invalid files."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import shutil

@@ -1,7 +1,5 @@
 """MCAP files: compatibility with the reference readers, and recovery of killed, truncated and damaged files."""
 
-from __future__ import annotations
-
 import signal
 import struct
 import subprocess

@@ -1,7 +1,5 @@
 """Message definitions and CDR encoding, checked against independent libraries."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from importlib import resources

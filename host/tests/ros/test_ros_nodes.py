@@ -1,7 +1,5 @@
 """ROS nodes: ROS 1 with a real master, rospy and tf2; ROS 2 with a substitute for rclpy; and without any ROS."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

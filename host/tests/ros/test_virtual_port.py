@@ -1,7 +1,5 @@
 """Playback of a recording on a pseudo-terminal, to a host that opens it as a hub and to a program that only reads."""
 
-from __future__ import annotations
-
 import queue
 import threading
 import time

@@ -1,7 +1,5 @@
 """Worlds whose taxels measure known counts, and hubs that are no more than prepared answers."""
 
-from __future__ import annotations
-
 import os
 import select
 import threading

@@ -3,8 +3,6 @@
 In these worlds the boards measure known counts, which change every quarter of a second of the world's time.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

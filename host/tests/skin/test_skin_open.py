@@ -1,7 +1,5 @@
 """Opening a skin gives frames at once; whatever is wrong with port, hub or boards is one line."""
 
-from __future__ import annotations
-
 import itertools
 import threading
 

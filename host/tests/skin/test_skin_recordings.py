@@ -1,7 +1,5 @@
 """A recording gives the frames that were live, and a damaged one everything before the damage."""
 
-from __future__ import annotations
-
 import itertools
 from contextlib import closing, suppress
 

@@ -1,7 +1,5 @@
 """Scans are the whole skin, cycle by cycle; a board that did not answer is not valid there."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

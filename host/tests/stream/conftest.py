@@ -1,7 +1,5 @@
 """Test hub that encodes frames, and a link that returns prepared chunks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 
 import numpy as np

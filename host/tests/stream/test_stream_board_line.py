@@ -1,7 +1,5 @@
 """The incremental line equals least squares over the latest readings, and Theil-Sen if a reading is an outlier."""
 
-from __future__ import annotations
-
 import random
 
 import numpy as np

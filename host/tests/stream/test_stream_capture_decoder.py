@@ -1,7 +1,5 @@
 """The block decoder gives the same frames as decoding by record, for any record sizes, with constant memory."""
 
-from __future__ import annotations
-
 import random
 import resource
 import struct

@@ -4,8 +4,6 @@ The synthetic streams contain the true times. For the emulator they follow from 
 starts when the board has booted and runs at its own rate.
 """
 
-from __future__ import annotations
-
 import random
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The batch decoder gives the same frames as the reference decoder, for any bytes in pieces of any size."""
 
-from __future__ import annotations
-
 import random
 
 import numpy as np

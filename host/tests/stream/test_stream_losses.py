@@ -1,7 +1,5 @@
 """Every sent frame is received or counted as lost, and missing frames are counted per board."""
 
-from __future__ import annotations
-
 import random
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The host decoder gives the same frames, fields and losses as construct, for any damaged stream."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import sys

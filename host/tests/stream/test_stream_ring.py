@@ -1,7 +1,5 @@
 """The ring buffer agrees with a simple model: FIFO order, bounded size, every lost byte counted."""
 
-from __future__ import annotations
-
 import random
 import threading
 

@@ -1,7 +1,5 @@
 """Fixtures for the tests of the test framework: plans, phases and complete records."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Execution of a test whose phases pass, fail, raise errors, or are stopped by the operator."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """History of tests: earlier results of a board, changes, and invalid files."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import pickle

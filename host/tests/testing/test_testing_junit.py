@@ -1,7 +1,5 @@
 """Test records as JUnit XML."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 import pytest

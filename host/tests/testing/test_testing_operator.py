@@ -1,7 +1,5 @@
 """Operators: at a terminal, scripted, and none."""
 
-from __future__ import annotations
-
 import io
 import pickle
 

@@ -1,7 +1,5 @@
 """HTML page of a test record: content, folding, and safety against hostile text."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re

@@ -1,7 +1,5 @@
 """Test plans: content, differences for a kind of board, and the error line for each invalid plan."""
 
-from __future__ import annotations
-
 import pickle
 
 import pytest

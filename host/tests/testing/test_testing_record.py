@@ -1,7 +1,5 @@
 """Limits, and outcomes of measurements, phases and tests."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Result files: read back as written, damage is refused with one error line, existing files are kept."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

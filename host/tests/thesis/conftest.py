@@ -1,7 +1,5 @@
 """Small campaigns of the three objects of the thesis: one board in contact with the surface of the object."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

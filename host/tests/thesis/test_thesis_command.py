@@ -1,7 +1,5 @@
 """`taxel thesis` on a small campaign: tables, figures, findings, refused input."""
 
-from __future__ import annotations
-
 import csv
 import json
 import shutil

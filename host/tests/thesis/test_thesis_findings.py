@@ -1,7 +1,5 @@
 """Findings and tables, computed from the printed numbers of the thesis, which must reproduce themselves."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 

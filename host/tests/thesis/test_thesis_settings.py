@@ -1,7 +1,5 @@
 """The settings for the reproduction of chapter 5 are accepted by the emulator."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

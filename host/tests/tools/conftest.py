@@ -1,7 +1,5 @@
 """Fixtures for the tests of the board commands: worlds, bus connections, firmware images."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable, Iterator
 

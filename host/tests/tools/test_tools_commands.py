@@ -1,7 +1,5 @@
 """`taxel scan`, `taxel provision`, `taxel flash`: printed output, and refusals with one error line."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

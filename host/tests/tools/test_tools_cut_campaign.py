@@ -1,7 +1,5 @@
 """The campaign of power cuts (tools/flash): its plan, its detection of bricked and damaged devices, and a short run."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import sys

@@ -1,7 +1,5 @@
 """Firmware files: files are read back as written, and each kind of damage has its own error message."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import random

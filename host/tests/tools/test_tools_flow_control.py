@@ -1,7 +1,5 @@
 """Flow control of the hub: many commands in flight without loss, and flashing at the speed of the bus."""
 
-from __future__ import annotations
-
 import itertools
 import random
 

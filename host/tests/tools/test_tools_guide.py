@@ -1,7 +1,5 @@
 """docs/how-to-flash-boards.md: every command of the page runs on the emulated hand."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import shlex

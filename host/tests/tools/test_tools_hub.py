@@ -1,7 +1,5 @@
 """Firmware updates of the hub over its UART: confirmation, return to the previous image, continued polling."""
 
-from __future__ import annotations
-
 import pytest
 
 from taxel.errors import TaxelError

@@ -1,7 +1,5 @@
 """Power cuts during an update of a board and during its repetition: the old or the new image always runs."""
 
-from __future__ import annotations
-
 import random
 
 import pytest

@@ -1,7 +1,5 @@
 """Configuration of blank boards and of boards with duplicate addresses; other boards stay unchanged."""
 
-from __future__ import annotations
-
 import pytest
 
 from taxel_tools.errors import BoardError, PlanError

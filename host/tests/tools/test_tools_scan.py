@@ -1,7 +1,5 @@
 """`taxel scan`: devices listed by a bus scan."""
 
-from __future__ import annotations
-
 from taxel_tools.scan import scan_bus
 from taxel_tools.scheduler import run
 from taxel_tools.session import BootSession

@@ -4,8 +4,6 @@ The tool does not use slots, commands of this project, or its row checks. It ent
 sends each row in pieces, verifies each row sum, verifies the application, and exits.
 """
 
-from __future__ import annotations
-
 import struct
 
 import pytest

@@ -1,7 +1,5 @@
 """Programming of blank boards through OpenOCD or pyOCD: the exact command, and the refusals."""
 
-from __future__ import annotations
-
 import json
 import os
 

@@ -1,7 +1,5 @@
 """Updates of emulated boards, over the hub and over an adapter: written, read back, started and confirmed."""
 
-from __future__ import annotations
-
 import pytest
 
 from taxel.errors import TaxelError

@@ -1,7 +1,5 @@
 """Bus connections and the scheduler: order, failures, and the number of commands in flight."""
 
-from __future__ import annotations
-
 import errno
 import os
 import pickle

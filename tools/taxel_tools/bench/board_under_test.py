@@ -1,7 +1,5 @@
 """Board under test: the context of the phases, with the board's connection, identity, probe and detected faults."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field

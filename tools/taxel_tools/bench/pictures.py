@@ -1,7 +1,5 @@
 """Pictures of a test report, as PNG bytes."""
 
-from __future__ import annotations
-
 import io
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Readout of the frames of one board, through the hub or over an adapter."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Callable
 from typing import Final, Protocol

@@ -9,8 +9,6 @@ part of this value before the first colon. Its object is a callable that takes a
 `taxel_tools.bench.probe.ProbeRequest` and returns a `taxel_tools.bench.probe.Probe`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from importlib.metadata import entry_points
 from types import MappingProxyType

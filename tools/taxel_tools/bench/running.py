@@ -1,7 +1,5 @@
 """Test of a board, from a URL and a plan to a record: opens the bus and the board, and runs the phases."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Storage of a test: a folder with reports, and a row of the history."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Final

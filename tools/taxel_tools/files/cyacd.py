@@ -1,7 +1,5 @@
 """`.cyacd`, the text format of the Cypress bootloader: a header line, then one line for each flash row."""
 
-from __future__ import annotations
-
 from typing import Final, NoReturn
 
 from taxel_protocol.bootloader import BOOT_ROW_SIZE, BOOT_SILICON_ID, BootChecksum

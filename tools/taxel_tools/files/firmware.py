@@ -1,7 +1,5 @@
 """A checked firmware image, and the set of images that form one firmware version."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final, NoReturn
 

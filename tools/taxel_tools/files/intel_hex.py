@@ -1,7 +1,5 @@
 """Intel HEX (Intel 1988, "Hexadecimal Object File Format Specification"): records of bytes at addresses."""
 
-from __future__ import annotations
-
 from typing import Final, NoReturn
 
 from taxel_protocol.bootloader import BOOT_ROW_COUNT, BOOT_ROW_SIZE

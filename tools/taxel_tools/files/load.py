@@ -1,7 +1,5 @@
 """Firmware files of any supported format, loaded as one firmware version."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final

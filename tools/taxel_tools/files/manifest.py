@@ -17,8 +17,6 @@ The four keys are optional for other files; the values must then agree with the 
 structure is accepted too.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

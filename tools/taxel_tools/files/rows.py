@@ -1,7 +1,5 @@
 """Assembly of flash rows into an image; rows outside one slot are refused."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Final
 

@@ -11,8 +11,6 @@
 - A value that is not finite, after finite earlier values, has moved.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from statistics import median

@@ -1,7 +1,5 @@
 """Execution of a hardware test: runs the phases of a plan in order and records results and errors."""
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field

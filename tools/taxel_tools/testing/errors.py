@@ -1,7 +1,5 @@
 """Errors of the test framework. Each prints as one line and stores its data."""
 
-from __future__ import annotations
-
 from taxel.errors import FieldError, TaxelError
 
 

@@ -1,7 +1,5 @@
 """History of all tests of a station in one SQLite file: earlier results of the same device, and changes since."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import os

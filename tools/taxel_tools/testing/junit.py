@@ -1,7 +1,5 @@
 """A test record as JUnit XML for CI servers: one test case for each limit and each finding."""
 
-from __future__ import annotations
-
 import os
 import re
 import xml.etree.ElementTree as ET

@@ -1,7 +1,5 @@
 """Log of a running phase: receives measurements, findings and attachments, and checks the measurements' limits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import SupportsFloat
 

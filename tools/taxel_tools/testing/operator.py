@@ -1,7 +1,5 @@
 """Operator of a test station: enters serial numbers and follows instructions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Protocol
 

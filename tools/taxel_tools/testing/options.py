@@ -1,7 +1,5 @@
 """Options of a phase in a plan: each is read by name, and keys that the phase does not read are refused."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping
 from typing import Any, NoReturn

@@ -18,8 +18,6 @@
 A phase that is not in the plan does not run. A phase for a single kind is listed in `phases` with enabled = false.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 import re

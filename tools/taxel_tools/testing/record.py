@@ -1,7 +1,5 @@
 """Record of a test: measurements with limits, named faults and attachments, phase by phase."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

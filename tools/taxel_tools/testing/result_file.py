@@ -1,7 +1,5 @@
 """Result file: a test record as JSON, for other programs."""
 
-from __future__ import annotations
-
 import base64
 import binascii
 import json

@@ -1,7 +1,5 @@
 """Files that are written completely or not at all, also in a power cut."""
 
-from __future__ import annotations
-
 import os
 from contextlib import suppress
 from pathlib import Path

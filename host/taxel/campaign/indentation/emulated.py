@@ -1,7 +1,5 @@
 """An indentation campaign on the emulated skin: each session through firmware, bus, hub, UART and host."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ with the stiffness of the load. This stiffness neglects the curvature of the sur
 compensate the error.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random indenters: boxes, triangular prisms, wedges and cylinders, with the features that can touch a skin."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 

@@ -1,7 +1,5 @@
 """The plan of an indentation campaign: objects, mount, straight approaches to a fixed skin, order and repeats."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field

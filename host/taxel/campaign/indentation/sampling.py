@@ -1,7 +1,5 @@
 """A random plan of indentations: objects, approaches that load every board, and the order of the indentations."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 

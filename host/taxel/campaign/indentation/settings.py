@@ -1,7 +1,5 @@
 """Default settings of an indentation campaign: clocks, phases, variation, and the simulator's side."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """An indentation campaign in the simulator: every indentation is simulated independently."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from functools import lru_cache

@@ -4,8 +4,6 @@ The spring of the mount along its line carries a given force; its other springs 
 six equations of force and moment is found with MINPACK's hybrid method (Powell 1970) and the stiffness of the layer.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from typing import Literal, NamedTuple
 

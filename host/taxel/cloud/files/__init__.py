@@ -1,7 +1,5 @@
 """Readers and writers of clouds and meshes; the suffix of the file name selects the format."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -4,8 +4,6 @@ Comments ``taxel.approach ROW NAME`` and ``taxel.grasp ROW APPROACH_ROW ID`` nam
 refers. A file of another program has no such comments: then all points belong to one grasp.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final

@@ -1,7 +1,5 @@
 """Wavefront OBJ: vertices and faces. All other lines are ignored; no other file is opened."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

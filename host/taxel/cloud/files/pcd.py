@@ -1,7 +1,5 @@
 """PCD of the Point Cloud Library, version 0.7, as text or as uncompressed binary."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

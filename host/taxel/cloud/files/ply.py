@@ -1,7 +1,5 @@
 """PLY: points or triangles, as text or as binary of either byte order."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final

@@ -1,7 +1,5 @@
 """STL: triangles, as binary or as text. Corners that are equal to the last bit become one vertex."""
 
-from __future__ import annotations
-
 import re
 from typing import Final
 

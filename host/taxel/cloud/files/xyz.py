@@ -1,7 +1,5 @@
 """XYZ: one point per line, x y z in metres, with the counts as a fourth number if they are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

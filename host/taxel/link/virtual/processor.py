@@ -1,7 +1,5 @@
 """What an emulated processor that executes an image has done (firmware/emulator/psoc4200)."""
 
-from __future__ import annotations
-
 import ctypes
 from typing import Final, NamedTuple
 

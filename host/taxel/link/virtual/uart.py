@@ -1,7 +1,5 @@
 """The UART of a virtual world as a link: through a pseudo-terminal that pyserial opens, or without one."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from taxel.link.base import Chunk

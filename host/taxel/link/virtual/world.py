@@ -1,7 +1,5 @@
 """An emulated world inside this process (firmware/emulator/bench.h), moved on by its caller."""
 
-from __future__ import annotations
-
 import ctypes
 import json
 import os

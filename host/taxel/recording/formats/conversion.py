@@ -3,8 +3,6 @@
 The source is opened as a skin. The target is written from the frames of this skin.
 """
 
-from __future__ import annotations
-
 import importlib.metadata
 import os
 from collections.abc import Callable

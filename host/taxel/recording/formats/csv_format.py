@@ -5,8 +5,6 @@
 simulator (section 4.2, Figure 4.6).
 """
 
-from __future__ import annotations
-
 import csv
 import heapq
 import os

@@ -1,7 +1,5 @@
 """Common parts of the formats that store a table of frames: header, columns, and checks of a row from a file."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping

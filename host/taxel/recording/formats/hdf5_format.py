@@ -1,7 +1,5 @@
 """A recording as the only grasp of a grasp dataset: one row for each poll cycle, written and read in blocks."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path

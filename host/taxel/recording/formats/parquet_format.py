@@ -1,7 +1,5 @@
 """A recording as a Parquet file: one row for each frame, with the raw counts as a list. Needs pyarrow."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Playback of a recording on a pseudo-terminal, which any program can open as the serial port of the hub."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

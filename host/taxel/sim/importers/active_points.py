@@ -1,7 +1,5 @@
 """The thesis's own output: active taxels as 3D coordinates in CSV (section 4.2.2, Figure 4.6)."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the imports of CSV files share: the hand and the object at every frame of every grasp, and the way to a file."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

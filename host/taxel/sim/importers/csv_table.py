@@ -1,7 +1,5 @@
 """A CSV file of known columns, in any order and under their common names, as arrays."""
 
-from __future__ import annotations
-
 import csv
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence

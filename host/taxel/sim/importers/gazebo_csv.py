@@ -6,8 +6,6 @@ taxel whose centre is nearer than a threshold, which is the distance from tip to
 out among them, the more to a taxel the nearer it is, and none of it is lost.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from typing import NoReturn

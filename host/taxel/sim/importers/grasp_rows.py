@@ -1,7 +1,5 @@
 """The rows of a CSV file sorted into grasps, and the frames of each grasp."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -5,8 +5,6 @@ over its taxels as in the project's own simulator (`taxel.sim.sensing`). With co
 instead be replayed by stepping from its first state.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass

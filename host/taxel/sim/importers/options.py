@@ -1,7 +1,5 @@
 """What all imports have in common: the hand, the objects and where they stand, the sensor, the baseline."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

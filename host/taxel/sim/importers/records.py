@@ -1,7 +1,5 @@
 """From forces on taxels to the grasps of a new dataset, whole or not at all."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager

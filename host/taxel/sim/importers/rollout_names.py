@@ -12,8 +12,6 @@ A map is TOML (or the same as a dictionary)::
     fingertip_thumb = { site = "thumb_bracket" }   # a site is the bracket's frame itself
 """
 
-from __future__ import annotations
-
 import os
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The object of a rollout: a known shape in its body's frame, or the shape of its one geom."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NoReturn

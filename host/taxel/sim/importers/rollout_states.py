@@ -1,7 +1,5 @@
 """The states of a rollout, from an .npz file."""
 
-from __future__ import annotations
-
 import os
 import zipfile
 import zlib

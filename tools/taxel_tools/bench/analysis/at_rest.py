@@ -6,8 +6,6 @@ same charge, despite the tolerances of the parts. Lines swapped in the harness l
 where the other line has no taxel.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Final

@@ -1,7 +1,5 @@
 """Loading and unloading curves: raw counts over force (thesis, Figure 2.5), and the smallest detectable force."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Drift of an untouched board: slopes of its raw counts over time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final

@@ -1,7 +1,5 @@
 """Named faults and their places."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final

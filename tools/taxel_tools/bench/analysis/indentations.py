@@ -4,8 +4,6 @@
 is a gap in the diagonal, swapped lines move parts of it, shorted lines double it, and crosstalk surrounds it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations

@@ -4,8 +4,6 @@ Indentations identify the taxel at each crossing, so they explain missing crossi
 rest distinguish an open line from a dead layer. Both measurements detect a short.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -7,8 +7,6 @@ Casella, McCulloch, Variance Components, 1992, ch. 4). Above the band of 1/f noi
 part that exceeds the white part is 1/f noise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

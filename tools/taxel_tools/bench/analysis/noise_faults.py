@@ -5,8 +5,6 @@ errors in the estimates of all other components. The component with the largest 
 reported first, and another component only if it exceeds the leakage of the reported ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Phase `drift`: drift of the untouched board."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from taxel_tools.bench.analysis.drift import fit_drift

@@ -1,7 +1,5 @@
 """Phase `electrical`: open and shorted lines, from the raw counts of the untouched board."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Phase `faults`: list of the faults of the board."""
 
-from __future__ import annotations
-
 from taxel_tools.bench.analysis.merging import merge_faults
 from taxel_tools.bench.board_under_test import BoardUnderTest
 from taxel_tools.testing.engine import PhaseLog

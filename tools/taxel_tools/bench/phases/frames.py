@@ -1,7 +1,5 @@
 """Phase `frames`: frame rate, missed scans, and counters of the bus."""
 
-from __future__ import annotations
-
 from taxel_tools.bench.analysis.fault import BOARD, Fault
 from taxel_tools.bench.board_under_test import BoardUnderTest
 from taxel_tools.testing.engine import PhaseLog

@@ -1,7 +1,5 @@
 """Phase `identify`: identity of the board, compared with the hand description and the plan."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Phase `presses`: indentation of each taxel."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Phase `loading`: loading and unloading curve with a wide tip, as in Figure 2.5 of the thesis."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

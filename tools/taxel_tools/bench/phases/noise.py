@@ -1,7 +1,5 @@
 """Phase `noise`: components of the noise of the untouched board."""
 
-from __future__ import annotations
-
 from taxel_tools.bench.analysis.noise import FRAMES_MIN, NoiseParts, separate_noise
 from taxel_tools.bench.analysis.noise_faults import TITLES, find_noise_faults
 from taxel_tools.bench.board_under_test import BoardUnderTest

@@ -1,7 +1,5 @@
 """Phase `rest`: level of the raw counts of the untouched board, constant taxels, constant bits."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Phase `small_forces`: smallest detectable force with a narrow tip."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Phase `soak`: long record of the untouched board."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Final
 

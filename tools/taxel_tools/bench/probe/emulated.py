@@ -1,7 +1,5 @@
 """Probe that applies contact forces to an emulated board."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -5,8 +5,6 @@ which a controller answers only at standstill. The controller answers every line
 on hardware.
 """
 
-from __future__ import annotations
-
 import math
 from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields

@@ -1,7 +1,5 @@
 """Probe operated by a person on instruction."""
 
-from __future__ import annotations
-
 from taxel.hand import BoardKind
 from taxel_tools.bench.probe.base import ProbeRequest
 from taxel_tools.testing.operator import Operator

@@ -1,7 +1,5 @@
 """Attachments of a phase: pictures are shown, short texts folded, other files offered for download."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Sequence
 

@@ -4,8 +4,6 @@ Positions along x are percentages of the cell. The numbers are in the neighbouri
 pictures.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Iterable

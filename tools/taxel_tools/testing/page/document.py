@@ -1,7 +1,5 @@
 """HTML page of a test: one file without external references and scripts, suitable for printing."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from functools import cache

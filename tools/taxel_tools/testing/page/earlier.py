@@ -1,7 +1,5 @@
 """Section on earlier tests of the same device: numbers that have moved, and earlier results."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from taxel.gap.page.tables import Column, Section, folded, paragraph, table

@@ -1,7 +1,5 @@
 """Page elements besides those of `taxel.gap.page.tables`."""
 
-from __future__ import annotations
-
 from taxel.gap.page.text import ABSENT, SPACE, escaped
 
 _UNBROKEN_LENGTH = 12  # Longest text without a line break.

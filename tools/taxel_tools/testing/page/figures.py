@@ -1,7 +1,5 @@
 """Values, times and sizes as escaped text."""
 
-from __future__ import annotations
-
 import math
 from datetime import datetime
 

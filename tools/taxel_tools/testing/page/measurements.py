@@ -1,7 +1,5 @@
 """Tables of the measurements of a phase: all rows if there are few, else one row for each name and folded details."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from statistics import median

@@ -1,7 +1,5 @@
 """Phases of a test: an overview table, then one section for each phase."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from taxel.gap.page.tables import Column, Section, bullets, paragraph, table

@@ -1,7 +1,5 @@
 """Header of the page: the verdict, the problems to fix, and the identity of device, operator and station."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 
