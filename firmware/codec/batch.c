@@ -231,8 +231,8 @@ size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_
     size_t taken = 0;
     set_output(batch, output);
     while (taken < size && has_space(batch)) {
-        const size_t left = size - taken;
-        taken += taxel_deframer_push_chunk(&batch->deframer, bytes + taken, left < STEP ? left : STEP);
+        const size_t remaining = size - taken;
+        taken += taxel_deframer_push_chunk(&batch->deframer, bytes + taken, remaining < STEP ? remaining : STEP);
     }
     return taken;
 }

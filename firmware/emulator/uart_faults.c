@@ -5,7 +5,7 @@ static bool is_flip(enum fault_kind kind)
     return kind == FAULT_UP_FLIP || kind == FAULT_DOWN_FLIP;
 }
 
-static bool is_drop(enum fault_kind kind)
+static bool removes_byte(enum fault_kind kind)
 {
     return kind == FAULT_UP_DROP || kind == FAULT_DOWN_DROP;
 }
@@ -36,7 +36,7 @@ size_t uart_faults_apply(struct uart_faults *line, uint8_t byte, uint8_t out[2],
     for (size_t i = 0; i < line->count; i++) {
         if (position >= line->pending[i].from) {
             byte ^= line->pending[i].flip;
-            copies = is_drop(line->pending[i].kind) ? 0 : copies && !line->pending[i].flip ? 2 : copies;
+            copies = removes_byte(line->pending[i].kind) ? 0 : copies && !line->pending[i].flip ? 2 : copies;
             fault_log_add(log, now, line->pending[i].kind, 0);
         }
         if (position + 1u < line->pending[i].until) {

@@ -25,15 +25,15 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 /* The input, read from the front; zeros follow its end. */
 struct fuzz_input {
     const uint8_t *bytes;
-    size_t left;
+    size_t remaining;
 };
 
 static inline uint8_t fuzz_u8(struct fuzz_input *input)
 {
-    if (!input->left) {
+    if (!input->remaining) {
         return 0;
     }
-    input->left--;
+    input->remaining--;
     return *input->bytes++;
 }
 
@@ -46,14 +46,14 @@ static inline uint16_t fuzz_u16(struct fuzz_input *input)
 /* Copy at most `size` bytes of the input to `bytes`, and fill up with zeros. Returns the number of bytes copied. */
 static inline size_t fuzz_bytes(struct fuzz_input *input, uint8_t *bytes, size_t size)
 {
-    const size_t taken = size < input->left ? size : input->left;
+    const size_t taken = size < input->remaining ? size : input->remaining;
     if (size) {
         memset(bytes, 0, size);
     }
     if (taken) {
         memcpy(bytes, input->bytes, taken);
         input->bytes += taken;
-        input->left -= taken;
+        input->remaining -= taken;
     }
     return taken;
 }

@@ -156,7 +156,7 @@ static void append_random_bytes(struct fuzz_input *input, uint8_t op)
 
 static void build_stream(struct fuzz_input *input)
 {
-    for (unsigned step = 0; input->left && step < STEPS_MAX; step++) {
+    for (unsigned step = 0; input->remaining && step < STEPS_MAX; step++) {
         const uint8_t op = fuzz_u8(input);
         switch (op & 3u) {
         case 0:
@@ -339,7 +339,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
     const size_t rows = ROWS_MIN + (mode >> 2 & 3u) * 16u;
     stream_size = 0;
     if (mode & 0x10u) {
-        append(input.bytes, input.left);
+        append(input.bytes, input.remaining);
     } else {
         build_stream(&input);
     }

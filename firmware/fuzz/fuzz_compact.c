@@ -94,10 +94,10 @@ static void scan(uint8_t kind, uint64_t *state)
     slot->sequence = (uint16_t)sensor.scan.scans;
     slot->started_us = sensor.scan.started_us;
     for (uint16_t i = 0; i < config.taxel_count; i++) {
-        const uint8_t drawn = fuzz_next(state);
-        const uint16_t any = (uint16_t)(drawn | fuzz_next(state) << 8);
-        const bool jumps = (kind & 3u) == 3u || ((kind & 3u) == 2u && drawn < 16u);
-        counts[i] = jumps ? any : (uint16_t)(counts[i] + (kind & 3u ? (drawn % 7u) : 0u) - (kind & 3u ? 3u : 0u));
+        const uint8_t random_byte = fuzz_next(state);
+        const uint16_t any = (uint16_t)(random_byte | fuzz_next(state) << 8);
+        const bool jumps = (kind & 3u) == 3u || ((kind & 3u) == 2u && random_byte < 16u);
+        counts[i] = jumps ? any : (uint16_t)(counts[i] + (kind & 3u ? (random_byte % 7u) : 0u) - (kind & 3u ? 3u : 0u));
         slot->counts[i] = counts[i];
         now_us += 1u + (kind >> 2);
         taxel_sensor_on_conversion(&sensor, counts[i]);
@@ -310,7 +310,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
     late_size = 0;
     now_us = (uint32_t)state << 16;
     boot();
-    for (unsigned i = 0; input.left && i < EVENTS_MAX; i++) {
+    for (unsigned i = 0; input.remaining && i < EVENTS_MAX; i++) {
         event(&input, &state);
     }
     for (size_t i = 0; i < 3u; i++) {

@@ -221,7 +221,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
     bench.ends_at_once = (start & 0xE0u) == 0x20u;
     steps = 0;
     sent_invalid_bytes = false;
-    for (unsigned i = 0; input.left && i < EVENTS_MAX && !bench.restarted; i++) {
+    for (unsigned i = 0; input.remaining && i < EVENTS_MAX && !bench.restarted; i++) {
         event(&input);
     }
     if (!bench.restarted) {

@@ -330,7 +330,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
         if (has_full_counters) {
             fill_counters();
         }
-        for (unsigned i = 0; input.left && i < EVENTS_MAX; i++) {
+        for (unsigned i = 0; input.remaining && i < EVENTS_MAX; i++) {
             event(&input);
         }
     } else {

@@ -73,8 +73,8 @@ static void check_buffer(size_t offset, size_t size)
     }
     for (size_t i = 0; i < TAXEL_HUB_LARGE_MAX; i++) {
         const struct taxel_large *const large = &hub->outbox.large[i];
-        if (large->left) {
-            check_disjoint(begin, end, large->end - large->left, large->end);
+        if (large->remaining) {
+            check_disjoint(begin, end, large->end - large->remaining, large->end);
         }
     }
 }

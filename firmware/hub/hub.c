@@ -101,7 +101,7 @@ TAXEL_OWN_FRAME void taxel_hub_run(struct taxel_hub *hub)
         restart_when_drained(hub);
         return;
     }
-    taxel_hub_drop_queued(hub);
+    taxel_hub_discard_queued(hub);
     process_job_outcome(hub);
     taxel_hub_read_inbox(hub);
     if (hub->job.kind == TAXEL_JOB_NONE) {

@@ -202,7 +202,7 @@ struct taxel_report {
 struct taxel_large {
     uint16_t end; /* offset in the pool */
     uint16_t mark; /* position at which the ring waits while this frame is sent */
-    volatile uint16_t left; /* bytes to send; set by the main loop, then counted down by the UART's interrupt alone */
+    volatile uint16_t remaining; /* bytes to send; set by the main loop, then counted down by the UART's interrupt alone */
 };
 
 struct taxel_outbox {
@@ -255,7 +255,7 @@ struct taxel_hub {
     bool streaming;
     bool has_retry; /* retry_pending is set in at least one slot */
     bool use_compact; /* the host requested compact snapshots from the boards that have them */
-    bool drop_requested : 1; /* the queued frames are to be dropped, because the UART stalled */
+    bool discard_requested : 1; /* the queued frames are to be dropped, because the UART stalled */
     bool restart_requested : 1;
     bool bootloader_requested : 1;
 };

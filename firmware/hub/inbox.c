@@ -48,7 +48,7 @@ struct body {
     const uint8_t *ring;
     uint8_t at;
     uint8_t ahead; /* remaining bytes of the chunk */
-    uint8_t left;  /* remaining bytes of the block */
+    uint8_t remaining;  /* remaining bytes of the block */
     uint8_t whitening;
 };
 
@@ -60,7 +60,7 @@ static bool open_block(struct body *body)
     }
     body->at = (uint8_t)(body->at + 1u);
     body->ahead = (uint8_t)(body->ahead - 1u);
-    body->left = (uint8_t)(code - 1u);
+    body->remaining = (uint8_t)(code - 1u);
     return true;
 }
 
@@ -74,11 +74,11 @@ static struct body body_at_tail(const struct taxel_inbox *inbox, uint8_t size)
 static int next_byte(struct body *body)
 {
     uint8_t byte = 0;
-    if (body->left) {
+    if (body->remaining) {
         byte = body->ring[body->at];
         body->at = (uint8_t)(body->at + 1u);
         body->ahead = (uint8_t)(body->ahead - 1u);
-        body->left = (uint8_t)(body->left - 1u);
+        body->remaining = (uint8_t)(body->remaining - 1u);
     } else if (!open_block(body)) {
         return NO_BYTE;
     }
@@ -127,7 +127,7 @@ TAXEL_OWN_FRAME static uint8_t find_frame(const struct taxel_inbox *inbox, uint8
             expected += taxel_get_u16(header + 3) + TAXEL_FRAME_CRC_SIZE;
         }
     }
-    return body.left == 0 && crc == CRC_OF_WHOLE_BODY ? (uint8_t)(size - body.ahead) : 0;
+    return body.remaining == 0 && crc == CRC_OF_WHOLE_BODY ? (uint8_t)(size - body.ahead) : 0;
 }
 
 /* Copy the payload of the valid frame at the tail. Acknowledgements are handled one by one, because the payload

@@ -15,7 +15,7 @@ TAXEL_OWN_FRAME size_t taxel_hub_uart_pending(const struct taxel_hub *hub)
 {
     size_t size = used_bytes(hub);
     for (uint8_t i = 0; i < TAXEL_HUB_LARGE_MAX; i++) {
-        size += hub->outbox.large[i].left;
+        size += hub->outbox.large[i].remaining;
     }
     return size;
 }
@@ -28,13 +28,13 @@ size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
     atomic_signal_fence(memory_order_acquire);
     while (pulled < size && !outbox->is_held) {
         struct taxel_large *large = &outbox->large[outbox->large_first];
-        const uint16_t left = large->left;
+        const uint16_t remaining = large->remaining;
         const uint16_t tail = outbox->tail;
-        if (left && tail == large->mark) {
-            const uint8_t *from = &config->transfer_pool[large->end - left];
-            size_t run = left < size - pulled ? left : size - pulled;
-            large->left = (uint16_t)(left - run);
-            if (left == run) {
+        if (remaining && tail == large->mark) {
+            const uint8_t *from = &config->transfer_pool[large->end - remaining];
+            size_t run = remaining < size - pulled ? remaining : size - pulled;
+            large->remaining = (uint16_t)(remaining - run);
+            if (remaining == run) {
                 outbox->large_first = taxel_hub_after_large(outbox->large_first);
             }
             for (; run; run--) {
@@ -85,13 +85,13 @@ bool taxel_hub_has_space_for_reply(const struct taxel_hub *hub)
     return used_bytes(hub) + REPLY_ENCODED_MAX < taxel_hub_config_of(hub)->transmit_ring_size;
 }
 
-TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
-                                    size_t tail_size, uint16_t pool_offset)
+TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size, const uint8_t *data,
+                                    size_t data_size, uint16_t pool_offset)
 {
     const struct taxel_hub_config *config = taxel_hub_config_of(hub);
     struct taxel_outbox *outbox = &hub->outbox;
     struct taxel_encoder encoder;
-    if (pool_offset == TAXEL_HUB_IN_RING && used_bytes(hub) + taxel_encoded_size_max(head_size + tail_size) + reserve_for(hub, type) >=
+    if (pool_offset == TAXEL_HUB_IN_RING && used_bytes(hub) + taxel_encoded_size_max(prefix_size + data_size) + reserve_for(hub, type) >=
                                        config->transmit_ring_size) {
         return false;
     }
@@ -102,9 +102,9 @@ TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const u
         capacity = config->transfer_pool_size;
         position = pool_offset;
     }
-    taxel_encoder_begin(&encoder, base, capacity, position, type, outbox->sequence, (uint16_t)(head_size + tail_size));
-    taxel_encoder_put(&encoder, head, head_size);
-    taxel_encoder_put(&encoder, tail, tail_size);
+    taxel_encoder_begin(&encoder, base, capacity, position, type, outbox->sequence, (uint16_t)(prefix_size + data_size));
+    taxel_encoder_put(&encoder, prefix, prefix_size);
+    taxel_encoder_put(&encoder, data, data_size);
     const size_t length = taxel_encoder_end(&encoder);
     outbox->bytes_sent += (uint32_t)length;
     outbox->frames_sent++;
@@ -118,34 +118,34 @@ TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const u
         large->end = (uint16_t)(pool_offset + length);
         large->mark = outbox->head;
         atomic_signal_fence(memory_order_release);
-        large->left = (uint16_t)length;
+        large->remaining = (uint16_t)length;
     }
     config->hal->uart_kick(config->hal->context);
     return true;
 }
 
-bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, uint16_t pool_offset,
+bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size, uint16_t pool_offset,
                            size_t size)
 {
     struct taxel_outbox *outbox = &hub->outbox;
     const uint8_t *bytes = taxel_hub_bytes(hub, pool_offset);
-    if (outbox->large[outbox->large_first].left) {
-        if (taxel_hub_try_send(hub, type, head, head_size, bytes, size)) {
+    if (outbox->large[outbox->large_first].remaining) {
+        if (taxel_hub_try_send(hub, type, prefix, prefix_size, bytes, size)) {
             return true;
         }
-        if (outbox->large[outbox->large_next].left || (hub->uart_is_stalled && taxel_hub_uart_is_stalled(hub))) {
+        if (outbox->large[outbox->large_next].remaining || (hub->uart_is_stalled && taxel_hub_uart_is_stalled(hub))) {
             return false;
         }
     }
     /* In-place encoding never overwrites bytes that are still to be read: the output is ahead by delimiter, header
      * and at most 2 + 2 bytes of stuffing, which the headroom covers. */
-    return taxel_hub_emit(hub, type, head, head_size, bytes, size, pool_offset);
+    return taxel_hub_emit(hub, type, prefix, prefix_size, bytes, size, pool_offset);
 }
 
-bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *head, size_t head_size, const uint8_t *tail,
-                    size_t tail_size)
+bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size, const uint8_t *data,
+                    size_t data_size)
 {
-    if (taxel_hub_try_send(hub, type, head, head_size, tail, tail_size)) {
+    if (taxel_hub_try_send(hub, type, prefix, prefix_size, data, data_size)) {
         return true;
     }
     hub->outbox.frames_dropped++;

@@ -17,16 +17,16 @@ bool taxel_hub_find_buffer(struct taxel_hub *hub, size_t size)
         end = begin + TAXEL_HUB_BUFFER_SIZE(hub->unframed.size);
         needed = taxel_hub_after_large(index);
     }
-    if (outbox->large[needed].left && !hub->uart_is_stalled) {
+    if (outbox->large[needed].remaining && !hub->uart_is_stalled) {
         return false;
     }
     for (unsigned i = 0; i < TAXEL_HUB_LARGE_MAX; i++) { /* newest first, because the interrupt may finish the oldest at any time */
         index = index ? (uint8_t)(index - 1u) : TAXEL_HUB_LARGE_MAX - 1u;
-        const uint16_t left = outbox->large[index].left;
-        if (left) {
+        const uint16_t remaining = outbox->large[index].remaining;
+        if (remaining) {
             const size_t sent_to = outbox->large[index].end;
             end = end ? end : sent_to;
-            begin = sent_to - left; /* bytes already sent are free */
+            begin = sent_to - remaining; /* bytes already sent are free */
         }
     }
     atomic_signal_fence(memory_order_acquire);

@@ -11,22 +11,22 @@
 
 static void decode_prefix(const uint8_t *frame, uint8_t prefix[PREFIX_SIZE])
 {
-    uint8_t left = frame[1], whitening = (uint8_t)TAXEL_WHITENING_SEED;
+    uint8_t remaining = frame[1], whitening = (uint8_t)TAXEL_WHITENING_SEED;
     frame += 2;
     for (uint8_t i = 0; i < PREFIX_SIZE; i++, frame++) {
         prefix[i] = whitening;
-        if (--left) {
+        if (--remaining) {
             prefix[i] ^= *frame;
         } else {
-            left = *frame; /* a block's code replaces a zero */
+            remaining = *frame; /* a block's code replaces a zero */
         }
         whitening = (uint8_t)(TAXEL_WHITENING_FACTOR * whitening + TAXEL_WHITENING_INCREMENT);
     }
 }
 
-/* Drop a queued frame. Returns its sequence number, which a LOG frame takes over, because later frames are already
+/* Discard a queued frame. Returns its sequence number, which a LOG frame takes over, because later frames are already
  * numbered. */
-static uint16_t drop_frame(struct taxel_hub *hub, const uint8_t *frame)
+static uint16_t discard_frame(struct taxel_hub *hub, const uint8_t *frame)
 {
     uint8_t prefix[PREFIX_SIZE];
     decode_prefix(frame, prefix);
@@ -45,7 +45,7 @@ static uint16_t drop_frame(struct taxel_hub *hub, const uint8_t *frame)
 /* Called without a transfer in progress and without unframed bytes, so the whole pool is available; the interrupt is
  * held. The partly sent frame moves to the start of the pool. A short LOG frame takes the place and the sequence
  * number of each other frame, so that no number is missing. */
-TAXEL_OWN_FRAME static void drop_queued(struct taxel_hub *hub)
+TAXEL_OWN_FRAME static void discard_queued(struct taxel_hub *hub)
 {
     const struct taxel_hub_config *config = taxel_hub_config_of(hub);
     struct taxel_outbox *outbox = &hub->outbox;
@@ -58,21 +58,21 @@ TAXEL_OWN_FRAME static void drop_queued(struct taxel_hub *hub)
     struct taxel_large *const first = &outbox->large[first_index];
     for (uint8_t i = 0; i < TAXEL_HUB_LARGE_MAX; i++) {
         const struct taxel_large *large = &outbox->large[i];
-        if (i != first_index && large->left) {
-            numbers[i] = drop_frame(hub, pool + large->end - large->left);
-            outbox->bytes_sent -= large->left;
+        if (i != first_index && large->remaining) {
+            numbers[i] = discard_frame(hub, pool + large->end - large->remaining);
+            outbox->bytes_sent -= large->remaining;
             outbox->frames_sent--;
         }
     }
     uint16_t end = 0;
-    for (const uint8_t *from = pool + first->end - first->left; end < first->left; end++) {
+    for (const uint8_t *from = pool + first->end - first->remaining; end < first->remaining; end++) {
         pool[end] = from[end];
     }
     first->end = end;
     if (end) { /* otherwise the frame has just been sent completely */
         outbox->large_next = taxel_hub_after_large(first_index);
     }
-    for (uint8_t i; (i = outbox->large_next) != first_index && outbox->large[i].left;) {
+    for (uint8_t i; (i = outbox->large_next) != first_index && outbox->large[i].remaining;) {
         struct taxel_large *large = &outbox->large[i];
         const uint16_t mark = large->mark; /* frames in the ring keep their position between the large ones */
         outbox->sequence = numbers[i];
@@ -95,18 +95,18 @@ bool taxel_hub_uart_is_stalled(struct taxel_hub *hub)
         hub->uart_progress_us = now;
         hub->uart_is_stalled = false;
     } else if (!hub->uart_is_stalled && now - hub->uart_progress_us >= UART_STALL_US) {
-        hub->uart_is_stalled = hub->drop_requested = true;
+        hub->uart_is_stalled = hub->discard_requested = true;
     }
     return hub->uart_is_stalled;
 }
 
-void taxel_hub_drop_queued(struct taxel_hub *hub)
+void taxel_hub_discard_queued(struct taxel_hub *hub)
 {
-    if (!hub->drop_requested || hub->job.kind != TAXEL_JOB_NONE || hub->unframed.size || hub->settings_read_slot != TAXEL_NO_SLOT) {
+    if (!hub->discard_requested || hub->job.kind != TAXEL_JOB_NONE || hub->unframed.size || hub->settings_read_slot != TAXEL_NO_SLOT) {
         return;
     }
     if (taxel_hub_uart_is_stalled(hub)) {
-        drop_queued(hub);
+        discard_queued(hub);
     }
-    hub->drop_requested = false;
+    hub->discard_requested = false;
 }

@@ -46,7 +46,7 @@ static bool take(struct reader *reader, char expected)
 static struct json_node *add_node(struct reader *reader, enum json_kind kind)
 {
     if (reader->used == reader->capacity) {
-        (void)fail(reader, "there are more values than room for them");
+        (void)fail(reader, "more values than the array of nodes can hold");
         return NULL;
     }
     struct json_node *node = &reader->nodes[reader->used++];

@@ -52,7 +52,7 @@ static void on_start(void *context, uint32_t vectors)
 
 static void on_restart(void *context)
 {
-    ((struct bench *)context)->restart_asked = true;
+    ((struct bench *)context)->restart_requested = true;
 }
 
 static void on_unique_id(void *context, uint8_t *id)
@@ -93,7 +93,7 @@ void bench_reset(struct bench *bench, uint8_t cause)
 {
     bench->reset_cause = cause;
     bench->running = BENCH_NO_SLOT;
-    bench->restart_asked = false;
+    bench->restart_requested = false;
     bench->clock_us = 0;
     taxel_boot_init(&bench->boot, &bench->config);
     taxel_boot_i2c_init(&bench->i2c, &bench->boot);
@@ -111,7 +111,7 @@ void bench_run(struct bench *bench)
     } else {
         taxel_boot_i2c_run(&bench->i2c);
     }
-    if (bench->restart_asked) {
+    if (bench->restart_requested) {
         bench->restarts++;
         bench_reset(bench, TAXEL_RESET_CAUSE_COMMAND);
     }

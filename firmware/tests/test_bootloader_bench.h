@@ -29,7 +29,7 @@ struct bench {
     uint32_t clock_us;
     uint8_t reset_cause;
     bool stay_flag;
-    bool restart_asked;
+    bool restart_requested;
     unsigned restarts;
     uint8_t running; /* slot, or BENCH_NO_SLOT while the bootloader runs */
     uint8_t unique_id[8];

@@ -229,10 +229,10 @@ static void an_incomplete_row_is_not_written(void)
     uint8_t data[57] = {0, FIRST_B, 0};
     for (unsigned fill = 0; fill < TAXEL_BOOT_ROW_SIZE; fill++) {
         enter();
-        for (unsigned left = fill; left;) {
-            const unsigned size = left < 57u ? left : 57u;
+        for (unsigned remaining = fill; remaining;) {
+            const unsigned size = remaining < 57u ? remaining : 57u;
             CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_SEND_DATA, data, size), TAXEL_BOOT_STATUS_OK);
-            left -= size;
+            remaining -= size;
         }
         for (unsigned size = 0; size <= 54; size += 9) {
             const unsigned expected = fill + size == TAXEL_BOOT_ROW_SIZE ? TAXEL_BOOT_STATUS_OK : TAXEL_BOOT_STATUS_LENGTH;

@@ -113,9 +113,9 @@ static void a_power_cut_leaves_the_old_or_the_new_configuration(void)
                     (void)write_configuration(new_data);
                     CHECK(false);
                 }
-                const uint8_t *const left = taxel_boot_configuration(&bench.config.flash);
-                const bool is_old = left && memcmp(left, old_data + 8, TAXEL_BOOT_CONFIGURATION_SIZE) == 0;
-                const bool is_new = left && memcmp(left, new_data + 8, TAXEL_BOOT_CONFIGURATION_SIZE) == 0;
+                const uint8_t *const configuration = taxel_boot_configuration(&bench.config.flash);
+                const bool is_old = configuration && memcmp(configuration, old_data + 8, TAXEL_BOOT_CONFIGURATION_SIZE) == 0;
+                const bool is_new = configuration && memcmp(configuration, new_data + 8, TAXEL_BOOT_CONFIGURATION_SIZE) == 0;
                 CHECK(is_old || is_new);
                 old_left += is_old;
                 new_left += is_new;

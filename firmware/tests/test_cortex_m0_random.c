@@ -6,7 +6,7 @@
 #include "emulator/random.h"
 #include "test_cortex_m0_bench.h"
 
-#define TRIALS 400u
+#define DEFAULT_SEED_COUNT 400u
 #define CYCLES 4000u
 #define STEPS 600u
 #define LOOP_END 66u /* 2 plus a multiple of 4 */
@@ -15,7 +15,7 @@
 
 static struct bench whole, divided;
 static struct cortex_m0_account whole_account, divided_account;
-static uint64_t first_seed, seeds = TRIALS;
+static uint64_t first_seed, seed_count = DEFAULT_SEED_COUNT;
 
 static uint16_t random_half(struct random_source *random)
 {
@@ -89,7 +89,7 @@ static void run_to(struct cortex_m0 *cpu, uint64_t until)
 
 static void dividing_a_random_run_does_not_change_the_result(void)
 {
-    for (uint64_t seed = first_seed; seed < first_seed + seeds; seed++) {
+    for (uint64_t seed = first_seed; seed < first_seed + seed_count; seed++) {
         struct random_source random;
         random_init(&random, seed, 1);
         prepare_program(&whole, seed);
@@ -147,7 +147,7 @@ static void put_loop(struct bench *bench, struct random_source *random)
 static void self_modifying_code_is_never_executed_stale(void)
 {
     uint64_t changes = 0;
-    for (uint64_t seed = first_seed; seed < first_seed + seeds; seed++) {
+    for (uint64_t seed = first_seed; seed < first_seed + seed_count; seed++) {
         for (unsigned i = 0; i < 2; i++) {
             struct bench *const bench = i ? &divided : &whole;
             struct random_source random;
@@ -169,14 +169,14 @@ static void self_modifying_code_is_never_executed_stale(void)
             return;
         }
     }
-    printf("%llu of %llu programs modified themselves\n", (unsigned long long)changes, (unsigned long long)seeds);
-    CHECK(changes * 2u > seeds);
+    printf("%llu of %llu programs modified themselves\n", (unsigned long long)changes, (unsigned long long)seed_count);
+    CHECK(changes * 2u > seed_count);
 }
 
 static void random_programs_stay_within_their_memory(void)
 {
     uint64_t faults = 0, exceptions = 0, accesses = 0, lockups = 0;
-    for (uint64_t seed = first_seed; seed < first_seed + seeds; seed++) {
+    for (uint64_t seed = first_seed; seed < first_seed + seed_count; seed++) {
         struct random_source random;
         random_init(&random, seed, 2);
         prepare_program(&whole, seed);
@@ -203,16 +203,16 @@ static void random_programs_stay_within_their_memory(void)
         }
     }
     printf("seeds %llu to %llu: %llu faults, %llu handlers, %llu accesses, %llu lockups\n", (unsigned long long)first_seed,
-           (unsigned long long)(first_seed + seeds - 1u), (unsigned long long)faults, (unsigned long long)exceptions,
+           (unsigned long long)(first_seed + seed_count - 1u), (unsigned long long)faults, (unsigned long long)exceptions,
            (unsigned long long)accesses, (unsigned long long)lockups);
-    CHECK(faults > seeds && exceptions > seeds && accesses > seeds / 2u && lockups < seeds);
+    CHECK(faults > seed_count && exceptions > seed_count && accesses > seed_count / 2u && lockups < seed_count);
 }
 
 int main(int count, char **arguments)
 {
     if (count == 3) {
         first_seed = strtoull(arguments[1], NULL, 10);
-        seeds = strtoull(arguments[2], NULL, 10);
+        seed_count = strtoull(arguments[2], NULL, 10);
     }
     RUN(dividing_a_random_run_does_not_change_the_result);
     RUN(self_modifying_code_is_never_executed_stale);

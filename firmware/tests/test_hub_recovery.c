@@ -123,19 +123,19 @@ static void read_lines(unsigned *clocks, unsigned *starts, unsigned *stops)
 
 static void nine_clocks_and_a_stop_release_sda(void)
 {
-    for (unsigned held = 1; held <= 9; held++) {
+    for (unsigned low_clocks = 1; low_clocks <= 9; low_clocks++) {
         unsigned clocks, starts, stops;
         begin(2);
-        fake.sda_held_clocks = held;
+        fake.sda_held_clocks = low_clocks;
         while (!fake.line_count && fake_hub_step(&fake, FAKE_NEVER)) {
         }
         check_line(0, true, true);
-        for (size_t i = 0; i < held; i++) {
+        for (size_t i = 0; i < low_clocks; i++) {
             check_line(1 + 2 * i, false, true);
             check_line(2 + 2 * i, true, true);
         }
         read_lines(&clocks, &starts, &stops);
-        CHECK_EQUAL(clocks, held + 1u); /* the stop condition needs another rising clock */
+        CHECK_EQUAL(clocks, low_clocks + 1u); /* the stop condition needs another rising clock */
         CHECK_EQUAL(starts, 0);
         CHECK_EQUAL(stops, 1);
         CHECK_EQUAL(fake.hub.bus_recoveries, 1);

@@ -75,7 +75,7 @@ static void a_command_with_a_flipped_bit_is_not_executed(void)
     end();
 }
 
-static void a_full_receive_ring_drops_bytes_and_counts_them(void)
+static void a_full_receive_ring_discards_bytes_and_counts_them(void)
 {
     begin(1);
     for (unsigned i = 0; i < 1000; i++) {
@@ -207,11 +207,11 @@ static void the_transmit_ring_is_never_filled_completely(void)
     fake_hub_run(&fake, 1000);
     fake.drain_bytes = 0;
     for (;;) {
-        const size_t left = FAKE_RING - taxel_hub_uart_pending(&fake.hub);
-        const size_t brim = left - around;
-        if (brim <= sizeof data) {
-            CHECK(!taxel_hub_try_send(&fake.hub, TAXEL_FRAME_TYPE_REPLY, data, brim, NULL, 0));
-            CHECK(taxel_hub_try_send(&fake.hub, TAXEL_FRAME_TYPE_REPLY, data, brim - 1u, NULL, 0));
+        const size_t free_space = FAKE_RING - taxel_hub_uart_pending(&fake.hub);
+        const size_t payload_size = free_space - around;
+        if (payload_size <= sizeof data) {
+            CHECK(!taxel_hub_try_send(&fake.hub, TAXEL_FRAME_TYPE_REPLY, data, payload_size, NULL, 0));
+            CHECK(taxel_hub_try_send(&fake.hub, TAXEL_FRAME_TYPE_REPLY, data, payload_size - 1u, NULL, 0));
             break;
         }
         CHECK(taxel_hub_try_send(&fake.hub, TAXEL_FRAME_TYPE_REPLY, data, 100, NULL, 0));
@@ -255,7 +255,7 @@ int main(void)
     RUN(random_bytes_between_commands_lose_no_command);
     RUN(frames_of_the_hub_are_not_accepted_as_commands);
     RUN(a_command_with_a_flipped_bit_is_not_executed);
-    RUN(a_full_receive_ring_drops_bytes_and_counts_them);
+    RUN(a_full_receive_ring_discards_bytes_and_counts_them);
     RUN(rts_stops_the_host_while_the_receive_ring_is_nearly_full);
     RUN(a_host_with_flow_control_loses_no_command);
     RUN(a_hub_without_rts_counts_lost_bytes);

@@ -253,8 +253,8 @@ static bool decodes(const struct json_node *vector, const struct bytes *stream, 
     };
     taxel_deframer_init(&deframer, &config);
     for (size_t done = 0; done < stream->size; done += piece) {
-        const size_t left = stream->size - done;
-        taxel_deframer_push(&deframer, stream->data + done, left < piece ? left : piece);
+        const size_t remaining = stream->size - done;
+        taxel_deframer_push(&deframer, stream->data + done, remaining < piece ? remaining : piece);
     }
     taxel_deframer_finish(&deframer);
     return expectation.is_right && expectation.frame_count == expectation.expected->count && deframer.position == stream->size;

@@ -38,11 +38,11 @@ void *memset(void *to, int value, size_t size)
 
 int memcmp(const void *a, const void *b, size_t size)
 {
-    const uint8_t *left = a;
-    const uint8_t *right = b;
+    const uint8_t *first = a;
+    const uint8_t *second = b;
     int difference = 0;
     while (size-- && difference == 0) {
-        difference = *left++ - *right++;
+        difference = *first++ - *second++;
     }
     return difference;
 }
