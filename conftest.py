@@ -1,4 +1,4 @@
-"""Hypothesis for every test: how long a loaded machine takes to draw or run an example is no finding."""
+"""Hypothesis settings of every test: no limit on the duration of an example, because a loaded machine is slow."""
 
 from hypothesis import HealthCheck, settings
 

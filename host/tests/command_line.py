@@ -8,9 +8,9 @@ import pytest
 from taxel.cli import main as command
 
 
-def exit_status(*words: object) -> int:
-    """Run `taxel WORDS...` and return the exit status."""
-    with mock.patch.object(sys, "argv", ["taxel", *map(str, words)]):
+def run_taxel(*arguments: object) -> int:
+    """Run `taxel ARGUMENTS...` and return the exit status."""
+    with mock.patch.object(sys, "argv", ["taxel", *map(str, arguments)]):
         try:
             command.main()
         except SystemExit as exit_request:
@@ -18,9 +18,9 @@ def exit_status(*words: object) -> int:
     return 0
 
 
-def refusal(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    """Run `taxel WORDS...`, check that the command fails with one line on standard error, and return this line."""
-    assert exit_status(*words) in (1, 2)
+def run_refused_command(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """Run `taxel ARGUMENTS...`, check that the command fails with one line on standard error, and return this line."""
+    assert run_taxel(*arguments) in (1, 2)
     lines = [line for line in capsys.readouterr().err.splitlines() if line]
     assert len(lines) == 1
     assert lines[0].startswith("taxel: ")

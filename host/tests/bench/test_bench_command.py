@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from host.tests.bench.conftest import ADDRESS, bench_url
-from host.tests.command_line import exit_status
+from host.tests.command_line import run_taxel
 from taxel.errors import TaxelError
 from taxel_tools import cli_bench
 from taxel_tools.bench import running
@@ -52,15 +52,15 @@ def run(folder, capsys):
     def call(*arguments, url=None, plan="quick.toml", serial="FT-0001"):
         options = ["--plan", plan] if plan else []
         options += ["--serial", serial] if serial else []
-        status = exit_status("bench", url or bench_url(), *options, *arguments)
+        status = run_taxel("bench", url or bench_url(), *options, *arguments)
         captured = capsys.readouterr()
         return status, captured.out, captured.err
 
     return call
 
 
-def read_refusal(result):
-    """The single error line of a refusal, before any test."""
+def run_refused_command(result):
+    """The single error line of a run_refused_command, before any test."""
     status, out, err = result
     assert (status, out) == (2, "")
     lines = err.splitlines()
@@ -159,7 +159,10 @@ def test_a_single_board_on_the_bus_needs_no_address(run):
 
 def test_one_of_several_boards_must_be_selected(run):
     url = "emulator:?board=0x2C&board=0x2F"
-    assert read_refusal(run(url=url)) == "virtual:: expected one board, found 2 (0x2C, 0x2F); select one with --board"
+    assert (
+        run_refused_command(run(url=url))
+        == "virtual:: expected one board, found 2 (0x2C, 0x2F); select one with --board"
+    )
     assert run("--board", "0x2F", url=url)[0] == 0
 
 
@@ -188,7 +191,7 @@ def test_one_of_several_boards_must_be_selected(run):
     ],
 )
 def test_each_refusal_gives_one_error_line_and_exit_status_2(run, arguments, options, expected):
-    assert read_refusal(run(*arguments, **options)).startswith(expected)
+    assert run_refused_command(run(*arguments, **options)).startswith(expected)
 
 
 @pytest.mark.parametrize(
@@ -208,7 +211,7 @@ def test_each_refusal_gives_one_error_line_and_exit_status_2(run, arguments, opt
 )
 def test_an_invalid_plan_is_refused_before_the_bus_is_opened(run, folder, old, new, expected):
     (folder / "quick.toml").write_text(PLAN.replace(old, new))
-    assert read_refusal(run(url="serial:///dev/ttyNONE")).startswith(expected)
+    assert run_refused_command(run(url="serial:///dev/ttyNONE")).startswith(expected)
     assert not (folder / "out").exists()
 
 
@@ -219,7 +222,7 @@ def test_the_emulated_probe_refuses_a_physical_board(run, monkeypatch):
             yield wire
 
     monkeypatch.setattr(running, "open_wire", open_without_bench)
-    message = read_refusal(run("--probe", "emulated", url="serial:///dev/ttyNONE"))
+    message = run_refused_command(run("--probe", "emulated", url="serial:///dev/ttyNONE"))
     assert message == "--probe: 'emulated' requires an emulated board, found a physical one; choose another probe"
     assert run("--phase", "presses", url="serial:///dev/ttyNONE")[0] == 2  # The default is no probe.
 

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from host.tests.bench.fake_gantry import FakeGantry, press_with
 from host.tests.bench.test_bench_operator import PRESS
-from host.tests.command_line import exit_status
+from host.tests.command_line import run_taxel
 from taxel_tools import cli_bench
 from taxel_tools.bench.probe import gcode
 from taxel_tools.bench.probe.emulated import EmulatedProbe
@@ -66,7 +66,7 @@ def guide(tmp_path, monkeypatch):
         if "--probe operator" in line:
             monkeypatch.setattr(cli_bench, "Console", lambda **options: console)
             monkeypatch.setattr(sys, "stdin", operator_input)
-        return exit_status(*shlex.split(line, comments=True)[1:])
+        return run_taxel(*shlex.split(line, comments=True)[1:])
 
     return run
 

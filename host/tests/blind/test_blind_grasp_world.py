@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from host.tests.command_line import exit_status
+from host.tests.command_line import run_taxel
 from taxel.blind import grasp_world
 from taxel.blind.grasp_world import sample_grasp_world, small_plans
 from taxel.blind.seal import commitment
@@ -45,6 +45,6 @@ def test_the_hidden_cause_acts_on_the_whole_hand(seed):
 
 @pytest.mark.parametrize("arguments", [("--seed", "-1"), ("--jobs", "-1")])
 def test_invalid_numbers_are_rejected_before_a_file_is_made(arguments, tmp_path, capsys):
-    assert exit_status("demo", "--out", tmp_path / "demo", *arguments) == 2
+    assert run_taxel("demo", "--out", tmp_path / "demo", *arguments) == 2
     assert f"'{arguments[0]}'" in capsys.readouterr().err
     assert not (tmp_path / "demo").exists()

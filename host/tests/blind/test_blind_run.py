@@ -11,7 +11,7 @@ from typing import ClassVar
 import h5py
 import pytest
 
-from host.tests.command_line import exit_status
+from host.tests.command_line import run_taxel
 from taxel.blind import run, sampling
 from taxel.blind.records import RECORDS, read_records, write_records
 from taxel.blind.run_folder import seal_worlds
@@ -89,7 +89,7 @@ def check(small, interrupted):
     small.setattr(run, "ProcessPoolExecutor", lambda count, *context, **options: ThreadPoolExecutor(count))
     out = interrupted.parent / "check"
     options = ("--jobs", 1, "--page", out.parent / "page" / "score.md")  # one job avoids the start of a second process
-    assert exit_status("gap", "blind", "--worlds", 2, "--out", out, *options) == 0
+    assert run_taxel("gap", "blind", "--worlds", 2, "--out", out, *options) == 0
     return out
 
 
@@ -152,7 +152,7 @@ def test_the_score_and_its_sheet_are_written(check):
 
 def test_a_finished_check_is_only_scored_again(check, monkeypatch, capsys):
     monkeypatch.setattr(run, "SandboxedRunner", None)
-    assert exit_status("gap", "blind", "--worlds", 2, "--out", check, "--json") == 0
+    assert run_taxel("gap", "blind", "--worlds", 2, "--out", check, "--json") == 0
     assert json.loads(capsys.readouterr().out) == read(check / "score.json")
 
 
@@ -160,14 +160,14 @@ def test_the_results_of_a_check_are_rejected_as_a_further_run_of_itself(check, c
     path = check / RECORDS
     assert [result.world.number for result in read_records(path)] == [0, 1]
     assert {result.diagnosis_version for result in read_records(path)} == {diagnosis_version()}
-    assert exit_status("gap", "blind", "--worlds", 2, "--out", check, "--add-answers", path) == 1
+    assert run_taxel("gap", "blind", "--worlds", 2, "--out", check, "--add-answers", path) == 1
     assert "expected results of another run, found the same worlds" in " ".join(capsys.readouterr().err.split())
 
 
 def test_results_of_another_version_are_rejected_before_a_world_is_made(check, tmp_path, capsys):
     other = tmp_path / RECORDS
     write_records(other, [replace(result, diagnosis_version="cd") for result in read_records(check / RECORDS)])
-    assert exit_status("gap", "blind", "--worlds", 2, "--out", tmp_path / "new", "--add-answers", other) == 1
+    assert run_taxel("gap", "blind", "--worlds", 2, "--out", tmp_path / "new", "--add-answers", other) == 1
     assert "expected results of the same version of the diagnosis" in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "new").exists()
 
@@ -241,14 +241,14 @@ def test_a_check_interrupted_after_some_worlds_resumes_with_the_remaining_ones(m
 
 
 def test_a_changed_key_and_another_number_of_worlds_are_rejected_in_one_line(check, tmp_path, capsys):
-    assert exit_status("gap", "blind", "--worlds", 3, "--out", check) == 1
+    assert run_taxel("gap", "blind", "--worlds", 3, "--out", check) == 1
     assert capsys.readouterr().err.strip().endswith("choose another --out")
     copy = tmp_path / "check"
     shutil.copytree(check, copy)
     keys = read(copy / "sealed" / "keys.json")
     keys[0]["hidden"]["kind"] = "outside"
     (copy / "sealed" / "keys.json").write_text(json.dumps(keys))
-    assert exit_status("gap", "blind", "--worlds", 2, "--out", copy) == 1
+    assert run_taxel("gap", "blind", "--worlds", 2, "--out", copy) == 1
     error = capsys.readouterr().err.strip()
     assert "world 0: the key does not match its commitment" in error
     assert "Traceback" not in error
@@ -256,15 +256,15 @@ def test_a_changed_key_and_another_number_of_worlds_are_rejected_in_one_line(che
 
 @pytest.mark.parametrize(("option", "value"), [("--worlds", 0), ("--full-hand", -1), ("--seed", -1), ("--jobs", 0)])
 def test_an_invalid_number_is_rejected_in_one_line(option, value, capsys, tmp_path):
-    assert exit_status("gap", "blind", "--worlds", 1, option, value, "--out", tmp_path / "check") == 2
+    assert run_taxel("gap", "blind", "--worlds", 1, option, value, "--out", tmp_path / "check") == 2
     assert f"'{option}': {value}" in capsys.readouterr().err
     assert not (tmp_path / "check").exists()
 
 
 def test_a_check_without_time_scores_no_world(tmp_path, capsys):
     out = tmp_path / "check"
-    assert exit_status("gap", "blind", "--worlds", 3, "--minutes", 0, "--jobs", 1, "--out", out) == 0
+    assert run_taxel("gap", "blind", "--worlds", 3, "--minutes", 0, "--jobs", 1, "--out", out) == 0
     assert read(out / "score.json")["worlds"] == 0
     assert "0 worlds gave a report" in capsys.readouterr().out
-    assert exit_status("gap", "blind", "--worlds", 3, "--minutes", -1, "--out", out) == 2
+    assert run_taxel("gap", "blind", "--worlds", 3, "--minutes", -1, "--out", out) == 2
     assert "'--minutes': -1" in capsys.readouterr().err

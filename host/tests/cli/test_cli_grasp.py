@@ -1,4 +1,4 @@
-"""`taxel grasp`: what it refuses, and what it makes."""
+"""`taxel grasp`: invalid options, existing files, and the files and summaries of a short campaign."""
 
 import io
 import json
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from host.tests.command_line import exit_status, refusal
+from host.tests.command_line import run_refused_command, run_taxel
 from taxel.cli import grasp
 from taxel.grasp.timeline import Timeline
 from taxel.recording.grasp_dataset import GraspDataset
@@ -17,7 +17,7 @@ SHORT = Timeline(baseline_s=0.6, closing_s=1.0, hold_s=0.5, release_s=0.5, recov
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "expected_start"),
     [
         (["--source", "robot"], "taxel: --source: expected emulated, sim, physical, both, found 'robot'"),
         (["--source", "sim", "--sessions", "0"], "taxel: --sessions: expected 1 to 6, found 0"),
@@ -35,36 +35,36 @@ SHORT = Timeline(baseline_s=0.6, closing_s=1.0, hold_s=0.5, release_s=0.5, recov
         (["--source", "sim", "--calibration", "missing.toml"], "taxel: missing.toml: "),
     ],
 )
-def test_a_bad_option_is_one_line_and_makes_nothing(arguments, complaint, capsys, tmp_path):
-    assert refusal(capsys, "grasp", *arguments, "--out", str(tmp_path / "new")).startswith(complaint)
+def test_an_invalid_option_gives_one_error_line_and_creates_no_file(arguments, expected_start, capsys, tmp_path):
+    assert run_refused_command(capsys, "grasp", *arguments, "--out", str(tmp_path / "new")).startswith(expected_start)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_effects_that_the_emulator_refuses_are_named(capsys, tmp_path):
+def test_an_effect_refused_by_the_emulator_is_named_in_the_error(capsys, tmp_path):
     out = tmp_path / "real.h5"
-    assert exit_status("grasp", "--source", "emulated", "--out", out, "--effect", "noise x") == 1
+    assert run_taxel("grasp", "--source", "emulated", "--out", out, "--effect", "noise x") == 1
     assert "(found 'effect noise x')" in capsys.readouterr().err
     assert not out.exists()
 
 
 @pytest.mark.parametrize("source", ["emulated", "sim", "physical"])
-def test_a_file_that_exists_is_refused_and_kept(source, capsys, tmp_path):
+def test_an_existing_file_is_refused_and_not_changed(source, capsys, tmp_path):
     out = tmp_path / "some.h5"
     out.write_text("kept")
-    line = refusal(capsys, "grasp", "--source", source, "--out", str(out))
+    line = run_refused_command(capsys, "grasp", "--source", source, "--out", str(out))
     assert line == f"taxel: {out}: exists already; choose another --out, or give --resume or --overwrite"
     assert out.read_text() == "kept"
 
 
-def test_of_both_none_is_begun_if_one_exists(capsys, tmp_path):
+def test_source_both_creates_no_file_if_one_of_its_files_exists(capsys, tmp_path):
     (tmp_path / "sim.h5").write_text("kept")
-    assert "sim.h5: exists already" in refusal(capsys, "grasp", "--source", "both", "--out", str(tmp_path))
+    assert "sim.h5: exists already" in run_refused_command(capsys, "grasp", "--source", "both", "--out", str(tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == ["sim.h5"]
 
 
 @pytest.fixture(scope="module")
-def shorter():
-    """Grasps of three seconds."""
+def short_grasps():
+    """Both generators make grasps of 2.9 s, the sum of the durations of SHORT."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("EmulatedSettings", "SimSettings"):
             patch.setattr(grasp, name, partial(getattr(grasp, name), timeline=SHORT))
@@ -72,19 +72,19 @@ def shorter():
 
 
 @pytest.fixture(scope="module")
-def both(shorter, tmp_path_factory) -> tuple[Path, str]:
-    """(the folder of two grasps, standard output)."""
+def paired_campaign(short_grasps, tmp_path_factory) -> tuple[Path, str]:
+    """The folder of a campaign of two grasps with --source both, and the standard output of the command."""
     out = tmp_path_factory.mktemp("campaign") / "new" / "folder"
     options = ["--source", "both", "--grasps", "2", "--object", "cylinder", "--jobs", "1", "--json"]
-    with redirect_stdout(io.StringIO()) as told:
-        assert exit_status("grasp", *options, "--out", out) == 0
-    return out, told.getvalue()
+    with redirect_stdout(io.StringIO()) as standard_output:
+        assert run_taxel("grasp", *options, "--out", out) == 0
+    return out, standard_output.getvalue()
 
 
-def test_both_makes_a_real_and_a_simulated_file_of_the_same_grasps(both):
-    out = both[0]
-    assert sorted(path.name for path in out.iterdir()) == ["real.h5", "sim.h5"]
-    with GraspDataset(out / "real.h5", baseline_frames=10) as real, GraspDataset(out / "sim.h5", 10) as sim:
+def test_source_both_creates_a_real_and_a_simulated_file_of_the_same_grasps(paired_campaign):
+    folder, _ = paired_campaign
+    assert sorted(path.name for path in folder.iterdir()) == ["real.h5", "sim.h5"]
+    with GraspDataset(folder / "real.h5", baseline_frames=10) as real, GraspDataset(folder / "sim.h5", 10) as sim:
         real.check()
         sim.check()
         assert (real.source, sim.source) == ("real", "sim")
@@ -94,18 +94,18 @@ def test_both_makes_a_real_and_a_simulated_file_of_the_same_grasps(both):
         assert (real.taxels.position == sim.taxels.position).all()
 
 
-def test_json_on_standard_output_says_what_was_made(both):
-    out, told = both
-    found = json.loads(told)
-    assert set(found) == {str(out / "real.h5"), str(out / "sim.h5")}
-    for counted in found.values():
-        assert counted["cylinder"]["grasps"] == 2
-        assert counted["cylinder"]["points"] > 20
-        assert counted["triangular_prism"] == {"grasps": 0, "points": 0}
+def test_json_output_counts_grasps_and_contact_points_of_each_object(paired_campaign):
+    folder, output = paired_campaign
+    summary = json.loads(output)
+    assert set(summary) == {str(folder / "real.h5"), str(folder / "sim.h5")}
+    for objects in summary.values():
+        assert objects["cylinder"]["grasps"] == 2
+        assert objects["cylinder"]["points"] > 20
+        assert objects["triangular_prism"] == {"grasps": 0, "points": 0}
 
 
-def test_a_whole_campaign_is_resumed_at_once_and_reported_as_a_table(both, capsys):
-    path = both[0] / "sim.h5"
+def test_resuming_a_complete_campaign_prints_its_table(paired_campaign, capsys):
+    path = paired_campaign[0] / "sim.h5"
     options = ["--source", "sim", "--grasps", "2", "--object", "cylinder", "--jobs", "1", "--resume"]
-    assert exit_status("grasp", *options, "--out", path) == 0
+    assert run_taxel("grasp", *options, "--out", path) == 0
     assert "cylinder" in capsys.readouterr().out

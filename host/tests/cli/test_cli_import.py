@@ -1,4 +1,4 @@
-"""`taxel import`: the guide's own examples, and what a user sees of a mistake."""
+"""`taxel import`: the examples of the guide, and the error messages for invalid options and files."""
 
 import json
 import re
@@ -8,62 +8,66 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from host.tests.command_line import exit_status
+from host.tests.command_line import run_taxel
 from taxel.cli import main as cli
 from taxel.recording.grasp_dataset import GraspDataset
 
 GUIDE = Path(__file__).parents[3] / "docs" / "how-to-import.md"
 BLOCK = re.compile(r"```(\w+)\n(.*?)```", re.DOTALL)
 FILE = re.compile(r"`(\w+\.(?:csv|toml))`")
-KINDS = ("arrays", "gazebo", "active", "rollout")
+SUBCOMMANDS = ("arrays", "gazebo", "active", "rollout")
 
 
-def call(capsys, *words):
-    """Exit status and what was printed."""
-    status = exit_status(*words)
+def capture_taxel(capsys, *arguments):
+    """Run `taxel ARGUMENTS...`; return exit status, standard output and standard error."""
+    status = run_taxel(*arguments)
     printed = capsys.readouterr()
     return status, printed.out, printed.err
 
 
-def blocks():
-    """Kind and text of every block, and for a data file the name that the text before it says last."""
+def read_blocks():
+    """Yield (language, text, file name) of every code block of the guide.
+
+    The file name of a CSV or TOML block is the last file name in the prose before the block; "" for other languages.
+    """
     text = GUIDE.read_text()
-    for found in BLOCK.finditer(text):
-        kind = found[1]
-        before = re.sub(r"```.*?```", "", text[: found.start()], flags=re.DOTALL)
-        names = [name for name in FILE.findall(before) if name.endswith(kind)]
-        yield kind, found[2], names[-1] if names else ""
+    for match in BLOCK.finditer(text):
+        language = match[1]
+        before = re.sub(r"```.*?```", "", text[: match.start()], flags=re.DOTALL)
+        names = [name for name in FILE.findall(before) if name.endswith(language)]
+        yield language, match[2], names[-1] if names else ""
 
 
 @pytest.fixture
 def guide(tmp_path, monkeypatch):
-    """The guide's data files in the present folder."""
+    """The data files of the guide, written to a temporary folder that is the working folder of the test."""
     monkeypatch.chdir(tmp_path)
-    for kind, text, name in blocks():
-        if kind in ("csv", "toml"):
+    for language, text, name in read_blocks():
+        if language in ("csv", "toml"):
             (tmp_path / name).write_text(text)
     return tmp_path
 
 
-def example(command):
-    """The words of the guide's example of a command."""
-    lines = [line for kind, text, _ in blocks() if kind == "sh" for line in text.splitlines()]
-    return shlex.split(next(line for line in lines if f"import {command} " in line))[1:]
+def example_arguments(command):
+    """Arguments of the example of `taxel import COMMAND` in the guide."""
+    commands = [line for language, text, _ in read_blocks() if language == "sh" for line in text.splitlines()]
+    return shlex.split(next(line for line in commands if f"import {command} " in line))[1:]
 
 
-def test_the_guides_examples_run_in_order(guide, capsys):
-    made = []
-    for kind, text, _ in blocks():
-        if kind == "python":
+def test_the_examples_of_the_guide_run_in_order(guide, capsys):
+    written_files = []
+    for language, text, _ in read_blocks():
+        if language == "python":
             exec(compile(text, str(GUIDE), "exec"), {})
-        if kind == "sh":
-            words = shlex.split(text)
-            status, out, err = call(capsys, *words[1:])
+        if language == "sh":
+            command_line = shlex.split(text)
+            output_file = command_line[-1]
+            status, out, err = capture_taxel(capsys, *command_line[1:])
             assert status == 0, err
-            assert words[-1] in out
-            made.append(words[-1])
-    assert made == ["gazebo.h5", "active.h5", "rollout.h5", "arrays.h5"]
-    for name in made:
+            assert output_file in out
+            written_files.append(output_file)
+    assert written_files == ["gazebo.h5", "active.h5", "rollout.h5", "arrays.h5"]
+    for name in written_files:
         with GraspDataset(guide / name) as data:
             data.check()
             assert data["0001"].n_frames in (101, 103)
@@ -75,25 +79,25 @@ def test_the_guides_examples_run_in_order(guide, capsys):
         assert data["0001"].active_taxels()[0].sum() == 1
 
 
-@pytest.mark.parametrize("command", KINDS)
-def test_help_has_an_example(command):
+@pytest.mark.parametrize("command", SUBCOMMANDS)
+def test_the_help_of_each_command_has_an_example(command):
     text = CliRunner().invoke(cli.build_app("import"), ["import", command, "--help"], env={"COLUMNS": "200"}).output
     assert f"Example: taxel import {command} " in text
 
 
-def test_a_file_that_exists_is_kept_without_overwrite(guide, capsys):
-    (guide / "gazebo.h5").write_bytes(b"mine")
-    status, _, err = call(capsys, *example("gazebo"))
+def test_an_existing_file_is_replaced_only_with_the_option_overwrite(guide, capsys):
+    (guide / "gazebo.h5").write_bytes(b"earlier content")
+    status, _, err = capture_taxel(capsys, *example_arguments("gazebo"))
     assert (status, err.count("\n")) == (1, 1)
     assert "gazebo.h5" in err
-    assert (guide / "gazebo.h5").read_bytes() == b"mine"
-    assert call(capsys, *example("gazebo"), "--overwrite")[0] == 0
+    assert (guide / "gazebo.h5").read_bytes() == b"earlier content"
+    assert capture_taxel(capsys, *example_arguments("gazebo"), "--overwrite")[0] == 0
     with GraspDataset(guide / "gazebo.h5") as data:
         data.check()
 
 
-def test_json_says_what_was_imported(guide, capsys):
-    status, out, err = call(capsys, *example("gazebo"), "--json")
+def test_json_output_counts_frames_and_contacts(guide, capsys):
+    status, out, err = capture_taxel(capsys, *example_arguments("gazebo"), "--json")
     assert (status, err) == (0, "")
     assert json.loads(out) == {
         "file": "gazebo.h5",
@@ -106,56 +110,59 @@ def test_json_says_what_was_imported(guide, capsys):
     }
 
 
-def test_a_narrow_threshold_leaves_contacts_unfelt_and_says_so(guide, capsys):
-    status, out, _ = call(capsys, *example("gazebo"), "--distance-mm", "0.5")
+def test_contacts_beyond_the_distance_threshold_are_reported_with_their_force(guide, capsys):
+    status, out, _ = capture_taxel(capsys, *example_arguments("gazebo"), "--distance-mm", "0.5")
     assert status == 0
     assert "3 of 3 contacts (3.3 N in all) reach no taxel" in out
 
 
-WRONG = {
-    "no hand": (["--joint-file", ""], "--joint-file and --pose-file: expected one of them, found neither"),
-    "threshold": (["--distance-mm", "-1"], "--distance-mm: expected a number above 0, found -1"),
-    "wrist": (["--wrist-pose", "0,0,0"], "--wrist-pose: expected x,y,z,qw,qx,qy,qz"),
-    "turn": (["--wrist-pose", "0,0,0,0,0,0,0"], "--wrist-pose: expected x,y,z,qw,qx,qy,qz"),
-    "noise": (["--noise-counts", "-3"], "noise_counts"),
-    "hand": (["--hand", "shadow"], "shadow"),
-    "calibration": (["--calibration", "none.toml"], "none.toml: file: expected a file"),
-    "folder": (["--out", "nowhere/x.h5"], "nowhere"),
+INVALID_OPTIONS = {  # case: (options added to the example, expected text of the error)
+    "no joint angles and no poses": (
+        ["--joint-file", ""],
+        "--joint-file and --pose-file: expected one of them, found neither",
+    ),
+    "negative distance": (["--distance-mm", "-1"], "--distance-mm: expected a number above 0, found -1"),
+    "wrist pose of three numbers": (["--wrist-pose", "0,0,0"], "--wrist-pose: expected x,y,z,qw,qx,qy,qz"),
+    "quaternion of length zero": (["--wrist-pose", "0,0,0,0,0,0,0"], "--wrist-pose: expected x,y,z,qw,qx,qy,qz"),
+    "negative noise": (["--noise-counts", "-3"], "noise_counts"),
+    "unknown hand": (["--hand", "shadow"], "shadow"),
+    "missing calibration": (["--calibration", "none.toml"], "none.toml: file: expected a file"),
+    "missing folder": (["--out", "nowhere/x.h5"], "nowhere"),
 }
 
 
-@pytest.mark.parametrize("case", WRONG)
-def test_a_wrong_option_is_one_line(guide, capsys, case):
-    more, said = WRONG[case]
-    words = example("gazebo")
-    if case == "no hand":
-        at = words.index("--joint-file")
-        words, more = words[:at] + words[at + 2 :], []
-    status, _, err = call(capsys, *words, *more)
+@pytest.mark.parametrize("case", INVALID_OPTIONS)
+def test_an_invalid_option_gives_one_error_line(guide, capsys, case):
+    options, message = INVALID_OPTIONS[case]
+    arguments = example_arguments("gazebo")
+    if case == "no joint angles and no poses":
+        option = arguments.index("--joint-file")
+        arguments, options = arguments[:option] + arguments[option + 2 :], []
+    status, _, err = capture_taxel(capsys, *arguments, *options)
     assert (status, err.count("\n")) == (1, 1), err
-    assert said in err
+    assert message in err
 
 
-def test_mistakes_in_files_are_one_line_at_the_command_line_too(guide, capsys):
+def test_an_invalid_number_in_a_file_gives_one_error_line_with_line_and_column(guide, capsys):
     text = (guide / "contacts.csv").read_text()
     (guide / "contacts.csv").write_text(text.replace("0.5141,-0.018", "0.5141,minus"))
-    status, out, err = call(capsys, *example("gazebo"))
+    status, out, err = capture_taxel(capsys, *example_arguments("gazebo"))
     assert (status, out) == (1, "")
     expected = "taxel: contacts.csv: line 4, column y: expected a finite number, found 'minus'; write it as 0.125\n"
     assert err == expected
 
 
-def test_a_broken_map_and_an_unknown_sensing_are_one_line(guide, capsys):
+def test_an_invalid_map_file_or_sensing_level_gives_one_error_line(guide, capsys):
     (guide / "map.toml").write_text("[boards\n")
-    status, _, err = call(capsys, *example("rollout"))
+    status, _, err = capture_taxel(capsys, *example_arguments("rollout"))
     assert (status, err.count("\n")) == (1, 1)
     assert "map.toml: file: expected valid TOML" in err
-    status, _, err = call(capsys, *example("rollout"), "--sensing", "magic")
+    status, _, err = capture_taxel(capsys, *example_arguments("rollout"), "--sensing", "magic")
     assert (status, err.count("\n")) == (1, 1)
     assert "--sensing: expected layer, rigid, coupled, cones, found 'magic'" in err
 
 
-def test_arrays_that_are_not_there_are_one_line(guide, capsys):
-    status, _, err = call(capsys, "import", "arrays", "none.npz", "--out", "x.h5")
+def test_a_missing_array_file_gives_one_error_line(guide, capsys):
+    status, _, err = capture_taxel(capsys, "import", "arrays", "none.npz", "--out", "x.h5")
     assert (status, err.count("\n")) == (1, 1)
     assert "none.npz" in err

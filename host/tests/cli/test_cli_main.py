@@ -1,4 +1,4 @@
-"""The program loads what a command needs, and knows all of them."""
+"""The program `taxel` loads only the requested command, and lists all commands on its help page."""
 
 import signal
 import subprocess
@@ -7,12 +7,13 @@ import sys
 import typer
 
 import taxel
-from host.tests.command_line import exit_status, refusal
+from host.tests.command_line import run_refused_command, run_taxel
 from taxel.cli.commands import COMMANDS
 from taxel.cli.main import build_app
 
 
-def names(app: typer.Typer) -> set[str]:
+def command_names(app: typer.Typer) -> set[str]:
+    """Names of the top-level commands."""
     return set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
 
 
@@ -26,14 +27,14 @@ def test_only_the_requested_command_is_loaded():
     app = build_app("record")
     assert is_loaded(app, "record")
     assert not is_loaded(app, "monitor")
-    assert names(app) == names(build_app(loads_all=True))
+    assert command_names(app) == command_names(build_app(loads_all=True))
 
 
 def test_the_help_page_lists_all_commands_without_loading_one():
-    for word in ("", "--help", "no_such_command"):
-        app = build_app(word)
-        assert {"gap", "cloud", "import", "record", "thesis", "bench", "flash"} <= names(app)
-        assert not any(is_loaded(app, name) for name in names(app))
+    for argument in ("", "--help", "no_such_command"):
+        app = build_app(argument)
+        assert {"gap", "cloud", "import", "record", "thesis", "bench", "flash"} <= command_names(app)
+        assert not any(is_loaded(app, name) for name in command_names(app))
 
 
 def test_the_summary_of_a_command_is_the_first_line_of_its_help():
@@ -43,37 +44,37 @@ def test_the_summary_of_a_command_is_the_first_line_of_its_help():
 
 
 def test_a_former_option_name_is_refused_with_the_new_name(capsys):
-    line = refusal(capsys, "grasp", "--source", "sim", "--objects", "cylinder", "--out", "x.h5")
+    line = run_refused_command(capsys, "grasp", "--source", "sim", "--objects", "cylinder", "--out", "x.h5")
     assert line == "taxel: grasp: the option --objects is now named --object"
-    line = refusal(capsys, "import", "gazebo", "contacts.csv", "--threshold-mm=2", "--out", "x.h5")
+    line = run_refused_command(capsys, "import", "gazebo", "contacts.csv", "--threshold-mm=2", "--out", "x.h5")
     assert line == "taxel: import gazebo: the option --threshold-mm is now named --distance-mm"
 
 
-def test_a_wrong_command_line_is_one_line(capsys):
-    assert refusal(capsys, "no_such_command").startswith("taxel: No such command 'no_such_command'")
-    assert "'--port': 70000" in refusal(capsys, "monitor", "emulator:", "--port", 70000)
+def test_an_unknown_command_or_an_invalid_option_gives_one_error_line(capsys):
+    assert run_refused_command(capsys, "no_such_command").startswith("taxel: No such command 'no_such_command'")
+    assert "'--port': 70000" in run_refused_command(capsys, "monitor", "emulator:", "--port", 70000)
 
 
 def test_the_version_is_printed(capsys):
-    assert exit_status("--version") == 0
+    assert run_taxel("--version") == 0
     assert capsys.readouterr().out == f"taxel {taxel.__version__}\n"
 
 
-def test_importing_taxel_imports_no_numerical_library():
+def test_importing_taxel_loads_no_numerical_library():
     program = "import sys, taxel; print(*sys.modules)"
     modules = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True).stdout.split()
     assert not {"numpy", "scipy", "h5py", "matplotlib", "typer"} & set(modules)
 
 
-def test_a_diagnosis_does_not_load_what_others_draw_with():
+def test_the_gap_command_does_not_load_matplotlib_or_other_commands():
     program = "import sys; from taxel.cli.main import build_app; build_app('gap'); print(*sys.modules)"
-    found = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True).stdout.split()
-    assert "taxel.gap.diagnosis" in found
-    assert not {"matplotlib", "taxel.cli.thesis", "taxel.blind.run", "taxel_tools.bench"} & set(found)
+    modules = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True).stdout.split()
+    assert "taxel.gap.diagnosis" in modules
+    assert not {"matplotlib", "taxel.cli.thesis", "taxel.blind.run", "taxel_tools.bench"} & set(modules)
 
 
-def test_a_command_leaves_signals_to_the_program_that_ran_it(capsys):
-    """Children of a pool that the tests forked later took SIGTERM for Ctrl-C, and hung now and then."""
+def test_a_command_restores_the_signal_handlers_of_its_caller(capsys):
+    """Otherwise child processes that are forked later treat SIGTERM like Ctrl-C and do not end."""
     before = signal.getsignal(signal.SIGTERM)
-    assert exit_status("cloud", "convert", "none.ply", "out.ply") == 1
+    assert run_taxel("cloud", "convert", "none.ply", "out.ply") == 1
     assert signal.getsignal(signal.SIGTERM) is before

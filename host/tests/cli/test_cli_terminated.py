@@ -1,4 +1,4 @@
-"""A command that a service manager ends puts its things away."""
+"""A command that a service manager ends with SIGTERM ends its child processes and removes its temporary files."""
 
 import os
 import signal
@@ -6,10 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 
 
-def test_an_emulator_ends_with_its_command(tmp_path):
+def test_sigterm_ends_the_emulator_and_removes_its_files(tmp_path):
     command = [str(Path(sys.executable).with_name("taxel")), "emulate"]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": str(tmp_path), "PYTHONUNBUFFERED": "1"}
@@ -19,6 +19,6 @@ def test_an_emulator_ends_with_its_command(tmp_path):
     device = next(word for word in line.split() if word.startswith("/dev/"))
     assert [path.name.split("-")[0] for path in tmp_path.iterdir()] == ["taxel"]
     process.send_signal(signal.SIGTERM)
-    process.communicate(timeout=PATIENCE_S)  # till the emulator, which writes here too, has ended
+    process.communicate(timeout=TIMEOUT_S)  # also waits for the emulator, which inherits the pipe
     assert list(tmp_path.iterdir()) == []
     assert not Path(device).exists()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from host.tests.command_line import exit_status, refusal
+from host.tests.command_line import run_refused_command, run_taxel
 from taxel.cloud.files import read_cloud, write_cloud, write_mesh
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.models import get_builtin_models
@@ -20,7 +20,7 @@ def run(capsys):
     """Function that runs `taxel cloud` and returns its output. The test fails if the command fails."""
 
     def call(*arguments) -> str:
-        status = exit_status("cloud", *arguments)
+        status = run_taxel("cloud", *arguments)
         output = capsys.readouterr()
         assert status == 0, output.err
         return output.out
@@ -33,7 +33,7 @@ def refused(capsys):
     """Function that runs `taxel cloud` and returns its one-line error."""
 
     def call(*arguments) -> str:
-        return refusal(capsys, "cloud", *arguments)
+        return run_refused_command(capsys, "cloud", *arguments)
 
     return call
 
@@ -211,7 +211,7 @@ def test_invalid_input_is_refused_in_one_line(refused, dataset_file, cylinder_fi
 )
 def test_option_out_of_range_is_refused_in_one_line(capsys, dataset_file, tmp_path, command, option, value):
     extra = ("--object", "cylinder", "--out", tmp_path / "out.ply") if command == "make" else ()
-    assert exit_status("cloud", command, dataset_file, *extra, option, value) == 2
+    assert run_taxel("cloud", command, dataset_file, *extra, option, value) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
     assert option in lines[0]

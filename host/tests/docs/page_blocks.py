@@ -1,13 +1,13 @@
-"""The blocks of the pages: what each is, and whether it runs.
+"""Code blocks of the Markdown pages: their language, text and mode of execution.
 
-A comment in the line above a block says what is to be done with it:
+A comment in the line above a block states its mode:
 
-    <!-- run: long -->         in `make docs-test`; elsewhere it is only checked: options, targets, imports, syntax
-    <!-- run: root -->         in the folder of the repository
-    <!-- run: no, REASON -->   never, only checked; where the reason is hardware the page says so just before
-    <!-- file: NAME -->        written to that file, which later blocks use
+    <!-- run: long -->         runs in `make docs-test`; otherwise options, targets, imports and syntax are checked
+    <!-- run: root -->         runs in the folder of the repository
+    <!-- run: no, REASON -->   is only checked; if the reason is hardware, the text above the block must name it
+    <!-- file: NAME -->        is written to this file, which later blocks use
 
-Blocks of other languages, or of none, are shown, not run; a command in one of them is a mistake.
+Blocks of another language, or of none, do not run and must not contain commands.
 """
 
 import os
@@ -19,7 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 BLOCK = re.compile(r"(?:^<!-- (run|file): ([^\n]*?) -->\n)?^```([\w-]*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^(?:taxel|make|python|pip|git) ", re.MULTILINE)
-REASONS = (
+REASONS_NOT_TO_RUN = (
     "hardware",
     "hours",
     "it waits for a program",
@@ -28,58 +28,62 @@ REASONS = (
     "part of a test file",
     "the tests themselves",
 )
-SKIPPED = ("build", "out")
+SKIPPED_FOLDERS = ("build", "out")
 
 
 @dataclass(frozen=True)
 class Block:
-    """One block. how: "", "long", "root", or why it never runs; file: the name under which it is written."""
+    """A code block.
+
+    mode: "" (runs), "long", "root", or a reason not to run. file: name of the file to which the block is written.
+    """
 
     page: Path
     line: int
     language: str
     text: str
-    how: str = ""
+    mode: str = ""
     file: str = ""
 
     @property
-    def never(self) -> bool:
-        """Whether it is only checked."""
-        return self.how in REASONS
+    def is_only_checked(self) -> bool:
+        """True if the block is checked but does not run."""
+        return self.mode in REASONS_NOT_TO_RUN
 
     def __str__(self) -> str:
         return f"{self.page.relative_to(ROOT)}:{self.line}"
 
 
-def pages() -> list[Path]:
-    """Every Markdown page of the repository but what is made."""
-    found: list[Path] = []
+def list_pages() -> list[Path]:
+    """Every Markdown page of the repository except templates and build products."""
+    paths: list[Path] = []
     for folder, inner, names in os.walk(ROOT):
-        inner[:] = [name for name in inner if not name.startswith(".") and name not in SKIPPED]
-        found += [Path(folder, name) for name in names if name.endswith(".md") and not name.endswith(".template.md")]
-    return sorted(found)
+        inner[:] = [name for name in inner if not name.startswith(".") and name not in SKIPPED_FOLDERS]
+        paths += [Path(folder, name) for name in names if name.endswith(".md") and not name.endswith(".template.md")]
+    return sorted(paths)
 
 
-def blocks_of(page: Path) -> list[Block]:
-    """In their order."""
+def read_blocks(page: Path) -> list[Block]:
+    """The code blocks of a page, in order."""
     text = page.read_text()
-    made = []
-    for found in BLOCK.finditer(text):
-        key, value, language, body = found.groups()
-        how = value if key == "run" else ""
-        how = how.removeprefix("no, ")
-        line = text.count("\n", 0, found.start(4))
-        made.append(Block(page, line, language, body, how, value if key == "file" else ""))
-    return made
+    blocks = []
+    for match in BLOCK.finditer(text):
+        key, value, language, body = match.groups()
+        mode = value if key == "run" else ""
+        mode = mode.removeprefix("no, ")
+        line = text.count("\n", 0, match.start(4))
+        blocks.append(Block(page, line, language, body, mode, value if key == "file" else ""))
+    return blocks
 
 
 @cache
-def _other_tests() -> str:
+def _source_of_guide_tests() -> str:
+    """Source of the test files outside this folder that run the blocks of a guide."""
     folders = (ROOT / "host/tests", ROOT / "hil_tests")
     files = [path for folder in folders for path in folder.rglob("test_*.py") if path.parent != Path(__file__).parent]
     return "\n".join(text for text in (path.read_text() for path in files) if "BLOCK" in text)
 
 
-def runs_elsewhere(page: Path) -> bool:
-    """Whether another test runs this page's blocks, with stand-ins of its own."""
-    return page.parent.name == "docs" and f'"{page.name}"' in _other_tests()
+def is_run_elsewhere(page: Path) -> bool:
+    """True if a test outside this folder runs the blocks of the page, with files of its own."""
+    return page.parent.name == "docs" and f'"{page.name}"' in _source_of_guide_tests()

@@ -1,6 +1,6 @@
-"""Every block of code of every page: run in its order in a temporary folder, or checked as far as that goes.
+"""The code blocks of every page run in order in a temporary folder, or are checked without being run.
 
-`make docs-test` (TAXEL_DOCS=all) runs the long ones too, each line in a shell, campaigns shortened.
+`make docs-test` (TAXEL_DOCS=all) also runs the long blocks: each line in a shell, with shortened campaigns.
 """
 
 import ast
@@ -17,33 +17,44 @@ from pathlib import Path
 import pytest
 import typer
 
-from host.tests.command_line import exit_status
-from host.tests.docs.page_blocks import COMMAND, REASONS, ROOT, Block, blocks_of, pages, runs_elsewhere
+from host.tests.command_line import run_taxel
+from host.tests.docs.page_blocks import (
+    COMMAND,
+    REASONS_NOT_TO_RUN,
+    ROOT,
+    Block,
+    is_run_elsewhere,
+    list_pages,
+    read_blocks,
+)
 from taxel.cli.main import build_app
 
-ALL = os.environ.get("TAXEL_DOCS") == "all"
-STATUS = re.compile(r"# exit status (\d)")
-SHORTER = ((re.compile(r"(taxel grasp (?!.*--grasps)[^&#]*)"), r"\1 --grasps 12 "),)
-"""What `make docs-test` changes of a command, so that it takes seconds instead of minutes: campaigns of 12 grasps."""
+RUNS_ALL = os.environ.get("TAXEL_DOCS") == "all"
+EXIT_STATUS = re.compile(r"# exit status (\d)")
+SHORTENED_COMMANDS = ((re.compile(r"(taxel grasp (?!.*--grasps)[^&#]*)"), r"\1 --grasps 12 "),)
+"""Substitutions of `make docs-test`: campaigns of 12 grasps, which take seconds instead of minutes."""
 
-PAGES = [page for page in pages() if any(block.language for block in blocks_of(page))]
+PAGES = [page for page in list_pages() if any(block.language for block in read_blocks(page))]
 RUN_HERE = [
-    page for page in PAGES if any(b.language in ("sh", "python") for b in blocks_of(page)) and not runs_elsewhere(page)
+    page
+    for page in PAGES
+    if any(b.language in ("sh", "python") for b in read_blocks(page)) and not is_run_elsewhere(page)
 ]
 
 
-def named(page: Path) -> str:
+def relative_name(page: Path) -> str:
+    """Path of a page relative to the repository."""
     return str(page.relative_to(ROOT))
 
 
-def lines_of(text: str) -> list[str]:
-    """Commands, continued lines joined."""
+def read_commands(text: str) -> list[str]:
+    """The commands of a shell block; a line continued with a backslash is joined with the next line."""
     return [line for line in text.replace("\\\n", " ").splitlines() if line.strip() and not line.startswith("#")]
 
 
-def check_words(words: list[str]) -> None:
-    """Raises for a command, an option, a target or a script that there is not; nothing is run."""
-    program, *rest = words
+def check_command(arguments: list[str]) -> None:
+    """Raise an error for an unknown command, option, make target or script, without running the command."""
+    program, *rest = arguments
     if program == "taxel":
         command = typer.main.get_command(build_app(loads_all=True))
         while rest and rest[0] in getattr(command, "commands", {}):
@@ -52,13 +63,13 @@ def check_words(words: list[str]) -> None:
             command.make_context("taxel", list(rest), resilient_parsing=False)
     elif program == "make":
         targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
-        assert {word for word in rest if "=" not in word} <= set(targets), words
+        assert {word for word in rest if "=" not in word} <= set(targets), arguments
     elif program.endswith("python") and rest and rest[0].startswith(("tools/", "hil_tests/")):
-        assert (ROOT / rest[0]).is_file(), words
+        assert (ROOT / rest[0]).is_file(), arguments
 
 
-def check(block: Block) -> None:
-    """What can be said of a block without running it."""
+def check_block(block: Block) -> None:
+    """Check syntax, imports and commands of a block without running the block."""
     if block.language == "toml":
         tomllib.loads(block.text)
     if block.language == "python":
@@ -68,62 +79,64 @@ def check(block: Block) -> None:
                 module = importlib.import_module(node.module or "")
                 assert all(hasattr(module, name.name) or find_spec(f"{node.module}.{name.name}") for name in node.names)
     if block.language == "sh":
-        for line in lines_of(block.text):
+        for line in read_commands(block.text):
             for part in re.split(r"\s&&\s|\s\|\s", line):
-                check_words(shlex.split(part, comments=True))
+                check_command(shlex.split(part, comments=True))
 
 
 def run_line(line: str, folder: Path, environment: dict[str, str]) -> None:
-    """One command as a reader gives it; in one process where that is quick."""
-    expected = STATUS.search(line)
-    wanted = int(expected[1]) if expected else 0
-    words = shlex.split(line, comments=True)
-    if words[0] == "." and words[1:] == [".venv/bin/activate"]:
-        return  # the tests' environment is that one
-    if not ALL and words[0] == "taxel" and "--help" not in words and folder != ROOT:
-        assert exit_status(*words[1:]) == wanted, line
+    """Run a command and check its exit status: in this process if possible, which is faster, else in a shell."""
+    match = EXIT_STATUS.search(line)
+    expected_status = int(match[1]) if match else 0
+    arguments = shlex.split(line, comments=True)
+    if arguments[0] == "." and arguments[1:] == [".venv/bin/activate"]:
+        return  # the tests already run in this environment
+    if not RUNS_ALL and arguments[0] == "taxel" and "--help" not in arguments and folder != ROOT:
+        assert run_taxel(*arguments[1:]) == expected_status, line
         return
-    for pattern, shorter in SHORTER:
-        line = pattern.sub(shorter, line)
+    for pattern, shortened in SHORTENED_COMMANDS:
+        line = pattern.sub(shortened, line)
     line = line.replace("python tools/", f"python {ROOT}/tools/")
-    done = subprocess.run(
+    result = subprocess.run(
         ["bash", "-c", line], cwd=folder, env=environment, capture_output=True, text=True, timeout=1800
     )
-    assert done.returncode == wanted, f"{line}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
+    assert result.returncode == expected_status, f"{line}\n{result.stdout[-2000:]}\n{result.stderr[-2000:]}"
 
 
-@pytest.mark.parametrize("page", RUN_HERE, ids=named)
-def test_a_pages_blocks_run_in_their_order(page, tmp_path, monkeypatch):
+@pytest.mark.parametrize("page", RUN_HERE, ids=relative_name)
+def test_the_blocks_of_a_page_run_in_order(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "COLUMNS": "120"}
     namespace: dict[str, object] = {"__name__": "__main__"}
-    for block in blocks_of(page):
-        check(block)
+    for block in read_blocks(page):
+        check_block(block)
         if block.file:
             (tmp_path / block.file).write_text(block.text)
-        elif block.never or (block.how == "long" and not ALL):
+        elif block.is_only_checked or (block.mode == "long" and not RUNS_ALL):
             continue
         elif block.language == "python":
             code = compile("\n" * block.line + block.text, str(page), "exec")
             exec(code, namespace)
-        elif block.language == "sh" and (ALL or block.how != "root"):
-            for line in lines_of(block.text):
-                run_line(line, ROOT if block.how == "root" else tmp_path, environment)
-    for name, module in [*sys.modules.items()]:  # nor are its files
+        elif block.language == "sh" and (RUNS_ALL or block.mode != "root"):
+            for line in read_commands(block.text):
+                run_line(line, ROOT if block.mode == "root" else tmp_path, environment)
+    for name, module in [*sys.modules.items()]:  # remove modules imported from the temporary folder
         if str(getattr(module, "__file__", None)).startswith(str(tmp_path)):
             del sys.modules[name]
 
 
-@pytest.mark.parametrize("page", pages(), ids=named)
-def test_blocks_say_what_they_are(page):
+@pytest.mark.parametrize("page", list_pages(), ids=relative_name)
+def test_every_block_has_a_valid_mode_and_passes_the_static_checks(page):
     text = page.read_text().splitlines()
-    for block in blocks_of(page):
-        assert not block.how or block.how in ("long", "root", *REASONS), block
-        if block.how == "hardware":
-            before = " ".join(text[max(block.line - 8, 0) : block.line]).lower()
-            assert "need hardware" in before or "needs hardware" in before, f"{block}: the page must say so just before"
+    for block in read_blocks(page):
+        assert not block.mode or block.mode in ("long", "root", *REASONS_NOT_TO_RUN), block
+        if block.mode == "hardware":
+            preceding_lines = " ".join(text[max(block.line - 8, 0) : block.line]).lower()
+            assert "need hardware" in preceding_lines or "needs hardware" in preceding_lines, (
+                f"{block}: the text above the block must contain 'needs hardware'"
+            )
         if block.language in ("", "text"):
-            assert not COMMAND.search(block.text), f"{block}: commands stand in a block of their own, marked sh"
+            assert not COMMAND.search(block.text), f"{block}: a command must be in a block marked sh"
         if block.language in ("toml", "python", "sh") and page not in RUN_HERE:
-            check(block)
+            check_block(block)

@@ -1,7 +1,7 @@
-"""Every command of `taxel`, those of entry points too: its --help has an example, and the example runs.
+"""The help of every command of `taxel`, including commands of plug-ins, has an example, and the example runs.
 
-What takes a second runs here; `make docs-test` (TAXEL_DOCS=all) runs the others too, on campaigns of a few grasps. Here
-their words are checked against the command's own options.
+By default only quick examples run, and the options of the other examples are checked. `make docs-test`
+(TAXEL_DOCS=all) also runs the other examples, with campaigns of a few grasps.
 """
 
 import inspect
@@ -17,19 +17,19 @@ from pathlib import Path
 import pytest
 import typer
 
-from host.tests.command_line import exit_status
+from host.tests.command_line import run_taxel
 from host.tests.docs.page_blocks import ROOT
 from taxel.cli.main import build_app
 
-ALL = os.environ.get("TAXEL_DOCS") == "all"
+RUNS_ALL = os.environ.get("TAXEL_DOCS") == "all"
 EXAMPLE = re.compile(r"\bExamples?: (.*?)(?:\n\n|\Z)", re.DOTALL)
-QUICK = ("taxel provision", "taxel scan")
-ELSEWHERE = ("taxel bench", "taxel flash", "taxel import", "taxel cloud convert")
-"""Commands whose examples take up the reader's own files: other tests run them on such."""
+QUICK_COMMANDS = ("taxel provision", "taxel scan")
+TESTED_ELSEWHERE = ("taxel bench", "taxel flash", "taxel import", "taxel cloud convert")
+"""Commands whose examples need files of the reader: the tests of the guides run them with files of their own."""
 
-NEEDS_ROS = ("taxel ros",)
+NEEDING_ROS = ("taxel ros",)
 
-STAND_INS = (
+SHORTENED_EXAMPLES = (
     ("taxel grasp --source both ", "taxel grasp --source both --object cylinder --grasps 12 --overwrite "),
     ("--grasps 10 ", "--grasps 4 --overwrite "),
     ("--grasps 100000 ", "--grasps 6 "),
@@ -39,38 +39,38 @@ STAND_INS = (
         "taxel grasp --source both --grasps 12 --out out/all && "
         "taxel thesis --real out/all/real.h5 --sim out/all/sim.h5 --no-gap",
     ),
-    ("taxel gap diagnose out/campaign/", "taxel gap diagnose out/demo/"),  # 12 grasps tell nothing
+    ("taxel gap diagnose out/campaign/", "taxel gap diagnose out/demo/"),  # 12 grasps are too few for a diagnosis
     ("gap/report.json out/campaign/", "gap/report.json out/demo/"),
     ("out/more/sim.h5", "out/demo/sim.h5"),
 )
-"""What the examples run with instead: a few grasps, worlds and files that are there."""
+"""Replacements in the examples: fewer grasps and worlds, and files that an earlier example has written."""
 
-ORDER = ("taxel demo", "taxel grasp", "taxel cloud make", "taxel gap diagnose", "taxel record")
-"""These first: the others take up what they leave."""
+FIRST_COMMANDS = ("taxel demo", "taxel grasp", "taxel cloud make", "taxel gap diagnose", "taxel record")
+"""Commands whose output files the examples of other commands read; these commands run first."""
 
 
-def walk(command, path=("taxel",)) -> Iterator[tuple[str, object]]:
-    """Every command that does something, by its full name."""
-    inner = getattr(command, "commands", None)
-    if inner is None:
+def list_commands(command, path=("taxel",)) -> Iterator[tuple[str, object]]:
+    """Yield (full name, command) of every command without subcommands."""
+    subcommands = getattr(command, "commands", None)
+    if subcommands is None:
         yield " ".join(path), command
         return
-    for name, one in inner.items():
-        yield from walk(one, (*path, name))
+    for name, subcommand in subcommands.items():
+        yield from list_commands(subcommand, (*path, name))
 
 
-COMMANDS = dict(walk(typer.main.get_command(build_app(loads_all=True))))
+COMMANDS = dict(list_commands(typer.main.get_command(build_app(loads_all=True))))
 
 
-def examples(name: str) -> list[str]:
-    """What the help of a command says to type."""
-    found = EXAMPLE.search(inspect.cleandoc(COMMANDS[name].help or ""))
-    return [" ".join(part.split()) for part in found[1].split("; ")] if found else []
+def read_examples(name: str) -> list[str]:
+    """The example command lines in the help of a command."""
+    match = EXAMPLE.search(inspect.cleandoc(COMMANDS[name].help or ""))
+    return [" ".join(part.split()) for part in match[1].split("; ")] if match else []
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_has_an_example_of_the_command_with_options_that_it_has(name):
-    lines = examples(name)
+def test_the_help_of_each_command_has_an_example_with_valid_options(name):
+    lines = read_examples(name)
     assert lines, f"{name} --help has no example"
     for line in lines:
         assert line.startswith(f"{name} "), line
@@ -78,42 +78,44 @@ def test_help_has_an_example_of_the_command_with_options_that_it_has(name):
         COMMANDS[name].make_context(name, words)
 
 
-def runs_here(name: str) -> bool:
-    """Whether the example runs in this file, now."""
-    return not name.startswith((*ELSEWHERE, *NEEDS_ROS)) and (ALL or name in QUICK)
+def is_run_here(name: str) -> bool:
+    """True if the examples of the command run in this file with the present value of TAXEL_DOCS."""
+    return not name.startswith((*TESTED_ELSEWHERE, *NEEDING_ROS)) and (RUNS_ALL or name in QUICK_COMMANDS)
 
 
-def in_order() -> list[str]:
-    """Those that leave files first."""
-    return sorted(COMMANDS, key=lambda name: ORDER.index(name) if name in ORDER else len(ORDER))
+def sort_commands() -> list[str]:
+    """Names of all commands; those of FIRST_COMMANDS are first."""
+    return sorted(
+        COMMANDS, key=lambda name: FIRST_COMMANDS.index(name) if name in FIRST_COMMANDS else len(FIRST_COMMANDS)
+    )
 
 
-def test_the_examples_run(tmp_path, monkeypatch, capfd):
+def test_the_examples_of_the_help_run(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
-    for name in filter(runs_here, in_order()):
-        for line in examples(name):
-            for old, new in STAND_INS:
-                line = line.replace(old, new)
-            if ALL:
-                done = subprocess.run(
+    for name in filter(is_run_here, sort_commands()):
+        for line in read_examples(name):
+            for example_part, shortened_part in SHORTENED_EXAMPLES:
+                line = line.replace(example_part, shortened_part)
+            if RUNS_ALL:
+                result = subprocess.run(
                     ["bash", "-c", line], env=environment, capture_output=True, text=True, timeout=3600
                 )
-                assert done.returncode == 0, f"{line}\n{done.stdout[-1500:]}\n{done.stderr[-1500:]}"
+                assert result.returncode == 0, f"{line}\n{result.stdout[-1500:]}\n{result.stderr[-1500:]}"
             else:
-                assert exit_status(*shlex.split(line)[1:]) == 0, (line, capfd.readouterr().err)
+                assert run_taxel(*shlex.split(line)[1:]) == 0, (line, capfd.readouterr().err)
         if name == "taxel cloud make":
             for copy in ("real", "sim"):
                 shutil.copyfile("out/cylinder.ply", f"out/{copy}.ply")
 
 
-def test_the_others_run_in_their_guides_tests():
+def test_every_remaining_example_is_run_by_the_test_of_its_guide():
     tests = {
         path: path.read_text()
         for path in (ROOT / "host/tests").rglob("test_*.py")
         if path.parent != Path(__file__).parent
     }
     for name in COMMANDS:
-        if name.startswith(ELSEWHERE):
+        if name.startswith(TESTED_ELSEWHERE):
             word = name.split()[-1]
             assert any("BLOCK" in text or f'"{word}"' in text for text in tests.values()), name

@@ -1,4 +1,4 @@
-"""Every public name has a docstring, in whichever of the three packages; ruff's rules leave out what overrides."""
+"""Every public name of the three packages has a docstring. Overrides of a documented method are exempt."""
 
 import ast
 import importlib
@@ -10,24 +10,23 @@ PACKAGES = ("host/taxel", "protocol/taxel_protocol", "tools/taxel_tools")
 DEFINITIONS = (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
-def undocumented(node: ast.AST, name: str) -> Iterator[str]:
-    """Public modules, classes, functions and methods below a node that have none.
-
-    An overload, a setter and a method that overrides one of a documented base say nothing new.
-    """
+def list_undocumented(node: ast.AST, name: str) -> Iterator[str]:
+    """Yield the names of public modules, classes, functions and methods at or below a node without a docstring."""
     if not ast.get_docstring(node):
         yield name
-    for inner in () if isinstance(node, DEFINITIONS[1:]) else ast.iter_child_nodes(node):
-        if isinstance(inner, DEFINITIONS) and not inner.name.startswith("_") and not says_nothing_new(inner):
-            yield from undocumented(inner, f"{name}.{inner.name}")
+    for child in () if isinstance(node, DEFINITIONS[1:]) else ast.iter_child_nodes(node):
+        if isinstance(child, DEFINITIONS) and not child.name.startswith("_") and not needs_no_docstring(child):
+            yield from list_undocumented(child, f"{name}.{child.name}")
 
 
-def says_nothing_new(node: ast.AST) -> bool:
-    marks = {ast.unparse(mark).rpartition(".")[2] for mark in getattr(node, "decorator_list", ())}
-    return bool(marks & {"overload", "override", "setter"})
+def needs_no_docstring(node: ast.AST) -> bool:
+    """True for an overload, a setter, and a method that overrides a documented one."""
+    decorators = {ast.unparse(decorator).rpartition(".")[2] for decorator in getattr(node, "decorator_list", ())}
+    return bool(decorators & {"overload", "override", "setter"})
 
 
-def modules() -> Iterator[tuple[str, Path]]:
+def list_modules() -> Iterator[tuple[str, Path]]:
+    """Yield (dotted name, path) of every public module."""
     for package in PACKAGES:
         base = (ROOT / package).parent
         for path in sorted((ROOT / package).rglob("*.py")):
@@ -37,16 +36,20 @@ def modules() -> Iterator[tuple[str, Path]]:
 
 
 def test_every_public_name_has_a_docstring():
-    lacking = [one for name, path in modules() for one in undocumented(ast.parse(path.read_text()), name)]
-    assert lacking == []
+    undocumented_names = [
+        undocumented_name
+        for name, path in list_modules()
+        for undocumented_name in list_undocumented(ast.parse(path.read_text()), name)
+    ]
+    assert undocumented_names == []
 
 
-def test_what_a_package_offers_is_there_and_is_documented():
-    """`__all__` names things that exist; what it offers are classes and functions with docstrings, or values."""
-    for name, path in modules():
+def test_every_name_in_all_of_a_package_exists_and_is_documented():
+    """A class or function in `__all__` has a docstring; a value needs none."""
+    for name, path in list_modules():
         if path.name != "__init__.py":
             continue
         module = importlib.import_module(name)
-        for offered in getattr(module, "__all__", ()):
-            thing = getattr(module, offered)
-            assert not callable(thing) or (thing.__doc__ or "").strip(), f"{name}.{offered}"
+        for public_name in getattr(module, "__all__", ()):
+            member = getattr(module, public_name)
+            assert not callable(member) or (member.__doc__ or "").strip(), f"{name}.{public_name}"

@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from host.tests.command_line import exit_status, refusal
+from host.tests.command_line import run_refused_command, run_taxel
 from taxel.gap.errors import GapInputError
 from taxel.gap.pair import read_pair
 from taxel.gap.report.reading import read_report
@@ -78,25 +78,27 @@ def report(content, tmp_path) -> Path:
 
 def test_effects_are_added_in_the_order_in_which_they_act(capsys, report, paths, tmp_path):
     out = tmp_path / "sim2.h5"
-    assert exit_status("gap", "apply", report, paths[1], "--out", out) == 0
+    assert run_taxel("gap", "apply", report, paths[1], "--out", out) == 0
     said = capsys.readouterr().out
     assert "gain mismatch, saturation" in said
     assert "unknown cause" in said
     with GraspDataset(out) as data:
         drop = max((30_000.0 - grasp.raw_counts).max() for grasp in data)
     assert 400.0 <= drop < 430.0
-    assert exit_status("gap", "apply", report, paths[1], "--out", out, "--overwrite", "--json") == 0
+    assert run_taxel("gap", "apply", report, paths[1], "--out", out, "--overwrite", "--json") == 0
     assert json.loads(capsys.readouterr().out)["effects"] == ["gain_mismatch", "saturation"]
 
 
 def test_nothing_that_is_there_is_replaced_unasked_or_lost(capsys, report, paths, tmp_path):
     out = tmp_path / "sim2.h5"
     out.write_text("mine")
-    assert "a new file" in refusal(capsys, "gap", "apply", report, paths[1], "--out", out)
-    assert "source" in refusal(capsys, "gap", "apply", report, paths[0], "--out", out, "--overwrite")
+    assert "a new file" in run_refused_command(capsys, "gap", "apply", report, paths[1], "--out", out)
+    assert "source" in run_refused_command(capsys, "gap", "apply", report, paths[0], "--out", out, "--overwrite")
     assert out.read_text() == "mine"
     sim = Path(paths[1]).read_bytes()
-    assert "another file" in refusal(capsys, "gap", "apply", report, paths[1], "--out", paths[1], "--overwrite")
+    assert "another file" in run_refused_command(
+        capsys, "gap", "apply", report, paths[1], "--out", paths[1], "--overwrite"
+    )
     assert Path(paths[1]).read_bytes() == sim
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report.json", "sim2.h5"]
 
@@ -107,7 +109,7 @@ def test_another_hand_is_refused(capsys, report, paths, tmp_path):
     with h5py.File(sim, "r+") as file:
         file["sensors/address"][0] = 0x30
         file["taxels/sensor"][: N // 2] = 0x30
-    line = refusal(capsys, "gap", "apply", report, sim, "--out", tmp_path / "sim2.h5")
+    line = run_refused_command(capsys, "gap", "apply", report, sim, "--out", tmp_path / "sim2.h5")
     assert "sim.h5: /taxels/sensor[0]: expected 32 as in" in line
 
 
@@ -153,7 +155,7 @@ def test_a_broken_report_is_one_line(capsys, content, paths, tmp_path, path, val
     change(content, path, value)
     report = tmp_path / "report.json"
     report.write_text(json.dumps(content))
-    line = refusal(capsys, "gap", "apply", report, paths[1], "--out", tmp_path / "sim2.h5")
+    line = run_refused_command(capsys, "gap", "apply", report, paths[1], "--out", tmp_path / "sim2.h5")
     assert "report.json: " in line
     assert words in line
     assert [found.name for found in tmp_path.iterdir()] == ["report.json"]
@@ -181,7 +183,7 @@ def test_the_users_own_simulator_makes_the_dataset(capfd, content, report, paths
     content["verdict"]["effects"] = ["saturation"]
     report.write_text(json.dumps(content))
     out = tmp_path / "sim2.h5"
-    assert exit_status("gap", "apply", report, paths[1], "--out", out, "--resim", simulator(tmp_path), "--json") == 0
+    assert run_taxel("gap", "apply", report, paths[1], "--out", out, "--resim", simulator(tmp_path), "--json") == 0
     printed = capfd.readouterr()
     assert json.loads(printed.out)["effects"] == ["saturation"]
     assert "400.0" in printed.err
@@ -208,7 +210,9 @@ def test_what_the_simulator_made_is_checked(capsys, report, paths, tmp_path, tex
     out = tmp_path / "sim2.h5"
     out.write_text("mine")
     resim = simulator(tmp_path, text)
-    assert words in refusal(capsys, "gap", "apply", report, paths[1], "--out", out, "--overwrite", "--resim", resim)
+    assert words in run_refused_command(
+        capsys, "gap", "apply", report, paths[1], "--out", out, "--overwrite", "--resim", resim
+    )
     assert out.read_text() == "mine"
 
 
@@ -222,7 +226,9 @@ def test_what_the_simulator_made_is_checked(capsys, report, paths, tmp_path, tex
     ],
 )
 def test_a_command_that_cannot_run_is_one_line(capsys, report, paths, tmp_path, resim, words):
-    assert words in refusal(capsys, "gap", "apply", report, paths[1], "--out", tmp_path / "sim2.h5", "--resim", resim)
+    assert words in run_refused_command(
+        capsys, "gap", "apply", report, paths[1], "--out", tmp_path / "sim2.h5", "--resim", resim
+    )
 
 
 def test_without_an_effect_the_simulator_is_not_run(capsys, content, report, paths, tmp_path):
@@ -230,6 +236,6 @@ def test_without_an_effect_the_simulator_is_not_run(capsys, content, report, pat
     report.write_text(json.dumps(content))
     out = tmp_path / "sim2.h5"
     resim = simulator(tmp_path, "raise SystemExit(3)")
-    assert exit_status("gap", "apply", report, paths[1], "--out", out, "--resim", resim) == 0
+    assert run_taxel("gap", "apply", report, paths[1], "--out", out, "--resim", resim) == 0
     assert "there is no gap" in capsys.readouterr().out
     assert out.read_bytes() == Path(paths[1]).read_bytes()

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from host.tests.command_line import exit_status
+from host.tests.command_line import run_taxel
 
 
 @pytest.fixture(scope="module")
@@ -18,14 +18,14 @@ def paths(world, tmp_path_factory):
 
 
 def test_it_writes_the_report_and_its_page_and_prints_the_verdict(capsys, paths, tmp_path):
-    assert exit_status("gap", "diagnose", *paths, "--out", tmp_path / "gap") == 0
+    assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path / "gap") == 0
     report = json.loads((tmp_path / "gap" / "report.json").read_text())
     assert report["verdict"]["status"] == "no_gap"
     assert "No gap" in capsys.readouterr().out
     assert (tmp_path / "gap" / "report.html").stat().st_size > 10_000
-    assert exit_status("gap", "diagnose", *paths, "--out", tmp_path / "gap") == 1
+    assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path / "gap") == 1
     assert "exists already" in capsys.readouterr().err
-    assert exit_status("gap", "diagnose", *paths, "--out", tmp_path / "gap", "--overwrite", "--json") == 0
+    assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path / "gap", "--overwrite", "--json") == 0
     assert json.loads(capsys.readouterr().out)["verdict"] == report["verdict"]
 
 
@@ -69,7 +69,7 @@ def no_baseline(file):
 )
 def test_files_that_do_not_go_together_are_one_line(capsys, paths, tmp_path, change, words):
     pair = broken(paths, tmp_path, change)
-    assert exit_status("gap", "diagnose", *pair, "--out", tmp_path / "gap") == 1
+    assert run_taxel("gap", "diagnose", *pair, "--out", tmp_path / "gap") == 1
     lines = [line for line in capsys.readouterr().err.splitlines() if line]
     assert len(lines) == 1
     assert lines[0].startswith("taxel: ")

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from host.tests.command_line import exit_status, refusal
+from host.tests.command_line import run_refused_command, run_taxel
 from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.chain import Chain, Link
 from taxel.gap.effects.gain_mismatch import GainMismatch
@@ -174,7 +174,7 @@ def diagnosed(world, tmp_path_factory):
     folder = tmp_path_factory.mktemp("diagnosed")
     paths = world(folder, effect=late, recorded=4, sessions=3)
     left_out = [word for name in sorted(set(OWN_EFFECTS) - TRIED) for word in ("--without", name)]
-    assert exit_status("gap", "diagnose", *paths, "--out", folder, *left_out) == 0
+    assert run_taxel("gap", "diagnose", *paths, "--out", folder, *left_out) == 0
     return paths, folder / "report.json"
 
 
@@ -193,14 +193,14 @@ def test_the_report_holds_the_presses_and_the_page_shows_them(diagnosed, tmp_pat
 
 def test_a_report_gives_what_the_two_files_give_without_a_search(capsys, diagnosed):
     paths, report = diagnosed
-    assert exit_status("gap", "next", report, "--json", "--top", 3) == 0
+    assert run_taxel("gap", "next", report, "--json", "--top", 3) == 0
     told = json.loads(capsys.readouterr().out)
-    assert exit_status("gap", "next", *paths, "--json", "--top", 3) == 0
+    assert run_taxel("gap", "next", *paths, "--json", "--top", 3) == 0
     again = json.loads(capsys.readouterr().out)
     assert [one["press"] for one in told["next_presses"]] == [one["press"] for one in again["next_presses"]]
     for one, other in zip(told["next_presses"], again["next_presses"], strict=True):
         assert one["gain"] == pytest.approx(other["gain"], rel=0.02)
-    assert exit_status("gap", "next", report, "--candidates", paths[1]) == 0
+    assert run_taxel("gap", "next", report, "--candidates", paths[1]) == 0
     out = " ".join(capsys.readouterr().out.split())
     assert "all of its approaches are recorded already" in out
     assert told["next_presses"][0]["press"].split()[-1] in out
@@ -213,32 +213,32 @@ def test_what_does_not_answer_has_no_value_to_be_told(capsys, world, tmp_path):
         return raw, valid
 
     paths = world(tmp_path, after=silence, cells=3, sessions=3)
-    assert exit_status("gap", "diagnose", *paths, "--out", tmp_path) == 0
+    assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path) == 0
     capsys.readouterr()
     assert json.loads((tmp_path / "report.json").read_text())["next_presses"] == []
-    assert exit_status("gap", "next", tmp_path / "report.json") == 0
+    assert run_taxel("gap", "next", tmp_path / "report.json") == 0
     assert "no parameters that a further grasp could determine" in capsys.readouterr().out
 
 
 def test_bad_input_is_one_line(capsys, diagnosed, gentle, tmp_path):
     paths, report = diagnosed
-    assert "SIM.h5" in refusal(capsys, "gap", "next", paths[0])
-    assert exit_status("gap", "next", report, "--top", 0) == 2
+    assert "SIM.h5" in run_refused_command(capsys, "gap", "next", paths[0])
+    assert run_taxel("gap", "next", report, "--top", 0) == 2
     assert "'--top'" in capsys.readouterr().err
-    assert "no-such" in refusal(capsys, "gap", "next", tmp_path / "no-such.json")
-    assert "/source" in refusal(capsys, "gap", "next", report, "--candidates", paths[0])
-    assert "sim.h5" in refusal(capsys, "gap", "next", report, "--candidates", tmp_path / "sim.h5")
+    assert "no-such" in run_refused_command(capsys, "gap", "next", tmp_path / "no-such.json")
+    assert "/source" in run_refused_command(capsys, "gap", "next", report, "--candidates", paths[0])
+    assert "sim.h5" in run_refused_command(capsys, "gap", "next", report, "--candidates", tmp_path / "sim.h5")
     other = tmp_path / "other.h5"
     other.write_bytes(Path(paths[1]).read_bytes())
     with h5py.File(other, "r+") as file:
         file["taxels/position"][3] = 0.5
-    assert "/taxels/position[3]" in refusal(capsys, "gap", "next", report, "--candidates", other)
+    assert "/taxels/position[3]" in run_refused_command(capsys, "gap", "next", report, "--candidates", other)
     other.write_bytes(Path(paths[1]).read_bytes())
     with h5py.File(other, "r+") as file:
         for grasp in file["grasps"].values():
             grasp.attrs["approach"] = "new"
             del grasp["contact_force"], grasp["separation"]
-    assert "contact_force" in refusal(capsys, "gap", "next", report, "--candidates", other)
+    assert "contact_force" in run_refused_command(capsys, "gap", "next", report, "--candidates", other)
 
 
 @pytest.mark.parametrize(
@@ -259,4 +259,4 @@ def test_a_broken_report_is_one_line(capsys, diagnosed, tmp_path, change, words)
     change(content)
     path = tmp_path / "report.json"
     path.write_text(json.dumps(content))
-    assert words in refusal(capsys, "gap", "next", path)
+    assert words in run_refused_command(capsys, "gap", "next", path)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from host.tests.command_line import exit_status, refusal
+from host.tests.command_line import run_refused_command, run_taxel
 from taxel.cli.generate import generate
 
 REPORT = Path(__file__).parents[3] / "examples" / "shape_classifier" / "report.json"
@@ -25,11 +25,11 @@ def test_example_of_the_help_runs(capsys, tmp_path, monkeypatch):
     Path("out/gap").mkdir(parents=True)
     shutil.copy(REPORT, "out/gap/report.json")
     words = ["2" if word == "100000" else word for word in example_words()]
-    assert exit_status(*words, "--jobs", "1") == 0
+    assert run_taxel(*words, "--jobs", "1") == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "out/synthetic: 2 grasps in 1 shards, effects: contact propagation, noise"
     assert lines[1].startswith("generated in this run: 2 in ")
-    assert exit_status(*words, "--json") == 0
+    assert run_taxel(*words, "--json") == 0
     result = json.loads(capsys.readouterr().out)
     assert (result["grasps"], result["made"], result["effects"]) == (2, 0, ["contact_propagation", "noise"])
 
@@ -51,7 +51,7 @@ def test_example_of_the_help_runs(capsys, tmp_path, monkeypatch):
 )
 def test_invalid_option_is_refused_and_creates_no_file(arguments, message, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert refusal(capsys, "generate", *arguments, "--out", "new").startswith(message)
+    assert run_refused_command(capsys, "generate", *arguments, "--out", "new").startswith(message)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -59,6 +59,6 @@ def test_invalid_option_is_refused_and_creates_no_file(arguments, message, capsy
     ("option", "value"), [("--grasps", "-1"), ("--seed", "-2"), ("--grasps-per-shard", "20000"), ("--jobs", "-1")]
 )
 def test_number_outside_its_range_is_refused(option, value, capsys, tmp_path):
-    assert exit_status("generate", option, value, "--out", tmp_path / "new") != 0
+    assert run_taxel("generate", option, value, "--out", tmp_path / "new") != 0
     assert option in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -13,7 +13,7 @@ import threading
 import pytest
 from rich.console import Console
 
-from host.tests.command_line import exit_status, refusal
+from host.tests.command_line import run_refused_command, run_taxel
 from taxel.cli import monitor as command
 
 QUICK = ("--baseline-frames", 5)
@@ -23,13 +23,13 @@ QUICK = ("--baseline-frames", 5)
 def capture(tmp_path_factory):
     """Six tenths of a second of the emulated hand."""
     path = tmp_path_factory.mktemp("monitor") / "capture.bin"
-    assert exit_status("record", "emulator:?speed=max", "--seconds", 0.6, "--out", path) == 0
+    assert run_taxel("record", "emulator:?speed=max", "--seconds", 0.6, "--out", path) == 0
     return path
 
 
 def run_json(capsys, *words):
     """Run the command with --json and return the readings that it prints."""
-    assert exit_status("monitor", *words, "--json") == 0
+    assert run_taxel("monitor", *words, "--json") == 0
     return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
 
 
@@ -52,13 +52,13 @@ def test_capture_is_played_to_its_end(capsys, capture):
     *_, last = run_json(capsys, f"file:{capture}", "--speed", 50, *QUICK)
     assert last["advice"] == f"{capture} has ended"
     capsys.readouterr()
-    assert exit_status("replay", capture, "--json") == 0
+    assert run_taxel("replay", capture, "--json") == 0
     frames = sum(board["frames"] for board in json.loads(capsys.readouterr().out)["boards"])
     assert last["frames"] == frames > 100
 
 
 def test_output_in_a_pipe_is_one_line_for_each_reading(capsys, capture):
-    assert exit_status("monitor", f"file:{capture}", "--speed", 50) == 0
+    assert run_taxel("monitor", f"file:{capture}", "--speed", 50) == 0
     (line,) = capsys.readouterr().out.splitlines()
     assert re.search(r"17/17 boards, \d+ frames/s, baseline \d+ %", line)
     assert line.endswith("has ended")
@@ -66,7 +66,7 @@ def test_output_in_a_pipe_is_one_line_for_each_reading(capsys, capture):
 
 def test_example_of_the_help_runs(capsys):
     (example,) = re.findall(r"Example: taxel (.*)", command.monitor.__doc__)
-    assert exit_status(*shlex.split(example)) == 0
+    assert run_taxel(*shlex.split(example)) == 0
     assert "17/17 boards" in capsys.readouterr().out
 
 
@@ -114,7 +114,7 @@ def terminal(monkeypatch):
 
 def test_screen_is_drawn_and_restored(terminal, capture):
     modes = termios.tcgetattr(terminal.input.fileno())
-    assert exit_status("monitor", f"file:{capture}", "--speed", 2, *QUICK) == 0
+    assert run_taxel("monitor", f"file:{capture}", "--speed", 2, *QUICK) == 0
     assert termios.tcgetattr(terminal.input.fileno()) == modes
     seen = terminal.close()
     assert "taxel monitor" in seen
@@ -125,7 +125,7 @@ def test_screen_is_drawn_and_restored(terminal, capture):
 
 def test_keys_quit_and_restart_the_baseline(terminal, emulated_port):
     os.write(terminal.master, b"btq")  # typed before the skin was open
-    assert exit_status("monitor", f"serial://{emulated_port}", *QUICK) == 0
+    assert run_taxel("monitor", f"serial://{emulated_port}", *QUICK) == 0
     assert "\x1b[?1049l" in terminal.close()
 
 
@@ -135,7 +135,7 @@ def test_capture_without_frames_is_reported(capsys, tmp_path, once):
 
     with CaptureWriter(tmp_path / "empty.bin"):
         pass
-    status = exit_status("monitor", f"file:{tmp_path / 'empty.bin'}", *once)
+    status = run_taxel("monitor", f"file:{tmp_path / 'empty.bin'}", *once)
     output = capsys.readouterr()
     assert "has ended without a frame" in output.out + output.err
     assert status == (1 if once else 0)
@@ -151,16 +151,16 @@ def test_capture_without_frames_is_reported(capsys, tmp_path, once):
     ],
 )
 def test_invalid_arguments_give_an_error_of_one_line(capsys, words, part):
-    assert part in refusal(capsys, "monitor", *words)
+    assert part in run_refused_command(capsys, "monitor", *words)
 
 
 def test_missing_viser_gives_the_install_command(capsys, monkeypatch, capture):
     monkeypatch.setitem(sys.modules, "viser", None)
-    assert "pip install 'taxel[web]'" in refusal(capsys, "monitor", f"file:{capture}", "--web")
+    assert "pip install 'taxel[web]'" in run_refused_command(capsys, "monitor", f"file:{capture}", "--web")
 
 
 def test_page_is_served_on_loopback_only(capsys, capture):
     pytest.importorskip("viser")
     words = ("monitor", f"file:{capture}", "--speed", 50, "--web", "--port", 0, "--seconds", 5)
-    assert exit_status(*words) == 0
+    assert run_taxel(*words) == 0
     assert re.search(r"the skin is at http://127\.0\.0\.1:\d+/; press Ctrl-C to quit", capsys.readouterr().out)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from host.tests.command_line import exit_status
+from host.tests.command_line import run_taxel
 
 ROOT = Path(__file__).resolve().parents[3]
 GUIDE = ROOT / "docs" / "how-to-monitor.md"
@@ -25,7 +25,7 @@ def test_commands_of_the_guide_run(tmp_path, monkeypatch, capsys):
             pytest.importorskip("viser", reason="no viser: pip install 'taxel[web]'")
         words = shlex.split(SECONDS.sub(r"\1 0.4", line), comments=True)  # shorter than for a user
         assert words[0] == "taxel"
-        status = exit_status(*words[1:])
+        status = run_taxel(*words[1:])
         output = capsys.readouterr()
         assert status == 0, f"{line}: {output.err}"
         assert "boards" in output.out or words[1] == "record"

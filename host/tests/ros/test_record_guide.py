@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from host.tests.command_line import exit_status
+from host.tests.command_line import run_taxel
 from taxel.cli import main as cli
 from taxel.hand import load_hand
 from taxel.hand.kinematics import build_kinematics
@@ -54,14 +54,14 @@ def test_commands_of_the_guide_and_of_the_help_run(tmp_path, monkeypatch, capsys
             words[1] += "&duration_s=1"
         if words[0] == "import":  # a recording of one second has no contact
             add_active_taxels(Path("skin.csv/active.csv"))
-        status = exit_status(*words)
+        status = run_taxel(*words)
         assert status == 0, (line, capsys.readouterr().err)
     with GraspDataset("active.h5") as data:
         assert data["0001"].active_taxels()[0].sum() == 4
     for command in ("record", "replay", "convert"):
         words = example_words(command)
         assert words[0] == command
-        assert exit_status(*words, *([] if command == "replay" else ["--overwrite"])) == 0, capsys.readouterr().err
+        assert run_taxel(*words, *([] if command == "replay" else ["--overwrite"])) == 0, capsys.readouterr().err
 
 
 def test_help_of_ros_has_the_example_that_test_ros_nodes_runs():

@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 
-from host.tests.command_line import exit_status, refusal
+from host.tests.command_line import run_refused_command, run_taxel
 from host.tests.recordings import ALL_FIELDS, TABLE_FIELDS, differing_fields, read_frames
 from taxel.errors import TaxelError
 from taxel.hand.kinematics import build_kinematics
@@ -180,7 +180,7 @@ def test_existing_target_is_kept_without_overwrite(recorded_rig, tmp_path, name)
 def test_folder_that_is_no_recording_is_never_replaced(recorded_rig, tmp_path, capsys):
     (tmp_path / "notes.csv").mkdir()
     (tmp_path / "notes.csv" / "notes.txt").write_text("notes")
-    message = refusal(capsys, "convert", recorded_rig.path, tmp_path / "notes.csv", "--overwrite")
+    message = run_refused_command(capsys, "convert", recorded_rig.path, tmp_path / "notes.csv", "--overwrite")
     assert "is no folder of a recording" in message
     assert (tmp_path / "notes.csv" / "notes.txt").read_text() == "notes"
 
@@ -200,7 +200,7 @@ def test_error_in_csv_names_file_and_line(converted, tmp_path, capsys, case):
     change, place = WRONG_CSV[case]
     file = folder / "slab.csv"
     file.write_text(change(file.read_text()))
-    message = refusal(capsys, "convert", folder, tmp_path / "y.parquet")
+    message = run_refused_command(capsys, "convert", folder, tmp_path / "y.parquet")
     assert f"slab.csv: {place}" in message
     assert not (tmp_path / "y.parquet").exists()
 
@@ -208,15 +208,15 @@ def test_error_in_csv_names_file_and_line(converted, tmp_path, capsys, case):
 def test_files_that_are_no_recordings_are_refused(tmp_path, capsys, converted):
     for name in ("x.parquet", "x.h5", "x.mcap", "x.bin"):
         (tmp_path / name).write_bytes(b"\x89MCAP0\r\nnothing" if name == "x.mcap" else b"nothing")
-        assert name in refusal(capsys, "convert", tmp_path / name, tmp_path / "y.bin")
-    assert "none.parquet" in refusal(capsys, "convert", tmp_path / "none.parquet", tmp_path / "y.bin")
+        assert name in run_refused_command(capsys, "convert", tmp_path / name, tmp_path / "y.bin")
+    assert "none.parquet" in run_refused_command(capsys, "convert", tmp_path / "none.parquet", tmp_path / "y.bin")
     (tmp_path / "empty.csv").mkdir()
-    assert "recording.json" in refusal(capsys, "convert", tmp_path / "empty.csv", tmp_path / "y.bin")
-    assert "expected a name such as" in refusal(capsys, "convert", converted["mcap"][0], tmp_path / "y.avi")
-    assert "robot 'plate': expected 1 joint angles" in refusal(
+    assert "recording.json" in run_refused_command(capsys, "convert", tmp_path / "empty.csv", tmp_path / "y.bin")
+    assert "expected a name such as" in run_refused_command(capsys, "convert", converted["mcap"][0], tmp_path / "y.avi")
+    assert "robot 'plate': expected 1 joint angles" in run_refused_command(
         capsys, "convert", converted["mcap"][0], tmp_path / "y.h5", "--joint-angles", "1,2"
     )
-    assert "--joint-angles: expected numbers" in refusal(
+    assert "--joint-angles: expected numbers" in run_refused_command(
         capsys, "convert", converted["mcap"][0], tmp_path / "y.h5", "--joint-angles", "a,2"
     )
     assert [file.name for file in tmp_path.iterdir() if file.name.startswith((".", "y"))] == []
@@ -224,12 +224,12 @@ def test_files_that_are_no_recordings_are_refused(tmp_path, capsys, converted):
 
 def test_missing_pyarrow_gives_the_install_command(converted, tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
-    message = refusal(capsys, "convert", converted["capture"][0], tmp_path / "y.parquet")
+    message = run_refused_command(capsys, "convert", converted["capture"][0], tmp_path / "y.parquet")
     assert "pip install 'taxel[parquet]'" in message
 
 
 def test_replay_reports_the_frames_of_every_format(converted, recorded_rig, capsys):
     for format_name, (path, _) in converted.items():
-        assert exit_status("replay", path, "--json") == 0
+        assert run_taxel("replay", path, "--json") == 0
         summary = json.loads(capsys.readouterr().out)
         assert sum(board["frames"] for board in summary["boards"]) == len(recorded_rig.frames), format_name

@@ -12,7 +12,7 @@ import types
 import numpy as np
 import pytest
 
-from host.tests.command_line import refusal
+from host.tests.command_line import run_refused_command
 from taxel.cli.ros import publish_skin
 from taxel.hand.kinematics import build_kinematics
 from taxel.hand.transforms import make_pose
@@ -146,7 +146,7 @@ def test_missing_master_gives_an_error_of_one_line(monkeypatch, capsys):
         pytest.skip(missing)
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")
     monkeypatch.setattr(sys, "path", list(sys.path))
-    message = refusal(capsys, "ros", "emulator:", "--ros-version", "1")
+    message = run_refused_command(capsys, "ros", "emulator:", "--ros-version", "1")
     assert "no ROS master answers at http://127.0.0.1:9; start one (roscore)" in message
 
 
@@ -154,7 +154,7 @@ def test_missing_ros_gives_an_error_of_one_line(monkeypatch, capsys):
     for name in ("rospy", "rclpy"):
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.setattr(ros_import, "SYSTEM_FOLDERS", ())
-    assert "neither rclpy (ROS 2) nor rospy (ROS 1) can be imported" in refusal(capsys, "ros", "emulator:")
+    assert "neither rclpy (ROS 2) nor rospy (ROS 1) can be imported" in run_refused_command(capsys, "ros", "emulator:")
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 import serial
 
 import taxel
-from host.tests.command_line import exit_status, refusal
+from host.tests.command_line import run_refused_command, run_taxel
 from host.tests.recordings import TABLE_FIELDS, differing_fields
 from taxel.link import CaptureError, CaptureWriter
 from taxel.recording.formats import convert, open_recording
@@ -98,7 +98,9 @@ def test_recording_without_frames_and_an_invalid_speed_are_refused(tmp_path, rec
     CaptureWriter(tmp_path / "empty.bin").close()
     with pytest.raises(CaptureError, match="has no taxel frame to play"):
         VirtualPort(lambda: open_recording(tmp_path / "empty.bin")[0], recorded_rig.hand)
-    assert "--speed: expected max or a number" in refusal(capsys, "replay", recorded_rig.path, "--speed", "fast")
+    assert "--speed: expected max or a number" in run_refused_command(
+        capsys, "replay", recorded_rig.path, "--speed", "fast"
+    )
 
 
 def test_command_prints_the_port_and_the_result_of_the_playback(recorded_rig, monkeypatch, capsys):
@@ -112,7 +114,7 @@ def test_command_prints_the_port_and_the_result_of_the_playback(recorded_rig, mo
     monkeypatch.setattr("taxel.cli.replay.VirtualPort", ReportingPort)
     status = []
     command = threading.Thread(
-        target=lambda: status.append(exit_status("replay", recorded_rig.path, "--to", "pty", "--speed", "max"))
+        target=lambda: status.append(run_taxel("replay", recorded_rig.path, "--to", "pty", "--speed", "max"))
     )
     command.start()
     device = devices.get(timeout=20.0)

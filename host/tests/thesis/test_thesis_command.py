@@ -7,14 +7,14 @@ import shutil
 import h5py
 import pytest
 
-from host.tests.command_line import exit_status
+from host.tests.command_line import run_taxel
 
 
 @pytest.fixture(scope="module")
 def output(campaign, tmp_path_factory):
     """Output folder of one run."""
     out = tmp_path_factory.mktemp("thesis")
-    assert exit_status("thesis", "--real", campaign[0], "--sim", campaign[1], "--no-gap", "--out", out) == 0
+    assert run_taxel("thesis", "--real", campaign[0], "--sim", campaign[1], "--no-gap", "--out", out) == 0
     return out
 
 
@@ -67,7 +67,7 @@ def test_wide_and_displaced_contacts_are_farther_from_the_model(output):
 
 
 def test_real_dataset_without_a_simulated_one_is_refused(capsys, campaign, tmp_path):
-    assert exit_status("thesis", "--real", campaign[0], "--out", tmp_path / "out") == 1
+    assert run_taxel("thesis", "--real", campaign[0], "--out", tmp_path / "out") == 1
     assert "--real and --sim: expected both or none" in capsys.readouterr().err
 
 
@@ -78,10 +78,10 @@ def test_object_without_a_grasp_is_refused(capsys, campaign, tmp_path):
     with h5py.File(incomplete, "r+") as file:
         for name in [name for name, grasp in file["grasps"].items() if grasp.attrs["object"] == "rectangular_prism"]:
             del file["grasps"][name]
-    assert exit_status("thesis", "--real", incomplete, "--sim", campaign[1], "--no-gap", "--out", tmp_path / "out") == 1
+    assert run_taxel("thesis", "--real", incomplete, "--sim", campaign[1], "--no-gap", "--out", tmp_path / "out") == 1
     assert f"{incomplete}: rectangular_prism: expected grasps of this object, found none;" in capsys.readouterr().err
 
 
 def test_negative_seed_is_refused(capsys, tmp_path):
-    assert exit_status("thesis", "--seed", "-1", "--out", tmp_path / "out") == 2
+    assert run_taxel("thesis", "--seed", "-1", "--out", tmp_path / "out") == 2
     assert "--seed" in capsys.readouterr().err

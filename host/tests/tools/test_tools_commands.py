@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from host.tests.command_line import exit_status
+from host.tests.command_line import run_taxel
 from taxel_protocol.bootloader import LAYOUTS, BootDevice
 from taxel_tools.files.cyacd import write_cyacd
 
@@ -17,7 +17,7 @@ def run(capsys):
     """Runs `taxel`; returns exit status, standard output and standard error."""
 
     def call(*arguments):
-        status = exit_status(*arguments)
+        status = run_taxel(*arguments)
         captured = capsys.readouterr()
         return status, captured.out, captured.err
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from host.tests.command_line import exit_status
+from host.tests.command_line import run_taxel
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, format_world
 from taxel_protocol.bootloader import LAYOUTS, BootDevice
@@ -46,10 +46,10 @@ def folder(tmp_path, monkeypatch, make_image):
     return tmp_path
 
 
-def run_command(arguments):
+def run_guide_command(arguments):
     """Exit status of a command of the guide, run in this process."""
     if arguments[0] == "taxel":
-        return exit_status(*arguments[1:])
+        return run_taxel(*arguments[1:])
     assert arguments[0] == "python"
     script = ROOT / arguments[1]
     sys.path.insert(0, str(script.parent))
@@ -61,7 +61,7 @@ def run_command(arguments):
 
 @pytest.mark.parametrize("line", commands())
 def test_each_command_of_the_guide_runs(folder, capsys, line):
-    status = run_command(shlex.split(line))
+    status = run_guide_command(shlex.split(line))
     captured = capsys.readouterr()
     assert status == 0, captured.err
     assert "Traceback" not in captured.err

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from host.tests.command_line import exit_status
+from host.tests.command_line import run_taxel
 from taxel_tools.files.intel_hex import write_intel_hex
 
 OPENOCD = ["openocd", "-f", "interface/cmsis-dap.cfg", "-c", "transport select swd", "-f", "target/psoc4.cfg", "-c"]
@@ -16,7 +16,7 @@ def run(capsys):
     """Runs `taxel flash --swd`; returns exit status, standard output and standard error."""
 
     def call(*arguments):
-        status = exit_status("flash", "--swd", *arguments)
+        status = run_taxel("flash", "--swd", *arguments)
         captured = capsys.readouterr()
         return status, captured.out, captured.err
 
@@ -157,5 +157,5 @@ def test_a_tool_that_hangs_is_stopped(run, install_tools, bootloader, monkeypatc
 
 
 def test_flash_without_files_is_refused(capsys):
-    assert exit_status("flash", "emulator:") == 1
+    assert run_taxel("flash", "emulator:") == 1
     assert "flash: expected firmware files after the URL, found none" in capsys.readouterr().err
