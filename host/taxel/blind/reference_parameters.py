@@ -45,18 +45,18 @@ def fit_reference_parameters(real: Path, sim: Path, name: str, models: Collectio
             key = f"{effect.variant} {effect.scope}"
             if key not in models or effect.unavailable(judge.state):
                 continue
-            link = _fit(judge, effect)
-            parameters[key] = {label: _number(entry) for label, entry in parameters_of(pair, link).items()}
+            fitted_effect = _fit(judge, effect)
+            parameters[key] = {label: _number(entry) for label, entry in parameters_of(pair, fitted_effect).items()}
     return parameters
 
 
 def _fit(judge: Judge, effect: Effect) -> Link:
     """The fitted effect; as in a diagnosis, the frames are aligned again after the first fit."""
-    chain = judge.in_sample(Chain((started(judge.state, effect),))).chain
+    model = judge.in_sample(Chain((started(judge.state, effect),))).chain
     if not is_delay(effect):
-        shift, chain = shift_beside(judge, chain, ())
-        chain = judge.shifted(shift).in_sample(chain).chain
-    return chain.links[0]
+        shift, model = shift_beside(judge, model, ())
+        model = judge.shifted(shift).in_sample(model).chain
+    return model.links[0]
 
 
 def _number(entry: dict[str, Any]) -> float:

@@ -87,10 +87,10 @@ def _contact_table(outcomes: list[ContactOutcome]) -> Table:
     for heading in ("board", "probe", "active after", "active", "signal"):
         table.add_column(heading, justify="left" if heading in {"board", "probe"} else "right", no_wrap=True)
     for outcome in outcomes:
-        press = outcome.press
+        indentation = outcome.press
         delay = "not active" if outcome.delay_s is None else f"{1e3 * outcome.delay_s:.0f} ms"
         table.add_row(
-            press.board, f"{press.force_n:g} N, {1e3 * press.diameter_m:g} mm", delay,
+            indentation.board, f"{indentation.force_n:g} N, {1e3 * indentation.diameter_m:g} mm", delay,
             str(len(outcome.active_taxels)), f"{outcome.largest_signal:.0f} counts",
         )  # fmt: skip
     return table

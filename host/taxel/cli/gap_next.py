@@ -58,8 +58,8 @@ def _further_states(state: State, candidates: Sequence[Path], show: Show) -> tup
     more: list[State] = []
     notes = []
     for path in [*paths, *candidates]:
-        known = [cell for one in more for cell in one.pair.cells]
-        found = unrecorded(state, path, known, lambda done, total: show("reading candidates", done, total))
+        known_conditions = [condition for further in more for condition in further.pair.cells]
+        found = unrecorded(state, path, known_conditions, lambda done, total: show("reading candidates", done, total))
         if found is None:
             notes.append(f"{path}: all of its approaches are recorded already")
         else:

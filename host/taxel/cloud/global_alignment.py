@@ -21,8 +21,8 @@ from taxel.cloud.registration import (
 )
 from taxel.types import FloatArray
 
-TRIAL_POINTS: Final = 400
-TRIAL_ITERATIONS: Final = 12
+COARSE_POINTS: Final = 400
+COARSE_ITERATIONS: Final = 12
 REFINED_GUESSES: Final = 4
 """Guesses that are refined with all points until convergence."""
 
@@ -68,9 +68,11 @@ def align_to_points_globally(points: FloatArray, target: PointTarget, name: str 
 def _refine_best(
     points: FloatArray, guesses: list[FloatArray], align: Callable[[FloatArray, FloatArray, int], Alignment]
 ) -> Alignment:
-    subset = points[:: max(1, len(points) // TRIAL_POINTS)]
-    trials = sorted((align(subset, guess, TRIAL_ITERATIONS) for guess in guesses), key=lambda trial: trial.rms_m)
-    refined = (align(points, trial.transform, MAX_ITERATIONS) for trial in trials[:REFINED_GUESSES])
+    subset = points[:: max(1, len(points) // COARSE_POINTS)]
+    coarse = sorted(
+        (align(subset, guess, COARSE_ITERATIONS) for guess in guesses), key=lambda alignment: alignment.rms_m
+    )
+    refined = (align(points, alignment.transform, MAX_ITERATIONS) for alignment in coarse[:REFINED_GUESSES])
     return min(refined, key=lambda alignment: alignment.rms_m)
 
 

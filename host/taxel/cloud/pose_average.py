@@ -118,8 +118,8 @@ def _fit_proposal(poses: FloatArray, log_ratio: FloatArray, log_likelihood: Floa
     if _effective_samples(weights) < MIN_EFFECTIVE_SAMPLES:
         power = 0.0
         for _ in range(10):
-            trial = _normalise(log_ratio + (power + step) * log_likelihood)
-            power += step if _effective_samples(trial) >= MIN_EFFECTIVE_SAMPLES else 0.0
+            stepped_weights = _normalise(log_ratio + (power + step) * log_likelihood)
+            power += step if _effective_samples(stepped_weights) >= MIN_EFFECTIVE_SAMPLES else 0.0
             step /= 2.0
         weights = _normalise(log_ratio + power * log_likelihood)
     mean = weights @ poses

@@ -146,23 +146,30 @@ def sampled_parameters(name: str, own: Sequence[Parameter]) -> Sequence[Paramete
 
 
 def plan_effect(
-    where: str, name: str, form: str, scope: str, share: float, ranges: Mapping[str, Range], hand: Hand, moving_s: float
+    where: str,
+    name: str,
+    variant: str,
+    scope: str,
+    share: float,
+    ranges: Mapping[str, Range],
+    hand: Hand,
+    moving_s: float,
 ) -> PlannedEffect:
     """An effect of the catalogue with sampled parameters. Raises RecipeError.
 
-    where: location in the recipe, for errors. form, scope: variant and scope in the catalogue; "": the first one.
+    where: location in the recipe, for errors. variant, scope: as in the catalogue; "" stands for the first one.
     moving_s: seconds from closing to the end of a grasp, over which a drift reaches its counts.
     """
     catalogue = all_effects()
     variants = [
-        effect for effect in catalogue.get(name, ()) if form in ("", effect.variant) and scope in ("", effect.scope)
+        effect for effect in catalogue.get(name, ()) if variant in ("", effect.variant) and scope in ("", effect.scope)
     ]
     if not variants or variants[0].scope not in (HAND, BOARD, TAXEL):
         available = ", ".join(f"{each.variant or 'plain'} of the {each.scope}" for each in catalogue.get(name, ()))
         expected = f"one of its variants ({available})" if available else "an effect of the catalogue"
         names = ", ".join(key for key in catalogue if key != DROPOUT)
         remedy = f"use one of {names}; dropouts can be taken from a report only"
-        raise RecipeError(where, "name", expected, " ".join(part for part in (name, form, scope) if part), remedy)
+        raise RecipeError(where, "name", expected, " ".join(part for part in (name, variant, scope) if part), remedy)
     effect = variants[0]
     parameters = sampled_parameters(name, effect.own_parameters())
     for key, bounds in ranges.items():

@@ -268,9 +268,9 @@ def _read_effect(table: Key, fidelity: Fidelity) -> PlannedEffect:
     keys = table.keys(tuple(table.value))
     if "name" not in keys:
         table.fail("a key name", "name an effect of the catalogue", "none")
-    form, scope = (keys[key].text() if key in keys else "" for key in ("form", "scope"))
+    variant, scope = (keys[key].text() if key in keys else "" for key in ("form", "scope"))
     share = keys["share"].number(0.0, 1.0) if "share" in keys else 1.0
     ranges = {key: value.range() for key, value in keys.items() if key not in fixed_keys}
     moving_s = fidelity.timeline.duration_s - fidelity.timeline.baseline_s
     where = f"{table.file}: {table.path}"
-    return plan_effect(where, keys["name"].text(), form, scope, share, ranges, load_hand(HAND), moving_s)
+    return plan_effect(where, keys["name"].text(), variant, scope, share, ranges, load_hand(HAND), moving_s)

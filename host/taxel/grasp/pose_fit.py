@@ -39,10 +39,10 @@ def solve_kabsch(
     """
     weight = weights[:, np.newaxis] / weights.sum()
     centre, measured_centre = (weight * points).sum(axis=0), (weight * measured).sum(axis=0)
-    left, _, right = np.linalg.svd((weight * (measured - measured_centre)).T @ (points - centre))
-    sign = np.sign(np.linalg.det(left @ right)) * (-1 if is_mirrored else 1)
+    u, _, vt = np.linalg.svd((weight * (measured - measured_centre)).T @ (points - centre))
+    sign = np.sign(np.linalg.det(u @ vt)) * (-1 if is_mirrored else 1)
     transform = np.eye(4)
-    transform[:3, :3] = left @ np.diag([1.0, 1.0, sign]) @ right
+    transform[:3, :3] = u @ np.diag([1.0, 1.0, sign]) @ vt
     transform[:3, 3] = measured_centre - transform[:3, :3] @ centre
     return transform
 

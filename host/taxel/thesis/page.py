@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from taxel.gap.page.text import ABSENT, escaped, number, words
+from taxel.gap.page.rendering import render
+from taxel.gap.page.text import ABSENT, number, readable
 from taxel.thesis.distance_agreement import DistanceAgreement
 from taxel.thesis.figures import FIGURES
 from taxel.thesis.findings import Finding, FurtherResult
@@ -48,125 +49,79 @@ class PageContent:
 
 def write_page(path: Path, content: PageContent) -> None:
     """Write the page with its figures as one file."""
+    style = (resources.files("taxel.thesis") / "page.css").read_text(encoding="utf-8")
+    context = _build_context(content)
+    text = render("thesis.html", package="taxel.thesis", policy=SECURITY_POLICY, style=style, **context)
+    path.write_text(text, encoding="utf-8")
+
+
+def _build_context(content: PageContent) -> dict[str, Any]:
+    """The variables of the template; all values are text, names or lists of them."""
     findings = content.findings
     reproduced = sum(finding.is_reproduced for finding in findings)
-    title = f"Reproduction of chapter 5: {reproduced} of {len(findings)} findings reproduced"
-    description = "".join(f"<p>{escaped(sentence)}</p>" for sentence in content.description)
-    agreement = escaped(content.agreement.summary)
-    body = "".join(
-        (
-            f"<header><h1>{escaped(title)}</h1>{description}</header>",
-            _render_findings(findings),
-            _render_further_results(content.further_results),
-            _render_gap(content.gap),
-            _render_figures(content.figures),
-            f"<section><h2>Tables</h2><p>Reproduced value, printed value, ratio. {agreement}.</p></section>",
-            *(_render_table(table) for table in content.tables),
-            _render_inconsistencies(),
-        )
-    )
-    style = (resources.files("taxel.thesis") / "page.css").read_text(encoding="utf-8")
-    path.write_text(
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8"/>\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{escaped(SECURITY_POLICY)}"/>\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1"/>\n'
-        f"<title>{escaped(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n{body}</body>\n</html>\n",
-        encoding="utf-8",
-    )
+    return {
+        "title": f"Reproduction of chapter 5: {reproduced} of {len(findings)} findings reproduced",
+        "description": content.description,
+        "object_names": list(findings[0].numbers) if findings else [],
+        "findings": [_finding_context(finding) for finding in findings],
+        "further_results": content.further_results,
+        "gap": None if content.gap is None else _gap_context(content.gap),
+        "figures": [_figure_context(number, path) for number, path in content.figures.items()],
+        "agreement": content.agreement.summary,
+        "tables": [_table_context(table) for table in content.tables],
+        "inconsistencies": INCONSISTENCIES,
+    }
 
 
-def _render_findings(findings: Sequence[Finding]) -> str:
-    rows = "".join(
-        f'<tr class="{"yes" if finding.is_reproduced else "no"}"><td>{finding.number}</td>'
-        f"<td>{escaped(finding.statement)}</td>"
-        + "".join(f"<td>{_render_number(finding, name, row)}</td>" for row, name in enumerate(finding.numbers))
-        + f"<td>{'reproduced' if finding.is_reproduced else 'not reproduced'}</td></tr>"
-        for finding in findings
-    )
-    names = list(findings[0].numbers) if findings else []
-    head = "".join(f"<th>{escaped(name)}</th>" for name in names)
-    return (
-        "<section><h2>Findings</h2><p>A finding is reproduced if it holds for all three objects. The printed number is "
-        "in brackets; a number for which the finding does not hold is marked.</p>"
-        f'<div class="wide"><table class="findings"><thead><tr><th></th><th>finding</th>{head}<th></th></tr></thead>'
-        f"<tbody>{rows}</tbody></table></div></section>"
-    )
-
-
-def _render_number(finding: Finding, name: str, row: int) -> str:
+def _finding_context(finding: Finding) -> dict[str, Any]:
     unit = "" if finding.unit == "1" else f" {finding.unit}"
-    text = f"{number(finding.numbers[name])}{unit} ({number(finding.printed[row])})"
-    return text if finding.holds[name] else f"<mark>{text}</mark>"
+    entries = [
+        {"text": f"{number(value)}{unit} ({number(printed)})", "holds": finding.holds[name]}
+        for (name, value), printed in zip(finding.numbers.items(), finding.printed, strict=False)
+    ]
+    return {
+        "number": finding.number,
+        "statement": finding.statement,
+        "entries": entries,
+        "is_reproduced": finding.is_reproduced,
+    }
 
 
-def _render_further_results(results: Sequence[FurtherResult]) -> str:
-    rows = "".join(
-        f"<tr><td>{escaped(result.title)}</td>"
-        + "".join(f"<td>{escaped(value)}</td>" for value in result.numbers.values())
-        + f"<td>{escaped(result.printed)}</td></tr>"
-        for result in results
+def _gap_context(gap: GapSummary) -> dict[str, Any]:
+    return {
+        "headline": gap.headline,
+        "is_largest_cause_found": gap.is_largest_cause_found,
+        "shares": [(readable(name), number(share)) for name, share in gap.shares.items()],
+        "steps": [(step, number(value), number(printed)) for step, (value, printed) in gap.steps.items()],
+    }
+
+
+def _figure_context(figure_number: str, path: Path) -> dict[str, str]:
+    caption = f"Figure {figure_number}. {FIGURES[figure_number]}"
+    return {"caption": caption, "base64": base64.b64encode(path.read_bytes()).decode()}
+
+
+def _table_context(table: Table) -> dict[str, Any]:
+    return {
+        "number": table.number,
+        "title": table.title,
+        "row_keys": table.keys,
+        "headings": [HEADINGS.get(name, name) for name in table.columns],
+        "rows": [
+            {"key": row.key, "entries": [_entry_context(row, column) for column in table.columns]} for row in table.rows
+        ],
+    }
+
+
+def _entry_context(row: Row, column: str) -> dict[str, str]:
+    """Reproduced value, printed value and their ratio as text; distances in millimetres."""
+    factor = 1e3 if column in COLUMNS_IN_MM else 1.0
+    value, printed = (
+        None if item is None else factor * item for item in (row.values.get(column), row.printed_values.get(column))
     )
-    head = "".join(f"<th>{escaped(name)}</th>" for name in (results[0].numbers if results else ()))
-    return (
-        "<section><h2>Further results, not used to choose settings</h2>"
-        f'<div class="wide"><table class="others"><thead><tr><th></th>{head}<th>thesis</th></tr></thead>'
-        f"<tbody>{rows}</tbody></table></div></section>"
-    )
-
-
-def _render_gap(gap: GapSummary | None) -> str:
-    if gap is None:
-        return ""
-    shares = "".join(f"<li>{words(name)}: {number(value)} %</li>" for name, value in gap.shares.items())
-    steps = "".join(
-        f"<tr><td>{escaped(stage)}</td><td>{number(value)}</td><td>{number(printed)}</td></tr>"
-        for stage, (value, printed) in gap.steps.items()
-    )
-    is_largest = "is" if gap.is_largest_cause_found else "is not"
-    return (
-        f"<section><h2>Gap diagnosis of the same datasets</h2><p>{escaped(gap.headline)}</p>"
-        f"<p>Contact propagation {is_largest} the named cause with the largest share. Shares of the named causes in "
-        f"the reduction of the gap:</p><ul>{shares}</ul><p>Treatment steps, mean share over the objects, %:</p>"
-        '<div class="wide"><table><thead><tr><th>step</th><th>reproduced</th><th>printed</th></tr></thead>'
-        f"<tbody>{steps}</tbody></table></div></section>"
-    )
-
-
-def _render_figures(figures: Mapping[str, Path]) -> str:
-    parts = []
-    for key, path in figures.items():
-        data = base64.b64encode(path.read_bytes()).decode()
-        caption = f"Figure {key}. {FIGURES[key]}"
-        parts.append(
-            f'<figure><img alt="{escaped(caption)}" src="data:image/png;base64,{data}"/>'
-            f"<figcaption>{escaped(caption)}</figcaption></figure>"
-        )
-    return f"<section><h2>Figures</h2>{''.join(parts)}</section>"
-
-
-def _render_table(table: Table) -> str:
-    head = "".join(f"<th>{escaped(key)}</th>" for key in table.keys)
-    head += "".join(f'<th colspan="3">{escaped(HEADINGS.get(name, name))}</th>' for name in table.columns)
-    rows = "".join(f"<tr>{_render_row(table, row)}</tr>" for row in table.rows)
-    return (
-        f'<section><h3>Table {escaped(table.number)}. {escaped(table.title)}</h3><div class="wide"><table>'
-        f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div></section>"
-    )
-
-
-def _render_row(table: Table, row: Row) -> str:
-    cells = [f"<td>{escaped(key)}</td>" for key in row.key]
-    for name in table.columns:
-        factor = 1e3 if name in COLUMNS_IN_MM else 1.0
-        pair = (row.values.get(name), row.printed_values.get(name))
-        value, printed = (None if item is None else factor * item for item in pair)
-        ratio = row.ratio(name)
-        ratio_text = ABSENT if ratio is None else f"{ratio:.2f}"
-        cells.append(f"<td>{number(value)}</td>")
-        cells.append(f'<td class="thesis">{number(printed)}</td><td class="ratio">{ratio_text}</td>')
-    return "".join(cells)
-
-
-def _render_inconsistencies() -> str:
-    items = "".join(f"<li>{escaped(item)}</li>" for item in INCONSISTENCIES)
-    return f"<section><h2>Inconsistencies of the thesis</h2><ul>{items}</ul></section>"
+    ratio = row.ratio(column)
+    return {
+        "value": number(value),
+        "printed": number(printed),
+        "ratio": ABSENT if ratio is None else f"{ratio:.2f}",
+    }

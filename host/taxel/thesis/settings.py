@@ -2,8 +2,9 @@
 
 The thesis states neither the sizes of its noise, coupling and contact spread nor the reach of its contact propagation.
 The values were found with `tools/thesis/search_settings.py`. The knee of the counts, the noisier board, the depth of
-the brackets, the layer of the simulator and the press on the triangular prism were then chosen on whole campaigns
-(docs/thesis.md). All settings except that press and the position factors of the objects are the same for all objects.
+the brackets, the layer of the simulator and the contact force on the triangular prism were then chosen on whole
+campaigns (docs/thesis.md). All settings except this force and the position factors of the objects are the same for all
+objects.
 """
 
 from collections.abc import Iterable

@@ -14,7 +14,7 @@ import pytest
 
 from taxel.gap.errors import GapInputError
 from taxel.gap.page import unrolled_png, unrolled_svg
-from taxel.gap.page.board_map import View, boards_of, views_of
+from taxel.gap.page.board_map import View, arrange_views, list_boards
 from taxel.gap.page.colours import DARK, LIGHT, STEPS, step_of, top_of
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.hand import load_hand
@@ -52,7 +52,7 @@ def report_of(hand_name: str, boards: list[str] | None = None) -> Report:
 
 
 def views(report: Report) -> tuple[View, ...]:
-    return views_of(boards_of(CheckedReport(report)))
+    return arrange_views(list_boards(CheckedReport(report)))
 
 
 def squares(svg: str) -> list[str]:

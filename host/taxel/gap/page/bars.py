@@ -41,8 +41,8 @@ class Axis:
 
     def span(self, first: float, second: float) -> tuple[str, str]:
         """Left end and width between two values, as SVG lengths."""
-        left, right = sorted((self.percent(first), self.percent(second)))
-        return f"{left:.2f}%", f"{right - left:.2f}%"
+        start, end = sorted((self.percent(first), self.percent(second)))
+        return f"{start:.2f}%", f"{end - start:.2f}%"
 
 
 @dataclass(frozen=True)
@@ -60,11 +60,6 @@ class Bar:
 
     shapes: tuple[Shape, ...]
     height: int = HEIGHT
-
-
-def picture(shapes: str, height: int = HEIGHT) -> str:
-    """SVG element of a diagram around the SVG text of its shapes, for pages that are built from strings."""
-    return f'<svg class="bar" width="100%" height="{height}" aria-hidden="true">{shapes}</svg>'
 
 
 def share_bar(axis: Axis, share: float, is_strong: bool) -> Bar:
@@ -102,8 +97,8 @@ def prediction_bar(axis: Axis, predicted: float | None, measured: float | None, 
 
 
 def _rect(axis: Axis, start: float, end: float, kind: str, top: int, height: int) -> Shape:
-    left, width = axis.span(start, end)
-    return Shape("rect", kind, {"x": left, "width": width, "y": str(top), "height": str(height)})
+    x, width = axis.span(start, end)
+    return Shape("rect", kind, {"x": x, "width": width, "y": str(top), "height": str(height)})
 
 
 def _circle(axis: Axis, value: float, kind: str) -> Shape:

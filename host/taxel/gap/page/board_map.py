@@ -14,13 +14,14 @@ from taxel.gap.page.text import readable
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.hand.unrolled_layout import SIDES, get_short_name
 
+# Lengths in taxel pitches of the picture, chosen such that labels do not overlap.
 LABEL = 3.1  # height above each board for its name and the marks of its RX lines
 HEADING = 2.6  # height above each column for the name of its finger
 TITLE = 2.0  # height of the title
-GAP_X = 2.4
-GAP_Y = 0.6
-EDGE = 1.0
-ROW_WIDTH = 46.0
+GAP_X = 2.4  # between boards side by side
+GAP_Y = 0.6  # between boards one above the other, in addition to LABEL
+EDGE = 1.0  # margin of a view
+ROW_WIDTH = 46.0  # largest width of a row of boards
 LETTER = 0.8  # mean width of a letter of a label
 MAX_NAME = 18  # characters
 
@@ -48,7 +49,7 @@ class Board:
 
 @dataclass(frozen=True)
 class PlacedBoard:
-    """A board in a view: left and upper edge of its block, and its label."""
+    """A board in a view. x, y: upper left corner of its taxels. label: its name as shown."""
 
     board: Board
     label: str
@@ -58,7 +59,7 @@ class PlacedBoard:
 
 @dataclass(frozen=True)
 class Heading:
-    """Heading of a column of boards. x, y: its middle and its lower edge."""
+    """Heading of a column of boards. x: its middle. y: its base line."""
 
     label: str
     x: float
@@ -76,7 +77,7 @@ class View:
     headings: tuple[Heading, ...] = ()
 
 
-def boards_of(report: CheckedReport) -> tuple[Board, ...]:
+def list_boards(report: CheckedReport) -> tuple[Board, ...]:
     """The boards of a report by address; none if the report has no taxel table. Raises GapInputError."""
     if report.taxels is None:
         return ()
@@ -96,23 +97,25 @@ def boards_of(report: CheckedReport) -> tuple[Board, ...]:
     )
 
 
-def views_of(boards: Sequence[Board]) -> tuple[View, ...]:
+def arrange_views(boards: Sequence[Board]) -> tuple[View, ...]:
     """The pictures of these boards: both sides of the default hand, or one picture with rows of boards."""
     by_name = {board.name: board for board in boards}
-    known = {name for _, grid, _ in SIDES for row in grid for name in row if name}
-    if not boards or len(by_name) < len(boards) or not by_name.keys() <= known:
-        return (_rows(boards),) if boards else ()
-    views = (_grid(title, grid, fingers, by_name) for title, grid, fingers in SIDES)
+    hand_boards = {name for _, grid, _ in SIDES for row in grid for name in row if name}
+    if not boards or len(by_name) < len(boards) or not by_name.keys() <= hand_boards:
+        return (_arrange_in_rows(boards),) if boards else ()
+    views = (_arrange_as_hand(title, grid, fingers, by_name) for title, grid, fingers in SIDES)
     return tuple(view for view in views if view.boards)
 
 
-def _grid(title: str, grid: Sequence[Sequence[str]], fingers: Sequence[str], by_name: dict[str, Board]) -> View:
+def _arrange_as_hand(
+    title: str, grid: Sequence[Sequence[str]], fingers: Sequence[str], by_name: dict[str, Board]
+) -> View:
     columns = [[by_name[name] for name in column if name in by_name] for column in zip(*grid, strict=True)]
     widths = [max((board.columns for board in column), default=0) for column in columns]
-    left, lefts = EDGE, []
+    right_edge, x_of_columns = EDGE, []
     for width in widths:
-        lefts.append(left)
-        left += width + GAP_X if width else 0.0
+        x_of_columns.append(right_edge)
+        right_edge += width + GAP_X if width else 0.0
     placed: list[PlacedBoard] = []
     headings: dict[str, Heading] = {}
     top = TITLE + HEADING
@@ -123,30 +126,30 @@ def _grid(title: str, grid: Sequence[Sequence[str]], fingers: Sequence[str], by_
         tallest = max(board.rows for _, board in boards_of_row)
         top += LABEL
         for column, board in boards_of_row:
-            x = lefts[column] + (widths[column] - board.columns) / 2
+            x = x_of_columns[column] + (widths[column] - board.columns) / 2
             y = top + tallest - board.rows
             placed.append(PlacedBoard(board, get_short_name(board.name), x, y))
             if board.name.endswith(f"_{fingers[column]}") and fingers[column] not in headings:
-                middle = lefts[column] + widths[column] / 2
+                middle = x_of_columns[column] + widths[column] / 2
                 headings[fingers[column]] = Heading(fingers[column], middle, y - LABEL)
         top += tallest + GAP_Y
-    return View(title, left - GAP_X + EDGE, top + EDGE - GAP_Y, tuple(placed), tuple(headings.values()))
+    return View(title, right_edge - GAP_X + EDGE, top + EDGE - GAP_Y, tuple(placed), tuple(headings.values()))
 
 
-def _rows(boards: Sequence[Board]) -> View:
+def _arrange_in_rows(boards: Sequence[Board]) -> View:
     placed: list[PlacedBoard] = []
     row: list[PlacedBoard] = []
-    left, top, widest = EDGE, LABEL, 0.0
+    x, top, right_edge = EDGE, LABEL, 0.0
     for board in boards:
         label = readable(board.name)
         label = label if len(label) <= MAX_NAME else f"{label[: MAX_NAME - 1]}\N{HORIZONTAL ELLIPSIS}"
         width = max(board.columns, LETTER * (len(label) + 6))  # includes space for the board's share after its name
-        if row and left + width > ROW_WIDTH:
+        if row and x + width > ROW_WIDTH:
             top += max(item.board.rows for item in row) + LABEL + GAP_Y
-            left, row = EDGE, []
-        row.append(PlacedBoard(board, label, left + (width - board.columns) / 2, top))
+            x, row = EDGE, []
+        row.append(PlacedBoard(board, label, x + (width - board.columns) / 2, top))
         placed.append(row[-1])
-        left += width + GAP_X
-        widest = max(widest, left - GAP_X)
+        x += width + GAP_X
+        right_edge = max(right_edge, x - GAP_X)
     height = top + max(item.board.rows for item in row) + EDGE
-    return View("", widest + EDGE, height, tuple(placed))
+    return View("", right_edge + EDGE, height, tuple(placed))

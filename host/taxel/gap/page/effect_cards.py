@@ -124,11 +124,12 @@ def _amount(report: CheckedReport, parameter: ReportValue, unit: str) -> str:
 def _item(report: CheckedReport, item: ReportValue, unit: str) -> str:
     """A taxel index, a board by its address, or a line: [address, axis, index]."""
     if isinstance(item.content, list):
-        parts = item.items()
-        if len(parts) != 3:
+        fields = item.items()
+        if len(fields) != 3:
             item.reject("an address, an axis and an index")
-        board = board_text(report, parts[0].as_integer(0, 255))
-        return f"{clean_text(parts[1].as_text().upper())} {parts[2].as_integer(0, 255)} of {board}"
+        address, axis, index = fields
+        board = board_text(report, address.as_integer(0, 255))
+        return f"{clean_text(axis.as_text().upper())} {index.as_integer(0, 255)} of {board}"
     if isinstance(item.content, str):
         return clean_text(item.content)
     if unit == "index":

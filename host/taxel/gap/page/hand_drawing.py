@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from taxel.gap.errors import GapInputError
-from taxel.gap.page.board_map import EDGE, Board, PlacedBoard, View, boards_of, views_of
+from taxel.gap.page.board_map import EDGE, Board, PlacedBoard, View, arrange_views, list_boards
 from taxel.gap.page.colours import DARK, LIGHT, ramp_css, step_css, step_of, top_of
 from taxel.gap.page.locations import line_of
 from taxel.gap.page.rendering import read_resource, render
@@ -168,7 +168,9 @@ def unrolled_hand_of(report: CheckedReport) -> UnrolledHand | None:
         return None
     floors = [report.gap.optional_number("floor"), report.after.optional_number("floor")]
     top = top_of(report.excess, max((floor for floor in floors if floor is not None), default=0.0))
-    return UnrolledHand(views_of(boards_of(report)), report.excess, top, (_marks_before(report), _marks_after(report)))
+    return UnrolledHand(
+        arrange_views(list_boards(report)), report.excess, top, (_marks_before(report), _marks_after(report))
+    )
 
 
 def require_unrolled_hand(report: Mapping[str, Any]) -> UnrolledHand:
@@ -194,12 +196,12 @@ def unrolled_svg(report: Mapping[str, Any], stage: str = "before") -> str:
         raise ValueError(f"stage: expected one of {', '.join(STAGES)}, found {stage!r}")
     drawings = require_unrolled_hand(report).draw(stage)
     height = max(view.height for view in drawings)
-    views, left = [], 0.0
+    views, width = [], 0.0
     for view in drawings:
-        views.append((left, height - view.height, view))
-        left += view.width
+        views.append((width, height - view.height, view))
+        width += view.width
     style = f"{_SVG_COLOURS}{step_css()}{read_resource('hand.css')}"
-    return render("hand.svg", width=left, height=height, stage=stage, style=style, views=views)
+    return render("hand.svg", width=width, height=height, stage=stage, style=style, views=views)
 
 
 def _marks_before(report: CheckedReport) -> Marks:

@@ -59,11 +59,11 @@ def unrolled_png(report: Mapping[str, Any], path: str | os.PathLike[str]) -> Non
     title = textwrap.fill(verdict, int(_LETTERS_PER_PITCH * width), max_lines=2, placeholder=" ...")
     _write(axis, _GAP, 1.2, title, fontsize=11, fontweight="bold", verticalalignment="top")
     for index, stage in enumerate(STAGES):
-        left, bottom = _GAP / 2 + index * width / 2, _TITLE + _CAPTION + tallest
-        _write(axis, left + 1.0, _TITLE + 2.0, captions[stage], fontsize=10)
+        x, bottom = _GAP / 2 + index * width / 2, _TITLE + _CAPTION + tallest
+        _write(axis, x + 1.0, _TITLE + 2.0, captions[stage], fontsize=10)
         for view in hand.draw(stage):
-            _draw_view(axis, view, left, bottom - view.height)
-            left += view.width + _GAP
+            _draw_view(axis, view, x, bottom - view.height)
+            x += view.width + _GAP
     _draw_scale(axis, hand.top, height - _SCALE + 2.0)
     try:
         figure.savefig(path, dpi=_DPI, format="png", facecolor=_GROUND, metadata={"Software": None})
@@ -71,13 +71,13 @@ def unrolled_png(report: Mapping[str, Any], path: str | os.PathLike[str]) -> Non
         plt.close(figure)
 
 
-def _draw_view(axis: Any, view: ViewDrawing, left: float, top: float) -> None:
-    _write(axis, left + view.title_x, top + view.title_y, view.title, fontsize=7, color=_MUTED)
+def _draw_view(axis: Any, view: ViewDrawing, x: float, y: float) -> None:
+    _write(axis, x + view.title_x, y + view.title_y, view.title, fontsize=7, color=_MUTED)
     for heading in view.headings:
         style = {"fontsize": 7, "fontweight": "bold", "horizontalalignment": "center"}
-        _write(axis, left + heading.x, top + heading.y, heading.text, **style)
+        _write(axis, x + heading.x, y + heading.y, heading.text, **style)
     for board in view.boards:
-        _draw_board(axis, board, left + board.x, top + board.y)
+        _draw_board(axis, board, x + board.x, y + board.y)
 
 
 def _draw_board(axis: Any, board: BoardDrawing, x: float, y: float) -> None:

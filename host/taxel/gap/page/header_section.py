@@ -49,15 +49,15 @@ def _counts_text(report: CheckedReport) -> str:
     if counts is None or not counts.table():
         return ""
     real, sim = counts.optional("real"), counts.optional("sim")
-    parts = []
+    phrases = []
     if real:
         sessions = f" in {_count(real, 'sessions', 'session')}" if real.optional("sessions") else ""
-        parts.append(f"{_count(real, 'grasps', 'grasp')} on the hand{sessions}")
+        phrases.append(f"{_count(real, 'grasps', 'grasp')} on the hand{sessions}")
     if sim:
-        parts.append(f"{_count(sim, 'grasps', 'grasp')} in the simulator")
+        phrases.append(f"{_count(sim, 'grasps', 'grasp')} in the simulator")
     if counts.optional("cells"):
-        parts.append(f"{_count(counts, 'cells', 'condition')} in common")
-    return ", ".join(parts) + "."
+        phrases.append(f"{_count(counts, 'cells', 'condition')} in common")
+    return ", ".join(phrases) + "."
 
 
 def _count(entry: ReportValue, key: str, noun: str) -> str:

@@ -45,27 +45,27 @@ def location_text(report: CheckedReport, location: ReportValue) -> str:
     """Any location as text: a string unchanged; a table by the fields of the lists under `where`."""
     if isinstance(location.content, str):
         return readable(location.content)
-    parts = []
+    texts = []
     table = location.table()
     for key in _ADDRESS_KEYS:
         if isinstance(table.get(key), int):
-            parts.append(board_text(report, location.field(key).as_integer(0, 255)))
+            texts.append(board_text(report, location.field(key).as_integer(0, 255)))
             break
         if isinstance(table.get(key), str):
-            parts.append(readable(location.text(key)))
+            texts.append(readable(location.text(key)))
             break
     if "axis" in table:
-        parts.append(f"{axis_of(location).upper()}{SPACE}{location.field('index').as_integer(0, _MAX_LINE)}")
+        texts.append(f"{axis_of(location).upper()}{SPACE}{location.field('index').as_integer(0, _MAX_LINE)}")
     elif "index" in table:
-        parts.append(taxel_text(report, location.field("index").as_integer(0, 2**20)))
-    elif not parts and "name" in table:
-        parts.append(readable(location.text("name")))
-    parts += [
+        texts.append(taxel_text(report, location.field("index").as_integer(0, 2**20)))
+    elif not texts and "name" in table:
+        texts.append(readable(location.text("name")))
+    texts += [
         readable(location.text(key)) for key in ("phase", "object", "approach") if isinstance(table.get(key), str)
     ]
-    if not parts:
+    if not texts:
         location.reject("a text, or a table with address, axis and index, phase, object or name")
-    return ", ".join(parts)
+    return ", ".join(texts)
 
 
 def effect_locations(report: CheckedReport, effect: ReportValue) -> str:
@@ -87,10 +87,10 @@ def _sensor_text(report: CheckedReport, item: ReportValue) -> str:
 
 
 def _line_text(report: CheckedReport, item: ReportValue) -> str:
-    parts = item.content
-    if isinstance(parts, list) and len(parts) == 3:
+    content = item.content
+    if isinstance(content, list) and len(content) == 3:
         keys = ("address", "axis", "index")
-        item = ReportValue(dict(zip(keys, parts, strict=True)), item.path)
+        item = ReportValue(dict(zip(keys, content, strict=True)), item.path)
     return location_text(report, item)
 
 

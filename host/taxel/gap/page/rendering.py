@@ -1,4 +1,4 @@
-"""Rendering of the page's templates by Jinja2; every value is escaped unless the template marks it as safe."""
+"""Rendering of page templates by Jinja2; every value is escaped unless the template marks it as safe."""
 
 from __future__ import annotations
 
@@ -8,24 +8,27 @@ from typing import Any
 
 from taxel.optional import optional_import
 
-with optional_import("jinja2", "the page of a gap report"):
+with optional_import("jinja2", "an HTML page"):
     import jinja2
 
 
-def render(template: str, **context: Any) -> str:
-    """Text of a template. template: path in the folder `templates`."""
-    return _environment().get_template(template).render(**context)
+def render(template: str, *, package: str = __package__, **context: Any) -> str:
+    """Text of a template. template: path in the folder `templates` of the package. context: variables of the template.
+
+    Raises jinja2.UndefinedError for a variable of the template that `context` lacks.
+    """
+    return _environment(package).get_template(template).render(**context)
 
 
-def read_resource(name: str) -> str:
-    """Content of a file of this package. name: path in the package."""
-    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+def read_resource(name: str, package: str = __package__) -> str:
+    """Content of a file of a package. name: path in the package."""
+    return resources.files(package).joinpath(name).read_text(encoding="utf-8")
 
 
 @cache
-def _environment() -> jinja2.Environment:
+def _environment(package: str) -> jinja2.Environment:
     return jinja2.Environment(
-        loader=jinja2.FunctionLoader(lambda name: read_resource(f"templates/{name}")),
+        loader=jinja2.FunctionLoader(lambda name: read_resource(f"templates/{name}", package)),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

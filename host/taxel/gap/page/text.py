@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 
 from taxel.gap.report.report_values import Interval
@@ -31,16 +30,6 @@ def clean_text(text: str) -> str:
 def readable(name: str) -> str:
     """A name of the report as words: contact_propagation becomes "contact propagation"."""
     return clean_text(name.replace("_", " "))
-
-
-def escaped(text: str) -> str:
-    """Clean text as HTML, for pages that are built from strings."""
-    return html.escape(clean_text(text))
-
-
-def words(name: str) -> str:
-    """A readable name as HTML, for pages that are built from strings."""
-    return html.escape(readable(name))
 
 
 def number(value: float | None, beside: float = 0.0) -> str:

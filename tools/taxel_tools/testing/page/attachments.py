@@ -3,9 +3,8 @@
 import base64
 from collections.abc import Sequence
 
-from taxel.gap.page.tables import bullets, folded
-from taxel.gap.page.text import escaped
 from taxel_tools.testing.page.figures import format_size
+from taxel_tools.testing.page.html_text import bullets, escaped, folded
 from taxel_tools.testing.record import Attachment
 
 PICTURE_TYPES = ("image/png", "image/svg+xml")

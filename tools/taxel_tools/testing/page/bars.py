@@ -8,7 +8,8 @@ import math
 import sys
 from collections.abc import Iterable
 
-from taxel.gap.page.bars import HEIGHT, MIDDLE, Axis, picture
+from taxel.gap.page.bars import HEIGHT, MIDDLE, Axis
+from taxel_tools.testing.page.html_text import diagram
 from taxel_tools.testing.record import Limit, Outcome, Value
 
 _MARGIN = 0.35  # Margin beyond a bound, in units of the permitted width.
@@ -48,7 +49,7 @@ def _widen(width: float, *ends: float) -> float:
 def value_bar(axis: Axis, limit: Limit, value: Value, outcome: Outcome) -> str:
     """The permitted range as a band and the value as a dot; an arrow for a value beyond the axis."""
     kind = "bad" if outcome is Outcome.FAIL else "good"
-    return picture(f"{_limit_band(axis, limit)}{_value_mark(axis, value, kind)}")
+    return diagram(f"{_limit_band(axis, limit)}{_value_mark(axis, value, kind)}")
 
 
 def value_strip(axis: Axis, limit: Limit | None, values: Iterable[Value]) -> str:
@@ -58,7 +59,7 @@ def value_strip(axis: Axis, limit: Limit | None, values: Iterable[Value]) -> str
         f' class="tick {"good" if limit is None or limit.contains(value) else "bad"}"/>'
         for value in sorted(value for value in values if isinstance(value, int | float) and math.isfinite(value))
     )
-    return picture(("" if limit is None else _limit_band(axis, limit)) + ticks)
+    return diagram(("" if limit is None else _limit_band(axis, limit)) + ticks)
 
 
 def _limit_band(axis: Axis, limit: Limit) -> str:

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from functools import cache
 from importlib import resources
 
-from taxel.gap.page.text import escaped
 from taxel_tools.testing.drift import Change
 from taxel_tools.testing.history import Summary
 from taxel_tools.testing.page.earlier import earlier_section
+from taxel_tools.testing.page.html_text import escaped
 from taxel_tools.testing.page.phases import phase_section, phases_section
 from taxel_tools.testing.page.verdict import format_title, header
 from taxel_tools.testing.record import TestRecord

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from taxel.gap.page.tables import Column, Section, folded, paragraph, table
-from taxel.gap.page.text import ABSENT, escaped, plural, words
+from taxel.gap.page.text import ABSENT, plural
 from taxel_tools.testing.drift import Change
 from taxel_tools.testing.history import Summary
 from taxel_tools.testing.page.elements import format_place, scrolled
 from taxel_tools.testing.page.figures import format_figure, format_time, format_with_unit
+from taxel_tools.testing.page.html_text import Column, Section, escaped, escaped_name, folded, paragraph, table
 from taxel_tools.testing.record import PhaseRecord
 
 RUNS_MAX = 10
@@ -50,7 +50,8 @@ def earlier_section(
 def _table(changes: Sequence[Change], titles: dict[str, str], caption: str) -> str:
     rows = (
         (
-            f'{words(change.measurement)} <span class="phase">{escaped(titles.get(change.phase, change.phase))}</span>',
+            f"{escaped_name(change.measurement)} "
+            f'<span class="phase">{escaped(titles.get(change.phase, change.phase))}</span>',
             format_place(change.place),
             format_with_unit(change.value, change.unit),
             format_figure(change.last),

@@ -1,6 +1,7 @@
-"""Page elements besides those of `taxel.gap.page.tables`."""
+"""Page elements in addition to those of `html_text.py`."""
 
-from taxel.gap.page.text import ABSENT, SPACE, escaped
+from taxel.gap.page.text import ABSENT, SPACE
+from taxel_tools.testing.page.html_text import escaped
 
 _UNBROKEN_LENGTH = 12  # Longest text without a line break.
 

@@ -3,7 +3,8 @@
 import math
 from datetime import datetime
 
-from taxel.gap.page.text import ABSENT, MINUS, SPACE, escaped, plural
+from taxel.gap.page.text import ABSENT, MINUS, SPACE, plural
+from taxel_tools.testing.page.html_text import escaped
 from taxel_tools.testing.record import Limit, Value
 
 _DIGITS = 3

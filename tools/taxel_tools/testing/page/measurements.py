@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from statistics import median
 
 from taxel.gap.page.bars import Axis
-from taxel.gap.page.tables import Column, folded, paragraph, table
-from taxel.gap.page.text import ABSENT, escaped, plural, words
+from taxel.gap.page.text import ABSENT, plural
 from taxel_tools.testing.page.bars import build_axis, value_bar, value_strip
 from taxel_tools.testing.page.elements import format_place, scrolled
 from taxel_tools.testing.page.figures import format_figure, format_limit, format_with_unit
+from taxel_tools.testing.page.html_text import Column, escaped, escaped_name, folded, paragraph, table
 from taxel_tools.testing.record import Limit, Measurement, Outcome
 
 ROWS_MAX = 16
@@ -99,7 +99,7 @@ def _row(measurement: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple
         )
         verdict = f'<b class="{measurement.outcome}">{measurement.outcome}</b>'
     return (
-        words(measurement.name),
+        escaped_name(measurement.name),
         format_place(measurement.place),
         format_with_unit(measurement.value, measurement.unit, measurement.limit),
         format_limit(measurement.limit),
@@ -131,7 +131,7 @@ def _summary_row(
     if values and (limit is not None or len(values) > 1):
         picture = value_strip(Axis.over(values) if limit is None else axes[name, limit], limit, values)
     return (
-        words(f"{name}, {unit}" if unit.strip() else name),
+        escaped_name(f"{name}, {unit}" if unit.strip() else name),
         f"{len(group):,}",
         ABSENT if limit is None else f'<b class="fail">{failed:,}</b>' if failed else "0",
         *statistic_texts,

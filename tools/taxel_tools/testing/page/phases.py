@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from taxel.gap.page.tables import Column, Section, bullets, paragraph, table
-from taxel.gap.page.text import ABSENT, escaped
+from taxel.gap.page.text import ABSENT
 from taxel_tools.testing.page.attachments import attachments_html
 from taxel_tools.testing.page.elements import format_inline_place, scrolled
 from taxel_tools.testing.page.figures import format_duration
+from taxel_tools.testing.page.html_text import Column, Section, bullets, escaped, paragraph, table
 from taxel_tools.testing.page.measurements import measurements_html
 from taxel_tools.testing.record import Finding, Outcome, PhaseRecord
 

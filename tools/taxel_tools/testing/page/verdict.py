@@ -3,10 +3,10 @@
 from collections import Counter
 from collections.abc import Iterator
 
-from taxel.gap.page.tables import bullets, folded
-from taxel.gap.page.text import escaped, plural, words
+from taxel.gap.page.text import plural
 from taxel_tools.testing.page.elements import format_inline_place
 from taxel_tools.testing.page.figures import format_duration, format_limit, format_time, format_with_unit
+from taxel_tools.testing.page.html_text import bullets, escaped, escaped_name, folded
 from taxel_tools.testing.record import Finding, Measurement, Outcome, PhaseRecord, TestRecord
 
 SHOWN_MAX = 10
@@ -106,7 +106,7 @@ def _violated_limits(phase: PhaseRecord, number: int) -> Iterator[str]:
         place = f" at {escaped(worst.place)}" if worst.place else ""
         value = format_with_unit(worst.value, worst.unit, worst.limit)
         count = f"{plural(len(group), 'place')} beyond the limit, the worst" if len(group) > 1 else "beyond the limit:"
-        link = f"{_link(phase.title, number)}, <b>{words(name)}</b>"
+        link = f"{_link(phase.title, number)}, <b>{escaped_name(name)}</b>"
         yield f"{link}: {count} {value}{place} (allowed {format_limit(worst.limit)})"
 
 
@@ -121,7 +121,7 @@ def _link(title: str, number: int) -> str:
 def _identity_list(record: TestRecord) -> str:
     entries = {
         "serial number": escaped(record.serial_number) or "none",
-        **{words(key): escaped(value) for key, value in record.device.items()},
+        **{escaped_name(key): escaped(value) for key, value in record.device.items()},
         "tested": format_time(record.started_utc),
         "duration": format_duration(record.seconds),
         "operator": escaped(record.operator),

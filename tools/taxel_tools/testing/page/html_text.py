@@ -1,0 +1,90 @@
+"""HTML elements as strings: escaped text, sections, tables, lists and the frame of a diagram.
+
+Every `str` argument that is not escaped by a function of this module is HTML already.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from taxel.gap.page.bars import HEIGHT
+from taxel.gap.page.text import clean_text, readable
+
+
+def escaped(text: str) -> str:
+    """Text as HTML, on one line and without unprintable characters."""
+    return html.escape(clean_text(text))
+
+
+def escaped_name(name: str) -> str:
+    """A name with underscores as readable HTML: `dead_taxel` becomes "dead taxel"."""
+    return html.escape(readable(name))
+
+
+def diagram(shapes: str, height: int = HEIGHT) -> str:
+    """The SVG element of a diagram in a table cell. shapes: SVG text. height: pixels."""
+    return f'<svg class="bar" width="100%" height="{height}" aria-hidden="true">{shapes}</svg>'
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the page. title, body: HTML."""
+
+    anchor: str
+    title: str
+    body: str
+
+    def html(self) -> str:
+        """The section as an HTML element."""
+        heading = f'<h2 id="{self.anchor}-title">{self.title}</h2>'
+        return (
+            f'<section id="{self.anchor}" aria-labelledby="{self.anchor}-title">\n{heading}\n{self.body}\n</section>\n'
+        )
+
+
+@dataclass(frozen=True)
+class Column:
+    """A table column. heading: HTML. kind: CSS class: "" text, "n" numbers, "pic" a diagram."""
+
+    heading: str
+    kind: str = ""
+
+
+def table(columns: Sequence[Column], rows: Iterable[Sequence[str]], caption: str, kind: str = "") -> str:
+    """A table whose first column contains the names of the rows.
+
+    rows: the HTML of each row, by column. caption: for screen readers, unless the class `kind` makes it visible.
+    """
+    head = "".join(f'<th scope="col"{_class(column.kind)}>{column.heading}</th>' for column in columns)
+    body = "\n".join(_row(columns, row) for row in rows)
+    return (
+        f"<table{_class(kind)}><caption>{caption}</caption>\n<thead><tr>{head}</tr></thead>\n"
+        f"<tbody>\n{body}\n</tbody></table>"
+    )
+
+
+def _row(columns: Sequence[Column], row: Sequence[str]) -> str:
+    (name_column, name), *pairs = zip(columns, row, strict=True)
+    values = "".join(f"<td{_class(column.kind)}>{content}</td>" for column, content in pairs)
+    return f'<tr><th scope="row"{_class(name_column.kind)}>{name}</th>{values}</tr>'
+
+
+def _class(kind: str) -> str:
+    return f' class="{kind}"' if kind else ""
+
+
+def paragraph(text: str, kind: str = "") -> str:
+    """A paragraph. text: HTML."""
+    return f"<p{_class(kind)}>{text}</p>"
+
+
+def bullets(items: Iterable[str], kind: str = "", tag: str = "ul") -> str:
+    """A list. items: HTML. tag: "ul" or "ol"."""
+    return f"<{tag}{_class(kind)}>{''.join(f'<li>{item}</li>' for item in items)}</{tag}>"
+
+
+def folded(summary: str, body: str) -> str:
+    """Content that a screen shows on demand and a print shows always."""
+    return f"<details><summary>{summary}</summary>{body}</details>"
