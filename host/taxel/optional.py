@@ -6,6 +6,7 @@ The core of the package needs numpy, pyserial, construct, typer and rich. Every 
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from types import MappingProxyType
 from typing import Final
 
@@ -41,9 +42,13 @@ install a library, the smallest one is named.
 
 
 class MissingPackageError(TaxelError, ImportError):
-    """An optional library is not installed. The text names the library, its extra and the command that installs it."""
+    """An optional library is not installed. The text names the library, its extra and the command that installs it.
+
+    package: import name of the library.
+    """
 
     def __init__(self, purpose: str, package: str, extra: str) -> None:
+        self.package = package
         super().__init__(
             f"{purpose} needs the Python package '{package}', which is not installed; "
             f"install the extra '{extra}': pip install 'taxel[{extra}]'"
@@ -64,12 +69,22 @@ def optional_import(package: str, purpose: str) -> Iterator[None]:
         raise MissingPackageError(purpose, package, EXTRA_OF_PACKAGE[package]) from None
 
 
-def missing_package(error: ModuleNotFoundError, purpose: str, extra: str | None = None) -> MissingPackageError | None:
+def require_packages(purpose: str, extra: str, *packages: str) -> None:
+    """Raise `MissingPackageError` at once if a package is missing that a long task imports only at its end.
+
+    purpose: the subject of the sentence. extra: the extra that installs the packages.
+    """
+    for package in packages:
+        if find_spec(package) is None:
+            raise MissingPackageError(purpose, package, extra)
+
+
+def missing_package(error: ImportError, purpose: str, extra: str | None = None) -> MissingPackageError | None:
     """The error to show instead of a failed import; None if the missing module is not an optional library.
 
     extra: the extra that installs all that the purpose needs; None: the extra of the missing library alone.
     """
-    package = (error.name or "").partition(".")[0]
+    package = error.package if isinstance(error, MissingPackageError) else (error.name or "").partition(".")[0]
     if package not in EXTRA_OF_PACKAGE:
         return None
     return MissingPackageError(purpose, package, extra or EXTRA_OF_PACKAGE[package])

@@ -24,6 +24,9 @@ BENCH_PROBES: Final = "taxel.bench_probes"
 COMMANDS: Final = "taxel.commands"
 """Commands of the program ``taxel``. Object: a typer function or a `typer.Typer` group."""
 
+OWN_DISTRIBUTION: Final = "taxel"
+"""Distribution whose entry points belong to the project itself."""
+
 NO_NAMES: Final[Mapping[str, str]] = MappingProxyType({})
 
 
@@ -52,6 +55,8 @@ def load_plugin(group: str, name: str, built_in: Mapping[str, str] = NO_NAMES) -
     try:
         return point.load()
     except Exception as error:  # a plug-in may raise anything while it is imported
+        if _distribution(point) == OWN_DISTRIBUTION:
+            raise
         raise PluginError(
             f"entry point '{name}' of group '{group}' in package '{_distribution(point)}' cannot be loaded "
             f"({type(error).__name__}: {error}); correct or uninstall that package"

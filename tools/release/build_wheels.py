@@ -61,8 +61,8 @@ def _export_sources(folder: Path) -> Path:
     return source
 
 
-def _build_wheel(python: str, source: Path, folder: Path, processor: str, out: Path) -> None:
-    """Build one wheel with Zig's clang, and let auditwheel assign the manylinux tag."""
+def _build_wheel(python: str, source: Path, folder: Path, processor: str, out: Path) -> Path:
+    """One wheel, built with Zig's clang; auditwheel assigns the oldest manylinux tag that its libraries permit."""
     folder.mkdir()
     compiler = folder / "cc"
     compiler.write_text(f'#!/bin/sh\nexec {python} -m ziglang cc -target {processor}-linux-gnu.{GLIBC} "$@"\n')
@@ -78,8 +78,12 @@ def _build_wheel(python: str, source: Path, folder: Path, processor: str, out: P
     build = [python, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(source)]
     subprocess.run(build, check=True, env=environment, stdout=subprocess.DEVNULL)
     (wheel,) = folder.glob("*.whl")
-    repair = [python, "-m", "auditwheel", "repair", "--plat", f"manylinux_2_17_{processor}", "--wheel-dir", str(out)]
+    # The tag `auto` is the oldest that the libraries permit; the other processor's tags are no choices of --plat.
+    repair = [python, "-m", "auditwheel", "repair", "--plat", "auto", "--wheel-dir", str(folder / "repaired")]
     subprocess.run([*repair, str(wheel)], check=True, env=environment)
+    (repaired,) = (folder / "repaired").iterdir()
+    shutil.move(repaired, out)
+    return out / repaired.name
 
 
 def _run(*command: str) -> None:

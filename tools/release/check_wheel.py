@@ -25,8 +25,14 @@ CORE_COMMANDS: Final[tuple[tuple[str, ...], ...]] = (
     ("record", "emulator:?speed=max", "--seconds", "2", "--out", "skin.bin"),
     ("replay", "skin.bin"),
     ("monitor", "file:skin.bin", "--once", "--baseline-frames", "20"),
-    ("convert", "skin.bin", "skin_csv"),
+    ("convert", "skin.bin", "skin.csv"),
     ("scan", "emulator:"),
+    ("ros", "--help"),
+    ("provision", "--help"),
+    ("flash", "--help"),
+    ("bench", "--help"),
+    ("emulate", "--help"),
+    ("feel", "--help"),
 )
 EXTRA_COMMANDS: Final[dict[tuple[str, ...], str]] = {
     ("grasp", "--help"): "sim",
@@ -41,6 +47,8 @@ EXTRA_COMMANDS: Final[dict[tuple[str, ...], str]] = {
     ("convert", "skin.bin", "skin.parquet"): "parquet",
     ("monitor", "file:skin.bin", "--web", "--port", "0"): "web",
     ("scan", "/dev/i2c-1"): "i2c",
+    ("bench", "emulator:"): "bench",
+    ("feel", "--out", "feel"): "plots",
 }
 """Commands that must name the extra which they need."""
 

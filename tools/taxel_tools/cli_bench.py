@@ -16,6 +16,7 @@ from rich.progress import Progress as Bars
 
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
+from taxel.optional import require_packages
 from taxel_tools.bench.board_under_test import BoardUnderTest, open_board
 from taxel_tools.bench.running import (
     RecordLabels,
@@ -37,6 +38,8 @@ PROBE_HELP: Final = (
     "none, operator, emulated, gcode:///dev/ttyUSB1?x=..&y=..&touch_z=..&spring_n_mm=.., or a probe of another package."
 )
 NOT_TESTED: Final = 2
+REPORT_PACKAGES: Final = ("jinja2", "matplotlib")
+"""Packages of the extra `bench`: the page of the report and its pictures."""
 EXIT_STATUS: Final = {Outcome.PASS: 0, Outcome.FAIL: 1, Outcome.ERROR: NOT_TESTED, Outcome.SKIP: NOT_TESTED}
 
 
@@ -90,6 +93,7 @@ def bench_command(
         hand,
     )
     try:
+        require_packages("taxel bench", "bench", *REPORT_PACKAGES)  # before the test, which takes minutes
         test_plan = _load_plan(plan, phase, hand)
         person = _find_operator(console, test_plan, arguments)
         history = history or out / "history.sqlite"

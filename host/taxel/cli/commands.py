@@ -63,7 +63,7 @@ COMMANDS: Final[Mapping[str, CommandEntry]] = MappingProxyType(
             BOARDS,
         ),
         "flash": CommandEntry("", "Program the firmware of boards or hub.", BOARDS),
-        "bench": CommandEntry("", "Test a sensor board on a test bench.", BOARDS),
+        "bench": CommandEntry("", "Test a sensor board on a test bench.", BOARDS, extra="bench"),
         "grasp": CommandEntry(
             "taxel.cli.grasp:grasp",
             "Run the 144 grasps of the thesis on the emulated hand, in the simulator or on a physical hand.",

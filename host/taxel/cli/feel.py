@@ -14,6 +14,7 @@ from taxel.cli.options import Seed
 from taxel.demonstration import DEMO_CONTACTS, ContactOutcome, run_demonstration
 from taxel.hand import load_hand
 from taxel.hand.heat_map import save_heat_map
+from taxel.optional import require_packages
 from taxel.recording import load_recording, recordings
 from taxel.recording.replay import ReplayOptions, replay_touches
 
@@ -27,6 +28,7 @@ def feel(
 
     Example: taxel feel --seconds 10 --out out/feel
     """
+    require_packages("taxel feel", "plots", "matplotlib")
     console = Console()
     out.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()

@@ -54,7 +54,7 @@ def build_app(name: str = "", *, loads_all: bool = False) -> typer.Typer:
 def _add_loaded(app: typer.Typer, name: str, entry: CommandEntry | None) -> None:
     try:
         target = load_plugin(COMMANDS_GROUP, name, _TARGETS)
-    except ModuleNotFoundError as error:
+    except ImportError as error:
         replacement = missing_package(error, f"taxel {name}", entry.extra if entry is not None else None)
         if replacement is None:
             raise

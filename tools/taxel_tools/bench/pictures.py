@@ -1,15 +1,21 @@
-"""Pictures of a test report, as PNG bytes."""
+"""Pictures of a test report, as PNG bytes.
+
+matplotlib is imported only when a picture is drawn, so that the commands of boards start without the extra `plots`.
+"""
 
 import io
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from taxel.hand import BoardKind
+from taxel.optional import optional_import
 from taxel.types import BoolArray, FloatArray
 from taxel_tools.bench.analysis.curve import Curve
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
 
 INK: Final = "#1b1d22"
 EDGE: Final = "#9aa1ad"
@@ -39,7 +45,7 @@ def draw_board_map(kind: BoardKind, values: FloatArray, label: str, marked: Bool
     grid[kind.crossings] = values
     rows, columns = kind.tx_count, kind.rx_count
     width = max(CELL_IN * columns + 1.6, WIDTH_MIN_IN)
-    figure = Figure(figsize=(width, CELL_IN * rows + 0.9), layout="constrained")
+    figure = _new_figure(width, CELL_IN * rows + 0.9)
     axes = figure.add_subplot()
     image = axes.imshow(grid, cmap="viridis", interpolation="nearest")
     figure.suptitle(
@@ -61,12 +67,20 @@ def draw_board_map(kind: BoardKind, values: FloatArray, label: str, marked: Bool
     return render_png(figure)
 
 
+def _new_figure(width_in: float, height_in: float) -> Figure:
+    with optional_import("matplotlib", "a picture of the bench report"):
+        from matplotlib.figure import Figure
+    return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
 def _frame(x: int, y: int) -> Rectangle:
+    from matplotlib.patches import Rectangle
+
     return Rectangle((x - 0.5, y - 0.5), 1.0, 1.0, fill=False, edgecolor=RED, linewidth=2.0, clip_on=False)
 
 
 def _axes(x: str, y: str, height: float = 3.2) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(WIDTH_IN, height), layout="constrained")
+    figure = _new_figure(WIDTH_IN, height)
     axes = figure.add_subplot()
     axes.set_xlabel(x, fontsize=LABEL_PT)
     axes.set_ylabel(y, fontsize=LABEL_PT)

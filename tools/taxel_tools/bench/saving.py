@@ -8,7 +8,6 @@ from taxel.errors import TaxelError
 from taxel_tools.testing.errors import HistoryError
 from taxel_tools.testing.history import Change, History, Summary
 from taxel_tools.testing.junit import write_junit
-from taxel_tools.testing.page import write_page
 from taxel_tools.testing.record import TestRecord
 from taxel_tools.testing.result_file import write_json
 
@@ -46,6 +45,8 @@ def save_record(record: TestRecord, out: Path, history_file: Path) -> Path:
             history.add(record)
     except HistoryError as error:
         history_error = error
+    from taxel_tools.testing.page import write_page  # needs the extra `bench`, which the other functions do not
+
     write_page(record, folder / "report.html", changes, earlier)
     if history_error:
         raise TaxelError(f"{history_error}; the reports are saved in {folder}")

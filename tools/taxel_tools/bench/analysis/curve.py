@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from taxel.types import FloatArray
 
@@ -30,8 +29,8 @@ class Curve:
     def area(self) -> float:
         """Area between the mean branches, relative to the area of the signal of the loading branch, 0 to 1."""
         loading, unloading = self.loading.mean(axis=0), self.unloading.mean(axis=0)
-        under = float(trapezoid(loading[0] - loading, self.force_n))
-        between = float(trapezoid(np.abs(loading - unloading), self.force_n))
+        under = _integrate(loading[0] - loading, self.force_n)
+        between = _integrate(np.abs(loading - unloading), self.force_n)
         return between / under if under > 0.0 else float("nan")
 
     @property
@@ -50,6 +49,11 @@ class Curve:
     def is_monotonic(self) -> bool:
         """Whether no step of the force increases the mean relative count by more than 0.001."""
         return bool((np.diff(self.loading.mean(axis=0)) < 1e-3).all())
+
+
+def _integrate(values: FloatArray, positions: FloatArray) -> float:
+    """Integral of f64[k] over f64[k] by the trapezoidal rule (`numpy.trapezoid` needs numpy 2)."""
+    return float((np.diff(positions) * (values[1:] + values[:-1]) / 2.0).sum())
 
 
 def extrapolate_detectable_force(force_n: FloatArray, signal: FloatArray, error: float, sigmas: float = 3.0) -> float:
