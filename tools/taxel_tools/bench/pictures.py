@@ -32,7 +32,7 @@ WIDTH_MIN_IN: Final = 3.4
 """Space for a title of about 40 letters."""
 
 
-def render_png(figure: Figure) -> bytes:
+def render_png(figure: "Figure") -> bytes:
     """PNG bytes of a figure."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI, facecolor="white", metadata={"Software": None})
@@ -67,19 +67,19 @@ def draw_board_map(kind: BoardKind, values: FloatArray, label: str, marked: Bool
     return render_png(figure)
 
 
-def _new_figure(width_in: float, height_in: float) -> Figure:
+def _new_figure(width_in: float, height_in: float) -> "Figure":
     with optional_import("matplotlib", "a picture of the bench report"):
         from matplotlib.figure import Figure
     return Figure(figsize=(width_in, height_in), layout="constrained")
 
 
-def _frame(x: int, y: int) -> Rectangle:
+def _frame(x: int, y: int) -> "Rectangle":
     from matplotlib.patches import Rectangle
 
     return Rectangle((x - 0.5, y - 0.5), 1.0, 1.0, fill=False, edgecolor=RED, linewidth=2.0, clip_on=False)
 
 
-def _axes(x: str, y: str, height: float = 3.2) -> tuple[Figure, Any]:
+def _axes(x: str, y: str, height: float = 3.2) -> "tuple[Figure, Any]":
     figure = _new_figure(WIDTH_IN, height)
     axes = figure.add_subplot()
     axes.set_xlabel(x, fontsize=LABEL_PT)
