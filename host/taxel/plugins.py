@@ -18,9 +18,11 @@ LINKS: Final = "taxel.links"
 EFFECTS: Final = "taxel.effects"
 """Effects of the diagnosis. Object: a sequence of `taxel.gap.effects.effect.Effect`, the variants of one effect."""
 IMPORTERS: Final = "taxel.importers"
-"""Importers of grasp datasets. Object: a function that becomes the command ``taxel import NAME``."""
+"""Importers of grasp datasets. Object: a typer function that becomes the command ``taxel import NAME``."""
 BENCH_PHASES: Final = "taxel.bench_phases"
+"""Phases of the board test. Object: a callable that returns a `taxel_tools.testing.engine.Phase`."""
 BENCH_PROBES: Final = "taxel.bench_probes"
+"""Probes of the board test. Object: a function ``(taxel_tools.bench.probe.ProbeRequest) -> Probe``."""
 COMMANDS: Final = "taxel.commands"
 """Commands of the program ``taxel``. Object: a typer function or a `typer.Typer` group."""
 
@@ -55,12 +57,26 @@ def load_plugin(group: str, name: str, built_in: Mapping[str, str] = NO_NAMES) -
     try:
         return point.load()
     except Exception as error:  # a plug-in may raise anything while it is imported
-        if _distribution(point) == OWN_DISTRIBUTION:
+        if _distribution_name(point) == OWN_DISTRIBUTION:
             raise
         raise PluginError(
-            f"entry point '{name}' of group '{group}' in package '{_distribution(point)}' cannot be loaded "
+            f"entry point '{name}' of group '{group}' in package '{_distribution_name(point)}' cannot be loaded "
             f"({type(error).__name__}: {error}); correct or uninstall that package"
         ) from error
+
+
+def unusable_plugin(group: str, name: str, problem: str) -> PluginError:
+    """The error for an entry point whose object was loaded and cannot be used, as one line with its package.
+
+    problem: what was expected and what was found.
+    """
+    text = f"entry point '{name}' of group '{group}' in package '{plugin_distribution(group, name)}' cannot be used"
+    return PluginError(f"{text} ({' '.join(problem.split())}); correct or uninstall that package")
+
+
+def plugin_distribution(group: str, name: str) -> str:
+    """Name of the installed package that adds an entry point; the project's own for a name that no entry point has."""
+    return next((_distribution_name(point) for point in _entry_points(group) if point.name == name), OWN_DISTRIBUTION)
 
 
 def _added(group: str, built_in: Mapping[str, str]) -> dict[str, EntryPoint]:
@@ -72,10 +88,10 @@ def _added(group: str, built_in: Mapping[str, str]) -> dict[str, EntryPoint]:
         if built_in.get(point.name) == point.value:
             continue
         if point.name in built_in or (point.name in added and added[point.name].value != point.value):
-            first = "taxel" if point.name in built_in else _distribution(added[point.name])
+            first = "taxel" if point.name in built_in else _distribution_name(added[point.name])
             raise PluginError(
                 f"entry point '{point.name}' of group '{group}' is in two packages, '{first}' and "
-                f"'{_distribution(point)}'; uninstall one of them"
+                f"'{_distribution_name(point)}'; uninstall one of them"
             )
         added[point.name] = point
     return added
@@ -91,5 +107,5 @@ def _entry_points(group: str) -> tuple[EntryPoint, ...]:
     return tuple(entry_points(group=group))
 
 
-def _distribution(point: EntryPoint) -> str:
+def _distribution_name(point: EntryPoint) -> str:
     return point.dist.name if point.dist is not None else point.value

@@ -1,4 +1,4 @@
-"""`taxel import`."""
+"""`taxel import`: the importers of the project; other packages add importers by entry points."""
 
 import json
 from collections.abc import Iterator
@@ -13,6 +13,7 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as ProgressBar
 
 from taxel.cli.options import AsJson, Overwrite, Seed
+from taxel.cli.plugin_commands import ImporterGroup
 from taxel.errors import TaxelError
 from taxel.grasp.calibration import load_calibration
 from taxel.hand import load_hand
@@ -35,7 +36,9 @@ __all__ = ["import_app"]
 _WRIST_NUMBERS = 7
 
 import_app = typer.Typer(
-    help="Import contacts, rollouts or arrays of other programs as a grasp dataset.", no_args_is_help=True
+    cls=ImporterGroup,
+    help="Import contacts, rollouts or arrays of other programs as a grasp dataset.",
+    no_args_is_help=True,
 )
 
 Out = Annotated[Path, typer.Option(help="Dataset to write.")]

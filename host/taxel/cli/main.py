@@ -11,11 +11,12 @@ from typing import Annotated, Any, Final, NoReturn
 import typer
 
 from taxel.cli.commands import COMMANDS, OTHER, CommandEntry
+from taxel.cli.plugin_commands import load_command
 from taxel.cli.renamed_options import refuse_renamed
 from taxel.errors import TaxelError
 from taxel.optional import missing_package
 from taxel.plugins import COMMANDS as COMMANDS_GROUP
-from taxel.plugins import load_plugin, plugin_names
+from taxel.plugins import plugin_distribution, plugin_names
 from taxel.version import VERSION
 
 COMPLETION_VARIABLE: Final = "_TAXEL_COMPLETE"
@@ -45,20 +46,15 @@ def build_app(name: str = "", *, loads_all: bool = False) -> typer.Typer:
         if loads_all or command == name:
             _add_loaded(app, command, entry)
         else:
-            summary = entry.summary if entry is not None else "Command of another package; see its own --help."
+            package = plugin_distribution(COMMANDS_GROUP, command)
+            summary = entry.summary if entry is not None else f"Command of the package '{package}'; see its own --help."
             panel = entry.panel if entry is not None else OTHER
             app.command(command, help=summary, rich_help_panel=panel)(_not_loaded)
     return app
 
 
 def _add_loaded(app: typer.Typer, name: str, entry: CommandEntry | None) -> None:
-    try:
-        target = load_plugin(COMMANDS_GROUP, name, _TARGETS)
-    except ImportError as error:
-        replacement = missing_package(error, f"taxel {name}", entry.extra if entry is not None else None)
-        if replacement is None:
-            raise
-        raise replacement from error
+    target = load_command(COMMANDS_GROUP, name, _TARGETS, entry.extra if entry is not None else None)
     panel = entry.panel if entry is not None else OTHER
     if isinstance(target, typer.Typer):
         app.add_typer(target, name=name, rich_help_panel=panel)

@@ -6,7 +6,6 @@ import time
 from taxel.errors import TaxelError
 from taxel.hand import Hand
 from taxel.link import Chunk, Link
-from taxel.link.url import recorded_path
 from taxel.skin import Skin, open_source
 
 SPEED_MAX = 1e6
@@ -69,14 +68,15 @@ class PacedLink:
 def open_paced(
     url: str, hand: Hand | str | os.PathLike[str] | None = None, rate_hz: float | None = None, speed: float = 1.0
 ) -> Skin:
-    """Open a skin as `taxel.open` does; a recording (`file:`) is played at `speed` times its recorded speed.
+    """Open a skin as `taxel.open` does; a recording, such as `file:`, is played at `speed` times its recorded speed.
 
     Raises the errors of `taxel.open`, and `SpeedError` for a speed of 0 or less, or for a speed other than 1 with a
     source that is not a recording.
     """
     if not 0.0 < speed <= SPEED_MAX:
         raise SpeedError(f"speed: expected a number above 0 and at most {SPEED_MAX:g}, found {speed:g}")
-    if speed != 1.0 and recorded_path(url) is None:
-        raise SpeedError(f"{url}: a speed is for a recording (file:capture.bin); for an emulator use ?speed=max")
     link, description = open_source(url, hand)
+    if speed != 1.0 and not link.is_recorded:
+        link.close()
+        raise SpeedError(f"{url}: a speed is for a recording (file:capture.bin); for an emulator use ?speed=max")
     return Skin(PacedLink(link, speed) if link.is_recorded else link, description, rate_hz)

@@ -10,12 +10,11 @@ part of this value before the first colon. Its object is a callable that takes a
 """
 
 from collections.abc import Collection, Mapping
-from importlib.metadata import entry_points
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 from taxel.errors import TaxelError
-from taxel.plugins import BENCH_PHASES, BENCH_PROBES, PluginError, load_plugin, plugin_names
+from taxel.plugins import BENCH_PHASES, BENCH_PROBES, load_plugin, plugin_names, unusable_plugin
 from taxel_tools.bench.probe.base import Probe, ProbeError, ProbeRequest
 from taxel_tools.testing.engine import Phase
 
@@ -65,11 +64,11 @@ def _load_phase(name: str) -> Phase:
     try:
         phase = factory()
     except Exception as error:  # A plug-in may raise any exception.
-        raise _unusable(BENCH_PHASES, name, f"{type(error).__name__}: {error}") from error
+        raise unusable_plugin(BENCH_PHASES, name, f"{type(error).__name__}: {error}") from error
     if not isinstance(phase, Phase):
-        raise _unusable(BENCH_PHASES, name, f"expected a phase, found an object of type {type(phase).__name__}")
+        raise unusable_plugin(BENCH_PHASES, name, f"expected a phase, found an object of type {type(phase).__name__}")
     if phase.name != name:
-        raise _unusable(BENCH_PHASES, name, f"expected the phase name '{name}', found '{phase.name}'")
+        raise unusable_plugin(BENCH_PHASES, name, f"expected the phase name '{name}', found '{phase.name}'")
     return phase
 
 
@@ -85,17 +84,7 @@ def open_probe(request: ProbeRequest) -> Probe:
     except (TaxelError, OSError):
         raise
     except Exception as error:  # A plug-in may raise any exception.
-        raise _unusable(BENCH_PROBES, name, f"{type(error).__name__}: {error}") from error
+        raise unusable_plugin(BENCH_PROBES, name, f"{type(error).__name__}: {error}") from error
     if not isinstance(probe, Probe):
-        raise _unusable(BENCH_PROBES, name, f"expected a probe, found an object of type {type(probe).__name__}")
+        raise unusable_plugin(BENCH_PROBES, name, f"expected a probe, found an object of type {type(probe).__name__}")
     return probe
-
-
-def _unusable(group: str, name: str, problem: str) -> PluginError:
-    text = f"entry point '{name}' of group '{group}' in package '{_find_distribution(group, name)}' cannot be used"
-    return PluginError(f"{text} ({' '.join(problem.split())}); correct or uninstall that package")
-
-
-def _find_distribution(group: str, name: str) -> str:
-    points: Any = entry_points(group=group, name=name)
-    return next((point.dist.name for point in points if point.dist is not None), "taxel")
