@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from host.tests.command_line import exit_status, refusal
+from host.tests.command_line import run_refused_command, run_taxel
 from host.tests.plugin_package import installed_package
 from taxel.gap.catalogue import all_effects
 from taxel.plugins import COMMANDS, EFFECTS, IMPORTERS, LINKS, PluginError
@@ -96,34 +96,34 @@ def arrays(tmp_path):
 
 def test_the_link_of_the_guide_plays_a_compressed_capture(tmp_path, capsys):
     capture = tmp_path / "skin.bin"
-    assert exit_status("record", "emulator:?speed=max", "--seconds", 1, "--out", capture) == 0
+    assert run_taxel("record", "emulator:?speed=max", "--seconds", 1, "--out", capture) == 0
     compressed = tmp_path / "skin.bin.gz"
     compressed.write_bytes(gzip.compress(capture.read_bytes()))
     capsys.readouterr()
     outputs = []
     with example_package(tmp_path / "package"):
         for url in (f"file:{capture}", f"gz:{compressed}"):
-            assert exit_status("monitor", url, "--once", "--baseline-frames", 10) == 0
+            assert run_taxel("monitor", url, "--once", "--baseline-frames", 10) == 0
             outputs.append(MONITOR_LINE.search(capsys.readouterr().out).groups())
-        assert exit_status("monitor", f"gz:{compressed}", "--once", "--baseline-frames", 10, "--speed", 8) == 0
+        assert run_taxel("monitor", f"gz:{compressed}", "--once", "--baseline-frames", 10, "--speed", 8) == 0
         compressed.write_bytes(b"no gzip")
-        assert "cannot be read (Not a gzipped file" in refusal(capsys, "monitor", f"gz:{compressed}", "--once")
+        assert "cannot be read (Not a gzipped file" in run_refused_command(capsys, "monitor", f"gz:{compressed}", "--once")
     assert outputs[0] == outputs[1]
-    assert "one of serial:, emulator:, file:" in refusal(capsys, "monitor", f"gz:{compressed}", "--once")
+    assert "one of serial:, emulator:, file:" in run_refused_command(capsys, "monitor", f"gz:{compressed}", "--once")
 
 
 def test_the_importer_of_the_guide_is_a_command_of_taxel_import(tmp_path, capsys, arrays):
     with example_package(tmp_path / "package"):
-        assert exit_status("import", "--help") == 0
+        assert run_taxel("import", "--help") == 0
         assert re.search(r"npy +Import a folder of \.npy files", capsys.readouterr().out)
-        assert exit_status("import", "npy", "--help") == 0
+        assert run_taxel("import", "npy", "--help") == 0
         assert "folder" in capsys.readouterr().out.lower()
-        assert exit_status("import", "npy", arrays, tmp_path / "data.h5") == 0
-        assert "Did you mean" in refusal(capsys, "import", "array")
+        assert run_taxel("import", "npy", arrays, tmp_path / "data.h5") == 0
+        assert "Did you mean" in run_refused_command(capsys, "import", "array")
     with GraspDataset(tmp_path / "data.h5") as data:
         data.check()
         assert data.ids == ("0001",)
-    assert refusal(capsys, "import", "npy", arrays).startswith("taxel: import: No such command 'npy'")
+    assert run_refused_command(capsys, "import", "npy", arrays).startswith("taxel: import: No such command 'npy'")
 
 
 def test_the_package_of_the_guide_can_be_installed_by_pip(tmp_path, arrays):
@@ -147,41 +147,41 @@ def test_the_package_of_the_guide_can_be_installed_by_pip(tmp_path, arrays):
 
 def test_commands_of_another_package_run_and_are_listed_without_being_loaded(tmp_path, capsys):
     with installed_package(tmp_path, "my_commands", COMMAND_SOURCE, {COMMANDS: TARGETS}):
-        assert exit_status("--help") == 0
+        assert run_taxel("--help") == 0
         help_page = capsys.readouterr().out
         assert "Commands of other packages" in help_page
         assert re.search(r"greeting +Command of the package 'my_commands'; see its own --help", help_page)
         assert "my_commands" not in sys.modules
-        assert exit_status("greeting", "--name", "hand") == 0
-        assert exit_status("several", "second") == 0
+        assert run_taxel("greeting", "--name", "hand") == 0
+        assert run_taxel("several", "second") == 0
         assert capsys.readouterr().out == "greeting of hand\nsecond command\n"
 
 
 @pytest.mark.parametrize("source", UNUSABLE)
 def test_an_unusable_command_gives_one_line_and_leaves_the_others_usable(tmp_path, capsys, source):
     with installed_package(tmp_path, "my_commands", source, {COMMANDS: {"broken": "my_commands:x"}}):
-        line = refusal(capsys, "broken", "--option", "value")
+        line = run_refused_command(capsys, "broken", "--option", "value")
         assert line.startswith("taxel: entry point 'broken' of group 'taxel.commands' in package 'my_commands' cannot")
         assert UNUSABLE[source] in line
-        assert exit_status("--help") == 0
-        assert exit_status("cloud", "--help") == 0
+        assert run_taxel("--help") == 0
+        assert run_taxel("cloud", "--help") == 0
 
 
 @pytest.mark.parametrize("source", UNUSABLE)
 def test_an_unusable_importer_gives_one_line_and_is_listed_with_its_error(tmp_path, capsys, source):
     with installed_package(tmp_path, "my_importers", source, {IMPORTERS: {"broken": "my_importers:x"}}):
-        line = refusal(capsys, "import", "broken", "file", "--option", "value")
+        line = run_refused_command(capsys, "import", "broken", "file", "--option", "value")
         assert line.startswith("taxel: entry point 'broken' of group 'taxel.importers' in package 'my_importers' canno")
         assert UNUSABLE[source] in line
-        assert exit_status("import", "--help") == 0
+        assert run_taxel("import", "--help") == 0
         assert "arrays" in capsys.readouterr().out
-        assert exit_status("import", "arrays", "--help") == 0
+        assert run_taxel("import", "arrays", "--help") == 0
 
 
 def test_a_command_that_needs_an_optional_library_names_its_extra(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
     with installed_package(tmp_path, "my_commands", "import viser", {COMMANDS: {"web": "my_commands:x"}}):
-        line = refusal(capsys, "web")
+        line = run_refused_command(capsys, "web")
     assert line == (
         "taxel: taxel web needs the Python package 'viser', which is not installed; "
         "install the extra 'web': pip install 'taxel[web]'"
@@ -198,7 +198,7 @@ def test_a_command_that_needs_an_optional_library_names_its_extra(tmp_path, caps
 )
 def test_a_name_in_two_packages_gives_one_line_with_both(tmp_path, capsys, group, name, words):
     with installed_package(tmp_path, "my_package", "x = None", {group: {name: "my_package:x"}}):
-        line = refusal(capsys, *words)
+        line = run_refused_command(capsys, *words)
     assert f"entry point '{name}' of group '{group}' is in two packages, 'taxel' and 'my_package'" in line
 
 
