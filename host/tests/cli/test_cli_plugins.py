@@ -107,7 +107,8 @@ def test_the_link_of_the_guide_plays_a_compressed_capture(tmp_path, capsys):
             outputs.append(MONITOR_LINE.search(capsys.readouterr().out).groups())
         assert run_taxel("monitor", f"gz:{compressed}", "--once", "--baseline-frames", 10, "--speed", 8) == 0
         compressed.write_bytes(b"no gzip")
-        assert "cannot be read (Not a gzipped file" in run_refused_command(capsys, "monitor", f"gz:{compressed}", "--once")
+        error_line = run_refused_command(capsys, "monitor", f"gz:{compressed}", "--once")
+        assert "cannot be read (Not a gzipped file" in error_line
     assert outputs[0] == outputs[1]
     assert "one of serial:, emulator:, file:" in run_refused_command(capsys, "monitor", f"gz:{compressed}", "--once")
 
