@@ -1,4 +1,4 @@
-"""docs/faults-on-the-wires.md: each fault on the virtual rig, measured. `python tools/hil/fault_table.py`."""
+"""Write docs/faults-on-the-wires.md from measurements on the virtual rig: `python tools/hil/fault_table.py`."""
 
 import argparse
 import sys
@@ -17,14 +17,14 @@ from taxel.stream import TaxelFrame  # noqa: E402
 
 TEMPLATE = Path(__file__).with_name("faults-on-the-wires.template.md")
 PAGE = REPOSITORY / "docs" / "faults-on-the-wires.md"
-STRUCK = 4
+BOARD_NUMBER = 4
 COUNTERS = (*(name for name in OUTCOMES if name not in {"forwarded", "repeated"}), "retries")
 
 
 def row(case: FaultCase) -> str:
-    """One line of the table, measured."""
+    """Measured row of the table."""
     with opened(load_rig("virtual"), {}, counts=True) as rig, Skin(rig.uart.link(), rig.hand) as skin:
-        address = board_at(rig.hand, STRUCK)
+        address = board_at(rig.hand, BOARD_NUMBER)
         watch(rig, skin, 0.3)
         KnownCounts(rig)
         before = counters_of(skin, address)
@@ -33,26 +33,27 @@ def row(case: FaultCase) -> str:
         frames = watch(rig, skin, 2.5)
         after = counters_of(skin, address)
         assert rig.faults is not None
-        struck_s = max(last_step_s, *(strike.time_s for strike in rig.faults.strikes()))
+        fault_end_s = max(last_step_s, *(strike.time_s for strike in rig.faults.strikes()))
         missing = skin.losses.boards[address].missing
-        counted = "the hub counts anew" if case.restarts else _risen(before, after)
+        counted = "the counters restart at 0" if case.restarts else _increments(before, after)
         if skin.losses.lost_on_wire:
             counted = ", ".join(filter(None, [counted, f"lost on the wire {skin.losses.lost_on_wire}"]))
-        recovery = _recovery_ms(case, frames, address, struck_s)
+        recovery = _recovery_ms(case, frames, address, fault_end_s)
     return f"| {case.name} | {case.hub} | {case.host} | {counted or 'nothing'} | {missing} | {recovery} |\n"
 
 
-def _risen(before: dict[str, int], after: dict[str, int]) -> str:
+def _increments(before: dict[str, int], after: dict[str, int]) -> str:
     return ", ".join(f"{name} {after[name] - before[name]}" for name in COUNTERS if after[name] > before[name])
 
 
-def _recovery_ms(case: FaultCase, frames: Sequence[TaxelFrame], address: int, struck_s: float) -> str:
+def _recovery_ms(case: FaultCase, frames: Sequence[TaxelFrame], address: int, fault_end_s: float) -> str:
     own = [frame for frame in frames if frame.address == address]
-    if case.restarts:  # the hub's clock began anew when it got its power
+    if case.restarts:  # the clock of the hub restarts with its power
         own = own[[frame.hub_time_us for frame in own].index(min(frame.hub_time_us for frame in own)) :]
-        return f"{own[0].hub_time_us / 1e3:.0f} from its power"
-    over_s = struck_s + case.ends_s
-    return f"{1e3 * min(f.hub_time_us / 1e6 - over_s for f in own if f.hub_time_us / 1e6 >= over_s):.0f}"
+        return f"{own[0].hub_time_us / 1e3:.0f} after power-on"
+    recovery_start_s = fault_end_s + case.ends_s
+    times_s = [frame.hub_time_us / 1e6 for frame in own]
+    return f"{1e3 * (min(time_s for time_s in times_s if time_s >= recovery_start_s) - recovery_start_s):.0f}"
 
 
 def main() -> int:
