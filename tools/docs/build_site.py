@@ -1,7 +1,8 @@
-"""Build the site: `python tools/docs/build_site.py` (`make docs`) writes build/docs/site/index.html.
+"""Build the documentation site: `python tools/docs/build_site.py` (`make docs`) writes build/docs/site/index.html.
 
-Pages stay where they are in the repository, so that the same links work here and on a Git host. Exit status 1 where a
-link leads nowhere.
+The pages have the same relative positions as in the repository, so that the same links work on the site and on a Git
+host. The exit status is 1 if a link is broken, if a link of README.md is not absolute or names a file that does not
+exist, or if a drawing of the architecture is not up to date.
 """
 
 import json
@@ -13,41 +14,44 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from draw_architecture import stale_drawings
+from readme_links import readme_errors
+
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
-NEEDED = ("mkdocs", "mkdocstrings", "mkdocstrings_handlers", "latex2mathml", "pymdownx")
+REQUIRED = ("mkdocs", "mkdocstrings", "mkdocstrings_handlers", "latex2mathml", "pymdownx")
 KIND = re.compile(r"^## (.+)$", re.MULTILINE)
 ROW = re.compile(r"^\| \[[^\]]*\]\(([^)#]+)\)", re.MULTILINE)
 
 
 def navigation(index: Path, source: Path, pages: list[Path]) -> list[dict[str, Any]]:
-    """The four kinds as the index has them, and what is left of the pages as rooms."""
+    """The navigation: the four kinds of page as in the index, then all other pages by folder."""
     from site_pages import title_of
 
     text = index.read_text()
     kinds = list(KIND.finditer(text))
     seen = {Path("README.md"), Path("docs/README.md")}
-    entries: list[dict[str, Any]] = [{"taxel": "README.md"}, {"All pages": "docs/README.md"}]
+    entries: list[dict[str, Any]] = [{"taxel": "README.md"}, {"Documentation": "docs/README.md"}]
     for kind, following in zip(kinds, [*kinds[1:], None], strict=False):
         rows = []
         for target in ROW.findall(text[kind.end() : following.start() if following else None]):
             page = (index.parent / target).resolve().relative_to(source.resolve())
             if not (source / page).exists():
-                raise SystemExit(f"docs: docs/README.md links to {target}, which is not there")
+                raise SystemExit(f"docs: docs/README.md links to {target}, which does not exist")
             seen.add(page)
             rows.append({title_of(source / page): str(page)})
         entries.append({kind[1]: rows})
-    rooms: dict[str, list[dict[str, str]]] = {}
+    folders: dict[str, list[dict[str, str]]] = {}
     for page in pages:
         if page not in seen:
-            rooms.setdefault(page.parts[0] if len(page.parts) > 1 else "project", []).append(
+            folders.setdefault(page.parts[0] if len(page.parts) > 1 else "project", []).append(
                 {title_of(source / page): str(page)}
             )
-    return [*entries, {"Rooms of the repository": [{name: inner} for name, inner in sorted(rooms.items())]}]
+    return [*entries, {"Folders of the repository": [{name: inner} for name, inner in sorted(folders.items())]}]
 
 
 def add_references(source: Path, entries: list[dict[str, Any]]) -> None:
-    """Write the pages that are made of commands and docstrings, and put them under Reference."""
+    """Write the pages of all commands and of the Python API, and add them to the section Reference."""
     from site_commands import reference
     from site_modules import packages, page_of
 
@@ -58,18 +62,22 @@ def add_references(source: Path, entries: list[dict[str, Any]]) -> None:
     for package, modules in packages(ROOT).items():
         (folder / f"{package}.md").write_text(page_of(package, modules))
         api.append({package: f"reference/{package}.md"})
-    made: list[dict[str, Any]] = [{"Commands": "reference/commands.md"}, {"Python API": api}]
+    generated: list[dict[str, Any]] = [{"Commands": "reference/commands.md"}, {"Python API": api}]
     for entry in entries:
         if "Reference" in entry:
-            entry["Reference"] = [*made, *entry["Reference"]]
+            entry["Reference"] = [*generated, *entry["Reference"]]
 
 
 def main() -> int:
-    """Stage, configure, build."""
-    lacking = [name for name in NEEDED if find_spec(name) is None]
-    if lacking:
+    """Check the README and the drawings, copy the pages, and build the site with MkDocs."""
+    errors = [*readme_errors(ROOT), *stale_drawings()]
+    for error in errors:
+        print(f"docs: {error}", file=sys.stderr)
+    missing = [name for name in REQUIRED if find_spec(name) is None]
+    if missing:
         install = ".venv/bin/python -m pip install --no-build-isolation -e '.[docs]'"
-        print(f"docs: {lacking[0]} is not installed; run {install}", file=sys.stderr)
+        print(f"docs: {missing[0]} is not installed; run {install}", file=sys.stderr)
+    if errors or missing:
         return 1
     from site_pages import stage
 

@@ -1,4 +1,4 @@
-"""The command reference: what `--help` says of every command, as one page."""
+"""The command reference: the `--help` of every command on one page."""
 
 import inspect
 from collections.abc import Iterator
@@ -10,19 +10,19 @@ from taxel.cli.main import build_app
 
 
 def walk(command: Any = None, path: tuple[str, ...] = ("taxel",)) -> Iterator[tuple[str, Any]]:
-    """Every command that does something, by its full name."""
+    """Every command without subcommands, with its full name."""
     command = typer.main.get_command(build_app(loads_all=True)) if command is None else command
     inner = getattr(command, "commands", None)
     if inner is None:
         yield " ".join(path), command
         return
-    for name, one in inner.items():
-        yield from walk(one, (*path, name))
+    for name, subcommand in inner.items():
+        yield from walk(subcommand, (*path, name))
 
 
 def reference() -> str:
-    """The page."""
-    parts = ["# Commands\n", "Every command, as its `--help` has it.\n"]
+    """Text of the page."""
+    parts = ["# Commands\n", "The help text, arguments and options of every command.\n"]
     for name, command in walk():
         parts.append(f"## `{name}`\n")
         parts.append(_prose(inspect.cleandoc(command.help or "")))
@@ -31,21 +31,21 @@ def reference() -> str:
 
 
 def _prose(text: str) -> str:
-    """The example stands apart, as one would type it."""
-    prose, word, example = text.partition("Example")
-    if not word:
+    """Help text whose example is a code block with one command per line."""
+    prose, separator, example = text.partition("Example")
+    if not separator:
         return f"{text}\n"
-    _, _, words = example.partition(": ")
-    lines = "\n".join(part.strip() for part in words.split("; "))
+    _, _, commands = example.partition(": ")
+    lines = "\n".join(part.strip() for part in commands.split("; "))
     return f"{prose.strip()}\n\n```sh\n{lines}\n```\n"
 
 
 def _rows(params: list[Any]) -> list[str]:
-    rows = ["| argument or option | | default |", "|---|---|---|"]
+    rows = ["| argument or option | meaning | default |", "|---|---|---|"]
     for param in params:
         name = ", ".join(param.opts) if param.param_type_name == "option" else (param.metavar or param.name.upper())
-        said = (getattr(param, "help", "") or "").replace("|", "\\|").replace("<", "&lt;")
-        rows.append(f"| `{name}` | {said} | {_default(param)} |")
+        help_text = (getattr(param, "help", "") or "").replace("|", "\\|").replace("<", "&lt;")
+        rows.append(f"| `{name}` | {help_text} | {_default(param)} |")
     return [*rows, ""] if len(rows) > 2 else []
 
 

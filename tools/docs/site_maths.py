@@ -1,4 +1,4 @@
-"""Formulas: what Git hosts show of a ```math block, a site shows without a script and without a network."""
+"""Formulas: ```math blocks as MathML, which a browser shows without a script and without a network."""
 
 import re
 
@@ -8,7 +8,7 @@ BLOCK = re.compile(r"^```math\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
 def with_formulas(text: str) -> str:
-    """Markdown in which every block of LaTeX is MathML; a line of its own is a formula of its own."""
+    """Markdown with every ```math block as MathML. Each line of a block is a separate formula."""
     return BLOCK.sub(lambda found: _formulas(found[1]), text)
 
 

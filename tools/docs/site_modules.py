@@ -1,4 +1,4 @@
-"""The API reference: a page for every package, which shows what its modules' docstrings say."""
+"""The API reference: one page per package with the docstrings of its modules."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ SOURCES = {"host": "taxel", "protocol": "taxel_protocol", "tools": "taxel_tools"
 
 
 def packages(root: Path) -> dict[str, list[str]]:
-    """Public modules of every package, the package itself first."""
+    """Names of the public modules of every package. The first name is the package itself."""
     found: dict[str, list[str]] = {}
     for folder, name in SOURCES.items():
         for init in sorted((root / folder / name).rglob("__init__.py")):
@@ -17,5 +17,5 @@ def packages(root: Path) -> dict[str, list[str]]:
 
 
 def page_of(package: str, modules: list[str]) -> str:
-    """What mkdocstrings makes the page of."""
+    """Source text of the page of a package for mkdocstrings."""
     return "\n\n".join([f"# {package}", *(f"::: {module}" for module in modules)]) + "\n"

@@ -1,4 +1,4 @@
-"""The repository's Markdown pages as a tree that MkDocs can build: same places, same links."""
+"""The Markdown pages of the repository as a folder that MkDocs can build, with the same positions and links."""
 
 import re
 import shutil
@@ -6,6 +6,7 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
+from readme_links import relative_links
 from site_maths import with_formulas
 
 LINK = re.compile(r"(!?\[[^\]]*\]\()([^)#\s]+)(#[^)\s]*)?(\))")
@@ -14,7 +15,7 @@ OUTSIDE = ("http://", "https://", "mailto:")
 
 
 def page_paths(root: Path) -> list[Path]:
-    """Every page that the repository tracks, relative to its root; templates of generated pages are none."""
+    """Every page of the repository, relative to its root, without the templates of generated pages."""
     listed = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard", "*.md"],
         cwd=root,
@@ -27,27 +28,27 @@ def page_paths(root: Path) -> list[Path]:
 
 
 def links_of(text: str) -> Iterator[tuple[str, str]]:
-    """File and anchor of every link within the repository, either may be empty; blocks of code have none."""
+    """File and anchor of every link within the repository; either may be empty. Code blocks are ignored."""
     for _, target, anchor, _ in LINK.findall(FENCE.sub("", text)):
         if not target.startswith(OUTSIDE):
             yield target, anchor
 
 
 def stage(root: Path, out: Path) -> list[Path]:
-    """Write the pages, and the files that they link to, below `out`. Returns the pages."""
+    """Write the pages, and the files that they link to, to the folder `out`. Returns the pages."""
     pages = page_paths(root)
     for page in pages:
-        text = (root / page).read_text()
+        text = relative_links((root / page).read_text(), root)
         for target, _ in links_of(text):
             _copy_linked(root, root / page.parent / target, out)
-        to = out / page
-        to.parent.mkdir(parents=True, exist_ok=True)
-        to.write_text(with_formulas(_to_pages(root / page.parent, text)))
+        target_path = out / page
+        target_path.parent.mkdir(parents=True, exist_ok=True)
+        target_path.write_text(with_formulas(_to_pages(root / page.parent, text)))
     return pages
 
 
 def title_of(page: Path) -> str:
-    """Its first heading, without the marks."""
+    """The first heading of a page as plain text."""
     for line in page.read_text().splitlines():
         if line.startswith("# "):
             return line[2:].replace("`", "").strip()
@@ -63,7 +64,7 @@ def _copy_linked(root: Path, path: Path, out: Path) -> None:
 
 
 def _to_pages(folder: Path, text: str) -> str:
-    """A Git host shows a folder's README for the folder; a site does not."""
+    """Text in which a link to a folder is a link to its README, which a Git host shows for the folder."""
 
     def page_of(found: re.Match[str]) -> str:
         before, target, anchor, after = found.groups(default="")
