@@ -11,6 +11,7 @@ from itertools import combinations
 from typing import Final
 
 import numpy as np
+from scipy.special import chdtrc, erfc
 
 from taxel.hand import BoardKind
 from taxel.signal.noise import MAD_TO_SIGMA
@@ -134,26 +135,45 @@ def _find_open_lines(counts: RestCounts, missing: BoolArray, limit: float) -> tu
 
 
 def _find_shorts(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[list[Fault], BoolArray]:
-    """Neighbouring lines that measure the same counts."""
+    """Neighbouring lines that measure the same counts, the least probable equality first.
+
+    A short changes the crossings of both its lines, so these crossings give no evidence on the lines that cross it.
+    """
+    pairs = [(axis, index) for axis in Axis for index in range(counts.kind.crossings.shape[axis] - 1)]
     explained = np.zeros(len(missing), dtype=bool)
-    relative = counts.to_grid(counts.relative_capacitance)
-    hardware, error = counts.to_grid(counts.hardware), counts.to_grid(counts.error)
-    missing_grid = counts.to_grid(missing.astype(np.float64))
+    shorted: list[tuple[Axis, int]] = []
     faults = []
-    for axis in Axis:
-        tables = [table if axis is Axis.TX else table.T for table in (hardware, error, relative)]
-        for index in range(len(tables[0]) - 1):
-            usable = ~_crossing_line_is_open(missing_grid if axis is Axis.TX else missing_grid.T, index)
-            pair = [np.where(usable, table[index : index + 2], np.nan) for table in tables]
-            chance, level = _chance_of_equality(counts, pair)
-            if chance > CHANCE_MAX:
-                continue
-            lines = lines_of_taxels(counts.kind, axis)
-            explained |= (lines == index) | (lines == index + 1)
-            first, second = (connector_pin(axis, line, counts.kind.tx_count) for line in (index, index + 1))
-            text = f"equal counts at every crossing ({level:.0%} of the median); check between {first} and {second}"
-            faults.append(Fault("short", line_pair_name(axis, index, index + 1), text, float("inf")))
-    return faults, explained
+    while True:
+        chances = {pair: _chance_of_short(counts, missing, pair, shorted) for pair in pairs if pair not in shorted}
+        pair = min(chances, key=lambda key: chances[key][0], default=None)
+        if pair is None or chances[pair][0] > CHANCE_MAX:
+            return faults, explained
+        shorted.append(pair)
+        axis, index = pair
+        level = chances[pair][1]
+        lines = lines_of_taxels(counts.kind, axis)
+        explained |= (lines == index) | (lines == index + 1)
+        first, second = (connector_pin(axis, line, counts.kind.tx_count) for line in (index, index + 1))
+        text = f"equal counts at every crossing ({level:.0%} of the median); check between {first} and {second}"
+        faults.append(Fault("short", line_pair_name(axis, index, index + 1), text, float("inf")))
+
+
+def _chance_of_short(
+    counts: RestCounts, missing: BoolArray, pair: tuple[Axis, int], shorted: list[tuple[Axis, int]]
+) -> tuple[float, float]:
+    """Result of `_chance_of_equality` for line `index` of an axis and the next one.
+
+    `pair`: (axis, index). `shorted`: pairs with a short, whose crossings are not used for lines of the other axis.
+    """
+    axis, index = pair
+    grids = [counts.to_grid(values) for values in (counts.hardware, counts.error, counts.relative_capacitance)]
+    missing_grid = counts.to_grid(missing.astype(np.float64))
+    tables = [grid if axis is Axis.TX else grid.T for grid in (*grids, missing_grid)]
+    usable = ~_crossing_line_is_open(tables.pop(), index)
+    for other_axis, line in shorted:
+        if other_axis is not axis:
+            usable[line : line + 2] = False
+    return _chance_of_equality(counts, [np.where(usable, table[index : index + 2], np.nan) for table in tables])
 
 
 def _crossing_line_is_open(missing: FloatArray, index: int) -> BoolArray:
@@ -168,10 +188,13 @@ def _crossing_line_is_open(missing: FloatArray, index: int) -> BoolArray:
 
 
 def _chance_of_equality(counts: RestCounts, pair: list[FloatArray]) -> tuple[float, float]:
-    """Probability that two healthy lines agree equally well by chance, and their relative level.
+    """Probability that two healthy lines look like a short at least as much by chance, and their relative level.
 
-    At each common crossing of healthy lines, the probability is the share of a normal distribution within the
-    tolerance. A short approximately halves a crossing that only one of the lines has; healthy lines leave it unchanged.
+    Three independent properties of a short are compared with healthy lines. The counts of all common crossings are
+    equal: the probability is the product of the shares of a normal distribution within the tolerance. The level of the
+    common crossings differs from the median of the board, and a crossing that only one of the lines has is about half
+    that level: each has a two-sided normal p-value. The p-values are combined by Fisher's method, so that a pair of
+    healthy lines is below a limit with a probability of at most this limit.
     """
     hardware, error, relative = pair
     common = np.isfinite(hardware).all(axis=0)
@@ -183,19 +206,27 @@ def _chance_of_equality(counts: RestCounts, pair: list[FloatArray]) -> tuple[flo
         return 1.0, 1.0
     level = float(np.mean(relative[:, common]))
     sigma = np.sqrt(2.0) * counts.spread * float(np.median(counts.hardware))
-    chance = float(np.prod(np.minimum(2.0 * tolerance / (np.sqrt(2.0 * np.pi) * sigma), 1.0)))
-    if abs(level - 1.0) > SPREAD_SIGMAS * counts.spread / np.sqrt(common.sum()):
-        chance *= CHANCE_MAX
-    if (hardware[:, common] > counts.full_scale - STOP_COUNTS).all():
-        return chance, level
+    equality = float(np.prod(np.minimum(2.0 * tolerance / (np.sqrt(2.0 * np.pi) * sigma), 1.0)))
+    # The two crossings of a common crossing line are equal, so that each crossing line counts once.
+    p_values = [_p_value(level - 1.0, counts.spread, int(common.sum()))]
     unshared = relative[:, np.isfinite(hardware).sum(axis=0) == 1]
     unshared = unshared[np.isfinite(unshared)]
-    if len(unshared):
+    at_full_scale = bool((hardware[:, common] > counts.full_scale - STOP_COUNTS).all())
+    if len(unshared) and not at_full_scale:
         if (np.abs(unshared - level / 2.0) > SPREAD_SIGMAS * counts.spread).any():
             return 1.0, level
-        if abs(float(np.mean(unshared)) - 1.0) > SPREAD_SIGMAS * counts.spread / np.sqrt(len(unshared)):
-            chance *= CHANCE_MAX
-    return chance, level
+        p_values.append(_p_value(float(np.mean(unshared)) - 1.0, counts.spread, len(unshared)))
+    return equality * _fisher(p_values), level
+
+
+def _p_value(deviation: float, spread: float, count: int) -> float:
+    """Two-sided probability of a mean deviation of `count` crossings with standard deviation `spread`."""
+    return float(erfc(abs(deviation) / spread * np.sqrt(count / 2.0)))
+
+
+def _fisher(p_values: list[float]) -> float:
+    """Combined p-value of independent p-values: survival function of chi-squared at -2 sum(ln p)."""
+    return float(chdtrc(2 * len(p_values), -2.0 * np.log(np.maximum(p_values, np.finfo(float).tiny)).sum()))
 
 
 def _find_swapped_lines(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[list[Fault], BoolArray]:
