@@ -142,7 +142,7 @@ def _find_shorts(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[
     pairs = [(axis, index) for axis in Axis for index in range(counts.kind.crossings.shape[axis] - 1)]
     explained = np.zeros(len(missing), dtype=bool)
     shorted: list[tuple[Axis, int]] = []
-    faults = []
+    faults: list[Fault] = []
     while True:
         chances = {pair: _chance_of_short(counts, missing, pair, shorted) for pair in pairs if pair not in shorted}
         pair = min(chances, key=lambda key: chances[key][0], default=None)
