@@ -83,9 +83,10 @@ fuzz-states: $(STAMP)  ## RUNS of commands, faults and time in any order (20000)
 mutants: $(STAMP)  ## plant bugs one at a time in a copy: every one must be found by the suite
 	@$(BIN)/python tools/mutants/plant.py --jobs $(JOBS)
 
-lint: $(STAMP)  ## ruff, mypy, import-linter, stale generated files
+lint: $(STAMP)  ## ruff, clang-format, mypy, import-linter, stale generated files
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
+	@git ls-files -z '*.c' '*.h' | xargs -0 $(BIN)/clang-format --dry-run --Werror
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-cache
 	@$(BIN)/python tools/codegen/c_header.py --check
@@ -125,9 +126,10 @@ docs: $(STAMP)  ## the pages, commands and Python API as a site: build/docs/site
 docs-test: $(STAMP)  ## run every block of every page and every example of --help, the long ones too (half an hour)
 	@TAXEL_DOCS=all $(BIN)/python -m pytest -q host/tests/docs
 
-format: $(STAMP)  ## put the Python sources into form
+format: $(STAMP)  ## format the Python and C sources
 	@$(BIN)/ruff check --fix --quiet . || true
 	@$(BIN)/ruff format --quiet .
+	@git ls-files -z '*.c' '*.h' | xargs -0 $(BIN)/clang-format -i
 
 clean:  ## remove everything that was built
 	rm -rf $(VENV) build out

@@ -1,12 +1,12 @@
 /* The bootloader: two slots, of which one always holds a bootable image; Cypress bootloader packets over I2C or UART.
  *
- *   packet.c       checksums, parsing, building          bootloader.c   set-up, pass of the main loop, start of an image
- *   record.c       a pair of rows written alternately    commands.c     command table and dispatch
- *   metadata.c     image confirmed, pending or on trial  rows.c         writes and checks the free slot
- *   config_rows.c  address, kind, serial, calibration    reports.c      reports on images and board
- *   image.c        checks the image in a slot            i2c.c, uart.c  one packet from the wire, one response to it
- *   choose.c       the slot that boots, the free slot    search.c       boards that share an address
- *   layout.c       position of the slots                 confirm.c      linked into applications, not into bootloaders
+ * packet.c       checksums, parsing, building          bootloader.c   set-up, pass of the main loop, start of an image
+ * record.c       a pair of rows written alternately    commands.c     command table and dispatch metadata.c     image
+ * confirmed, pending or on trial  rows.c         writes and checks the free slot config_rows.c  address, kind, serial,
+ * calibration    reports.c      reports on images and board image.c        checks the image in a slot            i2c.c,
+ * uart.c  one packet from the wire, one response to it choose.c       the slot that boots, the free slot    search.c
+ * boards that share an address layout.c       position of the slots                 confirm.c      linked into
+ * applications, not into bootloaders
  *
  * Integration on an I2C slave (`hal`: struct taxel_boot_hal of the port; on a UART, taxel_boot_uart_... in the same
  * way):
@@ -77,10 +77,10 @@ struct taxel_boot_config {
 struct taxel_boot {
     const struct taxel_boot_config *config;
     uint32_t started_us;
-    uint8_t stay;     /* enum taxel_boot_stay */
-    uint8_t checksum; /* of the session, or, before ENTER, of the last packet */
+    uint8_t stay;      /* enum taxel_boot_stay */
+    uint8_t checksum;  /* of the session, or, before ENTER, of the last packet */
     uint8_t kept_slot; /* the slot that must not be written, or TAXEL_BOOT_SLOT_NONE */
-    bool silent;      /* a search selected other boards */
+    bool silent;       /* a search selected other boards */
     bool entered;
     bool programmed; /* a row of the free slot was written since ENTER */
     bool restart_requested;

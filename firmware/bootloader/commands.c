@@ -80,7 +80,8 @@ static const struct command commands[] = {
      TAXEL_BOOT_WRITE_CONFIGURATION_ARGUMENTS_SIZE, 0, true},
 };
 
-static uint8_t carry_out(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply, uint8_t *length)
+static uint8_t carry_out(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply,
+                         uint8_t *length)
 {
     for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
         const struct command *const command = &commands[i];
@@ -119,8 +120,8 @@ size_t taxel_boot_take_packet(struct taxel_boot *boot, const uint8_t *bytes, siz
     }
     if (status == TAXEL_BOOT_STATUS_OK) {
         status = carry_out(boot, &packet, response + TAXEL_BOOT_DATA_OFFSET, &length);
-        const bool is_mute = boot->silent || packet.command == TAXEL_BOOT_COMMAND_SYNC ||
-                             packet.command == TAXEL_BOOT_COMMAND_EXIT;
+        const bool is_mute =
+            boot->silent || packet.command == TAXEL_BOOT_COMMAND_SYNC || packet.command == TAXEL_BOOT_COMMAND_EXIT;
         if (is_mute && status == TAXEL_BOOT_STATUS_OK) {
             return 0;
         }

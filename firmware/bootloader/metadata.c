@@ -7,10 +7,9 @@ _Static_assert(sizeof(struct taxel_boot_metadata) == TAXEL_BOOT_METADATA_SIZE, "
 void taxel_boot_metadata_read(const struct taxel_boot_flash *flash, struct taxel_boot_metadata *metadata)
 {
     /* No valid record: no image is confirmed. */
-    static const uint8_t blank[TAXEL_BOOT_METADATA_SIZE] = {TAXEL_BOOT_SLOT_NONE, TAXEL_BOOT_SLOT_NONE, TAXEL_BOOT_TRIES,
-                                                            TAXEL_BOOT_TRIES};
-    const uint8_t *const record =
-        taxel_boot_record_newest(flash, TAXEL_BOOT_METADATA_ROW, TAXEL_BOOT_METADATA_MAGIC);
+    static const uint8_t blank[TAXEL_BOOT_METADATA_SIZE] = {TAXEL_BOOT_SLOT_NONE, TAXEL_BOOT_SLOT_NONE,
+                                                            TAXEL_BOOT_TRIES, TAXEL_BOOT_TRIES};
+    const uint8_t *const record = taxel_boot_record_newest(flash, TAXEL_BOOT_METADATA_ROW, TAXEL_BOOT_METADATA_MAGIC);
     memcpy(metadata, record ? record + TAXEL_BOOT_RECORD_OFFSET_PAYLOAD : blank, sizeof blank);
 }
 

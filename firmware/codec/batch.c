@@ -8,7 +8,8 @@
 #define STEP (TAXEL_BATCH_CHUNK_SIZE / 2u)
 #define SEARCHED_MAX (TAXEL_BATCH_CHUNK_SIZE + STEP)
 #define FRAMES_MAX (SEARCHED_MAX / 12u)
-#define COUNTS_MAX (SEARCHED_MAX / 30u * TAXEL_COMPACT_TAXELS_MAX) /* the shortest compact frame has 30 bytes, with any number of taxels */
+/* the shortest compact frame has 30 bytes, with any number of taxels */
+#define COUNTS_MAX (SEARCHED_MAX / 30u * TAXEL_COMPACT_TAXELS_MAX)
 
 #define ONES_AND_FOUR_ZEROS 0xDEBB20E3u /* CRC register that held all ones, after four zero bytes */
 
@@ -111,7 +112,8 @@ static const struct taxel_crc32_zeros *zeros_of(struct taxel_batch *batch, size_
  * four zero bytes later it gives the frame's CRC. So no byte of the snapshot is read a second time. */
 static bool board_crc_is_right(struct taxel_batch *batch, const struct taxel_frame *frame, uint8_t address)
 {
-    const uint8_t *body = frame->payload - TAXEL_FRAME_HEADER_SIZE, *snapshot = frame->payload + TAXEL_TAXEL_HEADER_SIZE;
+    const uint8_t *body = frame->payload - TAXEL_FRAME_HEADER_SIZE,
+                  *snapshot = frame->payload + TAXEL_TAXEL_HEADER_SIZE;
     const size_t size = (size_t)frame->length - TAXEL_TAXEL_HEADER_SIZE; /* with the board's CRC */
     const struct taxel_crc32_zeros *zeros = zeros_of(batch, size);
     if (!zeros) {
@@ -226,7 +228,8 @@ static bool has_space(const struct taxel_batch *batch)
            output->payload_capacity - output->payload_count > SEARCHED_MAX;
 }
 
-size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_t size, struct taxel_batch_output *output)
+size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_t size,
+                          struct taxel_batch_output *output)
 {
     size_t taken = 0;
     set_output(batch, output);

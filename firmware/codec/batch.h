@@ -8,10 +8,8 @@
  *     for (size_t done = 0; done < size;) {  // each piece of the stream
  *         done += taxel_batch_decode(&batch, bytes + done, size - done, &output);
  *         use(output.taxel_rows, output.taxel_count, output.counts);
- *         acknowledge_size = taxel_batch_take_acknowledgements(&batch, payload, sizeof payload);  // to the hub, if not 0
- *     }
- *     taxel_batch_finish(&batch, &output);  // at the end of the stream
- */
+ * acknowledge_size = taxel_batch_take_acknowledgements(&batch, payload, sizeof payload);  // to the hub, if not 0 }
+ * taxel_batch_finish(&batch, &output);  // at the end of the stream / */
 #ifndef TAXEL_BATCH_H
 #define TAXEL_BATCH_H
 
@@ -67,9 +65,9 @@ struct taxel_batch_totals {
     uint64_t frames;
     uint64_t lost;     /* frames that the hub sent and that were not received intact: gaps in their sequence */
     uint64_t restarts; /* of the hub */
-    uint64_t received[TAXEL_BATCH_ADDRESSES]; /* taxel frames of each board */
-    uint64_t missing[TAXEL_BATCH_ADDRESSES];  /* frames missing between two received frames */
-    uint64_t damaged[TAXEL_BATCH_ADDRESSES];  /* the board's own CRC was wrong */
+    uint64_t received[TAXEL_BATCH_ADDRESSES];  /* taxel frames of each board */
+    uint64_t missing[TAXEL_BATCH_ADDRESSES];   /* frames missing between two received frames */
+    uint64_t damaged[TAXEL_BATCH_ADDRESSES];   /* the board's own CRC was wrong */
     uint64_t undecoded[TAXEL_BATCH_ADDRESSES]; /* delta frames without their key frame */
 };
 
@@ -95,7 +93,8 @@ void taxel_batch_init(struct taxel_batch *batch, uint8_t directions);
 
 /* Decode into the output's arrays, from their start. Returns the bytes processed: fewer than `size` if an array is
  * nearly full. */
-size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_t size, struct taxel_batch_output *output);
+size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_t size,
+                          struct taxel_batch_output *output);
 /* The stream has ended: decode the remaining bytes. Returns false, and does nothing, if the arrays may be too small. */
 bool taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *output);
 /* Call it when the host restarts a stopped stream: frames of the interrupted cycle then do not count as missing. */

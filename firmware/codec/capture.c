@@ -39,7 +39,8 @@ void taxel_capture_gather(uint8_t *bytes, size_t size, uint64_t position, struct
             block->next_record_size = (uint64_t)length + TAXEL_CAPTURE_RECORD_HEAD;
             break;
         }
-        move_down(bytes + payload, bytes + used + TAXEL_CAPTURE_RECORD_HEAD, length, size - used - TAXEL_CAPTURE_RECORD_HEAD);
+        move_down(bytes + payload, bytes + used + TAXEL_CAPTURE_RECORD_HEAD, length,
+                  size - used - TAXEL_CAPTURE_RECORD_HEAD);
         payload += length;
         used += length + TAXEL_CAPTURE_RECORD_HEAD;
         arrivals[records++] = (struct taxel_capture_arrival){position + payload, time_ns};

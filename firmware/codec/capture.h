@@ -29,7 +29,8 @@ struct taxel_capture_block {
     uint64_t used;    /* bytes of the complete records; the start of the next record, or damage, follows */
     uint64_t payload; /* payload bytes of these records */
     uint64_t records;
-    uint64_t next_record_size; /* bytes of the incomplete record; 0: its head is incomplete; above the maximum: damage */
+    /* bytes of the incomplete record; 0: its head is incomplete; above the maximum: damage */
+    uint64_t next_record_size;
 };
 
 /* Move the payloads of the complete records in `bytes` together, to the start of `bytes`. `arrivals` has space for

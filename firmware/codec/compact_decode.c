@@ -23,7 +23,8 @@ static void shift(struct range_decoder *decoder)
 static uint32_t peek(const struct range_decoder *decoder, uint8_t bits)
 {
     const uint32_t target = decoder->code / (decoder->range >> bits), last = (1u << bits) - 1u;
-    return target < last ? target : last; /* the remainder of the division belongs to no share; only damaged bytes point there */
+    /* the remainder of the division belongs to no share; only damaged bytes point there */
+    return target < last ? target : last;
 }
 
 static void take(struct range_decoder *decoder, uint32_t first, uint32_t size, uint8_t bits)

@@ -124,6 +124,7 @@ taxel_compact_state taxel_compact_update(taxel_compact_state state, uint8_t resi
     const uint32_t spread = (clipped * TAXEL_COMPACT_MEAN_DEVIATION) >> 10;
     const bool smaller = spread < TAXEL_COMPACT_UNIT;
     const uint32_t excess = smaller ? TAXEL_COMPACT_UNIT - spread : spread - TAXEL_COMPACT_UNIT;
-    level = shifted(level, smaller, (excess * gain * TAXEL_COMPACT_LEVEL_STEP + (1u << 17)) >> 18, TAXEL_COMPACT_LEVEL_MAX);
+    level =
+        shifted(level, smaller, (excess * gain * TAXEL_COMPACT_LEVEL_STEP + (1u << 17)) >> 18, TAXEL_COMPACT_LEVEL_MAX);
     return (shifted(mean, down, (size * gain + 128u) >> 8, TAXEL_COMPACT_MEAN_MAX) << TAXEL_COMPACT_LEVEL_BITS) | level;
 }

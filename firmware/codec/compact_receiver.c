@@ -39,8 +39,9 @@ static enum taxel_compact_result reject_without_key_frame(struct taxel_compact_r
     return TAXEL_COMPACT_NO_KEY_FRAME;
 }
 
-static enum taxel_compact_result receive_packed(struct taxel_compact_receiver *receiver, uint8_t taxels, const uint8_t *bytes,
-                                                size_t size, struct taxel_compact_snapshot *snapshot)
+static enum taxel_compact_result receive_packed(struct taxel_compact_receiver *receiver, uint8_t taxels,
+                                                const uint8_t *bytes, size_t size,
+                                                struct taxel_compact_snapshot *snapshot)
 {
     struct taxel_compact_packed head;
     taxel_compact_packed_unpack(&head, bytes);
@@ -74,8 +75,9 @@ static void update_pending(struct taxel_compact_receiver *receiver, const uint16
     pending->updates = (uint8_t)(key_frame->updates + (key_frame->updates < TAXEL_COMPACT_UPDATES_MAX));
 }
 
-static enum taxel_compact_result receive_delta(struct taxel_compact_receiver *receiver, uint8_t taxels, const uint8_t *bytes,
-                                               size_t size, struct taxel_compact_snapshot *snapshot)
+static enum taxel_compact_result receive_delta(struct taxel_compact_receiver *receiver, uint8_t taxels,
+                                               const uint8_t *bytes, size_t size,
+                                               struct taxel_compact_snapshot *snapshot)
 {
     struct taxel_compact_key_frame *key_frame = &receiver->key_frame;
     struct taxel_compact_delta head;
@@ -100,8 +102,9 @@ static enum taxel_compact_result receive_delta(struct taxel_compact_receiver *re
     return TAXEL_COMPACT_OK;
 }
 
-enum taxel_compact_result taxel_compact_receive(struct taxel_compact_receiver *receiver, uint8_t address, uint8_t taxels,
-                                                const uint8_t *bytes, size_t size, struct taxel_compact_snapshot *snapshot)
+enum taxel_compact_result taxel_compact_receive(struct taxel_compact_receiver *receiver, uint8_t address,
+                                                uint8_t taxels, const uint8_t *bytes, size_t size,
+                                                struct taxel_compact_snapshot *snapshot)
 {
     if (size < TAXEL_COMPACT_OVERHEAD_DELTA || taxels == 0 || taxels > TAXEL_COMPACT_TAXELS_MAX) {
         return TAXEL_COMPACT_DAMAGED;
@@ -116,7 +119,8 @@ enum taxel_compact_result taxel_compact_receive(struct taxel_compact_receiver *r
     const enum taxel_compact_result result = head.format & TAXEL_COMPACT_WIDTH_MASK
                                                  ? receive_packed(receiver, taxels, bytes, size, snapshot)
                                                  : receive_delta(receiver, taxels, bytes, size, snapshot);
-    const bool id_is_used = receiver->key_frame.is_valid && receiver->key_frame.id == (uint16_t)crc; /* no board does that */
+    /* no board does that */
+    const bool id_is_used = receiver->key_frame.is_valid && receiver->key_frame.id == (uint16_t)crc;
     if (result == TAXEL_COMPACT_OK && head.format & TAXEL_COMPACT_KEY_FRAME && id_is_used) {
         receiver->pending.is_valid = false;
     } else if (result == TAXEL_COMPACT_OK && head.format & TAXEL_COMPACT_KEY_FRAME) {

@@ -44,7 +44,7 @@ struct taxel_compact_key_frame {
 };
 
 struct taxel_compact_receiver {
-    uint8_t answer; /* enum taxel_compact_answer: to be sent; the sender then sets NONE */
+    uint8_t answer;                 /* enum taxel_compact_answer: to be sent; the sender then sets NONE */
     uint8_t snapshots_until_repeat; /* snapshots after which an answer without effect is sent again */
     struct taxel_compact_key_frame key_frame;
     struct taxel_compact_key_frame pending; /* the last snapshot marked as a key frame; its id is acknowledged */
@@ -57,7 +57,8 @@ struct taxel_compact_snapshot {
 };
 
 /* Decode a compact snapshot, from `sequence` to `crc32`. *snapshot is valid only if the result is TAXEL_COMPACT_OK. */
-enum taxel_compact_result taxel_compact_receive(struct taxel_compact_receiver *receiver, uint8_t address, uint8_t taxels,
-                                                const uint8_t *bytes, size_t size, struct taxel_compact_snapshot *snapshot);
+enum taxel_compact_result taxel_compact_receive(struct taxel_compact_receiver *receiver, uint8_t address,
+                                                uint8_t taxels, const uint8_t *bytes, size_t size,
+                                                struct taxel_compact_snapshot *snapshot);
 
 #endif

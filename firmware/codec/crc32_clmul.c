@@ -48,7 +48,8 @@ CLMUL __m128i shifted(__m128i vector, int n)
 {
     const __m128i indices = _mm_set_epi8(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0);
     const __m128i from = _mm_sub_epi8(indices, _mm_set1_epi8((char)n));
-    const __m128i outside = _mm_cmpgt_epi8(from, _mm_set1_epi8(15)); /* negative indices already have their highest bit set */
+    /* negative indices already have their highest bit set */
+    const __m128i outside = _mm_cmpgt_epi8(from, _mm_set1_epi8(15));
     return _mm_shuffle_epi8(vector, _mm_or_si128(from, outside));
 }
 

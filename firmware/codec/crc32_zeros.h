@@ -24,8 +24,8 @@ void taxel_crc32_zeros_init(struct taxel_crc32_zeros *zeros, size_t size);
 /* The register after the zero bytes. */
 static inline uint32_t taxel_crc32_zeros_after(const struct taxel_crc32_zeros *zeros, uint32_t state)
 {
-    return zeros->table[0][state & 0xFFu] ^ zeros->table[1][(state >> 8) & 0xFFu] ^ zeros->table[2][(state >> 16) & 0xFFu] ^
-           zeros->table[3][state >> 24];
+    return zeros->table[0][state & 0xFFu] ^ zeros->table[1][(state >> 8) & 0xFFu] ^
+           zeros->table[2][(state >> 16) & 0xFFu] ^ zeros->table[3][state >> 24];
 }
 
 #endif

@@ -36,7 +36,8 @@ enum taxel_direction {
 };
 
 struct taxel_deframer_config {
-    /* Buffer for the bytes of an incomplete chunk. Size in bytes: at least twice taxel_encoded_size_max(payload_max). */
+    /* Buffer for the bytes of an incomplete chunk. Size in bytes: at least twice
+     * taxel_encoded_size_max(payload_max). */
     uint8_t *chunk;
     size_t chunk_capacity;
 

@@ -8,7 +8,8 @@
 size_t taxel_encoded_size_max(size_t payload_length)
 {
     const size_t body = TAXEL_FRAME_HEADER_SIZE + payload_length + TAXEL_FRAME_CRC_SIZE;
-    const size_t full_blocks = (body * 16514u) >> 22; /* body / 254, exact up to 16,000; a division would take 270 bytes of flash on a Cortex-M0 */
+    /* body / 254, exact up to 16,000; a division would take 270 bytes of flash on a Cortex-M0 */
+    const size_t full_blocks = (body * 16514u) >> 22;
     return body + full_blocks + 1u + 2u;
 }
 

@@ -6,9 +6,9 @@
 #include "emulator/layer.h"
 #include "emulator/world.h"
 
-#define HUB_ADDRESS 0u /* selects the hub instead of a board */
+#define HUB_ADDRESS 0u     /* selects the hub instead of a board */
 #define HELD_STEP VTIME_US /* virtual time between two checks of a bus that an executed hub holds */
-#define PTY_STEP VTIME_MS /* virtual time between two reads from the pseudo-terminal */
+#define PTY_STEP VTIME_MS  /* virtual time between two reads from the pseudo-terminal */
 
 struct taxel_bench {
     struct world_description description;
@@ -115,7 +115,8 @@ static const struct board_node *find_board(const struct taxel_bench *bench, uint
     return NULL;
 }
 
-int taxel_bench_inject_fault(struct taxel_bench *bench, const char *name, uint8_t address, double value, double second_value)
+int taxel_bench_inject_fault(struct taxel_bench *bench, const char *name, uint8_t address, double value,
+                             double second_value)
 {
     const struct fault_description fault = {
         .kind = fault_find_kind(name), .address = address, .value = value, .second_value = second_value};
@@ -129,7 +130,7 @@ int taxel_bench_inject_fault(struct taxel_bench *bench, const char *name, uint8_
 }
 
 int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const uint8_t *write_bytes, size_t write_size,
-                         uint8_t *read_bytes, size_t read_size, uint64_t timeout)
+                             uint8_t *read_bytes, size_t read_size, uint64_t timeout)
 {
     struct world *world = &bench->world;
     const vtime end = world->now + timeout;
@@ -155,8 +156,8 @@ int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const u
     return world->adapter.result;
 }
 
-size_t taxel_bench_read_fault_log(const struct taxel_bench *bench, uint64_t first, struct fault_log_entry *entries, size_t size,
-                                  uint64_t *lost)
+size_t taxel_bench_read_fault_log(const struct taxel_bench *bench, uint64_t first, struct fault_log_entry *entries,
+                                  size_t size, uint64_t *lost)
 {
     const struct fault_log *log = &bench->world.log;
     const uint64_t oldest = log->count > FAULT_LOG_MAX ? log->count - FAULT_LOG_MAX : 0;
@@ -237,7 +238,8 @@ int taxel_bench_read_processor(struct taxel_bench *bench, uint8_t address, struc
     return 0;
 }
 
-int taxel_bench_read_handler_cost(struct taxel_bench *bench, uint8_t address, unsigned exception, struct taxel_bench_cost *cost)
+int taxel_bench_read_handler_cost(struct taxel_bench *bench, uint8_t address, unsigned exception,
+                                  struct taxel_bench_cost *cost)
 {
     const struct psoc *psoc = find_current_processor(bench, address);
     if (!psoc || exception >= CORTEX_M0_EXCEPTIONS) {
@@ -276,7 +278,8 @@ int taxel_bench_plan_power_cut(struct taxel_bench *bench, uint8_t address, uint6
     if (!board && address != HUB_ADDRESS) {
         return TAXEL_BENCH_NO_SUCH_BOARD;
     }
-    struct board_node *const node = board ? &bench->world.boards[board - bench->world.boards] : NULL; /* NULL: the hub */
+    /* NULL: the hub */
+    struct board_node *const node = board ? &bench->world.boards[board - bench->world.boards] : NULL;
     return world_plan_power_cut(&bench->world, node, &plan) ? TAXEL_BENCH_TOO_MANY_FAULTS : 0;
 }
 
@@ -286,8 +289,8 @@ uint64_t taxel_bench_power_cut_count(const struct taxel_bench *bench, uint8_t ad
     return flash ? flash->cut_count : 0;
 }
 
-int taxel_bench_read_power_cut(const struct taxel_bench *bench, uint8_t address, uint64_t number, uint16_t *row, uint64_t *delay,
-                               uint8_t *new_bytes)
+int taxel_bench_read_power_cut(const struct taxel_bench *bench, uint8_t address, uint64_t number, uint16_t *row,
+                               uint64_t *delay, uint8_t *new_bytes)
 {
     const struct flash *flash = find_flash(bench, address);
     if (!flash || number >= flash->cut_count || flash->cut_count - number > FLASH_CUTS_MAX) {

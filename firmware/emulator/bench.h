@@ -48,7 +48,8 @@ int taxel_bench_has_flow_control(const struct taxel_bench *bench);
 int taxel_bench_set_stimulus(struct taxel_bench *bench, const float *values);
 
 /* Inject a fault of README.md. Returns 0 or enum taxel_bench_error. */
-int taxel_bench_inject_fault(struct taxel_bench *bench, const char *name, uint8_t address, double value, double second_value);
+int taxel_bench_inject_fault(struct taxel_bench *bench, const char *name, uint8_t address, double value,
+                             double second_value);
 
 /* A transfer by the I2C adapter of the test rig. Advances the world until the transfer has ended, by `timeout` at most.
  * Returns enum taxel_i2c_result. */
@@ -57,8 +58,8 @@ int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const u
 
 /* Copy entries of the fault log, starting at number `first`; returns how many were copied. `*lost`: entries from
  * `first` on that the log no longer contains. */
-size_t taxel_bench_read_fault_log(const struct taxel_bench *bench, uint64_t first, struct fault_log_entry *entries, size_t size,
-                                  uint64_t *lost);
+size_t taxel_bench_read_fault_log(const struct taxel_bench *bench, uint64_t first, struct fault_log_entry *entries,
+                                  size_t size, uint64_t *lost);
 
 /* The flash of a board, or of the hub (address 0): its 256 rows of 128 bytes, the number of writes of each row, and the
  * number of writes that a power cut has torn. `address` is that of the world file, also after the board was configured
@@ -92,7 +93,8 @@ struct taxel_bench_cost {
 
 /* Counters of a board, or of the hub (address 0). Return 0, or TAXEL_BENCH_NO_SUCH_BOARD where no image is executed. */
 int taxel_bench_read_processor(struct taxel_bench *bench, uint8_t address, struct taxel_bench_processor *processor);
-int taxel_bench_read_handler_cost(struct taxel_bench *bench, uint8_t address, unsigned exception, struct taxel_bench_cost *cost);
+int taxel_bench_read_handler_cost(struct taxel_bench *bench, uint8_t address, unsigned exception,
+                                  struct taxel_bench_cost *cost);
 
 /* Plan a power cut of a board or of the hub (address 0): `delay` after the start of a flash write, for `off_time`.
  * Write number 1 is the next write, or the next one after the cuts that are planned already. Returns 0 or enum
@@ -103,8 +105,8 @@ int taxel_bench_plan_power_cut(struct taxel_bench *bench, uint8_t address, uint6
 /* The number of planned power cuts that took place; and, for one of the latest eight (numbered from 0), its row, its
  * delay after the start of the write, and the 128 bytes that were to be written. */
 uint64_t taxel_bench_power_cut_count(const struct taxel_bench *bench, uint8_t address);
-int taxel_bench_read_power_cut(const struct taxel_bench *bench, uint8_t address, uint64_t number, uint16_t *row, uint64_t *delay,
-                               uint8_t *new_bytes);
+int taxel_bench_read_power_cut(const struct taxel_bench *bench, uint8_t address, uint64_t number, uint16_t *row,
+                               uint64_t *delay, uint8_t *new_bytes);
 
 /* Write the counters of the run as a JSON file. Returns 0, or -1 after an error line on stderr. */
 int taxel_bench_write_statistics(const struct taxel_bench *bench, const char *path);

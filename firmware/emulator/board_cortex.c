@@ -94,7 +94,8 @@ void board_cortex_set_power(struct board_node *board, bool on, vtime now, uint8_
 void board_cortex_advance(struct board_node *board, vtime until)
 {
     while (board->is_powered) {
-        const vtime event = board_next_power_event(board); /* read in each pass: a flash write in psoc_run() can schedule a cut */
+        /* read in each pass: a flash write in psoc_run() can schedule a cut */
+        const vtime event = board_next_power_event(board);
         if (psoc_run(board->psoc, vtime_min(until, event))) {
             continue;
         }

@@ -28,12 +28,13 @@ struct board_description {
     double clock_start_us; /* the board's clock after boot */
     double boot_ms;
     uint8_t *image; /* [WORLD_IMAGE_SIZE] flash of a board that executes an image; NULL: natively compiled firmware */
-    bool is_blank; /* without application and configuration, as after assembly */
-    size_t taxel_pose_count;           /* 0 or taxel_count */
-    struct taxel_pose *taxel_poses;   /* [taxel_pose_count] */
+    bool is_blank;  /* without application and configuration, as after assembly */
+    size_t taxel_pose_count;        /* 0 or taxel_count */
+    struct taxel_pose *taxel_poses; /* [taxel_pose_count] */
     size_t margin_count;
-    struct taxel_pose *margin_poses;  /* [margin_count] squares of sheet beside the taxels: they bear load, but are not measured */
-    struct frame bracket_offset;       /* true pose of the bracket in its nominal frame */
+    /* [margin_count] squares of sheet beside the taxels: they bear load, but are not measured */
+    struct taxel_pose *margin_poses;
+    struct frame bracket_offset; /* true pose of the bracket in its nominal frame */
 };
 
 #endif

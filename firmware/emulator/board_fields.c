@@ -5,7 +5,7 @@
 #include "emulator/layer.h"
 
 #define CONVERSION_MARGIN (VTIME_SECOND / 10u) /* longer than a conversion */
-#define UNCHANGED_STEPS_MAX 2u /* beyond it, the skin does not compute the fields of a board again */
+#define UNCHANGED_STEPS_MAX 2u                 /* beyond it, the skin does not compute the fields of a board again */
 
 /* `until` is VTIME_NEVER while no change of the fields is scheduled. */
 struct interval {
@@ -135,7 +135,8 @@ bool board_fields_are_constant(const struct board_fields *fields, vtime time)
     return fields->are_equal || present_interval(fields).is_constant;
 }
 
-double board_fields_added_capacitance_f(const struct board_fields *fields, bool at_end, const double *fringe_f, size_t stride)
+double board_fields_added_capacitance_f(const struct board_fields *fields, bool at_end, const double *fringe_f,
+                                        size_t stride)
 {
     const struct interval interval = present_interval(fields);
     double rise[TAXEL_TAXELS_MAX], farad = 0.0;

@@ -20,10 +20,10 @@ struct board_fields {
     size_t first_taxel; /* of the source board in the stimulus */
     size_t taxels;
     struct late_history *history; /* NULL: without the effect `late` */
-    bool tracks_changes;   /* maintain the three fields below */
-    bool are_equal;        /* the fields at both ends of the present interval are equal */
-    unsigned change_count; /* intervals whose fields differ from those before */
-    vtime last_change;     /* start of the latest of these intervals */
+    bool tracks_changes;          /* maintain the three fields below */
+    bool are_equal;               /* the fields at both ends of the present interval are equal */
+    unsigned change_count;        /* intervals whose fields differ from those before */
+    vtime last_change;            /* start of the latest of these intervals */
 };
 
 /* Relative rise of the permittivity above one taxel, and above all taxels: rise[taxels]. */
@@ -38,7 +38,8 @@ double board_fields_fraction(const struct board_fields *fields, vtime time);
 
 /* Capacitance (farad) that contact adds to all taxels, at the start or the end of the present interval. `fringe_f`
  * points to the fringe capacitance of taxel 0; `stride` is the distance in bytes to that of the next taxel. */
-double board_fields_added_capacitance_f(const struct board_fields *fields, bool at_end, const double *fringe_f, size_t stride);
+double board_fields_added_capacitance_f(const struct board_fields *fields, bool at_end, const double *fringe_f,
+                                        size_t stride);
 
 /* Before the fields are replaced: store them in the history of a late board. Returns 0, or -1 if out of memory. */
 int board_fields_remember(struct board_fields *fields, vtime now);

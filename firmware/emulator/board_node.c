@@ -29,8 +29,9 @@ static unsigned conversion_start_cycles(const struct board_node *board, uint16_t
     static const uint8_t division_cycles[TAXEL_LINES_MAX] = COST_QUOTIENT;
     const uint16_t settle_cycles = board->sensor.settings.settle_cycles;
     const unsigned skipped = board->is_first_of_scan ? crossing : crossing - board->crossing - 1u;
-    const unsigned cost = COST_CONVERSION + COST_SETTLE_LOOP * (settle_cycles / COST_SETTLE_LOOP + 1u) + division_cycles[tx] +
-                          COST_SKIPPED_CROSSING * skipped + (tx != board->conversion_tx ? COST_NEW_TX : 0u);
+    const unsigned cost = COST_CONVERSION + COST_SETTLE_LOOP * (settle_cycles / COST_SETTLE_LOOP + 1u) +
+                          division_cycles[tx] + COST_SKIPPED_CROSSING * skipped +
+                          (tx != board->conversion_tx ? COST_NEW_TX : 0u);
     return board->is_first_of_scan ? cost + COST_SCAN : cost;
 }
 
@@ -52,15 +53,18 @@ static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
     board->conversion_taxel = board->taxel_at[tx][rx];
     board->is_first_of_scan = board->conversion_taxel == 0;
     const vtime busy = board_cycles_to_time(board, conversion_start_cycles(board, crossing, tx));
-    const vtime begin = board->interrupt_begin + busy + systick_delay(board, board->interrupt_begin, board->interrupt_begin + busy);
+    const vtime begin =
+        board->interrupt_begin + busy + systick_delay(board, board->interrupt_begin, board->interrupt_begin + busy);
     vtime duration = begin - board->interrupt_begin + board->front_end.conversion_time;
-    board->cpu_free = begin + board_cycles_to_time(board, COST_AFTER_START + (board->is_first_of_scan ? COST_AFTER_SCAN : 0u));
+    board->cpu_free =
+        begin + board_cycles_to_time(board, COST_AFTER_START + (board->is_first_of_scan ? COST_AFTER_SCAN : 0u));
     board->crossing = crossing;
     board->conversion_tx = tx;
     board->conversion_rx = rx;
     if (board->clock_drift.amplitude != 0.0) {
         if (board->is_first_of_scan) {
-            board->clock_drift_rate = clock_drift_factor(&board->clock_drift, (double)board->now / (double)VTIME_SECOND);
+            board->clock_drift_rate =
+                clock_drift_factor(&board->clock_drift, (double)board->now / (double)VTIME_SECOND);
         }
         duration = (vtime)((double)duration / board->clock_drift_rate);
     }
@@ -131,7 +135,8 @@ static int open_effects(struct board_node *board, const struct world_description
     silent_open(&board->contact, &effects->silent, board->board_index, world->seed, address);
     gain_apply(&effects->gain, board->board_index, world->parts_seed, address, &board->front_end);
     if (effects->late.delay[board->board_index] > 0.0) {
-        board->fields.history = late_history_open(board->description->taxel_count, effects->late.delay[board->board_index]);
+        board->fields.history =
+            late_history_open(board->description->taxel_count, effects->late.delay[board->board_index]);
     }
     if (electronics_are_needed(world, board->board_index)) {
         board->electronics = electronics_open(world, board->board_index, &board->front_end);
@@ -217,7 +222,8 @@ int board_node_init(struct board_node *board, const struct board_description *de
     memcpy(board->config.firmware_version, description->firmware_version, sizeof description->firmware_version);
     memcpy(board->config.unique_id, description->unique_id, sizeof description->unique_id);
     if (taxel_sensor_init(&board->sensor, &board->config)) {
-        fprintf(stderr, "board 0x%02X: the firmware rejects its crossing map, its lines and taxels, or the scan settings\n",
+        fprintf(stderr,
+                "board 0x%02X: the firmware rejects its crossing map, its lines and taxels, or the scan settings\n",
                 description->address);
         return -1;
     }
@@ -286,7 +292,8 @@ static void delay_main_loop(struct board_node *board, vtime duration)
 /* The main loop starts pending work once the CPU is free. Encoding takes time; exchanging buffers does not. */
 static void start_main_loop(struct board_node *board)
 {
-    if (board->compact_end != VTIME_NEVER || board->program != PROGRAM_APPLICATION || !taxel_sensor_has_work(&board->sensor)) {
+    if (board->compact_end != VTIME_NEVER || board->program != PROGRAM_APPLICATION ||
+        !taxel_sensor_has_work(&board->sensor)) {
         return;
     }
     const unsigned taxels = board->description->taxel_count;

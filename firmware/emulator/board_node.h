@@ -51,9 +51,9 @@ struct board_node {
     uint8_t address;    /* present I2C address */
     bool has_confirmed; /* the running image has been confirmed */
     vtime watchdog_at;
-    vtime boot_end;     /* the application acknowledges its address from then on */
-    vtime clock_origin; /* zero of the board's own clock, shortly before boot_end */
-    vtime last_tick;    /* cached time of the latest SysTick interrupt */
+    vtime boot_end;         /* the application acknowledges its address from then on */
+    vtime clock_origin;     /* zero of the board's own clock, shortly before boot_end */
+    vtime last_tick;        /* cached time of the latest SysTick interrupt */
     vtime flash_busy_until; /* the board acknowledges nothing while a row is written */
     vtime cpu_free;         /* end of the interrupt that occupies the CPU */
     vtime compact_end;      /* end of the main loop's work on compact snapshots; VTIME_NEVER: none */
@@ -63,17 +63,17 @@ struct board_node {
     unsigned fifo_fill;    /* bytes left in the slave's transmit FIFO */
     uint16_t conversion_taxel;
     uint8_t conversion_tx, conversion_rx;
-    bool is_first_of_scan; /* the running conversion is the first of a scan */
-    vtime power_on_time;   /* of the latest power-on, not of other resets */
+    bool is_first_of_scan;   /* the running conversion is the first of a scan */
+    vtime power_on_time;     /* of the latest power-on, not of other resets */
     vtime power_return_time; /* after a planned power cut */
     bool is_powered;
     bool restart_requested;
     uint64_t conversions;
 
     /* faults */
-    struct fault_log *log;     /* NULL: faults are not logged */
-    vtime address_stretch;     /* clock stretching of the next address byte */
-    unsigned sda_hold_clocks;  /* SCL clocks for which the board still holds SDA low */
+    struct fault_log *log;    /* NULL: faults are not logged */
+    vtime address_stretch;    /* clock stretching of the next address byte */
+    unsigned sda_hold_clocks; /* SCL clocks for which the board still holds SDA low */
     vtime scl_held_until;
     unsigned corrupt_bytes_left;
     unsigned nacks_left;

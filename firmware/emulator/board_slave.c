@@ -51,7 +51,8 @@ vtime board_on_address(struct board_node *board, vtime now, bool reading, bool *
         *acknowledge = false;
         return now;
     }
-    if (silent_loses_addressing(&board->effects->silent, board->board_index, (double)now / (double)VTIME_SECOND, &board->contact)) {
+    if (silent_loses_addressing(&board->effects->silent, board->board_index, (double)now / (double)VTIME_SECOND,
+                                &board->contact)) {
         *acknowledge = false;
         return now;
     }
@@ -107,7 +108,8 @@ vtime board_on_read(struct board_node *board, vtime now, uint8_t *byte)
         board->corrupt_bytes_left--;
         *byte ^= CORRUPTED_BIT;
         if (!board->corrupt_bytes_left) {
-            log_fault(board, now, FAULT_CORRUPT); /* only the last byte, because one entry per byte would fill the log */
+            /* only the last byte, because one entry per byte would fill the log */
+            log_fault(board, now, FAULT_CORRUPT);
         }
     }
     return released;

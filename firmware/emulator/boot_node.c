@@ -29,7 +29,8 @@ static uint8_t on_reset_cause(void *context)
 {
     const struct boot_node *boot = context;
     /* After a reset by command the bootloader does not wait 100 ms for a host. */
-    return boot->listens || boot->reset_cause == TAXEL_RESET_CAUSE_WATCHDOG ? boot->reset_cause : TAXEL_RESET_CAUSE_COMMAND;
+    return boot->listens || boot->reset_cause == TAXEL_RESET_CAUSE_WATCHDOG ? boot->reset_cause
+                                                                            : TAXEL_RESET_CAUSE_COMMAND;
 }
 
 static bool on_stay_requested(void *context)
@@ -92,14 +93,15 @@ static void store_factory_configuration(struct boot_node *boot, const struct boa
     bytes[TAXEL_BOOT_CONFIGURATION_OFFSET_VERSION] = 1;
     bytes[TAXEL_BOOT_CONFIGURATION_OFFSET_ADDRESS] = description->address;
     bytes[TAXEL_BOOT_CONFIGURATION_OFFSET_KIND] = description->kind;
-    snprintf((char *)bytes + TAXEL_BOOT_CONFIGURATION_OFFSET_SERIAL_NUMBER, 16, "T%02X%02X%02X%02X", description->unique_id[0],
-             description->unique_id[1], description->unique_id[2], description->unique_id[3]);
-    (void)taxel_boot_record_write(&boot->config.flash, TAXEL_BOOT_CONFIGURATION_ROW, TAXEL_BOOT_CONFIGURATION_MAGIC, bytes,
-                                  sizeof bytes);
+    snprintf((char *)bytes + TAXEL_BOOT_CONFIGURATION_OFFSET_SERIAL_NUMBER, 16, "T%02X%02X%02X%02X",
+             description->unique_id[0], description->unique_id[1], description->unique_id[2],
+             description->unique_id[3]);
+    (void)taxel_boot_record_write(&boot->config.flash, TAXEL_BOOT_CONFIGURATION_ROW, TAXEL_BOOT_CONFIGURATION_MAGIC,
+                                  bytes, sizeof bytes);
 }
 
-static void init_common(struct boot_node *boot, const struct world_description *world, const struct taxel_boot_layout *layout,
-                    const uint8_t unique_id[8], double boot_ms)
+static void init_common(struct boot_node *boot, const struct world_description *world,
+                        const struct taxel_boot_layout *layout, const uint8_t unique_id[8], double boot_ms)
 {
     memset(boot, 0, sizeof *boot);
     flash_init(&boot->flash, world->seed, unique_id[0]);
@@ -197,7 +199,8 @@ enum boot_outcome boot_node_run(struct boot_node *boot, vtime now)
 
 vtime boot_node_next_deadline(const struct boot_node *boot)
 {
-    return boot->boot.stay == TAXEL_BOOT_STAY_LISTENING ? boot->reset_at + (TAXEL_BOOT_LISTEN_US + 1u) * VTIME_US : VTIME_NEVER;
+    return boot->boot.stay == TAXEL_BOOT_STAY_LISTENING ? boot->reset_at + (TAXEL_BOOT_LISTEN_US + 1u) * VTIME_US
+                                                        : VTIME_NEVER;
 }
 
 enum boot_outcome boot_node_reset(struct boot_node *boot, vtime now, uint8_t reset_cause)

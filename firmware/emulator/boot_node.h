@@ -10,7 +10,8 @@
 #include "emulator/flash.h"
 #include "emulator/world_file.h"
 
-#define BOOT_NODE_INIT_TIME (2u * VTIME_MS) /* estimate: reset to the bootloader's first response; at most half of boot_ms */
+/* estimate: reset to the bootloader's first response; at most half of boot_ms */
+#define BOOT_NODE_INIT_TIME (2u * VTIME_MS)
 #define BOOT_NODE_WATCHDOG_TIME VTIME_SECOND
 
 enum running_program {

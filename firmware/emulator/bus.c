@@ -2,7 +2,6 @@
 
 #include <string.h>
 
-
 void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, double scl_hz, struct fault_log *log)
 {
     memset(bus, 0, sizeof *bus);
@@ -56,7 +55,8 @@ void bus_begin_transfer(struct bus *bus, enum bus_master master, const struct ta
     }
     bus->result = TAXEL_I2C_OK;
     bus->phase = transfer->write_size || !transfer->read_size ? BUS_ADDRESS_WRITE : BUS_ADDRESS_READ;
-    bus->next = now + bus->scl_period + BUS_CLOCKS_PER_BYTE * bus->scl_period; /* start condition, then the address byte */
+    /* start condition, then the address byte */
+    bus->next = now + bus->scl_period + BUS_CLOCKS_PER_BYTE * bus->scl_period;
 }
 
 void bus_start_transfer(struct bus *bus, enum bus_master master, const struct taxel_i2c_transfer *transfer, vtime now)

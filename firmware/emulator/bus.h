@@ -53,13 +53,14 @@ struct bus {
     int8_t result;
     struct board_node *slaves[BUS_SLAVES_MAX]; /* that acknowledged the address */
     size_t slave_count;
-    bool slaves_transmit; /* the slaves were addressed for reading; differs from the master only after a damaged address byte */
+    /* the slaves were addressed for reading; differs from the master only after a damaged address byte */
+    bool slaves_transmit;
     bool slaves_released; /* the slaves have seen a byte without acknowledge and send no more */
     enum bus_master master;
     bool is_waiting[BUS_MASTERS]; /* for the stop condition of the other master */
     struct taxel_i2c_transfer waiting_transfer[BUS_MASTERS];
-    bool is_bytewise;         /* the present master commands single bytes */
-    bool hub_waits_bytewise;  /* the waiting hub does */
+    bool is_bytewise;        /* the present master commands single bytes */
+    bool hub_waits_bytewise; /* the waiting hub does */
     enum bus_event event;
     uint8_t byte;                 /* of the command, or the byte read */
     uint8_t waiting_address_byte; /* of the waiting hub */

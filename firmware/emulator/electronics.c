@@ -145,7 +145,8 @@ static void compute_crossings(struct electronics *electronics, const struct elec
     }
 }
 
-static bool are_crossings_valid(const struct electronics *electronics, const struct electronics_conversion *conversion, int tx)
+static bool are_crossings_valid(const struct electronics *electronics, const struct electronics_conversion *conversion,
+                                int tx)
 {
     if (conversion->is_first_of_scan && electronics->has_drift) {
         return false;
@@ -158,7 +159,8 @@ static bool are_crossings_valid(const struct electronics *electronics, const str
 }
 
 /* Capacitance (farad) that the converter measures at the electrode lines tx, rx. */
-static double sensed_capacitance(struct electronics *electronics, const struct electronics_conversion *conversion, int tx, int rx)
+static double sensed_capacitance(struct electronics *electronics, const struct electronics_conversion *conversion,
+                                 int tx, int rx)
 {
     if (!electronics->couples_crossings) {
         const uint8_t taxel = electronics->taxel_at[tx][rx];
@@ -171,10 +173,12 @@ static double sensed_capacitance(struct electronics *electronics, const struct e
     if (!are_crossings_valid(electronics, conversion, tx)) {
         compute_crossings(electronics, conversion, tx);
     }
-    return electronics->has_coupling ? coupling_effective_capacitance(&electronics->coupling, tx, rx) : electronics->mutual[tx][rx];
+    return electronics->has_coupling ? coupling_effective_capacitance(&electronics->coupling, tx, rx)
+                                     : electronics->mutual[tx][rx];
 }
 
-static double hardware_count(struct electronics *electronics, const struct electronics_conversion *conversion, double seconds)
+static double hardware_count(struct electronics *electronics, const struct electronics_conversion *conversion,
+                             double seconds)
 {
     const struct effects *effects = electronics->effects;
     const int tx = electronics->tx_of[conversion->tx], rx = electronics->rx_of[conversion->rx];
@@ -183,14 +187,16 @@ static double hardware_count(struct electronics *electronics, const struct elect
     if (electronics->uses_capacitances) {
         count = sensed_capacitance(electronics, conversion, tx, rx) * electronics->front_end->counts_per_farad;
     } else {
-        const double rise = electronics->sensitivity[taxel] * conversion->get_rise(conversion->rise_context, taxel, conversion->time);
+        const double rise =
+            electronics->sensitivity[taxel] * conversion->get_rise(conversion->rise_context, taxel, conversion->time);
         count = front_end_hardware_count(electronics->front_end, taxel, rise);
     }
     if (electronics->has_droop) {
         if (conversion->is_first_of_scan || electronics->droop_tx != tx) {
             electronics->droop_tx = tx;
-            electronics->droop = droop_factor(&effects->droop, electronics->board, conversion->loads, conversion->fraction,
-                                              electronics->front_end->tx_hz, seconds, &electronics->reference);
+            electronics->droop =
+                droop_factor(&effects->droop, electronics->board, conversion->loads, conversion->fraction,
+                             electronics->front_end->tx_hz, seconds, &electronics->reference);
         }
         count *= electronics->droop;
     }
@@ -214,12 +220,14 @@ uint16_t electronics_convert(struct electronics *electronics, const struct elect
         }
     }
     const uint8_t requested_taxel = electronics->taxel_at[conversion->tx][conversion->rx];
-    const uint8_t measured_taxel = electronics->taxel_at[electronics->tx_of[conversion->tx]][electronics->rx_of[conversion->rx]];
+    const uint8_t measured_taxel =
+        electronics->taxel_at[electronics->tx_of[conversion->tx]][electronics->rx_of[conversion->rx]];
     double count = hardware_count(electronics, conversion, seconds) + front_end_sample_noise(front_end);
     if (electronics->has_noise) {
         count += noise_counts(&electronics->noise, seconds, conversion->tx, conversion->rx, requested_taxel);
     }
-    const double rest = measured_taxel == ELECTRONICS_NO_TAXEL ? 0.0 : front_end->taxels[measured_taxel].rest_hardware_count;
+    const double rest =
+        measured_taxel == ELECTRONICS_NO_TAXEL ? 0.0 : front_end->taxels[measured_taxel].rest_hardware_count;
     count = saturation_limit(&effects->saturation.board[board], rest, count);
     if (nonlinear_is_on(&effects->nonlinear, board)) {
         count = nonlinear_count(&effects->nonlinear, board, front_end->max_count, count);

@@ -1,4 +1,5 @@
-/* The electronics of a board that is not ideal: the path from capacitance to raw count, with each effect at its position.
+/* The electronics of a board that is not ideal: the path from capacitance to raw count, with each effect at its
+ * position.
  *
  *   rises -> capacitances (drift, dead, exchanged, broken and joined lines) -> network of the lines -> supply and reference
  *   -> low pass -> noise -> saturation -> converter -> quantisation -> stuck bits
@@ -21,16 +22,16 @@ struct electronics {
     size_t board; /* index in the world */
     struct front_end *front_end;
     int tx_count, rx_count;
-    uint8_t taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX]; /* of the electrodes, or ELECTRONICS_NO_TAXEL */
-    int tx_of[TAXEL_LINES_MAX], rx_of[TAXEL_LINES_MAX]; /* electrode line that the firmware's line is wired to */
+    uint8_t taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX];       /* of the electrodes, or ELECTRONICS_NO_TAXEL */
+    int tx_of[TAXEL_LINES_MAX], rx_of[TAXEL_LINES_MAX];       /* electrode line that the firmware's line is wired to */
     uint8_t tx_at[TAXEL_TAXELS_MAX], rx_at[TAXEL_TAXELS_MAX]; /* electrode lines of each taxel */
     double sensitivity[TAXEL_TAXELS_MAX];  /* share of the rise that reaches the electrode (effect `dead`) */
     double rest_f[TAXEL_TAXELS_MAX];       /* capacitance without contact (farad), with the drift of this scan */
     double swing_f[TAXEL_TAXELS_MAX];      /* capacitance (farad) that a rise of 1 adds */
     int32_t stuck_count[TAXEL_TAXELS_MAX]; /* raw count of a stuck taxel, or -1 */
     double farad_per_count;                /* under the scan settings of the world */
-    bool uses_capacitances;   /* capacitances must be computed, not only relative rises */
-    bool couples_crossings;   /* a count depends on other crossings too */
+    bool uses_capacitances;                /* capacitances must be computed, not only relative rises */
+    bool couples_crossings;                /* a count depends on other crossings too */
     bool has_line_faults, has_coupling, has_drift, has_noise, has_droop;
 
     /* Cached capacitances of all crossings (farad), [tx][rx]. */

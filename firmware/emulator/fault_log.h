@@ -21,7 +21,8 @@ struct fault_log {
 
 static inline void fault_log_add(struct fault_log *log, vtime time, enum fault_kind kind, uint8_t address)
 {
-    log->entries[log->count++ % FAULT_LOG_MAX] = (struct fault_log_entry){.time = time, .kind = kind, .address = address};
+    log->entries[log->count++ % FAULT_LOG_MAX] =
+        (struct fault_log_entry){.time = time, .kind = kind, .address = address};
 }
 
 #endif

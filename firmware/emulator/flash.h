@@ -48,8 +48,8 @@ struct flash {
 
     struct flash_cut_plan plans[FLASH_CUTS_MAX];
     unsigned plan_count;
-    uint64_t writes_before_cut; /* value of write_count at the last cut */
-    vtime cut_time, off_time;   /* of the plan whose write has started; VTIME_NEVER: none */
+    uint64_t writes_before_cut;                          /* value of write_count at the last cut */
+    vtime cut_time, off_time;                            /* of the plan whose write has started; VTIME_NEVER: none */
     struct flash_cut_record cut_records[FLASH_CUTS_MAX]; /* ring buffer of the latest cuts */
     uint64_t cut_count;
 };

@@ -10,7 +10,8 @@
 #define FRINGE_CAPACITANCE_F 0.70e-12
 #define CAPACITANCE_STD 0.05 /* relative standard deviation of the fixed capacitance (thesis, section 2.5) */
 
-void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts, struct normal_source *normals)
+void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts,
+                    struct normal_source *normals)
 {
     front_end->taxel_count = taxel_count;
     front_end->noise_counts = noise_counts;

@@ -14,8 +14,8 @@
 #include "generated/taxel_protocol.h"
 
 struct front_end_taxel {
-    double fixed_f;   /* capacitance that contact does not change, farad */
-    double fringe_f;  /* capacitance through the layer without contact, farad */
+    double fixed_f;             /* capacitance that contact does not change, farad */
+    double fringe_f;            /* capacitance through the layer without contact, farad */
     double rest_hardware_count; /* without contact, under the present settings, before quantisation */
 };
 
@@ -41,13 +41,15 @@ struct front_end {
     struct normal_source *normals;
 };
 
-void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts, struct normal_source *normals);
+void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts,
+                    struct normal_source *normals);
 
 /* Apply scan settings of the protocol. `clock_rate`: CPU clock relative to its nominal frequency. */
 void front_end_configure(struct front_end *front_end, const struct taxel_scan_settings *scan, double clock_rate);
 
 /* Apply register values. Returns whether any of them has changed. */
-bool front_end_apply_settings(struct front_end *front_end, const struct front_end_settings *settings, double clock_rate);
+bool front_end_apply_settings(struct front_end *front_end, const struct front_end_settings *settings,
+                              double clock_rate);
 
 /* The raw count of a taxel. `rise`: relative rise of the layer's permittivity above the taxel. */
 uint16_t front_end_convert(struct front_end *front_end, uint16_t taxel, double rise);

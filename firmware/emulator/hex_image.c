@@ -49,7 +49,8 @@ static const char *apply_record(const uint8_t *record, size_t size, uint32_t *ba
     if (sum) {
         return "the checksum of the record is wrong";
     }
-    const uint32_t address = *base + ((uint32_t)record[1] << 8 | record[2]), value = (uint32_t)record[4] << 8 | record[5];
+    const uint32_t address = *base + ((uint32_t)record[1] << 8 | record[2]),
+                   value = (uint32_t)record[4] << 8 | record[5];
     switch (record[3]) {
     case DATA:
         if (address >= capacity || record[0] > capacity - address) {

@@ -102,7 +102,8 @@ static size_t pull_from_hub(void *context, uint8_t *bytes, size_t size)
 static void on_byte_for_bootloader(void *context, uint8_t byte)
 {
     struct hub_node *node = context;
-    node->boot.now = vtime_max(node->uart->receive_next, node->boot.reset_at); /* the bootloader measures gaps between bytes */
+    /* the bootloader measures gaps between bytes */
+    node->boot.now = vtime_max(node->uart->receive_next, node->boot.reset_at);
     taxel_boot_uart_on_byte(&node->boot.uart, byte);
 }
 
@@ -182,7 +183,8 @@ static void handle_boot_outcome(struct hub_node *node, enum boot_outcome outcome
     default:
         node->program = PROGRAM_BOOTLOADER;
         node->wake = deadline;
-        node->uart->user = (struct uart_user){.context = node, .on_byte = on_byte_for_bootloader, .pull = pull_from_bootloader};
+        node->uart->user =
+            (struct uart_user){.context = node, .on_byte = on_byte_for_bootloader, .pull = pull_from_bootloader};
         break;
     }
 }
@@ -269,7 +271,8 @@ void hub_node_on_uart_sent(struct hub_node *node, vtime now, size_t bytes)
     if (node->psoc) {
         return;
     }
-    node->cpu_free = vtime_max(node->cpu_free, now) + cycles_to_time(node, COST_UART_INTERRUPT + COST_UART_BYTE * (double)bytes);
+    node->cpu_free =
+        vtime_max(node->cpu_free, now) + cycles_to_time(node, COST_UART_INTERRUPT + COST_UART_BYTE * (double)bytes);
 }
 
 /* Confirm an image on trial once a host has completed the handshake and sent a command. The flash row is written
@@ -308,7 +311,8 @@ void hub_node_run(struct hub_node *node, vtime horizon)
     taxel_hub_run(&node->hub);
     /* The hub checks and frames a snapshot after it has started the next transfer: this occupies the CPU, but not the
      * bus. */
-    const double framed = fmax(0.0, (int32_t)(node->hub.outbox.bytes_sent - sent)); /* negative if frames were dropped */
+    /* negative if frames were dropped */
+    const double framed = fmax(0.0, (int32_t)(node->hub.outbox.bytes_sent - sent));
     node->cpu_free = node->now + cycles_to_time(node, framed * COST_HUB_FRAME_BYTE);
     if (node->restart_requested) {
         hub_node_boot(node, node->now, TAXEL_RESET_CAUSE_COMMAND);

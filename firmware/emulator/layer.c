@@ -4,13 +4,16 @@
 #include <stdint.h>
 #include <string.h>
 
-#define TAXEL_AREA_M2 (0.005 * 0.005)      /* one taxel at 5 mm pitch */
-#define SHEAR_MODULUS_PA 23000.0          /* Ecoflex 00-30: modulus 69 kPa (maker's data sheet) over 3, incompressible */
-#define PILLAR_FRACTION 0.35              /* of the area; the thesis gives pillars of 0.8 mm but not their pitch */
-#define SILICONE_PERMITTIVITY 2.8         /* assumed: platinum-cured silicone near 100 kHz */
-#define BULK_STIFFNESS_PA 10000.0         /* sides of pillars touch; chosen so that the curve is flat near 50 N on a taxel */
+#define TAXEL_AREA_M2 (0.005 * 0.005) /* one taxel at 5 mm pitch */
+/* Ecoflex 00-30: modulus 69 kPa (maker's data sheet) over 3, incompressible */
+#define SHEAR_MODULUS_PA 23000.0
+#define PILLAR_FRACTION 0.35      /* of the area; the thesis gives pillars of 0.8 mm but not their pitch */
+#define SILICONE_PERMITTIVITY 2.8 /* assumed: platinum-cured silicone near 100 kHz */
+/* sides of pillars touch; chosen so that the curve is flat near 50 N on a taxel */
+#define BULK_STIFFNESS_PA 10000.0
 
-#define SHEET_MODULUS_PA 200000.0         /* sheet below the pillars, bonded: 3 G (1 + 2 S^2) with the shape factor S near 1 */
+/* sheet below the pillars, bonded: 3 G (1 + 2 S^2) with the shape factor S near 1 */
+#define SHEET_MODULUS_PA 200000.0
 
 /* Tables over the force on a taxel, with logarithmic steps. */
 #define TABLE_SIZE 2048
@@ -36,7 +39,8 @@ static double rise_at_depth[DEPTH_STEPS + 1];
 static double contact_depths[TABLE_SIZE];    /* compression of pillars and sheet together, metres */
 static double contact_pressures[TABLE_SIZE]; /* at these compressions */
 #define CONTACT_STARTS 1024
-static uint16_t contact_starts[CONTACT_STARTS + 1]; /* start index of the search in contact_depths, per compression step */
+/* start index of the search in contact_depths, per compression step */
+static uint16_t contact_starts[CONTACT_STARTS + 1];
 static double log_min, log_step;
 
 /* Pressure that compresses the pillars to `stretch` times their height (1: unloaded; PILLAR_FRACTION: no air left). */

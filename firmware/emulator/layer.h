@@ -9,7 +9,8 @@
 #define EMULATOR_LAYER_H
 
 #define LAYER_PILLAR_HEIGHT_M 0.0008 /* thesis, section 3.2 */
-#define LAYER_SHEET_HEIGHT_M 0.0012  /* sheet below the pillars; the whole layer is near 1 mm under 50 N (thesis, 4.2.1) */
+/* sheet below the pillars; the whole layer is near 1 mm under 50 N (thesis, 4.2.1) */
+#define LAYER_SHEET_HEIGHT_M 0.0012
 
 /* Compute the tables. Must be called once before any other function of this header. */
 void layer_init(void);

@@ -13,7 +13,7 @@
 #include "emulator/world.h"
 
 #define REAL_TIME_STEP_MS 1
-#define DURATION_MAX_S 1e7 /* below the 213 days that a vtime can represent */
+#define DURATION_MAX_S 1e7        /* below the 213 days that a vtime can represent */
 #define FAST_STEP (2u * VTIME_MS) /* in fast mode, virtual time between two checks for bytes from the host */
 
 struct options {
@@ -167,12 +167,12 @@ int main(int argc, char **argv)
     layer_init();
     if (world_file_read(&description, options.world) ||
         open_stimulus(&stimulus, &options, world_taxel_count(&description)) ||
-        endpoint_open(&endpoint, options.uart, description.baud) ||
-        host_script_open(&script, options.host_input)) {
+        endpoint_open(&endpoint, options.uart, description.baud) || host_script_open(&script, options.host_input)) {
         return 1;
     }
     endpoint.wait_for_reader = options.fast;
-    if (world_init(&world, &description, &stimulus, &endpoint, &script) || thread_pool_open(&thread_pool, options.threads)) {
+    if (world_init(&world, &description, &stimulus, &endpoint, &script) ||
+        thread_pool_open(&thread_pool, options.threads)) {
         return 1;
     }
     world_use_thread_pool(&world, &thread_pool);

@@ -13,7 +13,8 @@
 #define POLAR_SQRT_2 1.41421356237309504880
 #define POLAR_MANTISSA 0x000FFFFFFFFFFFFFull
 #define POLAR_ONE 0x3FF0000000000000ull
-#define POLAR_2_52 0x4330000000000000ull /* bits of 2^52; with an integer n < 2^52 in the mantissa they are the double 2^52 + n */
+/* bits of 2^52; with an integer n < 2^52 in the mantissa they are the double 2^52 + n */
+#define POLAR_2_52 0x4330000000000000ull
 
 static inline double polar_bits_to_double(uint64_t bits)
 {

@@ -17,7 +17,8 @@ static uint32_t get_u32(const uint8_t *bytes)
 
 static int report_error(const struct stimulus *stimulus, const char *message)
 {
-    fprintf(stderr, "stimulus %s, after %llu records: %s\n", stimulus->name, (unsigned long long)stimulus->record_count, message);
+    fprintf(stderr, "stimulus %s, after %llu records: %s\n", stimulus->name, (unsigned long long)stimulus->record_count,
+            message);
     return -1;
 }
 
@@ -69,7 +70,8 @@ int stimulus_open(struct stimulus *stimulus, int fd, const char *name, size_t ta
         return report_error(stimulus, "expected a stimulus stream that starts with TAXELSTM");
     }
     if (get_u32(header + 8) != 1u || get_u32(header + 12) > STIMULUS_SCENE) {
-        return report_error(stimulus, "the version or kind of the stream is not supported; expected version 1, kind 0 to 2");
+        return report_error(stimulus,
+                            "the version or kind of the stream is not supported; expected version 1, kind 0 to 2");
     }
     if (get_u32(header + 16) != taxels) {
         fprintf(stderr, "stimulus %s: expected values for %zu taxels, found %u\n", name, taxels, get_u32(header + 16));
@@ -78,7 +80,8 @@ int stimulus_open(struct stimulus *stimulus, int fd, const char *name, size_t ta
     stimulus->kind = (enum stimulus_kind)get_u32(header + 12);
     const uint32_t boards = get_u32(header + 20);
     if (stimulus->kind == STIMULUS_SCENE && (boards == 0u || boards > TAXEL_ADDRESS_MAX)) {
-        return report_error(stimulus, "the number of boards of the scene is 0 or larger than the number of I2C addresses");
+        return report_error(stimulus,
+                            "the number of boards of the scene is 0 or larger than the number of I2C addresses");
     }
     if (allocate_values(stimulus, stimulus->kind == STIMULUS_SCENE ? STIMULUS_SCENE_VALUES(boards) : taxels)) {
         return -1;
@@ -170,7 +173,8 @@ bool stimulus_receive_live(struct stimulus *stimulus)
 
 double stimulus_fraction(const struct stimulus *stimulus, vtime time)
 {
-    if (stimulus->until == VTIME_NEVER || stimulus->is_step || stimulus->kind == STIMULUS_COUNTS || time <= stimulus->from) {
+    if (stimulus->until == VTIME_NEVER || stimulus->is_step || stimulus->kind == STIMULUS_COUNTS ||
+        time <= stimulus->from) {
         return 0.0;
     }
     return (double)(time - stimulus->from) / (double)(stimulus->until - stimulus->from);

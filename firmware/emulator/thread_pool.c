@@ -103,7 +103,8 @@ int thread_pool_open(struct thread_pool *pool, size_t threads)
     pthread_mutex_init(&pool->mutex, NULL);
     pthread_cond_init(&pool->wake, NULL);
     pthread_sigmask(SIG_BLOCK, &all, &before);
-    while (pool->worker_count + 1u < threads && !pthread_create(&pool->workers[pool->worker_count], NULL, run_worker, pool)) {
+    while (pool->worker_count + 1u < threads &&
+           !pthread_create(&pool->workers[pool->worker_count], NULL, run_worker, pool)) {
         pool->worker_count++;
     }
     pthread_sigmask(SIG_SETMASK, &before, NULL);

@@ -2,11 +2,12 @@
 
 #include <string.h>
 
-#define BITS_PER_BYTE 10.0 /* 8N1 */
+#define BITS_PER_BYTE 10.0             /* 8N1 */
 #define USB_FRAME_TIME (1u * VTIME_MS) /* of USB full speed: minimum latency of the host's bytes */
 #define FLUSH_RETRY_TIME VTIME_MS
 
-void uart_init(struct uart *uart, struct endpoint *endpoint, const struct world_description *world, struct fault_log *log)
+void uart_init(struct uart *uart, struct endpoint *endpoint, const struct world_description *world,
+               struct fault_log *log)
 {
     memset(uart, 0, sizeof *uart);
     uart->endpoint = endpoint;

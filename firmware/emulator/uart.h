@@ -20,13 +20,15 @@
 #define USB_PACKET_SIZE 62u /* payload of a 64-byte full-speed packet of the usual adapters */
 #define USB_BUFFER_SIZE 4096u
 #define UART_RECEIVE_BUFFER_SIZE 8192u
-#define UART_BYTES_AFTER_HOLD 3u /* estimate: the character in the shift register and the next ones in the transmitter's FIFO */
+/* estimate: the character in the shift register and the next ones in the transmitter's FIFO */
+#define UART_BYTES_AFTER_HOLD 3u
 
 /* The program on the hub's side of the UART: firmware or bootloader. */
 struct uart_user {
     void *context;
     void (*on_byte)(void *context, uint8_t byte);
-    size_t (*pull)(void *context, uint8_t *bytes, size_t size); /* copies up to `size` bytes to transmit; returns their number */
+    /* copies up to `size` bytes to transmit; returns their number */
+    size_t (*pull)(void *context, uint8_t *bytes, size_t size);
 };
 
 struct uart {
@@ -45,7 +47,8 @@ struct uart {
 
     /* host to hub */
     uint8_t receive[UART_RECEIVE_BUFFER_SIZE];
-    vtime receive_ready[UART_RECEIVE_BUFFER_SIZE]; /* when each byte is in the adapter; 0: as soon as the host has sent it */
+    /* when each byte is in the adapter; 0: as soon as the host has sent it */
+    vtime receive_ready[UART_RECEIVE_BUFFER_SIZE];
     size_t receive_head, receive_tail;
     vtime receive_next; /* when the next byte reaches the hub; VTIME_NEVER: nothing to send, or held */
     vtime usb_latency_to_hub;
@@ -56,7 +59,8 @@ struct uart {
     struct fault_log *log;
 };
 
-void uart_init(struct uart *uart, struct endpoint *endpoint, const struct world_description *world, struct fault_log *log);
+void uart_init(struct uart *uart, struct endpoint *endpoint, const struct world_description *world,
+               struct fault_log *log);
 
 /* The hub has bytes to transmit: start the transmitter unless it runs or is blocked. */
 void uart_start_transmit(struct uart *uart, vtime now);

@@ -6,7 +6,8 @@
 #include "emulator/power_cuts.h"
 #include "emulator/world_fields.h"
 
-#define ADVANCE_STEP (4u * VTIME_MS) /* with threads, all boards are advanced in parallel this often, ahead of reads that need it */
+/* with threads, all boards are advanced in parallel this often, ahead of reads that need it */
+#define ADVANCE_STEP (4u * VTIME_MS)
 
 size_t world_taxel_count(const struct world_description *description)
 {
@@ -255,9 +256,9 @@ int world_write_statistics(const struct world *world, const char *path, double w
     fprintf(file, "  \"bus_recoveries\": %u,\n  \"boards\": [", world->hub.hub.bus_recoveries);
     for (size_t i = 0; i < world->board_count; i++) {
         const struct board_node *board = &world->boards[i];
-        fprintf(file, "%s\n    {\"address\": %u, \"scans\": %u, \"conversions\": %llu, \"snapshot_reads\": %u}", i ? "," : "",
-                board->description->address, board->sensor.scan.scans, (unsigned long long)board->conversions,
-                board->sensor.slave.snapshot_reads);
+        fprintf(file, "%s\n    {\"address\": %u, \"scans\": %u, \"conversions\": %llu, \"snapshot_reads\": %u}",
+                i ? "," : "", board->description->address, board->sensor.scan.scans,
+                (unsigned long long)board->conversions, board->sensor.slave.snapshot_reads);
     }
     fprintf(file, "\n  ]\n}\n");
     return fclose(file) ? -1 : 0;

@@ -58,14 +58,17 @@ static void start_board_field(void *context, size_t index)
     const struct front_end_taxel *taxels = board->front_end.taxels;
     board_fields_update(&board->fields, task->time);
     if (task->has_droop) {
-        loads->before[index] = board_fields_added_capacitance_f(&board->fields, false, &taxels[0].fringe_f, sizeof taxels[0]);
-        loads->after[index] = board_fields_added_capacitance_f(&board->fields, true, &taxels[0].fringe_f, sizeof taxels[0]);
+        loads->before[index] =
+            board_fields_added_capacitance_f(&board->fields, false, &taxels[0].fringe_f, sizeof taxels[0]);
+        loads->after[index] =
+            board_fields_added_capacitance_f(&board->fields, true, &taxels[0].fringe_f, sizeof taxels[0]);
     }
 }
 
 void world_fields_start(struct world *world, vtime now)
 {
-    struct board_task task = {.world = world, .time = now, .has_droop = droop_is_on(&world->description->effects.droop)};
+    struct board_task task = {
+        .world = world, .time = now, .has_droop = droop_is_on(&world->description->effects.droop)};
     struct droop_loads *loads = &world->loads;
     run_for_all_boards(&task, start_board_field);
     loads->all_before = loads->all_after = 0.0;

@@ -33,7 +33,8 @@ static int read_board(const struct world_reader *reader)
     }
     struct board_description *board = &world->boards[world->board_count];
     if (world_line_read_integer(line, 1, TAXEL_ADDRESS_MIN, TAXEL_ADDRESS_MAX, &address) ||
-        world_line_read_integer(line, 2, 0, 255, &kind) || world_line_read_integer(line, 3, 1, TAXEL_LINES_MAX, &rows) ||
+        world_line_read_integer(line, 2, 0, 255, &kind) ||
+        world_line_read_integer(line, 3, 1, TAXEL_LINES_MAX, &rows) ||
         world_line_read_integer(line, 4, 1, TAXEL_LINES_MAX, &columns) ||
         world_line_read_integer(line, 5, 1, TAXEL_TAXELS_MAX, &taxels) ||
         world_line_read_hex(line, 6, board->crossing_map, sizeof board->crossing_map) ||
@@ -66,7 +67,8 @@ static int read_scan(const struct world_reader *reader)
         return -1;
     }
     if (sub * sense > 65535) {
-        return world_line_report_error(&reader->line, "sub-conversions times sense clock divider must not exceed 65535");
+        return world_line_report_error(&reader->line,
+                                       "sub-conversions times sense clock divider must not exceed 65535");
     }
     scan->sub_conversions = (uint16_t)sub;
     scan->sense_clock_divider = (uint16_t)sense;
@@ -87,7 +89,8 @@ static int read_fault(const struct world_reader *reader)
     }
     struct fault_description *fault = &world->faults[world->fault_count];
     fault->value = fault->second_value = 0.0;
-    if (world_line_read_number(line, 1, 0.0, 1e7, &fault->time_s) || world_line_read_integer(line, 3, 0, 127, &address) ||
+    if (world_line_read_number(line, 1, 0.0, 1e7, &fault->time_s) ||
+        world_line_read_integer(line, 3, 0, 127, &address) ||
         (line->count > 4 && world_line_read_number(line, 4, 0.0, 1e9, &fault->value)) ||
         (line->count > 5 && world_line_read_number(line, 5, 0.0, 1e9, &fault->second_value))) {
         return -1;
@@ -166,7 +169,8 @@ static int read_image(const struct world_reader *reader, int index, uint8_t **im
     }
     const char *error = hex_image_read(path, *image, WORLD_IMAGE_SIZE, &image_line);
     if (error) {
-        fprintf(stderr, "world %s, line %d: image %s, line %d: %s\n", line->path, line->number, path, image_line, error);
+        fprintf(stderr, "world %s, line %d: image %s, line %d: %s\n", line->path, line->number, path, image_line,
+                error);
         return -1;
     }
     return 0;
@@ -305,7 +309,8 @@ static int read_lines(struct world_reader *reader, FILE *file)
             return -1;
         }
     }
-    return reader->world->board_count ? world_scene_check(reader) : world_line_report_error(&reader->line, "no board is described");
+    return reader->world->board_count ? world_scene_check(reader)
+                                      : world_line_report_error(&reader->line, "no board is described");
 }
 
 int world_file_read(struct world_description *world, const char *path)
@@ -319,8 +324,11 @@ int world_file_read(struct world_description *world, const char *path)
     world->baud = 1000000.0;
     world->usb_latency_ms = 16.0;
     world->usb_latency_down_ms = 1.0;
-    world->scan = (struct taxel_scan_settings){
-        .sub_conversions = 160, .sense_clock_divider = 40, .modulator_clock_divider = 1, .idac_code = 16, .settle_cycles = 96};
+    world->scan = (struct taxel_scan_settings){.sub_conversions = 160,
+                                               .sense_clock_divider = 40,
+                                               .modulator_clock_divider = 1,
+                                               .idac_code = 16,
+                                               .settle_cycles = 96};
     if (!file) {
         fprintf(stderr, "world %s: %s\n", path, strerror(errno));
         return -1;

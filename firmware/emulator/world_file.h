@@ -26,7 +26,7 @@ struct object_description {
 struct world_description {
     uint64_t seed;
     uint64_t parts_seed; /* of differences between parts that persist over power-ups */
-    bool has_parts_seed;     /* otherwise parts_seed equals seed */
+    bool has_parts_seed; /* otherwise parts_seed equals seed */
     double scl_hz;
     double baud;
     double usb_latency_ms;
@@ -41,7 +41,7 @@ struct world_description {
     struct taxel_scan_settings scan;
     struct board_description boards[WORLD_BOARDS_MAX];
     size_t board_count;
-    double layer_thickness; /* above the electrodes, metres */
+    double layer_thickness;             /* above the electrodes, metres */
     struct object_description *objects; /* [object_count] */
     size_t object_count;
     struct effects effects;

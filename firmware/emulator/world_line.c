@@ -36,8 +36,8 @@ int world_line_read_number(const struct world_line *line, int index, double low,
     errno = 0;
     *value = strtod(line->words[index], &end);
     if (errno || *end || !isfinite(*value) || *value < low || *value > high) {
-        fprintf(stderr, "world %s, line %d: %s: expected a number from %g to %g, found '%s'\n", line->path, line->number,
-                line->words[0], low, high, line->words[index]);
+        fprintf(stderr, "world %s, line %d: %s: expected a number from %g to %g, found '%s'\n", line->path,
+                line->number, line->words[0], low, high, line->words[index]);
         return -1;
     }
     return 0;
@@ -71,7 +71,8 @@ int world_line_read_hex(const struct world_line *line, int index, uint8_t *bytes
     return 0;
 }
 
-int world_line_read_numbers(const struct world_line *line, int first, int count, double low, double high, double *values)
+int world_line_read_numbers(const struct world_line *line, int first, int count, double low, double high,
+                            double *values)
 {
     for (int i = 0; i < count; i++) {
         if (world_line_read_number(line, first + i, low, high, &values[i])) {

@@ -28,6 +28,7 @@ int world_line_read_integer(const struct world_line *line, int index, double low
 int world_line_read_hex(const struct world_line *line, int index, uint8_t *bytes, size_t size);
 
 /* Words `first` to `first + count - 1`. */
-int world_line_read_numbers(const struct world_line *line, int first, int count, double low, double high, double *values);
+int world_line_read_numbers(const struct world_line *line, int first, int count, double low, double high,
+                            double *values);
 
 #endif

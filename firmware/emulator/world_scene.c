@@ -131,7 +131,8 @@ static int read_plane(const struct world_reader *reader)
         return world_line_report_error(&reader->line, "more planes than the maximum of 512, or a plane of a cylinder");
     }
     if (world_line_read_numbers(&reader->line, 1, 3, -COMPONENT_MAX, COMPONENT_MAX, plane) ||
-        world_line_read_number(&reader->line, 4, -COORDINATE_MAX_M, COORDINATE_MAX_M, &plane[3]) || normalise(reader, plane)) {
+        world_line_read_number(&reader->line, 4, -COORDINATE_MAX_M, COORDINATE_MAX_M, &plane[3]) ||
+        normalise(reader, plane)) {
         return -1;
     }
     memcpy(shape->planes[shape->plane_count++], plane, sizeof plane);
@@ -195,9 +196,13 @@ int world_scene_read_line(const struct world_reader *reader)
         const char *keyword;
         int (*read)(const struct world_reader *reader);
     } keywords[] = {
-        {"surface", read_surface},   {"object", read_object},
-        {"plane", read_plane},       {"cylinder", read_cylinder},
-        {"margin", read_margin},     {"layer", read_layer},       {"bracket_offset", read_bracket_offset},
+        {"surface", read_surface},
+        {"object", read_object},
+        {"plane", read_plane},
+        {"cylinder", read_cylinder},
+        {"margin", read_margin},
+        {"layer", read_layer},
+        {"bracket_offset", read_bracket_offset},
         {"object_offset", read_object_offset},
     };
     for (size_t i = 0; i < sizeof keywords / sizeof keywords[0]; i++) {
@@ -213,15 +218,18 @@ int world_scene_check(const struct world_reader *reader)
     const struct world_description *world = reader->world;
     for (size_t i = 0; i < world->board_count; i++) {
         if (world->boards[i].taxel_pose_count && world->boards[i].taxel_pose_count != world->boards[i].taxel_count) {
-            fprintf(stderr, "world %s: board 0x%02X: %zu of its %u taxels have a surface line; expected all of them or none\n",
-                    reader->line.path, world->boards[i].address, world->boards[i].taxel_pose_count, world->boards[i].taxel_count);
+            fprintf(stderr,
+                    "world %s: board 0x%02X: %zu of its %u taxels have a surface line; expected all of them or none\n",
+                    reader->line.path, world->boards[i].address, world->boards[i].taxel_pose_count,
+                    world->boards[i].taxel_count);
             return -1;
         }
     }
     for (size_t i = 0; i < world->object_count; i++) {
         const struct shape *shape = &world->objects[i].shape;
         if (shape->kind == SHAPE_CONVEX && shape->plane_count < 4) {
-            fprintf(stderr, "world %s: object %s: expected at least 4 planes, or a cylinder\n", reader->line.path, shape->name);
+            fprintf(stderr, "world %s: object %s: expected at least 4 planes, or a cylinder\n", reader->line.path,
+                    shape->name);
             return -1;
         }
     }

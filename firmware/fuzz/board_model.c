@@ -226,7 +226,8 @@ static void take_settings(struct board_model *model)
 {
     uint8_t crc[4];
     fuzz_put_u32(crc, fuzz_crc32(fuzz_crc32(0, &model->address, 1), model->written, 8));
-    if (model->written_size != 12 || !model_settings_are_valid(model->written) || memcmp(crc, model->written + 8, 4) != 0) {
+    if (model->written_size != 12 || !model_settings_are_valid(model->written) ||
+        memcmp(crc, model->written + 8, 4) != 0) {
         reject(model, FLAG_SETTINGS);
         return;
     }

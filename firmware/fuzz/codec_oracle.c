@@ -9,14 +9,16 @@ struct type_rule {
 
 /* SPEC.md, "Frame types". */
 static const struct type_rule type_rules[] = {
-    {0x01, 0, 24, 24}, {0x02, 1, 20, 498}, {0x03, 1, 20, 496}, {0x08, 0, 42, 42}, {0x09, 1, 39, 39}, {0x0A, 0, 66, 66}, {0x0B, 1, 10, 10},
-    {0x0C, 1, 13, 13}, {0x0D, 0, 7, 71},   {0x0E, 0, 3, 131}, {0x81, 0, 3, 3},   {0x82, 0, 2, 68}, {0x83, 0, 3, 66},
+    {0x01, 0, 24, 24}, {0x02, 1, 20, 498}, {0x03, 1, 20, 496}, {0x08, 0, 42, 42}, {0x09, 1, 39, 39},
+    {0x0A, 0, 66, 66}, {0x0B, 1, 10, 10},  {0x0C, 1, 13, 13},  {0x0D, 0, 7, 71},  {0x0E, 0, 3, 131},
+    {0x81, 0, 3, 3},   {0x82, 0, 2, 68},   {0x83, 0, 3, 66},
 };
 
 static const struct type_rule *rule_of(uint8_t type, uint8_t directions)
 {
     for (size_t i = 0; i < sizeof type_rules / sizeof type_rules[0]; i++) {
-        if (type_rules[i].type == type && directions & (type < 0x80 ? TAXEL_DIRECTION_TO_HOST : TAXEL_DIRECTION_TO_HUB)) {
+        if (type_rules[i].type == type &&
+            directions & (type < 0x80 ? TAXEL_DIRECTION_TO_HOST : TAXEL_DIRECTION_TO_HUB)) {
             return &type_rules[i];
         }
     }
@@ -144,7 +146,8 @@ static void count_board(struct oracle *oracle, struct oracle_frame *frame, struc
     totals->damaged[address] += is_damaged;
     totals->received[address] += !is_damaged;
     if (history[address].exists) {
-        const uint16_t cycles = (uint16_t)(cycle - history[address].cycle), scans = (uint16_t)(scan - history[address].scan);
+        const uint16_t cycles = (uint16_t)(cycle - history[address].cycle),
+                       scans = (uint16_t)(scan - history[address].scan);
         const uint16_t counted_scans = frame->type == 0x03 && scans ? (uint16_t)(scans - 1) : scans;
         const uint16_t steps = cycles < counted_scans ? cycles : counted_scans;
         frame->missing_before = steps ? (uint16_t)(steps - 1) : 0;

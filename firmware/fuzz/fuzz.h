@@ -14,12 +14,12 @@
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 
 /* An invariant: a violation aborts the run and is a finding, like a crash. */
-#define FUZZ_CHECK(condition)                                                                     \
-    do {                                                                                          \
-        if (!(condition)) {                                                                       \
-            (void)fprintf(stderr, "%s:%d: violated: %s\n", __FILE__, __LINE__, #condition);          \
-            abort();                                                                              \
-        }                                                                                         \
+#define FUZZ_CHECK(condition) \
+    do { \
+        if (!(condition)) { \
+            (void)fprintf(stderr, "%s:%d: violated: %s\n", __FILE__, __LINE__, #condition); \
+            abort(); \
+        } \
     } while (0)
 
 /* The input, read from the front; zeros follow its end. */

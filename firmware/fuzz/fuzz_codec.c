@@ -3,13 +3,12 @@
  * The input is either a stream, or a script that builds a stream from frames of any type and payload, random bytes,
  * and damage (flip, insert, delete, duplicate, truncate, lost delimiters), so that mutations need not guess a CRC.
  * Invariants:
- *   - the deframer, given the stream in pieces of sizes from the input (or at once), delivers the oracle's frames in the same order
- *     and discards the same number of bytes (codec_oracle.h);
- *   - the batch decoder, with arrays of the smallest allowed size, delivers the same frames and counts the same losses;
- *   - each decoded frame, encoded again into a ring that wraps at any position, decodes to itself;
- *   - any payload is encoded without a zero byte, into no more bytes than the stated maximum;
- *   - the CRC and whitening of the boards (small) equal those of the PC (fast);
- *   - every fixed layout packs the values that it has unpacked. */
+ * - the deframer, given the stream in pieces of sizes from the input (or at once), delivers the oracle's frames in
+ * the same order and discards the same number of bytes (codec_oracle.h); - the batch decoder, with arrays of the
+ * smallest allowed size, delivers the same frames and counts the same losses; - each decoded frame, encoded again
+ * into a ring that wraps at any position, decodes to itself; - any payload is encoded without a zero byte, into no
+ * more bytes than the stated maximum; - the CRC and whitening of the boards (small) equal those of the PC (fast); -
+ * every fixed layout packs the values that it has unpacked. */
 #include "codec/crc32.h"
 #include "codec/encoder.h"
 #include "codec/whitening.h"
@@ -36,7 +35,8 @@
 
 static uint8_t stream[ORACLE_STREAM_MAX];
 static size_t stream_size;
-static uint8_t aligned_stream[ORACLE_STREAM_MAX]; /* the stream at the end of the array, so that a sanitizer detects an access behind it */
+/* the stream at the end of the array, so that a sanitizer detects an access behind it */
+static uint8_t aligned_stream[ORACLE_STREAM_MAX];
 static const uint8_t *data;
 static struct oracle oracle;
 static uint8_t chunk[TAXEL_BATCH_CHUNK_SIZE], body[TAXEL_BODY_MAX];
@@ -65,7 +65,9 @@ static size_t make_payload(struct fuzz_input *input, uint8_t type, uint8_t *payl
         length = (length + 1u) % (TAXEL_PAYLOAD_MAX + 1u);
     }
     for (size_t i = 0; i < length; i++) {
-        payload[i] = filling & 1u ? fuzz_next(&state) : (filling & 2u) && i < stream_size ? stream[i] : (uint8_t)(filling >> 4);
+        payload[i] = filling & 1u                        ? fuzz_next(&state)
+                     : (filling & 2u) && i < stream_size ? stream[i]
+                                                         : (uint8_t)(filling >> 4);
     }
     (void)fuzz_bytes(input, payload, length < (filling >> 2 & 3u) * 4u ? length : (filling >> 2 & 3u) * 4u);
     if (type == TAXEL_FRAME_TYPE_TAXELS) {
@@ -92,8 +94,10 @@ static void append_frame(struct fuzz_input *input, uint8_t op)
     const size_t size = taxel_batch_encode(type, sequence, payload, (uint16_t)length, wire, sizeof wire);
     FUZZ_CHECK(size && size <= taxel_encoded_size_max(length));
     FUZZ_CHECK(wire[0] == 0 && wire[size - 1u] == 0 && !memchr(wire + 1, 0, size - 2u));
-    FUZZ_CHECK(taxel_batch_encode(type, sequence, payload, (uint16_t)length, wire, taxel_encoded_size_max(length) - 1u) == 0);
-    append(wire + (op & 4u ? 1u : 0u), size - (op & 4u ? 1u : 0u) - (op & 8u ? 1u : 0u)); /* delimiters may be missing */
+    FUZZ_CHECK(
+        taxel_batch_encode(type, sequence, payload, (uint16_t)length, wire, taxel_encoded_size_max(length) - 1u) == 0);
+    /* delimiters may be missing */
+    append(wire + (op & 4u ? 1u : 0u), size - (op & 4u ? 1u : 0u) - (op & 8u ? 1u : 0u));
 }
 
 static void damage_stream(struct fuzz_input *input, uint8_t op)
@@ -180,13 +184,15 @@ static void expect_frame(void *context, const struct taxel_frame *frame)
     (void)context;
     FUZZ_CHECK(frames_decoded < oracle.frame_count);
     const struct oracle_frame *expected = &oracle.frames[frames_decoded++];
-    FUZZ_CHECK(frame->type == expected->type && frame->sequence == expected->sequence && frame->length == expected->length);
+    FUZZ_CHECK(frame->type == expected->type && frame->sequence == expected->sequence &&
+               frame->length == expected->length);
     FUZZ_CHECK(memcmp(frame->payload, oracle.payloads + expected->offset, frame->length) == 0);
 }
 
 static void check_deframer(uint8_t directions, const uint8_t *sizes, size_t size_count)
 {
-    const struct taxel_deframer_config config = {chunk, sizeof chunk, body, TAXEL_PAYLOAD_MAX, directions, expect_frame, NULL};
+    const struct taxel_deframer_config config = {chunk,      sizeof chunk, body, TAXEL_PAYLOAD_MAX,
+                                                 directions, expect_frame, NULL};
     struct taxel_deframer deframer;
     size_t position = 0;
     taxel_deframer_init(&deframer, &config);
@@ -220,7 +226,8 @@ static void check_row(const struct taxel_batch_row *row, const struct oracle_fra
         FUZZ_CHECK(memcmp(payloads + row->offset, payload, row->size) == 0);
         return;
     }
-    const uint8_t size = row->type == TAXEL_FRAME_TYPE_TAXELS ? payload[1] : 0; /* a damaged compact snapshot has no counts */
+    /* a damaged compact snapshot has no counts */
+    const uint8_t size = row->type == TAXEL_FRAME_TYPE_TAXELS ? payload[1] : 0;
     FUZZ_CHECK(row->address == payload[0] && row->size == size && row->length == expected->length);
     FUZZ_CHECK(row->offset + row->size <= output->count_count);
     FUZZ_CHECK(row->cycle == (payload[2] | payload[3] << 8) && row->board_sequence == (payload[8] | payload[9] << 8));
@@ -252,7 +259,8 @@ static void check_rows(const struct taxel_batch_output *output, size_t *taxels, 
 
 static void check_batch(uint8_t directions, size_t rows, const uint8_t *sizes, size_t size_count)
 {
-    struct taxel_batch_output output = {taxel_rows, message_rows, counts, payloads, rows, COUNTS_MIN, PAYLOADS_MIN, 0, 0, 0, 0};
+    struct taxel_batch_output output = {
+        taxel_rows, message_rows, counts, payloads, rows, COUNTS_MIN, PAYLOADS_MIN, 0, 0, 0, 0};
     size_t position = 0, taxels = 0, messages = 0;
     if (oracle.has_compact) {
         return; /* a compact snapshot with a valid CRC: its content is tested by fuzz_compact */
@@ -285,11 +293,14 @@ static void check_encoded_again(size_t wrap)
         struct taxel_encoder encoder;
         const uint8_t *payload = oracle.payloads + frames[i].offset;
         const size_t half = frames[i].length / 2u;
-        const size_t size = taxel_batch_encode(frames[i].type, frames[i].sequence, payload, frames[i].length, wire, sizeof wire);
-        taxel_encoder_begin(&encoder, ring, sizeof ring, wrap % sizeof ring, frames[i].type, frames[i].sequence, frames[i].length);
+        const size_t size =
+            taxel_batch_encode(frames[i].type, frames[i].sequence, payload, frames[i].length, wire, sizeof wire);
+        taxel_encoder_begin(&encoder, ring, sizeof ring, wrap % sizeof ring, frames[i].type, frames[i].sequence,
+                            frames[i].length);
         taxel_encoder_put(&encoder, payload, half);
         taxel_encoder_put(&encoder, payload + half, frames[i].length - half);
-        FUZZ_CHECK(taxel_encoder_end(&encoder) == size && taxel_encoder_position(&encoder) == (wrap % sizeof ring + size) % sizeof ring);
+        FUZZ_CHECK(taxel_encoder_end(&encoder) == size &&
+                   taxel_encoder_position(&encoder) == (wrap % sizeof ring + size) % sizeof ring);
         for (size_t n = 0; n < size; n++) {
             again[n] = ring[(wrap + n) % sizeof ring];
         }

@@ -154,7 +154,8 @@ static void receive(const uint8_t *bytes, size_t size, uint8_t damage)
     uint8_t *copy = malloc(size); /* exact size, so that a sanitizer detects an access behind it */
     memcpy(copy, bytes, size);
     FUZZ_CHECK(size >= TAXEL_COMPACT_OVERHEAD_DELTA);
-    FUZZ_CHECK(size <= ((TAXEL_COMPACT_OVERHEAD_PACKED + 2u * config.taxel_count + 3u) & ~3u) || config.taxel_count < 2u);
+    FUZZ_CHECK(size <= ((TAXEL_COMPACT_OVERHEAD_PACKED + 2u * config.taxel_count + 3u) & ~3u) ||
+               config.taxel_count < 2u);
     if (damage) {
         copy[damage % size] ^= damage;
         const struct taxel_compact_receiver before = host;

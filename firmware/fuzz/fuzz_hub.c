@@ -6,12 +6,11 @@
  * Invariants, after each pass of the main loop:
  *   - each board's polls equal the sum of its outcomes, plus one for a poll in progress;
  *   - slots are sorted, unique and within the configured number; taxel counts fit the buffers;
- *   - the transmit queue holds the bytes sent and not yet pulled; the bytes pulled are complete frames in sequence with valid CRCs;
- *   - one transfer at a time, into an unused buffer, and its bytes to write do not change until its end;
- *   - the main loop returns, and always requests its next call.
- * At the end: every frame sent was pulled; each command has one reply, or is in progress, or (only after
- * concatenated frames or lost bytes) its reply is among the dropped frames; after the faults are removed, a command
- * in progress ends. */
+ * - the transmit queue holds the bytes sent and not yet pulled; the bytes pulled are complete frames in sequence
+ * with valid CRCs; - one transfer at a time, into an unused buffer, and its bytes to write do not change until its
+ * end; - the main loop returns, and always requests its next call. At the end: every frame sent was pulled; each
+ * command has one reply, or is in progress, or (only after concatenated frames or lost bytes) its reply is among the
+ * dropped frames; after the faults are removed, a command in progress ends. */
 #include "fuzz/hub_bench.h"
 
 #define EVENTS_MAX 48u
@@ -45,7 +44,8 @@ static size_t make_command(struct fuzz_input *input, uint8_t *wire)
     const size_t more = selector & 0x80u ? selector >> 4 & 7u : 0; /* excess bytes, or bytes to write */
     const size_t size = 2u + lengths[selector & 15u] + more * (more == 7u ? 8u : 1u);
     (void)fuzz_bytes(input, payload + 2, size - 2u);
-    bench.compact_requested = bench.compact_requested || (payload[1] == TAXEL_COMMAND_START && size == 3u && payload[2] == 1u);
+    bench.compact_requested =
+        bench.compact_requested || (payload[1] == TAXEL_COMMAND_START && size == 3u && payload[2] == 1u);
     return bench_frame(TAXEL_FRAME_TYPE_COMMAND, payload, size, wire, WIRE_MAX);
 }
 
@@ -86,9 +86,22 @@ static void send_handshake(struct fuzz_input *input)
 static void choose_outcome(struct fuzz_input *input, uint8_t high)
 {
     static const int outcomes[16] = {
-        BENCH_FLIP, BENCH_NOISE, BENCH_HANG, TAXEL_I2C_NACK_ADDRESS, TAXEL_I2C_NACK_DATA, TAXEL_I2C_ARBITRATION_LOST,
-        TAXEL_I2C_BUS_ERROR, TAXEL_I2C_TIMEOUT, TAXEL_I2C_BUSY, BENCH_FLIP, BENCH_FLIP, BENCH_FLIP,
-        TAXEL_I2C_NACK_ADDRESS, TAXEL_I2C_TIMEOUT, TAXEL_I2C_BUS_ERROR, BENCH_PROCEED,
+        BENCH_FLIP,
+        BENCH_NOISE,
+        BENCH_HANG,
+        TAXEL_I2C_NACK_ADDRESS,
+        TAXEL_I2C_NACK_DATA,
+        TAXEL_I2C_ARBITRATION_LOST,
+        TAXEL_I2C_BUS_ERROR,
+        TAXEL_I2C_TIMEOUT,
+        TAXEL_I2C_BUSY,
+        BENCH_FLIP,
+        BENCH_FLIP,
+        BENCH_FLIP,
+        TAXEL_I2C_NACK_ADDRESS,
+        TAXEL_I2C_TIMEOUT,
+        TAXEL_I2C_BUS_ERROR,
+        BENCH_PROCEED,
     };
     bench.outcome = outcomes[high];
     bench.damage_position = fuzz_u8(input);
@@ -196,7 +209,8 @@ static void run_without_faults(void)
     bench.sda_held_clocks = 0;
     bench.host_reads = true;
     bench_pull(SIZE_MAX);
-    for (unsigned i = 0; i < QUIET_STEPS && bench.hub.command.active && !bench.restarted && bench_step(BENCH_NEVER - 2u); i++) {
+    for (unsigned i = 0;
+         i < QUIET_STEPS && bench.hub.command.active && !bench.restarted && bench_step(BENCH_NEVER - 2u); i++) {
     }
     FUZZ_CHECK(!bench.hub.command.active || bench.hub.restart_requested);
 }
@@ -210,7 +224,8 @@ static void check_end(void)
     const uint32_t lost = hub->inbox.commands - hub->command.active - bench.replies;
     FUZZ_CHECK(lost <= hub->outbox.frames_dropped && (sent_invalid_bytes || lost == 0));
     FUZZ_CHECK(sent_invalid_bytes || bench.replies_busy == 0); /* separate commands wait instead */
-    FUZZ_CHECK(hub->inbox.commands_rejected >= bench.replies_bad && hub->inbox.commands_rejected <= bench.replies_bad + lost);
+    FUZZ_CHECK(hub->inbox.commands_rejected >= bench.replies_bad &&
+               hub->inbox.commands_rejected <= bench.replies_bad + lost);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)

@@ -3,13 +3,12 @@
  * The first bytes of the input configure the board (lines, crossing map, settings, initial counters); the other
  * bytes are events: single bus events in any order, also impossible ones, and complete transfers with a valid CRC,
  * so that deep states are reached. Invariants, after each event:
- *   - every byte read equals the model's (board_model.h): identity, status, settings, snapshots, FF elsewhere. So a snapshot is one
- *     complete scan with its sequence, time, counts and CRC; the identity never changes; the settings are the last accepted ones;
- *     counters saturate or wrap as specified, which boards with nearly full counters test;
- *   - every acknowledge equals the model's;
- *   - at most one conversion is in progress, at the expected crossing; the front end is configured between scans only;
- *   - the three snapshot buffers are distinct, and nothing is written outside them;
- *   - exactly the invalid configurations are rejected at boot. */
+ * - every byte read equals the model's (board_model.h): identity, status, settings, snapshots, FF elsewhere. So a
+ * snapshot is one complete scan with its sequence, time, counts and CRC; the identity never changes; the settings
+ * are the last accepted ones; counters saturate or wrap as specified, which boards with nearly full counters test; -
+ * every acknowledge equals the model's; - at most one conversion is in progress, at the expected crossing; the front
+ * end is configured between scans only; - the three snapshot buffers are distinct, and nothing is written outside
+ * them; - exactly the invalid configurations are rejected at boot. */
 #include "fuzz/board_model.h"
 #include "fuzz/fuzz.h"
 #include "sensor/sensor.h"
@@ -85,13 +84,15 @@ static const struct taxel_sensor_hal hal = {
 
 static void check_state(void)
 {
-    FUZZ_CHECK(converting == model.converting && started == model.conversions_started && configured == model.configured);
+    FUZZ_CHECK(converting == model.converting && started == model.conversions_started &&
+               configured == model.configured);
     FUZZ_CHECK(memcmp(front_end, model.settings, sizeof front_end) == 0);
     FUZZ_CHECK(!converting || model.dropped_conversion || !model.scanning || crossing == model_crossing(&model));
     FUZZ_CHECK(sensor.slave.pointer == model.pointer && sensor.slave.written == model.written_size);
     FUZZ_CHECK(sensor.slave.bus_errors == model.bus_errors && sensor.slave.rejected_writes == model.rejected_writes);
     FUZZ_CHECK(sensor.slave.snapshot_reads == model.snapshot_reads && sensor.scan.scans == model.scans);
-    FUZZ_CHECK(sensor.scan.saturated_conversions == model.saturated_conversions && sensor.error_flags == model.error_flags);
+    FUZZ_CHECK(sensor.scan.saturated_conversions == model.saturated_conversions &&
+               sensor.error_flags == model.error_flags);
     FUZZ_CHECK(memcmp(sensor.identity, model.identity, sizeof model.identity) == 0);
     FUZZ_CHECK(sensor.scan.scanning != sensor.scan.newest && sensor.scan.newest != sensor.scan.latched &&
                sensor.scan.latched != sensor.scan.scanning);
@@ -163,7 +164,8 @@ static void write_whole(uint8_t pointer, const uint8_t *bytes, size_t size)
 static void write_settings(struct fuzz_input *input, uint8_t flags)
 {
     uint8_t bytes[12];
-    const uint8_t for_board = (uint8_t)(model.address ^ (flags == 0xF)); /* one in sixteen is addressed to another board */
+    /* one in sixteen is addressed to another board */
+    const uint8_t for_board = (uint8_t)(model.address ^ (flags == 0xF));
     (void)fuzz_bytes(input, bytes, 8);
     if (flags & 1u) {
         bytes[1] = bytes[3] = 0; /* small enough to be valid */

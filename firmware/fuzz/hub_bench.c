@@ -93,7 +93,8 @@ static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfe
     bench.transfer = *transfer;
     memcpy(bench.transfer_write, transfer->write_bytes, transfer->write_size);
     memset(transfer->read_bytes, 0xEE, transfer->read_size); /* the bus may begin to fill it at once */
-    bench.done_us = bench.now_us + 5u + (2u + transfer->write_size + transfer->read_size) * 9u * 1000000u / bench.config.scl_hz;
+    bench.done_us =
+        bench.now_us + 5u + (2u + transfer->write_size + transfer->read_size) * 9u * 1000000u / bench.config.scl_hz;
     if (bench.scl_held || bench.sda_held_clocks) {
         bench.outcome = TAXEL_I2C_BUSY;
     }
@@ -196,7 +197,8 @@ static void on_frame(void *context, const struct taxel_frame *frame)
     } else if (frame->type == TAXEL_FRAME_TYPE_HUB_STATUS) {
         struct taxel_hub_status status;
         taxel_hub_status_unpack(&status, payload);
-        FUZZ_CHECK((uint16_t)status.frames_sent == frame->sequence && status.boards_streaming <= bench.config.slot_capacity);
+        FUZZ_CHECK((uint16_t)status.frames_sent == frame->sequence &&
+                   status.boards_streaming <= bench.config.slot_capacity);
     } else if (frame->type == TAXEL_FRAME_TYPE_BOARD_STATUS) {
         struct taxel_board_status status;
         taxel_board_status_unpack(&status, payload);
@@ -228,15 +230,19 @@ static void check_slots(void)
     FUZZ_CHECK(hub->slot_count <= bench.config.slot_capacity);
     for (uint8_t i = 0; i < hub->slot_count; i++) {
         const struct taxel_hub_slot *slot = &bench.config.slots[i];
-        const bool is_polled = hub->job.slot == i && (hub->job.kind == TAXEL_JOB_POLL || hub->job.kind == TAXEL_JOB_PROBE_SLOT);
-        const bool is_waiting = hub->unframed.size && hub->unframed.slot == i && hub->unframed.type != TAXEL_FRAME_TYPE_BOARD_INFO;
+        const bool is_polled =
+            hub->job.slot == i && (hub->job.kind == TAXEL_JOB_POLL || hub->job.kind == TAXEL_JOB_PROBE_SLOT);
+        const bool is_waiting =
+            hub->unframed.size && hub->unframed.slot == i && hub->unframed.type != TAXEL_FRAME_TYPE_BOARD_INFO;
         const unsigned in_flight = (slot->retry_pending ? 1u : 0u) + (is_polled ? 1u : 0u) + (is_waiting ? 1u : 0u);
         FUZZ_CHECK(in_flight <= 1u);
         FUZZ_CHECK(slot->address >= TAXEL_ADDRESS_MIN && slot->address <= TAXEL_ADDRESS_MAX);
         FUZZ_CHECK(i == 0 || slot->address > slot[-1].address);
-        FUZZ_CHECK(slot->state <= TAXEL_BOARD_STATE_INCOMPATIBLE && slot->polls == (uint8_t)(ENDED_COUNTERS(slot) + in_flight));
-        FUZZ_CHECK(slot->state != TAXEL_BOARD_STATE_STREAMING || (slot->taxel_count >= 1 && slot->taxel_count <= TAXEL_TAXELS_MAX &&
-                   10u + 2u * (size_t)slot->taxel_count <= taxel_hub_read_max(hub)));
+        FUZZ_CHECK(slot->state <= TAXEL_BOARD_STATE_INCOMPATIBLE &&
+                   slot->polls == (uint8_t)(ENDED_COUNTERS(slot) + in_flight));
+        FUZZ_CHECK(slot->state != TAXEL_BOARD_STATE_STREAMING ||
+                   (slot->taxel_count >= 1 && slot->taxel_count <= TAXEL_TAXELS_MAX &&
+                    10u + 2u * (size_t)slot->taxel_count <= taxel_hub_read_max(hub)));
     }
 }
 
@@ -244,7 +250,8 @@ static void check_hub(void)
 {
     const struct taxel_hub *hub = &bench.hub;
     check_slots();
-    FUZZ_CHECK(hub->outbox.head < bench.config.transmit_ring_size && hub->outbox.tail < bench.config.transmit_ring_size);
+    FUZZ_CHECK(hub->outbox.head < bench.config.transmit_ring_size &&
+               hub->outbox.tail < bench.config.transmit_ring_size);
     FUZZ_CHECK(taxel_hub_uart_pending(hub) == hub->outbox.bytes_sent - (uint32_t)bench.bytes_pulled);
     FUZZ_CHECK(hub->job.kind == TAXEL_JOB_NONE || hub->job.slot == TAXEL_NO_SLOT || hub->job.slot < hub->slot_count);
     FUZZ_CHECK(hub->cycle.position <= hub->slot_count && hub->inbox.commands_rejected <= hub->inbox.commands);
@@ -252,7 +259,8 @@ static void check_hub(void)
     const unsigned waiting = (uint8_t)(hub->inbox.head - hub->inbox.tail);
     FUZZ_CHECK(hub->inbox.is_holding == bench.host_is_held);
     FUZZ_CHECK(bench.host_is_held || waiting < TAXEL_HUB_RECEIVE_RING - 1u - TAXEL_HUB_HOLD_SPACE);
-    FUZZ_CHECK(!bench.host_is_held || bench.restarted || waiting > TAXEL_HUB_RECEIVE_RING - 1u - TAXEL_HUB_RELEASE_SPACE);
+    FUZZ_CHECK(!bench.host_is_held || bench.restarted ||
+               waiting > TAXEL_HUB_RECEIVE_RING - 1u - TAXEL_HUB_RELEASE_SPACE);
 }
 
 void bench_pass(void)
@@ -267,12 +275,15 @@ void bench_pass(void)
     check_hub();
     /* A hub that waits for a transfer, a reply or a board must have requested a wake-up: otherwise it never runs
      * again. */
-    FUZZ_CHECK(bench.restarted || bench.wake_us != BENCH_NEVER || bench.done_us < BENCH_NEVER - 1u || bench.hub.job_done);
+    FUZZ_CHECK(bench.restarted || bench.wake_us != BENCH_NEVER || bench.done_us < BENCH_NEVER - 1u ||
+               bench.hub.job_done);
 }
 
 bool bench_step(uint64_t until_us)
 {
-    const uint64_t next = bench.hub.job_done ? bench.now_us : bench.wake_us < bench.done_us ? bench.wake_us : bench.done_us;
+    const uint64_t next = bench.hub.job_done              ? bench.now_us
+                          : bench.wake_us < bench.done_us ? bench.wake_us
+                                                          : bench.done_us;
     if (next > until_us) {
         return false;
     }

@@ -22,9 +22,12 @@ static const struct bus buses[BENCH_BUSES] = {
     {4, LARGEST, 236, {{0x20, 20, false}, {0x21, 1, false}, {0x50, 0, true}}}, /* the smallest allowed ring */
     {1, 112, 400, {{0}}},
     {2, LARGEST, RING_SIZE, {{0x20, 4, false}, {0x40, 0, true}, {0x41, 0, true}}}, /* more devices than slots */
-    {32, LARGEST, RING_SIZE,
+    {32,
+     LARGEST,
+     RING_SIZE,
      {{0x11, 7, false}, {0x12, 7, false}, {0x13, 7, false}, {0x14, 7, false}, {0x15, 7, false}, {0x16, 7, false}}},
-    {3, 112, 500, {{0x20, 51, false}, {0x21, 52, false}, {0x22, 5, false}}}, /* one board is too large for the buffers */
+    /* one board is too large for the buffers */
+    {3, 112, 500, {{0x20, 51, false}, {0x21, 52, false}, {0x22, 5, false}}},
 };
 
 void bench_populate(unsigned bus)
@@ -87,7 +90,8 @@ static void read_snapshot(struct bench_board *board, uint8_t *bytes)
 static size_t read_compact(struct bench_board *board, uint8_t *bytes)
 {
     const bool is_delta = board->sequence & 1u;
-    const size_t size = is_delta ? 12u + board->taxel_count % 8u : (11u + 2u * (size_t)board->taxel_count + 3u) & ~(size_t)3u;
+    const size_t size =
+        is_delta ? 12u + board->taxel_count % 8u : (11u + 2u * (size_t)board->taxel_count + 3u) & ~(size_t)3u;
     if (board->holds_scan) {
         bytes[0] = 0;
         return 1;
@@ -104,7 +108,8 @@ static size_t read_compact(struct bench_board *board, uint8_t *bytes)
 
 static void answer(struct bench_board *board, uint8_t *bytes, size_t size)
 {
-    uint8_t registers[1u + LARGEST + 4u]; /* a compact snapshot has a length byte and is padded to a multiple of four bytes */
+    /* a compact snapshot has a length byte and is padded to a multiple of four bytes */
+    uint8_t registers[1u + LARGEST + 4u];
     size_t available = 0;
     if (board->foreign) {
         memset(bytes, FOREIGN_BYTE, size);

@@ -39,7 +39,8 @@ struct taxel_i2c_transfer {
     size_t write_size;
     uint8_t *read_bytes;
     size_t read_size;
-    bool length_prefixed; /* the first byte read is the length of a compact snapshot; read_size is then the upper limit */
+    /* the first byte read is the length of a compact snapshot; read_size is then the upper limit */
+    bool length_prefixed;
 };
 
 /* For the port: bytes to read after the first byte of a length-prefixed transfer. */

@@ -121,7 +121,8 @@ static void set_scan_settings(struct taxel_hub *hub, const uint8_t *bytes)
         }
         board->settings_rejected = false;
         if (board->state == TAXEL_BOARD_STATE_STREAMING) {
-            taxel_scan_settings_unpack(&board->settings, bytes + TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE - TAXEL_SCAN_SETTINGS_SIZE);
+            taxel_scan_settings_unpack(&board->settings,
+                                       bytes + TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE - TAXEL_SCAN_SETTINGS_SIZE);
             board->has_settings = true;
             board->settings_dirty = true;
             any = true;
@@ -152,7 +153,8 @@ static void get_board_info(struct taxel_hub *hub, const uint8_t *bytes)
 void taxel_hub_end_finished_command(struct taxel_hub *hub)
 {
     bool rejected = false;
-    if (hub->command.command != TAXEL_COMMAND_SET_SCAN_SETTINGS && hub->command.command != TAXEL_COMMAND_GET_BOARD_INFO) {
+    if (hub->command.command != TAXEL_COMMAND_SET_SCAN_SETTINGS &&
+        hub->command.command != TAXEL_COMMAND_GET_BOARD_INFO) {
         return;
     }
     for (uint8_t i = 0; i < hub->slot_count; i++) {

@@ -37,7 +37,8 @@ void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config
     hub->config = config;
     hub->reset_cause = reset_cause;
     hub->settings_read_slot = TAXEL_NO_SLOT;
-    hub->bus_down_until_us = hub->host_bus_until_us = hub->bus_scan.next_us = taxel_hub_now(hub); /* the clock may start at any value */
+    /* the clock may start at any value */
+    hub->bus_down_until_us = hub->host_bus_until_us = hub->bus_scan.next_us = taxel_hub_now(hub);
     taxel_hub_inbox_init(hub);
     taxel_hub_send_handshake(hub, 0, 0);
     taxel_hub_start_bus_scan(hub, false);
@@ -68,7 +69,8 @@ static void process_job_outcome(struct taxel_hub *hub)
     if (job->kind == TAXEL_JOB_POLL && hub->job_result == TAXEL_I2C_OK) {
         taxel_hub_keep_snapshot(hub);
         job->kind = TAXEL_JOB_NONE;
-        taxel_hub_start_next_job(hub); /* the bus is busy with the next transfer while this snapshot is checked and framed */
+        /* the bus is busy with the next transfer while this snapshot is checked and framed */
+        taxel_hub_start_next_job(hub);
         taxel_hub_process_snapshot(hub);
         return;
     }

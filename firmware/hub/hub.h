@@ -1,13 +1,12 @@
 /* The hub: the I2C master of all sensor boards. It reads one snapshot after the other, checks its CRC, and forwards it
  * unparsed as a UART frame; it executes the host's commands between two polls.
  *
- *   hub.c       set-up and one pass of the main loop      outbox.c    outgoing UART frames: ring, back-pressure, counters
- *   schedule.c  selects the next transfer                 inbox.c     incoming UART bytes: ring, frame search
- *   outcome.c   evaluates a finished transfer             command.c   handshake and commands
- *   identify.c  identity and scan settings of a board     report.c    status frames
- *   recovery.c  nine clocks that free a stuck bus         pool.c      buffers of the transfers
- *   launch.c    starts a transfer                         snapshot.c  checks a snapshot and forwards it
- *   stall.c     a UART without a reader
+ * hub.c       set-up and one pass of the main loop      outbox.c    outgoing UART frames: ring, back-pressure, counters
+ * schedule.c  selects the next transfer                 inbox.c     incoming UART bytes: ring, frame search outcome.c
+ * evaluates a finished transfer             command.c   handshake and commands identify.c  identity and scan settings
+ * of a board     report.c    status frames recovery.c  nine clocks that free a stuck bus         pool.c      buffers of
+ * the transfers launch.c    starts a transfer                         snapshot.c  checks a snapshot and forwards it
+ * stall.c     a UART without a reader
  *
  * Integration (`hal`: struct taxel_hub_hal of the port; all memory is the caller's):
  *
@@ -41,7 +40,8 @@
 
 #define TAXEL_HUB_COMMAND_PAYLOAD_MAX 68u
 #define TAXEL_HUB_RECEIVE_RING 256u
-#define TAXEL_HUB_HOLD_SPACE 32u /* free bytes at which RTS stops the host: an adapter still sends its transmitter's bytes */
+/* free bytes at which RTS stops the host: an adapter still sends its transmitter's bytes */
+#define TAXEL_HUB_HOLD_SPACE 32u
 #define TAXEL_HUB_RELEASE_SPACE 128u /* free bytes at which RTS lets the host continue */
 #define TAXEL_HUB_REPLY_RESERVE 180u /* bytes: the longest reply, and small frames that cannot wait */
 
@@ -56,23 +56,24 @@ struct taxel_hub_slot {
     uint8_t address;
     uint8_t taxel_count;
     uint8_t last_fault;
-    uint8_t polls;      /* modulo 256; taxel_hub_polls() restores the upper bits */
-    uint8_t state : 2;  /* enum taxel_board_state */
+    uint8_t polls;     /* modulo 256; taxel_hub_polls() restores the upper bits */
+    uint8_t state : 2; /* enum taxel_board_state */
     uint8_t attempts : 2;
     bool retry_pending : 1;
     bool info_requested : 1;
-    bool pointer_is_snapshot : 1; /* the board's register pointer is at the polled register: a read needs no write before it */
+    /* the board's register pointer is at the polled register: a read needs no write before it */
+    bool pointer_is_snapshot : 1;
     bool has_sequence : 1;
-    bool has_clock : 1; /* last_timestamp_us is valid */
-    bool has_compact : 1; /* the board has compact snapshots */
+    bool has_clock : 1;           /* last_timestamp_us is valid */
+    bool has_compact : 1;         /* the board has compact snapshots */
     bool acknowledge_pending : 1; /* `key_frame_id` is to be written to the board */
     bool forget_pending : 1;      /* the host has no key frame of the board, which is to be written to the board */
-    bool has_settings : 1; /* the host set `settings`: they are written again after a restart of the board */
+    bool has_settings : 1;        /* the host set `settings`: they are written again after a restart of the board */
     bool settings_dirty : 1;
     bool settings_rejected : 1;
     uint16_t consecutive_failures;
     uint16_t last_sequence;
-    uint16_t key_frame_id; /* of the key frame that the host has decoded */
+    uint16_t key_frame_id;      /* of the key frame that the host has decoded */
     uint32_t last_timestamp_us; /* board's clock in the last forwarded snapshot */
     uint32_t last_read_us;      /* hub's clock when that snapshot, or an incompatible identity, was read */
     uint32_t forwarded, repeated, nacks, timeouts, crc_errors, bus_errors, dropped, retries;
@@ -129,9 +130,9 @@ struct taxel_job {
     uint8_t kind; /* enum taxel_job_kind */
     uint8_t slot;
     uint8_t address;
-    bool is_compact; /* a poll that reads a length byte first */
+    bool is_compact;      /* a poll that reads a length byte first */
     uint16_t pool_offset; /* of its buffer */
-    uint16_t cycle; /* in which it was started */
+    uint16_t cycle;       /* in which it was started */
     uint16_t read_size;
     uint32_t started_us;
     uint32_t deadline_us;
@@ -196,13 +197,15 @@ struct taxel_report {
     uint32_t next_us;
 };
 
-#define TAXEL_HUB_LARGE_MAX 3u /* with more frames, the free parts of a pool for 17 boards are too small for the largest board */
+/* with more frames, the free parts of a pool for 17 boards are too small for the largest board */
+#define TAXEL_HUB_LARGE_MAX 3u
 
 /* A frame in the pool that is to be sent. */
 struct taxel_large {
-    uint16_t end; /* offset in the pool */
+    uint16_t end;  /* offset in the pool */
     uint16_t mark; /* position at which the ring waits while this frame is sent */
-    volatile uint16_t remaining; /* bytes to send; set by the main loop, then counted down by the UART's interrupt alone */
+    /* bytes to send; set by the main loop, then counted down by the UART's interrupt alone */
+    volatile uint16_t remaining;
 };
 
 struct taxel_outbox {
@@ -210,15 +213,15 @@ struct taxel_outbox {
     volatile uint16_t tail; /* next byte for the UART: written by its interrupt only */
     struct taxel_large large[TAXEL_HUB_LARGE_MAX];
     volatile uint8_t large_first; /* index of the next one to send: written by the interrupt only */
-    uint8_t large_next; /* index of the next one to add: written by the main loop only */
-    volatile bool is_held; /* the interrupt must not take any byte */
+    uint8_t large_next;           /* index of the next one to add: written by the main loop only */
+    volatile bool is_held;        /* the interrupt must not take any byte */
     uint16_t sequence;
     uint32_t frames_sent, bytes_sent, frames_dropped;
 };
 
 struct taxel_inbox {
     volatile uint8_t head, tail;
-    uint8_t search_position; /* no delimiter between the tail and this position */
+    uint8_t search_position;  /* no delimiter between the tail and this position */
     volatile bool is_holding; /* RTS stops the host */
     volatile uint16_t overruns;
     uint16_t overruns_reported;
@@ -245,16 +248,16 @@ struct taxel_hub {
     uint32_t bus_recoveries;
     uint32_t uart_bytes_taken; /* bytes that the UART had taken at the last check */
     uint32_t uart_progress_us; /* last check at which the UART had taken more bytes than before */
-    uint8_t bus_fault; /* enum taxel_board_fault that the last bus recovery did not remove */
+    uint8_t bus_fault;         /* enum taxel_board_fault that the last bus recovery did not remove */
     uint8_t slot_count;
-    uint8_t version; /* negotiated; 0 before a handshake */
-    uint8_t reset_cause; /* enum taxel_reset_cause */
+    uint8_t version;            /* negotiated; 0 before a handshake */
+    uint8_t reset_cause;        /* enum taxel_reset_cause */
     uint8_t settings_read_slot; /* slot whose settings are read next, or 0xFF */
     uint8_t settings_read_kind; /* TAXEL_JOB_READ_SETTINGS or TAXEL_JOB_CHECK_SETTINGS */
-    bool uart_is_stalled; /* the UART has no reader: frames without space are dropped */
+    bool uart_is_stalled;       /* the UART has no reader: frames without space are dropped */
     bool streaming;
-    bool has_retry; /* retry_pending is set in at least one slot */
-    bool use_compact; /* the host requested compact snapshots from the boards that have them */
+    bool has_retry;             /* retry_pending is set in at least one slot */
+    bool use_compact;           /* the host requested compact snapshots from the boards that have them */
     bool discard_requested : 1; /* the queued frames are to be dropped, because the UART stalled */
     bool restart_requested : 1;
     bool bootloader_requested : 1;

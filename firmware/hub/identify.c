@@ -28,7 +28,8 @@ static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, cons
 }
 
 /* The board cannot be polled in this cycle: count this as the outcome of its poll, and go on to the next board. */
-static void end_turn(struct taxel_hub *hub, struct taxel_hub_slot *board, uint32_t *counter, uint8_t fault, uint8_t state)
+static void end_turn(struct taxel_hub *hub, struct taxel_hub_slot *board, uint32_t *counter, uint8_t fault,
+                     uint8_t state)
 {
     taxel_hub_fail(hub, board, fault);
     board->state = state & 3u;
@@ -80,7 +81,8 @@ void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *boa
     if (fault != TAXEL_BOARD_FAULT_CRC && !is_accepted) {
         board->attempts = (board->attempts + 1u) & 3u;
     }
-    end_turn(hub, board, &board->crc_errors, fault, is_accepted ? TAXEL_BOARD_STATE_INCOMPATIBLE : TAXEL_BOARD_STATE_ABSENT);
+    end_turn(hub, board, &board->crc_errors, fault,
+             is_accepted ? TAXEL_BOARD_STATE_INCOMPATIBLE : TAXEL_BOARD_STATE_ABSENT);
 }
 
 static bool settings_are_whole(const struct taxel_hub_slot *board, const uint8_t *bytes)

@@ -7,8 +7,8 @@
 #include "hub/internal.h"
 
 #define LONGEST (TAXEL_FRAME_HEADER_SIZE + TAXEL_HUB_COMMAND_PAYLOAD_MAX + TAXEL_FRAME_CRC_SIZE)
-#define LONGEST_ENCODED (LONGEST + 1u)  /* without delimiters */
-#define CRC_OF_WHOLE_BODY 0x2144DF1Cu   /* CRC-32 of any bytes followed by their own CRC-32 */
+#define LONGEST_ENCODED (LONGEST + 1u) /* without delimiters */
+#define CRC_OF_WHOLE_BODY 0x2144DF1Cu  /* CRC-32 of any bytes followed by their own CRC-32 */
 #define NO_BYTE (-1)
 #define WAIT (-1)
 
@@ -47,8 +47,8 @@ void taxel_hub_on_uart_byte(struct taxel_hub *hub, uint8_t byte)
 struct body {
     const uint8_t *ring;
     uint8_t at;
-    uint8_t ahead; /* remaining bytes of the chunk */
-    uint8_t remaining;  /* remaining bytes of the block */
+    uint8_t ahead;     /* remaining bytes of the chunk */
+    uint8_t remaining; /* remaining bytes of the block */
     uint8_t whitening;
 };
 
@@ -66,7 +66,8 @@ static bool open_block(struct body *body)
 
 static struct body body_at_tail(const struct taxel_inbox *inbox, uint8_t size)
 {
-    return (struct body){.ring = inbox->ring, .at = inbox->tail, .ahead = size, .whitening = (uint8_t)TAXEL_WHITENING_SEED};
+    return (struct body){
+        .ring = inbox->ring, .at = inbox->tail, .ahead = size, .whitening = (uint8_t)TAXEL_WHITENING_SEED};
 }
 
 /* The next byte, or NO_BYTE if its block reaches past the chunk. Every accepted body is shorter than a full block of
@@ -94,7 +95,8 @@ static bool header_is_right(const uint8_t *header)
         return length == TAXEL_HOST_HANDSHAKE_SIZE;
     }
     if (header[0] == TAXEL_FRAME_TYPE_ACKNOWLEDGE) {
-        return length && length <= TAXEL_ACKNOWLEDGE_MAX * TAXEL_ACKNOWLEDGEMENT_SIZE && length % TAXEL_ACKNOWLEDGEMENT_SIZE == 0;
+        return length && length <= TAXEL_ACKNOWLEDGE_MAX * TAXEL_ACKNOWLEDGEMENT_SIZE &&
+               length % TAXEL_ACKNOWLEDGEMENT_SIZE == 0;
     }
     return header[0] == TAXEL_FRAME_TYPE_COMMAND && length >= TAXEL_COMMAND_HEADER_SIZE &&
            length <= TAXEL_HUB_COMMAND_PAYLOAD_MAX;

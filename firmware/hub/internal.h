@@ -126,10 +126,10 @@ bool taxel_hub_has_space_for_reply(const struct taxel_hub *hub);
 /* outbox.c: write one frame of a head and a tail (either may be empty) to `pool_offset`, or into the ring for
  * TAXEL_HUB_IN_RING; false if the ring has no space */
 #define TAXEL_HUB_IN_RING 0xFFFFu
-bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size, const uint8_t *data, size_t data_size,
-                    uint16_t pool_offset);
-static inline bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size, const uint8_t *data,
-                                      size_t data_size)
+bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size, const uint8_t *data,
+                    size_t data_size, uint16_t pool_offset);
+static inline bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size,
+                                      const uint8_t *data, size_t data_size)
 {
     return taxel_hub_emit(hub, type, prefix, prefix_size, data, data_size, TAXEL_HUB_IN_RING);
 }
@@ -138,13 +138,14 @@ bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, 
                     size_t data_size);
 /* Send a frame whose tail was read into the buffer at `pool_offset`: from that buffer, or, while the UART sends
  * another one, through the ring if it has space. False if the UART has no reader; the frame is then not sent. */
-bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size, uint16_t pool_offset,
-                           size_t size);
+bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size,
+                           uint16_t pool_offset, size_t size);
 /* stall.c */
 /* Whether the UART has taken nothing for 0.1 s and therefore has no reader. Call it repeatedly while waiting for the
  * UART. */
 bool taxel_hub_uart_is_stalled(struct taxel_hub *hub);
-/* Discard the queued frames after the start of a stall. Called from the main loop itself, where enough stack is free. */
+/* Discard the queued frames after the start of a stall. Called from the main loop itself, where enough stack is
+ * free. */
 void taxel_hub_discard_queued(struct taxel_hub *hub);
 static inline uint8_t taxel_hub_after_large(uint8_t index)
 {

@@ -2,9 +2,9 @@
 #include "codec/crc32.h"
 #include "hub/internal.h"
 
-#define TIMEOUT_BASE_US 5000u    /* clock stretching by the slave, in addition to the nominal duration of a transfer */
+#define TIMEOUT_BASE_US 5000u /* clock stretching by the slave, in addition to the nominal duration of a transfer */
 #define CLOCKS_PER_BYTE 9u
-#define ADDRESS_BYTES 3u         /* both addresses and slack for start and stop */
+#define ADDRESS_BYTES 3u /* both addresses and slack for start and stop */
 
 #define slot_at taxel_hub_slot_at
 
@@ -76,7 +76,8 @@ void taxel_hub_launch_probe(struct taxel_hub *hub, uint8_t kind, uint8_t slot, u
 
 size_t taxel_hub_poll_size(const struct taxel_hub *hub, const struct taxel_hub_slot *board)
 {
-    return polls_compact(hub, board) ? taxel_hub_compact_max(board) : TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count;
+    return polls_compact(hub, board) ? taxel_hub_compact_max(board)
+                                     : TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count;
 }
 
 void taxel_hub_launch_poll(struct taxel_hub *hub, uint8_t slot)

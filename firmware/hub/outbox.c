@@ -85,14 +85,15 @@ bool taxel_hub_has_space_for_reply(const struct taxel_hub *hub)
     return used_bytes(hub) + REPLY_ENCODED_MAX < taxel_hub_config_of(hub)->transmit_ring_size;
 }
 
-TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size, const uint8_t *data,
-                                    size_t data_size, uint16_t pool_offset)
+TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size,
+                                    const uint8_t *data, size_t data_size, uint16_t pool_offset)
 {
     const struct taxel_hub_config *config = taxel_hub_config_of(hub);
     struct taxel_outbox *outbox = &hub->outbox;
     struct taxel_encoder encoder;
-    if (pool_offset == TAXEL_HUB_IN_RING && used_bytes(hub) + taxel_encoded_size_max(prefix_size + data_size) + reserve_for(hub, type) >=
-                                       config->transmit_ring_size) {
+    if (pool_offset == TAXEL_HUB_IN_RING &&
+        used_bytes(hub) + taxel_encoded_size_max(prefix_size + data_size) + reserve_for(hub, type) >=
+            config->transmit_ring_size) {
         return false;
     }
     uint8_t *base = config->transmit_ring;
@@ -102,7 +103,8 @@ TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const u
         capacity = config->transfer_pool_size;
         position = pool_offset;
     }
-    taxel_encoder_begin(&encoder, base, capacity, position, type, outbox->sequence, (uint16_t)(prefix_size + data_size));
+    taxel_encoder_begin(&encoder, base, capacity, position, type, outbox->sequence,
+                        (uint16_t)(prefix_size + data_size));
     taxel_encoder_put(&encoder, prefix, prefix_size);
     taxel_encoder_put(&encoder, data, data_size);
     const size_t length = taxel_encoder_end(&encoder);
@@ -124,8 +126,8 @@ TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const u
     return true;
 }
 
-bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size, uint16_t pool_offset,
-                           size_t size)
+bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size,
+                           uint16_t pool_offset, size_t size)
 {
     struct taxel_outbox *outbox = &hub->outbox;
     const uint8_t *bytes = taxel_hub_bytes(hub, pool_offset);
@@ -175,7 +177,8 @@ void taxel_hub_log_at(struct taxel_hub *hub, uint8_t level, uint16_t code, const
         .hub_time_us = taxel_hub_now(hub),
     };
     taxel_log_header_pack(&header, bytes);
-    if (!taxel_hub_emit(hub, TAXEL_FRAME_TYPE_LOG, bytes, sizeof bytes, (const uint8_t *)text, strlen(text), pool_offset)) {
+    if (!taxel_hub_emit(hub, TAXEL_FRAME_TYPE_LOG, bytes, sizeof bytes, (const uint8_t *)text, strlen(text),
+                        pool_offset)) {
         hub->outbox.frames_dropped++;
     }
 }

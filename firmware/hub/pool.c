@@ -20,7 +20,8 @@ bool taxel_hub_find_buffer(struct taxel_hub *hub, size_t size)
     if (outbox->large[needed].remaining && !hub->uart_is_stalled) {
         return false;
     }
-    for (unsigned i = 0; i < TAXEL_HUB_LARGE_MAX; i++) { /* newest first, because the interrupt may finish the oldest at any time */
+    /* newest first, because the interrupt may finish the oldest at any time */
+    for (unsigned i = 0; i < TAXEL_HUB_LARGE_MAX; i++) {
         index = index ? (uint8_t)(index - 1u) : TAXEL_HUB_LARGE_MAX - 1u;
         const uint16_t remaining = outbox->large[index].remaining;
         if (remaining) {

@@ -12,7 +12,8 @@ uint8_t taxel_hub_recover_bus(struct taxel_hub *hub)
     hal->i2c_drive(hal->context, true, true);
     hal->delay_us(hal->context, HALF_CLOCK_US);
     if (!hal->i2c_scl(hal->context)) {
-        return TAXEL_BOARD_FAULT_SCL_STUCK; /* no clock can be generated: the slave must release SCL itself, or be power-cycled */
+        /* no clock can be generated: the slave must release SCL itself, or be power-cycled */
+        return TAXEL_BOARD_FAULT_SCL_STUCK;
     }
     for (unsigned clock = 0; clock < CLOCKS && !hal->i2c_sda(hal->context); clock++) {
         hal->i2c_drive(hal->context, false, true);

@@ -3,7 +3,7 @@
 #include "hub/internal.h"
 
 #define REPORT_PERIOD_US 1000000u
-#define STEP_US 100u     /* between two frames of a report */
+#define STEP_US 100u      /* between two frames of a report */
 #define NO_SPACE_US 2000u /* before a frame without space is tried again */
 
 static uint8_t boards_streaming(const struct taxel_hub *hub)
@@ -74,8 +74,8 @@ void taxel_hub_start_report(struct taxel_hub *hub, bool for_command)
 static bool send_next(struct taxel_hub *hub)
 {
     struct taxel_report *report = &hub->report;
-    const bool sent =
-        report->next == 0 ? send_hub_status(hub) : send_board_status(hub, taxel_hub_slot_at(hub, (uint8_t)(report->next - 1u)));
+    const bool sent = report->next == 0 ? send_hub_status(hub)
+                                        : send_board_status(hub, taxel_hub_slot_at(hub, (uint8_t)(report->next - 1u)));
     if (!sent) {
         return false;
     }

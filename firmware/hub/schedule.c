@@ -2,12 +2,15 @@
  * clock and a few probes for unknown boards. When not streaming, the hub scans the bus instead. */
 #include "hub/internal.h"
 
-#define UPKEEP_PERIOD_US 50000u  /* shortest interval of a clock reading and probes: every cycle of 17 boards at 400 kHz */
-#define PROBES_PER_CYCLE 4u      /* finds a new board within 28 such cycles, at 0.1 ms of bus time each */
+/* shortest interval of a clock reading and probes: every cycle of 17 boards at 400 kHz */
+#define UPKEEP_PERIOD_US 50000u
+#define PROBES_PER_CYCLE 4u            /* finds a new board within 28 such cycles, at 0.1 ms of bus time each */
 #define INCOMPATIBLE_RETRY_US 1000000u /* costs 1.5 ms of bus time per second at 400 kHz */
-#define BUS_SCAN_PERIOD_US 20000u   /* between two scans of the idle bus */
-#define SMALL_READ (TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN + 1u) /* bytes: all transfers but polls, and the reply to SCAN_BUS */
-#define HOST_BUS_US 100000u      /* after a transfer of the host: the host may wait for a flash row, and twice for its adapter */
+#define BUS_SCAN_PERIOD_US 20000u      /* between two scans of the idle bus */
+/* bytes: all transfers but polls, and the reply to SCAN_BUS */
+#define SMALL_READ (TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN + 1u)
+/* after a transfer of the host: the host may wait for a flash row, and twice for its adapter */
+#define HOST_BUS_US 100000u
 
 #define slot_at taxel_hub_slot_at
 
@@ -86,7 +89,8 @@ static enum launch launch_retry(struct taxel_hub *hub)
 static bool upkeep_is_due(const struct taxel_hub *hub)
 {
     const struct taxel_cycle *cycle = &hub->cycle;
-    return !cycle->has_launched || cycle->count < hub->slot_count || taxel_hub_now(hub) - cycle->last_upkeep_us >= UPKEEP_PERIOD_US;
+    return !cycle->has_launched || cycle->count < hub->slot_count ||
+           taxel_hub_now(hub) - cycle->last_upkeep_us >= UPKEEP_PERIOD_US;
 }
 
 static bool is_unchecked(const struct taxel_hub *hub)
@@ -307,7 +311,8 @@ static void launch_from_idle(struct taxel_hub *hub)
     if (launch_any_upkeep(hub)) {
         return;
     }
-    const uint32_t next = taxel_hub_is_due(hub->bus_scan.next_us, hub->host_bus_until_us) ? hub->bus_scan.next_us : hub->host_bus_until_us;
+    const uint32_t scan_us = hub->bus_scan.next_us, host_us = hub->host_bus_until_us;
+    const uint32_t next = taxel_hub_is_due(scan_us, host_us) ? scan_us : host_us;
     if (!taxel_hub_is_due(now, next)) {
         taxel_hub_wake_in(hub, next - now);
         return;
@@ -352,8 +357,10 @@ void taxel_hub_start_next_job(struct taxel_hub *hub)
         return;
     }
     if (slot != TAXEL_NO_SLOT) {
-        hub->settings_read_slot = TAXEL_NO_SLOT; /* into the buffer of the previous transfer, which holds the identity */
-        taxel_hub_launch_read(hub, hub->settings_read_kind, slot, TAXEL_REGISTER_SETTINGS, TAXEL_SETTINGS_REGISTER_SIZE);
+        /* into the buffer of the previous transfer, which holds the identity */
+        hub->settings_read_slot = TAXEL_NO_SLOT;
+        taxel_hub_launch_read(hub, hub->settings_read_kind, slot, TAXEL_REGISTER_SETTINGS,
+                              TAXEL_SETTINGS_REGISTER_SIZE);
         return;
     }
     const size_t largest = taxel_hub_read_max(hub);

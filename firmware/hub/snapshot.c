@@ -50,8 +50,8 @@ void taxel_hub_keep_snapshot(struct taxel_hub *hub)
 }
 
 /* The board's clock in a snapshot. A delta frame holds its low 24 bits; the upper bits follow from the hub's clock. */
-static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct taxel_unframed *unframed, const uint8_t *bytes,
-                             bool is_delta)
+static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct taxel_unframed *unframed,
+                             const uint8_t *bytes, bool is_delta)
 {
     if (unframed->type == TAXEL_FRAME_TYPE_TAXELS) {
         return taxel_get_u32(bytes + TAXEL_SNAPSHOT_HEADER_OFFSET_TIMESTAMP_US);
@@ -60,7 +60,8 @@ static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct ta
         return taxel_get_u32(bytes + TAXEL_COMPACT_PACKED_OFFSET_TIMESTAMP_US);
     }
     const uint32_t expected = board->last_timestamp_us + unframed->started_us - board->last_read_us;
-    const uint32_t low = taxel_get_u32(bytes + TAXEL_COMPACT_DELTA_OFFSET_TIMESTAMP_LOW) << 8; /* without the byte that follows it */
+    /* without the byte that follows it */
+    const uint32_t low = taxel_get_u32(bytes + TAXEL_COMPACT_DELTA_OFFSET_TIMESTAMP_LOW) << 8;
     return expected + (uint32_t)((int32_t)(low - (expected << 8)) >> 8);
 }
 
@@ -75,8 +76,9 @@ static bool send(struct taxel_hub *hub, const struct taxel_hub_slot *board)
         .hub_time_us = unframed->started_us,
     };
     taxel_taxel_header_pack(&header, head);
-    return taxel_hub_send_buffer(hub, unframed->type, head, unframed->type == TAXEL_FRAME_TYPE_BOARD_INFO ? 0 : sizeof head,
-                                unframed->pool_offset, unframed->size);
+    return taxel_hub_send_buffer(hub, unframed->type, head,
+                                 unframed->type == TAXEL_FRAME_TYPE_BOARD_INFO ? 0 : sizeof head, unframed->pool_offset,
+                                 unframed->size);
 }
 
 void taxel_hub_forward(struct taxel_hub *hub)
@@ -110,7 +112,8 @@ static bool snapshot_is_new(struct taxel_hub *hub, struct taxel_hub_slot *board)
                           !(bytes[TAXEL_COMPACT_HEADER_OFFSET_FORMAT] & TAXEL_COMPACT_WIDTH_MASK);
     const uint32_t timestamp_us = timestamp_of(board, unframed, bytes, is_delta);
     taxel_hub_succeed(hub, board);
-    if (!is_delta && board_was_restarted(board, unframed->started_us, timestamp_us)) { /* after a restart a board sends no delta frame */
+    /* after a restart a board sends no delta frame */
+    if (!is_delta && board_was_restarted(board, unframed->started_us, timestamp_us)) {
         board->last_fault = TAXEL_BOARD_FAULT_RESTARTED;
         board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* another board, or other settings, may be present now */
         board->has_sequence = false;

@@ -5,7 +5,8 @@
 #include "hub/internal.h"
 
 #define UART_STALL_US 100000u
-#define PREFIX_SIZE 6u /* first bytes of a body: type, sequence, length, and the payload's first byte, a board's address */
+/* first bytes of a body: type, sequence, length, and the payload's first byte, a board's address */
+#define PREFIX_SIZE 6u
 #define PREFIX_SEQUENCE 1u
 #define PREFIX_ADDRESS TAXEL_FRAME_HEADER_SIZE
 
@@ -76,7 +77,8 @@ TAXEL_OWN_FRAME static void discard_queued(struct taxel_hub *hub)
         struct taxel_large *large = &outbox->large[i];
         const uint16_t mark = large->mark; /* frames in the ring keep their position between the large ones */
         outbox->sequence = numbers[i];
-        taxel_hub_log_at(hub, TAXEL_LOG_LEVEL_WARNING, TAXEL_LOG_CODE_FRAME_DROPPED, "no reader", end); /* uses this entry */
+        /* uses this entry */
+        taxel_hub_log_at(hub, TAXEL_LOG_LEVEL_WARNING, TAXEL_LOG_CODE_FRAME_DROPPED, "no reader", end);
         large->mark = mark;
         end = large->end;
     }
@@ -102,7 +104,8 @@ bool taxel_hub_uart_is_stalled(struct taxel_hub *hub)
 
 void taxel_hub_discard_queued(struct taxel_hub *hub)
 {
-    if (!hub->discard_requested || hub->job.kind != TAXEL_JOB_NONE || hub->unframed.size || hub->settings_read_slot != TAXEL_NO_SLOT) {
+    if (!hub->discard_requested || hub->job.kind != TAXEL_JOB_NONE || hub->unframed.size ||
+        hub->settings_read_slot != TAXEL_NO_SLOT) {
         return;
     }
     if (taxel_hub_uart_is_stalled(hub)) {

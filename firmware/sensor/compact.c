@@ -4,8 +4,9 @@
 #include "codec/crc32.h"
 #include "sensor/sensor.h"
 
-#define IDLE_US 10000000u     /* after this time without a read, coding stops */
-#define PERIOD 16u            /* snapshots between key frames without touches: an acknowledgement costs 4 bytes on the bus */
+#define IDLE_US 10000000u /* after this time without a read, coding stops */
+/* snapshots between key frames without touches: an acknowledgement costs 4 bytes on the bus */
+#define PERIOD 16u
 #define TIMEOUT_READS_FIRST 8u
 #define TIMEOUT_READS_MAX 32u
 #define ELAPSED_MAX 0xFFFFFFu /* us since the key frame: a delta frame has only three bytes of the timestamp */
@@ -176,8 +177,8 @@ static void update_usual_size(struct taxel_compact *compact, size_t size)
 
 /* Build a delta frame; returns its bytes from `sequence` up to the CRC, or 0 without a key frame or if a packed
  * frame is shorter. */
-static size_t code_delta(struct taxel_sensor *sensor, const struct taxel_snapshot_header *snapshot, const uint8_t *counts,
-                   size_t packed_size, uint8_t *bytes)
+static size_t code_delta(struct taxel_sensor *sensor, const struct taxel_snapshot_header *snapshot,
+                         const uint8_t *counts, size_t packed_size, uint8_t *bytes)
 {
     struct taxel_compact *compact = &sensor->compact;
     const uint32_t low = snapshot->timestamp_us;
@@ -216,15 +217,16 @@ static uint16_t add_length_and_crc(const struct taxel_sensor *sensor, uint8_t *b
     while (length >= TAXEL_COMPACT_LENGTH_FINE && length % TAXEL_COMPACT_LENGTH_STEP) {
         buffer[1u + length++ - CRC_SIZE] = 0;
     }
-    buffer[0] = (uint8_t)(length < TAXEL_COMPACT_LENGTH_FINE
-                              ? length
-                              : TAXEL_COMPACT_LENGTH_FINE + length / TAXEL_COMPACT_LENGTH_STEP);
+    buffer[0] =
+        (uint8_t)(length < TAXEL_COMPACT_LENGTH_FINE ? length
+                                                     : TAXEL_COMPACT_LENGTH_FINE + length / TAXEL_COMPACT_LENGTH_STEP);
     const uint32_t crc = taxel_crc32(taxel_crc32(0, &sensor->config->address, 1), buffer + 1, length - CRC_SIZE);
     taxel_put_u32(buffer + 1u + length - CRC_SIZE, crc);
     return (uint16_t)crc;
 }
 
-/* Store what the acknowledgement will need: one byte per taxel, or, for a packed key frame, the new states themselves. */
+/* Store what the acknowledgement will need: one byte per taxel, or, for a packed key frame, the new states
+ * themselves. */
 static void store_key_frame(struct taxel_sensor *sensor, const uint8_t *counts, bool is_delta)
 {
     const struct taxel_compact_memory *memory = &sensor->config->compact;
@@ -255,7 +257,8 @@ static void code_snapshot(struct taxel_sensor *sensor, const uint8_t *bytes)
     struct taxel_snapshot_header snapshot;
     taxel_snapshot_header_unpack(&snapshot, bytes);
     const uint8_t width = taxel_compact_width(counts, sensor->config->taxel_count);
-    const size_t packed_size = TAXEL_COMPACT_PACKED_SIZE + taxel_compact_packed_size(width, sensor->config->taxel_count);
+    const size_t packed_size =
+        TAXEL_COMPACT_PACKED_SIZE + taxel_compact_packed_size(width, sensor->config->taxel_count);
     bool is_key_frame = needs_key_frame(compact);
     size_t size = code_delta(sensor, &snapshot, counts, packed_size, compact->work_buffer + 1);
     const bool is_delta = size != 0;
@@ -309,9 +312,8 @@ static void exchange_buffers(struct taxel_sensor *sensor)
 bool taxel_sensor_has_work(const struct taxel_sensor *sensor)
 {
     const struct taxel_compact *compact = &sensor->compact;
-    return taxel_sensor_has_compact(sensor) &&
-           (compact->acknowledge_received || compact->forget_received ||
-            (compact->work_ready ? !compact->read_in_progress : may_latch(sensor)));
+    return taxel_sensor_has_compact(sensor) && (compact->acknowledge_received || compact->forget_received ||
+                                                (compact->work_ready ? !compact->read_in_progress : may_latch(sensor)));
 }
 
 void taxel_sensor_run(struct taxel_sensor *sensor)

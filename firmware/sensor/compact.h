@@ -27,8 +27,8 @@ struct taxel_compact_memory {
 
 /* The last snapshot that was marked as a key frame. */
 struct taxel_compact_pending_key_frame {
-    bool is_pending; /* not acknowledged yet */
-    bool is_packed;  /* `states` already hold the new key frame */
+    bool is_pending;       /* not acknowledged yet */
+    bool is_packed;        /* `states` already hold the new key frame */
     uint8_t timeout_reads; /* number of later snapshots read after which the acknowledgement counts as lost */
     uint16_t id;
     uint32_t timestamp_us;
@@ -39,10 +39,10 @@ struct taxel_compact {
     uint8_t *work_buffer;   /* buffer into which the main loop codes */
 
     /* shared by interrupt and main loop */
-    bool has_reader;          /* compact snapshots were read recently */
-    bool read_in_progress;    /* a read of reader_buffer has not ended */
+    bool has_reader;       /* compact snapshots were read recently */
+    bool read_in_progress; /* a read of reader_buffer has not ended */
     bool reader_buffer_valid;
-    bool is_unread;           /* reader_buffer was not read yet */
+    bool is_unread; /* reader_buffer was not read yet */
     bool reader_has_key_frame;
     bool acknowledge_received;
     bool forget_received;

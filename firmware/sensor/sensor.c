@@ -16,7 +16,8 @@ static uint16_t count_bits(const uint8_t *map)
 /* No bit is set beyond the crossings of the board. */
 static bool map_fits(const struct taxel_sensor_config *config)
 {
-    for (unsigned crossing = (unsigned)config->rows * config->columns; crossing < 8u * TAXEL_CROSSING_MAP_SIZE; crossing++) {
+    for (unsigned crossing = (unsigned)config->rows * config->columns; crossing < 8u * TAXEL_CROSSING_MAP_SIZE;
+         crossing++) {
         if (config->crossing_map[crossing >> 3] & (1u << (crossing & 7u))) {
             return false;
         }
@@ -29,7 +30,8 @@ static bool config_is_valid(const struct taxel_sensor_config *config)
     return config->rows >= 1u && config->rows <= TAXEL_LINES_MAX && config->columns >= 1u &&
            config->columns <= TAXEL_LINES_MAX && config->taxel_count >= 1u && config->taxel_count <= TAXEL_TAXELS_MAX &&
            config->address >= TAXEL_ADDRESS_MIN && config->address <= TAXEL_ADDRESS_MAX &&
-           count_bits(config->crossing_map) == config->taxel_count && map_fits(config) && taxel_scan_settings_are_valid(&config->settings);
+           count_bits(config->crossing_map) == config->taxel_count && map_fits(config) &&
+           taxel_scan_settings_are_valid(&config->settings);
 }
 
 static void fill_identity(struct taxel_sensor *sensor)

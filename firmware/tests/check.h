@@ -38,13 +38,14 @@ static inline bool check_true(bool is_true, const char *file, int line, const ch
 static inline bool check_equal(long long actual, long long expected, const char *file, int line, const char *expression)
 {
     if (actual != expected && check_failed(file, line)) {
-        printf("%s: expected %lld (0x%llX), found %lld (0x%llX)\n", expression, expected, (unsigned long long)expected, actual,
-               (unsigned long long)actual);
+        printf("%s: expected %lld (0x%llX), found %lld (0x%llX)\n", expression, expected, (unsigned long long)expected,
+               actual, (unsigned long long)actual);
     }
     return actual == expected;
 }
 
-static inline bool check_between(double actual, double low, double high, const char *file, int line, const char *expression)
+static inline bool check_between(double actual, double low, double high, const char *file, int line,
+                                 const char *expression)
 {
     const bool is_inside = actual >= low && actual <= high;
     if (!is_inside && check_failed(file, line)) {
@@ -69,7 +70,8 @@ static inline bool check_bytes(const void *actual, const void *expected, size_t 
 }
 
 #define CHECK(expression) check_true((expression), __FILE__, __LINE__, #expression)
-#define CHECK_EQUAL(actual, expected) check_equal((long long)(actual), (long long)(expected), __FILE__, __LINE__, #actual)
+#define CHECK_EQUAL(actual, expected) \
+    check_equal((long long)(actual), (long long)(expected), __FILE__, __LINE__, #actual)
 #define CHECK_BETWEEN(actual, low, high) check_between((double)(actual), (low), (high), __FILE__, __LINE__, #actual)
 #define CHECK_BYTES(actual, expected, size) check_bytes((actual), (expected), (size), __FILE__, __LINE__, #actual)
 

@@ -39,7 +39,7 @@ static inline double bench_get_rise(const void *source, size_t taxel, vtime time
 static inline void bench_get_all_rises(const void *source, vtime time, double *rise)
 {
     (void)time;
-    memcpy(rise, ((const struct bench *)source)->rise, sizeof ((const struct bench *)source)->rise);
+    memcpy(rise, ((const struct bench *)source)->rise, sizeof((const struct bench *)source)->rise);
 }
 
 static inline void bench_close(struct bench *bench)

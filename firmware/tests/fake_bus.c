@@ -58,7 +58,8 @@ static int8_t exchange(struct fake_hub *fake, const struct taxel_i2c_transfer *t
         bool acknowledged = false;
         for (size_t i = 0; i < fake->device_count; i++) {
             struct fake_sensor *sensor = fake->devices[i].sensor;
-            acknowledged |= acknowledged_by[i] && (!sensor || taxel_sensor_on_write(&sensor->sensor, transfer->write_bytes[n]));
+            acknowledged |=
+                acknowledged_by[i] && (!sensor || taxel_sensor_on_write(&sensor->sensor, transfer->write_bytes[n]));
         }
         if (!acknowledged) {
             return TAXEL_I2C_NACK_DATA;
@@ -73,15 +74,19 @@ static int8_t exchange(struct fake_hub *fake, const struct taxel_i2c_transfer *t
         for (size_t i = 0; i < fake->device_count; i++) {
             struct fake_device *device = &fake->devices[i];
             if (acknowledged_by[i]) {
-                transfer->read_bytes[n] &= device->sensor ? taxel_sensor_on_read(&device->sensor->sensor) : device->foreign;
+                transfer->read_bytes[n] &=
+                    device->sensor ? taxel_sensor_on_read(&device->sensor->sensor) : device->foreign;
             }
         }
-        size = transfer->length_prefixed && n == 0 ? 1u + taxel_i2c_bytes_after_length(transfer, transfer->read_bytes[0]) : size;
+        size = transfer->length_prefixed && n == 0
+                   ? 1u + taxel_i2c_bytes_after_length(transfer, transfer->read_bytes[0])
+                   : size;
     }
     return TAXEL_I2C_OK;
 }
 
-static void finish_transfer(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer, const bool *acknowledged_by)
+static void finish_transfer(struct fake_hub *fake, const struct taxel_i2c_transfer *transfer,
+                            const bool *acknowledged_by)
 {
     for (size_t i = 0; i < fake->device_count; i++) {
         struct fake_device *device = &fake->devices[i];

@@ -16,11 +16,11 @@
 
 /* Content of an interrupted row, with the power cut at word w. */
 enum fake_tear {
-    FAKE_TEAR_ERASING = 0,   /* before w erased, from w on old */
-    FAKE_TEAR_PROGRAMMING,   /* before w new, from w on erased */
-    FAKE_TEAR_OVERWRITING,   /* before w new, from w on old */
-    FAKE_TEAR_DISTURBED,     /* as programming, and word w is random */
-    FAKE_TEAR_ANY,           /* each word old, erased, new or random */
+    FAKE_TEAR_ERASING = 0, /* before w erased, from w on old */
+    FAKE_TEAR_PROGRAMMING, /* before w new, from w on erased */
+    FAKE_TEAR_OVERWRITING, /* before w new, from w on old */
+    FAKE_TEAR_DISTURBED,   /* as programming, and word w is random */
+    FAKE_TEAR_ANY,         /* each word old, erased, new or random */
     FAKE_TEAR_COUNT,
 };
 

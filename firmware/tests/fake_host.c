@@ -53,7 +53,8 @@ static int status_of_reply(struct fake_hub *fake, size_t from, uint8_t tag, uint
     return -1;
 }
 
-int fake_hub_command_within(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size, uint64_t timeout_us)
+int fake_hub_command_within(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size,
+                            uint64_t timeout_us)
 {
     uint8_t payload[TAXEL_COMMAND_HEADER_SIZE + TAXEL_HUB_COMMAND_PAYLOAD_MAX] = {++fake->tag, command};
     const size_t from = fake->frame_count;
@@ -114,7 +115,8 @@ size_t fake_hub_count_faults(const struct fake_hub *fake, uint8_t address, uint8
     size_t count = 0;
     for (size_t i = 0; i < fake->frame_count; i++) {
         const struct fake_frame *frame = &fake->frames[i];
-        count += frame->type == TAXEL_FRAME_TYPE_BOARD_FAULT && frame->payload[0] == address && frame->payload[1] == fault;
+        count +=
+            frame->type == TAXEL_FRAME_TYPE_BOARD_FAULT && frame->payload[0] == address && frame->payload[1] == fault;
     }
     return count;
 }
@@ -138,9 +140,9 @@ bool fake_hub_accounts_balance(const struct fake_hub *fake)
         const uint32_t ended = slot->forwarded + slot->repeated + slot->nacks + slot->timeouts + slot->crc_errors +
                                slot->bus_errors + slot->dropped;
         const struct taxel_unframed *unframed = &fake->hub.unframed;
-        const bool in_flight =
-            slot->retry_pending || (job->slot == i && (job->kind == TAXEL_JOB_POLL || job->kind == TAXEL_JOB_PROBE_SLOT)) ||
-            (unframed->size && unframed->slot == i && unframed->type != TAXEL_FRAME_TYPE_BOARD_INFO);
+        const bool in_flight = slot->retry_pending ||
+                               (job->slot == i && (job->kind == TAXEL_JOB_POLL || job->kind == TAXEL_JOB_PROBE_SLOT)) ||
+                               (unframed->size && unframed->slot == i && unframed->type != TAXEL_FRAME_TYPE_BOARD_INFO);
         if (slot->polls != (uint8_t)(ended + in_flight)) {
             return false;
         }

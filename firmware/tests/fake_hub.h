@@ -28,8 +28,8 @@ struct fake_device {
     struct fake_sensor *sensor; /* NULL: a foreign device, which answers with `foreign` bytes */
     uint8_t foreign;
     bool unplugged;
-    unsigned nacks;    /* number of next addresses that are not acknowledged */
-    unsigned corrupt;  /* number of next reads that are damaged */
+    unsigned nacks;      /* number of next addresses that are not acknowledged */
+    unsigned corrupt;    /* number of next reads that are damaged */
     unsigned held_scans; /* number of next snapshot reads without a newer scan */
     uint32_t clock_offset_us;
     uint8_t map_version; /* reported in the identity; 0: the firmware's own */
@@ -109,7 +109,8 @@ void fake_hub_receive(struct fake_hub *fake, const uint8_t *bytes, size_t size);
 void fake_hub_send(struct fake_hub *fake, uint8_t type, const uint8_t *payload, size_t size);
 
 /* Send a command and run until its reply. Returns its status, or -1 without a reply within `timeout_us`. */
-int fake_hub_command_within(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size, uint64_t timeout_us);
+int fake_hub_command_within(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size,
+                            uint64_t timeout_us);
 int fake_hub_command(struct fake_hub *fake, uint8_t command, const uint8_t *arguments, size_t size);
 bool fake_hub_handshake(struct fake_hub *fake);
 

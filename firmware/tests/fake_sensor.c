@@ -128,7 +128,8 @@ uint16_t fake_count(uint16_t sequence, uint16_t taxel)
 
 static uint16_t next_count(struct fake_sensor *fake)
 {
-    return fake->count_of ? fake->count_of(fake) : fake_count((uint16_t)fake->sensor.scan.scans, fake->sensor.scan.taxel);
+    return fake->count_of ? fake->count_of(fake)
+                          : fake_count((uint16_t)fake->sensor.scan.scans, fake->sensor.scan.taxel);
 }
 
 void fake_convert(struct fake_sensor *fake, unsigned conversions)
@@ -210,6 +211,5 @@ bool fake_snapshot_is_valid(const struct fake_sensor *fake, const uint8_t *bytes
             return false;
         }
     }
-    return taxel_get_u32(bytes + size - 4u) ==
-           taxel_crc32(taxel_crc32(0, &fake->config.address, 1), bytes, size - 4u);
+    return taxel_get_u32(bytes + size - 4u) == taxel_crc32(taxel_crc32(0, &fake->config.address, 1), bytes, size - 4u);
 }

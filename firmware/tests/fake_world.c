@@ -193,9 +193,9 @@ bool fake_world_adds_up(const struct fake_world *fake)
                                slot->bus_errors + slot->dropped;
         const struct taxel_job *job = &node->hub.job;
         const struct taxel_unframed *unframed = &node->hub.unframed;
-        const bool in_flight =
-            slot->retry_pending || (job->slot == i && (job->kind == TAXEL_JOB_POLL || job->kind == TAXEL_JOB_PROBE_SLOT)) ||
-            (unframed->size && unframed->slot == i && unframed->type != TAXEL_FRAME_TYPE_BOARD_INFO);
+        const bool in_flight = slot->retry_pending ||
+                               (job->slot == i && (job->kind == TAXEL_JOB_POLL || job->kind == TAXEL_JOB_PROBE_SLOT)) ||
+                               (unframed->size && unframed->slot == i && unframed->type != TAXEL_FRAME_TYPE_BOARD_INFO);
         forwarded += slot->forwarded;
         if (slot->polls != (uint8_t)(ended + in_flight)) {
             return false;

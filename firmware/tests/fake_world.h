@@ -46,7 +46,8 @@ bool fake_world_start(struct fake_world *fake);
 void fake_world_command(struct fake_world *fake, uint8_t command, const uint8_t *arguments, size_t size);
 
 struct taxel_hub_slot *fake_world_slot(struct fake_world *fake, uint8_t address);
-/* Every poll but one in flight at most is in one counter, every forwarded frame arrived whole with a right board CRC. */
+/* Every poll but one in flight at most is in one counter, every forwarded frame arrived whole with a right board
+ * CRC. */
 bool fake_world_adds_up(const struct fake_world *fake);
 
 #endif

@@ -30,7 +30,7 @@ struct json_node {
 
 struct json_error {
     const char *message; /* NULL: no error */
-    size_t position;  /* byte of the text */
+    size_t position;     /* byte of the text */
 };
 
 /* Upper limit of the number of nodes in a text of `size` bytes. */

@@ -39,7 +39,8 @@ static inline unsigned rejection_lines(struct rejection *rejection)
 }
 
 /* Reads the text as a world file, and returns world_file_read()'s result. The caller frees `world`. */
-static inline int rejection_read(struct rejection *rejection, struct world_description *world, const char *text, unsigned *lines)
+static inline int rejection_read(struct rejection *rejection, struct world_description *world, const char *text,
+                                 unsigned *lines)
 {
     char path[] = "/tmp/taxel_test_XXXXXX";
     const int fd = mkstemp(path);

@@ -19,7 +19,8 @@ static unsigned random_below(unsigned limit)
 /* A random byte, with an increased probability of register addresses and commands. */
 static uint8_t likely_byte(void)
 {
-    static const uint8_t meaningful[] = {0x00, 0x40, 0x44, 0x60, 0x70, 0x80, 0x81, 0x8F, 0x90, 0xA0, 1, 2, 3, 0xFE, 0xFD, 0xFC, 0xFF};
+    static const uint8_t meaningful[] = {0x00, 0x40, 0x44, 0x60, 0x70, 0x80, 0x81, 0x8F, 0x90,
+                                         0xA0, 1,    2,    3,    0xFE, 0xFD, 0xFC, 0xFF};
     return random_below(2) ? meaningful[random_below(sizeof meaningful)] : (uint8_t)random_below(256);
 }
 
@@ -30,7 +31,8 @@ static void preempt(struct fake_sensor *preempted)
 
 static void run_random_action(void)
 {
-    const struct taxel_scan_settings settings = {(uint16_t)random_below(400), (uint16_t)random_below(400), (uint8_t)random_below(3), (uint8_t)random_below(3),
+    const struct taxel_scan_settings settings = {(uint16_t)random_below(400), (uint16_t)random_below(400),
+                                                 (uint8_t)random_below(3), (uint8_t)random_below(3),
                                                  (uint16_t)random_below(65536)};
     switch (random_below(12)) {
     case 0:
@@ -86,7 +88,8 @@ static void check_invariants(void)
 
 static void invariants_hold_under_random_traffic(void)
 {
-    fake_sensor_init(&fake, (uint8_t)(8u + random_below(112)), (uint8_t)(1u + random_below(15)), (uint8_t)(1u + random_below(16)), 2u + random_below(5));
+    fake_sensor_init(&fake, (uint8_t)(8u + random_below(112)), (uint8_t)(1u + random_below(15)),
+                     (uint8_t)(1u + random_below(16)), 2u + random_below(5));
     if (fake_sensor_boot(&fake)) {
         CHECK_EQUAL(fake.config.taxel_count, 0); /* the only possible error of this configuration */
     } else {

@@ -26,7 +26,8 @@ static void add_faults(void)
         static const double values[] = {0, 1, 2, 5, 9, 20, 300, 6000, 20000};
         const enum fault_kind kind = random_below(16) ? (enum fault_kind)random_below(FAULT_HUB_UNPLUG) : FAULT_MUTE;
         time += 0.04 * random_uniform(&source);
-        fake_world_fault_at(&fake, time, kind, (uint8_t)(0x20 + random_below(boards)), values[random_below(9)], random_below(30));
+        fake_world_fault_at(&fake, time, kind, (uint8_t)(0x20 + random_below(boards)), values[random_below(9)],
+                            random_below(30));
     }
     for (unsigned i = 0; i < boards; i++) { /* end all faults */
         fake_world_fault(&fake, REPAIR_S, FAULT_PLUG, (uint8_t)(0x20 + i), 0);
@@ -40,9 +41,11 @@ static void add_faults(void)
 
 static void send_random_command(void)
 {
-    static const uint8_t codes[] = {TAXEL_COMMAND_START,           TAXEL_COMMAND_SCAN_BUS,   TAXEL_COMMAND_I2C_TRANSFER,
-                                    TAXEL_COMMAND_SET_SCAN_SETTINGS, TAXEL_COMMAND_GET_STATUS, TAXEL_COMMAND_GET_BOARD_INFO,
-                                    TAXEL_COMMAND_GET_TIME,        TAXEL_COMMAND_STOP,       TAXEL_COMMAND_SET_RATE};
+    static const uint8_t codes[] = {TAXEL_COMMAND_START,        TAXEL_COMMAND_SCAN_BUS,
+                                    TAXEL_COMMAND_I2C_TRANSFER, TAXEL_COMMAND_SET_SCAN_SETTINGS,
+                                    TAXEL_COMMAND_GET_STATUS,   TAXEL_COMMAND_GET_BOARD_INFO,
+                                    TAXEL_COMMAND_GET_TIME,     TAXEL_COMMAND_STOP,
+                                    TAXEL_COMMAND_SET_RATE};
     uint8_t bytes[66];
     for (size_t i = 0; i < sizeof bytes; i++) {
         bytes[i] = (uint8_t)random_u64(&source);
@@ -54,7 +57,8 @@ static void send_random_command(void)
         bytes[0] = (uint8_t)(0x20 + random_below(boards + 1));
         bytes[1] = (uint8_t)random_below(66);
     } else if (code == TAXEL_COMMAND_SET_SCAN_SETTINGS) {
-        const struct taxel_scan_settings settings = {(uint16_t)(80u + random_below(80)), 40, (uint8_t)random_below(2), 16, 96};
+        const struct taxel_scan_settings settings = {(uint16_t)(80u + random_below(80)), 40, (uint8_t)random_below(2),
+                                                     16, 96};
         bytes[0] = random_below(2) ? (uint8_t)(0x20 + random_below(boards)) : 0;
         taxel_scan_settings_pack(&settings, bytes + 1);
         size = TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE;
@@ -79,7 +83,9 @@ static void check_all_boards_stream(void)
     uint32_t before[6];
     const uint32_t cycles = fake.world.hub.hub.cycle.count;
     for (unsigned i = 0; i < boards; i++) {
-        before[i] = fake_world_slot(&fake, (uint8_t)(0x20 + i)) ? taxel_hub_polls(fake_world_slot(&fake, (uint8_t)(0x20 + i))) : 0;
+        before[i] = fake_world_slot(&fake, (uint8_t)(0x20 + i))
+                        ? taxel_hub_polls(fake_world_slot(&fake, (uint8_t)(0x20 + i)))
+                        : 0;
     }
     for (unsigned i = 0; i < 300 && fake.world.hub.hub.cycle.count - cycles < 75u; i++) {
         CHECK_EQUAL(fake_world_run(&fake, 0.1), 0);
@@ -110,7 +116,8 @@ static void random_world_recovers_from_random_faults(void)
     uint8_t period[4] = {0};
     CHECK_EQUAL(fake_world_run(&fake, 1.5), 0);
     const uint8_t delimiter[] = {0};
-    (void)uart_send_from_host(&fake.world.uart, delimiter, sizeof delimiter, fake.world.now); /* ends a frame of noise */
+    /* ends a frame of noise */
+    (void)uart_send_from_host(&fake.world.uart, delimiter, sizeof delimiter, fake.world.now);
     fake_world_command(&fake, TAXEL_COMMAND_SET_RATE, period, sizeof period);
     fake_world_command(&fake, TAXEL_COMMAND_START, NULL, 0);
     CHECK_EQUAL(fake_world_run(&fake, 1.0), 0);

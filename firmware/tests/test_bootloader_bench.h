@@ -24,7 +24,8 @@ struct bench {
     struct taxel_boot_i2c i2c;
     struct taxel_boot_uart uart;
     bool over_uart;
-    unsigned (*wire)(struct bench *bench, const uint8_t *bytes, unsigned size, uint8_t *response); /* alternative transport */
+    /* alternative transport */
+    unsigned (*wire)(struct bench *bench, const uint8_t *bytes, unsigned size, uint8_t *response);
     bool refuses_i2c_writes; /* an address was not acknowledged although it should have been */
     uint32_t clock_us;
     uint8_t reset_cause;
@@ -33,7 +34,7 @@ struct bench {
     unsigned restarts;
     uint8_t running; /* slot, or BENCH_NO_SLOT while the bootloader runs */
     uint8_t unique_id[8];
-    uint8_t checksum; /* used by the host */
+    uint8_t checksum;  /* used by the host */
     uint8_t confirmed; /* slot that must not be written; BENCH_NO_SLOT: none */
     unsigned forbidden_writes;
     uint8_t reply[TAXEL_BOOT_PACKET_MAX]; /* data of the last response */

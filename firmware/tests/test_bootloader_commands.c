@@ -157,7 +157,8 @@ static void the_first_packet_selects_the_checksum_of_a_session(void)
 {
     enter();
     bench.checksum = TAXEL_BOOT_CHECKSUM_CRC;
-    CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_INFO, NULL, 0), BENCH_NOT_A_PACKET); /* answered with the previous checksum */
+    /* answered with the previous checksum */
+    CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_INFO, NULL, 0), BENCH_NOT_A_PACKET);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_ENTER, NULL, 0), TAXEL_BOOT_STATUS_OK);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_INFO, NULL, 0), TAXEL_BOOT_STATUS_OK);
     bench.config.checksum = TAXEL_BOOT_CHECKSUM_CRC;
@@ -235,7 +236,8 @@ static void an_incomplete_row_is_not_written(void)
             remaining -= size;
         }
         for (unsigned size = 0; size <= 54; size += 9) {
-            const unsigned expected = fill + size == TAXEL_BOOT_ROW_SIZE ? TAXEL_BOOT_STATUS_OK : TAXEL_BOOT_STATUS_LENGTH;
+            const unsigned expected =
+                fill + size == TAXEL_BOOT_ROW_SIZE ? TAXEL_BOOT_STATUS_OK : TAXEL_BOOT_STATUS_LENGTH;
             if (size) {
                 CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_PROGRAM_ROW, data, 3u + size), expected);
                 break;
@@ -292,7 +294,8 @@ static void the_host_can_select_a_slot(void)
     enter();
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_SET_ACTIVE, slots + 1, 1), TAXEL_BOOT_STATUS_APPLICATION);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_SET_ACTIVE, slots + 2, 1), TAXEL_BOOT_STATUS_APPLICATION);
-    CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_APPLICATION_STATUS, slots + 2, 1), TAXEL_BOOT_STATUS_APPLICATION);
+    CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_APPLICATION_STATUS, slots + 2, 1),
+                TAXEL_BOOT_STATUS_APPLICATION);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_APPLICATION_STATUS, slots, 1), 0);
     CHECK(bench.reply_size == 2 && bench.reply[0] == 0 && bench.reply[1] == 1);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_APPLICATION_STATUS, slots + 1, 1), 0);
@@ -301,7 +304,8 @@ static void the_host_can_select_a_slot(void)
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_SET_ACTIVE, slots + 1, 1), 0);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_INFO, NULL, 0), 0);
     CHECK(bench.reply[4] == 0 && bench.reply[5] == 1);
-    CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_SET_ACTIVE, slots, 1), 0); /* the host cancels the pending image */
+    /* the host cancels the pending image */
+    CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_SET_ACTIVE, slots, 1), 0);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_GET_INFO, NULL, 0), 0);
     CHECK(bench.reply[4] == 0 && bench.reply[5] == TAXEL_BOOT_SLOT_NONE);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_SET_ACTIVE, slots + 1, 1), 0);

@@ -114,8 +114,10 @@ static void a_power_cut_leaves_the_old_or_the_new_configuration(void)
                     CHECK(false);
                 }
                 const uint8_t *const configuration = taxel_boot_configuration(&bench.config.flash);
-                const bool is_old = configuration && memcmp(configuration, old_data + 8, TAXEL_BOOT_CONFIGURATION_SIZE) == 0;
-                const bool is_new = configuration && memcmp(configuration, new_data + 8, TAXEL_BOOT_CONFIGURATION_SIZE) == 0;
+                const bool is_old =
+                    configuration && memcmp(configuration, old_data + 8, TAXEL_BOOT_CONFIGURATION_SIZE) == 0;
+                const bool is_new =
+                    configuration && memcmp(configuration, new_data + 8, TAXEL_BOOT_CONFIGURATION_SIZE) == 0;
                 CHECK(is_old || is_new);
                 old_left += is_old;
                 new_left += is_new;
@@ -155,8 +157,8 @@ static void a_record_whose_words_add_up_to_zero_is_balanced(void)
     uint8_t content[112] = {2};
     taxel_put_u32(content + 108, 0xEFAAAE75u);
     boot();
-    CHECK_EQUAL(taxel_boot_record_write(&bench.config.flash, TAXEL_BOOT_CONFIGURATION_ROW, TAXEL_BOOT_CONFIGURATION_MAGIC,
-                                        content, sizeof content),
+    CHECK_EQUAL(taxel_boot_record_write(&bench.config.flash, TAXEL_BOOT_CONFIGURATION_ROW,
+                                        TAXEL_BOOT_CONFIGURATION_MAGIC, content, sizeof content),
                 0);
     const uint8_t *const row = bench.flash.bytes + TAXEL_BOOT_CONFIGURATION_ROW * TAXEL_BOOT_ROW_SIZE;
     CHECK_EQUAL(taxel_get_u32(row + TAXEL_BOOT_RECORD_OFFSET_BALANCE), 1);

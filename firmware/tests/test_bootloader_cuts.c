@@ -81,9 +81,9 @@ static bool boots_old_or_new(void)
 {
     const struct fake_flash before = bench.flash;
     power_on();
-    const bool holds = bench.forbidden_writes == 0 &&
-                       ((bench.running == old_image.slot && bench_holds(&bench, &old_image)) ||
-                        (bench.running == new_image.slot && bench_holds(&bench, &new_image)));
+    const bool holds =
+        bench.forbidden_writes == 0 && ((bench.running == old_image.slot && bench_holds(&bench, &old_image)) ||
+                                        (bench.running == new_image.slot && bench_holds(&bench, &new_image)));
     bricked += !holds;
     bench.flash = before; /* only a check: restores the tries that it used */
     return holds;

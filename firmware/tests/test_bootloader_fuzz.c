@@ -25,8 +25,8 @@ static unsigned random_below(unsigned limit)
 
 static uint8_t any_command(void)
 {
-    static const uint8_t known[] = {0x31, 0x32, 0x33, 0x34, 0x35, 0x36, 0x37, 0x37, 0x37, 0x38, 0x39, 0x39,
-                                    0x39, 0x3A, 0x3B, 0x3C, 0x50, 0x51, 0x52, 0x53, 0x53};
+    static const uint8_t known[] = {0x31, 0x32, 0x33, 0x34, 0x35, 0x36, 0x37, 0x37, 0x37, 0x38, 0x39,
+                                    0x39, 0x39, 0x3A, 0x3B, 0x3C, 0x50, 0x51, 0x52, 0x53, 0x53};
     return random_below(20) ? known[random_below(sizeof known)] : (uint8_t)random_below(256);
 }
 
@@ -116,8 +116,8 @@ static void step(void)
         bench_run(&bench);
         break;
     case 2:
-        fake_flash_plan(&bench.flash,
-                        (struct fake_cut){1u + random_below(3), (uint8_t)random_below(FAKE_TEAR_COUNT), (uint8_t)random_below(33)});
+        fake_flash_plan(&bench.flash, (struct fake_cut){1u + random_below(3), (uint8_t)random_below(FAKE_TEAR_COUNT),
+                                                        (uint8_t)random_below(33)});
         break;
     case 3: /* the running application enters the bootloader */
         if (bench.running != BENCH_NO_SLOT) {
@@ -191,8 +191,8 @@ static void invariants_hold_for_random_packets_to_a_board(void)
 {
     fuzz(&taxel_boot_layout_board, 0);
     const uint32_t *const wear = bench.flash.wear;
-    printf("  %u cuts; writes of slot B's first row %u, of the configuration %u, of the metadata %u\n", bench.flash.cuts,
-           wear[128], wear[252] + wear[253], wear[254] + wear[255]);
+    printf("  %u cuts; writes of slot B's first row %u, of the configuration %u, of the metadata %u\n",
+           bench.flash.cuts, wear[128], wear[252] + wear[253], wear[254] + wear[255]);
 }
 
 static void invariants_hold_for_random_packets_to_the_hub(void)

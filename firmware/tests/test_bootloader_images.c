@@ -83,7 +83,8 @@ static void if_the_confirmed_image_is_damaged_the_previous_one_is_tried(void)
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_POWER_ON), 0);
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_WATCHDOG), 0);
     CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_WATCHDOG), 0);
-    CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_WATCHDOG), BENCH_NO_SLOT); /* this image hangs too: the bootloader keeps listening */
+    /* this image hangs too: the bootloader keeps listening */
+    CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_WATCHDOG), BENCH_NO_SLOT);
     CHECK_EQUAL(bench.boot.stay, TAXEL_BOOT_STAY_NO_IMAGE);
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_ENTER, NULL, 0), 0);
     CHECK_EQUAL(command(TAXEL_BOOT_COMMAND_GET_FLASH_SIZE, 0), 0);
@@ -166,7 +167,8 @@ static void an_image_with_a_wrong_header_does_not_start(void)
         CHECK(starts_with(6, value, 1)); /* a board without a configuration accepts any kind */
         CHECK_EQUAL(starts_with(7, value, 1), value == 0);
     }
-    for (uint32_t length = 0; length < 48; length++) { /* including the header of 32 bytes, with the vectors behind it */
+    /* including the header of 32 bytes, with the vectors behind it */
+    for (uint32_t length = 0; length < 48; length++) {
         CHECK_EQUAL(starts_with(12, length, 4), length >= 40u && length % 4u == 0);
     }
     CHECK(starts_with(12, 12288, 4));
@@ -198,8 +200,10 @@ static void after_an_uncommanded_reset_the_bootloader_listens_first(void)
     static const struct {
         uint8_t cause;
         bool listens;
-    } causes[] = {{TAXEL_RESET_CAUSE_POWER_ON, true}, {TAXEL_RESET_CAUSE_BROWN_OUT, true},
-                  {TAXEL_RESET_CAUSE_WATCHDOG, true}, {TAXEL_RESET_CAUSE_COMMAND, false}};
+    } causes[] = {{TAXEL_RESET_CAUSE_POWER_ON, true},
+                  {TAXEL_RESET_CAUSE_BROWN_OUT, true},
+                  {TAXEL_RESET_CAUSE_WATCHDOG, true},
+                  {TAXEL_RESET_CAUSE_COMMAND, false}};
     for (unsigned i = 0; i < sizeof causes / sizeof causes[0]; i++) {
         set_up();
         bench_install(&bench, &image_a, true);
@@ -241,7 +245,8 @@ static void the_later_of_two_records_is_the_newest(void)
             uint8_t *const bytes = bench.flash.bytes + (TAXEL_BOOT_METADATA_ROW + (row ^ (i & 1u))) * 128u;
             taxel_boot_metadata_pack(&metadata, record.payload);
             taxel_boot_record_pack(&record, bytes);
-            taxel_put_u32(bytes + TAXEL_BOOT_RECORD_OFFSET_CRC32, taxel_crc32(0, bytes, TAXEL_BOOT_RECORD_OFFSET_CRC32));
+            taxel_put_u32(bytes + TAXEL_BOOT_RECORD_OFFSET_CRC32,
+                          taxel_crc32(0, bytes, TAXEL_BOOT_RECORD_OFFSET_CRC32));
         }
         CHECK_EQUAL(boot(TAXEL_RESET_CAUSE_POWER_ON), 1);
     }

@@ -42,7 +42,8 @@ static void packets_equal_those_of_python(void)
 static void both_checksums_have_their_published_values(void)
 {
     const uint8_t digits[] = "123456789";
-    CHECK_EQUAL(taxel_boot_packet_checksum(digits, 9, TAXEL_BOOT_CHECKSUM_CRC), 0x6E90); /* CRC-16/X-25 is 0x906E; its bytes are swapped */
+    /* CRC-16/X-25 is 0x906E; its bytes are swapped */
+    CHECK_EQUAL(taxel_boot_packet_checksum(digits, 9, TAXEL_BOOT_CHECKSUM_CRC), 0x6E90);
     CHECK_EQUAL(taxel_boot_packet_checksum(digits, 9, TAXEL_BOOT_CHECKSUM_SUM), 0xFE23);
 }
 

@@ -69,8 +69,11 @@ static void a_response_that_becomes_ready_during_a_read_is_not_mixed_in(void)
 
 static void writes_meant_for_an_application_are_ignored(void)
 {
-    static const uint8_t writes[][3] = {{TAXEL_REGISTER_IDENTITY}, {TAXEL_REGISTER_SNAPSHOT}, {TAXEL_REGISTER_CLOCK},
-                                        {TAXEL_REGISTER_COMMAND, 5, 0xFA}, {TAXEL_REGISTER_SETTINGS, 1, 2}};
+    static const uint8_t writes[][3] = {{TAXEL_REGISTER_IDENTITY},
+                                        {TAXEL_REGISTER_SNAPSHOT},
+                                        {TAXEL_REGISTER_CLOCK},
+                                        {TAXEL_REGISTER_COMMAND, 5, 0xFA},
+                                        {TAXEL_REGISTER_SETTINGS, 1, 2}};
     uint8_t again[64];
     boot(&taxel_boot_layout_board);
     write_bytes(packet, packet_size);

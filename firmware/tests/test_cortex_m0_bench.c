@@ -45,7 +45,8 @@ static enum cortex_m0_bus_status on_write(void *context, struct cortex_m0_access
 
 void bench_put(struct bench *bench, uint32_t address, const uint16_t *halfwords, unsigned count)
 {
-    uint8_t *const memory = address >= BENCH_RAM_BASE ? bench->ram + (address - BENCH_RAM_BASE) : bench->flash + address;
+    uint8_t *const memory =
+        address >= BENCH_RAM_BASE ? bench->ram + (address - BENCH_RAM_BASE) : bench->flash + address;
     memcpy(memory, halfwords, count * sizeof *halfwords);
     cortex_m0_memory_changed(&bench->cpu, address, (uint32_t)(count * sizeof *halfwords));
 }
@@ -59,7 +60,8 @@ void bench_word(struct bench *bench, uint32_t address, uint32_t value)
 uint32_t bench_read(const struct bench *bench, uint32_t address)
 {
     uint32_t value;
-    memcpy(&value, address >= BENCH_RAM_BASE ? bench->ram + (address - BENCH_RAM_BASE) : bench->flash + address, sizeof value);
+    memcpy(&value, address >= BENCH_RAM_BASE ? bench->ram + (address - BENCH_RAM_BASE) : bench->flash + address,
+           sizeof value);
     return value;
 }
 

@@ -9,7 +9,7 @@
 #define BENCH_RAM 1024u
 #define BENCH_RAM_BASE 0x20000000u
 #define BENCH_STACK (BENCH_RAM_BASE + BENCH_RAM)
-#define BENCH_MAIN 0x100u          /* address of the program */
+#define BENCH_MAIN 0x100u /* address of the program */
 #define BENCH_HANDLER(number) (0x200u + 0x20u * (number))
 #define BENCH_PORT 0x40000000u
 #define BENCH_SCRATCH (BENCH_RAM_BASE + 0x80u) /* address of the instruction that bench_access() executes */
@@ -25,11 +25,11 @@ struct bench {
     struct cortex_m0_config config;
     _Alignas(4) uint8_t flash[BENCH_FLASH];
     _Alignas(4) uint8_t ram[BENCH_RAM];
-    uint32_t port[8];             /* the eight 32-bit registers at BENCH_PORT */
+    uint32_t port[8];                 /* the eight 32-bit registers at BENCH_PORT */
     enum cortex_m0_bus_status status; /* status that the callback returns */
     uint32_t stall;
-    bool stops;                   /* the callback calls cortex_m0_stop() */
-    int raises;                   /* interrupt whose line the callback raises; -1: none */
+    bool stops; /* the callback calls cortex_m0_stop() */
+    int raises; /* interrupt whose line the callback raises; -1: none */
     struct bench_access accesses[BENCH_ACCESSES];
     unsigned count;
 };
@@ -43,7 +43,6 @@ void bench_word(struct bench *bench, uint32_t address, uint32_t value);
 uint32_t bench_read(const struct bench *bench, uint32_t address); /* a word of flash or RAM */
 /* Step until the program counter reaches `address`. Returns the elapsed cycles, or 0 after a thousand steps. */
 uint64_t bench_run_to(struct bench *bench, uint32_t address);
-
 
 /* Execute one instruction outside the program with r0 = value and r1 = address, and return r0. The program counter is
  * restored afterwards. */

@@ -27,7 +27,7 @@ static void a_bus_access_reports_address_cycle_and_size(void)
         bool write;
         uint32_t value, loaded;
     } rows[] = {
-        {0x6808, 4, false, 0, 0x89ABCDEFu}, {0x8808, 2, false, 0, 0xCDEF},     {0x7808, 1, false, 0, 0xEF},
+        {0x6808, 4, false, 0, 0x89ABCDEFu}, {0x8808, 2, false, 0, 0xCDEF},      {0x7808, 1, false, 0, 0xEF},
         {0x5688, 1, false, 0, 0xFFFFFFEFu}, {0x5E88, 2, false, 0, 0xFFFFCDEFu}, {0x6008, 4, true, 0x12345678u, 0},
         {0x8008, 2, true, 0x5678, 0},       {0x7008, 1, true, 0x78, 0},
     };
@@ -233,7 +233,8 @@ static void accounting_started_inside_a_handler_counts_from_the_next_handler(voi
 static void the_minimum_of_the_stack_pointer_is_recorded(void)
 {
     bench_init(&bench);
-    BENCH_PROGRAM(&bench, 0xB5F0, 0xB084, 0xB004, 0xBCF0, 0x466A, 0x3A64, 0x4695); /* push, sub, add, pop; mov SP, SP - 100 */
+    /* push, sub, add, pop; mov SP, SP - 100 */
+    BENCH_PROGRAM(&bench, 0xB5F0, 0xB084, 0xB004, 0xBCF0, 0x466A, 0x3A64, 0x4695);
     bench_run_to(&bench, BENCH_MAIN + 8u);
     CHECK_EQUAL(BENCH_STACK - cortex_m0_lowest_msp(cpu), 20 + 16);
     bench_run_to(&bench, BENCH_MAIN + 14u);

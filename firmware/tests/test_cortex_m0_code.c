@@ -11,7 +11,8 @@ static struct cortex_m0 *const cpu = &bench.cpu;
 static void code_in_ram_may_modify_itself(void)
 {
     bench_init(&bench);
-    BENCH_PUT(&bench, BENCH_RAM_BASE, 0x3001, 0x8011, 0x3001, 0x4770); /* ADDS r0, #1; STRH r1, [r2]; ADDS r0, #1; BX LR */
+    /* ADDS r0, #1; STRH r1, [r2]; ADDS r0, #1; BX LR */
+    BENCH_PUT(&bench, BENCH_RAM_BASE, 0x3001, 0x8011, 0x3001, 0x4770);
     for (unsigned turn = 0; turn < 3; turn++) {
         cpu->r[1] = 0x3010u + turn; /* ADDS r0, #16 + turn */
         cpu->r[2] = BENCH_RAM_BASE + 4u;

@@ -197,8 +197,8 @@ static void code_in_ram_has_no_wait_states(void)
 {
     bench_init(&bench);
     bench.config.timing.flash_wait = 1;
-    BENCH_PROGRAM(&bench, 0x4718);                                    /* BX r3 */
-    BENCH_PUT(&bench, BENCH_RAM_BASE, 0xE7FF, 0xE7FF, 0x4720);        /* B, B, BX r4 */
+    BENCH_PROGRAM(&bench, 0x4718);                             /* BX r3 */
+    BENCH_PUT(&bench, BENCH_RAM_BASE, 0xE7FF, 0xE7FF, 0x4720); /* B, B, BX r4 */
     bench.cpu.r[3] = BENCH_RAM_BASE | 1u;
     bench.cpu.r[4] = BENCH_MAIN | 1u;
     CHECK_EQUAL(bench_run_to(&bench, BENCH_RAM_BASE + 4u), 3 + 3 + 3);

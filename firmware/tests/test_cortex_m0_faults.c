@@ -146,7 +146,8 @@ static void a_frame_of_the_wrong_mode_faults(void)
 static void an_unreadable_vector_faults_and_then_locks_up(void)
 {
     start_nop_program();
-    cortex_m0_set_vectors(cpu, BENCH_FLASH - 4u * (IRQ(0) - 1u)); /* vectors of exception 15 and above lie outside flash */
+    /* vectors of exception 15 and above lie outside flash */
+    cortex_m0_set_vectors(cpu, BENCH_FLASH - 4u * (IRQ(0) - 1u));
     cortex_m0_pulse(cpu, 0);
     cortex_m0_step(cpu);
     CHECK_EQUAL(cpu->fault.kind, CORTEX_M0_FAULT_VECTOR);

@@ -20,8 +20,10 @@ static uint64_t first_seed, seed_count = DEFAULT_SEED_COUNT;
 static uint16_t random_half(struct random_source *random)
 {
     const uint16_t half = (uint16_t)random_u64(random);
-    if (half >= FIRST_32_BIT || half >> 8 == 0xDEu || half >> 8 == 0xBEu) { /* replace most instructions that only fault */
-        static const uint16_t instead[] = {0xBF30, 0xB672, 0xB662, 0xDF00, 0xB5F0, 0xBDF0, 0xC8F0, 0x4770, 0xF000, 0xBF20};
+    /* replace most instructions that only fault */
+    if (half >= FIRST_32_BIT || half >> 8 == 0xDEu || half >> 8 == 0xBEu) {
+        static const uint16_t instead[] = {0xBF30, 0xB672, 0xB662, 0xDF00, 0xB5F0,
+                                           0xBDF0, 0xC8F0, 0x4770, 0xF000, 0xBF20};
         return instead[half % (sizeof instead / sizeof *instead)];
     }
     return half;
@@ -45,8 +47,8 @@ static void prepare_program(struct bench *bench, uint64_t seed)
     struct cortex_m0 *const cpu = &bench->cpu;
     for (unsigned i = 0; i < 13; i++) {
         const uint32_t random_value = (uint32_t)random_u64(&random);
-        const uint32_t candidates[] = {BENCH_RAM_BASE + random_value % BENCH_RAM, BENCH_PORT + random_value % 32u, random_value % 256u,
-                                   BENCH_RAM_BASE + random_value % BENCH_RAM / 4u * 4u};
+        const uint32_t candidates[] = {BENCH_RAM_BASE + random_value % BENCH_RAM, BENCH_PORT + random_value % 32u,
+                                       random_value % 256u, BENCH_RAM_BASE + random_value % BENCH_RAM / 4u * 4u};
         cpu->r[i] = candidates[random_u64(&random) % 4u];
     }
     cpu->r[13] = BENCH_STACK - 256u;
@@ -132,9 +134,11 @@ static void put_loop(struct bench *bench, struct random_source *random)
     struct cortex_m0 *const cpu = &bench->cpu;
     for (uint32_t at = 2; at < LOOP_END; at += 4) {
         const bool call = random_u64(random) % 8u == 0;
-        BENCH_PUT(bench, BENCH_RAM_BASE + at, call ? 0xF000u : random_storing_half(random), call ? 0xF800u : random_storing_half(random));
+        BENCH_PUT(bench, BENCH_RAM_BASE + at, call ? 0xF000u : random_storing_half(random),
+                  call ? 0xF800u : random_storing_half(random));
     }
-    BENCH_PUT(bench, BENCH_RAM_BASE + LOOP_END, (uint16_t)(0xE000u | ((0u - (LOOP_END + 2u) / 2u) & 0x7FFu))); /* B to 2 */
+    /* B to 2 */
+    BENCH_PUT(bench, BENCH_RAM_BASE + LOOP_END, (uint16_t)(0xE000u | ((0u - (LOOP_END + 2u) / 2u) & 0x7FFu)));
     for (unsigned r = 0; r < 8; r++) {
         cpu->r[r] = BENCH_RAM_BASE + (uint32_t)(random_u64(random) % (LOOP_END / 4u)) * 4u;
     }
@@ -202,9 +206,10 @@ static void random_programs_stay_within_their_memory(void)
             exceptions += whole_account.cost[i].count;
         }
     }
-    printf("seeds %llu to %llu: %llu faults, %llu handlers, %llu accesses, %llu lockups\n", (unsigned long long)first_seed,
-           (unsigned long long)(first_seed + seed_count - 1u), (unsigned long long)faults, (unsigned long long)exceptions,
-           (unsigned long long)accesses, (unsigned long long)lockups);
+    printf("seeds %llu to %llu: %llu faults, %llu handlers, %llu accesses, %llu lockups\n",
+           (unsigned long long)first_seed, (unsigned long long)(first_seed + seed_count - 1u),
+           (unsigned long long)faults, (unsigned long long)exceptions, (unsigned long long)accesses,
+           (unsigned long long)lockups);
     CHECK(faults > seed_count && exceptions > seed_count && accesses > seed_count / 2u && lockups < seed_count);
 }
 

@@ -77,7 +77,8 @@ static void pendsv_and_systick_are_pended_and_cleared(void)
 {
     bench_nops(&bench);
     cpu->primask = true;
-    bench_store(&bench, SHPR3, 0x00C00000u); /* the priorities do not matter here; the execution priority is recomputed */
+    /* the priorities do not matter here; the execution priority is recomputed */
+    bench_store(&bench, SHPR3, 0x00C00000u);
     bench_store(&bench, ICSR, 1u << 28 | 1u << 26);
     CHECK_EQUAL(bench_load(&bench, ICSR) & 0x14000000u, 0x14000000u);
     CHECK_EQUAL(bench_load(&bench, ICSR) >> 12 & 0x1FFu, 15);

@@ -11,13 +11,14 @@ static void valid_effect_lines_are_read(void)
     static struct rejection rejection;
     unsigned lines;
     CHECK_EQUAL(rejection_read(&rejection, &world,
-                             WORLD "effect spread film length_m=0.002\n"
-                                   "effect rheology play width_m=1e-4 fraction=0.2 creep=0.1 seconds=2\n"
-                                   "effect indent set fraction=0.1 threshold_m=1e-4 recovery_s=120\n"
-                                   "effect proximity wedge share=0.2 reach_m=0.001\n"
-                                   "effect moisture drying board=0x20 tx=0 rx=1.5 radius_m=0.01 water=0.1 seconds=60\n"
-                                   "effect modulus taxels log_std=0.2\neffect modulus board board=32 factor=2\n",
-                             &lines),
+                               WORLD
+                               "effect spread film length_m=0.002\n"
+                               "effect rheology play width_m=1e-4 fraction=0.2 creep=0.1 seconds=2\n"
+                               "effect indent set fraction=0.1 threshold_m=1e-4 recovery_s=120\n"
+                               "effect proximity wedge share=0.2 reach_m=0.001\n"
+                               "effect moisture drying board=0x20 tx=0 rx=1.5 radius_m=0.01 water=0.1 seconds=60\n"
+                               "effect modulus taxels log_std=0.2\neffect modulus board board=32 factor=2\n",
+                               &lines),
                 0);
     CHECK_EQUAL(lines, 0);
     CHECK(world.effects.spread.strength == 1.0 && world.effects.spread.length_m == 0.002);

@@ -26,7 +26,10 @@ static int stimulus_fd(int pressed, float force, double at, double ramp)
     for (size_t n = 0; n < 4; n++) {
         float row[ALL];
         for (size_t i = 0; i < ALL; i++) {
-            row[i] = n < 2 ? 0.0f : pressed < 0 ? force * (float)(i + 1u) / (float)ALL : (int)i == pressed ? force : 0.0f;
+            row[i] = n < 2               ? 0.0f
+                     : pressed < 0       ? force * (float)(i + 1u) / (float)ALL
+                     : (int)i == pressed ? force
+                                         : 0.0f;
         }
         written = written && write(fd, &times[n], sizeof times[n]) == (ssize_t)sizeof times[n] &&
                   write(fd, row, sizeof row) == (ssize_t)sizeof row;
@@ -61,15 +64,31 @@ static uint32_t stream_crc_with(const char *effect)
 
 static void effects_of_strength_zero_change_no_byte(void)
 {
-    static const char *const inactive[] = {
-        "coupling resistive tx_ohm=0 rx_ohm=0", "coupling traces picofarad=0", "noise white counts=0",
-        "noise line axis=0 counts=0", "noise pink counts=0", "noise impulse counts=0 rate_hz=5",
-        "noise impulse counts=9 rate_hz=0", "gain electrode log_std=0", "gain idac factor=1",
-        "drift warm_up counts=0 seconds=5", "drift wander counts=0 seconds=5", "saturation clip counts=50 strength=0",
-        "saturation soft counts=50 strength=0", "dead rest board=0x20 taxel=0 strength=0",
-        "silent from board=0x20 seconds=0 duration=0", "silent flaky p=0", "late delay seconds=0", "late lag seconds=0",
-        "clock skew ppm=0", "clock wander ppm=0 period=10", "exchange lines board=0x20 axis=1 index=2 other=2",
-        "droop supply ohms=0", "droop reference ohms=0", "nonlinear dead_zone leak=0", "nonlinear bow counts=0"};
+    static const char *const inactive[] = {"coupling resistive tx_ohm=0 rx_ohm=0",
+                                           "coupling traces picofarad=0",
+                                           "noise white counts=0",
+                                           "noise line axis=0 counts=0",
+                                           "noise pink counts=0",
+                                           "noise impulse counts=0 rate_hz=5",
+                                           "noise impulse counts=9 rate_hz=0",
+                                           "gain electrode log_std=0",
+                                           "gain idac factor=1",
+                                           "drift warm_up counts=0 seconds=5",
+                                           "drift wander counts=0 seconds=5",
+                                           "saturation clip counts=50 strength=0",
+                                           "saturation soft counts=50 strength=0",
+                                           "dead rest board=0x20 taxel=0 strength=0",
+                                           "silent from board=0x20 seconds=0 duration=0",
+                                           "silent flaky p=0",
+                                           "late delay seconds=0",
+                                           "late lag seconds=0",
+                                           "clock skew ppm=0",
+                                           "clock wander ppm=0 period=10",
+                                           "exchange lines board=0x20 axis=1 index=2 other=2",
+                                           "droop supply ohms=0",
+                                           "droop reference ohms=0",
+                                           "nonlinear dead_zone leak=0",
+                                           "nonlinear bow counts=0"};
     const uint32_t ideal = stream_crc_with(NULL);
     for (size_t i = 0; i < sizeof inactive / sizeof inactive[0]; i++) {
         if (!CHECK_EQUAL(stream_crc_with(inactive[i]), ideal)) {
@@ -80,17 +99,36 @@ static void effects_of_strength_zero_change_no_byte(void)
 
 static void active_effects_change_bytes_reproducibly(void)
 {
-    static const char *const active[] = {
-        "coupling resistive tx_ohm=2000 rx_ohm=2000", "coupling traces picofarad=2", "noise white counts=3",
-        "noise line axis=0 counts=3", "noise pink counts=3", "noise impulse counts=90 rate_hz=20",
-        "gain electrode log_std=0.1", "gain idac factor=0.9", "drift warm_up counts=50 seconds=5",
-        "drift wander counts=20 seconds=5", "saturation clip counts=50", "saturation soft counts=500",
-        "dead rest board=0x21 taxel=9", "dead stuck board=0x20 taxel=0 value=5", "line open board=0x20 axis=1 index=1",
-        "line short board=0x20 axis=1 index=1", "silent from board=0x20 seconds=0.6 duration=0.1", "silent flaky p=0.2",
-        "late delay seconds=0.05", "late lag seconds=0.1", "clock skew ppm=9000", "clock wander ppm=9000 period=2",
-        "exchange boards board=0x20 other=0x21", "exchange lines board=0x20 axis=1 index=2 other=3", "stuck_bit low bit=2",
-        "stuck_bit high bit=12", "droop supply ohms=2000", "droop reference ohms=2000", "nonlinear dead_zone leak=0.01",
-        "nonlinear bow counts=30"};
+    static const char *const active[] = {"coupling resistive tx_ohm=2000 rx_ohm=2000",
+                                         "coupling traces picofarad=2",
+                                         "noise white counts=3",
+                                         "noise line axis=0 counts=3",
+                                         "noise pink counts=3",
+                                         "noise impulse counts=90 rate_hz=20",
+                                         "gain electrode log_std=0.1",
+                                         "gain idac factor=0.9",
+                                         "drift warm_up counts=50 seconds=5",
+                                         "drift wander counts=20 seconds=5",
+                                         "saturation clip counts=50",
+                                         "saturation soft counts=500",
+                                         "dead rest board=0x21 taxel=9",
+                                         "dead stuck board=0x20 taxel=0 value=5",
+                                         "line open board=0x20 axis=1 index=1",
+                                         "line short board=0x20 axis=1 index=1",
+                                         "silent from board=0x20 seconds=0.6 duration=0.1",
+                                         "silent flaky p=0.2",
+                                         "late delay seconds=0.05",
+                                         "late lag seconds=0.1",
+                                         "clock skew ppm=9000",
+                                         "clock wander ppm=9000 period=2",
+                                         "exchange boards board=0x20 other=0x21",
+                                         "exchange lines board=0x20 axis=1 index=2 other=3",
+                                         "stuck_bit low bit=2",
+                                         "stuck_bit high bit=12",
+                                         "droop supply ohms=2000",
+                                         "droop reference ohms=2000",
+                                         "nonlinear dead_zone leak=0.01",
+                                         "nonlinear bow counts=30"};
     const uint32_t ideal = stream_crc_with(NULL);
     for (size_t i = 0; i < sizeof active / sizeof active[0]; i++) {
         const uint32_t crc = stream_crc_with(active[i]);
@@ -177,7 +215,8 @@ static void a_delayed_board_reports_contact_after_its_delay(void)
 
 static void coupling_does_not_change_the_delay(void)
 {
-    static const char *const effects[] = {"late delay board=0x20 seconds=0.1", "coupling resistive tx_ohm=500 rx_ohm=500", NULL};
+    static const char *const effects[] = {"late delay board=0x20 seconds=0.1",
+                                          "coupling resistive tx_ohm=500 rx_ohm=500", NULL};
     const double ideal = contact_time(NULL, 0x20, 4, stimulus_fd(4, 3.0f, 0.6, 0.001));
     CHECK_BETWEEN(contact_time(effects, 0x20, 4, stimulus_fd(4, 3.0f, 0.6, 0.001)) - ideal, 0.09, 0.11);
 }
@@ -186,7 +225,8 @@ static void delayed_fields_are_interpolated_between_records(void)
 {
     struct late_history *history = late_history_open(1, 0.5);
     for (int n = 0; n < 1000; n++) {
-        struct taxel_field *fields = late_history_add(history, (vtime)n * 10u * VTIME_MS, false, (vtime)(n + 1) * 10u * VTIME_MS);
+        struct taxel_field *fields =
+            late_history_add(history, (vtime)n * 10u * VTIME_MS, false, (vtime)(n + 1) * 10u * VTIME_MS);
         fields[0].rise = n;
     }
     CHECK(history->count < 80u && history->capacity <= 128u);

@@ -38,8 +38,14 @@ static void create_network(double tx_ohm, double rx_ohm, double trace_f)
 {
     struct random_source random;
     random_init(&random, 9, 9);
-    network = (struct network){.tx_count = ROWS, .rx_count = COLUMNS, .tx_ohm = tx_ohm, .rx_ohm = rx_ohm, .omega = 7.5e6,
-                               .ground_f = 8e-12, .trace_f = trace_f, .is_changed = true};
+    network = (struct network){.tx_count = ROWS,
+                               .rx_count = COLUMNS,
+                               .tx_ohm = tx_ohm,
+                               .rx_ohm = rx_ohm,
+                               .omega = 7.5e6,
+                               .ground_f = 8e-12,
+                               .trace_f = trace_f,
+                               .is_changed = true};
     for (int i = 0; i < ROWS; i++) {
         for (int k = 0; k < COLUMNS; k++) {
             network.mutual[i][k] = (i + k) % 7 == 6 ? 0.0 : 1.5e-12 * (1.0 + 0.1 * random_normal(&random));
@@ -63,8 +69,8 @@ static void solve_dense(int driven, double *effective_f)
         for (int other = 0; other < n; other++) {
             const bool is_crossing = (row < ROWS) != (other < ROWS);
             const int tx = row < ROWS ? row : other, rx = (row < ROWS ? other : row) - ROWS;
-            const double farad = row == other    ? network.ground_f
-                                 : is_crossing   ? network.mutual[tx][rx]
+            const double farad = row == other            ? network.ground_f
+                                 : is_crossing           ? network.mutual[tx][rx]
                                  : abs(row - other) == 1 ? network.trace_f
                                                          : 0.0;
             a[row][row] += I * network.omega * farad;

@@ -65,7 +65,8 @@ static void idac_gain_scales_rest_count_and_signal_equally(void)
     bench_effect(&bench, "gain idac board=0x21 factor=0.9");
     bench_open(&bench, 1);
     CHECK_BETWEEN(bench.rest_count[4] / rest_count, 0.9 - 1e-9, 0.9 + 1e-9);
-    CHECK_BETWEEN((front_end_hardware_count(&bench.front_end, 4, 1.0) - bench.rest_count[4]) / swing, 0.9 - 1e-9, 0.9 + 1e-9);
+    CHECK_BETWEEN((front_end_hardware_count(&bench.front_end, 4, 1.0) - bench.rest_count[4]) / swing, 0.9 - 1e-9,
+                  0.9 + 1e-9);
     bench_open(&bench, 0);
     CHECK(bench.front_end.idac_gain == 1.0);
 }
@@ -95,7 +96,8 @@ static void saturation_clips_or_compresses_the_signal(void)
     bench.rise[4] = 0.1;
     bench_scan(&bench, 0, 0.0);
     CHECK_BETWEEN(signal_counts(3), 299.0, 300.0);
-    CHECK_BETWEEN(signal_counts(4) - 0.1 * bench.front_end.taxels[4].fringe_f * bench.front_end.counts_per_farad, -1.0, 0.0);
+    CHECK_BETWEEN(signal_counts(4) - 0.1 * bench.front_end.taxels[4].fringe_f * bench.front_end.counts_per_farad, -1.0,
+                  0.0);
     CHECK_BETWEEN(signal_counts(5), -1.0, 0.0);
     prepare_one("saturation soft counts=300");
     bench.rise[3] = 300.0 / (bench.front_end.taxels[3].fringe_f * bench.front_end.counts_per_farad);
@@ -108,7 +110,8 @@ static void saturation_clips_or_compresses_the_signal(void)
 
 static void a_dead_taxel_returns_its_rest_count_or_a_stuck_count(void)
 {
-    static const char *const effects[] = {"dead rest board=0x20 taxel=3", "dead stuck board=0x20 taxel=4 value=777", NULL};
+    static const char *const effects[] = {"dead rest board=0x20 taxel=3", "dead stuck board=0x20 taxel=4 value=777",
+                                          NULL};
     prepare(effects);
     for (int i = 0; i < TAXELS; i++) {
         bench.rise[i] = 0.5;
@@ -135,7 +138,8 @@ static void an_open_line_affects_only_its_own_taxels(void)
         }
         for (int i = 0; i < TAXELS; i++) {
             const bool is_silent = (axis ? i % COLUMNS : i / COLUMNS) == 2;
-            CHECK(is_silent ? pressed[i] == bench.raw[i] && bench.raw[i] > 0.95 * bench.max_count : bench.raw[i] - pressed[i] > 100);
+            CHECK(is_silent ? pressed[i] == bench.raw[i] && bench.raw[i] > 0.95 * bench.max_count
+                            : bench.raw[i] - pressed[i] > 100);
         }
     }
 }
@@ -231,18 +235,33 @@ static void nonlinear_converters_have_plateaus_and_bow(void)
     nonlinear.bow_counts[0] = 20.0;
     CHECK_BETWEEN(nonlinear_count(&nonlinear, 0, 6400.0, 3200.0) - 3200.0, 19.999, 20.001);
     CHECK_BETWEEN(nonlinear_count(&nonlinear, 0, 6400.0, 0.0), -1e-9, 1e-9);
-    CHECK(nonlinear_count(&nonlinear, 0, 6400.0, 1600.0) - 1600.0 > nonlinear_count(&nonlinear, 0, 6400.0, 4800.0) - 4800.0);
+    CHECK(nonlinear_count(&nonlinear, 0, 6400.0, 1600.0) - 1600.0 >
+          nonlinear_count(&nonlinear, 0, 6400.0, 4800.0) - 4800.0);
 }
 
 static void invalid_lines_are_rejected(void)
 {
-    static const char *const invalid[] = {
-        "coupling resistive tx_ohm=-1", "coupling traces", "noise line counts=1", "noise line axis=3 counts=1",
-        "noise brown counts=1", "gain idac factor=0", "drift wander counts=1", "saturation clip counts=0",
-        "dead rest board=0x20 taxel=30", "dead rest taxel=1", "line open board=0x20 axis=0 index=6",
-        "line short board=0x20 axis=1 index=4", "silent flaky p=0.9 burst=2", "silent from seconds=1",
-        "late delay seconds=9", "clock wander ppm=3", "exchange boards board=0x20 other=0x20",
-        "exchange boards board=0x20 other=0x2F", "stuck_bit low bit=16", "droop supply", "nonlinear bow counts=1 leak=1"};
+    static const char *const invalid[] = {"coupling resistive tx_ohm=-1",
+                                          "coupling traces",
+                                          "noise line counts=1",
+                                          "noise line axis=3 counts=1",
+                                          "noise brown counts=1",
+                                          "gain idac factor=0",
+                                          "drift wander counts=1",
+                                          "saturation clip counts=0",
+                                          "dead rest board=0x20 taxel=30",
+                                          "dead rest taxel=1",
+                                          "line open board=0x20 axis=0 index=6",
+                                          "line short board=0x20 axis=1 index=4",
+                                          "silent flaky p=0.9 burst=2",
+                                          "silent from seconds=1",
+                                          "late delay seconds=9",
+                                          "clock wander ppm=3",
+                                          "exchange boards board=0x20 other=0x20",
+                                          "exchange boards board=0x20 other=0x2F",
+                                          "stuck_bit low bit=16",
+                                          "droop supply",
+                                          "nonlinear bow counts=1 leak=1"};
     bench_describe(&bench, 1, ROWS, COLUMNS);
     const int saved = dup(2), null_device = open("/dev/null", O_WRONLY);
     dup2(null_device, 2);

@@ -83,7 +83,8 @@ static void line_noise_is_shared_by_a_line_within_a_scan(void)
 
 static void noise_lines_add_up_independently(void)
 {
-    static const char *const effects[] = {"noise white counts=6", "noise white counts=8", "noise line axis=2 counts=10", NULL};
+    static const char *const effects[] = {"noise white counts=6", "noise white counts=8", "noise line axis=2 counts=10",
+                                          NULL};
     record_noise(effects);
     CHECK_BETWEEN(sqrt(covariance(0, 0, 0)), 13.2, 15.0);
     CHECK_BETWEEN(correlation(0, 1, 0), 0.43, 0.57);
@@ -97,7 +98,8 @@ static void pink_noise_falls_with_frequency(void)
     for (int i = 0; i < TAXELS; i++) {
         variance += covariance(i, i, 0) / TAXELS;
         scan_correlation += correlation(i, i, 1) / TAXELS;
-        for (int n = 0; n < 4; n++) { /* lags two octaves apart: 1/f noise loses a constant amount of correlation per octave */
+        /* lags two octaves apart: 1/f noise loses a constant amount of correlation per octave */
+        for (int n = 0; n < 4; n++) {
             power[n] += (covariance(i, i, 0) - covariance(i, i, 4 << (2 * n))) / TAXELS;
         }
     }

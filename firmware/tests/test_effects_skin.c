@@ -57,7 +57,8 @@ static void pressure_does_not_spread_across_a_hole(void)
         beyond += pressure[bench.patch.cell_at[12 * columns + column]];
         around += pressure[bench.patch.cell_at[11 * columns + column]];
     }
-    CHECK(beyond == 0.0 && around == 0.0); /* pressure spreads along its row first, then along the columns that it reached */
+    /* pressure spreads along its row first, then along the columns that it reached */
+    CHECK(beyond == 0.0 && around == 0.0);
     CHECK(pressure[bench.patch.cell_at[16 * columns + 11]] > 0.0);
     bench_close(&bench);
 }
@@ -279,7 +280,8 @@ static void the_image_response_follows_its_formula(void)
     bench_open(&bench, "proximity image share=0.2 reach_m=0.004", -1);
     for (double gap = 1e-4; gap < 0.02; gap += 7e-4) {
         const double ratio = 0.002 / (t + gap);
-        CHECK(fabs(rise_at_gap(gap, 0.0) - 0.2 * (log1p(ratio * ratio) - far_response) / (contact_response - far_response)) < 2e-5);
+        CHECK(fabs(rise_at_gap(gap, 0.0) -
+                   0.2 * (log1p(ratio * ratio) - far_response) / (contact_response - far_response)) < 2e-5);
     }
     bench_close(&bench);
 }

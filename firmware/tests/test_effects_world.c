@@ -18,8 +18,11 @@ static struct thread_pool *thread_pool; /* used by the following runs */
 static unsigned boards = BOARDS;
 static struct taxel_pose poses[TAXELS];
 static struct object_description table = {
-    .shape = {.kind = SHAPE_CONVEX, .bound = 0.3, .plane_count = 6,
-              .planes = {{0, 0, 1, 0}, {0, 0, -1, 0.1}, {1, 0, 0, 0.2}, {-1, 0, 0, 0.2}, {0, 1, 0, 0.2}, {0, -1, 0, 0.2}}},
+    .shape =
+        {.kind = SHAPE_CONVEX,
+         .bound = 0.3,
+         .plane_count = 6,
+         .planes = {{0, 0, 1, 0}, {0, 0, -1, 0.1}, {1, 0, 0, 0.2}, {-1, 0, 0, 0.2}, {0, 1, 0, 0.2}, {0, -1, 0, 0.2}}},
 };
 
 static void describe(const char *const *lines)
@@ -32,7 +35,8 @@ static void describe(const char *const *lines)
     fake.description.objects = &table;
     fake.description.object_count = 1;
     for (size_t i = 0; i < TAXELS; i++) {
-        poses[i] = (struct taxel_pose){.position = {0.0, -TAXEL_PITCH_M * (double)i, 0.0}, .normal = {0, 0, 1}, .distal = {1, 0, 0}};
+        poses[i] = (struct taxel_pose){
+            .position = {0.0, -TAXEL_PITCH_M * (double)i, 0.0}, .normal = {0, 0, 1}, .distal = {1, 0, 0}};
     }
     for (size_t i = 0; i < boards; i++) {
         fake.description.boards[i].taxel_poses = poses;
@@ -60,11 +64,12 @@ static int stimulus_file(enum stimulus_kind kind)
         float values[STIMULUS_SCENE_VALUES(BOARDS_MAX)] = {0.0f};
         size_t count = boards * TAXELS;
         if (kind == STIMULUS_FORCE) {
-            for (size_t n = 0; n < count; n += boards > BOARDS ? TAXELS : count) {
+            for (size_t n = 0; n<count; n += boards> BOARDS ? TAXELS : count) {
                 values[n + 3] = values[n + 4] = 0.5f * part;
             }
         } else {
-            const float height = 0.001f + 0.001f - 0.0012f * part; /* from 1 mm above the skin to 0.2 mm into it, face down */
+            /* from 1 mm above the skin to 0.2 mm into it, face down */
+            const float height = 0.001f + 0.001f - 0.0012f * part;
             count = STIMULUS_SCENE_VALUES(boards);
             for (size_t pose = 0; pose <= boards; pose++) {
                 values[1 + 12 * pose] = 1.0f;
@@ -225,7 +230,8 @@ static void an_effect_on_one_board_does_not_change_a_ramp_on_another(void)
             const double time = 1.0 * i;
             float values[BOARDS * TAXELS] = {0.0f};
             values[3] = 2.0f * (float)i;
-            CHECK(write(fd, &time, sizeof time) == (ssize_t)sizeof time && write(fd, values, sizeof values) == (ssize_t)sizeof values);
+            CHECK(write(fd, &time, sizeof time) == (ssize_t)sizeof time &&
+                  write(fd, values, sizeof values) == (ssize_t)sizeof values);
         }
         lseek(fd, 0, SEEK_SET);
         describe(on ? lines : NULL);

@@ -90,7 +90,8 @@ static void clock_stretching_below_the_time_limit_causes_no_fault(void)
 {
     describe_world();
     for (unsigned i = 0; i < POSITIONS; i++) {
-        fake_world_fault(&fake, 0.7 + 0.012 * i, FAULT_STRETCH, FAULTY, 100.0 * i); /* the interval exceeds a transfer */
+        /* the interval exceeds a transfer */
+        fake_world_fault(&fake, 0.7 + 0.012 * i, FAULT_STRETCH, FAULTY, 100.0 * i);
     }
     start_and_run(0.7);
     CHECK_EQUAL(fake_world_slot(&fake, FAULTY)->timeouts, 0);

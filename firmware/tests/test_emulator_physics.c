@@ -126,7 +126,8 @@ static void forces_are_interpolated_between_records(void)
     static const float values[] = {2.0f, 4.0f, 10.0f, 0.0f};
     static const struct {
         double time, value;
-    } expected[] = {{0.0, 0.0}, {0.999, 0.0}, {1.0, 2.0}, {1.5, 3.0}, {1.75, 3.5}, {2.0, 10.0}, {3.0, 5.0}, {4.0, 0.0}, {9.0, 0.0}};
+    } expected[] = {{0.0, 0.0},  {0.999, 0.0}, {1.0, 2.0}, {1.5, 3.0}, {1.75, 3.5},
+                    {2.0, 10.0}, {3.0, 5.0},   {4.0, 0.0}, {9.0, 0.0}};
     struct stimulus stimulus;
     CHECK_EQUAL(stimulus_open(&stimulus, create_stimulus(STIMULUS_FORCE, times, values, 4), "test", TAXELS, false), 0);
     for (size_t i = 0; i < sizeof expected / sizeof expected[0]; i++) {

@@ -165,7 +165,8 @@ static void flow_control_keeps_bytes_that_the_hub_cannot_receive(void)
         CHECK_EQUAL(fake.world.uart.is_held, wired != 0);
         if (wired) {
             CHECK_EQUAL((uint8_t)(inbox->head - inbox->tail), 255u - TAXEL_HUB_HOLD_SPACE + UART_BYTES_AFTER_HOLD);
-            CHECK_EQUAL(UART_RECEIVE_BUFFER_SIZE - uart_host_free_space(&fake.world.uart), sizeof invalid_bytes - 255u + 32u - 3u);
+            CHECK_EQUAL(UART_RECEIVE_BUFFER_SIZE - uart_host_free_space(&fake.world.uart),
+                        sizeof invalid_bytes - 255u + 32u - 3u);
         }
         CHECK_EQUAL(fake_world_run(&fake, 0.3), 0);
         CHECK_EQUAL(inbox->overruns, wired ? 0 : sizeof invalid_bytes - 255u);

@@ -65,10 +65,12 @@ static void wrong_lengths_and_unknown_commands_are_rejected(void)
 {
     static const struct {
         uint8_t code, minimum, maximum;
-    } rules[] = {{TAXEL_COMMAND_START, 0, 1},        {TAXEL_COMMAND_STOP, 0, 0},       {TAXEL_COMMAND_SET_RATE, 4, 4},
-                 {TAXEL_COMMAND_SCAN_BUS, 0, 0},     {TAXEL_COMMAND_I2C_TRANSFER, 2, 66}, {TAXEL_COMMAND_SET_SCAN_SETTINGS, 9, 9},
-                 {TAXEL_COMMAND_REBOOT, 0, 0},       {TAXEL_COMMAND_GET_STATUS, 0, 0}, {TAXEL_COMMAND_GET_BOARD_INFO, 1, 1},
-                 {TAXEL_COMMAND_GET_TIME, 0, 0},     {TAXEL_COMMAND_ENTER_BOOTLOADER, 4, 4}};
+    } rules[] = {{TAXEL_COMMAND_START, 0, 1},           {TAXEL_COMMAND_STOP, 0, 0},
+                 {TAXEL_COMMAND_SET_RATE, 4, 4},        {TAXEL_COMMAND_SCAN_BUS, 0, 0},
+                 {TAXEL_COMMAND_I2C_TRANSFER, 2, 66},   {TAXEL_COMMAND_SET_SCAN_SETTINGS, 9, 9},
+                 {TAXEL_COMMAND_REBOOT, 0, 0},          {TAXEL_COMMAND_GET_STATUS, 0, 0},
+                 {TAXEL_COMMAND_GET_BOARD_INFO, 1, 1},  {TAXEL_COMMAND_GET_TIME, 0, 0},
+                 {TAXEL_COMMAND_ENTER_BOOTLOADER, 4, 4}};
     const uint8_t zeros[66] = {0};
     begin(false);
     for (size_t i = 0; i < sizeof rules / sizeof rules[0]; i++) {
@@ -271,7 +273,8 @@ static void a_board_detected_during_a_cycle_changes_no_other_poll(void)
 {
     for (unsigned repetition = 0; repetition < 3 * 10; repetition++) {
         const uint8_t scan_bus[2] = {1, TAXEL_COMMAND_SCAN_BUS};
-        const size_t new_board = 1 + repetition % 3; /* not the first board, whose poll starts in the pass that ends a cycle */
+        /* not the first board, whose poll starts in the pass that ends a cycle */
+        const size_t new_board = 1 + repetition % 3;
         uint32_t polls[4] = {0};
         fake_hub_init(&fake);
         fake_hub_add_boards(&fake, sensors, FIRST, 4);
@@ -291,7 +294,8 @@ static void a_board_detected_during_a_cycle_changes_no_other_poll(void)
         CHECK(fake_hub_slot(&fake, (uint8_t)(FIRST + new_board)) != NULL);
         for (size_t i = 0; i < 4; i++) {
             if (i != new_board) {
-                CHECK_EQUAL(taxel_hub_polls(fake_hub_slot(&fake, (uint8_t)(FIRST + i))) - polls[i], fake.hub.cycle.count - cycles);
+                CHECK_EQUAL(taxel_hub_polls(fake_hub_slot(&fake, (uint8_t)(FIRST + i))) - polls[i],
+                            fake.hub.cycle.count - cycles);
             }
         }
         end();

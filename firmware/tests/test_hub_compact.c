@@ -103,8 +103,8 @@ static void receive(const struct fake_frame *frame)
     const size_t board = frame->payload[0] - FIRST;
     const uint8_t *bytes = frame->payload + TAXEL_TAXEL_HEADER_SIZE;
     struct taxel_compact_snapshot snapshot;
-    const enum taxel_compact_result result = taxel_compact_receive(
-        &receivers[board], frame->payload[0], TAXELS, bytes, frame->length - TAXEL_TAXEL_HEADER_SIZE, &snapshot);
+    const enum taxel_compact_result result = taxel_compact_receive(&receivers[board], frame->payload[0], TAXELS, bytes,
+                                                                   frame->length - TAXEL_TAXEL_HEADER_SIZE, &snapshot);
     CHECK(result != TAXEL_COMPACT_DAMAGED);
     without_key_frame += result == TAXEL_COMPACT_NO_KEY_FRAME;
     if (result == TAXEL_COMPACT_OK) {
@@ -250,7 +250,8 @@ static void repeated_snapshots_are_not_forwarded(void)
     fake.devices[0].held_scans = 5;
     run_cycles_and_answer(10);
     const struct taxel_hub_slot after = *fake_hub_slot(&fake, FIRST);
-    CHECK_BETWEEN(after.repeated - before.repeated, 4, 5); /* one scan may have been skipped by a reading of the clock */
+    /* one scan may have been skipped by a reading of the clock */
+    CHECK_BETWEEN(after.repeated - before.repeated, 4, 5);
     CHECK_BETWEEN(taxel_hub_polls(&after) - taxel_hub_polls(&before), 10, 11); /* the next poll may be in progress */
     end();
 }

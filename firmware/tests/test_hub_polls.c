@@ -58,9 +58,10 @@ static void boards_are_detected_and_identified_before_streaming(void)
     for (size_t i = 0; i < fake.frame_count; i++) {
         const struct fake_frame *frame = &fake.frames[i];
         if (frame->type == TAXEL_FRAME_TYPE_BOARD_INFO) {
-            struct fake_sensor *sensor = &sensors[frame->payload[TAXEL_IDENTITY_OFFSET_ADDRESS] == 0x77
-                                                      ? BOARDS
-                                                      : (size_t)(frame->payload[TAXEL_IDENTITY_OFFSET_ADDRESS] - FIRST)];
+            struct fake_sensor *sensor =
+                &sensors[frame->payload[TAXEL_IDENTITY_OFFSET_ADDRESS] == 0x77
+                             ? BOARDS
+                             : (size_t)(frame->payload[TAXEL_IDENTITY_OFFSET_ADDRESS] - FIRST)];
             CHECK(fake_read_at(sensor, 0, identity, sizeof identity));
             CHECK_BYTES(frame->payload, identity, sizeof identity);
             CHECK_EQUAL(taxel_get_u16(frame->payload + TAXEL_IDENTITY_SIZE), 160);
@@ -135,7 +136,8 @@ static void a_cycle_of_50_ms_reads_one_boards_clock(void)
         if (fake.frames[i].type == TAXEL_FRAME_TYPE_TIME_SYNC) {
             taxel_time_sync_unpack(&sync, fake.frames[i].payload);
             const uint32_t offset = 1000000u * (sync.address - FIRST);
-            CHECK_BETWEEN((int32_t)(sync.board_time_us - (uint32_t)sync.hub_time_us - offset), -50, 50); /* two bytes on the bus */
+            /* two bytes on the bus */
+            CHECK_BETWEEN((int32_t)(sync.board_time_us - (uint32_t)sync.hub_time_us - offset), -50, 50);
         }
     }
     end();
@@ -240,7 +242,8 @@ static void cycle_numbers_and_clocks_wrap(void)
     fake.wake_us = 0;
     CHECK(fake_hub_run_cycles(&fake, 8));
     fake_hub_forget_frames(&fake);
-    const uint32_t polls = taxel_hub_polls(fake_hub_slot(&fake, FIRST)), forwarded = fake_hub_slot(&fake, FIRST)->forwarded;
+    const uint32_t polls = taxel_hub_polls(fake_hub_slot(&fake, FIRST)),
+                   forwarded = fake_hub_slot(&fake, FIRST)->forwarded;
     fake.hub.cycle.number = 0xFFF0;
     CHECK(fake_hub_run_cycles(&fake, 40));
     CHECK(fake.now_us > 0x100000000u);

@@ -70,7 +70,7 @@ static void after_a_pause_of_two_minutes_no_board_counts_as_restarted(void)
         fake_hub_run(&fake, 1000);
         for (size_t board = 0; board < 2; board++) {
             sensors[board].clock_us = (uint32_t)fake.now_us - 1000u; /* the following scans end at the present time */
-            fake_scan(&sensors[board], 2); /* the boards continue to scan */
+            fake_scan(&sensors[board], 2);                           /* the boards continue to scan */
         }
     }
     CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_START, NULL, 0), 0);
@@ -130,7 +130,8 @@ static void the_bootloader_is_entered_only_with_the_key(void)
 {
     static const uint8_t key[4] = {'B', 'O', 'O', 'T'}, other[4] = {'B', 'O', 'O', 'K'};
     begin(1);
-    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_ENTER_BOOTLOADER, other, sizeof other), TAXEL_REPLY_STATUS_BAD_ARGUMENTS);
+    CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_ENTER_BOOTLOADER, other, sizeof other),
+                TAXEL_REPLY_STATUS_BAD_ARGUMENTS);
     fake_hub_run(&fake, 20000);
     CHECK_EQUAL(fake.bootloader_entries, 0);
     CHECK_EQUAL(fake_hub_command(&fake, TAXEL_COMMAND_ENTER_BOOTLOADER, key, sizeof key), TAXEL_REPLY_STATUS_OK);

@@ -1,4 +1,5 @@
-/* Scan settings and board information through the hub: one board, all boards, unknown, rejecting and unplugged boards. */
+/* Scan settings and board information through the hub: one board, all boards, unknown, rejecting and unplugged
+ * boards. */
 #include "check.h"
 #include "fake_hub.h"
 
@@ -118,7 +119,8 @@ static void rejected_settings_are_not_written_again_after_a_restart(void)
 
 static int lose_settings_write(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
-    if (transfer->address == FIRST + 1 && transfer->write_size == 1u + TAXEL_SETTINGS_REGISTER_SIZE && hub->script_state) {
+    if (transfer->address == FIRST + 1 && transfer->write_size == 1u + TAXEL_SETTINGS_REGISTER_SIZE &&
+        hub->script_state) {
         hub->script_state--;
         return TAXEL_I2C_NACK_ADDRESS;
     }

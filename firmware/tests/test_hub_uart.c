@@ -123,12 +123,14 @@ static void a_host_with_flow_control_loses_no_command(void)
     for (size_t i = 0; i < commands; i++) {
         const uint8_t payload[4] = {(uint8_t)i, transfer[0], transfer[1], transfer[2]};
         struct taxel_encoder encoder;
-        taxel_encoder_begin(&encoder, bytes + size, sizeof bytes - size, 0, TAXEL_FRAME_TYPE_COMMAND, 0, sizeof payload);
+        taxel_encoder_begin(&encoder, bytes + size, sizeof bytes - size, 0, TAXEL_FRAME_TYPE_COMMAND, 0,
+                            sizeof payload);
         taxel_encoder_put(&encoder, payload, sizeof payload);
         size += taxel_encoder_end(&encoder);
     }
     while (sent < size) {
-        for (unsigned after = 0; sent < size && (!fake.is_host_held || after < TAXEL_HUB_HOLD_SPACE); after += fake.is_host_held) {
+        for (unsigned after = 0; sent < size && (!fake.is_host_held || after < TAXEL_HUB_HOLD_SPACE);
+             after += fake.is_host_held) {
             taxel_hub_on_uart_byte(&fake.hub, bytes[sent++]);
         }
         while (fake.is_host_held) {
@@ -180,7 +182,8 @@ static void several_commands_are_executed_in_order(void)
     for (size_t i = 0; i < sizeof codes; i++) {
         const uint8_t payload[2] = {(uint8_t)i, codes[i]};
         struct taxel_encoder encoder;
-        taxel_encoder_begin(&encoder, bytes + size, sizeof bytes - size, 0, TAXEL_FRAME_TYPE_COMMAND, 0, sizeof payload);
+        taxel_encoder_begin(&encoder, bytes + size, sizeof bytes - size, 0, TAXEL_FRAME_TYPE_COMMAND, 0,
+                            sizeof payload);
         taxel_encoder_put(&encoder, payload, sizeof payload);
         size += taxel_encoder_end(&encoder);
     }
@@ -230,7 +233,8 @@ static void a_slow_reader_gets_equally_many_frames_of_every_board(void)
     const size_t frames = fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, FIRST);
     CHECK(frames > 10);
     for (uint8_t i = 1; i < 4; i++) {
-        CHECK_BETWEEN(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, (uint8_t)(FIRST + i)), (double)frames - 2, (double)frames + 2);
+        CHECK_BETWEEN(fake_hub_count_of(&fake, TAXEL_FRAME_TYPE_TAXELS, (uint8_t)(FIRST + i)), (double)frames - 2,
+                      (double)frames + 2);
     }
     end();
 }

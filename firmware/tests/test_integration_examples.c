@@ -35,8 +35,13 @@ static void an_encoded_frame_is_decoded(void)
 
     static uint8_t chunk[2u * (TAXEL_ENCODED_MAX + 2u)], body[TAXEL_BODY_MAX];
     static const struct taxel_deframer_config config = {
-        .chunk = chunk, .chunk_capacity = sizeof chunk, .body = body, .payload_max = TAXEL_PAYLOAD_MAX,
-        .directions = TAXEL_DIRECTION_TO_HUB, .handler = on_frame, .context = NULL,
+        .chunk = chunk,
+        .chunk_capacity = sizeof chunk,
+        .body = body,
+        .payload_max = TAXEL_PAYLOAD_MAX,
+        .directions = TAXEL_DIRECTION_TO_HUB,
+        .handler = on_frame,
+        .context = NULL,
     };
     static struct taxel_deframer deframer;
     frames = 0;
@@ -117,15 +122,25 @@ static void reset(void *context)
 static void a_sensor_board_scans_and_is_read(void)
 {
     static const struct taxel_sensor_hal hal = {
-        .context = NULL, .front_end_configure = configure, .conversion_start = start_conversion, .clock_us = clock_us_32,
-        .interrupts_disable = disable_interrupts, .interrupts_restore = restore_interrupts,
-        .restart = reset, .enter_bootloader = reset,
+        .context = NULL,
+        .front_end_configure = configure,
+        .conversion_start = start_conversion,
+        .clock_us = clock_us_32,
+        .interrupts_disable = disable_interrupts,
+        .interrupts_restore = restore_interrupts,
+        .restart = reset,
+        .enter_bootloader = reset,
     };
     static struct taxel_sensor sensor;
     static uint8_t snapshots[3][TAXEL_SNAPSHOT_SIZE(4u)];
     static const uint8_t crossing_map[TAXEL_CROSSING_MAP_SIZE] = {0x0F};
     static const struct taxel_sensor_config config = {
-        .hal = &hal, .address = 0x20, .rows = 2, .columns = 2, .taxel_count = 4, .crossing_map = crossing_map,
+        .hal = &hal,
+        .address = 0x20,
+        .rows = 2,
+        .columns = 2,
+        .taxel_count = 4,
+        .crossing_map = crossing_map,
         .settings = {.sub_conversions = 100, .sense_clock_divider = 40, .modulator_clock_divider = 1, .idac_code = 96},
         .snapshots = {snapshots[0], snapshots[1], snapshots[2]},
     };
@@ -203,18 +218,34 @@ static void set_wake_time(void *context, uint64_t time_us)
 static void a_hub_announces_itself_and_scans_the_bus(void)
 {
     static const struct taxel_hub_hal hal = {
-        .context = NULL, .i2c_start = start_transfer, .i2c_abort = abort_transfer, .i2c_drive = drive_lines,
-        .i2c_scl = read_line, .i2c_sda = read_line, .uart_kick = reset, .uart_hold = NULL,
-        .clock_us = clock_us, .delay_us = delay_us, .wake_at = set_wake_time,
-        .restart = reset, .enter_bootloader = reset,
+        .context = NULL,
+        .i2c_start = start_transfer,
+        .i2c_abort = abort_transfer,
+        .i2c_drive = drive_lines,
+        .i2c_scl = read_line,
+        .i2c_sda = read_line,
+        .uart_kick = reset,
+        .uart_hold = NULL,
+        .clock_us = clock_us,
+        .delay_us = delay_us,
+        .wake_at = set_wake_time,
+        .restart = reset,
+        .enter_bootloader = reset,
     };
     static const uint8_t version[3] = {1, 0, 0}, unique_id[8] = {1, 2, 3, 4, 5, 6, 7, 8};
     static struct taxel_hub_slot slots[17];
     static uint8_t pool[2u * TAXEL_HUB_BUFFER_SIZE(TAXEL_COMPACT_SIZE_MAX)], ring[512];
     static const struct taxel_hub_config config = {
-        .hal = &hal, .firmware_version = version, .unique_id = unique_id, .scl_hz = 400000u,
-        .slots = slots, .slot_capacity = 17u, .transfer_pool = pool, .transfer_pool_size = sizeof pool,
-        .transmit_ring = ring, .transmit_ring_size = sizeof ring,
+        .hal = &hal,
+        .firmware_version = version,
+        .unique_id = unique_id,
+        .scl_hz = 400000u,
+        .slots = slots,
+        .slot_capacity = 17u,
+        .transfer_pool = pool,
+        .transfer_pool_size = sizeof pool,
+        .transmit_ring = ring,
+        .transmit_ring_size = sizeof ring,
     };
     unsigned transfers = 0;
     taxel_hub_init(&hub, &config, TAXEL_RESET_CAUSE_POWER_ON);
@@ -276,13 +307,21 @@ static void copy_unique_id(void *context, uint8_t *id)
 static void a_bootloader_answers_a_packet_and_an_application_confirms(void)
 {
     static struct taxel_boot_hal hal = {
-        .context = NULL, .flash_write_row = write_row, .clock_us = clock_us_32, .reset_cause = read_reset_cause,
-        .stay_requested = is_stay_requested, .start = start_application, .restart = reset, .unique_id = copy_unique_id,
+        .context = NULL,
+        .flash_write_row = write_row,
+        .clock_us = clock_us_32,
+        .reset_cause = read_reset_cause,
+        .stay_requested = is_stay_requested,
+        .start = start_application,
+        .restart = reset,
+        .unique_id = copy_unique_id,
     };
     static struct taxel_boot boot;
     static struct taxel_boot_i2c slave;
     static const struct taxel_boot_config config = {
-        .flash = {.hal = &hal, .layout = &taxel_boot_layout_board}, .checksum = TAXEL_BOOT_CHECKSUM_ANY, .version = {1, 0, 0},
+        .flash = {.hal = &hal, .layout = &taxel_boot_layout_board},
+        .checksum = TAXEL_BOOT_CHECKSUM_ANY,
+        .version = {1, 0, 0},
     };
     static const uint8_t enter[7] = {0x01, TAXEL_BOOT_COMMAND_ENTER, 0x00, 0x00, 0xC7, 0xFF, 0x17};
     hal.flash = image_flash();

@@ -207,19 +207,60 @@ static void check_rejected(void (*damage)(void), const char *description)
     fake_sensor_free(&fake);
 }
 
-static void no_rows(void) { fake.config.rows = 0; }
-static void many_rows(void) { fake.config.rows = 17; }
-static void no_columns(void) { fake.config.columns = 0; }
-static void many_columns(void) { fake.config.columns = 17; }
-static void no_taxels(void) { fake.config.taxel_count = 0; memset(fake.crossing_map, 0, sizeof fake.crossing_map); }
-static void fewer_taxels(void) { fake.config.taxel_count--; }
-static void more_taxels(void) { fake.config.taxel_count++; }
-static void low_address(void) { fake.config.address = 7; }
-static void high_address(void) { fake.config.address = 0x78; }
-static void no_sub_conversions(void) { fake.config.settings.sub_conversions = 0; }
-static void large_count(void) { fake.config.settings.sub_conversions = 0x8000; fake.config.settings.sense_clock_divider = 2; }
-static void no_modulator_clock(void) { fake.config.settings.modulator_clock_divider = 0; }
-static void no_current(void) { fake.config.settings.idac_code = 0; }
+static void no_rows(void)
+{
+    fake.config.rows = 0;
+}
+static void many_rows(void)
+{
+    fake.config.rows = 17;
+}
+static void no_columns(void)
+{
+    fake.config.columns = 0;
+}
+static void many_columns(void)
+{
+    fake.config.columns = 17;
+}
+static void no_taxels(void)
+{
+    fake.config.taxel_count = 0;
+    memset(fake.crossing_map, 0, sizeof fake.crossing_map);
+}
+static void fewer_taxels(void)
+{
+    fake.config.taxel_count--;
+}
+static void more_taxels(void)
+{
+    fake.config.taxel_count++;
+}
+static void low_address(void)
+{
+    fake.config.address = 7;
+}
+static void high_address(void)
+{
+    fake.config.address = 0x78;
+}
+static void no_sub_conversions(void)
+{
+    fake.config.settings.sub_conversions = 0;
+}
+static void large_count(void)
+{
+    fake.config.settings.sub_conversions = 0x8000;
+    fake.config.settings.sense_clock_divider = 2;
+}
+static void no_modulator_clock(void)
+{
+    fake.config.settings.modulator_clock_divider = 0;
+}
+static void no_current(void)
+{
+    fake.config.settings.idac_code = 0;
+}
 
 /* The number of bits is right, but one of them is beyond the crossings of this board. */
 static void crossing_outside(void)

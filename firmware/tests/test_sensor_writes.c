@@ -51,8 +51,9 @@ static void valid_settings_read_back_at_once(void)
 
 static void settings_out_of_range_are_rejected(void)
 {
-    static const struct taxel_scan_settings wrong[] = {{0, 40, 1, 16, 0},      {160, 0, 1, 16, 0}, {256, 256, 1, 16, 0},
-                                                       {65535, 65535, 1, 1, 0}, {160, 40, 0, 16, 0}, {160, 40, 1, 0, 0}};
+    static const struct taxel_scan_settings wrong[] = {{0, 40, 1, 16, 0},    {160, 0, 1, 16, 0},
+                                                       {256, 256, 1, 16, 0}, {65535, 65535, 1, 1, 0},
+                                                       {160, 40, 0, 16, 0},  {160, 40, 1, 0, 0}};
     boot();
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
         CHECK(fake_write_settings(&fake, &wrong[i]));

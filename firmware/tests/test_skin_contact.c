@@ -52,7 +52,8 @@ static void the_stiffness_is_the_derivative_of_the_wrench(void)
         for (int s = 0; s < 2; s++) {
             double step[6] = {0.0};
             step[motion] = s ? MOTION : -MOTION;
-            const struct frame motion_frame = frame_of_offset(step, step + 3), moved_frame = frame_product(&frame, &motion_frame);
+            const struct frame motion_frame = frame_of_offset(step, step + 3),
+                               moved_frame = frame_product(&frame, &motion_frame);
             CHECK(contact_solve(&patch, &table, &moved_frame, THICKNESS_M, 0.0, compression, NULL, &shifted_load[s]));
         }
         for (int i = 0; i < 6; i++) {
@@ -98,7 +99,8 @@ static void pressure_stiffness_and_work_are_derivatives_of_each_other(void)
         const double step = 1e-9;
         const double slope = (layer_pressure(c + step) - layer_pressure(c - step)) / (2.0 * step);
         const double gain = (layer_work(c + step) - layer_work(c - step)) / (2.0 * step);
-        CHECK(fabs(slope / layer_stiffness(c) - 1.0) < 2e-4 || c > 0.00051); /* one kink at the start of the linear part */
+        /* one kink at the start of the linear part */
+        CHECK(fabs(slope / layer_stiffness(c) - 1.0) < 2e-4 || c > 0.00051);
         CHECK(fabs(gain / layer_pressure(c) - 1.0) < 1e-5);
     }
     CHECK(layer_pressure(-1e-6) == 0.0 && layer_stiffness(0.0) == 0.0 && layer_work(0.0) == 0.0);
@@ -122,7 +124,8 @@ static void the_whole_layer_is_more_compliant_than_its_pillars(void)
 static void all_functions_for_the_rise_agree(void)
 {
     for (double pressure = 1e-3; pressure < 1.5e6; pressure *= 1.013) {
-        const double rise = layer_rise_at_force(pressure * TAXEL_PITCH_M * TAXEL_PITCH_M), c = layer_compression(pressure);
+        const double rise = layer_rise_at_force(pressure * TAXEL_PITCH_M * TAXEL_PITCH_M),
+                     c = layer_compression(pressure);
         CHECK(fabs(layer_rise_at_pressure(pressure) / rise - 1.0) < 3e-5);
         CHECK(fabs(layer_rise_at_compression(c) - rise) < 3e-5 * rise + 1e-7);
         CHECK(pressure < 1.0 || pressure > 2e5 || fabs(layer_pressure(c) / pressure - 1.0) < 1e-3);
@@ -134,7 +137,8 @@ static void all_functions_for_the_rise_agree(void)
 static void the_air_fraction_excludes_the_silicone(void)
 {
     CHECK(fabs(layer_air_fraction(0.0) - 0.65) < 1e-12);
-    CHECK(fabs(layer_air_fraction(layer_rise_at_compression(0.0004)) - 0.3) < 1e-5); /* half the height: twice the silicone fraction */
+    /* half the height: twice the silicone fraction */
+    CHECK(fabs(layer_air_fraction(layer_rise_at_compression(0.0004)) - 0.3) < 1e-5);
     CHECK(layer_air_fraction(1e3) == 0.0);
 }
 

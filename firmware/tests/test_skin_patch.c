@@ -77,7 +77,8 @@ static void cells_follow_a_cylinder(void)
         CHECK(fabs(n[0]) < 1e-12);
     }
     for (int i = 0; i + 1 < patch.grid_columns; i++) { /* neighbours are one cell apart, also across taxels */
-        const double spacing = distance(patch.cells[patch.cell_at[i]].position, patch.cells[patch.cell_at[i + 1]].position);
+        const double spacing =
+            distance(patch.cells[patch.cell_at[i]].position, patch.cells[patch.cell_at[i + 1]].position);
         CHECK_BETWEEN(spacing / CELL_SIDE_M, 0.93, 1.07);
     }
     patch_free(&patch);

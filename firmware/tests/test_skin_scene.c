@@ -19,10 +19,11 @@ static struct fake_world fake;
 static void a_valid_scene_is_read(void)
 {
     unsigned lines;
-    CHECK_EQUAL(rejection_read(&rejection, &world,
-                             WORLD "layer 0.0012\n" SURFACE CUBE "object can 0 0 0.05 0.06\ncylinder 0.03 0.1\n"
-                                   "bracket_offset 0x20 0.001 0 0 0 0 1.5707963267948966\nobject_offset can 0 0 0.002 0 0 0\n",
-                             &lines),
+    CHECK_EQUAL(rejection_read(
+                    &rejection, &world,
+                    WORLD "layer 0.0012\n" SURFACE CUBE "object can 0 0 0.05 0.06\ncylinder 0.03 0.1\n"
+                          "bracket_offset 0x20 0.001 0 0 0 0 1.5707963267948966\nobject_offset can 0 0 0.002 0 0 0\n",
+                    &lines),
                 0);
     CHECK_EQUAL(lines, 0);
     CHECK(world.layer_thickness == 0.0012);
@@ -31,7 +32,8 @@ static void a_valid_scene_is_read(void)
     CHECK_EQUAL(world.object_count, 2);
     CHECK_EQUAL(world.objects[0].shape.plane_count, 6);
     CHECK(world.objects[1].shape.kind == SHAPE_CYLINDER && world.objects[1].shape.height == 0.1);
-    CHECK(world.boards[0].bracket_offset.row[0][3] == 0.001 && fabs(world.boards[0].bracket_offset.row[1][0] - 1.0) < 1e-12);
+    CHECK(world.boards[0].bracket_offset.row[0][3] == 0.001 &&
+          fabs(world.boards[0].bracket_offset.row[1][0] - 1.0) < 1e-12);
     CHECK(world.objects[1].offset.row[2][3] == 0.002 && world.objects[0].offset.row[2][3] == 0.0);
     world_file_free(&world);
 }
@@ -49,7 +51,9 @@ static const char *const invalid_scenes[] = {
     WORLD "surface 32 0 0 nan 0 0 1 1 0 0\n",
     WORLD "surface 32 0 0 1e9 0 0 1 1 0 0\n",
     WORLD SURFACE SURFACE,
-    "taxel-world 1\nboard 32 1 1 2 2 03" "00000000000000000000000000000000000000000000000000000000000000" " 0102030405060708 0 5\n" SURFACE,
+    "taxel-world 1\nboard 32 1 1 2 2 03"
+    "00000000000000000000000000000000000000000000000000000000000000"
+    " 0102030405060708 0 5\n" SURFACE,
     WORLD "object\n",
     WORLD "object cube\n",
     WORLD "object cube 0 0 0 0\n",
@@ -112,16 +116,23 @@ static int scene_file(uint32_t boards, uint32_t taxels, float x)
     }
     values[4] = x;
     const size_t size = STIMULUS_SCENE_VALUES(boards) * sizeof *values;
-    CHECK(write(fd, header, sizeof header) == (ssize_t)sizeof header && write(fd, &time, sizeof time) == (ssize_t)sizeof time &&
-          write(fd, values, size) == (ssize_t)size);
+    CHECK(write(fd, header, sizeof header) == (ssize_t)sizeof header &&
+          write(fd, &time, sizeof time) == (ssize_t)sizeof time && write(fd, values, size) == (ssize_t)size);
     lseek(fd, 0, SEEK_SET);
     return fd;
 }
 
 static struct taxel_pose pose_of_taxel = {.normal = {1.0, 0.0, 0.0}, .distal = {0.0, 0.0, 1.0}};
 static struct object_description cube = {
-    .shape = {.kind = SHAPE_CONVEX, .bound = 0.02, .plane_count = 6,
-              .planes = {{1, 0, 0, 0.01}, {-1, 0, 0, 0.01}, {0, 1, 0, 0.01}, {0, -1, 0, 0.01}, {0, 0, 1, 0.01}, {0, 0, -1, 0.01}}},
+    .shape = {.kind = SHAPE_CONVEX,
+              .bound = 0.02,
+              .plane_count = 6,
+              .planes = {{1, 0, 0, 0.01},
+                         {-1, 0, 0, 0.01},
+                         {0, 1, 0, 0.01},
+                         {0, -1, 0, 0.01},
+                         {0, 0, 1, 0.01},
+                         {0, 0, -1, 0.01}}},
 };
 
 static void describe(bool has_poses)
@@ -173,7 +184,8 @@ static void counts_fall_under_contact_and_follow_the_actual_object_pose(void)
 {
     const unsigned rest_count = count_with_cube_at(0.05f, 0.0), above_skin = count_with_cube_at(0.0111f, 0.0);
     const unsigned pressed = count_with_cube_at(0.0109f, 0.0), deeper = count_with_cube_at(0.0108f, 0.0);
-    CHECK_EQUAL(above_skin, rest_count); /* the skin surface is 1 mm above the electrode, and the cube's face 10 mm in front of its centre */
+    /* the skin surface is 1 mm above the electrode, and the cube's face 10 mm in front of its centre */
+    CHECK_EQUAL(above_skin, rest_count);
     CHECK(pressed < rest_count && deeper < pressed);
     CHECK_BETWEEN((double)count_with_cube_at(0.0128f, -0.002) - deeper, -1.0, 1.0);
 }

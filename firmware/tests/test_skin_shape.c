@@ -17,7 +17,11 @@ static const struct shape box = {
 static const struct shape prism = {
     .kind = SHAPE_CONVEX,
     .plane_count = 5,
-    .planes = {{0.8660254037844386, 0.5, 0, 0.02}, {-0.8660254037844386, 0.5, 0, 0.02}, {0, -1, 0, 0.02}, {0, 0, 1, 0.06}, {0, 0, -1, 0}},
+    .planes = {{0.8660254037844386, 0.5, 0, 0.02},
+               {-0.8660254037844386, 0.5, 0, 0.02},
+               {0, -1, 0, 0.02},
+               {0, 0, 1, 0.06},
+               {0, 0, -1, 0}},
 };
 static const struct shape cylinder = {.kind = SHAPE_CYLINDER, .radius = 0.025, .height = 0.06};
 static const struct shape *const shapes[] = {&box, &prism, &cylinder};
@@ -41,7 +45,8 @@ static bool is_inside(const struct shape *shape, const double p[3])
 static double first_inside_point(const struct shape *shape, const double origin[3], const double direction[3])
 {
     for (double distance = -RANGE_M; distance < RANGE_M; distance += STEP_M) {
-        const double p[3] = {origin[0] + distance * direction[0], origin[1] + distance * direction[1], origin[2] + distance * direction[2]};
+        const double p[3] = {origin[0] + distance * direction[0], origin[1] + distance * direction[1],
+                             origin[2] + distance * direction[2]};
         if (is_inside(shape, p)) {
             return distance;
         }
@@ -71,11 +76,13 @@ static void entry_distances_agree_with_sampling_along_the_line(void)
         unsigned hits = 0, misses = 0;
         for (int n = 0; n < 60; n++) {
             random_line(&random, 0.03, origin, direction);
-            const double entry = shape_entry(shapes[s], origin, direction), sampled_entry = first_inside_point(shapes[s], origin, direction);
+            const double entry = shape_entry(shapes[s], origin, direction),
+                         sampled_entry = first_inside_point(shapes[s], origin, direction);
             if (isinf(sampled_entry)) {
                 misses++;
                 if (!isinf(entry)) { /* the line may cross an edge between two samples */
-                    const double beyond[3] = {origin[0] + (entry + STEP_M) * direction[0], origin[1] + (entry + STEP_M) * direction[1],
+                    const double beyond[3] = {origin[0] + (entry + STEP_M) * direction[0],
+                                              origin[1] + (entry + STEP_M) * direction[1],
                                               origin[2] + (entry + STEP_M) * direction[2]};
                     CHECK(!is_inside(shapes[s], beyond));
                 }
@@ -144,7 +151,8 @@ static void the_distance_bound_never_exceeds_the_distance(void)
     for (size_t s = 0; s < SHAPES; s++) {
         for (int n = 0; n < 2000; n++) {
             random_line(&random, 0.05, origin, direction);
-            const double bound = shape_distance_bound(shapes[s], origin), entry = shape_entry(shapes[s], origin, direction);
+            const double bound = shape_distance_bound(shapes[s], origin),
+                         entry = shape_entry(shapes[s], origin, direction);
             CHECK(entry < 0.0 || entry >= bound - 1e-12);
             CHECK((bound <= 0.0) == is_inside(shapes[s], origin));
         }

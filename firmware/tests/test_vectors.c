@@ -75,7 +75,12 @@ static bool store_number(uint8_t *member, size_t size, uint64_t number)
     if (size < sizeof number && number >> (8u * size)) {
         return false;
     }
-    memcpy(member, size == 1 ? (const void *)&u8 : size == 2 ? (const void *)&u16 : size == 4 ? (const void *)&u32 : &number, size);
+    memcpy(member,
+           size == 1   ? (const void *)&u8
+           : size == 2 ? (const void *)&u16
+           : size == 4 ? (const void *)&u32
+                       : &number,
+           size);
     return true;
 }
 
@@ -97,7 +102,8 @@ static bool store_field(const struct field *field, const char *prefix, const str
 }
 
 /* Append the packed struct to `out`; also unpack and pack it again. */
-static bool append_struct(const struct layout *layout, const char *prefix, const struct json_node *fields, struct bytes *out)
+static bool append_struct(const struct layout *layout, const char *prefix, const struct json_node *fields,
+                          struct bytes *out)
 {
     union any_struct value = {0};
     union any_struct copy = {0};
@@ -185,7 +191,8 @@ static bool build_payload(const struct json_node *vector, struct bytes *out)
 
 /* ---- encoding ---- */
 
-static size_t encode(const struct json_node *vector, const struct bytes *payload, uint8_t *ring, size_t capacity, size_t start)
+static size_t encode(const struct json_node *vector, const struct bytes *payload, uint8_t *ring, size_t capacity,
+                     size_t start)
 {
     struct taxel_encoder encoder;
     const size_t half = payload->size / 2u;
@@ -257,7 +264,8 @@ static bool decodes(const struct json_node *vector, const struct bytes *stream, 
         taxel_deframer_push(&deframer, stream->data + done, remaining < piece ? remaining : piece);
     }
     taxel_deframer_finish(&deframer);
-    return expectation.is_right && expectation.frame_count == expectation.expected->count && deframer.position == stream->size;
+    return expectation.is_right && expectation.frame_count == expectation.expected->count &&
+           deframer.position == stream->size;
 }
 
 struct decoded_frame {
@@ -271,8 +279,9 @@ static void compare_one_frame(void *context, const struct taxel_frame *frame)
 {
     struct decoded_frame *decoded = context;
     decoded->frame_count++;
-    decoded->is_right = frame->type == number_of(decoded->vector, "type") && frame->sequence == number_of(decoded->vector, "sequence") &&
-                are_equal(decoded->payload, frame->payload, frame->length);
+    decoded->is_right = frame->type == number_of(decoded->vector, "type") &&
+                        frame->sequence == number_of(decoded->vector, "sequence") &&
+                        are_equal(decoded->payload, frame->payload, frame->length);
 }
 
 static bool decodes_to_itself(const struct json_node *vector, const struct bytes *payload, const struct bytes *wire)
@@ -305,7 +314,7 @@ static void check_frame(const struct json_node *vector)
         return;
     }
     count_check(vector, "packing its fields gives other bytes",
-          build_payload(vector, &built) && are_equal(&payload, built.data, built.size));
+                build_payload(vector, &built) && are_equal(&payload, built.data, built.size));
     count_check(vector, "encoding its payload gives other bytes", encodes_in_any_ring(vector, &payload, &wire));
     count_check(vector, "decoding its wire bytes gives another frame", decodes_to_itself(vector, &payload, &wire));
 }
@@ -345,7 +354,7 @@ static void check_register(const struct json_node *vector)
     static struct bytes bytes, built;
     const bool whole = hex_of(vector, "bytes", &bytes) && bytes.size >= TAXEL_COMMAND_REGISTER_SIZE;
     count_check(vector, "packing its fields gives other bytes",
-          whole && build_register(vector, &built) && are_equal(&bytes, built.data, built.size));
+                whole && build_register(vector, &built) && are_equal(&bytes, built.data, built.size));
     count_check(vector, "its CRC is another", whole && register_crc_is_right(vector, &bytes));
 }
 
@@ -360,7 +369,8 @@ static void check_stream(const struct json_node *vector)
     for (size_t i = 0; i < sizeof pieces / sizeof pieces[0]; i++) {
         count_check(vector, "other frames came out", decodes(vector, &stream, pieces[i], TAXEL_PAYLOAD_MAX));
         if (number_of(vector, "directions") == TAXEL_DIRECTION_TO_HUB) {
-            count_check(vector, "other frames came out at the hub", decodes(vector, &stream, pieces[i], HUB_PAYLOAD_MAX));
+            count_check(vector, "other frames came out at the hub",
+                        decodes(vector, &stream, pieces[i], HUB_PAYLOAD_MAX));
         }
     }
 }
@@ -419,7 +429,8 @@ static int check_file(const char *path)
     }
     const bool has_vectors = passed + failed > before;
     if (error.message || !has_vectors) {
-        fprintf(stderr, "%s: byte %zu: %s\n", path, error.position, error.message ? error.message : "the file contains no vectors");
+        fprintf(stderr, "%s: byte %zu: %s\n", path, error.position,
+                error.message ? error.message : "the file contains no vectors");
     }
     free(nodes);
     free(text);

@@ -43,16 +43,16 @@ static int connect_if_ours(const char *path)
     return fd;
 }
 
-#define OPEN(function)                                                                                                       \
-    int function(const char *path, int flags, ...)                                                                           \
-    {                                                                                                                        \
-        va_list arguments;                                                                                                   \
-        va_start(arguments, flags);                                                                                          \
-        const mode_t mode = va_arg(arguments, mode_t);                                                                       \
-        va_end(arguments);                                                                                                   \
-        const int fd = connect_if_ours(path);                                                                                \
-        int (*real)(const char *, int, ...) = (int (*)(const char *, int, ...))dlsym(RTLD_NEXT, #function);                  \
-        return fd == -2 ? real(path, flags, mode) : fd;                                                                      \
+#define OPEN(function) \
+    int function(const char *path, int flags, ...) \
+    { \
+        va_list arguments; \
+        va_start(arguments, flags); \
+        const mode_t mode = va_arg(arguments, mode_t); \
+        va_end(arguments); \
+        const int fd = connect_if_ours(path); \
+        int (*real)(const char *, int, ...) = (int (*)(const char *, int, ...))dlsym(RTLD_NEXT, #function); \
+        return fd == -2 ? real(path, flags, mode) : fd; \
     }
 
 OPEN(open)

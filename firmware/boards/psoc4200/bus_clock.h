@@ -29,7 +29,7 @@
 
 #define BUS_DIVIDER (CPU_HZ / BUS_CLOCK_HZ)
 
-_Static_assert(BUS_DIVIDER * BUS_CLOCK_HZ == CPU_HZ, "the divider is whole");
+_Static_assert(CPU_HZ == BUS_DIVIDER * BUS_CLOCK_HZ, "the divider is whole");
 _Static_assert((BUS_LOW_PHASE + BUS_HIGH_PHASE) * BUS_SCL_HZ == BUS_CLOCK_HZ, "the phases make up an SCL clock");
 
 static inline void bus_clock_init(void)

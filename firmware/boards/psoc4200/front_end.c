@@ -19,8 +19,8 @@
 #define NO_LINE 0xFFu
 
 /* Between conversions the reference buffer keeps the capacitor charged; during one it is off the bus. */
-#define CONFIG_AT_REST                                                                                      \
-    (CSD_CONFIG_ENABLE | CSD_CONFIG_SENSE_COMP_EN | CSD_CONFIG_SENSE_COMP_BW_HIGH | CSD_CONFIG_MUTUAL_CAP |  \
+#define CONFIG_AT_REST \
+    (CSD_CONFIG_ENABLE | CSD_CONFIG_SENSE_COMP_EN | CSD_CONFIG_SENSE_COMP_BW_HIGH | CSD_CONFIG_MUTUAL_CAP | \
      CSD_CONFIG_SENSE_IN_AMUX_A | CSD_CONFIG_REFBUF_DRIVE_3 | CSD_CONFIG_REFBUF_EN)
 #define CONFIG_CONVERTING \
     ((CONFIG_AT_REST & ~CSD_CONFIG_REFBUF_EN) | CSD_CONFIG_SENSE_EN | CSD_CONFIG_REFBUF_OUT_AMUX_B)

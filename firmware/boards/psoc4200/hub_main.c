@@ -161,7 +161,8 @@ static bool try_confirm(void)
     return true;
 }
 
-/* Interrupts are masked, so that none is handled between the check and the sleep; a pending one still ends the sleep. */
+/* Interrupts are masked, so that none is handled between the check and the sleep; a pending one still ends the
+ * sleep. */
 static void sleep_until_event(void)
 {
     const uint32_t interrupts = interrupts_mask();

@@ -5,7 +5,7 @@
 #include "boards/psoc4200/regs/core.h"
 #include "boards/psoc4200/regs/scb.h"
 
-#define MASTER_EVENTS                                                                        \
+#define MASTER_EVENTS \
     (SCB_INTR_I2C_ARB_LOST | SCB_INTR_I2C_NACK | SCB_INTR_I2C_ACK | SCB_INTR_I2C_STOP | SCB_INTR_I2C_BUS_ERROR)
 
 #define CONTROL (SCB_I2C_CTRL_MASTER | SCB_I2C_CTRL_LOW_PHASE(BUS_LOW_PHASE) | SCB_I2C_CTRL_HIGH_PHASE(BUS_HIGH_PHASE))
@@ -153,7 +153,8 @@ static void take_acknowledge(void)
         master.state = WRITING;
         SCB0->tx_fifo_wr = *transfer->write_bytes++;
     } else if (transfer->read_size) {
-        SCB0->i2c_m_cmd = SCB_I2C_M_CMD_START; /* before the address: while SCL is held, a byte in the FIFO would be sent as data */
+        /* before the address: while SCL is held, a byte in the FIFO would be sent as data */
+        SCB0->i2c_m_cmd = SCB_I2C_M_CMD_START;
         send_address(true);
     } else {
         stop(0, TAXEL_I2C_OK);

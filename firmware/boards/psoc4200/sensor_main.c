@@ -14,7 +14,8 @@
 #include "boards/psoc4200/watchdog.h"
 #include "sensor/sensor.h"
 
-#define CONFIRM_SCANS 10u /* scans after which an image on trial is confirmed, with one snapshot read (bootloader/DESIGN.md) */
+/* scans after which an image on trial is confirmed, with one snapshot read (bootloader/DESIGN.md) */
+#define CONFIRM_SCANS 10u
 
 static struct taxel_sensor sensor;
 static struct taxel_sensor_config config;

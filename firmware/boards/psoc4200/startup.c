@@ -45,7 +45,8 @@ VECTORS(".vectors.0") vectors_0_to_3[] = {
 };
 VECTORS(".vectors.2") vectors_11_to_15[] = {
     UNEXPECTED, /* SVC */
-    UNEXPECTED, UNEXPECTED,
+    UNEXPECTED, /* debug monitor: not in a Cortex-M0 */
+    UNEXPECTED, /* reserved */
     UNEXPECTED, /* PendSV */
     {systick_handler},
 };

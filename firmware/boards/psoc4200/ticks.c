@@ -53,12 +53,14 @@ static uint32_t read(uint32_t *whole)
         count = wraps;
         value = SYSTICK->value;
         *whole = count;
-        if (SCS_ICSR & SCS_ICSR_SYSTICK_PENDING) { /* wrapped, but not counted yet: the value may be from before the wrap */
+        /* wrapped, but not counted yet: the value may be from before the wrap */
+        if (SCS_ICSR & SCS_ICSR_SYSTICK_PENDING) {
             value = SYSTICK->value;
             *whole = count + 1u;
         }
     } while (count != wraps);
-    const uint32_t since = value ? CYCLES - value : 0; /* the interrupt is pending from the cycle in which the value is 0 */
+    /* the interrupt is pending from the cycle in which the value is 0 */
+    const uint32_t since = value ? CYCLES - value : 0;
     return third_of(since >> 4);
 }
 
@@ -95,7 +97,8 @@ void ticks_shrink(uint32_t begin)
     const uint32_t us = begin + third_of((CYCLES_MAX - SYSTICK->value) >> 4);
     const uint32_t part = us & ((1u << US_SHIFT) - 1u);
     wraps += us >> US_SHIFT;
-    SYSTICK->reload = CYCLES - CYCLES_PER_US * part - 1u; /* the remainder of the wrap; the following wraps are complete */
+    /* the remainder of the wrap; the following wraps are complete */
+    SYSTICK->reload = CYCLES - CYCLES_PER_US * part - 1u;
     SYSTICK->value = 0;
     SCS_ICSR = SCS_ICSR_SYSTICK_CLEAR;
     SYSTICK->reload = CYCLES - 1u;

@@ -80,7 +80,8 @@ void cortex_m0_reset(struct cortex_m0 *cpu, uint32_t vectors)
     cortex_m0_set_xpsr(cpu, PSR_THUMB);
     cpu->vector_base = vectors;
     const uint64_t cycle = cpu->cycle;
-    const bool fails = cortex_m0_read(cpu, vectors, 4, false, &sp) || cortex_m0_read(cpu, vectors + 4u, 4, false, &entry_address);
+    const bool fails =
+        cortex_m0_read(cpu, vectors, 4, false, &sp) || cortex_m0_read(cpu, vectors + 4u, 4, false, &entry_address);
     cpu->cycle = cycle;
     if (fails) {
         cpu->fault.kind = CORTEX_M0_FAULT_VECTOR;

@@ -34,14 +34,16 @@ enum cortex_m0_reason {
     CORTEX_M0_BREAKPOINT,      /* at a BKPT, which has not been executed (halt_on_breakpoint) */
     CORTEX_M0_FAULTED,         /* at an instruction that faults; the next run enters HardFault (halt_on_fault) */
     CORTEX_M0_RESET_REQUESTED, /* AIRCR.SYSRESETREQ was written */
-    CORTEX_M0_LOCKUP,          /* fault in HardFault or NMI; later runs only advance the cycle until cortex_m0_reset() */
+    /* fault in HardFault or NMI; later runs only advance the cycle until cortex_m0_reset() */
+    CORTEX_M0_LOCKUP,
 };
 
 enum cortex_m0_bus_status {
     CORTEX_M0_OK,
     CORTEX_M0_ERROR, /* no device at the address: HardFault */
-    /* The access had no effect; cortex_m0_run() returns, and the next run repeats the access. Allowed for the first access
-     * of a register list only, and not for stacking: elsewhere the processor treats this status as CORTEX_M0_ERROR. */
+    /* The access had no effect; cortex_m0_run() returns, and the next run repeats the access. Allowed for the first
+     * access of a register list only, and not for stacking: elsewhere the processor treats this status as
+     * CORTEX_M0_ERROR. */
     CORTEX_M0_RETRY,
 };
 
@@ -59,12 +61,14 @@ typedef enum cortex_m0_bus_status cortex_m0_access_function(void *context, struc
 /* Timing parameters. The default values are those of a PSoC 4200 at 48 MHz. Values that no public document states are
  * marked (confirm). */
 struct cortex_m0_timing {
-    uint8_t multiply;          /* cycles of MULS: 1 (PSoC 4200: single-cycle multiplier, data sheet 001-87197) or 32 */
-    uint8_t flash_wait;        /* wait states, see README.md: 1 above 24 MHz, else 0 (data sheet 001-87197; confirm) */
-    uint8_t exception_entry;   /* 16: DDI 0432C, "interrupt latency", memory without wait states */
-    uint8_t exception_return;  /* 12: assumed equal to POP of 8 registers with PC, which transfers the same words (confirm) */
-    uint8_t tail_chain;        /* 6: figure of the Cortex-M3, DDI 0337; not published for the M0 (confirm) */
-    uint8_t late_arrival;      /* cycles of an entry within which a higher-priority exception replaces the first: 12 (confirm) */
+    uint8_t multiply;        /* cycles of MULS: 1 (PSoC 4200: single-cycle multiplier, data sheet 001-87197) or 32 */
+    uint8_t flash_wait;      /* wait states, see README.md: 1 above 24 MHz, else 0 (data sheet 001-87197; confirm) */
+    uint8_t exception_entry; /* 16: DDI 0432C, "interrupt latency", memory without wait states */
+    /* 12: assumed equal to POP of 8 registers with PC, which transfers the same words (confirm) */
+    uint8_t exception_return;
+    uint8_t tail_chain; /* 6: figure of the Cortex-M3, DDI 0337; not published for the M0 (confirm) */
+    /* cycles of an entry within which a higher-priority exception replaces the first: 12 (confirm) */
+    uint8_t late_arrival;
 };
 
 struct cortex_m0_config {
@@ -75,24 +79,24 @@ struct cortex_m0_config {
     void *context;
     cortex_m0_access_function *read, *write; /* stores to flash call `write`; NULL: every access faults */
     struct cortex_m0_timing timing;
-    uint32_t systick_reference; /* cycles of one tick of SysTick's reference clock; 0: no reference clock */
+    uint32_t systick_reference;   /* cycles of one tick of SysTick's reference clock; 0: no reference clock */
     uint32_t systick_calibration; /* SYST_CALIB */
-    bool halt_on_breakpoint;    /* otherwise a BKPT is a HardFault, as without a debugger */
+    bool halt_on_breakpoint;      /* otherwise a BKPT is a HardFault, as without a debugger */
     bool halt_on_fault;
 };
 
 enum cortex_m0_fault_kind {
     CORTEX_M0_FAULT_NONE,
-    CORTEX_M0_FAULT_UNDEFINED,    /* undefined or unpredictable instruction */
+    CORTEX_M0_FAULT_UNDEFINED, /* undefined or unpredictable instruction */
     CORTEX_M0_FAULT_UNALIGNED,
-    CORTEX_M0_FAULT_BUS,          /* data access: no device at the address, or a store to flash */
-    CORTEX_M0_FAULT_FETCH,        /* instruction fetch: no executable memory at the address */
-    CORTEX_M0_FAULT_STATE,        /* branch to an even address (leaves Thumb state) */
+    CORTEX_M0_FAULT_BUS,   /* data access: no device at the address, or a store to flash */
+    CORTEX_M0_FAULT_FETCH, /* instruction fetch: no executable memory at the address */
+    CORTEX_M0_FAULT_STATE, /* branch to an even address (leaves Thumb state) */
     CORTEX_M0_FAULT_BREAKPOINT,
-    CORTEX_M0_FAULT_SVC,          /* SVC at a priority that forbids it */
-    CORTEX_M0_FAULT_RETURN,       /* EXC_RETURN that contradicts the active exceptions */
-    CORTEX_M0_FAULT_STACKING,     /* exception frame could not be written or read */
-    CORTEX_M0_FAULT_VECTOR,       /* vector could not be read */
+    CORTEX_M0_FAULT_SVC,      /* SVC at a priority that forbids it */
+    CORTEX_M0_FAULT_RETURN,   /* EXC_RETURN that contradicts the active exceptions */
+    CORTEX_M0_FAULT_STACKING, /* exception frame could not be written or read */
+    CORTEX_M0_FAULT_VECTOR,   /* vector could not be read */
 };
 
 struct cortex_m0_fault {
@@ -105,7 +109,8 @@ struct cortex_m0_fault {
 /* Cycles of one exception's handler, from the first cycle of its entry to the last cycle of its return. */
 struct cortex_m0_cost {
     uint64_t count;
-    uint64_t exclusive, exclusive_min, exclusive_max;                   /* without the exceptions that preempted the handler */
+    /* without the exceptions that preempted the handler */
+    uint64_t exclusive, exclusive_min, exclusive_max;
     uint64_t inclusive, inclusive_min, inclusive_max; /* with the exceptions that preempted the handler */
     uint64_t latency, latency_max;                    /* from pending to the first cycle of the entry */
 };
@@ -139,25 +144,25 @@ struct cortex_m0_systick {
 
 /* Processor state. The caller owns the struct and may read it between runs. */
 struct cortex_m0 {
-    uint32_t r[16];        /* r[13]: the stack pointer in use; r[15]: address of the next instruction */
-    uint32_t n, z, c, v;   /* N: bit 31 of n; Z: z is 0; C: c is 1; V: bit 31 of v */
-    uint64_t cycle;        /* cycles since cortex_m0_init(), sleep included */
-    uint64_t deadline;     /* cycle at which the current execution ends */
-    uint32_t lowest_sp;    /* minimum of r[13] for the stack in use */
+    uint32_t r[16];                     /* r[13]: the stack pointer in use; r[15]: address of the next instruction */
+    uint32_t n, z, c, v;                /* N: bit 31 of n; Z: z is 0; C: c is 1; V: bit 31 of v */
+    uint64_t cycle;                     /* cycles since cortex_m0_init(), sleep included */
+    uint64_t deadline;                  /* cycle at which the current execution ends */
+    uint32_t lowest_sp;                 /* minimum of r[13] for the stack in use */
     uint32_t other_sp, other_lowest_sp; /* PSP while MSP is in use, and vice versa */
-    uint32_t progress;     /* cycles already spent in the register-list instruction at r[15] */
-    bool attention;        /* leave the fast path: an exception, stop or reset may be due */
+    uint32_t progress;                  /* cycles already spent in the register-list instruction at r[15] */
+    bool attention;                     /* leave the fast path: an exception, stop or reset may be due */
     bool thumb, primask, process_stack;
     bool asleep, wakes_on_event, event, entering;
     bool locked_up, lockup_reported;
     bool stop_requested, reset_requested, fault_pending;
     bool sleep_on_exit, deep_sleep, event_on_pending;
     uint8_t ipsr;
-    uint8_t entry_number;  /* exception whose entry was started */
-    int8_t priority;       /* execution priority: -2 NMI, -1 HardFault, 0 to 3, 4 thread mode */
+    uint8_t entry_number;              /* exception whose entry was started */
+    int8_t priority;                   /* execution priority: -2 NMI, -1 HardFault, 0 to 3, 4 thread mode */
     uint64_t pending, enabled, active; /* bit n: exception number n */
-    uint64_t level[4];     /* level[p]: bit mask of the exceptions with priority p */
-    uint32_t lines;        /* levels of the interrupt inputs, bit n: interrupt n */
+    uint64_t level[4];                 /* level[p]: bit mask of the exceptions with priority p */
+    uint32_t lines;                    /* levels of the interrupt inputs, bit n: interrupt n */
     uint64_t pended_at[CORTEX_M0_EXCEPTIONS];
     uint64_t entry_begin, entry_choice;
     uint32_t entry_return; /* EXC_RETURN value of the current entry */

@@ -55,9 +55,10 @@ static struct cortex_m0_operation decode_arithmetic(uint32_t half)
 static struct cortex_m0_operation decode_two_registers(uint32_t half)
 {
     static const uint8_t kinds[16] = {
-        CORTEX_M0_OP_AND, CORTEX_M0_OP_EOR, CORTEX_M0_OP_LSL_R, CORTEX_M0_OP_LSR_R, CORTEX_M0_OP_ASR_R, CORTEX_M0_OP_ADC,
-        CORTEX_M0_OP_SBC, CORTEX_M0_OP_ROR, CORTEX_M0_OP_TST, CORTEX_M0_OP_RSB, CORTEX_M0_OP_CMP_R, CORTEX_M0_OP_CMN,
-        CORTEX_M0_OP_ORR, CORTEX_M0_OP_MUL, CORTEX_M0_OP_BIC, CORTEX_M0_OP_MVN,
+        CORTEX_M0_OP_AND,   CORTEX_M0_OP_EOR, CORTEX_M0_OP_LSL_R, CORTEX_M0_OP_LSR_R,
+        CORTEX_M0_OP_ASR_R, CORTEX_M0_OP_ADC, CORTEX_M0_OP_SBC,   CORTEX_M0_OP_ROR,
+        CORTEX_M0_OP_TST,   CORTEX_M0_OP_RSB, CORTEX_M0_OP_CMP_R, CORTEX_M0_OP_CMN,
+        CORTEX_M0_OP_ORR,   CORTEX_M0_OP_MUL, CORTEX_M0_OP_BIC,   CORTEX_M0_OP_MVN,
     };
     const uint8_t d = bits(half, 0, 3), m = bits(half, 3, 3);
     return (struct cortex_m0_operation){kinds[bits(half, 6, 4)], d, d, m, 0};
@@ -143,7 +144,8 @@ static struct cortex_m0_operation decode_push_pop(uint32_t half)
 static struct cortex_m0_operation decode_miscellaneous(uint32_t half)
 {
     static const uint8_t extend[4] = {CORTEX_M0_OP_SXTH, CORTEX_M0_OP_SXTB, CORTEX_M0_OP_UXTH, CORTEX_M0_OP_UXTB};
-    static const uint8_t reverse[4] = {CORTEX_M0_OP_REV, CORTEX_M0_OP_REV16, CORTEX_M0_OP_UNDEFINED, CORTEX_M0_OP_REVSH};
+    static const uint8_t reverse[4] = {CORTEX_M0_OP_REV, CORTEX_M0_OP_REV16, CORTEX_M0_OP_UNDEFINED,
+                                       CORTEX_M0_OP_REVSH};
     const uint8_t d = bits(half, 0, 3), m = bits(half, 3, 3);
     switch (bits(half, 8, 4)) {
     case 0x0:
@@ -185,7 +187,8 @@ static struct cortex_m0_operation decode_multiple(uint32_t half)
 }
 
 /* A branch within the same memory. Other targets become SPECIAL, which handles branches out of the memory. */
-static struct cortex_m0_operation branch(const struct cortex_m0_code *code, uint32_t index, uint8_t kind, int32_t offset)
+static struct cortex_m0_operation branch(const struct cortex_m0_code *code, uint32_t index, uint8_t kind,
+                                         int32_t offset)
 {
     const int64_t target = (int64_t)index * 2 + 4 + offset;
     if (target < 0 || target >= code->size) {
@@ -238,7 +241,8 @@ static struct cortex_m0_operation decode_half(const struct cortex_m0_code *code,
         if (bits(half, 8, 4) >= 14) {
             return bits(half, 8, 1) ? SPECIAL : UNDEFINED; /* SVC, UDF */
         }
-        return branch(code, index, (uint8_t)(CORTEX_M0_OP_BEQ + bits(half, 8, 4)), cortex_m0_sign_extend(half & 0xFFu, 8) * 2);
+        return branch(code, index, (uint8_t)(CORTEX_M0_OP_BEQ + bits(half, 8, 4)),
+                      cortex_m0_sign_extend(half & 0xFFu, 8) * 2);
     case 0xE:
         if (!bits(half, 11, 1)) {
             return branch(code, index, CORTEX_M0_OP_B, cortex_m0_sign_extend(half & 0x7FFu, 11) * 2);
@@ -256,7 +260,8 @@ void cortex_m0_decode(struct cortex_m0_code *code, uint32_t index)
     const uint32_t offset = index * 2u;
     code->operations[index] = decode_half(code, index, cortex_m0_read_half(code->bytes + offset));
     const uint32_t word = offset & ~UINT32_C(3), end = offset + 4u < code->size ? offset + 4u : code->size;
-    code->decoded_low = word < code->decoded_low ? word : code->decoded_low; /* a word store may begin at the lower halfword */
+    /* a word store may begin at the lower halfword */
+    code->decoded_low = word < code->decoded_low ? word : code->decoded_low;
     code->decoded_high = end > code->decoded_high ? end : code->decoded_high; /* as if the instruction had 32 bits */
 }
 

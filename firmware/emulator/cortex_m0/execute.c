@@ -81,94 +81,109 @@ op_LSR_32:
 op_ASR_32:
     c = RB >> 31;
     RESULT(0u - c);
-op_ADD_R: {
-    ADD_FLAGS(RB, RC, 0u);
-    RA = (uint32_t)sum_;
-    NEXT(1);
-}
-op_ADD_I: {
-    ADD_FLAGS(RB, ip->value, 0u);
-    RA = (uint32_t)sum_;
-    NEXT(1);
-}
-op_SUB_R: {
-    SUBTRACT_FLAGS(RB, RC);
-    RA = sum_;
-    NEXT(1);
-}
-op_SUB_I: {
-    SUBTRACT_FLAGS(RB, ip->value);
-    RA = sum_;
-    NEXT(1);
-}
+op_ADD_R:
+    {
+        ADD_FLAGS(RB, RC, 0u);
+        RA = (uint32_t)sum_;
+        NEXT(1);
+    }
+op_ADD_I:
+    {
+        ADD_FLAGS(RB, ip->value, 0u);
+        RA = (uint32_t)sum_;
+        NEXT(1);
+    }
+op_SUB_R:
+    {
+        SUBTRACT_FLAGS(RB, RC);
+        RA = sum_;
+        NEXT(1);
+    }
+op_SUB_I:
+    {
+        SUBTRACT_FLAGS(RB, ip->value);
+        RA = sum_;
+        NEXT(1);
+    }
 op_MOV_I:
     RESULT(ip->value);
-op_CMP_I: {
-    SUBTRACT_FLAGS(RB, ip->value);
-    NEXT(1);
-}
+op_CMP_I:
+    {
+        SUBTRACT_FLAGS(RB, ip->value);
+        NEXT(1);
+    }
 
 op_AND:
     RESULT(RB & RC);
 op_EOR:
     RESULT(RB ^ RC);
-op_LSL_R: {
-    const uint32_t shift = RC & 0xFFu;
-    const uint64_t wide = shift < 64u ? (uint64_t)RB << shift : 0u;
-    c = shift ? (uint32_t)(wide >> 32) & 1u : c;
-    RESULT((uint32_t)wide);
-}
-op_LSR_R: {
-    const uint32_t shift = RC & 0xFFu;
-    const uint64_t wide = shift < 64u ? (uint64_t)RB << 32 >> shift : 0u;
-    c = shift ? (uint32_t)(wide >> 31) & 1u : c;
-    RESULT((uint32_t)(wide >> 32));
-}
-op_ASR_R: {
-    const uint32_t shift = (RC & 0xFFu) < 32u ? RC & 0xFFu : 32u;
-    const uint64_t wide = (uint64_t)((int64_t)((uint64_t)RB << 32) >> shift);
-    c = shift ? (uint32_t)(wide >> 31) & 1u : c;
-    RESULT((uint32_t)(wide >> 32));
-}
-op_ROR: {
-    const uint32_t shift = RC & 31u, rotated = RB >> shift | RB << ((32u - shift) & 31u);
-    c = RC & 0xFFu ? rotated >> 31 : c;
-    RESULT(rotated);
-}
-op_ADC: {
-    ADD_FLAGS(RB, RC, c);
-    RA = (uint32_t)sum_;
-    NEXT(1);
-}
-op_SBC: {
-    ADD_FLAGS(RB, ~RC, c);
-    RA = (uint32_t)sum_;
-    NEXT(1);
-}
-op_RSB: {
-    SUBTRACT_FLAGS(0u, RC);
-    RA = sum_;
-    NEXT(1);
-}
+op_LSL_R:
+    {
+        const uint32_t shift = RC & 0xFFu;
+        const uint64_t wide = shift < 64u ? (uint64_t)RB << shift : 0u;
+        c = shift ? (uint32_t)(wide >> 32) & 1u : c;
+        RESULT((uint32_t)wide);
+    }
+op_LSR_R:
+    {
+        const uint32_t shift = RC & 0xFFu;
+        const uint64_t wide = shift < 64u ? (uint64_t)RB << 32 >> shift : 0u;
+        c = shift ? (uint32_t)(wide >> 31) & 1u : c;
+        RESULT((uint32_t)(wide >> 32));
+    }
+op_ASR_R:
+    {
+        const uint32_t shift = (RC & 0xFFu) < 32u ? RC & 0xFFu : 32u;
+        const uint64_t wide = (uint64_t)((int64_t)((uint64_t)RB << 32) >> shift);
+        c = shift ? (uint32_t)(wide >> 31) & 1u : c;
+        RESULT((uint32_t)(wide >> 32));
+    }
+op_ROR:
+    {
+        const uint32_t shift = RC & 31u, rotated = RB >> shift | RB << ((32u - shift) & 31u);
+        c = RC & 0xFFu ? rotated >> 31 : c;
+        RESULT(rotated);
+    }
+op_ADC:
+    {
+        ADD_FLAGS(RB, RC, c);
+        RA = (uint32_t)sum_;
+        NEXT(1);
+    }
+op_SBC:
+    {
+        ADD_FLAGS(RB, ~RC, c);
+        RA = (uint32_t)sum_;
+        NEXT(1);
+    }
+op_RSB:
+    {
+        SUBTRACT_FLAGS(0u, RC);
+        RA = sum_;
+        NEXT(1);
+    }
 op_TST:
     SET_NZ(RB & RC);
     NEXT(1);
-op_CMP_R: {
-    SUBTRACT_FLAGS(RB, RC);
-    NEXT(1);
-}
-op_CMN: {
-    ADD_FLAGS(RB, RC, 0u);
-    NEXT(1);
-}
+op_CMP_R:
+    {
+        SUBTRACT_FLAGS(RB, RC);
+        NEXT(1);
+    }
+op_CMN:
+    {
+        ADD_FLAGS(RB, RC, 0u);
+        NEXT(1);
+    }
 op_ORR:
     RESULT(RB | RC);
-op_MUL: {
-    const uint32_t product = RB * RC;
-    SET_NZ(product);
-    RA = product;
-    NEXT(cpu->config.timing.multiply);
-}
+op_MUL:
+    {
+        const uint32_t product = RB * RC;
+        SET_NZ(product);
+        RA = product;
+        NEXT(cpu->config.timing.multiply);
+    }
 op_BIC:
     RESULT(RB & ~RC);
 op_MVN:
@@ -207,11 +222,12 @@ op_UXTB:
 op_REV:
     RA = __builtin_bswap32(RB);
     NEXT(1);
-op_REV16: {
-    const uint32_t swapped = __builtin_bswap32(RB);
-    RA = swapped >> 16 | swapped << 16;
-    NEXT(1);
-}
+op_REV16:
+    {
+        const uint32_t swapped = __builtin_bswap32(RB);
+        RA = swapped >> 16 | swapped << 16;
+        NEXT(1);
+    }
 op_REVSH:
     RA = (uint32_t)(int16_t)__builtin_bswap16((uint16_t)RB);
     NEXT(1);
@@ -262,47 +278,53 @@ op_STRB_I:
     address = RB + ip->value;
     STORE(uint8_t, 0);
 
-op_PUSH: {
-    address = r[CORTEX_M0_SP] - ip->c * 4u;
-    LIST_IN_RAM;
-    STORE_LIST
-    cortex_m0_set_sp(cpu, address);
-    NEXT(cycles_);
-}
-op_POP: {
-    address = r[CORTEX_M0_SP];
-    LIST_IN_RAM;
-    LOAD_LIST
-    r[CORTEX_M0_SP] = address + ip->c * 4u;
-    NEXT(cycles_);
-}
-op_POP_PC: {
-    address = r[CORTEX_M0_SP];
-    LIST_IN_RAM;
-    LOAD_LIST
-    r[CORTEX_M0_SP] = address + ip->c * 4u;
-    JUMP_TO_ADDRESS(cortex_m0_read_word(ram + offset_), cycles_ + 3);
-}
-op_STM: {
-    address = RB;
-    LIST_IN_RAM;
-    STORE_LIST
-    RB = address + ip->c * 4u;
-    NEXT(cycles_);
-}
-op_LDM: {
-    address = RB;
-    LIST_IN_RAM;
-    LOAD_LIST
-    RB = address + ip->c * 4u;
-    NEXT(cycles_);
-}
-op_LDM_KEEP: {
-    address = RB;
-    LIST_IN_RAM;
-    LOAD_LIST
-    NEXT(cycles_);
-}
+op_PUSH:
+    {
+        address = r[CORTEX_M0_SP] - ip->c * 4u;
+        LIST_IN_RAM;
+        STORE_LIST
+        cortex_m0_set_sp(cpu, address);
+        NEXT(cycles_);
+    }
+op_POP:
+    {
+        address = r[CORTEX_M0_SP];
+        LIST_IN_RAM;
+        LOAD_LIST
+        r[CORTEX_M0_SP] = address + ip->c * 4u;
+        NEXT(cycles_);
+    }
+op_POP_PC:
+    {
+        address = r[CORTEX_M0_SP];
+        LIST_IN_RAM;
+        LOAD_LIST
+        r[CORTEX_M0_SP] = address + ip->c * 4u;
+        JUMP_TO_ADDRESS(cortex_m0_read_word(ram + offset_), cycles_ + 3);
+    }
+op_STM:
+    {
+        address = RB;
+        LIST_IN_RAM;
+        STORE_LIST
+        RB = address + ip->c * 4u;
+        NEXT(cycles_);
+    }
+op_LDM:
+    {
+        address = RB;
+        LIST_IN_RAM;
+        LOAD_LIST
+        RB = address + ip->c * 4u;
+        NEXT(cycles_);
+    }
+op_LDM_KEEP:
+    {
+        address = RB;
+        LIST_IN_RAM;
+        LOAD_LIST
+        NEXT(cycles_);
+    }
 
 op_B:
     JUMP((int32_t)ip->value, 3);

@@ -22,6 +22,7 @@ _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "image words are loade
 
 /* Decoded operations, in the order of execute.c. Most are instructions of the manual; instructions that differ only in
  * the position of their operands share an operation. */
+/* clang-format off */
 #define CORTEX_M0_OPERATIONS(X) \
     X(DECODE) X(LEAVE) X(UNDEFINED) X(SPECIAL) X(NOP) \
     X(MOVE) X(LSL_I) X(LSR_I) X(ASR_I) X(LSR_32) X(ASR_32) X(ADD_R) X(SUB_R) X(ADD_I) X(SUB_I) X(MOV_I) X(CMP_I) \
@@ -32,6 +33,7 @@ _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "image words are loade
     X(SXTH) X(SXTB) X(UXTH) X(UXTB) X(REV) X(REV16) X(REVSH) \
     X(PUSH) X(POP) X(POP_PC) X(STM) X(LDM) X(LDM_KEEP) \
     X(B) X(BL) X(BEQ) X(BNE) X(BCS) X(BCC) X(BMI) X(BPL) X(BVS) X(BVC) X(BHI) X(BLS) X(BGE) X(BLT) X(BGT) X(BLE)
+/* clang-format on */
 
 enum cortex_m0_code_operation {
 #define CORTEX_M0_OPERATION(name) CORTEX_M0_OP_##name,
@@ -63,9 +65,12 @@ enum cortex_m0_event cortex_m0_execute_special(struct cortex_m0 *cpu);
 
 /* slow_path.c: accesses and branches that the fast path does not finish. r[15] is the address of the instruction,
  * cpu->cycle the cycle in which it begins. */
-enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address);
-enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address);
-enum cortex_m0_event cortex_m0_execute_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address);
+enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
+                                            uint32_t address);
+enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
+                                             uint32_t address);
+enum cortex_m0_event cortex_m0_execute_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
+                                            uint32_t address);
 enum cortex_m0_event cortex_m0_branch(struct cortex_m0 *cpu, uint32_t target);
 void cortex_m0_set_fetch_address(struct cortex_m0 *cpu, uint32_t address);
 struct cortex_m0_code *cortex_m0_code_at(struct cortex_m0 *cpu, uint32_t address); /* NULL: not executable */
@@ -77,8 +82,10 @@ int cortex_m0_code_open(struct cortex_m0_code *code, const uint8_t *bytes, uint3
 /* memory.c: access of any size at any address. Returns EVENT_NONE, EVENT_FAULT or EVENT_BUS_RETRY and adds stalls to
  * cpu->cycle, which is the cycle before the data phase. `can_retry`: whether the callback may return CORTEX_M0_RETRY.
  */
-enum cortex_m0_event cortex_m0_read(struct cortex_m0 *cpu, uint32_t address, unsigned size, bool can_retry, uint32_t *value);
-enum cortex_m0_event cortex_m0_write(struct cortex_m0 *cpu, uint32_t address, unsigned size, bool can_retry, uint32_t value);
+enum cortex_m0_event cortex_m0_read(struct cortex_m0 *cpu, uint32_t address, unsigned size, bool can_retry,
+                                    uint32_t *value);
+enum cortex_m0_event cortex_m0_write(struct cortex_m0 *cpu, uint32_t address, unsigned size, bool can_retry,
+                                     uint32_t value);
 enum cortex_m0_event cortex_m0_record_fault(struct cortex_m0 *cpu, enum cortex_m0_fault_kind kind, uint32_t address);
 /* Discard the operations decoded from [offset, offset + size). */
 void cortex_m0_invalidate_code(struct cortex_m0_code *code, uint32_t offset, uint32_t size);

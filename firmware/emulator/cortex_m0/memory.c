@@ -6,14 +6,16 @@
 
 enum cortex_m0_event cortex_m0_record_fault(struct cortex_m0 *cpu, enum cortex_m0_fault_kind kind, uint32_t address)
 {
-    cpu->fault = (struct cortex_m0_fault){.kind = kind, .pc = cpu->r[CORTEX_M0_PC], .address = address, .cycle = cpu->cycle};
+    cpu->fault =
+        (struct cortex_m0_fault){.kind = kind, .pc = cpu->r[CORTEX_M0_PC], .address = address, .cycle = cpu->cycle};
     cpu->faults++;
     return CORTEX_M0_EVENT_FAULT;
 }
 
 void cortex_m0_invalidate_code(struct cortex_m0_code *code, uint32_t offset, uint32_t size)
 {
-    const uint32_t first = offset >= 2u ? offset / 2u - 1u : 0u; /* a 32-bit instruction may start one halfword earlier */
+    /* a 32-bit instruction may start one halfword earlier */
+    const uint32_t first = offset >= 2u ? offset / 2u - 1u : 0u;
     const uint32_t last = (offset + size - 1u) / 2u;
     for (uint32_t i = first; i <= last; i++) {
         code->operations[i].kind = CORTEX_M0_OP_DECODE;
@@ -43,8 +45,8 @@ static const uint8_t *memory_at(const struct cortex_m0_code *code, uint32_t addr
     return address - code->base < code->size ? code->bytes + (address - code->base) : NULL;
 }
 
-static enum cortex_m0_event access_bus(struct cortex_m0 *cpu, cortex_m0_access_function *function, struct cortex_m0_access *access,
-                                   bool can_retry)
+static enum cortex_m0_event access_bus(struct cortex_m0 *cpu, cortex_m0_access_function *function,
+                                       struct cortex_m0_access *access, bool can_retry)
 {
     const enum cortex_m0_bus_status status = function ? function(cpu->config.context, access) : CORTEX_M0_ERROR;
     if (status == CORTEX_M0_RETRY && can_retry) {
@@ -57,7 +59,8 @@ static enum cortex_m0_event access_bus(struct cortex_m0 *cpu, cortex_m0_access_f
     return CORTEX_M0_EVENT_NONE;
 }
 
-enum cortex_m0_event cortex_m0_read(struct cortex_m0 *cpu, uint32_t address, unsigned size, bool can_retry, uint32_t *value)
+enum cortex_m0_event cortex_m0_read(struct cortex_m0 *cpu, uint32_t address, unsigned size, bool can_retry,
+                                    uint32_t *value)
 {
     if (address & (size - 1u)) {
         return cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_UNALIGNED, address);
@@ -82,7 +85,8 @@ enum cortex_m0_event cortex_m0_read(struct cortex_m0 *cpu, uint32_t address, uns
     return event;
 }
 
-enum cortex_m0_event cortex_m0_write(struct cortex_m0 *cpu, uint32_t address, unsigned size, bool can_retry, uint32_t value)
+enum cortex_m0_event cortex_m0_write(struct cortex_m0 *cpu, uint32_t address, unsigned size, bool can_retry,
+                                     uint32_t value)
 {
     if (address & (size - 1u)) {
         return cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_UNALIGNED, address);

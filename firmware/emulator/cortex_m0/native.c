@@ -13,8 +13,8 @@ struct taxel_cortex_m0 {
     uint8_t *flash, *ram;
 };
 
-struct taxel_cortex_m0 *taxel_cortex_m0_open(uint32_t flash_size, uint32_t ram_size, uint8_t flash_wait, uint8_t multiply,
-                                             int halt_flags)
+struct taxel_cortex_m0 *taxel_cortex_m0_open(uint32_t flash_size, uint32_t ram_size, uint8_t flash_wait,
+                                             uint8_t multiply, int halt_flags)
 {
     struct taxel_cortex_m0 *const core = calloc(1, sizeof *core);
     if (!core) {

@@ -14,15 +14,15 @@ struct taxel_cortex_m0;
 struct taxel_cortex_m0_state {
     uint32_t r[16];
     uint32_t xpsr, msp, psp, primask, control;
-    uint32_t reason;                     /* written by taxel_cortex_m0_run_cases(): enum cortex_m0_reason */
-    uint32_t cycles;                     /* of the instruction */
-    uint32_t fault, fault_address;       /* enum cortex_m0_fault_kind */
+    uint32_t reason;               /* written by taxel_cortex_m0_run_cases(): enum cortex_m0_reason */
+    uint32_t cycles;               /* of the instruction */
+    uint32_t fault, fault_address; /* enum cortex_m0_fault_kind */
     uint32_t lowest_msp;
 };
 
 /* Returns NULL if out of memory or if a size is not a multiple of 4. `halt_flags`: TAXEL_CORTEX_M0_HALT_*. */
-struct taxel_cortex_m0 *taxel_cortex_m0_open(uint32_t flash_size, uint32_t ram_size, uint8_t flash_wait, uint8_t multiply,
-                                             int halt_flags);
+struct taxel_cortex_m0 *taxel_cortex_m0_open(uint32_t flash_size, uint32_t ram_size, uint8_t flash_wait,
+                                             uint8_t multiply, int halt_flags);
 void taxel_cortex_m0_close(struct taxel_cortex_m0 *core);
 
 /* Write and read flash or RAM. Return -1 unless the whole range lies in one of the two memories. */

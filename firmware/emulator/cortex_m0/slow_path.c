@@ -24,7 +24,8 @@ static unsigned access_size(uint8_t kind)
     }
 }
 
-enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address)
+enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
+                                            uint32_t address)
 {
     uint32_t value;
     const enum cortex_m0_event event = cortex_m0_read(cpu, address, access_size(operation.kind), true, &value);
@@ -42,9 +43,11 @@ enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex
     return CORTEX_M0_EVENT_NONE;
 }
 
-enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address)
+enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
+                                             uint32_t address)
 {
-    const enum cortex_m0_event event = cortex_m0_write(cpu, address, access_size(operation.kind), true, cpu->r[operation.a]);
+    const enum cortex_m0_event event =
+        cortex_m0_write(cpu, address, access_size(operation.kind), true, cpu->r[operation.a]);
     if (event) {
         return event;
     }
@@ -54,15 +57,15 @@ enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct corte
 }
 
 /* Transfer the words of a register list in order, one per cycle. Registers change only if every word could be read. */
-static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address, bool is_load,
-                                      uint32_t words[])
+static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address,
+                                      bool is_load, uint32_t words[])
 {
     const uint64_t begin = cpu->cycle;
     uint32_t list = operation.value;
     for (unsigned i = 0; i < operation.c; i++, list &= list - 1u) {
         const unsigned number = list ? (unsigned)__builtin_ctz(list) : CORTEX_M0_PC; /* POP: PC comes last */
         const enum cortex_m0_event event = is_load ? cortex_m0_read(cpu, address + i * 4u, 4, i == 0, &words[i])
-                                                : cortex_m0_write(cpu, address + i * 4u, 4, i == 0, cpu->r[number]);
+                                                   : cortex_m0_write(cpu, address + i * 4u, 4, i == 0, cpu->r[number]);
         if (event) {
             cpu->cycle = begin;
             return event;
@@ -77,7 +80,8 @@ static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_op
     return CORTEX_M0_EVENT_NONE;
 }
 
-enum cortex_m0_event cortex_m0_execute_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address)
+enum cortex_m0_event cortex_m0_execute_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
+                                            uint32_t address)
 {
     const bool is_load = operation.kind != CORTEX_M0_OP_PUSH && operation.kind != CORTEX_M0_OP_STM;
     const uint32_t end = address + operation.c * 4u;

@@ -160,7 +160,8 @@ static enum cortex_m0_event execute_wide(struct cortex_m0 *cpu, uint32_t half, u
     if (half == 0xF3EFu) {
         return read_special(cpu, second >> 8 & 15u, second & 0xFFu);
     }
-    return half == 0xF3BFu ? finish_instruction(cpu, 4, BARRIER_CYCLES) : write_special(cpu, half & 15u, second & 0xFFu);
+    return half == 0xF3BFu ? finish_instruction(cpu, 4, BARRIER_CYCLES)
+                           : write_special(cpu, half & 15u, second & 0xFFu);
 }
 
 enum cortex_m0_event cortex_m0_execute_special(struct cortex_m0 *cpu)
@@ -176,8 +177,9 @@ enum cortex_m0_event cortex_m0_execute_special(struct cortex_m0 *cpu)
             return execute_hint(cpu, half);
         }
         if (half >> 8 == 0xBEu) {
-            return cpu->config.halt_on_breakpoint ? CORTEX_M0_EVENT_BREAKPOINT
-                                                  : cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_BREAKPOINT, cpu->r[CORTEX_M0_PC]);
+            return cpu->config.halt_on_breakpoint
+                       ? CORTEX_M0_EVENT_BREAKPOINT
+                       : cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_BREAKPOINT, cpu->r[CORTEX_M0_PC]);
         }
         cpu->primask = half & 0x10u; /* CPS */
         cortex_m0_update_priority(cpu);

@@ -54,14 +54,15 @@ uint64_t cortex_m0_systick_due(const struct cortex_m0 *cpu)
 {
     const struct cortex_m0_systick *timer = &cpu->systick;
     const uint64_t ticks = ticks_to_zero(timer);
-    return timer->enabled && timer->interrupt_enabled && ticks ? timer->origin + ticks * cycles_per_tick(cpu) : UINT64_MAX;
+    return timer->enabled && timer->interrupt_enabled && ticks ? timer->origin + ticks * cycles_per_tick(cpu)
+                                                               : UINT64_MAX;
 }
 
 uint32_t cortex_m0_systick_control(const struct cortex_m0 *cpu)
 {
     const struct cortex_m0_systick *timer = &cpu->systick;
-    return (timer->enabled ? ENABLE : 0) | (timer->interrupt_enabled ? TICKINT : 0) | (timer->processor_clock ? CLKSOURCE : 0) |
-           (timer->count_flag ? COUNTFLAG : 0);
+    return (timer->enabled ? ENABLE : 0) | (timer->interrupt_enabled ? TICKINT : 0) |
+           (timer->processor_clock ? CLKSOURCE : 0) | (timer->count_flag ? COUNTFLAG : 0);
 }
 
 void cortex_m0_systick_set_control(struct cortex_m0 *cpu, uint32_t value)

@@ -49,5 +49,6 @@ double clock_drift_factor(const struct clock_drift *drift, double time)
 
 double clock_drift_offset(const struct clock_drift *drift, double time)
 {
-    return drift->amplitude / drift->angular_frequency * (cos(drift->phase) - cos(drift->angular_frequency * time + drift->phase));
+    return drift->amplitude / drift->angular_frequency *
+           (cos(drift->phase) - cos(drift->angular_frequency * time + drift->phase));
 }

@@ -9,8 +9,8 @@
 #define PICO 1e-12
 #define OHM_MAX 1e5
 #define CALIBRATION_MAX 8.0 /* the current source has steps down to one eighth */
-#define GROUND_PF 8.0     /* trace of about 10 cm on a flexible board */
-#define TRACES_OHM 1000.0 /* driver or multiplexer plus a line of silver ink */
+#define GROUND_PF 8.0       /* trace of about 10 cm on a flexible board */
+#define TRACES_OHM 1000.0   /* driver or multiplexer plus a line of silver ink */
 
 int coupling_read(struct effect_line *line, struct effects *effects)
 {
@@ -20,7 +20,8 @@ int coupling_read(struct effect_line *line, struct effects *effects)
     struct effect_boards boards;
     struct coupling_board board = {0};
     double ground_pf, trace_pf = 0.0;
-    if (form < 0 || effect_line_boards(line, &boards) || effect_line_optional(line, "tx_ohm", 0.0, OHM_MAX, ohm, &board.tx_ohm) ||
+    if (form < 0 || effect_line_boards(line, &boards) ||
+        effect_line_optional(line, "tx_ohm", 0.0, OHM_MAX, ohm, &board.tx_ohm) ||
         effect_line_optional(line, "rx_ohm", 0.0, OHM_MAX, ohm, &board.rx_ohm) ||
         effect_line_optional(line, "ground_pf", 0.0, 1000.0, GROUND_PF, &ground_pf) ||
         (form == 1 && effect_line_number(line, "picofarad", 0.0, 100.0, &trace_pf))) {
@@ -42,7 +43,8 @@ bool coupling_is_on(const struct coupling_effect *coupling, size_t board)
     return coupling->board[board].tx_ohm > 0.0 || coupling->board[board].rx_ohm > 0.0;
 }
 
-void coupling_configure(struct coupling_lines *lines, const struct coupling_board *board, int tx_count, int rx_count, double tx_hz)
+void coupling_configure(struct coupling_lines *lines, const struct coupling_board *board, int tx_count, int rx_count,
+                        double tx_hz)
 {
     struct network *network = &lines->network;
     network->tx_count = tx_count;

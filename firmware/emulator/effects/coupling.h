@@ -30,8 +30,9 @@ struct coupling_effect {
 struct coupling_lines {
     struct network network;
     double calibration; /* factor on every effective capacitance */
-    unsigned version;                                         /* incremented when a capacitance changes */
-    unsigned solved_version[TAXEL_LINES_MAX];                         /* version of each TX line's solution; 0: no solution */
+    unsigned version;   /* incremented when a capacitance changes */
+    /* version of each TX line's solution; 0: no solution */
+    unsigned solved_version[TAXEL_LINES_MAX];
     struct network_state state[TAXEL_LINES_MAX];
     double effective_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX];
 };
@@ -40,7 +41,8 @@ int coupling_read(struct effect_line *line, struct effects *effects);
 bool coupling_is_on(const struct coupling_effect *coupling, size_t board);
 
 /* Set the network's parameters, at the start and after a change of the TX clock. */
-void coupling_configure(struct coupling_lines *lines, const struct coupling_board *board, int tx_count, int rx_count, double tx_hz);
+void coupling_configure(struct coupling_lines *lines, const struct coupling_board *board, int tx_count, int rx_count,
+                        double tx_hz);
 /* Set the calibration so that the mean over these capacitances [tx][rx] (farad, 0 without a taxel) is unchanged. */
 void coupling_calibrate(struct coupling_lines *lines, double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX]);
 

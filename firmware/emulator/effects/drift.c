@@ -47,7 +47,8 @@ bool drift_is_on(const struct drift_effect *drift, size_t board)
     return false;
 }
 
-void drift_open(struct drift_board *drift, const struct drift_effect *effect, size_t board, uint64_t seed, uint8_t address)
+void drift_open(struct drift_board *drift, const struct drift_effect *effect, size_t board, uint64_t seed,
+                uint8_t address)
 {
     drift->count = 0;
     for (size_t i = 0; i < effect->count; i++) {
@@ -75,7 +76,8 @@ void drift_begin_scan(struct drift_board *drift, double time, double powered)
             const bool has_started = drift->state[i].has_started;
             const double correlation = has_started ? exp(-(time - drift->state[i].step_time) / slot->seconds) : 0.0;
             const double innovation_std = amplitude * sqrt(1.0 - correlation * correlation);
-            drift->state[i].common = correlation * drift->state[i].common + innovation_std * random_normal(&drift->state[i].random);
+            drift->state[i].common =
+                correlation * drift->state[i].common + innovation_std * random_normal(&drift->state[i].random);
             drift->state[i].taxel_amplitude = drift->state[i].common;
             drift->state[i].step_time = time;
             drift->state[i].has_started = true;

@@ -40,7 +40,7 @@ struct drift_board {
         double amplitude;       /* of the board, counts */
         double common;          /* current drift of the board, counts */
         double taxel_amplitude; /* current drift for a taxel share of 1, counts */
-        double step_time;           /* time of the last step of a random drift, seconds */
+        double step_time;       /* time of the last step of a random drift, seconds */
         bool has_started;
         double taxel[TAXEL_TAXELS_MAX]; /* share * n */
     } state[DRIFT_SLOTS_MAX];
@@ -49,7 +49,8 @@ struct drift_board {
 
 int drift_read(struct effect_line *line, struct effects *effects);
 bool drift_is_on(const struct drift_effect *drift, size_t board);
-void drift_open(struct drift_board *drift, const struct drift_effect *effect, size_t board, uint64_t seed, uint8_t address);
+void drift_open(struct drift_board *drift, const struct drift_effect *effect, size_t board, uint64_t seed,
+                uint8_t address);
 
 /* Update the drift at the start of a scan. time: now; powered: power-on time of the board; both in seconds. */
 void drift_begin_scan(struct drift_board *drift, double time, double powered);

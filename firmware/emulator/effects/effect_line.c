@@ -10,12 +10,13 @@
 
 int effect_line_report_error(const struct effect_line *line, const char *message)
 {
-    fprintf(stderr, "world %s, line %d: effect %s: %s\n", line->source->path, line->source->number, line->name, message);
+    fprintf(stderr, "world %s, line %d: effect %s: %s\n", line->source->path, line->source->number, line->name,
+            message);
     return -1;
 }
 
-int effect_line_open(struct effect_line *line, const struct world_line *source,
-                     const struct board_description *boards, size_t board_count)
+int effect_line_open(struct effect_line *line, const struct world_line *source, const struct board_description *boards,
+                     size_t board_count)
 {
     memset(line, 0, sizeof *line);
     line->source = source;
@@ -36,7 +37,8 @@ int effect_line_form_index(struct effect_line *line, const char *const *forms)
         if (strcmp(line->form, forms[i]) == 0) {
             return i;
         }
-        snprintf(known_forms + strlen(known_forms), sizeof known_forms - strlen(known_forms), "%s%s", i ? ", " : "", forms[i]);
+        snprintf(known_forms + strlen(known_forms), sizeof known_forms - strlen(known_forms), "%s%s", i ? ", " : "",
+                 forms[i]);
     }
     fprintf(stderr, "world %s, line %d: effect %s: expected one of the forms %s, found '%s'\n", line->source->path,
             line->source->number, line->name, known_forms, line->form);
@@ -73,12 +75,14 @@ int effect_line_number(struct effect_line *line, const char *key, double low, do
             return 0;
         }
     }
-    fprintf(stderr, "world %s, line %d: effect %s: expected %s= with a number from %g to %g, found %s\n", line->source->path,
-            line->source->number, line->name, key, low, high, index ? line->source->words[index] : "nothing");
+    fprintf(stderr, "world %s, line %d: effect %s: expected %s= with a number from %g to %g, found %s\n",
+            line->source->path, line->source->number, line->name, key, low, high,
+            index ? line->source->words[index] : "nothing");
     return -1;
 }
 
-int effect_line_optional(struct effect_line *line, const char *key, double low, double high, double fallback, double *value)
+int effect_line_optional(struct effect_line *line, const char *key, double low, double high, double fallback,
+                         double *value)
 {
     *value = fallback;
     return find_key(line, key) ? effect_line_number(line, key, low, high, value) : 0;

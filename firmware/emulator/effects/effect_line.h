@@ -19,8 +19,8 @@ struct effect_line {
     bool used[WORLD_LINE_WORDS_MAX];
 };
 
-int effect_line_open(struct effect_line *line, const struct world_line *source,
-                     const struct board_description *boards, size_t board_count);
+int effect_line_open(struct effect_line *line, const struct world_line *source, const struct board_description *boards,
+                     size_t board_count);
 int effect_line_report_error(const struct effect_line *line, const char *message);
 
 /* Index of the line's form in `forms` (terminated by NULL), or -1 after an error that lists the forms. */
@@ -31,7 +31,8 @@ bool effect_line_has_key(const struct effect_line *line, const char *key);
 /* Number after `key=`, which is required and must lie in [low, high]. */
 int effect_line_number(struct effect_line *line, const char *key, double low, double high, double *value);
 /* As effect_line_number(), but `fallback` if the key is absent. */
-int effect_line_optional(struct effect_line *line, const char *key, double low, double high, double fallback, double *value);
+int effect_line_optional(struct effect_line *line, const char *key, double low, double high, double fallback,
+                         double *value);
 int effect_line_integer(struct effect_line *line, const char *key, long low, long high, long *value);
 
 /* Index in the description of the board with the address after `board=`. */

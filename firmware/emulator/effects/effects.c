@@ -9,26 +9,17 @@ static const struct {
     const char *name;
     int (*read)(struct effect_line *line, struct effects *effects);
 } modules[] = {
-    {"clock", clock_read},
-    {"coupling", coupling_read},
-    {"dead", dead_read},
-    {"drift", drift_read},
-    {"droop", droop_read},
-    {"exchange", exchange_read},
-    {"gain", gain_read},
-    {"late", late_read},
-    {"line", line_read},
-    {"noise", noise_read},
-    {"nonlinear", nonlinear_read},
-    {"saturation", saturation_read},
-    {"silent", silent_read},
-    {"stuck_bit", stuck_bit_read},
-    {"spread", spread_read},       {"rheology", rheology_read}, {"indent", indent_read},
-    {"proximity", proximity_read}, {"moisture", moisture_read}, {"modulus", modulus_read},
+    {"clock", clock_read},       {"coupling", coupling_read},   {"dead", dead_read},
+    {"drift", drift_read},       {"droop", droop_read},         {"exchange", exchange_read},
+    {"gain", gain_read},         {"late", late_read},           {"line", line_read},
+    {"noise", noise_read},       {"nonlinear", nonlinear_read}, {"saturation", saturation_read},
+    {"silent", silent_read},     {"stuck_bit", stuck_bit_read}, {"spread", spread_read},
+    {"rheology", rheology_read}, {"indent", indent_read},       {"proximity", proximity_read},
+    {"moisture", moisture_read}, {"modulus", modulus_read},
 };
 
-int effects_read_line(struct effects *effects, const struct world_line *line,
-                      const struct board_description *boards, size_t board_count)
+int effects_read_line(struct effects *effects, const struct world_line *line, const struct board_description *boards,
+                      size_t board_count)
 {
     struct effect_line effect;
     if (effect_line_open(&effect, line, boards, board_count)) {

@@ -15,7 +15,8 @@ int gain_read(struct effect_line *line, struct effects *effects)
     const int form = effect_line_form_index(line, forms);
     struct effect_boards boards;
     double log_std, factor;
-    if (form < 0 || effect_line_boards(line, &boards) || effect_line_optional(line, "log_std", 0.0, 2.0, 0.0, &log_std) ||
+    if (form < 0 || effect_line_boards(line, &boards) ||
+        effect_line_optional(line, "log_std", 0.0, 2.0, 0.0, &log_std) ||
         effect_line_optional(line, "factor", 0.01, 10.0, 1.0, &factor)) {
         return -1;
     }
@@ -27,7 +28,8 @@ int gain_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-void gain_apply(const struct gain_effect *gain, size_t board, uint64_t seed, uint8_t address, struct front_end *front_end)
+void gain_apply(const struct gain_effect *gain, size_t board, uint64_t seed, uint8_t address,
+                struct front_end *front_end)
 {
     const struct gain_board *electrode = &gain->electrode[board], *idac = &gain->idac[board];
     struct random_source random;

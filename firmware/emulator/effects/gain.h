@@ -28,6 +28,7 @@ int gain_read(struct effect_line *line, struct effects *effects);
 
 /* Apply the factors to the fringe capacitances and to the counts per farad, once, before the front end is configured.
  */
-void gain_apply(const struct gain_effect *gain, size_t board, uint64_t seed, uint8_t address, struct front_end *front_end);
+void gain_apply(const struct gain_effect *gain, size_t board, uint64_t seed, uint8_t address,
+                struct front_end *front_end);
 
 #endif

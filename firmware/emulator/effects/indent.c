@@ -68,7 +68,8 @@ bool indent_advance(const struct indent_effect *indent, double decay, struct ind
         struct indent_state *cell = &cells[i];
         if (compression[i] > 0.0 || cell->depth > 0.0 || cell->last_compression > 0.0) {
             const double c = compression[i];
-            compression[i] = indent->form == INDENT_SET ? apply_set(indent, decay, cell, c) : apply_bedding(indent, cell, c);
+            compression[i] =
+                indent->form == INDENT_SET ? apply_set(indent, decay, cell, c) : apply_bedding(indent, cell, c);
             is_active = is_active || cell->depth > 0.0 || cell->last_compression > 0.0;
         }
     }

@@ -9,7 +9,8 @@ int late_read(struct effect_line *line, struct effects *effects)
     const int form = effect_line_form_index(line, forms);
     struct effect_boards boards;
     double seconds;
-    if (form < 0 || effect_line_boards(line, &boards) || effect_line_number(line, "seconds", 0.0, form == 0 ? 1.0 : 10.0, &seconds)) {
+    if (form < 0 || effect_line_boards(line, &boards) ||
+        effect_line_number(line, "seconds", 0.0, form == 0 ? 1.0 : 10.0, &seconds)) {
         return -1;
     }
     for (size_t i = boards.first; i < boards.end; i++) {

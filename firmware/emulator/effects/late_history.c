@@ -29,7 +29,8 @@ static bool reserve_record(struct late_history *history)
     const size_t taxels = history->taxels;
     if (history->first && history->first + history->count == history->capacity) {
         memmove(history->records, history->records + history->first, history->count * sizeof *history->records);
-        memmove(history->fields, history->fields + history->first * taxels, history->count * taxels * sizeof *history->fields);
+        memmove(history->fields, history->fields + history->first * taxels,
+                history->count * taxels * sizeof *history->fields);
         history->first = 0;
     }
     if (history->count < history->capacity) {

@@ -45,7 +45,8 @@ bool modulus_is_on(const struct modulus_effect *modulus)
     return is_on;
 }
 
-void modulus_fill(const struct modulus_effect *modulus, uint64_t seed, const struct board_description *board, double *stiffness)
+void modulus_fill(const struct modulus_effect *modulus, uint64_t seed, const struct board_description *board,
+                  double *stiffness)
 {
     struct random_source random;
     size_t taxel = 0;
@@ -54,8 +55,9 @@ void modulus_fill(const struct modulus_effect *modulus, uint64_t seed, const str
         const bool has_taxel = (board->crossing_map[crossing >> 3] >> (crossing & 7u)) & 1;
         if (has_taxel && taxel < board->taxel_count) {
             const double relative_line = (crossing / board->columns + 0.5) / board->rows - 0.5;
-            stiffness[taxel++] = exp(modulus->log_factor[board->address] + modulus->gradient[board->address] * relative_line +
-                                     modulus->log_std * random_normal(&random));
+            stiffness[taxel++] =
+                exp(modulus->log_factor[board->address] + modulus->gradient[board->address] * relative_line +
+                    modulus->log_std * random_normal(&random));
         }
     }
 }

@@ -29,6 +29,7 @@ int modulus_read(struct effect_line *line, struct effects *effects);
 bool modulus_is_on(const struct modulus_effect *modulus);
 
 /* Write k of every taxel of a board to stiffness [taxels]; 1 without the effect. */
-void modulus_fill(const struct modulus_effect *modulus, uint64_t seed, const struct board_description *board, double *stiffness);
+void modulus_fill(const struct modulus_effect *modulus, uint64_t seed, const struct board_description *board,
+                  double *stiffness);
 
 #endif

@@ -8,7 +8,7 @@
 #include "emulator/skin/patch.h"
 
 #define WATER_PERMITTIVITY 80.0 /* at 20 degrees C, below 1 GHz */
-#define NEGLIGIBLE_WATER 1e-7                /* water fraction with an effect far below one count */
+#define NEGLIGIBLE_WATER 1e-7   /* water fraction with an effect far below one count */
 
 int moisture_read(struct effect_line *line, struct effects *effects)
 {

@@ -54,8 +54,8 @@ static inline ALWAYS_INLINE void add_neighbours(double farad, const double *valu
 
 /* re, im [out_count] = sum over n of row[n][.] * (value_re[n], value_im[n]), in blocks that fit into vector registers.
  */
-static inline ALWAYS_INLINE void multiply(const double row[][TAXEL_LINES_MAX], int rows, int out_count, const double *value_re,
-                     const double *value_im, double *re, double *im)
+static inline ALWAYS_INLINE void multiply(const double row[][TAXEL_LINES_MAX], int rows, int out_count,
+                                          const double *value_re, const double *value_im, double *re, double *im)
 {
     for (int first = 0; first < out_count; first += BLOCK) {
         block sum_re = {0.0}, sum_im = {0.0}, farad;
@@ -120,7 +120,8 @@ static inline ALWAYS_INLINE bool is_converged(double change, double last_change,
     return change <= tolerance || change * factor <= tolerance * (1.0 - factor);
 }
 
-static inline ALWAYS_INLINE int solve(struct network *network, int driven, struct network_state *state, double *effective_f)
+static inline ALWAYS_INLINE int solve(struct network *network, int driven, struct network_state *state,
+                                      double *effective_f)
 {
     int iterations = 0;
     double change = 0.0, last_change, largest; /* the first iteration has no predecessor */

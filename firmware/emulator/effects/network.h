@@ -25,8 +25,8 @@ struct network_response {
 
 struct network {
     int tx_count, rx_count;
-    double tx_ohm, rx_ohm, omega; /* ohm, ohm, radian per second */
-    double ground_f, trace_f;     /* of a line to ground; between neighbouring lines; farad */
+    double tx_ohm, rx_ohm, omega;                    /* ohm, ohm, radian per second */
+    double ground_f, trace_f;                        /* of a line to ground; between neighbouring lines; farad */
     double mutual[TAXEL_LINES_MAX][TAXEL_LINES_MAX]; /* [tx][rx] farad; 0 without a taxel */
 
     bool is_changed; /* parameters changed since the last solution; the members below are then recomputed */

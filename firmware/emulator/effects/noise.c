@@ -18,7 +18,8 @@ static int read_form(struct effect_line *line, struct noise_slot *slot)
         }
         slot->axis = (int)axis;
     }
-    if (slot->form == NOISE_PINK && effect_line_has_key(line, "shared") && effect_line_integer(line, "shared", 0, 1, &shared)) {
+    if (slot->form == NOISE_PINK && effect_line_has_key(line, "shared") &&
+        effect_line_integer(line, "shared", 0, 1, &shared)) {
         return -1;
     }
     slot->shared = shared != 0;
@@ -71,7 +72,8 @@ bool noise_is_on(const struct noise_effect *noise, size_t board)
     return false;
 }
 
-void noise_open(struct noise_board *noise, const struct noise_effect *effect, size_t board, uint64_t seed, uint8_t address)
+void noise_open(struct noise_board *noise, const struct noise_effect *effect, size_t board, uint64_t seed,
+                uint8_t address)
 {
     noise->count = 0;
     noise->tx = -1;

@@ -47,14 +47,14 @@ struct noise_effect {
 
 /* Current values of one slot on one board. */
 struct noise_state {
-    struct random_source random; /* for infrequent samples and samples that are not normal */
+    struct random_source random;       /* for infrequent samples and samples that are not normal */
     struct normal_source normals;      /* for white noise */
-    double common;                 /* line: value of the current TX line or scan */
+    double common;                     /* line: value of the current TX line or scan */
     double rx_values[TAXEL_LINES_MAX]; /* line, axis 1: value of each RX line */
     double pink[TAXEL_TAXELS_MAX], process[NOISE_OCTAVES][TAXEL_TAXELS_MAX];
     double step_time[NOISE_OCTAVES]; /* seconds; time of the last step of each octave */
     bool has_started;
-    double next_event, event_end, sign;      /* impulse: seconds */
+    double next_event, event_end, sign; /* impulse: seconds */
 };
 
 struct noise_board {
@@ -66,7 +66,8 @@ struct noise_board {
 
 int noise_read(struct effect_line *line, struct effects *effects);
 bool noise_is_on(const struct noise_effect *noise, size_t board);
-void noise_open(struct noise_board *noise, const struct noise_effect *effect, size_t board, uint64_t seed, uint8_t address);
+void noise_open(struct noise_board *noise, const struct noise_effect *effect, size_t board, uint64_t seed,
+                uint8_t address);
 
 /* Start a scan at a time in seconds, and the counts that each conversion adds. */
 void noise_begin_scan(struct noise_board *noise, double time, size_t taxels);

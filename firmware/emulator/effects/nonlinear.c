@@ -15,7 +15,8 @@ int nonlinear_read(struct effect_line *line, struct effects *effects)
     struct effect_boards boards;
     double value;
     if (form < 0 || effect_line_boards(line, &boards) ||
-        effect_line_number(line, form == 0 ? "leak" : "counts", form == 0 ? 0.0 : -1000.0, form == 0 ? 0.05 : 1000.0, &value)) {
+        effect_line_number(line, form == 0 ? "leak" : "counts", form == 0 ? 0.0 : -1000.0, form == 0 ? 0.05 : 1000.0,
+                           &value)) {
         return -1;
     }
     double *const values = form == 0 ? effects->nonlinear.leak : effects->nonlinear.bow_counts;
@@ -51,13 +52,15 @@ static double lock_to_plateau(double share, double leak)
     return share;
 }
 
-double nonlinear_count(const struct nonlinear_effect *nonlinear, size_t board, double largest_count, double hardware_count)
+double nonlinear_count(const struct nonlinear_effect *nonlinear, size_t board, double largest_count,
+                       double hardware_count)
 {
     const double share = hardware_count / largest_count;
     if (share <= 0.0 || share >= 1.0) {
         return hardware_count;
     }
-    const double bow = nonlinear->bow_counts[board] * 4.0 * share * (1.0 - share) * (1.0 + BOW_SKEW * (1.0 - 2.0 * share));
+    const double bow =
+        nonlinear->bow_counts[board] * 4.0 * share * (1.0 - share) * (1.0 + BOW_SKEW * (1.0 - 2.0 * share));
     if (nonlinear->leak[board] == 0.0) {
         return hardware_count + bow;
     }

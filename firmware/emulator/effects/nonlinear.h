@@ -21,6 +21,7 @@ struct nonlinear_effect {
 
 int nonlinear_read(struct effect_line *line, struct effects *effects);
 bool nonlinear_is_on(const struct nonlinear_effect *nonlinear, size_t board);
-double nonlinear_count(const struct nonlinear_effect *nonlinear, size_t board, double largest_count, double hardware_count);
+double nonlinear_count(const struct nonlinear_effect *nonlinear, size_t board, double largest_count,
+                       double hardware_count);
 
 #endif

@@ -34,7 +34,8 @@ double proximity_reach(const struct proximity_effect *proximity)
 static double response(const struct proximity_effect *proximity, double thickness, double gap)
 {
     const double ratio = 0.5 * proximity->reach_m / (thickness + gap);
-    return proximity->form == PROXIMITY_IMAGE ? log1p(ratio * ratio) : 1.0 / (1.0 + layer_rest_permittivity() * gap / thickness);
+    return proximity->form == PROXIMITY_IMAGE ? log1p(ratio * ratio)
+                                              : 1.0 / (1.0 + layer_rest_permittivity() * gap / thickness);
 }
 
 void proximity_prepare(struct proximity_curve *curve, const struct proximity_effect *proximity, double thickness)

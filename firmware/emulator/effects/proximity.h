@@ -34,14 +34,15 @@ struct proximity_effect {
 
 /* Table of share * f over u = t / (t + g), in which f is smooth. */
 struct proximity_curve {
-    double thickness, reach; /* metres */
-    double u_min, steps_per_u;   /* u at `reach`; table steps per unit of u */
+    double thickness, reach;   /* metres */
+    double u_min, steps_per_u; /* u at `reach`; table steps per unit of u */
     double value[PROXIMITY_STEPS + 1];
 };
 
 int proximity_read(struct effect_line *line, struct effects *effects);
 bool proximity_is_on(const struct proximity_effect *proximity);
-double proximity_reach(const struct proximity_effect *proximity); /* smallest gap without any contribution; 0 if inactive */
+/* smallest gap without any contribution; 0 if inactive */
+double proximity_reach(const struct proximity_effect *proximity);
 void proximity_prepare(struct proximity_curve *curve, const struct proximity_effect *proximity, double thickness);
 
 /* Contribution of a cell at a gap to the relative rise. */

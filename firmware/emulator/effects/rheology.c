@@ -53,16 +53,16 @@ struct rheology_span rheology_span(const struct rheology_effect *rheology, doubl
     return span;
 }
 
-static double apply_solid(const struct rheology_effect *rheology, const struct rheology_span *span, struct rheology_state *cell,
-                    double c)
+static double apply_solid(const struct rheology_effect *rheology, const struct rheology_span *span,
+                          struct rheology_state *cell, double c)
 {
     cell->slow[0] = follow(&span->lags[0], cell->slow[0], cell->input, span->is_step ? cell->input : c);
     cell->input = c;
     return c + rheology->fraction * (cell->slow[0] - c);
 }
 
-static double apply_play(const struct rheology_effect *rheology, const struct rheology_span *span, struct rheology_state *cell,
-                    double c)
+static double apply_play(const struct rheology_effect *rheology, const struct rheology_span *span,
+                         struct rheology_state *cell, double c)
 {
     double play_sum = 0.0, creep_sum = 0.0;
     for (int i = 0; i < RHEOLOGY_PLAYS; i++) {
@@ -86,8 +86,8 @@ static bool has_memory(const struct rheology_state *cell)
     return cell->input > NEGLIGIBLE_M || cell->slow[0] != 0.0 || cell->slow[1] != 0.0 || cell->slow[2] != 0.0;
 }
 
-bool rheology_advance(const struct rheology_effect *rheology, const struct rheology_span *span, struct rheology_state *cells,
-                      size_t count, double *compression)
+bool rheology_advance(const struct rheology_effect *rheology, const struct rheology_span *span,
+                      struct rheology_state *cells, size_t count, double *compression)
 {
     bool is_active = false;
     for (size_t i = 0; i < count; i++) {

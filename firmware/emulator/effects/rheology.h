@@ -40,9 +40,9 @@ struct rheology_effect {
 
 /* State of a cell; all zero without history. */
 struct rheology_state {
-    double input;                   /* input of the relaxations at the last call, metres */
-    double play[RHEOLOGY_PLAYS];    /* metres */
-    double slow[RHEOLOGY_CREEPS];   /* metres; a solid uses one */
+    double input;                 /* input of the relaxations at the last call, metres */
+    double play[RHEOLOGY_PLAYS];  /* metres */
+    double slow[RHEOLOGY_CREEPS]; /* metres; a solid uses one */
 };
 
 /* Response of a first-order lag over one time step to its initial state and to a ramp. */
@@ -64,7 +64,7 @@ struct rheology_span rheology_span(const struct rheology_effect *rheology, doubl
 
 /* Advance the cells by one step. compression [count]: c on entry, out on return (metres, see above). Returns whether a
  * cell still has history. */
-bool rheology_advance(const struct rheology_effect *rheology, const struct rheology_span *span, struct rheology_state *cells,
-                      size_t count, double *compression);
+bool rheology_advance(const struct rheology_effect *rheology, const struct rheology_span *span,
+                      struct rheology_state *cells, size_t count, double *compression);
 
 #endif

@@ -9,7 +9,8 @@ int saturation_read(struct effect_line *line, struct effects *effects)
     struct saturation_board board;
     struct effect_boards boards;
     const int form = effect_line_form_index(line, forms);
-    if (form < 0 || effect_line_boards(line, &boards) || effect_line_number(line, "counts", 1.0, 65535.0, &board.counts) ||
+    if (form < 0 || effect_line_boards(line, &boards) ||
+        effect_line_number(line, "counts", 1.0, 65535.0, &board.counts) ||
         effect_line_optional(line, "strength", 0.0, 1.0, 1.0, &board.strength)) {
         return -1;
     }
@@ -26,7 +27,7 @@ double saturation_limit(const struct saturation_board *board, double rest_count,
     if (board->strength == 0.0 || above <= 0.0) {
         return hardware_count;
     }
-    const double limited = board->soft               ? above * board->counts / (above + board->counts)
+    const double limited = board->soft             ? above * board->counts / (above + board->counts)
                            : above > board->counts ? board->counts
                                                    : above;
     return hardware_count + board->strength * (limited - above);

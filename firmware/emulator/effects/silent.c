@@ -47,13 +47,15 @@ int silent_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
-void silent_open(struct silent_contact *contact, const struct silent_effect *silent, size_t board, uint64_t seed, uint8_t address)
+void silent_open(struct silent_contact *contact, const struct silent_effect *silent, size_t board, uint64_t seed,
+                 uint8_t address)
 {
     random_init(&contact->random, seed, SILENT_STREAM | address);
     contact->is_bad = random_uniform(&contact->random) < silent->probability[board];
 }
 
-bool silent_loses_addressing(const struct silent_effect *silent, size_t board, double time, struct silent_contact *contact)
+bool silent_loses_addressing(const struct silent_effect *silent, size_t board, double time,
+                             struct silent_contact *contact)
 {
     const double p = silent->probability[board], burst = silent->burst[board];
     for (size_t i = 0; i < silent->count; i++) {

@@ -32,9 +32,11 @@ struct silent_contact {
 };
 
 int silent_read(struct effect_line *line, struct effects *effects);
-void silent_open(struct silent_contact *contact, const struct silent_effect *silent, size_t board, uint64_t seed, uint8_t address);
+void silent_open(struct silent_contact *contact, const struct silent_effect *silent, size_t board, uint64_t seed,
+                 uint8_t address);
 
 /* Whether the addressing at a time in seconds is lost. */
-bool silent_loses_addressing(const struct silent_effect *silent, size_t board, double time, struct silent_contact *contact);
+bool silent_loses_addressing(const struct silent_effect *silent, size_t board, double time,
+                             struct silent_contact *contact);
 
 #endif

@@ -123,7 +123,8 @@ void spread_free(struct spread_state *state)
 }
 
 /* The weights of each source cell are normalised to 1, so that the total force is preserved. */
-void spread_pressure(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch, double *pressure)
+void spread_pressure(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch,
+                     double *pressure)
 {
     const int rows = patch->grid_rows, columns = patch->grid_columns;
     double line[GRID_MAX];

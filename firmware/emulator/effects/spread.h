@@ -33,10 +33,10 @@ bool spread_is_on(const struct spread_effect *spread);
 /* State of one board. Film: arrays [grid size] of its patch. Pillars: arrays of a grid with a margin of one position.
  */
 struct spread_state {
-    double *attenuation;                     /* weight of a neighbour, 0 without a cell; NULL: inactive */
+    double *attenuation;              /* weight of a neighbour, 0 without a cell; NULL: inactive */
     double *along_row, *along_column; /* 1 / sum of the weights of a position */
     double *value;
-    double *barrier;      /* 0 at a cell, -INFINITY elsewhere; NULL: form `pillars` inactive */
+    double *barrier;        /* 0 at a cell, -INFINITY elsewhere; NULL: form `pillars` inactive */
     int32_t *grid_index_of; /* [cells]: index in the grid with a margin */
 };
 
@@ -48,6 +48,7 @@ void spread_free(struct spread_state *state);
  * nothing for the other form or at strength 0. */
 void spread_compression(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch,
                         double *compression);
-void spread_pressure(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch, double *pressure);
+void spread_pressure(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch,
+                     double *pressure);
 
 #endif

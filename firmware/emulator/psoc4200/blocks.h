@@ -25,13 +25,13 @@ struct psoc_gpio {
     struct {
         uint32_t data, mode, input_disable;
     } port[PSOC_PORTS];
-    uint32_t select[PSOC_PORTS]; /* HSIOM */
+    uint32_t select[PSOC_PORTS];     /* HSIOM */
     bool scl_low, sda_low, rts_high; /* levels driven by software at the last update of the wires */
 };
 
 struct psoc_csd {
     uint32_t config, idac, trim1, intr;
-    uint32_t counter;   /* when idle: result of the last conversion */
+    uint32_t counter;    /* when idle: result of the last conversion */
     uint64_t begin, end; /* cycles; PSOC_NEVER: no conversion active */
     uint32_t period, sense, sample;
     int tx, rx;
@@ -56,9 +56,9 @@ enum psoc_scb_state {
     PSOC_SCB_SLAVE_RECEIVING,
     PSOC_SCB_SLAVE_BYTE_RECEIVED, /* SCL is held low until the byte is acknowledged or refused */
     PSOC_SCB_SLAVE_SENDING,
-    PSOC_SCB_MASTER_STARTING,  /* start commanded, address byte not written yet */
-    PSOC_SCB_MASTER_BUSY,   /* a byte or a bus condition is being transferred */
-    PSOC_SCB_MASTER_HOLDING,   /* SCL is held low until a command or a byte */
+    PSOC_SCB_MASTER_STARTING, /* start commanded, address byte not written yet */
+    PSOC_SCB_MASTER_BUSY,     /* a byte or a bus condition is being transferred */
+    PSOC_SCB_MASTER_HOLDING,  /* SCL is held low until a command or a byte */
 };
 
 struct psoc_scb {
@@ -69,10 +69,10 @@ struct psoc_scb {
     uint32_t intr_m, intr_m_mask, intr_s, intr_s_mask, intr_tx, intr_tx_mask, intr_rx, intr_rx_mask;
     bool line; /* level of its interrupt */
     enum psoc_scb_state state;
-    bool reading;      /* direction of the transfer: read by the master */
-    bool acknowledged; /* as slave: last acknowledge sent; as master: last acknowledge received */
+    bool reading;         /* direction of the transfer: read by the master */
+    bool acknowledged;    /* as slave: last acknowledge sent; as master: last acknowledge received */
     uint64_t reply_cycle; /* cycle of `acknowledged` */
-    bool shift_full;   /* the shift register contains a byte to send */
+    bool shift_full;      /* the shift register contains a byte to send */
     uint8_t shift;
     vtime shift_begin, shift_filled; /* earliest start of the byte, and time at which the byte was available */
 };

@@ -67,7 +67,8 @@ static uint32_t state_of(const struct psoc *psoc, unsigned port, uint64_t cycle)
     if (port == BUS_PORT && wires->i2c_scl) {
         const vtime now = psoc_time(psoc, cycle);
         state &= ~3u;
-        state |= (uint32_t)wires->i2c_scl(wires->context, now) << SCL | (uint32_t)wires->i2c_sda(wires->context, now) << SDA;
+        state |= (uint32_t)wires->i2c_scl(wires->context, now) << SCL | (uint32_t)wires->i2c_sda(wires->context, now)
+                                                                            << SDA;
     }
     return state;
 }

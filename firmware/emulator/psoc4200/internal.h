@@ -13,7 +13,8 @@ vtime psoc_time(const struct psoc *psoc, uint64_t cycle);
 uint64_t psoc_cycle(const struct psoc *psoc, vtime time);
 void psoc_set_frequency(struct psoc *psoc, double hz, uint64_t cycle);
 void psoc_set_line(struct psoc *psoc, unsigned irq, bool high);
-void psoc_end_run(struct psoc *psoc);    /* records an action on the wires or the flash and ends the run after the instruction */
+/* records an action on the wires or the flash and ends the run after the instruction */
+void psoc_end_run(struct psoc *psoc);
 void psoc_end_wait(struct psoc *psoc); /* records that the bus has its reply and ends the wait */
 /* Print one line with the PC and `address`, and stop the processor. `action`: "reads", "writes", ... */
 void psoc_report_unmodelled(struct psoc *psoc, const char *action, uint32_t address);
@@ -57,7 +58,8 @@ void psoc_fifo_push(struct psoc_fifo *fifo, uint8_t byte);
 uint8_t psoc_fifo_pop(struct psoc_fifo *fifo);
 
 void psoc_slave_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t command, uint64_t cycle);
-void psoc_slave_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle); /* a byte was written to the transmit FIFO */
+/* a byte was written to the transmit FIFO */
+void psoc_slave_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
 void psoc_slave_disabled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);
 bool psoc_master_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t command, uint64_t cycle);
 void psoc_master_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle);

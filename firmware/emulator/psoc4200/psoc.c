@@ -74,7 +74,8 @@ void psoc_end_wait(struct psoc *psoc)
 
 void psoc_report_unmodelled(struct psoc *psoc, const char *action, uint32_t address)
 {
-    fprintf(stderr, "%s: the program at 0x%04X %s 0x%08X, which is not modelled (PERIPHERALS.md); the processor stops\n",
+    fprintf(stderr,
+            "%s: the program at 0x%04X %s 0x%08X, which is not modelled (PERIPHERALS.md); the processor stops\n",
             psoc->name, (unsigned)psoc->cpu.r[15], action, (unsigned)address);
     psoc->has_stopped = true;
     cortex_m0_stop(&psoc->cpu);

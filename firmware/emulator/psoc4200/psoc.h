@@ -22,9 +22,9 @@
  * connected. */
 struct psoc_conversion {
     int tx, rx;
-    uint32_t period;       /* sample clocks */
-    uint32_t sense;        /* sample clocks of one sense clock */
-    uint32_t sample;       /* processor clocks of one sample clock */
+    uint32_t period; /* sample clocks */
+    uint32_t sense;  /* sample clocks of one sense clock */
+    uint32_t sample; /* processor clocks of one sample clock */
     uint8_t idac_code;
     vtime begin, end;
 };
@@ -73,15 +73,15 @@ struct psoc {
     struct psoc_srss srss;
     struct psoc_scb scb[2];
     double ps_per_cycle;
-    vtime origin;          /* virtual time at cycle origin_cycle */
+    vtime origin; /* virtual time at cycle origin_cycle */
     uint64_t origin_cycle;
     vtime stalled_until;
     bool powered;
-    bool has_stopped;           /* the processor stopped after an access that is not modelled */
-    bool has_acted;            /* acted on its wires or its flash in this run */
-    bool has_replied;         /* the bus has the reply that it waits for */
-    bool input_changed;           /* an interrupt input changed since the last run */
-    uint64_t resets;       /* all resets since psoc_init() */
+    bool has_stopped;       /* the processor stopped after an access that is not modelled */
+    bool has_acted;         /* acted on its wires or its flash in this run */
+    bool has_replied;       /* the bus has the reply that it waits for */
+    bool input_changed;     /* an interrupt input changed since the last run */
+    uint64_t resets;        /* all resets since psoc_init() */
     uint64_t faults_before; /* cpu.faults at the last reset */
 };
 

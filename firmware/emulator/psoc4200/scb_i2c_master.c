@@ -31,7 +31,8 @@ static void send_next_byte(struct psoc *psoc, struct psoc_scb *scb, vtime now)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
     const bool is_starting = scb->state == PSOC_SCB_MASTER_STARTING;
-    if (!scb->tx.count || !(is_starting || (scb->state == PSOC_SCB_MASTER_HOLDING && scb->acknowledged && !scb->reading))) {
+    if (!scb->tx.count ||
+        !(is_starting || (scb->state == PSOC_SCB_MASTER_HOLDING && scb->acknowledged && !scb->reading))) {
         return;
     }
     const uint8_t byte = psoc_fifo_pop(&scb->tx);

@@ -12,8 +12,8 @@
 #define SUCCEEDED 0xA0000000u
 #define BAD_ADDRESS 0xF0000003u /* (confirm the error code) */
 #define BAD_KEY 0xF0000005u
-#define CALL_CYCLES 300u        /* estimated duration of the ROM code */
-#define PARAMETER_SIZE 8u                 /* bytes of parameters before the data to load */
+#define CALL_CYCLES 300u  /* estimated duration of the ROM code */
+#define PARAMETER_SIZE 8u /* bytes of parameters before the data to load */
 
 static const uint8_t *ram_at(const struct psoc *psoc, uint32_t address, uint32_t size)
 {

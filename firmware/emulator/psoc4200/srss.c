@@ -77,7 +77,8 @@ static void schedule_watchdog(struct psoc *psoc, uint64_t cycle)
     const double cycles_a_second = (double)VTIME_SECOND / psoc->ps_per_cycle;
     const bool reset_cycle = srss->wdt_control & CONTROL_ENABLE && (srss->wdt_config & CONFIG_MODE) == CONFIG_RESETS;
     const uint64_t before = srss->reset_cycle;
-    srss->reset_cycle = reset_cycle ? cycle + (uint64_t)((srss->match & 0xFFFFu) / ILO_HZ * cycles_a_second) : PSOC_NEVER;
+    srss->reset_cycle =
+        reset_cycle ? cycle + (uint64_t)((srss->match & 0xFFFFu) / ILO_HZ * cycles_a_second) : PSOC_NEVER;
     if (srss->reset_cycle < before) {
         cortex_m0_stop(&psoc->cpu); /* the reset may occur within this run */
     }

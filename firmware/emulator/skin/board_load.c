@@ -22,15 +22,17 @@ static struct frame object_of_bracket_at(const struct world_description *descrip
     return frame_product(&object_from_world, &world_from_bracket);
 }
 
-void board_load_from_scene(struct skin_board *board, const struct world_description *description, size_t index, const float *values,
-                 const struct field_load *last, struct field_load *load)
+void board_load_from_scene(struct skin_board *board, const struct world_description *description, size_t index,
+                           const float *values, const struct field_load *last, struct field_load *load)
 {
     const double thickness = description->layer_thickness, reach = board->field.proximity_reach_m;
     const bool has_object = values[0] >= 0.0f && values[0] < (float)description->object_count;
     load->object = has_object ? (long)values[0] : -1;
-    load->object_from_bracket = has_object ? object_of_bracket_at(description, values, load->object, index) : frame_identity;
-    load->equals_previous = load->object == last->object &&
-                    memcmp(&load->object_from_bracket, &last->object_from_bracket, sizeof load->object_from_bracket) == 0;
+    load->object_from_bracket =
+        has_object ? object_of_bracket_at(description, values, load->object, index) : frame_identity;
+    load->equals_previous =
+        load->object == last->object &&
+        memcmp(&load->object_from_bracket, &last->object_from_bracket, sizeof load->object_from_bracket) == 0;
     if (load->equals_previous && !last->is_unloaded) {
         field_load_copy(load, last, &board->patch);
         return;
@@ -40,8 +42,8 @@ void board_load_from_scene(struct skin_board *board, const struct world_descript
         field_load_clear(load, &board->patch);
         return;
     }
-    const bool is_touching = contact_solve(&board->patch, shape, &load->object_from_bracket, thickness, reach, board->compression,
-                                       reach > 0.0 ? load->gap : NULL, NULL);
+    const bool is_touching = contact_solve(&board->patch, shape, &load->object_from_bracket, thickness, reach,
+                                           board->compression, reach > 0.0 ? load->gap : NULL, NULL);
     if (is_touching || reach > 0.0) {
         field_load_contact(&board->field, is_touching, board->compression, load);
     } else {

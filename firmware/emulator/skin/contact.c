@@ -12,7 +12,8 @@
 static void add_cell(struct contact_load *load, const struct cell *cell, double compression)
 {
     const double *n = cell->normal, *r = cell->position;
-    const double line[6] = {n[0], n[1], n[2], r[1] * n[2] - r[2] * n[1], r[2] * n[0] - r[0] * n[2], r[0] * n[1] - r[1] * n[0]};
+    const double line[6] = {
+        n[0], n[1], n[2], r[1] * n[2] - r[2] * n[1], r[2] * n[0] - r[0] * n[2], r[0] * n[1] - r[1] * n[0]};
     const double force = layer_contact_pressure(compression) * SKIN_CELL_AREA_M2;
     const double rate = layer_contact_stiffness(compression) * SKIN_CELL_AREA_M2;
     for (int i = 0; i < 6; i++) {
@@ -23,7 +24,8 @@ static void add_cell(struct contact_load *load, const struct cell *cell, double 
     }
 }
 
-bool contact_is_far(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket, double reach)
+bool contact_is_far(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket,
+                    double reach)
 {
     double centre[3], square = 0.0;
     frame_point(object_from_bracket, patch->centre, centre);

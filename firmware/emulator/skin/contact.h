@@ -11,12 +11,14 @@
 
 /* Load on a board in its bracket's frame, about the origin of that frame. */
 struct contact_load {
-    double wrench[6];       /* force (newtons), moment (newton metres) */
-    double stiffness[6][6]; /* negative derivative of the wrench with respect to a small rigid motion: positive semidefinite */
+    double wrench[6]; /* force (newtons), moment (newton metres) */
+    /* negative derivative of the wrench with respect to a small rigid motion: positive semidefinite */
+    double stiffness[6][6];
 };
 
 /* Whether the object is certainly farther from every electrode than `reach` (metres). */
-bool contact_is_far(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket, double reach);
+bool contact_is_far(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket,
+                    double reach);
 
 /* Solve the contact of a board. Returns whether a cell touches the object. If the object is certainly farther away than
  * thickness + reach, the arrays are cleared without examining each cell.

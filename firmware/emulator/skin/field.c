@@ -11,7 +11,8 @@
 bool field_effects_are_on(const struct effects *effects)
 {
     return spread_is_on(&effects->spread) || rheology_is_on(&effects->rheology) || indent_is_on(&effects->indent) ||
-           proximity_is_on(&effects->proximity) || moisture_is_on(&effects->moisture) || modulus_is_on(&effects->modulus);
+           proximity_is_on(&effects->proximity) || moisture_is_on(&effects->moisture) ||
+           modulus_is_on(&effects->modulus);
 }
 
 bool field_effects_are_dynamic(const struct effects *effects)
@@ -77,7 +78,8 @@ static int init_moisture(struct field *field)
     return 0;
 }
 
-int field_init(struct field *field, const struct world_description *description, size_t index, const struct patch *patch)
+int field_init(struct field *field, const struct world_description *description, size_t index,
+               const struct patch *patch)
 {
     const struct effects *effects = &description->effects;
     const bool has_rheology = rheology_is_on(&effects->rheology), has_indent = indent_is_on(&effects->indent);
@@ -139,8 +141,8 @@ static void finish_load(struct field *field, struct field_load *load)
     load->is_unloaded = false;
 }
 
-static void load_from_contact(struct field *field, bool is_touching, double (*pressure_law)(double), double *compression,
-                              struct field_load *load)
+static void load_from_contact(struct field *field, bool is_touching, double (*pressure_law)(double),
+                              double *compression, struct field_load *load)
 {
     if (is_touching) {
         spread_compression(&field->spread, &field->effects->spread, field->patch, compression);
@@ -158,7 +160,8 @@ void field_load_contact(struct field *field, bool is_touching, double *compressi
 
 void field_load_forces(struct field *field, const float *force, double *compression, struct field_load *load)
 {
-    const bool spreads_by_pillars = spread_is_on(&field->effects->spread) && field->effects->spread.form == SPREAD_PILLARS;
+    const bool spreads_by_pillars =
+        spread_is_on(&field->effects->spread) && field->effects->spread.form == SPREAD_PILLARS;
     for (size_t taxel = 0; taxel < field->patch->taxel_count; taxel++) {
         const double pressure = (double)force[taxel] / (CELLS_PER_TAXEL * SKIN_CELL_AREA_M2);
         const double depth = spreads_by_pillars ? layer_compression(pressure) : 0.0;
@@ -178,7 +181,8 @@ void field_load_forces(struct field *field, const float *force, double *compress
 bool field_has_history(const struct field *field, double time)
 {
     const struct moisture_effect *moisture = &field->effects->moisture;
-    return field->any_has_history || (field->moisture && moisture->form == MOISTURE_DRYING && moisture_water(moisture, time) > 0.0);
+    return field->any_has_history ||
+           (field->moisture && moisture->form == MOISTURE_DRYING && moisture_water(moisture, time) > 0.0);
 }
 
 static double interpolate(const double *before, const double *after, size_t i, double fraction)
@@ -218,10 +222,11 @@ static void layer_rise(struct field *field, const struct step *step, size_t taxe
     }
     if (field->rheology) {
         has_history = rheology_advance(&field->effects->rheology, &step->span, field->rheology + first, CELLS_PER_TAXEL,
-                                 compression);
+                                       compression);
     }
     if (field->indent) {
-        has_history |= indent_advance(&field->effects->indent, step->decay, field->indent + first, CELLS_PER_TAXEL, compression);
+        has_history |=
+            indent_advance(&field->effects->indent, step->decay, field->indent + first, CELLS_PER_TAXEL, compression);
     }
     field->has_history[taxel] = has_history;
     field->any_has_history = field->any_has_history || has_history;

@@ -13,14 +13,14 @@
 
 /* Load on a board's cells at a record. */
 struct field_load {
-    double *pressure; /* [cells] pascal, equivalent pressure on pillars of nominal modulus */
-    double *gap;      /* [cells] metres; CONTACT_FAR_M without an object */
-    double *force;    /* [taxels] newtons */
-    bool *is_loaded;       /* [taxels] a cell has a measurable pressure, or a gap within proximity_reach_m */
-    bool is_unloaded;        /* no taxel is loaded */
-    bool equals_previous;     /* equal to the load of the previous record */
+    double *pressure;                 /* [cells] pascal, equivalent pressure on pillars of nominal modulus */
+    double *gap;                      /* [cells] metres; CONTACT_FAR_M without an object */
+    double *force;                    /* [taxels] newtons */
+    bool *is_loaded;                  /* [taxels] a cell has a measurable pressure, or a gap within proximity_reach_m */
+    bool is_unloaded;                 /* no taxel is loaded */
+    bool equals_previous;             /* equal to the load of the previous record */
     struct frame object_from_bracket; /* pose for which the contact was solved */
-    long object;                    /* index of the object in the scene, -1: none */
+    long object;                      /* index of the object in the scene, -1: none */
 };
 
 /* A time between two loads. */
@@ -28,20 +28,20 @@ struct field_moment {
     double fraction; /* interpolation fraction between the two loads */
     double seconds;  /* time since the previous call of field_advance() */
     double time;     /* seconds since the start of the world */
-    bool is_step;       /* the load changed in a step, not linearly */
+    bool is_step;    /* the load changed in a step, not linearly */
 };
 
 struct field {
     const struct effects *effects;
     const struct patch *patch;
     struct spread_state spread;
-    double *stiffness;              /* [taxels]; NULL without the effect */
-    double *moisture;               /* [cells]; NULL unless this board has the effect */
+    double *stiffness;               /* [taxels]; NULL without the effect */
+    double *moisture;                /* [cells]; NULL unless this board has the effect */
     struct rheology_state *rheology; /* [cells]; NULL without the effect */
     struct indent_state *indent;     /* [cells]; NULL without the effect */
-    double proximity_reach_m;             /* gaps up to this distance contribute, metres */
+    double proximity_reach_m;        /* gaps up to this distance contribute, metres */
     struct proximity_curve proximity;
-    bool *has_history;                    /* [taxels] a cell has load history */
+    bool *has_history; /* [taxels] a cell has load history */
     bool any_has_history;
 };
 
@@ -52,7 +52,8 @@ bool field_effects_are_dynamic(const struct effects *effects);
 /* Return 0, or -1 if out of memory. `index`: board in the description. */
 int field_load_init(struct field_load *load, const struct patch *patch);
 void field_load_free(struct field_load *load);
-int field_init(struct field *field, const struct world_description *description, size_t index, const struct patch *patch);
+int field_init(struct field *field, const struct world_description *description, size_t index,
+               const struct patch *patch);
 void field_free(struct field *field);
 
 /* Set a load to zero. */

@@ -76,8 +76,8 @@ static void write_forces(const struct skin_board *board, bool is_touching, doubl
     }
 }
 
-int taxel_contact_evaluate(struct taxel_contact *contact, int object, const double *object_pose, const double *bracket_poses,
-                           double *load, double *force)
+int taxel_contact_evaluate(struct taxel_contact *contact, int object, const double *object_pose,
+                           const double *bracket_poses, double *load, double *force)
 {
     const struct world_description *description = &contact->description;
     const bool has_object = object >= 0 && (size_t)object < description->object_count;
@@ -99,7 +99,7 @@ int taxel_contact_evaluate(struct taxel_contact *contact, int object, const doub
             const struct frame bracket = frame_product(&nominal_pose, &description->boards[i].bracket_offset);
             const struct frame object_from_bracket = frame_product(&object_from_world, &bracket);
             is_touching = contact_solve(&board->patch, &description->objects[object].shape, &object_from_bracket,
-                                    description->layer_thickness, 0.0, board->compression, NULL, &sum);
+                                        description->layer_thickness, 0.0, board->compression, NULL, &sum);
         }
         memcpy(load + 42 * i, sum.wrench, sizeof sum.wrench);
         memcpy(load + 42 * i + 6, sum.stiffness, sizeof sum.stiffness);

@@ -23,7 +23,7 @@ void taxel_contact_object_offset(const struct taxel_contact *contact, size_t obj
  * object: index in the file, -1 for none. Nominal poses in the world as 3 rows of 4: object_pose[12],
  * bracket_poses[boards][12]. Written: load[boards][42] on each board, in its actual bracket frame about the origin of
  * that frame: force and moment (6), then the 6 x 6 stiffness by rows; force[taxels] in newtons (may be NULL). */
-int taxel_contact_evaluate(struct taxel_contact *contact, int object, const double *object_pose, const double *bracket_poses,
-                           double *load, double *force);
+int taxel_contact_evaluate(struct taxel_contact *contact, int object, const double *object_pose,
+                           const double *bracket_poses, double *load, double *force);
 
 #endif

@@ -100,12 +100,15 @@ static void place_cell(struct cell *cell, const struct taxel_pose *pose, const d
     }
 }
 
-static void add_taxel_cells(struct patch *patch, const struct layout *layout, const struct taxel_pose *poses, int tx, int rx)
+static void add_taxel_cells(struct patch *patch, const struct layout *layout, const struct taxel_pose *poses, int tx,
+                            int rx)
 {
     const int taxel = layout->taxel_at[tx][rx];
     const struct taxel_pose *pose = &poses[taxel];
-    const struct taxel_pose *const along_tx[2] = {neighbour(layout, poses, tx - 1, rx), neighbour(layout, poses, tx + 1, rx)};
-    const struct taxel_pose *const along_rx[2] = {neighbour(layout, poses, tx, rx - 1), neighbour(layout, poses, tx, rx + 1)};
+    const struct taxel_pose *const along_tx[2] = {neighbour(layout, poses, tx - 1, rx),
+                                                  neighbour(layout, poses, tx + 1, rx)};
+    const struct taxel_pose *const along_rx[2] = {neighbour(layout, poses, tx, rx - 1),
+                                                  neighbour(layout, poses, tx, rx + 1)};
     double left[3];
     cross(pose->normal, pose->distal, left);
     const double bend_distal = curvature(pose, along_tx, pose->distal);

@@ -30,8 +30,8 @@ struct cell {
 struct patch {
     size_t taxel_count, cell_count;
     int grid_rows, grid_columns;
-    int16_t *cell_at;  /* [grid_rows][grid_columns]: index of a cell, or -1 without a taxel */
-    int32_t *grid_of;  /* [cell_count]: position of a cell on the grid */
+    int16_t *cell_at;   /* [grid_rows][grid_columns]: index of a cell, or -1 without a taxel */
+    int32_t *grid_of;   /* [cell_count]: position of a cell on the grid */
     struct cell *cells; /* [taxel_count][16] */
     size_t margin_count;
     struct cell *margins;    /* [margin_count][16] of bare sheet beside the taxels: carries load but is not measured */

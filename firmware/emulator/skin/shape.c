@@ -62,7 +62,7 @@ double shape_entry(const struct shape *shape, const double origin[3], const doub
 /* Clip all lines by one plane, without branches, so that the compiler vectorises the loop. */
 static void clip_lines(const double *plane, const struct shape_lines *lines, double *enter, double *leave)
 {
-    const double(*o)[SHAPE_LINES] = lines->origin, (*d)[SHAPE_LINES] = lines->direction;
+    const double (*o)[SHAPE_LINES] = lines->origin, (*d)[SHAPE_LINES] = lines->direction;
     for (int i = 0; i < SHAPE_LINES; i++) {
         const double slope = plane[0] * d[0][i] + plane[1] * d[1][i] + plane[2] * d[2][i];
         const double excess = plane[0] * o[0][i] + plane[1] * o[1][i] + plane[2] * o[2][i] - plane[3];

@@ -15,7 +15,8 @@ static const struct field_moment initial_moment = {0.0, 0.0, 0.0, false};
 static int init_board(struct skin_board *board, const struct world_description *description, size_t index)
 {
     const struct board_description *sheet = &description->boards[index];
-    if (patch_init(&board->patch, sheet->rows, sheet->columns, sheet->crossing_map, sheet->taxel_count, sheet->taxel_poses) ||
+    if (patch_init(&board->patch, sheet->rows, sheet->columns, sheet->crossing_map, sheet->taxel_count,
+                   sheet->taxel_poses) ||
         patch_add_margins(&board->patch, sheet->margin_count, sheet->margin_poses) ||
         field_load_init(&board->loads[0], &board->patch) || field_load_init(&board->loads[1], &board->patch) ||
         field_init(&board->field, description, index, &board->patch)) {
@@ -51,8 +52,8 @@ static int check_scene(const struct world_description *description, const struct
         return -1;
     }
     if (stimulus->value_count != STIMULUS_SCENE_VALUES(description->board_count)) {
-        fprintf(stderr, "stimulus %s: expected poses of %zu boards, as in the world; found another number\n", stimulus->name,
-                description->board_count);
+        fprintf(stderr, "stimulus %s: expected poses of %zu boards, as in the world; found another number\n",
+                stimulus->name, description->board_count);
         return -1;
     }
     return 0;
@@ -140,8 +141,10 @@ static void advance_board(void *context, size_t item)
     const struct field_moment *moment = &advance_task->moment;
     struct skin_board *board = &skin->boards[item];
     const struct field_load *before = &board->loads[skin->earlier], *after = &board->loads[skin->earlier ^ 1u];
-    const bool is_steady = moment->fraction == 0.0 || after->equals_previous || (before->is_unloaded && after->is_unloaded);
-    board->unchanged_steps = is_steady && !field_has_history(&board->field, moment->time) ? board->unchanged_steps + 1u : 0u;
+    const bool is_steady =
+        moment->fraction == 0.0 || after->equals_previous || (before->is_unloaded && after->is_unloaded);
+    board->unchanged_steps =
+        is_steady && !field_has_history(&board->field, moment->time) ? board->unchanged_steps + 1u : 0u;
     if (board->unchanged_steps > 2u) {
         return; /* `before` and `after` already equal the result */
     }

@@ -15,15 +15,15 @@
 struct skin {
     const struct world_description *description;
     size_t board_count;
-    struct thread_pool *thread_pool;         /* who works on the boards; NULL: the caller alone */
-    struct skin_board *boards; /* [board_count]; NULL if the stimulus acts on the front ends directly */
-    unsigned earlier;          /* index into `loads` of the load at the stimulus's `from` */
-    bool is_dynamic;           /* an effect changes fields while no load changes */
-    bool is_step;                 /* the fields at `until` take effect in a step */
-    vtime from, until;         /* times of the fields; until is VTIME_NEVER while the fields are constant */
-    vtime next;                /* end of the step before the next record, or VTIME_NEVER */
+    struct thread_pool *thread_pool; /* who works on the boards; NULL: the caller alone */
+    struct skin_board *boards;       /* [board_count]; NULL if the stimulus acts on the front ends directly */
+    unsigned earlier;                /* index into `loads` of the load at the stimulus's `from` */
+    bool is_dynamic;                 /* an effect changes fields while no load changes */
+    bool is_step;                    /* the fields at `until` take effect in a step */
+    vtime from, until;               /* times of the fields; until is VTIME_NEVER while the fields are constant */
+    vtime next;                      /* end of the step before the next record, or VTIME_NEVER */
     vtime step;
-    vtime history_time;          /* time to which the load history of the effects is advanced */
+    vtime history_time; /* time to which the load history of the effects is advanced */
 };
 
 /* Returns 0, or -1 after one line on stderr: out of memory, or a stimulus of poses for a world without taxel poses. */

@@ -15,7 +15,7 @@ struct skin_board {
     struct field_load loads[2];         /* at the records before (loads[earlier]) and after the current time */
     struct taxel_field *before, *after; /* [taxels] at `from` and `until` */
     double *compression;                /* [cells] of the latest contact, metres */
-    unsigned unchanged_steps;                     /* consecutive steps without a change */
+    unsigned unchanged_steps;           /* consecutive steps without a change */
 };
 
 #endif

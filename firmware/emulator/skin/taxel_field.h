@@ -3,8 +3,9 @@
 #define EMULATOR_SKIN_TAXEL_FIELD_H
 
 struct taxel_field {
-    double rise;  /* relative rise of the fringe capacitance through the layer, mean over the taxel */
-    double gap;   /* distance to the object before contact, metres, mean over the cells; CONTACT_FAR_M if no effect uses it */
+    double rise; /* relative rise of the fringe capacitance through the layer, mean over the taxel */
+    /* distance to the object before contact, metres, mean over the cells; CONTACT_FAR_M if no effect uses it */
+    double gap;
     double force; /* newtons */
 };
 

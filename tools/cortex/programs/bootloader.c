@@ -99,8 +99,8 @@ static void install(uint8_t slot, uint8_t version)
         image[i] = (uint8_t)(version * 31u + i * 7u);
     }
     taxel_boot_image_header_pack(&header, image);
-    header.crc32 = taxel_crc32(taxel_crc32(0, image, TAXEL_BOOT_IMAGE_HEADER_OFFSET_CRC32), image + TAXEL_BOOT_IMAGE_HEADER_SIZE,
-                               header.length - TAXEL_BOOT_IMAGE_HEADER_SIZE);
+    header.crc32 = taxel_crc32(taxel_crc32(0, image, TAXEL_BOOT_IMAGE_HEADER_OFFSET_CRC32),
+                               image + TAXEL_BOOT_IMAGE_HEADER_SIZE, header.length - TAXEL_BOOT_IMAGE_HEADER_SIZE);
     taxel_boot_image_header_pack(&header, image);
 }
 

@@ -126,7 +126,10 @@ static const struct taxel_sensor_config board = {
     .taxel_count = TAXELS,
     .crossing_map = crossing_map,
     .settings = {.sub_conversions = 160,
-                 .sense_clock_divider = 40, .modulator_clock_divider = 1, .idac_code = 16, .settle_cycles = 96},
+                 .sense_clock_divider = 40,
+                 .modulator_clock_divider = 1,
+                 .idac_code = 16,
+                 .settle_cycles = 96},
     .snapshots = {snapshots[0], snapshots[1], snapshots[2]},
 };
 

@@ -66,6 +66,15 @@ void on_irq2(void) __attribute__((weak, alias("report_unexpected")));
 void on_irq3(void) __attribute__((weak, alias("report_unexpected")));
 
 __attribute__((section(".vectors"), used)) static handler *const vectors[48] = {
-    (handler *)&stack_top, start, on_nmi, on_hard_fault, [11] = on_svcall, [14] = on_pendsv, on_systick,
-    on_irq0, on_irq1, on_irq2, on_irq3,
+    (handler *)&stack_top,
+    start,
+    on_nmi,
+    on_hard_fault,
+    [11] = on_svcall,
+    [14] = on_pendsv,
+    on_systick,
+    on_irq0,
+    on_irq1,
+    on_irq2,
+    on_irq3,
 };

@@ -49,7 +49,8 @@ static void test_arithmetic(void)
     for (unsigned i = 0; i < 300; i++) {
         const uint64_t a = (uint64_t)next_random() << 32 | next_random(), b = (uint64_t)next_random() << (i % 33) | 1u;
         const int64_t c = (int64_t)a, d = -(int64_t)(b >> 3 | 1u);
-        sum = sum * 31u + a / b + a % b + (uint64_t)(c / d) + (uint64_t)(c % d) + a * b + (a >> (i % 64)) + (a << (i % 64));
+        sum = sum * 31u + a / b + a % b + (uint64_t)(c / d) + (uint64_t)(c % d) + a * b + (a >> (i % 64)) +
+              (a << (i % 64));
         sum += (uint32_t)a / ((uint32_t)b | 1u) + (uint32_t)((int32_t)a % ((int32_t)(b >> 5) | 1));
     }
     put_word("64 bit, high", (uint32_t)(sum >> 32));

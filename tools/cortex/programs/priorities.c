@@ -46,7 +46,8 @@ static void handler_body(void)
         __asm__ volatile("cpsid i");
         ISPR = irqs;
         ICSR = system;
-        __asm__ volatile("cpsie i"); /* raises all at once, independent of how soon a processor detects a pending exception */
+        /* raises all at once, independent of how soon a processor detects a pending exception */
+        __asm__ volatile("cpsie i");
         barrier();
     }
     log_event((uint8_t)(0x80u | number));
@@ -71,8 +72,8 @@ static void print_log(const char *name)
     log_count = 0;
 }
 
-static void set_priorities(unsigned svcall, unsigned pendsv, unsigned systick, unsigned irq0, unsigned irq1, unsigned irq2,
-                           unsigned irq3)
+static void set_priorities(unsigned svcall, unsigned pendsv, unsigned systick, unsigned irq0, unsigned irq1,
+                           unsigned irq2, unsigned irq3)
 {
     SHPR2 = svcall << 30;
     SHPR3 = systick << 30 | pendsv << 22;

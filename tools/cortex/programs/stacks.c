@@ -56,7 +56,10 @@ __attribute__((naked)) void on_pendsv(void)
                      "cmp r0, r1\n\t" \
                      "svc #0\n\t" \
                      "add sp, #4 * " #words "\n\t" \
-                     "ldr r4, =restored\n\tstm r4!, {r0-r3}" ::: "r0", "r1", "r2", "r3", "r4", "r12", "cc", "memory")
+                     "ldr r4, =restored\n\tstm r4!, {r0-r3}" \
+                     : \
+                     : \
+                     : "r0", "r1", "r2", "r3", "r4", "r12", "cc", "memory")
 
 static void print_restored(const char *name)
 {

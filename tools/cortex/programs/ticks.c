@@ -8,7 +8,7 @@
 #define CYCLES_PER_US (CPU_HZ / 1000000u)
 #define WRAP_US 4096u
 #define DELAY_MAX 100u /* cycles from the end of a period to the first read in the handler */
-#define JUMP_MAX 12u  /* us between two consecutive readings */
+#define JUMP_MAX 12u   /* us between two consecutive readings */
 #define RUN 100000u
 
 void systick_handler(void);

@@ -28,8 +28,8 @@ _Static_assert(offsetof(struct csd_regs, intr) == 0x14, "CSD_INTR is at 0x400800
 #define CSD_TRIM1 (*(volatile uint32_t *)0x4008FF00u) /* IDACs as sources: 4 bits each */
 
 #define CSD_CONFIG_SENSE_COMP_BW_HIGH (1u << 11)
-#define CSD_CONFIG_SENSE_EN (1u << 12)      /* the sense clock comes out and the current source balances */
-#define CSD_CONFIG_REFBUF_EN (1u << 13)     /* the reference buffer charges the capacitor */
+#define CSD_CONFIG_SENSE_EN (1u << 12)  /* the sense clock comes out and the current source balances */
+#define CSD_CONFIG_REFBUF_EN (1u << 13) /* the reference buffer charges the capacitor */
 #define CSD_CONFIG_MUTUAL_CAP (1u << 18)
 #define CSD_CONFIG_SENSE_COMP_EN (1u << 19)
 #define CSD_CONFIG_REFBUF_OUT_AMUX_B (1u << 21)
@@ -41,7 +41,7 @@ _Static_assert(offsetof(struct csd_regs, intr) == 0x14, "CSD_INTR is at 0x400800
 #define CSD_IDAC_IDAC1_VARIABLE (2u << 8)
 
 #define CSD_COUNTER_PERIOD(clocks) ((uint32_t)(clocks) << 16) /* writing it starts a conversion; it counts down */
-#define CSD_COUNTER_COUNT 0xFFFFu                            /* sample clocks in which the current source was on */
+#define CSD_COUNTER_COUNT 0xFFFFu                             /* sample clocks in which the current source was on */
 
 #define CSD_STATUS_SENSE (1u << 1)
 #define CSD_STATUS_SAMPLE (1u << 3)

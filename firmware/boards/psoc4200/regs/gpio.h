@@ -22,7 +22,7 @@ _Static_assert(offsetof(struct port_regs, mode) == 0x08, "PRT0_PC is at 0x400400
 _Static_assert(offsetof(struct port_regs, input_disable) == 0x18, "PRT0_PC2 is at 0x40040018");
 _Static_assert(sizeof(struct port_regs) == 0x100, "PRT1 is at 0x40040100");
 
-#define PORTS ((struct port_regs *)0x40040000u) /* 0 to 4 */
+#define PORTS ((struct port_regs *)0x40040000u)              /* 0 to 4 */
 #define HSIOM_PORT_SELECT ((volatile uint32_t *)0x40010000u) /* four bits a pin */
 
 enum pin_mode {
@@ -36,8 +36,8 @@ enum pin_function {
     PIN_GPIO = 0,
     PIN_CSD_SENSE = 4, /* the sense clock: TX of a mutual measurement */
     PIN_AMUX_A = 6,
-    PIN_UART = 9,  /* active 1 */
-    PIN_I2C = 14,  /* deep sleep 0 */
+    PIN_UART = 9, /* active 1 */
+    PIN_I2C = 14, /* deep sleep 0 */
 };
 
 #endif

@@ -73,16 +73,17 @@ _Static_assert(offsetof(struct scb_regs, intr_rx_masked) == 0xFCC, "SCB0_INTR_RX
 
 #define SCB_FIFO_SIZE 8u
 
-#define SCB_CTRL_OVERSAMPLE(cycles) ((cycles)-1u) /* of a UART: clocks a bit */
+#define SCB_CTRL_OVERSAMPLE(cycles) ((cycles) - 1u) /* of a UART: clocks a bit */
 #define SCB_CTRL_MODE_I2C (0u << 24)
 #define SCB_CTRL_MODE_UART (2u << 24)
 #define SCB_CTRL_ENABLED (1u << 31) /* 0 resets the state machines and lets go of the lines; settings stay */
 
 #define SCB_UART_STOP_BITS_1 1u /* in half bits, less 1: of UART_TX_CTRL and UART_RX_CTRL */
 
-#define SCB_I2C_CTRL_HIGH_PHASE(cycles) ((cycles)-1u) /* of a master: clocks that SCL is high, and low */
-#define SCB_I2C_CTRL_LOW_PHASE(cycles) (((cycles)-1u) << 4)
-#define SCB_I2C_CTRL_M_READY_DATA_ACK (1u << 8) /* bytes received by a master are acknowledged as long as the RX FIFO is not full */
+#define SCB_I2C_CTRL_HIGH_PHASE(cycles) ((cycles) - 1u) /* of a master: clocks that SCL is high, and low */
+#define SCB_I2C_CTRL_LOW_PHASE(cycles) (((cycles) - 1u) << 4)
+/* bytes received by a master are acknowledged as long as the RX FIFO is not full */
+#define SCB_I2C_CTRL_M_READY_DATA_ACK (1u << 8)
 #define SCB_I2C_CTRL_S_GENERAL_IGNORE (1u << 11)
 #define SCB_I2C_CTRL_SLAVE (1u << 30)
 #define SCB_I2C_CTRL_MASTER (1u << 31)
@@ -99,8 +100,8 @@ _Static_assert(offsetof(struct scb_regs, intr_rx_masked) == 0xFCC, "SCB0_INTR_RX
 #define SCB_I2C_S_CMD_ACK (1u << 0)
 #define SCB_I2C_S_CMD_NACK (1u << 1)
 
-#define SCB_DATA_WIDTH(bits) ((bits)-1u) /* of TX_CTRL and RX_CTRL */
-#define SCB_MSB_FIRST (1u << 8)          /* I2C; a UART is LSB first */
+#define SCB_DATA_WIDTH(bits) ((bits) - 1u) /* of TX_CTRL and RX_CTRL */
+#define SCB_MSB_FIRST (1u << 8)            /* I2C; a UART is LSB first */
 #define SCB_RX_CTRL_MEDIAN (1u << 9)
 
 #define SCB_FIFO_CTRL_LEVEL(bytes) (bytes) /* TX: TRIGGER below it; RX: TRIGGER above it */
@@ -108,7 +109,7 @@ _Static_assert(offsetof(struct scb_regs, intr_rx_masked) == 0xFCC, "SCB0_INTR_RX
 #define SCB_FIFO_STATUS_USED 0xFu
 
 #define SCB_RX_MATCH_ADDRESS(address) ((uint32_t)(address) << 1) /* bits 1 to 7: the 7-bit address */
-#define SCB_RX_MATCH_MASK (0xFEu << 16)                         /* which bits are compared */
+#define SCB_RX_MATCH_MASK (0xFEu << 16)                          /* which bits are compared */
 
 #define SCB_INTR_I2C_ARB_LOST (1u << 0) /* INTR_M and INTR_S */
 #define SCB_INTR_I2C_NACK (1u << 1)

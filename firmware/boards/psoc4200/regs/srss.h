@@ -53,10 +53,10 @@ _Static_assert(offsetof(struct wdt_regs, control) == 0x10, "WDT_CONTROL is at 0x
 #define RES_CAUSE_ALL 0xFFu
 
 /* Trims of the main oscillator: each frequency has an entry of its own in the supervisory flash (sflash.h). */
-#define PWR_BG_TRIM4 (*(volatile uint32_t *)0x400BFF1Cu)   /* absolute, 6 bits */
-#define PWR_BG_TRIM5 (*(volatile uint32_t *)0x400BFF20u)   /* temperature coefficient, 6 bits */
-#define CLK_IMO_TRIM1 (*(volatile uint32_t *)0x400BFF28u)  /* offset, 8 bits */
-#define CLK_IMO_TRIM2 (*(volatile uint32_t *)0x400BFF2Cu)  /* frequency code, 6 bits */
+#define PWR_BG_TRIM4 (*(volatile uint32_t *)0x400BFF1Cu)  /* absolute, 6 bits */
+#define PWR_BG_TRIM5 (*(volatile uint32_t *)0x400BFF20u)  /* temperature coefficient, 6 bits */
+#define CLK_IMO_TRIM1 (*(volatile uint32_t *)0x400BFF28u) /* offset, 8 bits */
+#define CLK_IMO_TRIM2 (*(volatile uint32_t *)0x400BFF2Cu) /* frequency code, 6 bits */
 
 #define CLK_IMO_TRIM2_24MHZ 25u
 #define CLK_IMO_TRIM2_48MHZ 53u
