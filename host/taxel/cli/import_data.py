@@ -22,7 +22,7 @@ from taxel.hand.transforms import make_pose
 from taxel.recording.from_arrays import write_from_arrays
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.sim.importers.active_points import import_active
-from taxel.sim.importers.csv_table import Progress, silent
+from taxel.sim.importers.csv_table import Progress, ignore_progress
 from taxel.sim.importers.gazebo_csv import import_contacts
 from taxel.sim.importers.mujoco_rollout import import_rollout
 from taxel.sim.importers.options import ImportOptions, ImportReport
@@ -109,7 +109,7 @@ def gazebo(
     if distance_mm is not None and not (np.isfinite(distance_mm) and distance_mm > 0):
         raise TaxelError(f"--distance-mm: expected a number above 0, found {distance_mm:g}; the thesis uses 2.35")
     threshold = None if distance_mm is None else distance_mm * 1e-3
-    with _bar(as_json) as show:
+    with _progress_bar(as_json) as show:
         options = _options(calibration, wrist, baseline_frames, hand, seed, noise, overwrite, show)
         report = import_contacts(contacts, out, joints=joints, poses=poses, threshold_m=threshold, options=options)
     _print_report(report, out, as_json)
@@ -135,7 +135,7 @@ def active(
     Example: taxel import active points.csv --joint-file joints.csv --out sim.h5 --baseline-frames 100
     """
     _require_one(joints, poses)
-    with _bar(as_json) as show:
+    with _progress_bar(as_json) as show:
         options = _options(calibration, wrist, baseline_frames, hand, seed, noise, overwrite, show)
         report = import_active(points, out, joints=joints, poses=poses, options=options)
     _print_report(report, out, as_json)
@@ -146,7 +146,7 @@ def rollout(
     model: Annotated[Path, typer.Argument(help="MuJoCo model, XML or MJB.")],
     states: Annotated[Path, typer.Argument(help=".npz file with qpos [T, nq], qvel, ctrl, time, phase and grasp.")],
     out: Out,
-    parts: Annotated[
+    map_file: Annotated[
         Path | None, typer.Option("--map", help="TOML file: which bodies of the model are the boards and the object.")
     ] = None,
     sensing: Annotated[str, typer.Option(help=f"Sensor model: {', '.join(LEVELS)}.")] = "layer",
@@ -168,17 +168,17 @@ def rollout(
     level = next((level for level in LEVELS if level == sensing), None)
     if level is None:
         raise TaxelError(f"--sensing: expected {', '.join(LEVELS)}, found {format_value(sensing)}")
-    given, source = load_map(parts) if parts is not None else ({}, None)
-    with _bar(as_json) as show:
+    model_map, map_location = load_map(map_file) if map_file is not None else ({}, None)
+    with _progress_bar(as_json) as show:
         options = _options(calibration, None, baseline_frames, hand, seed, noise, overwrite, show)
         report = import_rollout(
             model,
             states,
             out,
-            parts=given,
-            parts_source=source,
+            model_map=model_map,
+            map_location=map_location,
             sensing=Sensing(level),
-            forward=forward,
+            is_replayed=not forward,
             options=options,
         )
     _print_report(report, out, as_json)
@@ -204,7 +204,7 @@ def _options(
     return ImportOptions(
         hand=load_hand(hand),
         object_poses={name: estimate.transform for name, estimate in objects.items()},
-        wrist=_wrist_pose(wrist),
+        wrist_pose=_parse_wrist_pose(wrist),
         baseline_frames=baseline_frames,
         sensor=SimSensor() if noise is None else SimSensor(noise_counts=noise),
         seed=seed,
@@ -213,7 +213,7 @@ def _options(
     )
 
 
-def _wrist_pose(text: str | None) -> FloatArray | None:
+def _parse_wrist_pose(text: str | None) -> FloatArray | None:
     if text is None:
         return None
     try:
@@ -227,16 +227,16 @@ def _wrist_pose(text: str | None) -> FloatArray | None:
 
 
 @contextmanager
-def _bar(hidden: bool) -> Iterator[Progress]:
+def _progress_bar(hidden: bool) -> Iterator[Progress]:
     """A progress bar on standard error, if it is a terminal."""
     console = Console(stderr=True, markup=False)
     if hidden or not console.is_terminal:
-        yield silent
+        yield ignore_progress
         return
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with ProgressBar(*columns, console=console, transient=True) as progress:
         task = progress.add_task("importing", total=None)
-        yield lambda what, done, of: progress.update(task, description=what, completed=done, total=of)
+        yield lambda step, done, total: progress.update(task, description=step, completed=done, total=total)
 
 
 def _print_report(report: ImportReport, out: Path, as_json: bool) -> None:
@@ -245,4 +245,5 @@ def _print_report(report: ImportReport, out: Path, as_json: bool) -> None:
         return
     print(f"{out}: {report.grasps} grasps, {report.frames} frames ({report.added_frames} added as baseline)")
     if report.far_contacts:
-        print(f"{report.far_contacts} of {report.contacts} contacts ({report.far_force_n:.3g} N in all) reach no taxel")
+        far = f"{report.far_contacts} of {report.contacts} contacts ({report.far_force_n:.3g} N in total)"
+        print(f"{far} act on no taxel")

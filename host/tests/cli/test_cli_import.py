@@ -113,7 +113,7 @@ def test_json_output_counts_frames_and_contacts(guide, capsys):
 def test_contacts_beyond_the_distance_threshold_are_reported_with_their_force(guide, capsys):
     status, out, _ = capture_taxel(capsys, *example_arguments("gazebo"), "--distance-mm", "0.5")
     assert status == 0
-    assert "3 of 3 contacts (3.3 N in all) reach no taxel" in out
+    assert "3 of 3 contacts (3.3 N in total) act on no taxel" in out
 
 
 INVALID_OPTIONS = {  # case: (options added to the example, expected text of the error)

@@ -17,7 +17,7 @@ from taxel.recording.grasp_dataset import GraspDataset
 from taxel.sim.closing import simulate_grasp
 from taxel.sim.cone_sensing import NOMINAL_FORCE_N, ConeSensing, base_radius
 from taxel.sim.importers.active_points import import_active
-from taxel.sim.importers.gazebo_csv import default_threshold, import_contacts, shared_forces
+from taxel.sim.importers.gazebo_csv import default_threshold, distribute_forces, import_contacts
 from taxel.sim.importers.options import ImportOptions
 from taxel.sim.scene import build_scene
 from taxel.sim.separation import separations
@@ -152,10 +152,10 @@ def test_given_forces_are_shared_out_and_none_is_lost(tmp_path):
 
 def test_shares_fall_with_the_distance():
     gap = np.array([[0.0, 0.001, 0.002, 0.003]])
-    np.testing.assert_allclose(shared_forces(gap, 0.002, np.array([3.0])), [2.0, 1.0, 0.0, 0.0], atol=1e-5)
-    np.testing.assert_allclose(shared_forces(gap[:, 2:], 0.002, np.array([3.0])), [3.0, 0.0])
-    assert shared_forces(gap[:, 3:], 0.002, np.array([3.0])) == [0.0]
-    assert shared_forces(gap, 0.002, None).tolist() == [2.0, 2.0, 2.0, 0.0]
+    np.testing.assert_allclose(distribute_forces(gap, 0.002, np.array([3.0])), [2.0, 1.0, 0.0, 0.0], atol=1e-5)
+    np.testing.assert_allclose(distribute_forces(gap[:, 2:], 0.002, np.array([3.0])), [3.0, 0.0])
+    assert distribute_forces(gap[:, 3:], 0.002, np.array([3.0])) == [0.0]
+    assert distribute_forces(gap, 0.002, None).tolist() == [2.0, 2.0, 2.0, 0.0]
 
 
 def test_a_contact_beyond_the_threshold_is_felt_by_none_and_counted(tmp_path):
@@ -306,7 +306,7 @@ def test_ids_of_grasps_sort_in_the_order_of_the_file(tmp_path):
         joints = write(tmp_path / "j.csv", header, [[name, *made.joint_angles[end]] for name in names])
         options = ImportOptions(
             object_poses={"cylinder": make_standing_pose()},
-            wrist=made.link_poses[end, 0],
+            wrist_pose=made.link_poses[end, 0],
             baseline_frames=100,
             overwrite=True,
         )

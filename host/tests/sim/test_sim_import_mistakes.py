@@ -19,7 +19,7 @@ ROBOT = load_robot(HAND.robot).get_subtree("palm")
 WRIST = make_pose([0.5, 0.0, 0.3], [1, 0, 0, 0])
 CENTRES = compute_taxel_positions(HAND, WRIST @ Kinematics(ROBOT, HAND).compute_sensor_poses([0.0] * 16))
 OPTIONS = ImportOptions(
-    object_poses={"cylinder": make_pose([0.535, 0, 0.2], [1, 0, 0, 0])}, wrist=WRIST, baseline_frames=100
+    object_poses={"cylinder": make_pose([0.535, 0, 0.2], [1, 0, 0, 0])}, wrist_pose=WRIST, baseline_frames=100
 )
 
 X, Y, Z = CENTRES[3].tolist()
@@ -63,8 +63,8 @@ def test_the_files_without_a_mistake_are_taken(tmp_path):
 CONTACT_MISTAKES = {
     "no column": (CONTACTS.replace(",z", ""), "c.csv: line 1: expected a column z"),
     "a typo": (CONTACTS.replace("approach", "aproach"), "line 1: expected known columns, found 'aproach'"),
-    "twice": (CONTACTS.replace("time,x", "time,px,x"), "'x', which is x again"),
-    "semicolons": (CONTACTS.replace(",", ";"), "line 1: expected columns apart by commas"),
+    "twice": (CONTACTS.replace("time,x", "time,px,x"), "'x', a second column x"),
+    "semicolons": (CONTACTS.replace(",", ";"), "line 1: expected columns separated by commas"),
     "a decimal comma": (CONTACTS.replace("0.5,", "0,5,", 1), "line 2: expected 7 values, found 8"),
     "a word": (CONTACTS.replace(",0.5,", ",soon,"), "line 2, column time: expected a finite number, found 'soon'"),
     "a NaN": (CONTACTS.replace(",0.5,", ",nan,"), "line 2, column time"),
@@ -112,7 +112,7 @@ JOINT_MISTAKES = {
     "a second row": (text_of(JOINT_HEAD, ANGLES, ANGLES), "line 3, column grasp: expected one row for a grasp"),
     "times": (
         text_of(f"{JOINT_HEAD},time", f"{ANGLES},1", f"{ANGLES},0.5"),
-        "line 3, column time: expected times that rise",
+        "line 3, column time: expected increasing times within a grasp",
     ),
     "another clock": (
         text_of(f"{JOINT_HEAD},time", f"{ANGLES},8", f"{ANGLES},9"),
@@ -120,7 +120,7 @@ JOINT_MISTAKES = {
     ),
     "other moments": (
         text_of(f"{JOINT_HEAD},time,phase", f"{ANGLES},0.4,1", f"{ANGLES},0.6,2"),
-        "c.csv: line 2, column time: expected a time that",
+        "c.csv: line 2, column time: expected a time of",
     ),
     "half a pose": (text_of(f"{JOINT_HEAD},object_x", f"{ANGLES},0"), "found no object_y"),
     "a quaternion": (
@@ -154,29 +154,32 @@ def test_mistakes_in_active_taxels(tmp_path, case):
 
 def test_points_without_times_need_a_hand_that_stands_still(tmp_path):
     joints = text_of(f"{JOINT_HEAD},time", f"{ANGLES},1", f"{ANGLES},2")
-    assert "expected a column time, found none, where" in message_of(tmp_path, import_active, POINTS, joints)
+    assert "expected a column time, found none; j.csv has 2 times of grasp '1'" in message_of(
+        tmp_path, import_active, POINTS, joints
+    )
 
 
 def test_a_dataset_without_a_baseline_is_refused(tmp_path):
-    options = ImportOptions(object_poses=OPTIONS.object_poses, wrist=WRIST)
+    options = ImportOptions(object_poses=OPTIONS.object_poses, wrist_pose=WRIST)
     said = message_of(tmp_path, import_contacts, CONTACTS, options=options)
     assert (
-        "expected 100 frames of phase 0 (baseline) in grasp '0001', found 0; without a baseline nobody can tell" in said
+        "expected 100 frames of phase 0 (baseline) in grasp '0001', found 0; taxels are active relative to a baseline"
+        in said
     )
     assert "--baseline-frames 100" in said
 
 
 def test_an_object_without_a_place_is_refused(tmp_path):
-    options = ImportOptions(wrist=WRIST, baseline_frames=100)
+    options = ImportOptions(wrist_pose=WRIST, baseline_frames=100)
     said = message_of(tmp_path, import_contacts, CONTACTS, options=options)
-    assert "expected where 'cylinder' stands" in said
+    assert "expected the pose of 'cylinder'" in said
     assert "calibration" in said
 
 
 def test_a_hand_without_an_arm_needs_the_wrist(tmp_path):
     options = ImportOptions(object_poses=OPTIONS.object_poses, baseline_frames=100)
     said = message_of(tmp_path, import_contacts, CONTACTS, options=options)
-    assert "j.csv: line 1: expected 22 joints, or 16 and where the wrist is, found 16 joints alone" in said
+    assert "j.csv: line 1: expected 22 joints, or 16 joints and the pose of the wrist, found 16 joints only" in said
 
 
 def test_mistakes_in_poses(tmp_path):

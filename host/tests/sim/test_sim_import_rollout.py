@@ -82,7 +82,7 @@ def saved(tmp_path, **arrays):
 
 def test_a_rollout_of_our_own_scene_gives_the_forces_of_our_own_simulator(tmp_path, model, states):
     motion, _ = recorded()
-    report = import_rollout(model, states, tmp_path / "sim.h5", parts=KNOWN, options=OPTIONS)
+    report = import_rollout(model, states, tmp_path / "sim.h5", model_map=KNOWN, options=OPTIONS)
     expected = sense(HAND, CYLINDER.shape, at_samples(motion), Sensing())
     assert (expected.contact_force > 0.05).sum() > 100
     with GraspDataset(tmp_path / "sim.h5") as data:
@@ -100,7 +100,7 @@ def test_a_rollout_of_our_own_scene_gives_the_forces_of_our_own_simulator(tmp_pa
 
 def test_the_shape_of_the_model_does_as_well_as_the_known_one(tmp_path, model, states):
     for name, parts in (("known", KNOWN), ("own", {})):
-        import_rollout(model, states, tmp_path / f"{name}.h5", parts=parts, options=OPTIONS)
+        import_rollout(model, states, tmp_path / f"{name}.h5", model_map=parts, options=OPTIONS)
     with GraspDataset(tmp_path / "known.h5") as known, GraspDataset(tmp_path / "own.h5") as own:
         assert own["0001"].object == "object"
         np.testing.assert_allclose(own["0001"].contact_force, known["0001"].contact_force, atol=1e-6)
@@ -126,7 +126,7 @@ def test_bodies_and_sites_find_the_contacts_that_geoms_do(tmp_path, model, state
     """Boards on one body share its contacts out by nearness."""
     links = {board.name: {"body": f"link:{board.link_name}"} for board in HAND.boards}
     for name, parts in (("geoms", KNOWN), ("bodies", {**KNOWN, "boards": links})):
-        import_rollout(model, states, tmp_path / f"{name}.h5", parts=parts, options=OPTIONS)
+        import_rollout(model, states, tmp_path / f"{name}.h5", model_map=parts, options=OPTIONS)
     with GraspDataset(tmp_path / "geoms.h5") as geoms, GraspDataset(tmp_path / "bodies.h5") as bodies:
         a, b = geoms["0001"].contact_force.sum(axis=1), bodies["0001"].contact_force.sum(axis=1)
         assert a.max() > 5
@@ -147,7 +147,7 @@ def test_stepping_under_the_recorded_controls_leads_to_the_same_states(tmp_path)
     whole = {"ctrl": ctrl, "time": np.array(time)}
     for name, states in (("start", {"qpos": qpos[:1]}), ("all", {"qpos": np.array(qpos)})):
         given = saved(tmp_path, **whole, **states)
-        import_rollout(tmp_path / "m.xml", given, tmp_path / f"{name}.h5", parts=SITE, options=OPTIONS)
+        import_rollout(tmp_path / "m.xml", given, tmp_path / f"{name}.h5", model_map=SITE, options=OPTIONS)
     with GraspDataset(tmp_path / "start.h5") as start, GraspDataset(tmp_path / "all.h5") as every:
         np.testing.assert_array_equal(start["0001"].contact_force, every["0001"].contact_force)
         assert start["0001"].contact_force.max() > 0.05
@@ -157,7 +157,11 @@ def test_stepping_under_the_recorded_controls_leads_to_the_same_states(tmp_path)
     with pytest.raises(ImportDataError, match=r"qpos\[\d+, 0\].*--forward"):
         import_rollout(tmp_path / "m.xml", saved(tmp_path, **whole, qpos=drifted), tmp_path / "x.h5", options=OPTIONS)
     import_rollout(
-        tmp_path / "m.xml", saved(tmp_path, **whole, qpos=drifted), tmp_path / "x.h5", forward=True, options=OPTIONS
+        tmp_path / "m.xml",
+        saved(tmp_path, **whole, qpos=drifted),
+        tmp_path / "x.h5",
+        is_replayed=False,
+        options=OPTIONS,
     )
 
 
@@ -191,7 +195,7 @@ def refused(tmp_path, text=None, parts=None, **states):
     arrays = {"qpos": np.zeros((3, 1))} | states
     path = saved(tmp_path, **{name: value for name, value in arrays.items() if value is not None})
     with pytest.raises(ImportDataError) as caught:
-        import_rollout(tmp_path / "m.xml", path, tmp_path / "sim.h5", parts=parts, options=OPTIONS)
+        import_rollout(tmp_path / "m.xml", path, tmp_path / "sim.h5", model_map=parts, options=OPTIONS)
     assert not (tmp_path / "sim.h5").exists()
     message = str(caught.value)
     assert "\n" not in message
@@ -236,7 +240,7 @@ def test_mistakes_are_one_line_that_names_the_place(tmp_path, what, wrong, said)
 def test_a_site_is_the_brackets_own_frame(tmp_path):
     (tmp_path / "m.xml").write_text(small_model())
     states = saved(tmp_path, qpos=np.array([[0.001], [0.0015]]))
-    import_rollout(tmp_path / "m.xml", states, tmp_path / "sim.h5", parts=SITE, options=OPTIONS)
+    import_rollout(tmp_path / "m.xml", states, tmp_path / "sim.h5", model_map=SITE, options=OPTIONS)
     with GraspDataset(tmp_path / "sim.h5") as data:
         expected = np.eye(4)
         expected[2, 3] = 0.0015 - 0.0012

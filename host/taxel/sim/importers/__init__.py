@@ -1,1 +1,1 @@
-"""Turn what other programs recorded into grasp datasets."""
+"""Import of recordings of other programs as grasp datasets."""

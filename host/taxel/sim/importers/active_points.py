@@ -1,4 +1,7 @@
-"""The thesis's own output: active taxels as 3D coordinates in CSV (section 4.2.2, Figure 4.6)."""
+"""Import of active taxels as 3-D coordinates in CSV: the output format of the thesis's simulator.
+
+Source: section 4.2.2 and Figure 4.6 of the thesis.
+"""
 
 import os
 
@@ -8,17 +11,17 @@ from scipy.spatial import cKDTree
 
 from taxel.hand.kinematics import compute_taxel_positions
 from taxel.sim.cone_sensing import nominal_forces
-from taxel.sim.importers.csv_grasps import PlacedGrasp, frame_rows, read_hand, write_grasps
+from taxel.sim.importers.csv_grasps import PosedGrasp, read_hand, rows_by_frame, write_grasps
 from taxel.sim.importers.csv_table import Column, CsvTable, read_csv
 from taxel.sim.importers.grasp_rows import LABELS
 from taxel.sim.importers.options import ImportOptions, ImportReport
-from taxel.sim.importers.records import check_new
+from taxel.sim.importers.records import refuse_existing_file
 from taxel.types import FloatArray
 
 __all__ = ["MATCH_M", "POINT_COLUMNS", "import_active"]
 
 MATCH_M = 0.001
-"""How far a point may lie from its taxel's centre: a fifth of the pitch, so that no other taxel can be meant."""
+"""Largest distance of a point from the centre of its taxel: a fifth of the pitch, so that the taxel is unambiguous."""
 
 POINT_COLUMNS = (
     *LABELS,
@@ -37,50 +40,62 @@ def import_active(
     poses: str | os.PathLike[str] | None = None,
     options: ImportOptions | None = None,
 ) -> ImportReport:
-    """Turn a CSV file of active taxels, `POINT_COLUMNS`, into a grasp dataset.
+    """Convert a CSV file of active taxels into a grasp dataset.
 
-    A point, metres, world, belongs to the taxel whose centre is nearest where the hand was (joints or poses, as for
-    `import_contacts`). Without a column active all points are active; taxels that are not listed are not. Active
-    taxels carry a nominal force. Without a column time a grasp is one frame.
+    A point belongs to the taxel whose centre is nearest for the pose of the hand at that time. Taxels that are not
+    listed are inactive. Active taxels carry a nominal force. Without a column time a grasp is one frame.
 
-    Raises ImportDataError for the first mistake in a file, such as a point farther than `MATCH_M` from every taxel or
-    a taxel twice in a frame; DatasetError for `out`; ValueError for joints and poses both or neither.
+    Args:
+        points: CSV with `POINT_COLUMNS`; positions in the world, metres. Without a column active all points are active.
+        out: the dataset.
+        joints: CSV of joint angles, see `hand_motion.read_joints`; exactly one of joints and poses.
+        poses: CSV of poses, see `hand_motion.read_poses`.
+        options: common options.
+
+    Raises:
+        ImportDataError: the first error in a file, such as a point farther than `MATCH_M` from every taxel, or a taxel
+            twice in a frame.
+        DatasetError: `out` cannot be written.
+        ValueError: both or neither of joints and poses.
     """
     options = options or ImportOptions()
-    check_new(out, options.overwrite)
+    refuse_existing_file(out, options.overwrite)
     table = read_csv(points, POINT_COLUMNS, options.progress)
-    where = np.column_stack([table.numbers[name] for name in ("x", "y", "z")])
-    active = table.numbers.get("active", np.ones(len(where)))
-    wrong = active > 1
-    if wrong.any():
-        row = int(np.argmax(wrong))
+    positions = np.column_stack([table.numbers[name] for name in ("x", "y", "z")])
+    active = table.numbers.get("active", np.ones(len(positions)))
+    is_invalid = active > 1
+    if is_invalid.any():
+        row = int(np.argmax(is_invalid))
         table.at(row, "active").fail("0 or 1", f"{active[row]:g}", "write 1 for an active taxel")
 
     motion = read_hand(joints, poses, options)
 
-    def feel(one: PlacedGrasp, report: ImportReport) -> FloatArray:
-        centres = compute_taxel_positions(options.hand, one.hand.sensor_pose)
-        result = np.zeros(centres.shape[:2], bool)
-        for index, rows in frame_rows(one, np.ones(len(where), bool)):
-            result[index, _matched(table, rows, where[rows], centres[index])] = active[rows] > 0
+    def compute_forces(grasp: PosedGrasp, report: ImportReport) -> FloatArray:
+        centres = compute_taxel_positions(options.hand, grasp.hand_track.sensor_pose)
+        is_active = np.zeros(centres.shape[:2], bool)
+        for frame, rows in rows_by_frame(grasp, np.ones(len(positions), bool)):
+            is_active[frame, _match_taxels(table, rows, positions[rows], centres[frame])] = active[rows] > 0
             report.contacts += int(active[rows].sum())
-        return nominal_forces(result)
+        return nominal_forces(is_active)
 
-    return write_grasps(table, motion, out, feel, "import of active taxels, nominal forces", options)
+    return write_grasps(table, motion, out, compute_forces, "import of active taxels, nominal forces", options)
 
 
-def _matched(table: CsvTable, rows: NDArray[np.intp], points: FloatArray, centres: FloatArray) -> NDArray[np.intp]:
-    """The taxel of each point of a frame, i64[p]; each at most once."""
-    found = cKDTree(centres).query(points)
-    gap, taxel = np.asarray(found[0]), np.asarray(found[1], np.intp)
-    if (gap > MATCH_M).any():
-        at = int(np.argmax(gap > MATCH_M))
+def _match_taxels(table: CsvTable, rows: NDArray[np.intp], points: FloatArray, centres: FloatArray) -> NDArray[np.intp]:
+    """Index of the taxel of each point of a frame, i64[p]. rows: i64[p] in the table. points: f64[p, 3], metres.
+
+    Raises ImportDataError for a point without a taxel, and for two points of the same taxel.
+    """
+    nearest = cKDTree(centres).query(points)
+    distance, taxel = np.asarray(nearest[0]), np.asarray(nearest[1], np.intp)
+    if (distance > MATCH_M).any():
+        index = int(np.argmax(distance > MATCH_M))
         expected = f"a point within {MATCH_M * 1e3:g} mm of a taxel"
-        remedy = "give world coordinates, metres, and the joint angles of the same moment"
-        table.at(rows[at], "x").fail(expected, f"the nearest {gap[at] * 1e3:.4g} mm away", remedy)
-    first = np.unique(taxel, return_index=True)[1]
-    again = np.setdiff1d(np.arange(len(taxel)), first)
-    if len(again):
-        text = f"taxel {taxel[again[0]]} a second time in one frame"
-        table.at(rows[again[0]], "x").fail("each taxel once", text, "remove the row, or add a column time")
+        remedy = "give world coordinates in metres, and the joint angles at the same time"
+        table.at(rows[index], "x").fail(expected, f"the nearest taxel {distance[index] * 1e3:.4g} mm away", remedy)
+    first_uses = np.unique(taxel, return_index=True)[1]
+    repeated = np.setdiff1d(np.arange(len(taxel)), first_uses)
+    if len(repeated):
+        text = f"taxel {taxel[repeated[0]]} a second time in one frame"
+        table.at(rows[repeated[0]], "x").fail("each taxel once", text, "remove the row, or add a column time")
     return taxel

@@ -1,4 +1,4 @@
-"""What the imports of CSV files share: the hand and the object at every frame of every grasp, and the way to a file."""
+"""Common part of the imports of CSV files: poses of hand and object in every frame, and the written dataset."""
 
 import os
 from collections.abc import Callable, Iterable
@@ -12,42 +12,49 @@ from taxel.grasp.objects import GraspObject
 from taxel.hand.errors import format_value
 from taxel.recording.grasp_tables import ObjectMesh
 from taxel.sim.importers.csv_table import CsvTable
-from taxel.sim.importers.errors import Source, near_names
-from taxel.sim.importers.grasp_rows import Frames, GraspRows, dataset_ids, frames_of, grasps_of
+from taxel.sim.importers.errors import FileLocation, suggest_names
+from taxel.sim.importers.grasp_rows import Frames, GraspRows, dataset_ids, group_frames, group_grasps
 from taxel.sim.importers.hand_motion import GraspTrack, HandMotion, read_joints, read_poses
 from taxel.sim.importers.options import ImportOptions, ImportReport
-from taxel.sim.importers.records import FeltGrasp, check_new, frame_rate, new_dataset, record_of
+from taxel.sim.importers.records import (
+    ImportedGrasp,
+    make_record,
+    median_frame_rate,
+    open_new_dataset,
+    refuse_existing_file,
+)
 from taxel.sim.separation import separations
 from taxel.types import FloatArray
 
-__all__ = ["PlacedGrasp", "frame_rows", "meshes_of", "read_hand", "write_grasps"]
+__all__ = ["ComputeForces", "PosedGrasp", "make_meshes", "read_hand", "rows_by_frame", "write_grasps"]
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedGrasp:
-    """One grasp of a table with its frames, the hand at these (T moments) and the object.
+class PosedGrasp:
+    """One grasp of a table with the poses of hand and object in its T frames.
 
-    object_pose: f64[T, 4, 4], where it is. nominal: f64[4, 4], where it is believed to stand.
+    hand_track: the hand at the times of the frames. object_pose: f64[T, 4, 4], pose of the object in the world.
+    nominal_pose: f64[4, 4], assumed pose of the object: as calibrated, or as in the first frame.
     """
 
     rows: GraspRows
     frames: Frames
-    hand: GraspTrack
-    item: GraspObject
+    hand_track: GraspTrack
+    grasp_object: GraspObject
     object_pose: FloatArray
-    nominal: FloatArray
+    nominal_pose: FloatArray
 
 
-Feel = Callable[[PlacedGrasp, ImportReport], FloatArray]
-"""Contact forces f64[T, n] of a grasp, newtons; counts contact points in the report."""
+ComputeForces = Callable[[PosedGrasp, ImportReport], FloatArray]
+"""Computes the contact forces f64[T, n] of a grasp, newtons, and adds the number of contact points to the report."""
 
 
 def read_hand(
     joints: str | os.PathLike[str] | None, poses: str | os.PathLike[str] | None, options: ImportOptions
 ) -> HandMotion:
-    """The hand's motion from the one file that is given. Raises ValueError for both or neither."""
+    """The motion of the hand from a file of joint angles or of poses. Raises ValueError for both or neither of them."""
     if joints is not None and poses is None:
-        return read_joints(joints, options.hand, options.wrist, options.progress)
+        return read_joints(joints, options.hand, options.wrist_pose, options.progress)
     if poses is not None and joints is None:
         return read_poses(poses, options.hand, options.progress)
     raise ValueError("expected a file of joint angles or a file of poses, found both or neither")
@@ -57,83 +64,89 @@ def write_grasps(
     table: CsvTable,
     motion: HandMotion,
     out: str | os.PathLike[str],
-    feel: Feel,
-    what: str,
+    compute_forces: ComputeForces,
+    description: str,
     options: ImportOptions,
 ) -> ImportReport:
-    """Write every grasp of `table` to the dataset `out`, with the forces of `feel`."""
-    check_new(out, options.overwrite)
-    grasps = grasps_of(table)
-    placed = [_placed(table, rows, motion, options) for rows in grasps]
+    """Write all grasps of a table to the dataset `out`, completely or not at all.
+
+    compute_forces: called once for each grasp. description: for the attribute generator of the dataset.
+    """
+    refuse_existing_file(out, options.overwrite)
+    grasps = group_grasps(table)
+    posed_grasps = [_pose_grasp(table, rows, motion, options) for rows in grasps]
     ids = dataset_ids([grasp.id for grasp in grasps])
-    used = {one.item.name: one.item for one in placed}
-    rate = frame_rate([one.frames.time_s for one in placed])
+    objects = {grasp.grasp_object.name: grasp.grasp_object for grasp in posed_grasps}
+    rate = median_frame_rate([grasp.frames.time_s for grasp in posed_grasps])
     report = ImportReport()
-    with new_dataset(out, options, meshes_of(used.values()), rate, what) as writer:
-        for done, (name, one) in enumerate(zip(ids, placed, strict=True)):
-            options.progress("grasps", done, len(placed))
-            writer.add(record_of(_felt(name, one, feel, options, report), options, table.source, report), name)
-        options.progress("grasps", len(placed), len(placed))
+    with open_new_dataset(out, options, make_meshes(objects.values()), rate, description) as writer:
+        for done, (name, grasp) in enumerate(zip(ids, posed_grasps, strict=True)):
+            options.progress("grasps", done, len(posed_grasps))
+            imported = _import_grasp(name, grasp, compute_forces(grasp, report), options)
+            writer.add(make_record(imported, options, table.source, report), name)
+        options.progress("grasps", len(posed_grasps), len(posed_grasps))
     return report
 
 
-def meshes_of(objects: Iterable[GraspObject]) -> dict[str, ObjectMesh]:
-    """Objects as a dataset has them."""
-    result = {}
-    for item in objects:
-        vertices, faces = item.shape.mesh()
-        result[item.name] = ObjectMesh(vertices, faces.astype(np.int32))
-    return result
+def make_meshes(objects: Iterable[GraspObject]) -> dict[str, ObjectMesh]:
+    """Meshes of objects by name, for a dataset."""
+    meshes = {}
+    for grasp_object in objects:
+        vertices, faces = grasp_object.shape.mesh()
+        meshes[grasp_object.name] = ObjectMesh(vertices, faces.astype(np.int32))
+    return meshes
 
 
-def _felt(name: str, one: PlacedGrasp, feel: Feel, options: ImportOptions, report: ImportReport) -> FeltGrasp:
-    rows, sensors = one.rows, one.hand.sensor_pose
-    return FeltGrasp(
+def _import_grasp(name: str, grasp: PosedGrasp, forces: FloatArray, options: ImportOptions) -> ImportedGrasp:
+    rows, sensors = grasp.rows, grasp.hand_track.sensor_pose
+    return ImportedGrasp(
         name,
         rows.object,
         rows.approach,
         rows.iteration,
         rows.session,
-        one.frames.time_s,
-        one.frames.phase,
+        grasp.frames.time_s,
+        grasp.frames.phase,
         sensors,
-        one.nominal,
-        feel(one, report),
-        separations(options.hand, one.item.shape, sensors, one.object_pose),
-        one.hand.joints,
+        grasp.nominal_pose,
+        forces,
+        separations(options.hand, grasp.grasp_object.shape, sensors, grasp.object_pose),
+        grasp.hand_track.joints,
     )
 
 
-def _placed(table: CsvTable, rows: GraspRows, motion: HandMotion, options: ImportOptions) -> PlacedGrasp:
+def _pose_grasp(table: CsvTable, rows: GraspRows, motion: HandMotion, options: ImportOptions) -> PosedGrasp:
     if rows.object not in options.objects:
-        near = near_names(rows.object, options.objects)
-        table.at(rows.rows[0], "object").fail("an object whose shape is known", format_value(rows.object), near)
-    track = motion.of(rows.id)
-    frames = frames_of(table, rows, track)
-    hand = track.at(frames.time_s, rows.id)
-    nominal = options.object_poses.get(rows.object)
-    moved = hand.object_pose
-    if moved is None:
-        if nominal is None:
-            _no_object_pose(motion.source, rows.object)
-        moved = np.broadcast_to(nominal, (len(frames.time_s), 4, 4))
-    nominal = moved[0] if nominal is None else nominal
-    return PlacedGrasp(rows, frames, hand, options.objects[rows.object], moved, nominal)
+        suggestion = suggest_names(rows.object, options.objects)
+        table.at(rows.rows[0], "object").fail("an object whose shape is known", format_value(rows.object), suggestion)
+    track = motion.track_of(rows.id)
+    frames = group_frames(table, rows, track)
+    hand_track = track.resample(frames.time_s, rows.id)
+    calibrated_pose = options.object_poses.get(rows.object)
+    object_pose = hand_track.object_pose
+    if object_pose is None:
+        if calibrated_pose is None:
+            _fail_without_object_pose(motion.source, rows.object)
+        object_pose = np.broadcast_to(calibrated_pose, (len(frames.time_s), 4, 4))
+    nominal_pose = object_pose[0] if calibrated_pose is None else calibrated_pose
+    return PosedGrasp(rows, frames, hand_track, options.objects[rows.object], object_pose, nominal_pose)
 
 
-def _no_object_pose(source: Source, name: str) -> NoReturn:
+def _fail_without_object_pose(source: FileLocation, name: str) -> NoReturn:
+    found = "no columns object_x ... object_qz and no calibrated pose"
     remedy = "add object_x, object_y, object_z, object_qw, object_qx, object_qy, object_qz, or give a calibration file"
-    source.fail(
-        f"where {format_value(name)} stands", "no columns object_x ... object_qz and no calibrated pose", remedy
-    )
+    source.fail(f"the pose of {format_value(name)}", found, remedy)
 
 
-def frame_rows(one: PlacedGrasp, own: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.intp]]]:
-    """For every frame with rows that are `own`, bool[r] of the table: its index and these rows, in rising order."""
-    rows, frame = one.rows.rows, one.frames.frame
-    kept = own[rows]
-    order = np.argsort(frame[kept], kind="stable")
-    rows, frame = rows[kept][order], frame[kept][order]
-    cuts = np.flatnonzero(np.diff(frame)) + 1
-    parts = zip(np.split(frame, cuts), np.split(rows, cuts), strict=True)
-    return [(int(frames[0]), own_rows) for frames, own_rows in parts if len(frames)]
+def rows_by_frame(grasp: PosedGrasp, selection: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.intp]]]:
+    """Index of each frame of a grasp and its selected rows of the table, i64; frames without such rows are left out.
+
+    selection: bool[r], the selected rows of the table.
+    """
+    rows, frame = grasp.rows.rows, grasp.frames.frame
+    is_selected = selection[rows]
+    order = np.argsort(frame[is_selected], kind="stable")
+    rows, frame = rows[is_selected][order], frame[is_selected][order]
+    boundaries = np.flatnonzero(np.diff(frame)) + 1
+    groups = zip(np.split(frame, boundaries), np.split(rows, boundaries), strict=True)
+    return [(int(frames[0]), frame_rows) for frames, frame_rows in groups if len(frames)]

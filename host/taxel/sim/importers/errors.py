@@ -1,4 +1,4 @@
-"""What can be wrong with a file that is to be imported: each mistake prints as one line and carries its data."""
+"""Errors of imported files: one line with the file, the location, the expected and the found content."""
 
 from __future__ import annotations
 
@@ -10,42 +10,44 @@ from typing import NoReturn
 from taxel.errors import FieldError
 from taxel.hand.errors import format_path, format_value
 
-__all__ = ["ImportDataError", "Source", "near_names"]
+__all__ = ["FileLocation", "ImportDataError", "suggest_names"]
 
-_NEAR = 3
-_NEAR_CHARACTERS = 64
+_MAX_SUGGESTIONS = 3
+_MAX_CHARACTERS = 64
+"""Longer names are compared by their beginning only, because the comparison takes quadratic time."""
 
 
 class ImportDataError(FieldError, ValueError):
-    """A file that cannot be turned into a grasp dataset; field: such as ``line 7, column fx``."""
+    """A file that cannot be imported. field: the location in the file, such as ``line 7, column fx``."""
 
 
 @dataclass(frozen=True)
-class Source:
-    """A place in a file that is imported: where an error points."""
+class FileLocation:
+    """A location in an imported file, for errors. field: "file" for the whole file."""
 
     file: str
     field: str = "file"
 
-    def at(self, line: int, column: str = "") -> Source:
-        """A line, and a column, of a CSV file."""
-        return Source(self.file, f"line {line}, column {format_path(column)}" if column else f"line {line}")
+    def at(self, line: int, column: str = "") -> FileLocation:
+        """A line of a CSV file, and optionally a column."""
+        return FileLocation(self.file, f"line {line}, column {format_path(column)}" if column else f"line {line}")
 
-    def key(self, name: str) -> Source:
-        """A named part of the file."""
-        bare = format_path(name) if len(name) <= _NEAR_CHARACTERS else format_value(name)
-        return Source(self.file, bare if self.field == "file" else f"{self.field}.{bare}")
+    def key(self, name: str) -> FileLocation:
+        """A named part of the file, such as a key or an array."""
+        text = format_path(name) if len(name) <= _MAX_CHARACTERS else format_value(name)
+        return FileLocation(self.file, text if self.field == "file" else f"{self.field}.{text}")
 
     def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
-        """Raise ImportDataError for this place."""
+        """Raise ImportDataError for this location."""
         raise ImportDataError(format_path(self.file), self.field, expected, found, remedy)
 
 
-def near_names(name: str, known: Iterable[str]) -> str:
-    """What to write instead of an unknown name: close matches, else all that are known, as part of a remedy."""
+def suggest_names(name: str, known: Iterable[str]) -> str:
+    """The remedy for an unknown name: a question with the most similar known names, else a list of known names."""
     names = list(known)
-    near = difflib.get_close_matches(name[:_NEAR_CHARACTERS], names, n=_NEAR, cutoff=0.5)
-    if near:
-        return f"did you mean {' or '.join(near)}?"
-    more = ", ..." if len(names) > 2 * _NEAR else ""
-    return f"known are {', '.join(names[: 2 * _NEAR])}{more}" if names else "there are none"
+    similar = difflib.get_close_matches(name[:_MAX_CHARACTERS], names, n=_MAX_SUGGESTIONS, cutoff=0.5)
+    if similar:
+        return f"did you mean {' or '.join(similar)}?"
+    listed = names[: 2 * _MAX_SUGGESTIONS]
+    ellipsis = ", ..." if len(names) > len(listed) else ""
+    return f"known names: {', '.join(listed)}{ellipsis}" if names else "there are no such names"

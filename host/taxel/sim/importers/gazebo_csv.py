@@ -1,9 +1,10 @@
-"""Contact points that Gazebo reported, as CSV: what the thesis's simulator worked from (section 4.2.2, Figure 4.6).
+"""Import of Gazebo contact points in CSV, the input of the thesis's simulator (section 4.2.2, Figure 4.6).
 
-A row is a contact point in the world; a row without x, y, z is a frame without contact. A contact is felt by every
-taxel whose centre is nearer than a threshold, which is the distance from tip to rim of the thesis's cones
-(`taxel.sim.cone_sensing`). Without forces these taxels carry a nominal force. With forces, each contact's is shared
-out among them, the more to a taxel the nearer it is, and none of it is lost.
+A row is a contact point in the world; a row without x, y, z is a frame without contact. A contact acts on every taxel
+whose centre is within a threshold distance: by default the slant height of the cones of the thesis
+(`taxel.sim.cone_sensing`). If the file has no forces, each of these taxels carries a nominal force. If the file has
+forces, the force of a contact is distributed over these taxels with weights that decrease with the distance; the sum
+of the forces is preserved.
 """
 
 import os
@@ -18,15 +19,15 @@ from taxel.hand import Hand
 from taxel.hand.errors import format_value
 from taxel.hand.kinematics import compute_taxel_positions
 from taxel.sim.cone_sensing import ConeSensing, base_radius, nominal_forces
-from taxel.sim.importers.csv_grasps import PlacedGrasp, frame_rows, read_hand, write_grasps
+from taxel.sim.importers.csv_grasps import PosedGrasp, read_hand, rows_by_frame, write_grasps
 from taxel.sim.importers.csv_table import Column, CsvTable, read_csv
-from taxel.sim.importers.errors import near_names
+from taxel.sim.importers.errors import suggest_names
 from taxel.sim.importers.grasp_rows import LABELS
 from taxel.sim.importers.options import ImportOptions, ImportReport
-from taxel.sim.importers.records import check_new
+from taxel.sim.importers.records import refuse_existing_file
 from taxel.types import FloatArray
 
-__all__ = ["CONTACT_COLUMNS", "default_threshold", "import_contacts", "shared_forces"]
+__all__ = ["CONTACT_COLUMNS", "default_threshold", "distribute_forces", "import_contacts"]
 
 POSITION = ("x", "y", "z")
 NORMAL = ("nx", "ny", "nz")
@@ -47,14 +48,14 @@ CONTACT_COLUMNS = (
 )
 
 FAR_M = 0.05
-"""A grasp whose contacts are all farther than this from every taxel is of another frame or unit."""
+"""If all contacts of a grasp are farther than this from every taxel, the file uses another frame or unit."""
 
-_LEAST_WEIGHT = 1e-6
-_ROUNDING = 1e-9
+_MIN_WEIGHT = 1e-6  # of a taxel within the threshold
+_ROUNDING = 1e-9  # relative tolerance of comparisons with the threshold
 
 
 def default_threshold(hand: Hand) -> float:
-    """The thesis's threshold, metres: 2.35 mm for its taxels (Figure 4.7)."""
+    """Distance threshold of the thesis, metres: 2.35 mm for taxels of 3 mm (Figure 4.7)."""
     return ConeSensing(base_radius(hand)).threshold_m
 
 
@@ -67,118 +68,137 @@ def import_contacts(
     threshold_m: float | None = None,
     options: ImportOptions | None = None,
 ) -> ImportReport:
-    """Turn a CSV file of contact points into a grasp dataset.
+    """Convert a CSV file of contact points into a grasp dataset.
 
-    contacts: with `CONTACT_COLUMNS`, metres and newtons, world. joints or poses: where the hand was, see
-    `hand_motion.read_joints` and `read_poses`. threshold_m: from contact to taxel centre; None: `default_threshold`.
+    Args:
+        contacts: CSV with `CONTACT_COLUMNS`; positions in the world, metres; forces in newtons.
+        out: the dataset.
+        joints: CSV of joint angles, see `hand_motion.read_joints`; exactly one of joints and poses.
+        poses: CSV of poses, see `hand_motion.read_poses`.
+        threshold_m: largest distance from a contact to the centre of a taxel on which it acts; None:
+            `default_threshold`.
+        options: common options.
 
-    Raises ImportDataError for the first mistake in a file, DatasetError for `out`, ValueError for a threshold that is
-    not above 0 and for joints and poses both or neither.
+    Raises:
+        ImportDataError: the first error in a file.
+        DatasetError: `out` cannot be written.
+        ValueError: a threshold that is not above 0; both or neither of joints and poses.
     """
     options = options or ImportOptions()
     threshold = default_threshold(options.hand) if threshold_m is None else threshold_m
     if not (np.isfinite(threshold) and threshold > 0):
         raise ValueError(f"threshold_m: expected metres above 0, found {threshold}")
-    check_new(out, options.overwrite)
-    contacts_read = _contacts(read_csv(contacts, CONTACT_COLUMNS, options.progress), options.hand)
+    refuse_existing_file(out, options.overwrite)
+    contact_points = _make_contact_points(read_csv(contacts, CONTACT_COLUMNS, options.progress), options.hand)
     motion = read_hand(joints, poses, options)
 
-    def feel(one: PlacedGrasp, report: ImportReport) -> FloatArray:
-        return _felt(contacts_read, one, options.hand, threshold, report)
+    def compute_forces(grasp: PosedGrasp, report: ImportReport) -> FloatArray:
+        return _compute_taxel_forces(contact_points, grasp, options.hand, threshold, report)
 
-    how = "nominal forces" if contacts_read.force is None else "given forces"
-    what = f"import of contact points, threshold {threshold * 1e3:.4g} mm, {how}"
-    return write_grasps(contacts_read.table, motion, out, feel, what, options)
+    force_source = "nominal forces" if contact_points.force is None else "given forces"
+    description = f"import of contact points, threshold {threshold * 1e3:.4g} mm, {force_source}"
+    return write_grasps(contact_points.table, motion, out, compute_forces, description, options)
 
 
 @dataclass(frozen=True, eq=False)
-class _Contacts:
-    """Contact points of a file, r rows. there: bool[r], rows that are contacts. point: f64[r, 3]. force: f64[r] or
-    None. board: i64[r], -1 where not said.
+class _ContactPoints:
+    """Contact points of a file with r rows.
+
+    is_contact: bool[r]; false for a frame without contact. position: f64[r, 3], world, metres. force: f64[r], newtons;
+    None without forces. board: i64[r], the only board on which a contact acts; -1: any board.
     """
 
     table: CsvTable
-    there: NDArray[np.bool_]
-    point: FloatArray
+    is_contact: NDArray[np.bool_]
+    position: FloatArray
     force: FloatArray | None
     board: NDArray[np.int64]
 
 
-def _contacts(table: CsvTable, hand: Hand) -> _Contacts:
-    there = _contact_rows(table)
-    point = np.column_stack([table.numbers[name] for name in POSITION])
-    return _Contacts(table, there, point, _magnitudes(table, there), _boards(table, hand))
+def _make_contact_points(table: CsvTable, hand: Hand) -> _ContactPoints:
+    is_contact = _find_contact_rows(table)
+    position = np.column_stack([table.numbers[name] for name in POSITION])
+    return _ContactPoints(table, is_contact, position, _normal_forces(table, is_contact), _board_indices(table, hand))
 
 
-def _felt(contacts: _Contacts, one: PlacedGrasp, hand: Hand, threshold_m: float, report: ImportReport) -> FloatArray:
-    """Contact forces of one grasp, f64[T, n]."""
-    centres = compute_taxel_positions(hand, one.hand.sensor_pose)
-    result, nearest = np.zeros(centres.shape[:2]), np.inf
-    frames = frame_rows(one, contacts.there)
-    for index, rows in frames:
+def _compute_taxel_forces(
+    contacts: _ContactPoints, grasp: PosedGrasp, hand: Hand, threshold_m: float, report: ImportReport
+) -> FloatArray:
+    """Contact forces of one grasp, f64[T, n], newtons; contacts without a taxel are counted in the report."""
+    centres = compute_taxel_positions(hand, grasp.hand_track.sensor_pose)
+    forces, smallest_distance = np.zeros(centres.shape[:2]), np.inf
+    frames = rows_by_frame(grasp, contacts.is_contact)
+    for frame, rows in frames:
         board = contacts.board[rows, None]
-        gap = np.where((board >= 0) & (board != hand.board_index), np.inf, cdist(contacts.point[rows], centres[index]))
+        is_excluded = (board >= 0) & (board != hand.board_index)
+        distance = np.where(is_excluded, np.inf, cdist(contacts.position[rows], centres[frame]))
         force = None if contacts.force is None else contacts.force[rows]
-        result[index] = shared_forces(gap, threshold_m, force)
-        lost = gap.min(axis=1) > threshold_m * (1 + _ROUNDING)
-        nearest = min(nearest, float(gap.min()))
+        forces[frame] = distribute_forces(distance, threshold_m, force)
+        is_far = distance.min(axis=1) > threshold_m * (1 + _ROUNDING)
+        smallest_distance = min(smallest_distance, float(distance.min()))
         report.contacts += len(rows)
-        report.far_contacts += int(lost.sum())
-        report.far_force_n += 0.0 if force is None else float(force[lost].sum())
-    if frames and nearest > FAR_M:
-        _elsewhere(contacts.table, int(frames[0][1][0]), nearest)
-    return result
+        report.far_contacts += int(is_far.sum())
+        report.far_force_n += 0.0 if force is None else float(force[is_far].sum())
+    if frames and smallest_distance > FAR_M:
+        _fail_for_distance(contacts.table, int(frames[0][1][0]), smallest_distance)
+    return forces
 
 
-def shared_forces(gap: FloatArray, threshold_m: float, force: FloatArray | None) -> FloatArray:
-    """Forces on n taxels, f64[n], newtons, from c contacts.
+def distribute_forces(distance: FloatArray, threshold_m: float, force: FloatArray | None) -> FloatArray:
+    """Forces of c contacts on n taxels, f64[n], newtons.
 
-    gap: f64[c, n], from contact to taxel centre, metres. force: f64[c] of each contact; None: nominal. A contact's
-    force is shared out among the taxels up to the threshold, by weights that fall linearly to 0 there.
+    distance: f64[c, n], from contact to taxel centre, metres. force: f64[c] of the contacts, newtons; None: a nominal
+    force on each taxel within the threshold. The force of a contact is divided among the taxels within the threshold,
+    with weights that decrease linearly to 0 at the threshold.
     """
-    within = gap <= threshold_m * (1 + _ROUNDING)
+    is_within = distance <= threshold_m * (1 + _ROUNDING)
     if force is None:
-        return nominal_forces(np.any(within, axis=0))
-    # The smallest weight keeps the force of a contact whose only taxel is exactly at the threshold.
-    weight = np.where(within, np.maximum(1.0 - np.where(within, gap, 0.0) / threshold_m, _LEAST_WEIGHT), 0.0)
+        return nominal_forces(np.any(is_within, axis=0))
+    # The smallest weight preserves the force of a contact whose only taxel is exactly at the threshold.
+    linear = 1.0 - np.where(is_within, distance, 0.0) / threshold_m
+    weight = np.where(is_within, np.maximum(linear, _MIN_WEIGHT), 0.0)
     total = weight.sum(axis=1)
     share = np.divide(force, total, out=np.zeros_like(force), where=total > 0)
     return np.asarray(share @ weight)
 
 
-def _contact_rows(table: CsvTable) -> NDArray[np.bool_]:
-    """Which rows are contacts, bool[r]; a row without all of x, y, z is a frame without contact."""
-    blank = np.column_stack([np.isnan(table.numbers[name]) for name in POSITION])
-    partly = blank.any(axis=1) & ~blank.all(axis=1)
-    if partly.any():
-        row = int(np.argmax(partly))
-        column = POSITION[int(np.argmax(blank[row]))]
+def _find_contact_rows(table: CsvTable) -> NDArray[np.bool_]:
+    """Whether each row is a contact, bool[r]; a row without x, y and z is a frame without contact.
+
+    Raises ImportDataError for a row with only some coordinates, and for a contact without a value in a column of the
+    file for normal, force or depth.
+    """
+    is_blank = np.column_stack([np.isnan(table.numbers[name]) for name in POSITION])
+    is_partly_blank = is_blank.any(axis=1) & ~is_blank.all(axis=1)
+    if is_partly_blank.any():
+        row = int(np.argmax(is_partly_blank))
+        column = POSITION[int(np.argmax(is_blank[row]))]
         remedy = "give x, y and z, or none of them for a frame without contact"
         table.at(row, column).fail("a finite number", "nothing", remedy)
-    there = np.asarray(~blank.any(axis=1))
+    is_contact = np.asarray(~is_blank.any(axis=1))
     for name in (*NORMAL, *FORCE, "force", "depth"):
-        missing = there & np.isnan(table.numbers[name]) if name in table.numbers else np.zeros(1, bool)
-        if missing.any():
-            table.at(int(np.argmax(missing)), name).fail(
-                "a finite number", "nothing", "fill it in, or leave the column out"
-            )
-    return there
+        is_missing = is_contact & np.isnan(table.numbers[name]) if name in table.numbers else np.zeros(1, bool)
+        if is_missing.any():
+            row = int(np.argmax(is_missing))
+            table.at(row, name).fail("a finite number", "nothing", "add the value, or leave out the column")
+    return is_contact
 
 
-def _magnitudes(table: CsvTable, there: NDArray[np.bool_]) -> FloatArray | None:
-    """Force of each contact along its normal, newtons, f64[r]; None if the file has none.
+def _normal_forces(table: CsvTable, is_contact: NDArray[np.bool_]) -> FloatArray | None:
+    """Magnitude of the force of each contact along its normal, newtons, f64[r]; None if the file has no forces.
 
-    A vector without a normal counts in full. Its sign depends on which of the two bodies Gazebo named first.
+    If the file has no normals, the result is the length of the force vector. The sign is ignored, because it depends on
+    the order in which Gazebo lists the two bodies.
     """
-    vector, normal = table.vectors(FORCE), _normals(table, there)
+    vector, normal = table.vectors(FORCE), _unit_normals(table, is_contact)
     if "force" in table.numbers:
         if vector is not None:
             table.source.at(1).fail("fx, fy, fz or force", "both", "leave out one of the two")
         force = table.numbers["force"]
-        negative = there & (force < 0)
-        if negative.any():
-            row = int(np.argmax(negative))
-            table.at(row, "force").fail("newtons of 0 or more", f"{force[row]:g}", "a contact presses; give its size")
+        is_negative = is_contact & (force < 0)
+        if is_negative.any():
+            row = int(np.argmax(is_negative))
+            table.at(row, "force").fail("newtons of 0 or more", f"{force[row]:g}", "give the magnitude of the force")
         return force
     if vector is None:
         return None
@@ -187,30 +207,31 @@ def _magnitudes(table: CsvTable, there: NDArray[np.bool_]) -> FloatArray | None:
     return np.asarray(np.abs(np.sum(vector * normal, axis=1)))
 
 
-def _normals(table: CsvTable, there: NDArray[np.bool_]) -> FloatArray | None:
+def _unit_normals(table: CsvTable, is_contact: NDArray[np.bool_]) -> FloatArray | None:
     normal = table.vectors(NORMAL)
     if normal is None:
         return None
     length = np.linalg.norm(normal, axis=1)
-    if (there & (length == 0)).any():
-        row = int(np.argmax(there & (length == 0)))
+    is_zero = is_contact & (length == 0)
+    if is_zero.any():
+        row = int(np.argmax(is_zero))
         table.at(row, "nx").fail("a direction", "0, 0, 0", "give the normal, or leave out its columns")
     return np.asarray(normal / np.where(length > 0, length, 1.0)[:, None])
 
 
-def _boards(table: CsvTable, hand: Hand) -> NDArray[np.int64]:
-    """Index of the board that a contact is said to be on, i64[r]; -1: not said."""
-    result = np.full(len(table.line), -1, np.int64)
+def _board_indices(table: CsvTable, hand: Hand) -> NDArray[np.int64]:
+    """Index of the board in the column board, i64[r]; -1 without this column."""
+    indices = np.full(len(table.line), -1, np.int64)
     names = {board.name: index for index, board in enumerate(hand.boards)}
     for row, name in enumerate(table.texts.get("board", ())):
         if name not in names:
-            remedy = f"a name of Gazebo's belongs into a column collision ({near_names(name, names)})"
+            remedy = f"write names of Gazebo into a column collision ({suggest_names(name, names)})"
             table.at(row, "board").fail(f"a board of {hand.name}", format_value(name), remedy)
-        result[row] = names[name]
-    return result
+        indices[row] = names[name]
+    return indices
 
 
-def _elsewhere(table: CsvTable, row: int, nearest: float) -> NoReturn:
-    expected = f"contacts of a grasp on the hand, one within {FAR_M * 1000:g} mm of a taxel"
-    remedy = "give metres, in the frame that the hand's poses are in (the robot's base)"
-    table.at(row, "x").fail(expected, f"the nearest {nearest:.3g} m away", remedy)
+def _fail_for_distance(table: CsvTable, row: int, smallest_distance_m: float) -> NoReturn:
+    expected = f"contacts of a grasp on the hand, at least one within {FAR_M * 1000:g} mm of a taxel"
+    remedy = "give metres, in the frame of the hand's poses (the base of the robot)"
+    table.at(row, "x").fail(expected, f"the nearest {smallest_distance_m:.3g} m away", remedy)

@@ -1,4 +1,4 @@
-"""The rows of a CSV file sorted into grasps, and the frames of each grasp."""
+"""Grouping of the rows of a CSV file into grasps, and of each grasp into frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from taxel.grasp.timeline import Phase
 from taxel.hand.errors import format_value
 from taxel.sim.importers.csv_table import Column, CsvTable
-from taxel.sim.importers.hand_motion import GraspTrack, phase_number
+from taxel.sim.importers.hand_motion import GraspTrack, parse_phase
 
-__all__ = ["LABELS", "Frames", "GraspRows", "dataset_ids", "frames_of", "grasps_of"]
+__all__ = ["LABELS", "Frames", "GraspRows", "dataset_ids", "group_frames", "group_grasps"]
 
 LABELS = (
     Column("grasp", "text", ("grasp_id", "id"), required=True),
@@ -23,14 +23,14 @@ LABELS = (
 )
 
 TIME_TOLERANCE_S = 1e-3
-"""How far apart two files may put the same moment; below the step of any recording."""
+"""Largest difference between the times of the same frame in two files; shorter than the time step of any recording."""
 
 _ID_DIGITS = 4
 
 
 @dataclass(frozen=True, eq=False)
 class GraspRows:
-    """The rows of one grasp: `rows` are indices into the table."""
+    """The rows of one grasp. rows: i64, indices of rows of the table."""
 
     id: str
     object: str
@@ -42,87 +42,101 @@ class GraspRows:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """time_s: f64[T], rising. phase: u8[T]. frame: i64[r], the frame that each row of the grasp belongs to."""
+    """The T frames of a grasp with r rows.
+
+    time_s: f64[T], increasing. phase: u8[T]. frame: i64[r], index of the frame of each row.
+    """
 
     time_s: NDArray[np.float64]
     phase: NDArray[np.uint8]
     frame: NDArray[np.intp]
 
 
-def grasps_of(table: CsvTable) -> list[GraspRows]:
-    """The grasps in the order of their first rows. What is said of a grasp must be the same in all its rows."""
-    own: dict[str, list[int]] = {}
+def group_grasps(table: CsvTable) -> list[GraspRows]:
+    """The grasps of a table in the order of their first rows.
+
+    Raises ImportDataError if the labels of a grasp, such as its object, differ between its rows.
+    """
+    rows_by_grasp: dict[str, list[int]] = {}
     for row, name in enumerate(table.texts["grasp"]):
-        own.setdefault(name, []).append(row)
-    result = []
-    for name, rows in own.items():
+        rows_by_grasp.setdefault(name, []).append(row)
+    grasps = []
+    for name, rows in rows_by_grasp.items():
         for column in ("object", "approach", "iteration", "session"):
-            _check_same(table, rows, column, name)
+            _require_equal(table, rows, column, name)
         first = rows[0]
         iteration, session = (int(table.numbers[k][first]) if table.has(k) else 0 for k in ("iteration", "session"))
         labels = table.texts["object"][first], table.texts["approach"][first]
-        result.append(GraspRows(name, *labels, iteration, session, np.array(rows, np.intp)))
-    return result
+        grasps.append(GraspRows(name, *labels, iteration, session, np.array(rows, np.intp)))
+    return grasps
 
 
-def _check_same(table: CsvTable, rows: list[int], column: str, grasp: str) -> None:
+def _require_equal(table: CsvTable, rows: list[int], column: str, grasp: str) -> None:
     if not table.has(column):
         return
     values = table.texts[column] if column in table.texts else table.numbers[column]
     for row in rows:
         if values[row] != values[rows[0]]:
             found = f"{format_value(values[row])} after {format_value(values[rows[0]])} in grasp {format_value(grasp)}"
-            table.at(row, column).fail(f"the same {column} in a whole grasp", found, "correct it, or name a new grasp")
+            table.at(row, column).fail(
+                f"the same {column} in all rows of a grasp", found, "correct it, or name a new grasp"
+            )
 
 
 def dataset_ids(names: Sequence[str]) -> list[str]:
-    """Ids that sort in the order of the file: the names, numbers with leading zeros, else "0001_" and so on before."""
+    """Ids of grasps whose alphabetical order is the order of the file.
+
+    Numbers get leading zeros. If the names are not in alphabetical order, they get the prefixes 0001_, 0002_, ...
+    """
     ids = [name.zfill(_ID_DIGITS) if name.isascii() and name.isdigit() else name for name in names]
     ids = [name.replace("/", "_") for name in ids]
     if all(a < b for a, b in pairwise(ids)):
         return ids
-    return [f"{place:0{_ID_DIGITS}}_{name}" for place, name in enumerate(ids, start=1)]
+    return [f"{number:0{_ID_DIGITS}}_{name}" for number, name in enumerate(ids, start=1)]
 
 
-def frames_of(table: CsvTable, grasp: GraspRows, track: GraspTrack) -> Frames:
+def group_frames(table: CsvTable, grasp: GraspRows, track: GraspTrack) -> Frames:
     """The frames of a grasp.
 
-    Where the file of the hand's motion has phases, its rows are the frames, and every row of `table` must be at the
-    time of one. Else the times in `table` are the frames, with its own phases; without any, all are hold: files of
-    the closed hand are what the thesis's program recorded (section 5.3).
+    If the file of the hand's motion has phases, its rows are the frames, and each row of `table` must have the time of
+    a frame. Otherwise the times in `table` are the frames, with the phases in `table`. Without phases all frames have
+    the phase hold, because the program of the thesis recorded the closed hand only (section 5.3).
+
+    Raises ImportDataError for times that do not match, and for two phases at the same time.
     """
     if table.has("time"):
         times = table.numbers["time"][grasp.rows]
     else:
         if len(track.time_s) > 1:
-            found = f"none, where {track.source.file} has {len(track.time_s)} moments of grasp {format_value(grasp.id)}"
-            table.at(0).fail("a column time", found, "add it, or give the hand once for each grasp")
+            found = f"none; {track.source.file} has {len(track.time_s)} times of grasp {format_value(grasp.id)}"
+            table.at(0).fail("a column time", found, "add it, or give one pose of the hand for each grasp")
         times = np.full(len(grasp.rows), track.time_s[0])
     if track.phase is not None:
-        frame = _nearest(track.time_s, times)
-        apart = np.abs(track.time_s[frame] - times)
-        if apart.max() > TIME_TOLERANCE_S:
-            at = int(np.argmax(apart > TIME_TOLERANCE_S))
-            expected = f"a time that {track.source.file} has too, within {TIME_TOLERANCE_S * 1000:g} ms"
-            remedy = "write both at the same moments, or put the phases into this file"
-            table.at(grasp.rows[at], "time").fail(expected, f"{times[at]:.9g}", remedy)
+        frame = _find_nearest(track.time_s, times)
+        difference = np.abs(track.time_s[frame] - times)
+        if difference.max() > TIME_TOLERANCE_S:
+            index = int(np.argmax(difference > TIME_TOLERANCE_S))
+            expected = f"a time of {track.source.file}, within {TIME_TOLERANCE_S * 1000:g} ms"
+            remedy = "use the same times in both files, or write the phases into this file"
+            table.at(grasp.rows[index], "time").fail(expected, f"{times[index]:.9g}", remedy)
         return Frames(track.time_s, track.phase, frame)
     unique, frame = np.unique(times, return_inverse=True)
     if not table.has("phase"):
         return Frames(unique, np.full(len(unique), Phase.HOLD, np.uint8), frame)
     texts = table.texts["phase"]
-    given = np.array([phase_number(texts[row], table.at(row, "phase")) for row in grasp.rows], np.uint8)
+    phase_of_row = np.array([parse_phase(texts[row], table.at(row, "phase")) for row in grasp.rows], np.uint8)
     phase = np.zeros(len(unique), np.uint8)
-    phase[frame] = given
-    other = phase[frame] != given
-    if other.any():
-        at = int(np.argmax(other))
-        found = f"{given[at]} and {phase[frame[at]]} at {times[at]:.9g} s"
-        table.at(grasp.rows[at], "phase").fail("one phase at a time", found, "correct one of them")
+    phase[frame] = phase_of_row
+    is_different = phase[frame] != phase_of_row
+    if is_different.any():
+        index = int(np.argmax(is_different))
+        found = f"{phase_of_row[index]} and {phase[frame[index]]} at {times[index]:.9g} s"
+        table.at(grasp.rows[index], "phase").fail("one phase at a time", found, "correct one of them")
     return Frames(unique, phase, frame)
 
 
-def _nearest(known: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.intp]:
-    after = np.clip(np.searchsorted(known, wanted), 0, len(known) - 1)
+def _find_nearest(increasing: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.intp]:
+    """For each value, the index of the nearest number in the array `increasing`."""
+    after = np.clip(np.searchsorted(increasing, values), 0, len(increasing) - 1)
     before = np.maximum(after - 1, 0)
-    return np.where(np.abs(known[before] - wanted) <= np.abs(known[after] - wanted), before, after)
+    return np.where(np.abs(increasing[before] - values) <= np.abs(increasing[after] - values), before, after)

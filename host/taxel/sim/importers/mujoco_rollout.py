@@ -1,8 +1,8 @@
-"""Rollouts of a user's own MuJoCo model: states in, what every taxel felt out.
+"""Import of rollouts of any MuJoCo model: from recorded states to forces on the taxels.
 
-For each state MuJoCo computes the contacts between the boards and the object; their wrench on each board is spread
-over its taxels as in the project's own simulator (`taxel.sim.sensing`). With controls and times the rollout may
-instead be replayed by stepping from its first state.
+For each state MuJoCo computes the contacts between the boards and the object. Their wrench on each board is distributed
+over its taxels as in the simulator of this project (`taxel.sim.sensing`). If the file contains controls, the rollout is
+replayed by stepping from its first state, unless the recorded states are to be evaluated.
 """
 
 import os
@@ -20,13 +20,19 @@ from taxel.hand.errors import format_value
 from taxel.hand.kinematics import compute_taxel_positions
 from taxel.sim.closing import GraspMotion
 from taxel.sim.contacts import ContactPoints, StepContacts, board_wrenches
-from taxel.sim.importers.csv_grasps import meshes_of
-from taxel.sim.importers.errors import Source
+from taxel.sim.importers.csv_grasps import make_meshes
+from taxel.sim.importers.errors import FileLocation
 from taxel.sim.importers.grasp_rows import dataset_ids
 from taxel.sim.importers.options import ImportOptions, ImportReport
-from taxel.sim.importers.records import FeltGrasp, check_new, frame_rate, new_dataset, record_of
+from taxel.sim.importers.records import (
+    ImportedGrasp,
+    make_record,
+    median_frame_rate,
+    open_new_dataset,
+    refuse_existing_file,
+)
 from taxel.sim.importers.rollout_names import ModelParts, find_parts
-from taxel.sim.importers.rollout_object import RolloutObject, object_of
+from taxel.sim.importers.rollout_object import RolloutObject, make_rollout_object
 from taxel.sim.importers.rollout_states import STATES, RolloutStates, read_states
 from taxel.sim.sensing import Sensing, sense
 from taxel.types import FloatArray
@@ -34,24 +40,24 @@ from taxel.types import FloatArray
 __all__ = ["import_rollout", "load_model"]
 
 NEAR_M = 0.010
-"""A contact on a body belongs to the nearest of its boards, if a taxel of it is as near as this."""
+"""A contact on a body belongs to the nearest board of this body, if one of its taxels is within this distance."""
 
 REPLAY_TOLERANCE = 1e-3
-"""How far a replay may leave the recorded qpos, metres or radians: a millimetre is what a taxel tells apart."""
+"""Largest deviation of a replay from the recorded qpos, metres or radians; small against a taxel of 3 mm."""
 
 
 def load_model(path: str | os.PathLike[str]) -> mujoco.MjModel:
-    """A model from MJCF or URDF (XML) or from a binary .mjb. Raises ImportDataError."""
-    source, file = Source(os.fspath(path)), Path(path)
+    """A MuJoCo model from an XML file (MJCF or URDF) or a binary file (.mjb). Raises ImportDataError."""
+    source, file = FileLocation(os.fspath(path)), Path(path)
     if not file.is_file():
         source.fail("a MuJoCo model", "a folder" if file.is_dir() else "no such file", "check the path")
-    binary = file.suffix.lower() == ".mjb"
-    read = mujoco.MjModel.from_binary_path if binary else mujoco.MjModel.from_xml_path
+    is_binary = file.suffix.lower() == ".mjb"
+    read = mujoco.MjModel.from_binary_path if is_binary else mujoco.MjModel.from_xml_path
     try:
         return read(os.fspath(file))
     except (ValueError, mujoco.FatalError) as error:
         reason = format_value(" ".join(str(error).split()))
-        source.fail("a model that MuJoCo reads", reason, "open it in MuJoCo's viewer to see the mistake")
+        source.fail("a model that MuJoCo reads", reason, "open it in MuJoCo's viewer to find the error")
 
 
 def import_rollout(
@@ -59,75 +65,84 @@ def import_rollout(
     states: str | os.PathLike[str],
     out: str | os.PathLike[str],
     *,
-    parts: Mapping[str, Any] | None = None,
-    parts_source: Source | None = None,
+    model_map: Mapping[str, Any] | None = None,
+    map_location: FileLocation | None = None,
     sensing: Sensing | None = None,
-    forward: bool = False,
+    is_replayed: bool = True,
     options: ImportOptions | None = None,
 ) -> ImportReport:
-    """Turn a rollout into a grasp dataset.
+    """Convert a rollout into a grasp dataset.
 
-    model: XML or MJB. states: .npz of qpos [T, nq] and, optionally, qvel, act, ctrl, mocap_pos, mocap_quat,
-    qfrc_applied, time [T], phase, grasp, approach, iteration, session (one, or [T]). parts: which parts of the model
-    are the boards and the object, see `rollout_names`; parts_source: its file. sensing: how wrenches become forces.
-    forward: with ctrl too, take the states as they stand instead of replaying them.
+    Args:
+        model: XML or MJB file.
+        states: .npz file with qpos [T, nq]; optional: qvel, act, ctrl, mocap_pos, mocap_quat, qfrc_applied, time [T],
+            and phase, grasp, approach, iteration, session (one value, or [T]).
+        out: the dataset.
+        model_map: names of the boards and of the object in the model, see `rollout_names`.
+        map_location: file of the map, for errors.
+        sensing: model that distributes the wrenches on boards over their taxels.
+        is_replayed: whether a rollout with ctrl is replayed; otherwise the recorded states are evaluated.
+        options: common options.
 
-    Raises ImportDataError for the first mistake in a file, DatasetError for `out`.
+    Raises:
+        ImportDataError: the first error in a file.
+        DatasetError: `out` cannot be written.
     """
     options, sensing = options or ImportOptions(), sensing or Sensing()
-    check_new(out, options.overwrite)
-    loaded = load_model(model)
-    source = parts_source or Source(os.fspath(model))
-    found = find_parts(loaded, options.hand, parts or {}, source)
-    thing = object_of(loaded, found, options.objects, source)
-    given = read_states(states, _row_shapes(loaded), loaded.opt.timestep)
-    grasps = given.grasps()
-    ids = dataset_ids([given.grasp[int(rows[0])] for rows in grasps])
-    rate = frame_rate([given.time_s[rows] for rows in grasps])
+    refuse_existing_file(out, options.overwrite)
+    loaded_model = load_model(model)
+    location = map_location or FileLocation(os.fspath(model))
+    parts = find_parts(loaded_model, options.hand, model_map or {}, location)
+    rollout_object = make_rollout_object(loaded_model, parts, options.objects, location)
+    recorded = read_states(states, _row_shapes(loaded_model), loaded_model.opt.timestep)
+    grasps = recorded.rows_by_grasp()
+    ids = dataset_ids([recorded.grasp[int(rows[0])] for rows in grasps])
+    rate = median_frame_rate([recorded.time_s[rows] for rows in grasps])
     layer = "coupled" if sensing.level == "coupled" else "uncoupled"
-    what = f"import of a MuJoCo rollout, {sensing.level} sensing"
-    report, run = ImportReport(), _Run(loaded, found, thing, options)
-    meshes = meshes_of([thing.item])
-    with new_dataset(out, options, meshes, rate, what, sensing.stiffness_n_per_m, layer) as writer:
+    description = f"import of a MuJoCo rollout, {sensing.level} sensing"
+    report, run = ImportReport(), _Run(loaded_model, parts, rollout_object, options)
+    meshes = make_meshes([rollout_object.grasp_object])
+    with open_new_dataset(out, options, meshes, rate, description, sensing.stiffness_n_per_m, layer) as writer:
         for name, rows in zip(ids, grasps, strict=True):
-            motion = run.motion(given, rows, forward)
-            _count(motion.contacts, report)
-            felt = _felt(name, given, rows, motion, thing, sensing, options)
-            writer.add(record_of(felt, options, given.source, report), name)
+            motion = run.compute_motion(recorded, rows, is_replayed)
+            _count_contacts(motion.contacts, report)
+            grasp = _import_grasp(name, recorded, int(rows[0]), motion, rollout_object, sensing, options)
+            writer.add(make_record(grasp, options, recorded.source, report), name)
     return report
 
 
-def _count(contacts: ContactPoints, report: ImportReport) -> None:
-    lost = contacts.board < 0
-    report.contacts += len(lost)
-    report.far_contacts += int(lost.sum())
-    report.far_force_n += float(np.linalg.norm(contacts.force[lost], axis=1).sum())
+def _count_contacts(contacts: ContactPoints, report: ImportReport) -> None:
+    is_far = contacts.board < 0
+    report.contacts += len(is_far)
+    report.far_contacts += int(is_far.sum())
+    report.far_force_n += float(np.linalg.norm(contacts.force[is_far], axis=1).sum())
 
 
-def _felt(
+def _import_grasp(
     name: str,
-    given: RolloutStates,
-    rows: NDArray[np.intp],
+    states: RolloutStates,
+    first_row: int,
     motion: GraspMotion,
-    thing: RolloutObject,
+    rollout_object: RolloutObject,
     sensing: Sensing,
     options: ImportOptions,
-) -> FeltGrasp:
-    first = int(rows[0])
-    felt = sense(options.hand, thing.item.shape, motion, sensing)
-    nominal = options.object_poses.get(thing.item.name, motion.object_pose[0])
-    return FeltGrasp(
+) -> ImportedGrasp:
+    """The grasp of a motion. first_row: row of its first state, for the labels of the grasp."""
+    grasp_object = rollout_object.grasp_object
+    sensed = sense(options.hand, grasp_object.shape, motion, sensing)
+    nominal_pose = options.object_poses.get(grasp_object.name, motion.object_pose[0])
+    return ImportedGrasp(
         name,
-        thing.item.name,
-        given.approach[first],
-        int(given.iteration[first]),
-        int(given.session[first]),
+        grasp_object.name,
+        states.approach[first_row],
+        int(states.iteration[first_row]),
+        int(states.session[first_row]),
         motion.time_s,
         motion.phase,
         motion.sensor_poses,
-        nominal,
-        felt.contact_force,
-        felt.separation,
+        nominal_pose,
+        sensed.contact_force,
+        sensed.separation,
     )
 
 
@@ -137,121 +152,130 @@ def _row_shapes(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Moment:
+class _Snapshot:
+    """One state of the model. sensors: f64[s, 4, 4], brackets. object_pose: f64[4, 4]. Both in the world."""
+
     sensors: FloatArray
-    object: FloatArray
+    object_pose: FloatArray
     contacts: StepContacts
 
 
 class _Run:
-    """A model with its parts, put into one state after the other."""
+    """A model with its parts, which is set to one recorded state after the other."""
 
-    def __init__(self, model: mujoco.MjModel, parts: ModelParts, thing: RolloutObject, options: ImportOptions) -> None:
-        self.model, self.parts, self.thing, self.options = model, parts, thing, options
+    def __init__(
+        self, model: mujoco.MjModel, parts: ModelParts, rollout_object: RolloutObject, options: ImportOptions
+    ) -> None:
+        self.model, self.parts, self.rollout_object, self.options = model, parts, rollout_object, options
         self.hand: Hand = options.hand
         self.data = mujoco.MjData(model)
 
-    def motion(self, states: RolloutStates, rows: NDArray[np.intp], forward: bool) -> GraspMotion:
-        """What moved and what pressed at the states `rows` of one grasp."""
-        replay = states.start_only or ("ctrl" in states.values and not forward)
-        moments: list[_Moment] = []
+    def compute_motion(self, states: RolloutStates, rows: NDArray[np.intp], is_replayed: bool) -> GraspMotion:
+        """Poses and contacts at the states `rows` of one grasp. Raises ImportDataError if a replay deviates."""
+        is_stepped = states.has_start_only or ("ctrl" in states.values and is_replayed)
+        snapshots: list[_Snapshot] = []
         for done, row in enumerate(rows.tolist()):
             self.options.progress(f"grasp {states.grasp[row]}", done, len(rows))
-            if not replay or done == 0:
+            if not is_stepped or done == 0:
                 mujoco.mj_resetData(self.model, self.data)
-                self._put(states, row, STATES)
+                self._set_values(states, row, STATES)
             else:
                 self._step_to(states, row)
-            moments.append(self._moment())
+            snapshots.append(self._take_snapshot())
         self.options.progress(f"grasp {states.grasp[int(rows[0])]}", len(rows), len(rows))
-        contacts = [moment.contacts for moment in moments]
-        sensors = np.stack([moment.sensors for moment in moments])
-        wrench = [board_wrenches(step, moment.sensors) for step, moment in zip(contacts, moments, strict=True)]
-        nothing = np.zeros((len(rows), 0))
+        contacts = [snapshot.contacts for snapshot in snapshots]
+        sensors = np.stack([snapshot.sensors for snapshot in snapshots])
+        wrench = [board_wrenches(step, snapshot.sensors) for step, snapshot in zip(contacts, snapshots, strict=True)]
+        no_joints = np.zeros((len(rows), 0))
         return GraspMotion(
             states.time_s[rows],
             states.phase[rows],
-            nothing,
-            nothing.reshape(len(rows), 0, 1, 1),
+            no_joints,
+            no_joints.reshape(len(rows), 0, 1, 1),
             sensors,
-            np.stack([moment.object for moment in moments]),
+            np.stack([snapshot.object_pose for snapshot in snapshots]),
             np.stack(wrench),
             ContactPoints.of(contacts),
         )
 
-    def _put(self, states: RolloutStates, row: int, names: tuple[str, ...]) -> None:
+    def _set_values(self, states: RolloutStates, row: int, names: tuple[str, ...]) -> None:
+        """Copy the arrays `names` of a recorded state into the model's data."""
         for name in names:
             if name in states.values:
                 values = states.values[name]
                 getattr(self.data, name)[...] = values[row if len(values) > 1 else 0]
 
     def _step_to(self, states: RolloutStates, row: int) -> None:
-        """Step from the state before to `row` under what was commanded there."""
-        self._put(states, row - 1, ("ctrl", "mocap_pos", "mocap_quat", "qfrc_applied"))
-        passed, step = states.time_s[row] - states.time_s[row - 1], self.model.opt.timestep
-        for _ in range(max(round(passed / step), 1)):
+        """Step from the state before `row` to `row` with the controls of the state before. Raises ImportDataError."""
+        self._set_values(states, row - 1, ("ctrl", "mocap_pos", "mocap_quat", "qfrc_applied"))
+        elapsed_s, step_s = states.time_s[row] - states.time_s[row - 1], self.model.opt.timestep
+        for _ in range(max(round(elapsed_s / step_s), 1)):
             mujoco.mj_step(self.model, self.data)
-        self._put(states, row, ("mocap_pos", "mocap_quat"))
-        if states.start_only:
+        self._set_values(states, row, ("mocap_pos", "mocap_quat"))
+        if states.has_start_only:
             return
-        apart = np.abs(self.data.qpos - states.values["qpos"][row])
-        if apart.max(initial=0.0) > REPLAY_TOLERANCE:
-            at = int(np.argmax(apart))
-            expected = f"the state that stepping under ctrl leads to, within {REPLAY_TOLERANCE:g}"
-            remedy = "save ctrl and time at every step, or take the states as they stand (--forward)"
-            states.source.key(f"qpos[{row}, {at}]").fail(expected, f"one {apart[at]:.3g} away", remedy)
+        deviation = np.abs(self.data.qpos - states.values["qpos"][row])
+        if deviation.max(initial=0.0) > REPLAY_TOLERANCE:
+            index = int(np.argmax(deviation))
+            expected = f"the result of stepping with ctrl, within {REPLAY_TOLERANCE:g}"
+            remedy = "save ctrl and time at every step, or evaluate the recorded states (--forward)"
+            found = f"a deviation of {deviation[index]:.3g}"
+            states.source.key(f"qpos[{row}, {index}]").fail(expected, found, remedy)
 
-    def _moment(self) -> _Moment:
+    def _take_snapshot(self) -> _Snapshot:
         mujoco.mj_forward(self.model, self.data)
         body = self.parts.board_body
         sensors = _poses(self.data.xmat[body], self.data.xpos[body]) @ self.parts.board_pose
-        item = self.parts.object_body
-        where = _poses(self.data.xmat[item], self.data.xpos[item]) @ self.thing.frame
-        return _Moment(sensors, where, self._contacts(sensors))
+        object_body = self.parts.object_body
+        body_pose = _poses(self.data.xmat[object_body], self.data.xpos[object_body])
+        return _Snapshot(sensors, body_pose @ self.rollout_object.frame, self._find_contacts(sensors))
 
-    def _contacts(self, sensors: FloatArray) -> StepContacts:
-        """Contact points of anything with the object, forces on the side that is not the object."""
+    def _find_contacts(self, sensors: FloatArray) -> StepContacts:
+        """Contact points between the object and bodies with boards; forces and normals act on the boards."""
         contact = self.data.contact
         geoms = np.asarray(contact.geom, dtype=np.int64).reshape(-1, 2)
-        is_object = self.thing.geoms[geoms]
-        used = np.flatnonzero((is_object.sum(axis=1) == 1) & (np.asarray(contact.efc_address) >= 0))
-        first = is_object[used, 0]  # MuJoCo's normal points from the first geom to the second
-        other = np.where(first, geoms[used, 1], geoms[used, 0])
-        frame = np.asarray(contact.frame)[used].reshape(-1, 3, 3)
-        own, wrench = np.zeros((len(used), 3)), np.zeros(6)
-        for row, index in enumerate(used):
+        is_object = self.rollout_object.is_geom[geoms]
+        # efc_address is -1 for a contact without a force, such as one within the margin.
+        indices = np.flatnonzero((is_object.sum(axis=1) == 1) & (np.asarray(contact.efc_address) >= 0))
+        is_object_first = is_object[indices, 0]  # MuJoCo's normal points from the first geom to the second
+        other_geom = np.where(is_object_first, geoms[indices, 1], geoms[indices, 0])
+        frame = np.asarray(contact.frame)[indices].reshape(-1, 3, 3)
+        local_force, wrench = np.zeros((len(indices), 3)), np.zeros(6)
+        for row, index in enumerate(indices):
             mujoco.mj_contactForce(self.model, self.data, int(index), wrench)
-            own[row] = wrench[:3]
-        sign = np.where(first, 1.0, -1.0)[:, None]
-        position = np.asarray(contact.pos)[used].copy()
-        force = sign * np.einsum("ci,cij->cj", own, frame)
-        board = self._board(other, position, sensors)
-        kept = (board >= 0) | self._on_hand(other)
-        depth = -np.asarray(contact.dist)[used]
-        return StepContacts(board[kept], position[kept], (sign * frame[:, 0])[kept], depth[kept], force[kept])
+            local_force[row] = wrench[:3]
+        sign = np.where(is_object_first, 1.0, -1.0)[:, None]
+        normal = sign * frame[:, 0]
+        position = np.asarray(contact.pos)[indices].copy()
+        force = sign * np.einsum("ci,cij->cj", local_force, frame)
+        board = self._find_boards(other_geom, position, sensors)
+        on_hand = (board >= 0) | self._is_on_hand(other_geom)
+        depth = -np.asarray(contact.dist)[indices]
+        return StepContacts(board[on_hand], position[on_hand], normal[on_hand], depth[on_hand], force[on_hand])
 
-    def _on_hand(self, geom: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether geoms sit on a body that carries boards: others, such as a table, do not touch the hand."""
+    def _is_on_hand(self, geom: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether each geom belongs to a body with boards, bool[c]; other bodies are, for example, a table."""
         return np.isin(self.model.geom_bodyid[geom], self.parts.board_body)
 
-    def _board(self, geom: NDArray[np.int64], position: FloatArray, sensors: FloatArray) -> NDArray[np.int64]:
-        """The board that each contact point is on, i64[c]; -1: none."""
+    def _find_boards(self, geom: NDArray[np.int64], position: FloatArray, sensors: FloatArray) -> NDArray[np.int64]:
+        """The board of each contact point, i64[c]; -1: none."""
         board = self.parts.board_of_geom[geom]
-        unsure = np.flatnonzero(board < 0)
-        if not len(unsure) or not self.parts.by_body.any():
+        without_geom = np.flatnonzero(board < 0)
+        if not len(without_geom) or not self.parts.is_by_body.any():
             return board
         centres = compute_taxel_positions(self.hand, sensors)
-        body_of_taxel = np.where(self.parts.by_body, self.parts.board_body, -1)[self.hand.board_index]
-        for index in unsure:
-            near = np.linalg.norm(centres - position[index], axis=1)
-            near[body_of_taxel != self.model.geom_bodyid[geom[index]]] = np.inf
-            taxel = int(np.argmin(near))
-            if near[taxel] <= NEAR_M:
+        body_of_taxel = np.where(self.parts.is_by_body, self.parts.board_body, -1)[self.hand.board_index]
+        for index in without_geom:
+            distance = np.linalg.norm(centres - position[index], axis=1)
+            distance[body_of_taxel != self.model.geom_bodyid[geom[index]]] = np.inf
+            taxel = int(np.argmin(distance))
+            if distance[taxel] <= NEAR_M:
                 board[index] = self.hand.board_index[taxel]
         return board
 
 
 def _poses(rotations: FloatArray, origins: FloatArray) -> FloatArray:
+    """Poses f64[..., 4, 4] from rotation matrices f64[..., 9] and origins f64[..., 3]."""
     result = np.zeros((*origins.shape[:-1], 4, 4))
     result[..., :3, :3] = rotations.reshape(*origins.shape[:-1], 3, 3)
     result[..., :3, 3] = origins

@@ -1,11 +1,11 @@
-"""What all imports have in common: the hand, the objects and where they stand, the sensor, the baseline."""
+"""Options and report that all imports have in common."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from taxel.grasp.objects import GraspObject, make_thesis_objects
 from taxel.hand import Hand, load_hand
-from taxel.sim.importers.csv_table import Progress, silent
+from taxel.sim.importers.csv_table import Progress, ignore_progress
 from taxel.sim.sensor_model import SimSensor
 from taxel.types import FloatArray
 
@@ -16,29 +16,34 @@ __all__ = ["ImportOptions", "ImportReport"]
 class ImportOptions:
     """Common options.
 
-    objects: known shapes by name. object_poses: f64[4, 4] in the world by name of the object, as measured.
-    wrist: f64[4, 4], the wrist link in the world, for joint angles of the hand alone. baseline_frames: frames without
-    contact are added before a grasp that has fewer of phase 0; None: such a grasp is refused. sensor, seed: how force
-    becomes counts, and its noise. overwrite: replace a file that exists. progress: told how far the import is.
+    Attributes:
+        objects: known shapes by name.
+        object_poses: calibrated poses f64[4, 4] in the world by name of the object.
+        wrist_pose: f64[4, 4], pose of the wrist link in the world, for files with the joint angles of the hand only.
+        baseline_frames: required number of frames of the phase baseline; frames without contact are added before a
+            grasp with fewer frames. None: a grasp without enough baseline frames is refused.
+        sensor: sensor model that converts forces into counts. seed: of its noise.
+        overwrite: replace an existing file.
+        progress: called with the current step and its progress.
     """
 
     hand: Hand = field(default_factory=lambda: load_hand("allegro"))
     objects: Mapping[str, GraspObject] = field(default_factory=make_thesis_objects)
     object_poses: Mapping[str, FloatArray] = field(default_factory=dict)
-    wrist: FloatArray | None = None
+    wrist_pose: FloatArray | None = None
     baseline_frames: int | None = None
     sensor: SimSensor = field(default_factory=SimSensor)
     seed: int = 1
     overwrite: bool = False
-    progress: Progress = silent
+    progress: Progress = ignore_progress
 
 
 @dataclass
 class ImportReport:
-    """What was imported.
+    """Numbers of imported items.
 
-    grasps, frames: written; added_frames of these are baseline frames that no file held. contacts: contact points
-    read. far_contacts: those that no taxel feels, and far_force_n the sum of their forces, newtons.
+    grasps, frames: written to the dataset. added_frames: baseline frames among them that were added. contacts: contact
+    points that were read. far_contacts: contact points that act on no taxel. far_force_n: sum of their forces, newtons.
     """
 
     grasps: int = 0

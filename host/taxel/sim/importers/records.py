@@ -1,4 +1,4 @@
-"""From forces on taxels to the grasps of a new dataset, whole or not at all."""
+"""Writing of imported grasps into a new dataset: baseline frames, counts, and the tables of the hand."""
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
@@ -21,25 +21,25 @@ from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.recording.grasp_storage import check_target, part_path, put_in_place, writing_errors
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
-from taxel.sim.importers.errors import Source
+from taxel.sim.importers.errors import FileLocation
 from taxel.sim.importers.options import ImportOptions, ImportReport
 from taxel.sim.separation import MISS_M
 from taxel.types import FloatArray
 
-__all__ = ["RATE_HZ", "FeltGrasp", "check_new", "frame_rate", "new_dataset", "record_of"]
+__all__ = ["RATE_HZ", "ImportedGrasp", "make_record", "median_frame_rate", "open_new_dataset", "refuse_existing_file"]
 
 RATE_HZ = 20.0
-"""Where the files do not say how fast frames follow each other: that of the simulator's own grasps."""
+"""Frame rate of a file without times: the frame rate of this project's simulator."""
 
-_STREAM = 4
+_STREAM = 4  # separates the noise of imports from other random numbers of the same seed
 
 
 @dataclass(frozen=True, eq=False)
-class FeltGrasp:
-    """One grasp with what its taxels feel, T frames.
+class ImportedGrasp:
+    """One grasp of T frames with the forces on its taxels.
 
     time_s: f64[T]. phase: u8[T]. sensor_pose: f64[T, s, 4, 4], world. object_pose: f64[4, 4], nominal, world.
-    contact_force: f64[T, n], newtons. separation: f64[T, n], metres. joints: f64[T, j], radians, or None.
+    contact_force: f64[T, n], newtons. separation: f64[T, n], metres. joints: f64[T, j], radians; None if unknown.
     """
 
     id: str
@@ -56,113 +56,117 @@ class FeltGrasp:
     joints: FloatArray | None = None
 
 
-def check_new(path: str | os.PathLike[str], overwrite: bool) -> None:
-    """Refuse a file that exists, before any long reading; raises DatasetError."""
+def refuse_existing_file(path: str | os.PathLike[str], overwrite: bool) -> None:
+    """Raise DatasetError if the file exists and must not be replaced, before the inputs are read."""
     check_target(Path(path), overwrite, Location(str(path)))
 
 
-def frame_rate(times: Iterable[FloatArray]) -> float:
-    """Frames a second, from the median step of all grasps' times; `RATE_HZ` where none has two frames."""
-    steps = np.concatenate([np.zeros(0), *(np.diff(own) for own in times)])
+def median_frame_rate(times: Iterable[FloatArray]) -> float:
+    """Frame rate in hertz from the median time step of all grasps; `RATE_HZ` if no grasp has two frames."""
+    steps = np.concatenate([np.zeros(0), *(np.diff(grasp_times) for grasp_times in times)])
     steps = steps[steps > 0]
     return float(1.0 / np.median(steps)) if len(steps) else RATE_HZ
 
 
 @contextmanager
-def new_dataset(
+def open_new_dataset(
     path: str | os.PathLike[str],
     options: ImportOptions,
     meshes: Mapping[str, ObjectMesh],
     rate_hz: float,
-    what: str,
+    description: str,
     stiffness_n_per_m: float | None = None,
     layer: str | None = None,
 ) -> Iterator[GraspDatasetWriter]:
-    """A writer beside `path`, which is put there once all grasps are written. what: for the dataset's generator.
+    """A writer of a temporary file, which replaces `path` when all grasps are written.
 
-    Raises DatasetError as the writer does, under the name of `path`.
+    description: for the attribute generator of the dataset. layer: "coupled" or "uncoupled", the soft layer.
+    Raises DatasetError as the writer does, with the name of `path`.
     """
-    target, place = Path(path), Location(str(path))
-    check_target(target, options.overwrite, place)
-    whole = target.with_name(f".{target.name}.import")
+    target, location = Path(path), Location(str(path))
+    check_target(target, options.overwrite, location)
+    temporary = target.with_name(f".{target.name}.import")
     sensor = options.sensor
     model = SensorModel(**sensor.attributes(), contact_stiffness_n_per_m=stiffness_n_per_m, layer=layer)
     try:
         with GraspDatasetWriter.create(
-            whole,
+            temporary,
             DatasetHeader(
                 source="sim",
                 hand=options.hand.name,
                 taxels=_taxel_table(options.hand),
                 sensors=_sensor_table(options.hand, rate_hz),
                 objects=meshes,
-                generator=f"taxel {version('taxel')}; {what}, seed {options.seed}",
+                generator=f"taxel {version('taxel')}; {description}, seed {options.seed}",
                 sensor_model=model,
             ),
             overwrite=True,
         ) as out:
             yield out
-        with writing_errors(place):
-            put_in_place(whole, target, options.overwrite, place)
+        with writing_errors(location):
+            put_in_place(temporary, target, options.overwrite, location)
     except DatasetError as error:
-        if error.file != format_path(whole):
+        if error.file != format_path(temporary):
             raise
         raise DatasetError(format_path(path), *error.args[1:]) from None
     finally:
-        whole.unlink(missing_ok=True)
-        part_path(whole).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
+        part_path(temporary).unlink(missing_ok=True)
 
 
-def record_of(felt: FeltGrasp, options: ImportOptions, source: Source, report: ImportReport) -> GraspRecord:
-    """The record of a grasp: with its baseline, and with counts. Its noise depends on the seed and the id alone.
+def make_record(
+    grasp: ImportedGrasp, options: ImportOptions, source: FileLocation, report: ImportReport
+) -> GraspRecord:
+    """The record of a grasp with its baseline frames and counts. Its noise depends only on the seed and the id.
 
-    Raises ImportDataError for too few baseline frames that were not asked to be added.
+    Raises ImportDataError for too few baseline frames if the options do not add frames.
     """
-    added = _missing_baseline(felt, options.baseline_frames, source)
-    times, step = felt.time_s, 1.0 / frame_rate([felt.time_s])
+    added = _count_missing_baseline(grasp, options.baseline_frames, source)
+    times, step = grasp.time_s, 1.0 / median_frame_rate([grasp.time_s])
     before = times[0] - step * np.arange(added, 0, -1)
-    force = np.concatenate([np.zeros((added, felt.contact_force.shape[1])), felt.contact_force])
-    separation = np.concatenate([np.full((added, felt.separation.shape[1]), MISS_M), felt.separation])
-    rng = np.random.default_rng([options.seed, _STREAM, *felt.id.encode()])
-    hold = np.flatnonzero(felt.phase == Phase.HOLD)
+    force = np.concatenate([np.zeros((added, grasp.contact_force.shape[1])), grasp.contact_force])
+    separation = np.concatenate([np.full((added, grasp.separation.shape[1]), MISS_M), grasp.separation])
+    rng = np.random.default_rng([options.seed, _STREAM, *grasp.id.encode()])
+    hold = np.flatnonzero(grasp.phase == Phase.HOLD)
     middle = int(hold[len(hold) // 2]) if len(hold) else len(times) - 1
     frames = len(times) + added
     report.grasps += 1
     report.frames += frames
     report.added_frames += added
     return GraspRecord(
-        object=felt.object,
-        approach=felt.approach,
-        iteration=felt.iteration,
-        session=felt.session,
+        object=grasp.object,
+        approach=grasp.approach,
+        iteration=grasp.iteration,
+        session=grasp.session,
         timestamp=np.concatenate([before, times]),
-        phase=np.concatenate([np.full(added, Phase.BASELINE, np.uint8), felt.phase]),
+        phase=np.concatenate([np.full(added, Phase.BASELINE, np.uint8), grasp.phase]),
         raw_counts=options.sensor.raw_counts(options.hand, force, rng),
         valid=np.ones((frames, len(options.hand.boards)), bool),
-        sensor_pose=felt.sensor_pose[middle],
-        object_pose=felt.object_pose,
-        # Where joint angles tell how the hand moved, poses over time would say it again.
-        sensor_pose_t=None if felt.joints is not None else _from_first(felt.sensor_pose, added),
-        joint_position=None if felt.joints is None else _from_first(felt.joints, added),
+        sensor_pose=grasp.sensor_pose[middle],
+        object_pose=grasp.object_pose,
+        # With joint angles, poses over time would be redundant.
+        sensor_pose_t=None if grasp.joints is not None else _repeat_first(grasp.sensor_pose, added),
+        joint_position=None if grasp.joints is None else _repeat_first(grasp.joints, added),
         contact_force=force,
         separation=separation,
     )
 
 
-def _from_first(values: FloatArray, added: int) -> FloatArray:
-    """The values with the first one repeated before them."""
+def _repeat_first(values: FloatArray, added: int) -> FloatArray:
+    """The values, after `added` copies of the first value."""
     return np.concatenate([np.repeat(values[:1], added, axis=0), values])
 
 
-def _missing_baseline(felt: FeltGrasp, wanted: int | None, source: Source) -> int:
-    there = int((felt.phase == Phase.BASELINE).sum())
-    if wanted is None:
-        if there < BASELINE_FRAMES:
-            expected = f"{BASELINE_FRAMES} frames of phase 0 (baseline) in grasp {format_value(felt.id)}"
-            remedy = "without a baseline nobody can tell what is active; record it, or add --baseline-frames 100"
-            source.fail(expected, str(there), remedy)
+def _count_missing_baseline(grasp: ImportedGrasp, required_frames: int | None, source: FileLocation) -> int:
+    """Number of baseline frames to add. Raises ImportDataError for too few frames if none are to be added."""
+    baseline_frames = int((grasp.phase == Phase.BASELINE).sum())
+    if required_frames is None:
+        if baseline_frames < BASELINE_FRAMES:
+            expected = f"{BASELINE_FRAMES} frames of phase 0 (baseline) in grasp {format_value(grasp.id)}"
+            remedy = "taxels are active relative to a baseline; record a baseline, or add --baseline-frames 100"
+            source.fail(expected, str(baseline_frames), remedy)
         return 0
-    return max(wanted - there, 0)
+    return max(required_frames - baseline_frames, 0)
 
 
 def _taxel_table(hand: Hand) -> TaxelTable:

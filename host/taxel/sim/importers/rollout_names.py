@@ -1,15 +1,15 @@
-"""Which parts of a user's MuJoCo model are the boards and the object.
+"""Assignment of the parts of a MuJoCo model to the boards of the hand and to the object.
 
-A map is TOML (or the same as a dictionary)::
+The model map is a TOML file (or an equal dictionary)::
 
-    prefix = "rh_"                       # of the links' bodies; found by itself where all links have one
+    prefix = "rh_"                       # common prefix of the bodies of the links; default: found automatically
     [object]
-    body = "can"                         # the object's body
-    known = "cylinder"                   # a known shape in that body's frame; else the shape of its one geom
+    body = "can"                         # body of the object; default: "object"
+    known = "cylinder"                   # a known shape in the frame of the body; default: the shape of its only geom
     [boards]
     palm = "palm_pad"                    # a geom, a body or a site
     fingertip_index = { body = "ff_tip" }
-    fingertip_thumb = { site = "thumb_bracket" }   # a site is the bracket's frame itself
+    fingertip_thumb = { site = "thumb_bracket" }   # the frame of a site is the frame of the bracket
 """
 
 import os
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from taxel.hand import Hand
 from taxel.hand.errors import HandGeometryError, format_value
 from taxel.hand.transforms import make_pose
-from taxel.sim.importers.errors import Source, near_names
+from taxel.sim.importers.errors import FileLocation, suggest_names
 from taxel.types import FloatArray
 
 __all__ = ["ModelParts", "find_parts", "load_map", "model_names"]
@@ -43,182 +43,180 @@ _KEYS = ("prefix", "object", "boards")
 
 @dataclass(frozen=True, eq=False)
 class ModelParts:
-    """Parts of a model, s boards.
+    """Parts of a model for s boards and the object.
 
-    board_body: i64[s], the body that carries each board. board_pose: f64[s, 4, 4], its bracket in that body.
-    board_of_geom: i64[geoms], the board of a geom's contacts; -1: none, or that of `board_body` which is nearest.
-    object_body: of the object. known: name of a known shape in its frame, or "".
+    board_body: i64[s], index of the body of each board. board_pose: f64[s, 4, 4], bracket in the frame of the body.
+    board_of_geom: i64[geoms], board of the contacts of a geom; -1: not assigned to a board. is_by_body: bool[s],
+    whether a board has no geom of its own, so that it gets the contacts of its body near its taxels. object_body: index
+    of the body of the object. known_shape: name of a known shape in the frame of this body, or "".
     """
 
     board_body: NDArray[np.int64]
     board_pose: FloatArray
     board_of_geom: NDArray[np.int64]
-    by_body: NDArray[np.bool_]
+    is_by_body: NDArray[np.bool_]
     object_body: int
-    known: str
+    known_shape: str
 
 
-def load_map(path: str | os.PathLike[str]) -> tuple[dict[str, Any], Source]:
-    """Read a map; raises ImportDataError for what is not TOML."""
-    source, file = Source(os.fspath(path)), Path(path)
+def load_map(path: str | os.PathLike[str]) -> tuple[dict[str, Any], FileLocation]:
+    """Read a model map and its location for errors. Raises ImportDataError for a file that is not TOML."""
+    source, file = FileLocation(os.fspath(path)), Path(path)
     if not file.is_file():
         source.fail("a TOML file", "a folder" if file.is_dir() else "no such file", "check the path")
     try:
         return tomllib.loads(file.read_text(encoding="utf-8")), source
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        source.fail("valid TOML", format_value(str(error).partition("\n")[0]), "correct the syntax there")
+        source.fail("valid TOML", format_value(str(error).partition("\n")[0]), "correct the syntax")
     except OSError as error:
         source.fail("a readable file", error.strerror or type(error).__name__, "check its permissions")
 
 
 def model_names(model: mujoco.MjModel, kind: str) -> list[str]:
-    """Names of the geoms, bodies or sites of a model, "" where one has none."""
+    """Names of the geoms, bodies or sites of a model by index; "" without a name. kind: one of `KINDS`."""
     return [mujoco.mj_id2name(model, _TYPES[kind], index) or "" for index in range(getattr(model, _SIZES[kind]))]
 
 
-def find_parts(model: mujoco.MjModel, hand: Hand, given: Mapping[str, Any], source: Source) -> ModelParts:
-    """Find the boards and the object. given: a map, see above; source: where it is from, for errors.
+def find_parts(model: mujoco.MjModel, hand: Hand, model_map: Mapping[str, Any], source: FileLocation) -> ModelParts:
+    """The parts of a model. model_map: as in the docstring of this module. source: location of the map, for errors.
 
-    A board without an entry is the geom of its name, or sits on the body of its link; a common prefix of all of these
-    is found, such as "link:" or "rh_". Raises ImportDataError for a name that the model lacks,
-    HandGeometryError for a hand without links.
+    A board without an entry in the map is the geom with the name of the board, or belongs to the body with the name of
+    its link. A common prefix of all these names, such as "link:" or "rh_", is found automatically.
+
+    Raises ImportDataError for a name that the model lacks, HandGeometryError for a hand without links.
     """
-    for key in given:
+    for key in model_map:
         if key not in _KEYS:
-            source.key(key).fail("known keys", "an unknown one", f"correct or remove it ({near_names(key, _KEYS)})")
+            source.key(key).fail("a known key", "an unknown key", f"correct or remove it ({suggest_names(key, _KEYS)})")
     if any(board.link_name is None or board.pose is None for board in hand.boards):
         raise HandGeometryError(hand.name)
     names = {kind: model_names(model, kind) for kind in KINDS}
-    finder = _Finder(model, hand, names, source)
-    boards = _table(given.get("boards", {}), source.key("boards"))
+    finder = _PartFinder(model, hand, names, source)
+    boards = _require_table(model_map.get("boards", {}), source.key("boards"))
     for name in boards:
         if name not in {board.name for board in hand.boards}:
-            near = near_names(name, [board.name for board in hand.boards])
-            source.key("boards").key(name).fail(f"a board of {hand.name}", "another name", near)
-    entries = {name: finder.entry(value, source.key("boards").key(name)) for name, value in boards.items()}
-    entries.update(
-        finder.others([board.name for board in hand.boards if board.name not in entries], given.get("prefix"))
-    )
-    object_body, known = finder.item(_table(given.get("object", {}), source.key("object")))
-    return finder.parts(entries, object_body, known)
+            suggestion = suggest_names(name, [board.name for board in hand.boards])
+            source.key("boards").key(name).fail(f"a board of {hand.name}", "another name", suggestion)
+    entries = {name: finder.find_entry(value, source.key("boards").key(name)) for name, value in boards.items()}
+    unlisted = [board.name for board in hand.boards if board.name not in entries]
+    entries.update(finder.find_unlisted(unlisted, model_map.get("prefix")))
+    object_body, known_shape = finder.find_object(_require_table(model_map.get("object", {}), source.key("object")))
+    return finder.make_parts(entries, object_body, known_shape)
 
 
-def _table(value: Any, place: Source) -> dict[str, Any]:
+def _require_table(value: Any, location: FileLocation) -> dict[str, Any]:
     if not isinstance(value, Mapping):
-        place.fail("a table", format_value(value), "write it as in the documentation")
+        location.fail("a table", format_value(value), "write it as in docs/how-to-import.md")
     return dict(value)
 
 
-class _Finder:
-    """Names of a model, and what they stand for."""
+class _PartFinder:
+    """Finds parts of a model by their names. An entry is a kind of `KINDS` and an index in the model."""
 
-    def __init__(self, model: mujoco.MjModel, hand: Hand, names: Mapping[str, Sequence[str]], source: Source) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, hand: Hand, names: Mapping[str, Sequence[str]], source: FileLocation
+    ) -> None:
         self.model, self.hand, self.names, self.source = model, hand, names, source
 
-    def entry(self, value: Any, place: Source) -> tuple[str, int]:
-        """Kind and index of what an entry names: a name, or a table of kind and name."""
+    def find_entry(self, value: Any, location: FileLocation) -> tuple[str, int]:
+        """The entry for a value of the map: a name, or a table of kind and name. Raises ImportDataError."""
         if isinstance(value, str):
             kinds = [kind for kind in KINDS if value in self.names[kind] and value]
             if len(kinds) > 1:
-                place.fail(
-                    f"one of {', '.join(KINDS)}",
-                    f"{format_value(value)} as {' and '.join(kinds)}",
-                    "write { body = ... }",
-                )
+                found = f"{format_value(value)} as {' and '.join(kinds)}"
+                location.fail(f"one of {', '.join(KINDS)}", found, f"write {{ {kinds[0]} = {format_value(value)} }}")
             if not kinds:
-                self._missing(value, KINDS, place)
+                self._fail_for_unknown_name(value, KINDS, location)
             return kinds[0], self.names[kinds[0]].index(value)
         if not isinstance(value, Mapping) or len(value) != 1 or next(iter(value)) not in KINDS:
-            place.fail("a name, or { geom, body or site = name }", format_value(value), "write it so")
+            location.fail("a name, or { geom, body or site = name }", format_value(value), "use one of these formats")
         kind, name = next(iter(value.items()))
         if not isinstance(name, str) or not name or name not in self.names[kind]:
-            self._missing(str(name), (kind,), place)
+            self._fail_for_unknown_name(str(name), (kind,), location)
         return kind, self.names[kind].index(name)
 
-    def _missing(self, name: str, kinds: Sequence[str], place: Source) -> None:
-        known = dict.fromkeys(name for kind in kinds for name in self.names[kind] if name)
-        place.fail(
-            f"a {' or '.join(kinds)} of the model", f"{format_value(name)}, which it lacks", near_names(name, known)
-        )
+    def _fail_for_unknown_name(self, name: str, kinds: Sequence[str], location: FileLocation) -> None:
+        known_names = dict.fromkeys(name for kind in kinds for name in self.names[kind] if name)
+        found = f"{format_value(name)}, which the model lacks"
+        location.fail(f"a {' or '.join(kinds)} of the model", found, suggest_names(name, known_names))
 
-    def others(self, boards: Sequence[str], prefix: Any) -> dict[str, tuple[str, int]]:
-        """What the boards without an entry are."""
+    def find_unlisted(self, boards: Sequence[str], prefix: Any) -> dict[str, tuple[str, int]]:
+        """Entries of the boards that the map does not list, by name. Raises ImportDataError."""
         if not boards:
             return {}
         if prefix is not None and not isinstance(prefix, str):
-            self.source.key("prefix").fail("a text", format_value(prefix), "write the part before the links' names")
+            self.source.key("prefix").fail(
+                "a text", format_value(prefix), "write the common beginning of the names of the links"
+            )
         links = {board.name: str(board.link_name) for board in self.hand.boards if board.name in boards}
-        found = self._with_prefix("geom", {name: name for name in boards}, prefix)
-        if found is None:
-            found = self._with_prefix("body", links, prefix)
-        if found is None:
-            self._lacking(links, prefix)
-        return found
+        entries = self._find_with_prefix("geom", {name: name for name in boards}, prefix)
+        if entries is None:
+            entries = self._find_with_prefix("body", links, prefix)
+        if entries is None:
+            self._fail_for_missing_body(links, prefix)
+        return entries
 
-    def _with_prefix(
-        self, kind: str, wanted: Mapping[str, str], prefix: str | None
+    def _find_with_prefix(
+        self, kind: str, name_of_board: Mapping[str, str], prefix: str | None
     ) -> dict[str, tuple[str, int]] | None:
-        """What the boards are if one prefix makes all the wanted names into names of the model."""
+        """Entries of the boards by name, if with one prefix all names are names of the model; else None."""
         names = self.names[kind]
-        for start in self._prefixes(kind, next(iter(wanted.values())), prefix):
-            if all(start + name in names for name in wanted.values()):
-                return {board: (kind, names.index(start + name)) for board, name in wanted.items()}
+        for start in self._possible_prefixes(kind, next(iter(name_of_board.values())), prefix):
+            if all(start + name in names for name in name_of_board.values()):
+                return {board: (kind, names.index(start + name)) for board, name in name_of_board.items()}
         return None
 
-    def _lacking(self, links: Mapping[str, str], prefix: str | None) -> NoReturn:
-        """Refuse a model without a body for the link of every board."""
-        boards = list(links)
-        starts = [*self._prefixes("body", links[boards[0]], prefix), prefix or ""]
-        best = max(starts, key=lambda start: sum(start + links[name] in self.names["body"] for name in boards))
-        lost = next(name for name in boards if best + links[name] not in self.names["body"])
-        place = self.source.key("boards").key(lost)
-        near = near_names(best + links[lost], [name for name in self.names["body"] if name])
-        found = f"no body {format_value(best + links[lost])}"
-        place.fail("a body, geom or site for every board", found, f"name it under [boards] ({near})")
+    def _fail_for_missing_body(self, links: Mapping[str, str], prefix: str | None) -> NoReturn:
+        """Raise ImportDataError for the first board without a body, with the prefix that fits most boards."""
+        boards, bodies = list(links), self.names["body"]
+        prefixes = [*self._possible_prefixes("body", links[boards[0]], prefix), prefix or ""]
+        best = max(prefixes, key=lambda start: sum(start + links[name] in bodies for name in boards))
+        board = next(name for name in boards if best + links[name] not in bodies)
+        suggestion = suggest_names(best + links[board], [name for name in bodies if name])
+        found = f"no body {format_value(best + links[board])}"
+        remedy = f"name it under [boards] ({suggestion})"
+        self.source.key("boards").key(board).fail("a body, geom or site for every board", found, remedy)
 
-    def _prefixes(self, kind: str, ending: str, prefix: Any) -> Iterator[str]:
+    def _possible_prefixes(self, kind: str, ending: str, prefix: Any) -> Iterator[str]:
+        """The given prefix, or else all beginnings of names of the model that end with `ending`, the shortest first."""
         if prefix is not None:
             yield prefix
             return
         yield from sorted({name.removesuffix(ending) for name in self.names[kind] if name.endswith(ending)}, key=len)
 
-    def item(self, given: dict[str, Any]) -> tuple[int, str]:
-        """The object's body and the name of its known shape, or ""."""
-        place = self.source.key("object")
-        for key in given:
+    def find_object(self, table: dict[str, Any]) -> tuple[int, str]:
+        """Index of the body of the object, and the name of its known shape or "". Raises ImportDataError."""
+        location = self.source.key("object")
+        for key in table:
             if key not in ("body", "known"):
-                place.key(key).fail("body or known", "an unknown key", near_names(key, ("body", "known")))
-        known = given.get("known", "")
-        if not isinstance(known, str):
-            place.key("known").fail("a name", format_value(known), "name a known object, or leave it out")
-        wanted = given.get("body", "object")
-        if wanted not in self.names["body"] or not wanted:
-            self._missing(str(wanted), ("body",), place.key("body"))
-        return self.names["body"].index(wanted), known
+                location.key(key).fail("body or known", "an unknown key", suggest_names(key, ("body", "known")))
+        known_shape = table.get("known", "")
+        if not isinstance(known_shape, str):
+            location.key("known").fail("a name", format_value(known_shape), "name a known object, or remove the key")
+        body = table.get("body", "object")
+        if body not in self.names["body"] or not body:
+            self._fail_for_unknown_name(str(body), ("body",), location.key("body"))
+        return self.names["body"].index(body), known_shape
 
-    def parts(self, entries: Mapping[str, tuple[str, int]], object_body: int, known: str) -> ModelParts:
-        """Bodies, bracket poses and geoms of all boards."""
+    def make_parts(self, entries: Mapping[str, tuple[str, int]], object_body: int, known_shape: str) -> ModelParts:
+        """The parts for the entries of all boards. Raises ImportDataError for two boards with the same geom."""
         model, boards = self.model, self.hand.boards
-        body, place = np.zeros(len(boards), np.int64), np.zeros((len(boards), 4, 4))
-        of_geom, by_body = np.full(model.ngeom, -1, np.int64), np.zeros(len(boards), bool)
-        for index, board in enumerate(boards):
-            kind, where = entries[board.name]
+        body, pose = np.zeros(len(boards), np.int64), np.zeros((len(boards), 4, 4))
+        board_of_geom, is_by_body = np.full(model.ngeom, -1, np.int64), np.zeros(len(boards), bool)
+        for number, board in enumerate(boards):
+            kind, index = entries[board.name]
             if kind == "site":
-                body[index], place[index] = (
-                    model.site_bodyid[where],
-                    make_pose(model.site_pos[where], model.site_quat[where]),
-                )
+                body[number] = model.site_bodyid[index]
+                pose[number] = make_pose(model.site_pos[index], model.site_quat[index])
             else:
                 if board.pose is None:
                     raise HandGeometryError(self.hand.name)
-                body[index], place[index] = model.geom_bodyid[where] if kind == "geom" else where, board.pose
-            by_body[index] = kind != "geom"
+                body[number], pose[number] = model.geom_bodyid[index] if kind == "geom" else index, board.pose
+            is_by_body[number] = kind != "geom"
             if kind == "geom":
-                if of_geom[where] >= 0:
-                    other = boards[int(of_geom[where])].name
-                    at = self.source.key("boards").key(board.name)
-                    at.fail(
-                        "a geom for each board", f"that of {other}", "name the body, and contacts go to the nearest"
-                    )
-                of_geom[where] = index
-        return ModelParts(body, place, of_geom, by_body, object_body, known)
+                if board_of_geom[index] >= 0:
+                    found = f"the geom of {boards[int(board_of_geom[index])].name}"
+                    remedy = "name the body instead; its contacts are assigned to the nearest board"
+                    self.source.key("boards").key(board.name).fail("a geom for each board", found, remedy)
+                board_of_geom[index] = number
+        return ModelParts(body, pose, board_of_geom, is_by_body, object_body, known_shape)

@@ -1,4 +1,4 @@
-"""The states of a rollout, from an .npz file."""
+"""Reading of the states of a rollout from an .npz file."""
 
 import os
 import zipfile
@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
-from taxel.sim.importers.errors import Source, near_names
-from taxel.sim.importers.hand_motion import phase_number
+from taxel.sim.importers.errors import FileLocation, suggest_names
+from taxel.sim.importers.hand_motion import parse_phase
 from taxel.types import FloatArray
 
 __all__ = ["STATES", "RolloutStates", "read_states"]
@@ -25,12 +25,14 @@ _DEFAULTS: dict[str, Any] = {"grasp": "0001", "approach": "rollout", "iteration"
 
 @dataclass(frozen=True, eq=False)
 class RolloutStates:
-    """T states. values: of `STATES`, f64[T, ...], those that the file has (qpos has one row if `start_only`).
+    """The T states of a file.
 
-    time_s: f64[T]. phase: u8[T]. grasp, approach: [T] texts; iteration, session: i64[T].
+    values: arrays f64[T, ...] by name, of the names `STATES` that the file contains. time_s: f64[T]. phase: u8[T].
+    grasp, approach: names of each state [T]. iteration, session: i64[T]. has_start_only: whether qpos, qvel and act
+    contain the first state only.
     """
 
-    source: Source
+    source: FileLocation
     values: dict[str, FloatArray]
     time_s: FloatArray
     phase: NDArray[np.uint8]
@@ -38,74 +40,82 @@ class RolloutStates:
     approach: list[str]
     iteration: NDArray[np.int64]
     session: NDArray[np.int64]
-    start_only: bool
+    has_start_only: bool
 
-    def grasps(self) -> list[NDArray[np.intp]]:
-        """The rows of each grasp, in order; ImportDataError for one whose rows are apart or whose time goes back."""
-        cuts = [row for row in range(1, len(self.grasp)) if self.grasp[row] != self.grasp[row - 1]]
-        parts = np.split(np.arange(len(self.grasp)), cuts)
-        seen: set[str] = set()
-        for rows in parts:
+    def rows_by_grasp(self) -> list[NDArray[np.intp]]:
+        """The rows of each grasp, i64, in the order of the file.
+
+        Raises ImportDataError for a grasp whose rows are not consecutive, whose time decreases or whose labels change.
+        """
+        boundaries = [row for row in range(1, len(self.grasp)) if self.grasp[row] != self.grasp[row - 1]]
+        groups = np.split(np.arange(len(self.grasp)), boundaries)
+        names: set[str] = set()
+        for rows in groups:
             name = self.grasp[int(rows[0])]
-            if name in seen:
-                place = self.source.key(f"grasp[{rows[0]}]")
-                place.fail("each grasp's states together", f"{format_value(name)} again", "sort the states by grasp")
-            seen.add(name)
-            back = np.flatnonzero(np.diff(self.time_s[rows]) <= 0)
-            if len(back):
-                row = int(rows[back[0] + 1])
+            if name in names:
+                location = self.source.key(f"grasp[{rows[0]}]")
+                found = f"further states of {format_value(name)}"
+                location.fail("consecutive states of each grasp", found, "sort the states by grasp")
+            names.add(name)
+            decreasing = np.flatnonzero(np.diff(self.time_s[rows]) <= 0)
+            if len(decreasing):
+                row = int(rows[decreasing[0] + 1])
                 found = f"{self.time_s[row]:.9g} after {self.time_s[row - 1]:.9g}"
-                place = self.source.key(f"time[{row}]")
-                place.fail("times that rise within a grasp", found, "sort the states, or label the grasps")
+                location = self.source.key(f"time[{row}]")
+                location.fail("increasing times within a grasp", found, "sort the states, or label the grasps")
             for key, values in (("approach", self.approach), ("iteration", self.iteration), ("session", self.session)):
                 for row in rows:
                     if values[row] != values[rows[0]]:
-                        place = self.source.key(f"{key}[{row}]")
-                        place.fail(
-                            f"one {key} in a grasp", format_value(str(values[row])), "correct it, or name a new grasp"
-                        )
-        return parts
+                        location = self.source.key(f"{key}[{row}]")
+                        found, remedy = format_value(str(values[row])), "correct it, or name a new grasp"
+                        location.fail(f"the same {key} in all states of a grasp", found, remedy)
+        return groups
 
 
 def read_states(path: str | os.PathLike[str], sizes: dict[str, tuple[int, ...]], step_s: float) -> RolloutStates:
-    """Read an .npz of states. sizes: shape of one row of each of `STATES`. step_s: between states without times.
+    """Read an .npz file of states. Raises ImportDataError for the first error in the file.
 
-    Raises ImportDataError for the first mistake.
+    sizes: shape of one row of each array of `STATES`. step_s: time step of a file without times, seconds.
     """
-    source = Source(os.fspath(path))
-    arrays = _arrays(Path(path), source)
+    source = FileLocation(os.fspath(path))
+    arrays = _load_arrays(Path(path), source)
     for name in arrays:
         if name not in STATES + LABELS:
-            near = near_names(name, STATES + LABELS)
-            source.key(name).fail("an array of a known name", "an unknown one", f"rename it or leave it out ({near})")
+            remedy = f"rename or remove the array ({suggest_names(name, STATES + LABELS)})"
+            source.key(name).fail("an array of a known name", "an unknown name", remedy)
     if "qpos" not in arrays:
         source.key("qpos").fail(f"an array [T, {sizes['qpos'][0]}]", "none", "save the states with numpy.savez")
-    values = {name: _state(arrays[name], sizes[name], source.key(name)) for name in STATES if name in arrays}
+    values = {name: _check_state(arrays[name], sizes[name], source.key(name)) for name in STATES if name in arrays}
     frames = len(values.get("ctrl", values["qpos"]))
-    start_only = len(values["qpos"]) == 1 and frames > 1
+    has_start_only = len(values["qpos"]) == 1 and frames > 1
     for name, value in values.items():
-        if len(value) != frames and not (start_only and name in ("qpos", "qvel", "act")):
-            source.key(name).fail(f"{frames} rows as the others", str(len(value)), "give one row for each state")
-    labels = {name: _labels(arrays.get(name, default), frames, source.key(name)) for name, default in _DEFAULTS.items()}
-    phase = [phase_number(value, source.key(f"phase[{row}]")) for row, value in enumerate(labels["phase"])]
+        if len(value) != frames and not (has_start_only and name in ("qpos", "qvel", "act")):
+            source.key(name).fail(
+                f"{frames} rows, as in the other arrays", str(len(value)), "give one row for each state"
+            )
+    labels = {
+        name: _broadcast_labels(arrays.get(name, default), frames, source.key(name))
+        for name, default in _DEFAULTS.items()
+    }
+    phase = [parse_phase(value, source.key(f"phase[{row}]")) for row, value in enumerate(labels["phase"])]
     time = (
-        _state(arrays["time"], (), source.key("time"))
+        _check_state(arrays["time"], (), source.key("time"))
         if "time" in arrays
         else np.asarray(step_s * np.arange(frames), np.float64)
     )
     if len(time) != frames:
-        source.key("time").fail(f"{frames} times", str(len(time)), "give one for each state")
-    iteration, session = (_integers(labels[name], source.key(name)) for name in ("iteration", "session"))
+        source.key("time").fail(f"{frames} times", str(len(time)), "give one time for each state")
+    iteration, session = (_parse_integers(labels[name], source.key(name)) for name in ("iteration", "session"))
     grasp, approach = labels["grasp"], labels["approach"]
-    result = RolloutStates(
-        source, values, time, np.array(phase, np.uint8), grasp, approach, iteration, session, start_only
+    states = RolloutStates(
+        source, values, time, np.array(phase, np.uint8), grasp, approach, iteration, session, has_start_only
     )
-    if start_only and len(result.grasps()) > 1:
+    if has_start_only and len(states.rows_by_grasp()) > 1:
         source.key("qpos").fail("a state in each row", "one row for several grasps", "give qpos [T, nq]")
-    return result
+    return states
 
 
-def _arrays(path: Path, source: Source) -> dict[str, NDArray[Any]]:
+def _load_arrays(path: Path, source: FileLocation) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         source.fail("an .npz file", "a folder" if path.is_dir() else "no such file", "check the path")
     try:
@@ -118,32 +128,35 @@ def _arrays(path: Path, source: Source) -> dict[str, NDArray[Any]]:
         source.fail("an .npz file of plain arrays", reason, "save numbers and texts with numpy.savez")
 
 
-def _state(array: NDArray[Any], row: tuple[int, ...], place: Source) -> FloatArray:
-    shape = ", ".join(["T", *map(str, row)])
-    if array.dtype.kind not in "fiu" or array.shape[1:] != row or array.ndim != len(row) + 1 or not len(array):
+def _check_state(array: NDArray[Any], row_shape: tuple[int, ...], location: FileLocation) -> FloatArray:
+    """The array as f64[T, *row_shape]. Raises ImportDataError for another shape, other types and infinite numbers."""
+    shape = ", ".join(["T", *map(str, row_shape)])
+    has_shape = array.ndim == len(row_shape) + 1 and array.shape[1:] == row_shape and len(array) > 0
+    if array.dtype.kind not in "fiu" or not has_shape:
         found = f"{array.dtype} {list(array.shape)}"
-        place.fail(f"numbers [{shape}] as the model has", found, "save the states of that model")
+        location.fail(f"numbers [{shape}], as in the model", found, "save the states of this model")
     values = array.astype(np.float64)
     if not np.isfinite(values).all():
-        at = [int(i) for i in np.argwhere(~np.isfinite(values))[0]]
-        place.fail("finite numbers", f"{values[tuple(at)]} at {at}", "did the simulation diverge? leave that out")
+        index = [int(i) for i in np.argwhere(~np.isfinite(values))[0]]
+        remedy = "remove the states after the simulation diverged"
+        location.fail("finite numbers", f"{values[tuple(index)]} at {index}", remedy)
     return values
 
 
-def _labels(value: Any, frames: int, place: Source) -> list[str]:
+def _broadcast_labels(value: Any, frames: int, location: FileLocation) -> list[str]:
+    """One label for each state, as text. value: one label, or an array of labels. Raises ImportDataError."""
     array = np.asarray(value)
     if array.ndim == 0:
         array = np.broadcast_to(array, (frames,))
     if array.shape != (frames,) or array.dtype.kind not in "Uiu":
         found = f"{array.dtype} {list(array.shape)}"
-        place.fail(f"a name or a number for all states or each of {frames}", found, "give texts or integers")
+        location.fail(f"a name or a number, or {frames} of them", found, "give texts or integers")
     return [str(item) for item in array.tolist()]
 
 
-def _integers(values: list[str], place: Source) -> NDArray[np.int64]:
+def _parse_integers(values: list[str], location: FileLocation) -> NDArray[np.int64]:
     for row, value in enumerate(values):
         if not (value.isascii() and value.isdigit()):
-            Source(place.file, f"{place.field}[{row}]").fail(
-                "an integer of 0 or more", format_value(value), "count from 0"
-            )
+            field = FileLocation(location.file, f"{location.field}[{row}]")
+            field.fail("an integer of 0 or more", format_value(value), "count from 0")
     return np.array(values, np.int64)
