@@ -1,48 +1,53 @@
-"""Which rig the tests run on, and the table of what ran."""
+"""Fixtures `rig` and `skin`, the option `--rig`, and the table of results."""
 
 from collections.abc import Iterator
 
 import pytest
 
-from hil_tests.harness.errors import RigError
-from hil_tests.harness.needs import build_of, is_not_possible, needs_of, skip_what_is_not_possible
-from hil_tests.harness.rig import Rig, abilities_of, opened
+from hil_tests.harness.requirements import (
+    get_required_abilities,
+    get_world_build,
+    is_not_possible,
+    skip_if_not_possible,
+)
+from hil_tests.harness.result_table import count_outcomes, format_table
+from hil_tests.harness.rig import Rig, get_abilities, open_rig
 from hil_tests.harness.rig_file import RigDescription, load_rig
-from hil_tests.harness.table import counted, lines_of
+from taxel.errors import TaxelError
 from taxel.skin import Skin
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--rig", default="virtual", help="the rig under test: virtual (default), or a rig file")
+    parser.addoption("--rig", default="virtual", help="rig under test: virtual (default), cortex-m0, or a rig file")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", "needs(ability, ...): what a rig must be able to do for this test")
-    config.addinivalue_line("markers", "world(...): how a virtual rig is put together for this test")
-    config.addinivalue_line("markers", "faulty_image: it writes a program on which an executed processor faults")
+    config.addinivalue_line("markers", "needs(ability, ...): abilities of the rig that this test requires")
+    config.addinivalue_line("markers", "world(...): emulated world for this test, on a virtual rig")
+    config.addinivalue_line("markers", "faulty_image: the test programs an image on which an executed processor faults")
 
 
 @pytest.fixture(scope="session")
 def description(request: pytest.FixtureRequest) -> RigDescription:
+    """Content of the rig file of this test run."""
     try:
         return load_rig(request.config.getoption("--rig"))
-    except RigError as error:
+    except TaxelError as error:
         pytest.exit(str(error), returncode=2)
 
 
 @pytest.fixture
 def rig(request: pytest.FixtureRequest, description: RigDescription) -> Iterator[Rig]:
-    """The rig, open. A virtual one is new in every test."""
-    needs = needs_of(request)
-    skip_what_is_not_possible(needs, abilities_of(description))
-    with opened(description, build_of(request, description.hand), counts="counts" in needs) as rig:
+    """The rig with open drivers. Each test has its own emulated world."""
+    skip_if_not_possible(get_required_abilities(request), get_abilities(description))
+    with open_rig(description, get_world_build(request, description.hand)) as rig:
         yield rig
 
 
 @pytest.fixture
 def skin(rig: Rig) -> Iterator[Skin]:
-    """The rig's skin, streaming."""
-    with Skin(rig.uart.link(), rig.hand) as skin:
+    """The skin of the rig, streaming frames."""
+    with Skin(rig.uart.open_link(), rig.hand) as skin:
         yield skin
 
 
@@ -61,5 +66,5 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     ]
     if reports:
         terminalreporter.section("hardware in the loop")
-        for line in lines_of(counted(reports), terminalreporter.config.getoption("--rig")):
+        for line in format_table(count_outcomes(reports), terminalreporter.config.getoption("--rig")):
             terminalreporter.write_line(line)

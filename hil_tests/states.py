@@ -1,4 +1,4 @@
-"""Many runs of the state machine: `python -m hil_tests.states --runs 20000` (`make fuzz-states`)."""
+"""Many runs of the stateful test in parallel: `python -m hil_tests.states --runs 20000` (`make fuzz-states`)."""
 
 import argparse
 import os
@@ -9,39 +9,40 @@ import time
 from pathlib import Path
 
 REPOSITORY = Path(__file__).parent.parent
-PART = 500
-"""Runs of one process: a seed replays so many."""
+RUNS_PER_PROCESS = 500
+"""Runs that one process performs with one seed; the seed replays all of them."""
 
 
 def main() -> int:
-    """Run the parts, print their seeds. Exit status 1, and hypothesis's own report, for the first that fails."""
+    """Run the processes and print their seeds. Stop at the first failure, with exit status 1."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=20000, help="runs of 50 steps (20000)")
-    parser.add_argument("--seed", type=int, default=None, help="of the first part (default: a new one)")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (all cores)")
+    parser.add_argument("--seed", type=int, default=None, help="seed of the first process (default: a new seed)")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="parallel processes (all cores)")
     options = parser.parse_args()
-    first = secrets.randbelow(2**31) if options.seed is None else options.seed
-    parts = [(first + i, min(PART, options.runs - PART * i)) for i in range(-(-options.runs // PART))]
-    print(f"{options.runs} runs, {len(parts)} parts, seeds {first} to {first + len(parts) - 1}", flush=True)
-    begun_s, done = time.monotonic(), 0
+    first_seed = secrets.randbelow(2**31) if options.seed is None else options.seed
+    count = -(-options.runs // RUNS_PER_PROCESS)
+    waiting = [(first_seed + i, min(RUNS_PER_PROCESS, options.runs - RUNS_PER_PROCESS * i)) for i in range(count)]
+    print(f"{options.runs} runs, {count} processes, seeds {first_seed} to {first_seed + count - 1}", flush=True)
+    start_s, n_done = time.monotonic(), 0
     running: list[tuple[int, int, subprocess.Popen[str]]] = []
     try:
-        while parts or running:
-            while parts and len(running) < options.jobs:
-                running.append((*parts[0], _start(*parts.pop(0))))
+        while waiting or running:
+            while waiting and len(running) < options.jobs:
+                running.append((*waiting[0], _start(*waiting.pop(0))))
             seed, runs, process = running.pop(0)
-            text, _ = process.communicate()
+            output, _ = process.communicate()
             if process.returncode:
                 replay = f"TAXEL_STATE_SEED={seed} TAXEL_STATE_RUNS={runs} pytest hil_tests/test_hil_states.py"
-                print(f"\n{text}\nfailed; to see it again: {replay}")
+                print(f"\n{output}\nfailed; replay with: {replay}")
                 return 1
-            done += runs
-            print(f"\r{done} of {options.runs} runs, {time.monotonic() - begun_s:.0f} s", end="", flush=True)
+            n_done += runs
+            print(f"\r{n_done} of {options.runs} runs, {time.monotonic() - start_s:.0f} s", end="", flush=True)
     finally:
         for _, _, process in running:
             process.terminate()
             process.wait()
-    print(f"\n{done} runs of 50 steps in {time.monotonic() - begun_s:.0f} s: no finding")
+    print(f"\n{n_done} runs of 50 steps in {time.monotonic() - start_s:.0f} s: passed")
     return 0
 
 

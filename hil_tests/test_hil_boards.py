@@ -1,4 +1,4 @@
-"""Every board can be reached through the hub, register by register."""
+"""Registers of the boards, accessed through the hub."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from taxel_protocol.registers import Identity, ScanSettings, snapshot
 
 
 def read_in_blocks(skin: Skin, address: int, size: int) -> bytes:
-    """A snapshot as an SMBus host reads it: 32 bytes at a time, block k at register 0x80 + k."""
+    """A snapshot of `size` bytes, read as an SMBus host does: blocks of 32 bytes, block k at register 0x80 + k."""
     blocks = []
     for start in range(0, size, SMBUS_BLOCK):
         pointer = REGISTER_SNAPSHOT + start // SMBUS_BLOCK
@@ -23,7 +23,7 @@ def test_the_bus_scan_finds_every_board_of_the_hand(skin: Skin) -> None:
     assert set(skin.hub.scan_bus()) >= {board.address for board in skin.hand.boards}
 
 
-def test_every_board_tells_who_it_is(skin: Skin) -> None:
+def test_identity_of_every_board_matches_the_hand_description(skin: Skin) -> None:
     for board in skin.hand.boards:
         data = b"".join(
             skin.hub.transfer(
@@ -37,7 +37,7 @@ def test_every_board_tells_who_it_is(skin: Skin) -> None:
         assert identity.crossing_map == board.kind.crossing_bitmap()
 
 
-def test_a_snapshot_read_in_blocks_is_whole_while_the_hub_stops_polling(skin: Skin) -> None:
+def test_snapshot_read_in_blocks_has_a_valid_crc_while_the_hub_does_not_poll(skin: Skin) -> None:
     skin.hub.stop()
     for board in skin.hand.boards:
         taxels = board.kind.taxel_count
@@ -47,28 +47,28 @@ def test_a_snapshot_read_in_blocks_is_whole_while_the_hub_stops_polling(skin: Sk
         assert len(parsed.raw_counts) == taxels
 
 
-def test_an_address_without_a_board_is_refused_by_name(skin: Skin) -> None:
-    free = next(a for a in range(0x08, 0x78) if a not in {board.address for board in skin.hand.boards})
+def test_transfer_to_an_address_without_a_board_fails_with_nack(skin: Skin) -> None:
+    unused_address = next(a for a in range(0x08, 0x78) if a not in {board.address for board in skin.hand.boards})
     with pytest.raises(HubError, match="nack"):
-        skin.hub.transfer(free, bytes([0]), 1)
+        skin.hub.transfer(unused_address, bytes([0]), 1)
 
 
-def test_scan_settings_are_taken_over_and_change_the_counts(skin: Skin) -> None:
+def test_new_scan_settings_change_the_counts(skin: Skin) -> None:
     board = skin.hand.boards[0]
-    before = np.median([f.raw_counts for f in _frames_of(skin, board.address, 3)], axis=0)
+    before = np.median([f.raw_counts for f in _read_frames_of(skin, board.address, 3)], axis=0)
     data = skin.hub.transfer(board.address, bytes([REGISTER_SETTINGS]), ScanSettings.sizeof())
     settings = dict(ScanSettings.parse(data))
     settings.pop("_io", None)
     halved = settings | {"sub_conversions": settings["sub_conversions"] // 2}
     skin.hub.set_scan_settings(halved, board.address)
-    # Frames from before the change may still be on their way: the new counts must come, and stay.
-    frames = _frames_of(skin, board.address, 60)
+    # The first frames may have been measured before the change; the later frames must have the new counts.
+    frames = _read_frames_of(skin, board.address, 60)
     skin.hub.set_scan_settings(settings, board.address)
     is_halved = [np.allclose(frame.raw_counts, before / 2.0, atol=40.0) for frame in frames]
     assert all(is_halved[is_halved.index(True) :])
 
 
-def test_settings_out_of_range_are_refused_and_change_nothing(skin: Skin) -> None:
+def test_settings_out_of_range_are_rejected_and_change_nothing(skin: Skin) -> None:
     board = skin.hand.boards[0]
     data = skin.hub.transfer(board.address, bytes([REGISTER_SETTINGS]), ScanSettings.sizeof())
     settings = dict(ScanSettings.parse(data))
@@ -78,7 +78,7 @@ def test_settings_out_of_range_are_refused_and_change_nothing(skin: Skin) -> Non
     assert skin.hub.transfer(board.address, bytes([REGISTER_SETTINGS]), ScanSettings.sizeof()) == data
 
 
-def _frames_of(skin: Skin, address: int, count: int) -> list:
+def _read_frames_of(skin: Skin, address: int, count: int) -> list:
     frames = []
     for frame in skin:
         if frame.address == address:

@@ -1,17 +1,17 @@
-"""Clocks that drift apart and wrap, sequences that wrap."""
+"""Clocks of boards and hub that drift and wrap, and sequence numbers that wrap."""
 
 import numpy as np
 import pytest
 
+from hil_tests.harness.frame_checks import KnownCounts, check_order, check_polls, get_address, read_frames
 from hil_tests.harness.rig import Rig
-from hil_tests.harness.watching import KnownCounts, board_at, check_order, check_polls, watch
 from taxel.skin import Skin
 
 WRAP_S = 2**32 / 1e6
 CYCLE_AND_SCAN_S = 0.1
 
 
-def check_nothing_was_lost(skin: Skin) -> None:
+def check_no_losses(skin: Skin) -> None:
     check_polls(skin)
     assert skin.losses.lost_on_wire == 0
     assert skin.losses.restarts == 0
@@ -20,67 +20,67 @@ def check_nothing_was_lost(skin: Skin) -> None:
 
 
 @pytest.mark.needs("counts", "clocks")
-@pytest.mark.world(lines=[f"clock_start {{{place}}} {WRAP_S - 1.0 - 0.05 * place!r}" for place in range(17)])
-def test_board_clocks_that_wrap_cost_nothing(rig: Rig, skin: Skin) -> None:
-    watch(rig, skin, 0.2)
+@pytest.mark.world(lines=[f"clock_start {{{index}}} {WRAP_S - 1.0 - 0.05 * index!r}" for index in range(17)])
+def test_wrap_of_the_board_clocks_loses_no_frame(rig: Rig, skin: Skin) -> None:
+    read_frames(rig, skin, 0.2)
     counts = KnownCounts(rig)
-    watch(rig, skin, 0.2)
-    frames = watch(rig, skin, 1.5)
+    read_frames(rig, skin, 0.2)
+    frames = read_frames(rig, skin, 1.5)
     for frame in frames:
-        counts.check(frame)
-    times = np.array([frame.board_time_us for frame in frames if frame.address == board_at(rig.hand, 0)])
-    assert (np.diff(times) < 0).sum() == 1  # it did wrap
-    for board in rig.hand.boards:  # and the host's times did not
+        counts.check_frame(frame)
+    times = np.array([frame.board_time_us for frame in frames if frame.address == get_address(rig.hand, 0)])
+    assert (np.diff(times) < 0).sum() == 1  # the clock wrapped
+    for board in rig.hand.boards:  # the host's times increase across the wrap
         assert (np.diff([frame.time_s for frame in frames if frame.address == board.address]) > 0).all()
-    check_nothing_was_lost(skin)
+    check_no_losses(skin)
 
 
 @pytest.mark.needs("clocks")
 @pytest.mark.world(lines=[f"hub_clock_start_us {2**32 - 900_000}"])
-def test_a_hub_clock_that_wraps_costs_nothing(rig: Rig, skin: Skin) -> None:
-    frames = watch(rig, skin, 2.0)
+def test_wrap_of_the_hub_clock_loses_no_frame(rig: Rig, skin: Skin) -> None:
+    frames = read_frames(rig, skin, 2.0)
     times = np.array([frame.hub_time_us for frame in frames])
     assert (np.diff(times) < 0).sum() == 1
-    assert (np.diff([frame.time_s for frame in frames if frame.address == board_at(rig.hand, 5)]) > 0).all()
+    assert (np.diff([frame.time_s for frame in frames if frame.address == get_address(rig.hand, 5)]) > 0).all()
     check_order(frames)
-    check_nothing_was_lost(skin)
+    check_no_losses(skin)
 
 
 @pytest.mark.needs("hours")
 @pytest.mark.world(only=[0], scan={"sub_conversions": 8}, scl_hz=1e6)
-def test_sequences_of_scans_that_wrap_cost_nothing(rig: Rig, skin: Skin) -> None:
-    """One board with short scans: 65,536 of them in a few hundred virtual seconds."""
-    address = board_at(rig.hand, 0)
+def test_wrap_of_the_scan_sequence_loses_no_frame(rig: Rig, skin: Skin) -> None:
+    """One board with short scans performs 65,536 scans in a few hundred virtual seconds."""
+    address = get_address(rig.hand, 0)
     skin.hub.set_rate(2.0)
     wraps, last = 0, None
     while wraps == 0 and rig.clock.now_s() < 2000.0:
-        for frame in watch(rig, skin, 20.0):
+        for frame in read_frames(rig, skin, 20.0):
             wraps += last is not None and frame.sequence < last
             last = frame.sequence
             assert frame.address == address
     assert wraps == 1
-    watch(rig, skin, 2.0)
-    check_nothing_was_lost(skin)
+    read_frames(rig, skin, 2.0)
+    check_no_losses(skin)
 
 
 @pytest.mark.world(clock_spread_ppm=20000.0, hub_clock_ppm=15000.0)
-def test_boards_whose_clocks_drift_apart_stay_on_one_time(rig: Rig, skin: Skin) -> None:
-    frames = watch(rig, skin, 6.0)
-    check_nothing_was_lost(skin)
-    late = [frame for frame in frames if frame.hub_time_us > 4e6]
+def test_host_times_of_boards_with_different_clock_rates_agree(rig: Rig, skin: Skin) -> None:
+    frames = read_frames(rig, skin, 6.0)
+    check_no_losses(skin)
+    late_frames = [frame for frame in frames if frame.hub_time_us > 4e6]
     for board in rig.hand.boards:
-        own = [frame for frame in late if frame.address == board.address]
+        own = [frame for frame in late_frames if frame.address == board.address]
         board_s = np.array([frame.board_time_us for frame in own]) / 1e6
         host_s = np.array([frame.time_s for frame in own])
         rate = np.polyfit(host_s, board_s, 1)[0]
         assert 0.975 < rate < 1.025
-    for cycle in {frame.cycle for frame in late}:  # the skin at one time
-        begun_s = [frame.time_s for frame in late if frame.cycle == cycle]
-        assert max(begun_s) - min(begun_s) < CYCLE_AND_SCAN_S
-    assert skin.is_synchronised(board_at(rig.hand, 0))
+    for cycle in {frame.cycle for frame in late_frames}:  # frames of one cycle have similar host times
+        times_s = [frame.time_s for frame in late_frames if frame.cycle == cycle]
+        assert max(times_s) - min(times_s) < CYCLE_AND_SCAN_S
+    assert skin.is_synchronised(get_address(rig.hand, 0))
 
 
 @pytest.mark.world(effects=["clock wander ppm=5000 period=3"])
-def test_a_clock_that_wanders_is_no_restart(rig: Rig, skin: Skin) -> None:
-    watch(rig, skin, 6.0)
-    check_nothing_was_lost(skin)
+def test_drifting_board_clock_is_not_reported_as_a_restart(rig: Rig, skin: Skin) -> None:
+    read_frames(rig, skin, 6.0)
+    check_no_losses(skin)

@@ -1,4 +1,4 @@
-"""The suite again, on the drivers for real ports: they stand on a fake /dev here, and know nothing of it."""
+"""The suite with the drivers of physical rigs, on ports that an emulated bench provides (fake_dev/)."""
 
 import os
 import re
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_tests.fake_dev.bench import FakeBench, build_shim, multicast_works
+from hil_tests.fake_dev.bench import FakeBench, build_shim, has_multicast
 from hil_tests.harness.rig_file import load_rig
 from taxel.hand import load_hand
 from taxel.hand.world import format_world
@@ -16,15 +16,15 @@ from taxel.link.virtual import VirtualWorld
 
 REPOSITORY = Path(__file__).parent.parent
 CAN_URL = f"can:udp:239.74.163.2:{40000 + os.getpid() % 20000}"
-"""One suite's own: two on one machine must not hear each other's joints."""
+"""A port of this process: parallel test runs on one machine must not receive each other's frames."""
 SUITES = ("test_hil_boards.py", "test_hil_i2c.py", "test_hil_stream.py", "test_hil_can.py", "test_hil_fault_cases.py")
 
 
 @pytest.fixture(scope="module")
-def outcome(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """What pytest says on the fake bench."""
+def output(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Output of pytest on the emulated bench."""
     folder = tmp_path_factory.mktemp("bench")
-    socket_path, has_can = folder / "i2c.sock", multicast_works()
+    socket_path, has_can = folder / "i2c.sock", has_multicast()
     with VirtualWorld(format_world(load_hand("allegro")), "pty") as world:
         rig = folder / "bench.toml"
         rig.write_text(
@@ -51,35 +51,35 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> str:
     return done.stdout + done.stderr
 
 
-def row(outcome: str, suite: str) -> tuple[int, int, int]:
-    found = re.search(rf"^{suite} +(\d+) +(\d+) +(\d+)", outcome, re.MULTILINE)
-    assert found, outcome[-3000:]
+def read_row(output: str, suite: str) -> tuple[int, int, int]:
+    found = re.search(rf"^{suite} +(\d+) +(\d+) +(\d+)", output, re.MULTILINE)
+    assert found, output[-3000:]
     return int(found[1]), int(found[2]), int(found[3])
 
 
 @pytest.mark.parametrize("suite", ["hil_boards", "hil_i2c", "hil_stream"])
-def test_the_same_tests_pass_on_real_ports(outcome: str, suite: str) -> None:
-    passed, failed, _ = row(outcome, suite)
-    assert failed == 0, outcome[-5000:]
+def test_suites_pass_with_the_drivers_of_physical_rigs(output: str, suite: str) -> None:
+    passed, failed, _ = read_row(output, suite)
+    assert failed == 0, output[-5000:]
     assert passed >= 5
 
 
-def test_the_hand_answers_on_a_real_channel(outcome: str) -> None:
-    if not multicast_works():
-        pytest.skip("this machine does not carry multicast to itself, over which CAN goes between processes")
-    passed, failed, not_possible = row(outcome, "hil_can")
-    assert failed == 0, outcome[-5000:]
+def test_can_suite_passes_on_a_multicast_channel(output: str) -> None:
+    if not has_multicast():
+        pytest.skip("CAN between processes needs multicast, which this machine does not deliver to itself")
+    passed, failed, not_possible = read_row(output, "hil_can")
+    assert failed == 0, output[-5000:]
     assert passed >= 4
     assert not_possible > 0
 
 
-def test_what_a_rig_cannot_do_is_said_and_not_skipped_in_silence(outcome: str) -> None:
-    assert row(outcome, "hil_fault_cases") == (0, 0, 25)
-    assert "lacks raw counts that are known, faults injected" in outcome
-    assert "rig: " in outcome
+def test_tests_that_a_rig_cannot_run_are_reported_with_the_missing_ability(output: str) -> None:
+    assert read_row(output, "hil_fault_cases") == (0, 0, 25)
+    assert "lacks known raw counts, fault injection" in output
+    assert "rig: " in output
 
 
-def test_the_example_of_a_physical_rig_is_a_rig() -> None:
+def test_example_of_a_physical_rig_file_is_valid() -> None:
     description = load_rig(str(REPOSITORY / "hil_tests" / "rigs" / "physical.example.toml"))
     assert not description.is_virtual
-    assert set(description.devices) == {"uart", "i2c", "can", "power", "stimulus"}
+    assert set(description.devices) == {"clock", "uart", "i2c", "can", "power", "stimulus"}

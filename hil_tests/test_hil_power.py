@@ -1,4 +1,4 @@
-"""Boards and hub that lose their power and get it back."""
+"""Power cycles of boards and hub."""
 
 import contextlib
 from collections.abc import Callable
@@ -6,110 +6,119 @@ from collections.abc import Callable
 import pytest
 
 from hil_tests.harness.fault_cases import BOOT_S
+from hil_tests.harness.frame_checks import (
+    KnownCounts,
+    check_polls,
+    count_cycles_until_frame,
+    get_address,
+    read_counters,
+    read_frames,
+)
 from hil_tests.harness.rig import Rig
-from hil_tests.harness.watching import KnownCounts, board_at, check_polls, counters_of, cycles_until, watch
 from taxel.skin import Skin
 from taxel_protocol import BoardFault
 
 ACKNOWLEDGE_LIMIT_S = 0.15
-AT_MOST_CYCLES = 2
+RECOVERY_CYCLES = 2
 
 
-def boot_s(rig: Rig, address: int) -> float:
-    """From a board's power to its being itself for the hub. An executed one's bootloader acknowledges first, as on
-    silicon: a board that the hub does not know, at which it looks again after a second.
+def get_boot_time_s(rig: Rig, address: int) -> float:
+    """Time from power until the hub can identify a board, seconds.
+
+    On an executed board the bootloader acknowledges first, as on hardware. The hub cannot identify the bootloader and
+    repeats the identification after one second.
     """
     return 1.15 if address in rig.description.executed else BOOT_S
 
 
 def power_cycle(rig: Rig, address: int, off_s: float = 0.1) -> float:
-    """A board loses its power and gets it back; when, on the rig's clock."""
+    """Switch the power of a board off and on; the time of switching on, on the rig's clock in seconds."""
     rig.power.switch(False, address)
     rig.clock.wait(off_s)
     rig.power.switch(True, address)
     return rig.clock.now_s()
 
 
-def wait_until(rig: Rig, answers: Callable[[], bool], begun_s: float) -> None:
-    """Until a board answers as it should; OSError is no answer. Fails after 150 ms."""
+def wait_for_reply(rig: Rig, has_reply: Callable[[], bool], start_s: float) -> None:
+    """Repeat `has_reply` until it is true; `OSError` counts as no reply. Fails 150 ms after `start_s`."""
     while True:
         with contextlib.suppress(OSError):
-            if answers():
+            if has_reply():
                 return
         rig.clock.wait(0.001)
-        assert rig.clock.now_s() - begun_s < ACKNOWLEDGE_LIMIT_S, "no answer in 150 ms"
+        assert rig.clock.now_s() - start_s < ACKNOWLEDGE_LIMIT_S, "no reply in 150 ms"
 
 
 @pytest.mark.needs("i2c", "power", "faults")
-@pytest.mark.parametrize("place", range(0, 17, 4))
-def test_a_board_acknowledges_within_150_ms_of_its_power(rig: Rig, place: int) -> None:
-    address = board_at(rig.hand, place)
+@pytest.mark.parametrize("index", range(0, 17, 4))
+def test_board_acknowledges_within_150_ms_after_power_on(rig: Rig, index: int) -> None:
+    address = get_address(rig.hand, index)
     rig.clock.wait(0.3)
-    wait_until(rig, lambda: rig.i2c.write_quick(address) is None, power_cycle(rig, address))
+    wait_for_reply(rig, lambda: rig.i2c.write_quick(address) is None, power_cycle(rig, address))
 
 
 @pytest.mark.needs("i2c", "power", "faults")
 @pytest.mark.world(lines=["boot_listens 1"])
-@pytest.mark.parametrize("place", [0, 9])
-def test_a_board_whose_bootloader_listens_first_is_itself_within_150_ms(rig: Rig, place: int) -> None:
-    """Between bootloader and application nobody answers."""
-    address = board_at(rig.hand, place)
+@pytest.mark.parametrize("index", [0, 9])
+def test_board_whose_bootloader_waits_for_a_command_runs_its_application_within_150_ms(rig: Rig, index: int) -> None:
+    """Between the bootloader and the application the board does not acknowledge."""
+    address = get_address(rig.hand, index)
     rig.clock.wait(0.5)
-    wait_until(rig, lambda: rig.i2c.read_i2c_block_data(address, 0, 1) == [ord("T")], power_cycle(rig, address))
+    wait_for_reply(rig, lambda: rig.i2c.read_i2c_block_data(address, 0, 1) == [ord("T")], power_cycle(rig, address))
 
 
 @pytest.mark.needs("faults", "counts")
-@pytest.mark.parametrize("place", range(17))
-def test_any_board_plugged_again_streams_within_two_cycles(rig: Rig, skin: Skin, place: int) -> None:
-    address = board_at(rig.hand, place)
-    watch(rig, skin, 0.3)
+@pytest.mark.parametrize("index", range(17))
+def test_any_reconnected_board_streams_within_two_cycles(rig: Rig, skin: Skin, index: int) -> None:
+    address = get_address(rig.hand, index)
+    read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)
-    watch(rig, skin, 0.2)
+    read_frames(rig, skin, 0.2)
     rig.power.switch(False, address)
-    frames = watch(rig, skin, 0.4)
+    frames = read_frames(rig, skin, 0.4)
     assert address not in {frame.address for frame in frames[-10:]}
     rig.power.switch(True, address)
-    acknowledges_s = rig.clock.now_s() + boot_s(rig, address)
-    frames += watch(rig, skin, 0.6 + boot_s(rig, address))
+    acknowledge_s = rig.clock.now_s() + get_boot_time_s(rig, address)
+    frames += read_frames(rig, skin, 0.6 + get_boot_time_s(rig, address))
     for frame in frames:
-        counts.check(frame)
-    assert cycles_until(frames, address, 1e6 * acknowledges_s) <= AT_MOST_CYCLES
-    told = [report["fault"] for report in skin.hub.faults if report["address"] == address]
-    assert told[0] == BoardFault.NACK
-    assert {BoardFault.RECOVERED, BoardFault.RESTARTED} <= set(told)
+        counts.check_frame(frame)
+    assert count_cycles_until_frame(frames, address, 1e6 * acknowledge_s) <= RECOVERY_CYCLES
+    reported_faults = [report["fault"] for report in skin.hub.faults if report["address"] == address]
+    assert reported_faults[0] == BoardFault.NACK
+    assert {BoardFault.RECOVERED, BoardFault.RESTARTED} <= set(reported_faults)
     check_polls(skin)
 
 
 @pytest.mark.needs("faults", "counts")
-def test_all_boards_unplugged_at_once_come_back(rig: Rig, skin: Skin) -> None:
-    watch(rig, skin, 0.3)
+def test_all_boards_stream_again_after_all_were_disconnected(rig: Rig, skin: Skin) -> None:
+    read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)
-    watch(rig, skin, 0.2)
+    read_frames(rig, skin, 0.2)
     for board in rig.hand.boards:
         rig.power.switch(False, board.address)
-    watch(rig, skin, 0.2)
-    assert watch(rig, skin, 0.3) == []
+    read_frames(rig, skin, 0.2)
+    assert read_frames(rig, skin, 0.3) == []
     for board in rig.hand.boards:
         rig.power.switch(True, board.address)
-    frames = watch(rig, skin, 1.0 + max(boot_s(rig, board.address) for board in rig.hand.boards))
+    frames = read_frames(rig, skin, 1.0 + max(get_boot_time_s(rig, board.address) for board in rig.hand.boards))
     for frame in frames:
-        counts.check(frame)
+        counts.check_frame(frame)
     assert {frame.address for frame in frames[-40:]} == {board.address for board in rig.hand.boards}
     check_polls(skin)
 
 
 @pytest.mark.needs("faults")
-def test_a_loose_plug_loses_only_its_own_board(rig: Rig, skin: Skin) -> None:
-    address = board_at(rig.hand, 6)
-    watch(rig, skin, 0.3)
-    before = {board.address: counters_of(skin, board.address) for board in rig.hand.boards}
-    for turn in range(20):
-        rig.power.switch(bool(turn % 2), address)
-        watch(rig, skin, 0.031 + 0.007 * (turn % 5))
+def test_loose_connector_affects_only_its_own_board(rig: Rig, skin: Skin) -> None:
+    address = get_address(rig.hand, 6)
+    read_frames(rig, skin, 0.3)
+    before = {board.address: read_counters(skin, board.address) for board in rig.hand.boards}
+    for i in range(20):
+        rig.power.switch(bool(i % 2), address)
+        read_frames(rig, skin, 0.031 + 0.007 * (i % 5))
     rig.power.switch(True, address)
-    watch(rig, skin, 0.4)
+    read_frames(rig, skin, 0.4)
     for board in rig.hand.boards:
-        after = counters_of(skin, board.address)
+        after = read_counters(skin, board.address)
         if board.address != address:
             for name in ("nacks", "timeouts", "crc_errors", "bus_errors"):
                 assert after[name] == before[board.address][name]
@@ -118,33 +127,33 @@ def test_a_loose_plug_loses_only_its_own_board(rig: Rig, skin: Skin) -> None:
 
 @pytest.mark.needs("power")
 def test_after_power_returns_the_hub_handshake_and_streaming_are_restored(rig: Rig, skin: Skin) -> None:
-    watch(rig, skin, 0.5)
+    read_frames(rig, skin, 0.5)
     rig.power.switch(False)
     rig.clock.wait(0.3)
     rig.power.switch(True)
-    watch(rig, skin, 1.5)
-    frames = watch(rig, skin, 0.5)
+    read_frames(rig, skin, 1.5)
+    frames = read_frames(rig, skin, 0.5)
     assert {frame.address for frame in frames} == {board.address for board in rig.hand.boards}
     assert skin.losses.restarts >= 1
 
 
 @pytest.mark.needs("faults")
 @pytest.mark.parametrize("delay_ms", [0, 7, 19, 33])
-def test_a_hub_that_browns_out_anywhere_in_a_cycle_comes_back(rig: Rig, skin: Skin, delay_ms: int) -> None:
-    watch(rig, skin, 0.5)
+def test_streaming_resumes_after_a_brown_out_of_the_hub(rig: Rig, skin: Skin, delay_ms: int) -> None:
+    read_frames(rig, skin, 0.5)
     skin.hub.set_rate(8.0)
-    watch(rig, skin, 0.5 + 1e-3 * delay_ms)
+    read_frames(rig, skin, 0.5 + 1e-3 * delay_ms)
     rig.faults.inject("hub_restart")
-    watch(rig, skin, 1.0)
-    frames = watch(rig, skin, 1.0)
+    read_frames(rig, skin, 1.0)
+    frames = read_frames(rig, skin, 1.0)
     assert {frame.address for frame in frames} == {board.address for board in rig.hand.boards}
     assert skin.losses.restarts == 1
     assert skin.hub.last_handshake["reset_cause"] == 1
 
 
-def test_a_hub_that_is_told_to_restart_does(rig: Rig, skin: Skin) -> None:
-    watch(rig, skin, 0.3)
+def test_reboot_command_restarts_the_hub(rig: Rig, skin: Skin) -> None:
+    read_frames(rig, skin, 0.3)
     skin.hub.reboot()
-    watch(rig, skin, 1.0)
-    assert {frame.address for frame in watch(rig, skin, 0.5)} == {board.address for board in rig.hand.boards}
+    read_frames(rig, skin, 1.0)
+    assert {frame.address for frame in read_frames(rig, skin, 0.5)} == {board.address for board in rig.hand.boards}
     assert skin.losses.restarts == 1

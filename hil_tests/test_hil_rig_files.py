@@ -1,93 +1,86 @@
-"""A rig file that is wrong is refused in one line that names the file and the field."""
+"""Rig files: an invalid rig file is rejected with one line that names the file and the field."""
 
 from pathlib import Path
 
 import pytest
 
 from hil_tests.harness.errors import RigError
-from hil_tests.harness.physical.power import ModemLinePower
-from hil_tests.harness.physical.stimulus import OperatorStimulus
-from hil_tests.harness.rig import ABILITIES, abilities_of
-from hil_tests.harness.rig_file import load_rig
+from hil_tests.harness.rig import ABILITIES, get_abilities
+from hil_tests.harness.rig_file import RIGS, load_rig
 from taxel.errors import TaxelError
-from taxel.hand import load_hand
-from taxel.link import PortMissingError, open_i2c
 
-GOOD = 'hand = "allegro"\n[uart]\ndriver = "serial"\nurl = "serial:///dev/ttyUSB0"\n'
+PHYSICAL = 'hand = "allegro"\n[uart]\ndriver = "serial"\nurl = "serial:///dev/ttyUSB0"\n'
 VIRTUAL = 'hand = "allegro"\n[uart]\ndriver = "virtual"\n'
 
-WRONG = {
+INVALID_FILES = {
     "not TOML": ("= 3", "is not TOML"),
     "no hand": ('[uart]\ndriver = "virtual"\n', "'hand' is missing"),
     "hand a number": ("hand = 3\n", "hand = 3; expected a str"),
     "no uart": ('hand = "allegro"\n', r"\[uart\] is missing"),
-    "unknown word": ("boards = 3\n" + GOOD, "'boards' is unknown"),
+    "unknown key": ("boards = 3\n" + PHYSICAL, "'boards' is unknown"),
     "uart not a table": ('hand = "allegro"\nuart = "x"\n', "uart is not a table"),
     "unknown driver": (
         'hand = "allegro"\n[uart]\ndriver = "usb"\n',
-        "'usb' is unknown; expected serial, virtual",
+        r"\[uart\] driver = 'usb' is unknown; expected serial, virtual",
     ),
     "no url": ('hand = "allegro"\n[uart]\ndriver = "serial"\n', "'url' is missing"),
-    "unknown option": (GOOD + "speed = 3\n", "'speed' is unknown; serial takes url"),
-    "option of another type": (GOOD + '[i2c]\ndriver = "linux"\nbus = 1\n', "bus = 1; expected a str"),
-    "mixed": (GOOD + '[i2c]\ndriver = "virtual"\n', "mixed"),
-    "world of a bench": (GOOD + "[world]\nseed = 3\n", r"\[world\] is of virtual rigs only"),
-    "unknown number of a world": (VIRTUAL + "[world]\nspeed = 3\n", "speed = 3; expected numbers of"),
+    "unknown option": (PHYSICAL + "speed = 3\n", "'speed' is unknown; serial takes url"),
+    "option of another type": (PHYSICAL + '[i2c]\ndriver = "linux"\nbus = 1\n', "bus = 1; expected a str"),
+    "no port of the power switch": (PHYSICAL + '[power]\ndriver = "modem-line"\n', r"\[power\] 'port' is missing"),
+    "number in place of a truth value": (
+        PHYSICAL + '[power]\ndriver = "modem-line"\nport = "x"\non_is_high = 1\n',
+        "on_is_high = 1; expected a bool",
+    ),
+    "virtual and physical": (PHYSICAL + '[i2c]\ndriver = "virtual"\n', "mixed"),
+    "world on a physical rig": (PHYSICAL + "[world]\nseed = 3\n", "'world' applies to virtual rigs only"),
+    "executed on a physical rig": ('executed = ["hub"]\n' + PHYSICAL, "'executed' applies to virtual rigs only"),
+    "world not a table": ("world = 3\n" + VIRTUAL, "world is not a table"),
+    "unknown setting of the world": (VIRTUAL + "[world]\nspeed = 3\n", "speed = 3; expected numbers for"),
+    "unknown executed board": ("executed = [0x77]\n" + VIRTUAL, 'expected a list of "hub" and addresses'),
 }
 
 
-@pytest.mark.parametrize("case", WRONG)
-def test_a_wrong_rig_file_is_refused_in_one_line(tmp_path: Path, case: str) -> None:
-    text, expected = WRONG[case]
-    path = tmp_path / "bench.toml"
+def write_rig(folder: Path, text: str) -> str:
+    path = folder / "bench.toml"
     path.write_text(text)
+    return str(path)
+
+
+@pytest.mark.parametrize("case", INVALID_FILES)
+def test_invalid_rig_file_is_rejected_with_one_line(tmp_path: Path, case: str) -> None:
+    text, expected = INVALID_FILES[case]
+    path = write_rig(tmp_path, text)
     with pytest.raises(RigError, match=expected) as caught:
-        load_rig(str(path))
+        load_rig(path)
     assert "\n" not in str(caught.value)
-    assert str(path) in str(caught.value)
+    assert path in str(caught.value)
 
 
-def test_an_unknown_rig_names_those_that_there_are(tmp_path: Path) -> None:
+def test_unknown_rig_name_is_rejected_with_the_names_of_the_rigs() -> None:
     with pytest.raises(RigError, match=r"physical\.example, virtual"):
         load_rig("nowhere")
-    path = tmp_path / "bench.toml"
-    path.write_text('hand = "octopus"\n[uart]\ndriver = "virtual"\n')
-    with pytest.raises(TaxelError):
-        load_rig(str(path))
 
 
-def test_a_rig_can_what_its_file_names(tmp_path: Path) -> None:
-    path = tmp_path / "bench.toml"
-    path.write_text(GOOD + '[can]\ndriver = "python-can"\nurl = "can:virtual:x"\n')
-    assert abilities_of(load_rig(str(path))) == {"uart", "can"}
-    assert abilities_of(load_rig("virtual")) == set(ABILITIES)
+def test_unknown_hand_is_rejected(tmp_path: Path) -> None:
+    with pytest.raises(TaxelError, match="octopus"):
+        load_rig(write_rig(tmp_path, 'hand = "octopus"\n[uart]\ndriver = "virtual"\n'))
 
 
-def test_devices_that_are_not_there_are_named() -> None:
-    with pytest.raises(PortMissingError, match=r"/dev/i2c-99: .*No such file.*modprobe i2c-dev"):
-        open_i2c("/dev/i2c-99")
-    with pytest.raises(RigError, match="power /dev/ttyNONE: cannot be opened"):
-        ModemLinePower("/dev/ttyNONE")
-    with pytest.raises(RigError, match="line = 'cts'; expected rts or dtr"):
-        ModemLinePower("loop://", "cts")
+def test_abilities_of_a_physical_rig_are_the_devices_of_its_file(tmp_path: Path) -> None:
+    text = PHYSICAL + '[can]\ndriver = "python-can"\nurl = "can:virtual:x"\n'
+    assert get_abilities(load_rig(write_rig(tmp_path, text))) == {"uart", "can"}
 
 
-def test_a_modem_line_switches_the_whole_rig_and_no_single_board() -> None:
-    power = ModemLinePower("loop://", "rts")
-    assert power._port.rts
-    power.switch(False)
-    assert not power._port.rts
-    with pytest.raises(RigError, match="board 0x22 cannot be switched alone"):
-        power.switch(False, 0x22)
-    power.close()
+def test_virtual_rig_has_all_abilities(tmp_path: Path) -> None:
+    assert get_abilities(load_rig("virtual")) == set(ABILITIES)
+    assert get_abilities(load_rig(write_rig(tmp_path, VIRTUAL))) == set(ABILITIES)
 
 
-def test_an_operator_is_told_what_to_press(monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[str] = []
-    monkeypatch.setattr("builtins.input", told.append)
-    stimulus = OperatorStimulus(load_hand("allegro"))
-    stimulus.press(0x22, 5, 3.0)
-    stimulus.release()
-    assert told[0].startswith("press taxel 5 of ")
-    assert "(0x22) with 3 N" in told[0]
-    assert told[1] == "let go of everything, then Return: "
+def test_rig_with_executed_images_has_no_long_virtual_times() -> None:
+    assert set(ABILITIES) - get_abilities(load_rig("cortex-m0")) == {"clocks", "hours"}
+
+
+@pytest.mark.parametrize("path", sorted(RIGS.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_rig_file_of_the_repository_is_valid(path: Path) -> None:
+    description = load_rig(str(path))
+    assert description.is_virtual == ("physical" not in path.stem)

@@ -1,4 +1,7 @@
-"""Commands, faults and time in any order. TAXEL_STATE_RUNS and TAXEL_STATE_SEED make it long (`make fuzz-states`)."""
+"""Stateful test of commands, faults and time in random order.
+
+TAXEL_STATE_RUNS and TAXEL_STATE_SEED set the number of runs and the seed (`make fuzz-states`).
+"""
 
 import os
 
@@ -12,7 +15,7 @@ STEPS = 50
 SEED = os.environ.get("TAXEL_STATE_SEED")
 
 
-def test_no_order_of_commands_faults_and_time_breaks_the_skin() -> None:
+def test_invariants_hold_for_commands_faults_and_time_in_random_order() -> None:
     print(f"{RUNS} runs of {STEPS} steps, seed {SEED or 'fixed'}")
     options = settings(
         max_examples=RUNS,

@@ -1,4 +1,4 @@
-"""Frames of every board flow, in order, and none is lost."""
+"""Frames of all boards arrive in order and without losses."""
 
 import itertools
 
@@ -6,11 +6,11 @@ import numpy as np
 
 from taxel.skin import Skin
 
-SECONDS_OF_SCANS = 60
+N_SCANS = 60
 
 
 def test_no_frame_is_lost_in_sixty_scans(skin: Skin) -> None:
-    for _ in itertools.islice(skin.scans(), SECONDS_OF_SCANS):
+    for _ in itertools.islice(skin.scans(), N_SCANS):
         pass
     assert skin.losses.lost_on_wire == 0
     assert {address: count.missing for address, count in skin.losses.boards.items()} == {
@@ -18,12 +18,12 @@ def test_no_frame_is_lost_in_sixty_scans(skin: Skin) -> None:
     }
 
 
-def test_every_scan_holds_every_board(skin: Skin) -> None:
+def test_every_scan_contains_all_boards(skin: Skin) -> None:
     scans = list(itertools.islice(skin.scans(), 10))
     assert all(scan.valid.all() for scan in scans[1:])
 
 
-def test_board_timestamps_and_cycles_go_forward(skin: Skin) -> None:
+def test_board_timestamps_and_cycles_increase(skin: Skin) -> None:
     last: dict[int, tuple[int, int]] = {}
     for frame in itertools.islice(skin, 200):
         if frame.address in last:
@@ -33,23 +33,23 @@ def test_board_timestamps_and_cycles_go_forward(skin: Skin) -> None:
         last[frame.address] = (frame.cycle, frame.board_time_us)
 
 
-def test_the_hub_accounts_for_every_poll(skin: Skin) -> None:
+def test_every_poll_has_one_outcome_in_the_counters_of_the_hub(skin: Skin) -> None:
     for _ in itertools.islice(skin.scans(), 30):
         pass
     skin.hub.read_status()
     for fields in skin.hub.board_status.values():
         outcomes = ("forwarded", "repeated", "nacks", "timeouts", "crc_errors", "bus_errors", "dropped")
-        in_flight = fields["polls"] - sum(fields[name] for name in outcomes)
-        assert in_flight in {0, 1}, fields
+        in_progress = fields["polls"] - sum(fields[name] for name in outcomes)
+        assert in_progress in {0, 1}, fields
 
 
-def test_a_rate_limit_is_kept(skin: Skin) -> None:
+def test_rate_limit_is_applied(skin: Skin) -> None:
     skin.hub.set_rate(5.0)
     times = [scan.time_s for scan in itertools.islice(skin.scans(), 18)][12:]
     assert np.isclose(np.median(np.diff(times)), 0.2, rtol=0.05)
 
 
-def test_a_rebooted_hub_goes_on_by_itself(skin: Skin) -> None:
+def test_streaming_resumes_after_a_reboot_of_the_hub(skin: Skin) -> None:
     skin.hub.reboot()
     for _ in itertools.islice(skin.scans(), 5):
         pass

@@ -1,104 +1,104 @@
-"""The UART loses, changes, doubles and delays bytes; hosts stop reading: what is touched is lost, no more."""
+"""Lost, changed, doubled and delayed bytes on the UART, and hosts that stop reading: only affected frames are lost."""
 
 import pytest
 
+from hil_tests.harness.frame_checks import KnownCounts, check_order, check_polls, read_frames
 from hil_tests.harness.rig import Rig
-from hil_tests.harness.watching import KnownCounts, check_order, check_polls, watch
 from taxel.skin import Skin
 from taxel_protocol import Command
 
-UP = ("up_flip", "up_drop", "up_double")
-DOWN = ("down_flip", "down_drop", "down_double")
-PLACES = 40
+FAULTS_TO_HOST = ("up_flip", "up_drop", "up_double")
+FAULTS_TO_HUB = ("down_flip", "down_drop", "down_double")
+N_FAULTS = 40
 
 
 @pytest.mark.needs("faults", "counts")
-@pytest.mark.parametrize("fault", UP)
-def test_one_damaged_byte_costs_the_frames_that_overlap_it_and_no_more(rig: Rig, skin: Skin, fault: str) -> None:
-    """A byte between two frames may belong to both of them: their common mark."""
-    watch(rig, skin, 0.3)
+@pytest.mark.parametrize("fault", FAULTS_TO_HOST)
+def test_one_damaged_byte_loses_only_the_frames_that_contain_it(rig: Rig, skin: Skin, fault: str) -> None:
+    """A mark between two frames belongs to both frames."""
+    read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)
-    watch(rig, skin, 0.2)
-    most = 2 if fault != "up_flip" else 1
-    for place in range(PLACES):
-        lost = skin.losses.lost_on_wire
-        rig.faults.inject(fault, 0, 11 * place, place % 8 if fault == "up_flip" else 1)
-        for frame in watch(rig, skin, 0.08):
-            counts.check(frame)
-        assert skin.losses.lost_on_wire - lost <= most
-    assert PLACES // 2 <= skin.losses.lost_on_wire <= most * PLACES
+    read_frames(rig, skin, 0.2)
+    max_lost = 2 if fault != "up_flip" else 1
+    for i in range(N_FAULTS):
+        lost_before = skin.losses.lost_on_wire
+        rig.faults.inject(fault, 0, 11 * i, i % 8 if fault == "up_flip" else 1)
+        for frame in read_frames(rig, skin, 0.08):
+            counts.check_frame(frame)
+        assert skin.losses.lost_on_wire - lost_before <= max_lost
+    assert N_FAULTS // 2 <= skin.losses.lost_on_wire <= max_lost * N_FAULTS
     check_polls(skin)
 
 
 @pytest.mark.needs("faults", "counts")
 @pytest.mark.parametrize("size", [2, 5, 60, 300, 1000])
 @pytest.mark.parametrize("fault", ["up_drop", "up_double"])
-def test_a_burst_costs_what_it_touches(rig: Rig, skin: Skin, fault: str, size: int) -> None:
-    watch(rig, skin, 0.3)
+def test_burst_loses_only_the_frames_that_contain_it(rig: Rig, skin: Skin, fault: str, size: int) -> None:
+    read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)
-    watch(rig, skin, 0.2)
+    read_frames(rig, skin, 0.2)
     rig.faults.inject(fault, 0, 33, size)
-    frames = watch(rig, skin, 0.5)
+    frames = read_frames(rig, skin, 0.5)
     for frame in frames:
-        counts.check(frame)
-    shortest = 40  # bytes of the smallest board's frame
-    assert 1 <= skin.losses.lost_on_wire <= 2 + size // shortest
+        counts.check_frame(frame)
+    shortest_frame = 40  # bytes of a frame of the board with the fewest taxels
+    assert 1 <= skin.losses.lost_on_wire <= 2 + size // shortest_frame
     check_polls(skin)
 
 
 @pytest.mark.needs("faults", "counts")
-def test_a_random_storm_on_the_wire_makes_no_wrong_count(rig: Rig, skin: Skin) -> None:
-    watch(rig, skin, 0.3)
+def test_many_random_uart_faults_cause_no_wrong_count(rig: Rig, skin: Skin) -> None:
+    read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)
-    watch(rig, skin, 0.2)
+    read_frames(rig, skin, 0.2)
     frames = []
-    for turn in range(120):
-        rig.faults.inject(UP[turn % 3], 0, (turn * 7919) % 900, 1 + turn % 7)
-        frames += watch(rig, skin, 0.02)
-        if turn % 20 == 0:
-            counts.go_on()
-    frames += watch(rig, skin, 0.5)
+    for i in range(120):
+        rig.faults.inject(FAULTS_TO_HOST[i % 3], 0, (i * 7919) % 900, 1 + i % 7)
+        frames += read_frames(rig, skin, 0.02)
+        if i % 20 == 0:
+            counts.advance()
+    frames += read_frames(rig, skin, 0.5)
     for frame in frames:
-        counts.check(frame)
+        counts.check_frame(frame)
     check_order(frames)
     check_polls(skin)
 
 
 @pytest.mark.needs("faults")
-@pytest.mark.parametrize("fault", DOWN)
-@pytest.mark.parametrize("place", range(0, 16, 3))
-def test_a_command_that_is_damaged_is_asked_again(rig: Rig, skin: Skin, fault: str, place: int) -> None:
-    watch(rig, skin, 0.2)
-    rig.faults.inject(fault, 0, place, 1)
+@pytest.mark.parametrize("fault", FAULTS_TO_HUB)
+@pytest.mark.parametrize("n_bytes", range(0, 16, 3))
+def test_damaged_command_is_repeated(rig: Rig, skin: Skin, fault: str, n_bytes: int) -> None:
+    read_frames(rig, skin, 0.2)
+    rig.faults.inject(fault, 0, n_bytes, 1)
     skin.hub.command(Command.GET_TIME)
-    assert watch(rig, skin, 0.2)
+    assert read_frames(rig, skin, 0.2)
 
 
 @pytest.mark.needs("faults")
 @pytest.mark.parametrize("fault", ["up_delay", "down_delay"])
-def test_a_delay_loses_nothing(rig: Rig, skin: Skin, fault: str) -> None:
-    watch(rig, skin, 0.3)
+def test_delay_loses_no_frame(rig: Rig, skin: Skin, fault: str) -> None:
+    read_frames(rig, skin, 0.3)
     for delay_ms in (5, 20, 80):
         rig.faults.inject(fault, 0, delay_ms)
         skin.hub.command(Command.GET_TIME)
-        watch(rig, skin, 0.2)
+        read_frames(rig, skin, 0.2)
     assert skin.losses.lost_on_wire == 0
     assert all(count.missing == 0 for count in skin.losses.boards.values())
 
 
 @pytest.mark.needs("faults", "counts")
 @pytest.mark.parametrize("seconds", [0.05, 0.3, 2.0])
-def test_a_host_that_stops_reading_gets_whole_frames_afterwards(rig: Rig, skin: Skin, seconds: float) -> None:
-    watch(rig, skin, 0.3)
+def test_host_that_pauses_reading_receives_complete_frames_afterwards(rig: Rig, skin: Skin, seconds: float) -> None:
+    read_frames(rig, skin, 0.3)
     counts = KnownCounts(rig)
-    watch(rig, skin, 0.2)
+    read_frames(rig, skin, 0.2)
     rig.faults.inject("mute_host", 0, 1)
     rig.clock.wait(seconds)
-    counts.go_on()
+    counts.advance()
     rig.faults.inject("mute_host", 0, 0)
-    frames = watch(rig, skin, 1.0)
+    frames = read_frames(rig, skin, 1.0)
     for frame in frames:
-        counts.check(frame)
+        counts.check_frame(frame)
     check_order(frames)
     check_polls(skin)
     assert skin.losses.lost_on_wire == 0
@@ -110,14 +110,14 @@ def test_a_host_that_stops_reading_gets_whole_frames_afterwards(rig: Rig, skin: 
 
 @pytest.mark.needs("faults")
 @pytest.mark.world(lines=["flow_control 1"])
-def test_a_receiver_that_holds_the_host_back_loses_nothing(rig: Rig, skin: Skin) -> None:
-    """The hub's CPU is away while 3,000 bytes arrive: they wait in the adapter, and the next command is obeyed."""
-    watch(rig, skin, 0.3)
+def test_flow_control_prevents_losses_of_the_receiver(rig: Rig, skin: Skin) -> None:
+    """3,000 bytes arrive while the hub's CPU is stalled: the adapter buffers them, and the next command is executed."""
+    read_frames(rig, skin, 0.3)
     for _ in range(3):
         rig.faults.inject("hub_stall", 0, 40)
         skin.link.write(b"\x55" * 3000 + b"\x00")
         skin.hub.command(Command.GET_TIME)
-        frames = watch(rig, skin, 0.3)
+        frames = read_frames(rig, skin, 0.3)
         assert {frame.address for frame in frames} == {board.address for board in rig.hand.boards}
     assert not any("lost" in line for line in skin.hub.logs), list(skin.hub.logs)
     assert skin.losses.lost_on_wire == 0
@@ -125,12 +125,12 @@ def test_a_receiver_that_holds_the_host_back_loses_nothing(rig: Rig, skin: Skin)
 
 
 @pytest.mark.needs("faults")
-def test_a_receiver_that_overruns_is_counted_and_told(rig: Rig, skin: Skin) -> None:
-    """The hub's CPU is away while 600 bytes arrive: its ring of 256 is full, what is lost is counted, it goes on."""
-    watch(rig, skin, 0.3)
+def test_receiver_overrun_is_counted_and_logged(rig: Rig, skin: Skin) -> None:
+    """600 bytes arrive while the hub's CPU is stalled and overrun its ring buffer of 256 bytes; streaming continues."""
+    read_frames(rig, skin, 0.3)
     rig.faults.inject("hub_stall", 0, 40)
     skin.link.write(b"\x55" * 600 + b"\x00")
-    watch(rig, skin, 0.3)
+    read_frames(rig, skin, 0.3)
     skin.hub.read_status()
     assert any("overrun" in line or "lost" in line for line in skin.hub.logs), list(skin.hub.logs)
-    assert watch(rig, skin, 0.3)
+    assert read_frames(rig, skin, 0.3)

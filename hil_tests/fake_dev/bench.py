@@ -1,4 +1,4 @@
-"""A bench in real time, for drivers that know nothing of virtual ones."""
+"""An emulated bench in real time with the ports that drivers of physical rigs open."""
 
 import contextlib
 import selectors
@@ -17,11 +17,11 @@ from taxel.hand.allegro import FreeJoints, VirtualAllegro, open_bus
 from taxel.link.virtual import VirtualSMBus, VirtualWorld
 
 STEP_S: Final = 0.001
-_HEAD: Final = struct.Struct("<HHH")
+_MESSAGE_HEADER: Final = struct.Struct("<HHH")
 
 
 def build_shim(folder: Path) -> Path:
-    """Compile fake_i2c.c; the library's path."""
+    """Compile fake_i2c.c into `folder`; the path of the library."""
     library = folder / "libfake_i2c.so"
     source = Path(__file__).with_name("fake_i2c.c")
     subprocess.run(["cc", "-shared", "-fPIC", "-Wall", "-Werror", "-o", library, source, "-ldl"], check=True)
@@ -29,9 +29,10 @@ def build_shim(folder: Path) -> Path:
 
 
 class FakeBench:
-    """Runs `world` (with `uart="pty"`) in a thread of its own at the pace of the clock, and serves its I2C bus.
+    """Runs `world` in a thread in real time, and serves its I2C bus on a socket. Use the bench as a context manager.
 
-    i2c_socket: where fake_i2c.c connects to. can_url: a channel at whose other end a virtual hand answers; None: none.
+    world: an emulated world whose UART is a pseudo-terminal. i2c_socket: path of the socket to which fake_i2c.c
+    connects. can_url: CAN channel with a virtual Allegro hand at its other end; None: no hand.
     """
 
     def __init__(self, world: VirtualWorld, i2c_socket: Path, can_url: str | None) -> None:
@@ -64,11 +65,11 @@ class FakeBench:
             self._can.shutdown()
 
     def _run(self) -> None:
-        begun_s = time.monotonic() - self._world.now_s
+        start_s = time.monotonic() - self._world.now_s
         while not self._stop.is_set():
             for key, _ in self._selector.select(STEP_S):
                 self._serve(key.fileobj)
-            behind_s = time.monotonic() - begun_s - self._world.now_s
+            behind_s = time.monotonic() - start_s - self._world.now_s
             if behind_s > 0.0:
                 self._world.run(behind_s)
 
@@ -78,18 +79,18 @@ class FakeBench:
             self._selector.register(self._server.accept()[0], selectors.EVENT_READ)
             return
         try:
-            self._answer(stream)
+            self._serve_transfer(stream)
         except (ConnectionError, struct.error):
             self._selector.unregister(stream)
             stream.close()
 
-    def _answer(self, stream: socket.socket) -> None:
+    def _serve_transfer(self, stream: socket.socket) -> None:
         messages = []
-        for _ in range(struct.unpack("<I", _exactly(stream, 4))[0]):
-            address, flags, length = _HEAD.unpack(_exactly(stream, _HEAD.size))
+        for _ in range(struct.unpack("<I", _receive_exactly(stream, 4))[0]):
+            address, flags, length = _MESSAGE_HEADER.unpack(_receive_exactly(stream, _MESSAGE_HEADER.size))
             is_read = bool(flags & 1)
             messages.append(
-                i2c_msg.read(address, length) if is_read else i2c_msg.write(address, _exactly(stream, length))
+                i2c_msg.read(address, length) if is_read else i2c_msg.write(address, _receive_exactly(stream, length))
             )
         try:
             self._bus.i2c_rdwr(*messages)
@@ -99,18 +100,18 @@ class FakeBench:
         stream.sendall(struct.pack("<i", 0) + b"".join(bytes(message) for message in messages if message.flags & 1))
 
 
-def _exactly(stream: socket.socket, size: int) -> bytes:
+def _receive_exactly(stream: socket.socket, size: int) -> bytes:
     data = b""
     while len(data) < size:
-        part = stream.recv(size - len(data))
-        if not part:
+        received = stream.recv(size - len(data))
+        if not received:
             raise ConnectionError
-        data += part
+        data += received
     return data
 
 
-def multicast_works() -> bool:
-    """Whether this machine carries multicast to itself: some containers do not."""
+def has_multicast() -> bool:
+    """Whether this machine delivers multicast to itself; some containers do not."""
     with contextlib.suppress(Exception):
         ends = [open_bus("can:udp:239.74.163.2:43999") for _ in range(2)]
         try:

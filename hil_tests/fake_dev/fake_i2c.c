@@ -1,9 +1,10 @@
-/* A /dev/i2c-N that is not there: open() and ioctl() of the path in FAKE_I2C ("/dev/i2c-7=/run/bench.sock") go to a socket.
+/* An emulated /dev/i2c-N: open() and ioctl() of the path in FAKE_I2C ("/dev/i2c-7=/run/bench.sock") use a socket.
  *
  * cc -shared -fPIC -o libfake_i2c.so fake_i2c.c -ldl; LD_PRELOAD=libfake_i2c.so FAKE_I2C=... program
  *
- * A request: u32 number of messages, then of each u16 address, u16 flags, u16 length and, of a write, its bytes. The answer:
- * i32 errno (0: good), then the bytes of every read. As linux/i2c.h and linux/i2c-dev.h have them; no PEC. */
+ * Request: u32 number of messages; for each message u16 address, u16 flags, u16 length and, for a write, its bytes.
+ * Reply: i32 errno (0: success), then the bytes of all reads. Flags and structures are those of linux/i2c.h and
+ * linux/i2c-dev.h. PEC is not supported. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -21,17 +22,17 @@
 #define FDS_MAX 1024
 
 static struct {
-    int is_ours;
+    int is_emulated;
     uint16_t address;
 } fds[FDS_MAX];
 
-static int connect_if_ours(const char *path)
+static int connect_if_emulated(const char *path)
 {
     const char *setting = getenv("FAKE_I2C");
     const char *equals = setting ? strchr(setting, '=') : NULL;
     struct sockaddr_un name = {.sun_family = AF_UNIX};
     if (!equals || strlen(path) != (size_t)(equals - setting) || strncmp(path, setting, strlen(path)) != 0) {
-        return -2; /* somebody else's file */
+        return -2; /* another file */
     }
     const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
     strncpy(name.sun_path, equals + 1, sizeof name.sun_path - 1);
@@ -39,7 +40,7 @@ static int connect_if_ours(const char *path)
         errno = ENODEV;
         return -1;
     }
-    fds[fd].is_ours = 1;
+    fds[fd].is_emulated = 1;
     return fd;
 }
 
@@ -50,7 +51,7 @@ static int connect_if_ours(const char *path)
         va_start(arguments, flags); \
         const mode_t mode = va_arg(arguments, mode_t); \
         va_end(arguments); \
-        const int fd = connect_if_ours(path); \
+        const int fd = connect_if_emulated(path); \
         int (*real)(const char *, int, ...) = (int (*)(const char *, int, ...))dlsym(RTLD_NEXT, #function); \
         return fd == -2 ? real(path, flags, mode) : fd; \
     }
@@ -85,21 +86,21 @@ static int transfer(int fd, struct i2c_msg *messages, uint32_t count)
     return errno ? -1 : 0;
 }
 
-static int smbus(int fd, const struct i2c_smbus_ioctl_data *asked)
+static int smbus(int fd, const struct i2c_smbus_ioctl_data *request_data)
 {
-    uint8_t bytes[2 + I2C_SMBUS_BLOCK_MAX] = {asked->command};
-    const int reading = asked->read_write == I2C_SMBUS_READ;
-    size_t size = 0; /* of the data after the command */
-    switch (asked->size) {
+    uint8_t bytes[2 + I2C_SMBUS_BLOCK_MAX] = {request_data->command};
+    const int is_read = request_data->read_write == I2C_SMBUS_READ;
+    size_t size = 0; /* number of data bytes after the command byte */
+    switch (request_data->size) {
     case I2C_SMBUS_QUICK: {
-        struct i2c_msg quick = {.addr = fds[fd].address, .flags = reading ? I2C_M_RD : 0, .len = 0, .buf = bytes};
+        struct i2c_msg quick = {.addr = fds[fd].address, .flags = is_read ? I2C_M_RD : 0, .len = 0, .buf = bytes};
         return transfer(fd, &quick, 1);
     }
     case I2C_SMBUS_BYTE: {
-        struct i2c_msg one = {.addr = fds[fd].address, .flags = reading ? I2C_M_RD : 0, .len = 1, .buf = bytes};
-        const int result = transfer(fd, &one, 1);
-        if (!result && reading) {
-            asked->data->byte = bytes[0];
+        struct i2c_msg byte = {.addr = fds[fd].address, .flags = is_read ? I2C_M_RD : 0, .len = 1, .buf = bytes};
+        const int result = transfer(fd, &byte, 1);
+        if (!result && is_read) {
+            request_data->data->byte = bytes[0];
         }
         return result;
     }
@@ -110,23 +111,23 @@ static int smbus(int fd, const struct i2c_smbus_ioctl_data *asked)
         size = 2;
         break;
     case I2C_SMBUS_I2C_BLOCK_DATA:
-        size = asked->data->block[0];
+        size = request_data->data->block[0];
         break;
     default:
         errno = EOPNOTSUPP;
         return -1;
     }
-    uint8_t *const data = asked->size == I2C_SMBUS_I2C_BLOCK_DATA ? asked->data->block + 1 : asked->data->block;
+    uint8_t *const data = request_data->size == I2C_SMBUS_I2C_BLOCK_DATA ? request_data->data->block + 1 : request_data->data->block;
     if (size > I2C_SMBUS_BLOCK_MAX) {
         errno = EINVAL;
         return -1;
     }
-    if (!reading) {
+    if (!is_read) {
         memcpy(bytes + 1, data, size);
     }
-    struct i2c_msg both[2] = {{.addr = fds[fd].address, .len = (uint16_t)(reading ? 1 : 1 + size), .buf = bytes},
+    struct i2c_msg write_read[2] = {{.addr = fds[fd].address, .len = (uint16_t)(is_read ? 1 : 1 + size), .buf = bytes},
                               {.addr = fds[fd].address, .flags = I2C_M_RD, .len = (uint16_t)size, .buf = data}};
-    return transfer(fd, both, reading ? 2 : 1);
+    return transfer(fd, write_read, is_read ? 2 : 1);
 }
 
 int ioctl(int fd, unsigned long request, ...)
@@ -135,7 +136,7 @@ int ioctl(int fd, unsigned long request, ...)
     va_start(arguments, request);
     void *argument = va_arg(arguments, void *);
     va_end(arguments);
-    if (fd < 0 || fd >= FDS_MAX || !fds[fd].is_ours) {
+    if (fd < 0 || fd >= FDS_MAX || !fds[fd].is_emulated) {
         int (*real)(int, unsigned long, ...) = (int (*)(int, unsigned long, ...))dlsym(RTLD_NEXT, "ioctl");
         return real(fd, request, argument);
     }
@@ -148,8 +149,8 @@ int ioctl(int fd, unsigned long request, ...)
         *(unsigned long *)argument = I2C_FUNC_I2C | (I2C_FUNC_SMBUS_EMUL & ~I2C_FUNC_SMBUS_PEC);
         return 0;
     case I2C_RDWR: {
-        const struct i2c_rdwr_ioctl_data *asked = argument;
-        return transfer(fd, asked->msgs, asked->nmsgs);
+        const struct i2c_rdwr_ioctl_data *request_data = argument;
+        return transfer(fd, request_data->msgs, request_data->nmsgs);
     }
     case I2C_SMBUS:
         return smbus(fd, argument);
@@ -162,7 +163,7 @@ int ioctl(int fd, unsigned long request, ...)
 int close(int fd)
 {
     if (fd >= 0 && fd < FDS_MAX) {
-        fds[fd].is_ours = 0;
+        fds[fd].is_emulated = 0;
     }
     return ((int (*)(int))dlsym(RTLD_NEXT, "close"))(fd);
 }

@@ -1,7 +1,8 @@
-"""The wires and hands of a rig. A driver implements one of these; a rig has those that it can."""
+"""Interfaces of the devices of a rig. Each driver class implements one of them; tests use only these methods."""
 
-from collections.abc import Sequence
-from typing import Any, Protocol
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, Final, Protocol, runtime_checkable
 
 import can
 from numpy.typing import ArrayLike
@@ -9,86 +10,128 @@ from numpy.typing import ArrayLike
 from taxel.link import Link
 
 
+@runtime_checkable
 class Clock(Protocol):
-    """The rig's time: virtual, or this machine's."""
+    """Time of the rig: virtual time or the time of this machine."""
 
     def now_s(self) -> float:
-        """Seconds since any origin."""
+        """Seconds since an arbitrary origin."""
 
     def wait(self, seconds: float) -> None:
-        """Let the rig go on for so long."""
+        """Let this time pass on the rig."""
 
 
+@runtime_checkable
 class Uart(Protocol):
-    """The hub's UART."""
+    """UART of the hub."""
 
-    def link(self) -> Link:
-        """Open it; the caller closes the link."""
+    def open_link(self) -> Link:
+        """A link to the hub. The caller closes the link."""
 
 
+@runtime_checkable
 class I2cBus(Protocol):
-    """An I2C adapter on the boards' bus: what the tests use of `smbus2.SMBus`. Errors are OSError, as in Linux."""
+    """I2C adapter on the bus of the boards: the methods of `smbus2.SMBus` that tests use.
+
+    Errors are `OSError` with the error numbers of Linux.
+    """
 
     def i2c_rdwr(self, *i2c_msgs: Any) -> None: ...
     def write_quick(self, i2c_addr: int) -> None: ...
     def read_byte(self, i2c_addr: int) -> int: ...
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]: ...
     def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int]) -> None: ...
-    def close(self) -> None: ...
 
 
+@runtime_checkable
 class CanBus(Protocol):
-    """The Allegro hand's CAN channel."""
+    """CAN channel of the Allegro hand."""
 
-    def open(self) -> can.BusABC:
-        """Open it; the caller shuts it down."""
-
-    def let_pass(self, seconds: float) -> None:
-        """Let the hand go on for so long."""
+    def open_bus(self) -> can.BusABC:
+        """The channel as python-can opens it. The caller shuts the channel down."""
 
     def now_s(self) -> float:
-        """The clock of the channel."""
+        """Seconds on the clock of the channel."""
+
+    def advance(self, seconds: float) -> None:
+        """Let this time pass for the hand."""
 
 
+@runtime_checkable
 class CanFaults(Protocol):
-    """What can go wrong with hand and channel."""
+    """Faults of the Allegro hand and of its CAN channel."""
 
-    def lose_frames(self, count: int) -> None: ...
-    def go_bus_off(self, off: bool) -> None: ...
-    def set_temperature(self, celsius: int) -> None: ...
-    def switch_servo_off(self, off: bool) -> None: ...
-    def silence(self, silent: bool) -> None: ...
-    def silence_finger(self, finger: int, silent: bool) -> None: ...
+    def lose_frames(self, count: int) -> None:
+        """The channel loses the next `count` frames."""
+
+    def set_bus_off(self, is_off: bool) -> None:
+        """The CAN controller of the host enters or leaves the state bus-off."""
+
+    def set_temperature(self, celsius: int) -> None:
+        """The hand reports this motor temperature."""
+
+    def set_servo_off(self, is_off: bool) -> None:
+        """The hand reports its motors as off or on."""
+
+    def set_silent(self, is_silent: bool) -> None:
+        """The hand sends no frames."""
+
+    def set_finger_silent(self, finger: int, is_silent: bool) -> None:
+        """The hand sends no joint angles of this finger."""
 
 
+@runtime_checkable
 class Power(Protocol):
-    """Power of boards and hub."""
+    """Power supply of boards and hub."""
 
     def switch(self, on: bool, address: int | None = None) -> None:
-        """One board, or the hub with all its boards (None). Raises RigError for what cannot be switched alone."""
+        """Switch the power of one board, or of the hub with all boards (None).
+
+        Raises `RigError` for a board whose power cannot be switched alone.
+        """
 
 
+@runtime_checkable
 class FaultInjector(Protocol):
-    """Faults of firmware/emulator/README.md, by name."""
+    """Faults of boards, bus, hub and UART, by the names in firmware/emulator/README.md."""
 
-    def inject(self, name: str, address: int = 0, value: float = 0.0, second: float = 0.0) -> None: ...
+    def inject(self, name: str, address: int = 0, value: float = 0.0, second_value: float = 0.0) -> None:
+        """Arm a fault of a board, or of hub and UART (address 0)."""
 
-    def strikes(self, first: int = 0) -> Sequence[Any]:
-        """What has struck: `time_s`, `kind`, `address`."""
+    def read_events(self, first: int = 0) -> Sequence[Any]:
+        """Faults that have taken effect, from event number `first` on: `time_s`, `kind`, `address`."""
 
 
+@runtime_checkable
 class Stimulus(Protocol):
-    """A probe that presses taxels."""
+    """Force probe on the skin."""
 
     def press(self, address: int, taxel: int, force_n: float) -> None:
-        """Press one taxel of a board, and nothing else."""
+        """Apply a force to one taxel of a board, and to no other taxel."""
 
     def release(self) -> None:
-        """Touch nothing."""
+        """Remove the probe from the skin."""
 
 
-class Counts(Protocol):
-    """Raw counts in the front end's place: then every delivered count is known."""
+@runtime_checkable
+class RawCounts(Protocol):
+    """Raw counts that replace the measurements of the front ends, so that the expected counts are exact."""
 
-    def show(self, counts: ArrayLike) -> None:
-        """[n] raw counts in the hand's order, from now on."""
+    def set_counts(self, counts: ArrayLike) -> None:
+        """All taxels measure these raw counts [n], in the order of the hand, from now on."""
+
+
+INTERFACES: Final[Mapping[str, type]] = MappingProxyType(
+    {
+        "clock": Clock,
+        "uart": Uart,
+        "i2c": I2cBus,
+        "can": CanBus,
+        "can_faults": CanFaults,
+        "power": Power,
+        "faults": FaultInjector,
+        "stimulus": Stimulus,
+        "counts": RawCounts,
+    }
+)
+"""Interface of each device, by the name of its table in rig files. Drivers are opened in this order."""

@@ -1,45 +1,52 @@
-"""A rig: the drivers of what stands on the bench, and what it can therefore do."""
+"""A rig: the opened drivers of its devices, and the abilities that tests may require."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from typing import Final
 
+from hil_tests.harness.context import DriverContext
+from hil_tests.harness.drivers import open_driver
 from hil_tests.harness.interfaces import (
     CanBus,
     CanFaults,
     Clock,
-    Counts,
     FaultInjector,
     I2cBus,
     Power,
+    RawCounts,
     Stimulus,
     Uart,
 )
-from hil_tests.harness.physical import open_physical
 from hil_tests.harness.rig_file import RigDescription
-from hil_tests.harness.virtual import open_virtual
+from hil_tests.harness.virtual.world import WorldBuild, open_world
 from taxel.hand import Hand
 
-ABILITIES = {
+ABILITIES: Final = {
     "uart": "the hub's UART",
     "i2c": "an I2C adapter on the boards' bus",
     "can": "the hand's CAN channel",
     "can_faults": "faults of the hand and its CAN channel",
-    "power": "power of boards and hub switched",
-    "faults": "faults injected",
-    "stimulus": "taxels pressed with a probe",
-    "counts": "raw counts that are known",
-    "build": "boards, clocks and settings chosen for the test",
-    "clocks": "clocks of boards and hub that begin where the test wants",
-    "hours": "minutes and more of virtual time in a test",
+    "power": "switched power of boards and hub",
+    "faults": "fault injection",
+    "stimulus": "a force probe",
+    "counts": "known raw counts",
+    "build": "boards, clocks and settings selected by the test",
+    "clocks": "clocks of boards and hub that start at a given time",
+    "hours": "minutes or hours of virtual time",
 }
-"""What a test may need, and what a rig without it lacks."""
+"""Abilities that a test may require, and the text for a rig that lacks the ability."""
+
+NATIVE_WORLD_ABILITIES: Final = frozenset({"clocks", "hours"})
+"""Abilities of an emulated world without executed ARM images."""
 
 
 @dataclass
 class Rig:
-    """What a test works on. A driver that the rig lacks is None; `needs` marks keep a test from meeting one."""
+    """Drivers that a test uses. The driver of a device that the rig lacks is None.
+
+    A test with the mark `needs("power")` runs only on a rig whose `power` is not None; the same holds for each device.
+    """
 
     description: RigDescription
     clock: Clock
@@ -50,28 +57,28 @@ class Rig:
     power: Power | None = None
     faults: FaultInjector | None = None
     stimulus: Stimulus | None = None
-    counts: Counts | None = None
-    build: dict[str, Any] = field(default_factory=dict)
+    counts: RawCounts | None = None
 
     @property
     def hand(self) -> Hand:
-        """The skin on the rig."""
+        """Description of the skin on the rig."""
         return self.description.hand
 
 
-def abilities_of(description: RigDescription) -> set[str]:
-    """What a rig can do, before anything is opened."""
+def get_abilities(description: RigDescription) -> set[str]:
+    """Abilities of a rig, determined from its file before a device is opened."""
     if description.is_virtual:
-        return set(ABILITIES) - ({"clocks", "hours"} if description.executed else set())
+        return set(ABILITIES) - (NATIVE_WORLD_ABILITIES if description.executed else set())
     return set(description.devices) & set(ABILITIES)
 
 
 @contextmanager
-def opened(description: RigDescription, build: dict[str, Any], *, counts: bool = False) -> Iterator[Rig]:
-    """The rig's drivers, open; closed at the end. `build`: how a virtual rig is put together for one test."""
-    with ExitStack() as stack:
+def open_rig(description: RigDescription, build: WorldBuild | None = None) -> Iterator[Rig]:
+    """The rig with its drivers open; they are closed at the end. `build`: settings of a virtual rig for one test."""
+    with ExitStack() as exit_stack:
+        context = DriverContext(description, exit_stack)
         if description.is_virtual:
-            drivers = open_virtual(description, build, stack, counts=counts)
-        else:
-            drivers = open_physical(description, stack)
-        yield Rig(description, **drivers, build=build)
+            context.virtual_world = open_world(description, build or WorldBuild(), exit_stack)
+        for name, device in description.devices.items():
+            context.drivers[name] = open_driver(device.driver, context, device.options)
+        yield Rig(description, **context.drivers)

@@ -1,47 +1,39 @@
-"""The rig file: which boards, wires and hands stand on the bench. hil_tests/rigs/README.md describes it."""
+"""Rig files: the skin, the devices with their drivers, and the settings of a virtual rig. Format: rigs/README.md."""
 
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+from hil_tests.harness.drivers import RegisteredDriver, driver_names, load_driver
 from hil_tests.harness.errors import RigError
+from hil_tests.harness.interfaces import INTERFACES
+from taxel.errors import TaxelError
 from taxel.hand import Hand, load_hand
 
-RIGS = Path(__file__).parent.parent / "rigs"
-
-OPTIONS: Mapping[tuple[str, str], Mapping[str, type]] = {
-    ("uart", "virtual"): {"port": str},
-    ("uart", "serial"): {"url": str},
-    ("i2c", "virtual"): {},
-    ("i2c", "linux"): {"bus": str},
-    ("can", "virtual"): {},
-    ("can", "python-can"): {"url": str},
-    ("power", "virtual"): {},
-    ("power", "modem-line"): {"port": str, "line": str, "on_is_high": bool},
-    ("faults", "virtual"): {},
-    ("stimulus", "virtual"): {},
-    ("stimulus", "operator"): {},
-}
-"""The options of each driver of each wire."""
-
-OPTIONAL = {"on_is_high", "port"}
-WORLD = {"seed": int, "scl_hz": float, "baud": float, "noise_counts": float, "boot_ms": float}
+RIGS: Final = Path(__file__).parent.parent / "rigs"
+HUB: Final = 0
+"""Number that stands for the hub where boards are named by their I2C addresses."""
+WORLD_SETTINGS: Final = {"seed": int, "scl_hz": float, "baud": float, "noise_counts": float, "boot_ms": float}
+"""Settings of the emulated world that a rig file may contain."""
 
 
 @dataclass(frozen=True)
 class Device:
-    """A wire's driver and its options."""
+    """Driver of a device with the values of its options."""
 
-    driver: str
+    driver: RegisteredDriver
     options: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class RigDescription:
-    """A rig as its file has it. `world`: settings of the emulated world of a virtual rig. `executed`: addresses of its
-    boards whose images are executed as ARM code; 0: the hub's.
+    """Content of a rig file.
+
+    `devices`: by name, in the order in which they are opened, with the default drivers of devices that the file does
+    not name. `world`: settings of the emulated world. `executed`: addresses of the boards whose images are executed as
+    ARM code; 0 is the hub.
     """
 
     path: Path
@@ -53,81 +45,112 @@ class RigDescription:
 
     @property
     def is_virtual(self) -> bool:
-        """Whether the boards are emulated: then every wire is virtual."""
-        return self.devices["uart"].driver == "virtual"
+        """Whether the boards are emulated; then all drivers are virtual."""
+        return self.devices["uart"].driver.is_virtual
 
 
 def load_rig(name: str) -> RigDescription:
-    """`virtual`, another rig of hil_tests/rigs, or the path of a rig file. Raises `RigError`, one line."""
+    """The rig with this name in hil_tests/rigs, or with this path of a .toml file. Raises `TaxelError` as one line."""
     path = Path(name) if name.endswith(".toml") else RIGS / f"{name}.toml"
     try:
         table = tomllib.loads(path.read_text())
     except OSError as error:
-        known = ", ".join(sorted(rig.stem for rig in RIGS.glob("*.toml")))
-        raise RigError(f"rig {path}: {error.strerror}; give a .toml file, or one of {known}") from None
+        names = ", ".join(sorted(rig.stem for rig in RIGS.glob("*.toml")))
+        raise RigError(f"rig {path}: {error.strerror}; expected a .toml file or one of {names}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RigError(f"rig {path}: is not TOML ({error})") from None
-    return _described(path, table)
+    return _read_description(path, table)
 
 
-def _described(path: Path, table: dict[str, Any]) -> RigDescription:
-    hand = _field(path, table, "hand", str)
-    known = {"name", "hand", "world", "executed"} | {wire for wire, _ in OPTIONS}
-    for word in table:
-        if word not in known:
-            raise RigError(f"rig {path}: '{word}' is unknown; expected one of {', '.join(sorted(known))}")
-    devices = {wire: _device(path, wire, table[wire]) for wire in dict.fromkeys(w for w, _ in OPTIONS) if wire in table}
-    if "uart" not in devices:
-        raise RigError(f"rig {path}: [uart] is missing; every rig needs the hub's UART")
-    virtual = {device.driver == "virtual" for device in devices.values()} | {devices["uart"].driver == "virtual"}
-    if len(virtual) > 1:
-        raise RigError(f"rig {path}: virtual and physical drivers are mixed; a rig is one or the other")
-    world = table.get("world", {})
-    if world and True not in virtual:
-        raise RigError(f"rig {path}: [world] is of virtual rigs only; leave it out")
-    for word, value in world.items():
-        if word not in WORLD or isinstance(value, bool) or not isinstance(value, WORLD[word] | int):
-            raise RigError(f"rig {path}: [world] {word} = {value!r}; expected numbers of {', '.join(sorted(WORLD))}")
-    path_or_name = path.parent / hand if hand.endswith(".toml") else hand
-    loaded = load_hand(path_or_name)
-    executed = _executed(path, table, {board.address for board in loaded.boards})
-    if executed and True not in virtual:
-        raise RigError(f"rig {path}: 'executed' is of virtual rigs only; leave it out")
-    return RigDescription(path, str(table.get("name", path.stem)), loaded, devices, world, executed)
+def _read_description(path: Path, table: dict[str, Any]) -> RigDescription:
+    hand_name = _read_field(path, table, "hand", str)
+    keys = {"name", "hand", "world", "executed"} | INTERFACES.keys()
+    for key in table:
+        if key not in keys:
+            raise RigError(f"rig {path}: '{key}' is unknown; expected one of {', '.join(sorted(keys))}")
+    if "uart" not in table:
+        raise RigError(f"rig {path}: [uart] is missing; every rig needs the UART of the hub")
+    named = {device: _read_device(path, device, table[device]) for device in INTERFACES if device in table}
+    is_virtual = named["uart"].driver.is_virtual
+    if any(device.driver.is_virtual != is_virtual for device in named.values()):
+        raise RigError(f"rig {path}: virtual and physical drivers are mixed; use drivers of one kind")
+    for key in ("world", "executed"):
+        if table.get(key) and not is_virtual:
+            raise RigError(f"rig {path}: '{key}' applies to virtual rigs only; remove it")
+    hand = load_hand(path.parent / hand_name if hand_name.endswith(".toml") else hand_name)
+    return RigDescription(
+        path=path,
+        name=str(table.get("name", path.stem)),
+        hand=hand,
+        devices=_add_defaults(named, is_virtual),
+        world=_read_world(path, table.get("world", {})),
+        executed=_read_executed(path, table.get("executed", []), {board.address for board in hand.boards}),
+    )
 
 
-def _executed(path: Path, table: dict[str, Any], boards: set[int]) -> tuple[int, ...]:
-    wanted = table.get("executed", [])
-    expected = f'rig {path}: executed = {wanted!r}; expected a list of "hub" and addresses of boards, such as 0x2C'
-    if not isinstance(wanted, list):
+def _add_defaults(named: Mapping[str, Device], is_virtual: bool) -> dict[str, Device]:
+    """All devices of a virtual rig have a virtual driver; a physical rig has the clock of this machine."""
+    defaults = dict.fromkeys(INTERFACES, "virtual") if is_virtual else {"clock": "monotonic"}
+    return {
+        device: named[device] if device in named else Device(load_driver(device, defaults[device]))
+        for device in INTERFACES
+        if device in named or device in defaults
+    }
+
+
+def _read_world(path: Path, world: Any) -> Mapping[str, Any]:
+    names = ", ".join(sorted(WORLD_SETTINGS))
+    if not isinstance(world, dict):
+        raise RigError(f"rig {path}: world is not a table; expected [world] with numbers for {names}")
+    for name, value in world.items():
+        if name not in WORLD_SETTINGS or isinstance(value, bool) or not isinstance(value, WORLD_SETTINGS[name] | int):
+            raise RigError(f"rig {path}: [world] {name} = {value!r}; expected numbers for {names}")
+    return world
+
+
+def _read_executed(path: Path, entries: Any, board_addresses: set[int]) -> tuple[int, ...]:
+    expected = f'rig {path}: executed = {entries!r}; expected a list of "hub" and addresses of boards, such as 0x2C'
+    if not isinstance(entries, list):
         raise RigError(expected)
-    addresses = tuple(0 if one == "hub" else one for one in wanted)
-    if any(isinstance(one, bool) or not isinstance(one, int) or one not in boards | {0} for one in addresses):
-        raise RigError(expected)
+    addresses = tuple(HUB if entry == "hub" else entry for entry in entries)
+    for address in addresses:
+        if isinstance(address, bool) or not isinstance(address, int) or address not in board_addresses | {HUB}:
+            raise RigError(expected)
     return addresses
 
 
-def _device(path: Path, wire: str, table: Any) -> Device:
+def _read_device(path: Path, device: str, table: Any) -> Device:
     if not isinstance(table, dict):
-        raise RigError(f"rig {path}: {wire} is not a table; expected [{wire}] and its lines")
-    driver = _field(path, table, "driver", str, wire)
-    expected = OPTIONS.get((wire, driver))
-    if expected is None:
-        drivers = ", ".join(sorted(d for w, d in OPTIONS if w == wire))
-        raise RigError(f"rig {path}: [{wire}] driver = '{driver}' is unknown; expected {drivers}")
-    options = {name: value for name, value in table.items() if name != "driver"}
-    for name in options.keys() - expected.keys():
-        raise RigError(f"rig {path}: [{wire}] '{name}' is unknown; {driver} takes {', '.join(expected) or 'nothing'}")
-    for name, kind in expected.items():
-        if name in options or name not in OPTIONAL:
-            _field(path, options, name, kind, wire)
-    return Device(driver, options)
+        raise RigError(f"rig {path}: {device} is not a table; expected [{device}] with 'driver' and its options")
+    name = _read_field(path, table, "driver", str, device)
+    driver = _find_driver(path, device, name)
+    values = {key: value for key, value in table.items() if key != "driver"}
+    options = {option.name: option for option in driver.options}
+    for key in values:
+        if key not in options:
+            raise RigError(f"rig {path}: [{device}] '{key}' is unknown; {name} takes {', '.join(options) or 'nothing'}")
+    for option in driver.options:
+        if option.name in values or option.is_required:
+            _read_field(path, values, option.name, option.type, device)
+    return Device(driver, values)
 
 
-def _field(path: Path, table: dict[str, Any], name: str, kind: type, wire: str = "") -> Any:
-    where = f"rig {path}: " + (f"[{wire}] " if wire else "")
+def _find_driver(path: Path, device: str, name: str) -> RegisteredDriver:
+    try:
+        names = driver_names(device)
+        if name not in names:
+            raise RigError(f"driver = '{name}' is unknown; expected {', '.join(names)}")
+        return load_driver(device, name)
+    except TaxelError as error:
+        raise RigError(f"rig {path}: [{device}] {error}") from None
+
+
+def _read_field(path: Path, table: dict[str, Any], name: str, kind: type, device: str = "") -> Any:
+    where = f"rig {path}: " + (f"[{device}] " if device else "")
     if name not in table:
         raise RigError(f"{where}'{name}' is missing; expected a {kind.__name__}")
-    if not isinstance(table[name], kind):
-        raise RigError(f"{where}{name} = {table[name]!r}; expected a {kind.__name__}")
-    return table[name]
+    value = table[name]
+    allowed = (int, float) if kind is float else (kind,)
+    if not isinstance(value, allowed) or (isinstance(value, bool) and kind is not bool):
+        raise RigError(f"{where}{name} = {value!r}; expected a {kind.__name__}")
+    return value

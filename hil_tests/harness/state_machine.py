@@ -1,4 +1,7 @@
-"""Commands, faults and time in any order, on an emulated skin with known counts: what must hold after every step."""
+"""Stateful test: commands, faults and time in random order on an emulated skin with known raw counts.
+
+Invariants are checked after each step.
+"""
 
 from typing import Final
 
@@ -7,8 +10,8 @@ from hypothesis import note
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from hil_tests.harness.free_host import FreeHost
-from hil_tests.harness.watching import LARGEST_BASE, OUTCOMES, STEP_COUNTS
+from hil_tests.harness.frame_checks import LARGEST_BASE, OUTCOMES, STEP_COUNTS
+from hil_tests.harness.non_blocking_host import NonBlockingHost
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import FaultError, VirtualMemoryLink, VirtualWorld
@@ -19,21 +22,26 @@ HAND: Final = load_hand("rig4")
 ADDRESSES: Final = [board.address for board in HAND.boards]
 TAXELS: Final = sum(board.kind.taxel_count for board in HAND.boards)
 
-AT_ONCE: Final = ("unplug", "plug", "restart", "hold_sda", "hold_scl", "stretch", "corrupt", "nack")
-AT_A_BYTE: Final = ("nack_at", "flip_at", "stretch_at", "brown_out_at", "arbitration_at", "bus_error_at")
-ON_THE_UART: Final = ("up_flip", "up_drop", "up_double", "down_flip", "down_drop", "down_double")
-OF_THE_HUB: Final = ("hub_restart", "hub_unplug", "hub_plug")
+BOARD_FAULTS: Final = ("unplug", "plug", "restart", "hold_sda", "hold_scl", "stretch", "corrupt", "nack")
+BYTE_FAULTS: Final = ("nack_at", "flip_at", "stretch_at", "brown_out_at", "arbitration_at", "bus_error_at")
+UART_FAULTS: Final = ("up_flip", "up_drop", "up_double", "down_flip", "down_drop", "down_double")
+HUB_FAULTS: Final = ("hub_restart", "hub_unplug", "hub_plug")
 DELAYS: Final = ("up_delay", "down_delay", "hub_stall")
 
 addresses = st.sampled_from(ADDRESSES)
-WAITING_BYTES: Final = 1000
+FLUSH_BYTES: Final = 1000
+"""Bytes to the hub that trigger all armed faults of the UART."""
 SETTLING_S: Final = 1.2
-"""All faults over: hold lines are let go, a lost board is found within 28 cycles, delayed bytes arrive."""
+"""Time in which all faults end, seconds: held lines are released, a lost board is identified within 28 cycles, delayed
+bytes arrive.
+"""
 
 
 class SkinMachine(RuleBasedStateMachine):
-    """One skin of four boards. Invariants: no count that was never shown; each poll has one outcome; frames on the wire
-    add up; and when all is well again, every board streams.
+    """A skin of four boards.
+
+    Invariants: all received counts were set by the test; each poll has one outcome; no frame is lost on the UART
+    without a fault of the UART; after the end of all faults, all boards stream.
     """
 
     def __init__(self) -> None:
@@ -44,20 +52,19 @@ class SkinMachine(RuleBasedStateMachine):
     def power_up(self, seed: int, clocks: float, baud: float) -> None:
         settings = WorldSettings(seed=seed, clock_spread_ppm=clocks, baud=baud, usb_latency_ms=1.0)
         self.world = VirtualWorld(format_world(HAND, settings), counts=True)
-        self.host = FreeHost(VirtualMemoryLink(self.world, baud))
+        self.host = NonBlockingHost(VirtualMemoryLink(self.world, baud))
         self.base = np.random.default_rng(seed).integers(1, STEP_COUNTS, TAXELS) + LARGEST_BASE
         self.step = 0
-        self.is_wire_hurt = False  # since then frames may be lost between hub and host
-        self.streams_anew_s = 0.0
+        self.has_uart_fault = False  # frames may be lost between hub and host
         self.world.press(self.base)
         self.world.run(0.06)
-        self.begin()
+        self.start_stream()
 
-    def begin(self) -> None:
+    def start_stream(self) -> None:
         assert self.world is not None
-        self.host.handshake()
+        self.host.send_handshake()
         self.world.run(0.02)
-        self.host.command(Command.START)
+        self.host.send_command(Command.START)
         self.world.run(0.1)
 
     @rule(milliseconds=st.sampled_from((0.1, 1.0, 5.0, 13.0, 50.0, 200.0)))
@@ -66,44 +73,44 @@ class SkinMachine(RuleBasedStateMachine):
         self.world.run(milliseconds / 1e3)
 
     @rule()
-    def press(self) -> None:
+    def change_counts(self) -> None:
         assert self.world is not None
         self.step += 1
         self.world.press(self.base + STEP_COUNTS * self.step)
 
     @rule(
-        fault=st.sampled_from(AT_ONCE),
+        fault=st.sampled_from(BOARD_FAULTS),
         address=addresses,
         value=st.sampled_from((0.0, 1.0, 2.0, 9.0, 20.0, 300.0, 6000.0, 20000.0)),
     )
-    def strike_a_board(self, fault: str, address: int, value: float) -> None:
+    def inject_board_fault(self, fault: str, address: int, value: float) -> None:
         self._inject(fault, address, value)
 
     @rule(
-        fault=st.sampled_from(AT_A_BYTE),
+        fault=st.sampled_from(BYTE_FAULTS),
         address=st.one_of(addresses, st.just(0)),
         byte=st.integers(0, 130),
-        second=st.integers(0, 40),
+        second_value=st.integers(0, 40),
     )
-    def strike_a_byte(self, fault: str, address: int, byte: int, second: int) -> None:
-        self._inject(fault, address, byte, second)
+    def inject_byte_fault(self, fault: str, address: int, byte: int, second_value: int) -> None:
+        self._inject(fault, address, byte, second_value)
 
-    @rule(fault=st.sampled_from(ON_THE_UART), after=st.integers(0, 400), how=st.integers(0, 9))
-    def strike_the_uart(self, fault: str, after: int, how: int) -> None:
-        self.is_wire_hurt = self.is_wire_hurt or fault.startswith("up")
-        self._inject(fault, 0, after, how)
+    @rule(fault=st.sampled_from(UART_FAULTS), n_bytes=st.integers(0, 400), value=st.integers(0, 9))
+    def inject_uart_fault(self, fault: str, n_bytes: int, value: int) -> None:
+        self.has_uart_fault = self.has_uart_fault or fault.startswith("up")
+        self._inject(fault, 0, n_bytes, value)
 
-    @rule(fault=st.sampled_from(OF_THE_HUB))
-    def strike_the_hub(self, fault: str) -> None:
+    @rule(fault=st.sampled_from(HUB_FAULTS))
+    def inject_hub_fault(self, fault: str) -> None:
         self._inject(fault)
 
     @rule(fault=st.sampled_from(DELAYS), milliseconds=st.integers(1, 150))
-    def hold_up(self, fault: str, milliseconds: int) -> None:
+    def inject_delay(self, fault: str, milliseconds: int) -> None:
         self._inject(fault, 0, milliseconds)
 
-    @rule(muted=st.booleans())
-    def stop_reading(self, muted: bool) -> None:
-        self._inject("mute_host", 0, float(muted))
+    @rule(is_muted=st.booleans())
+    def stop_reading(self, is_muted: bool) -> None:
+        self._inject("mute_host", 0, float(is_muted))
 
     @rule(
         command=st.one_of(st.sampled_from([c for c in Command if c is not Command.REBOOT]), st.integers(0, 255)),
@@ -111,8 +118,8 @@ class SkinMachine(RuleBasedStateMachine):
         tag=st.integers(1, 255),
     )
     def send_any_command(self, command: int, arguments: bytes, tag: int) -> None:
-        if command != Command.I2C_TRANSFER:  # a board told to stop stays stopped: `transfer` does what is harmless
-            self.host.command(int(command), arguments, tag)
+        if command != Command.I2C_TRANSFER:  # an arbitrary write could stop a board for good; see `transfer`
+            self.host.send_command(int(command), arguments, tag)
 
     @rule(
         address=st.one_of(addresses, st.integers(0, 127)),
@@ -120,10 +127,10 @@ class SkinMachine(RuleBasedStateMachine):
         size=st.integers(0, 64),
     )
     def transfer(self, address: int, register: int, size: int) -> None:
-        self.host.command(Command.I2C_TRANSFER, bytes([address, size, register]))
+        self.host.send_command(Command.I2C_TRANSFER, bytes([address, size, register]))
 
     @rule(address=addresses, register=st.integers(0, 255), size=st.integers(1, 80))
-    def read_from_the_bench(self, address: int, register: int, size: int) -> None:
+    def read_as_second_master(self, address: int, register: int, size: int) -> None:
         assert self.world is not None
         self.world.transfer(address, bytes([register]), size, 0.05)
 
@@ -133,45 +140,45 @@ class SkinMachine(RuleBasedStateMachine):
         self.world.send(b"\x00" + data + b"\x00")
 
     @rule()
-    def handshake_and_start(self) -> None:
-        self.begin()
+    def repeat_handshake_and_start(self) -> None:
+        self.start_stream()
 
-    def _inject(self, fault: str, address: int = 0, value: float = 0.0, second: float = 0.0) -> None:
+    def _inject(self, fault: str, address: int = 0, value: float = 0.0, second_value: float = 0.0) -> None:
         assert self.world is not None
         try:
-            self.world.inject(fault, address, value, second)
+            self.world.inject(fault, address, value, second_value)
         except FaultError:
-            note(f"{fault}: too many wait already")
+            note(f"{fault}: the queue of armed faults is full")
 
     @invariant()
-    def every_count_was_shown(self) -> None:
+    def received_counts_were_set(self) -> None:
         if self.world is not None:
-            for frame in self.host.take():
-                self._check(frame)
+            for frame in self.host.read_frames():
+                self._check_frame(frame)
 
-    def _check(self, frame: TaxelFrame) -> None:
+    def _check_frame(self, frame: TaxelFrame) -> None:
         base = self.base[HAND.get_slice(frame.address)]
         difference = frame.raw_counts.astype(int) - base
-        assert not (difference % STEP_COUNTS).any(), f"board 0x{frame.address:02X}: counts that were never shown"
+        assert not (difference % STEP_COUNTS).any(), f"board 0x{frame.address:02X}: counts that were never set"
         steps = difference // STEP_COUNTS
         assert 0 <= steps.min() <= steps.max() <= self.step, f"board 0x{frame.address:02X}: counts of another time"
-        assert not (np.diff(steps) < 0).any(), f"board 0x{frame.address:02X}: a scan that goes back in time"
+        assert not (np.diff(steps) < 0).any(), f"board 0x{frame.address:02X}: later taxels have older counts"
 
     @invariant()
     def every_poll_has_one_outcome(self) -> None:
         if self.world is None:
             return
         for address, fields in self.host.board_status.items():
-            in_flight = fields["polls"] - sum(fields[name] for name in OUTCOMES)
-            assert in_flight in {0, 1}, f"board 0x{address:02X}: {fields}"
+            in_progress = fields["polls"] - sum(fields[name] for name in OUTCOMES)
+            assert in_progress in {0, 1}, f"board 0x{address:02X}: {fields}"
 
     @invariant()
-    def nothing_is_lost_on_a_sound_wire(self) -> None:
-        if self.world is not None and not self.is_wire_hurt:
+    def no_frame_is_lost_on_a_fault_free_uart(self) -> None:
+        if self.world is not None and not self.has_uart_fault:
             assert self.host.stream.losses.lost_on_wire == 0
 
     def teardown(self) -> None:
-        """All faults end; then every board must stream again."""
+        """End all faults; then all boards must stream."""
         if self.world is None:
             return
         try:
@@ -187,17 +194,17 @@ class SkinMachine(RuleBasedStateMachine):
         self._inject("mute_host", 0, 0)
         self._inject("hub_plug")
         self.world.run(SETTLING_S)
-        self.world.send(bytes(WAITING_BYTES))  # what waits for its byte on the way down strikes these
+        self.world.send(bytes(FLUSH_BYTES))  # armed faults of bytes to the hub take effect on these bytes
         self.world.run(0.1)
-        self.begin()
-        self.host.command(Command.SET_RATE, bytes(4))
-        self.host.take()
-        self.world.run(0.6)  # faults that still wait for their byte strike now
-        self.begin()
+        self.start_stream()
+        self.host.send_command(Command.SET_RATE, bytes(4))
+        self.host.read_frames()
+        self.world.run(0.6)  # armed faults of bytes from the hub take effect on these frames
+        self.start_stream()
         self.world.run(1.2)
-        self.host.take()
+        self.host.read_frames()
         self.world.run(0.4)
-        frames = self.host.take()
+        frames = self.host.read_frames()
         for frame in frames:
-            self._check(frame)
-        assert {frame.address for frame in frames} == set(ADDRESSES), "not every board streams when all is well again"
+            self._check_frame(frame)
+        assert {frame.address for frame in frames} == set(ADDRESSES), "not all boards stream after all faults"

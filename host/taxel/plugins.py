@@ -23,6 +23,8 @@ BENCH_PHASES: Final = "taxel.bench_phases"
 """Phases of the board test. Object: a callable that returns a `taxel_tools.testing.engine.Phase`."""
 BENCH_PROBES: Final = "taxel.bench_probes"
 """Probes of the board test. Object: a function ``(taxel_tools.bench.probe.ProbeRequest) -> Probe``."""
+HIL_DRIVERS: Final = "taxel.hil_drivers"
+"""Drivers of the hardware-in-the-loop harness, named ``DEVICE.DRIVER``. Object: a class; see hil_tests/harness."""
 COMMANDS: Final = "taxel.commands"
 """Commands of the program ``taxel``. Object: a typer function or a `typer.Typer` group."""
 

@@ -1,4 +1,4 @@
-"""Write docs/faults-on-the-wires.md from measurements on the virtual rig: `python tools/hil/fault_table.py`."""
+"""Measure each fault case on the virtual rig and write docs/faults-on-the-wires.md."""
 
 import argparse
 import sys
@@ -9,59 +9,69 @@ REPOSITORY = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(REPOSITORY))
 
 from hil_tests.harness.fault_cases import CASES, FaultCase  # noqa: E402
-from hil_tests.harness.rig import opened  # noqa: E402
+from hil_tests.harness.frame_checks import (  # noqa: E402
+    OUTCOMES,
+    KnownCounts,
+    get_address,
+    read_counters,
+    read_frames,
+)
+from hil_tests.harness.rig import open_rig  # noqa: E402
 from hil_tests.harness.rig_file import load_rig  # noqa: E402
-from hil_tests.harness.watching import OUTCOMES, KnownCounts, board_at, counters_of, watch  # noqa: E402
+from hil_tests.harness.virtual.world import WorldBuild  # noqa: E402
 from taxel.skin import Skin  # noqa: E402
 from taxel.stream import TaxelFrame  # noqa: E402
 
 TEMPLATE = Path(__file__).with_name("faults-on-the-wires.template.md")
 PAGE = REPOSITORY / "docs" / "faults-on-the-wires.md"
-BOARD_NUMBER = 4
+BOARD_INDEX = 4
+"""The board of the hand that has the fault."""
 COUNTERS = (*(name for name in OUTCOMES if name not in {"forwarded", "repeated"}), "retries")
 
 
-def row(case: FaultCase) -> str:
-    """Measured row of the table."""
-    with opened(load_rig("virtual"), {}, counts=True) as rig, Skin(rig.uart.link(), rig.hand) as skin:
-        address = board_at(rig.hand, BOARD_NUMBER)
-        watch(rig, skin, 0.3)
+def measure_row(case: FaultCase) -> str:
+    """The row of the table for one fault case."""
+    build = WorldBuild(has_known_counts=True)
+    with open_rig(load_rig("virtual"), build) as rig, Skin(rig.uart.open_link(), rig.hand) as skin:
+        address = get_address(rig.hand, BOARD_INDEX)
+        read_frames(rig, skin, 0.3)
         KnownCounts(rig)
-        before = counters_of(skin, address)
-        watch(rig, skin, 0.05)
+        counters_before = read_counters(skin, address)
+        read_frames(rig, skin, 0.05)
         last_step_s = case.inject(rig, skin, address)
-        frames = watch(rig, skin, 2.5)
-        after = counters_of(skin, address)
+        frames = read_frames(rig, skin, 2.5)
+        counters_after = read_counters(skin, address)
         assert rig.faults is not None
-        fault_end_s = max(last_step_s, *(strike.time_s for strike in rig.faults.strikes()))
+        effect_s = max(last_step_s, *(event.time_s for event in rig.faults.read_events()))
         missing = skin.losses.boards[address].missing
-        counted = "the counters restart at 0" if case.restarts else _increments(before, after)
+        counted = "the counters restart at 0" if case.restarts else _format_increases(counters_before, counters_after)
         if skin.losses.lost_on_wire:
             counted = ", ".join(filter(None, [counted, f"lost on the wire {skin.losses.lost_on_wire}"]))
-        recovery = _recovery_ms(case, frames, address, fault_end_s)
+        recovery = _measure_recovery(case, frames, address, effect_s)
     return f"| {case.name} | {case.hub} | {case.host} | {counted or 'nothing'} | {missing} | {recovery} |\n"
 
 
-def _increments(before: dict[str, int], after: dict[str, int]) -> str:
+def _format_increases(before: dict[str, int], after: dict[str, int]) -> str:
     return ", ".join(f"{name} {after[name] - before[name]}" for name in COUNTERS if after[name] > before[name])
 
 
-def _recovery_ms(case: FaultCase, frames: Sequence[TaxelFrame], address: int, fault_end_s: float) -> str:
-    own = [frame for frame in frames if frame.address == address]
-    if case.restarts:  # the clock of the hub restarts with its power
-        own = own[[frame.hub_time_us for frame in own].index(min(frame.hub_time_us for frame in own)) :]
-        return f"{own[0].hub_time_us / 1e3:.0f} after power-on"
-    recovery_start_s = fault_end_s + case.ends_s
-    times_s = [frame.hub_time_us / 1e6 for frame in own]
-    return f"{1e3 * (min(time_s for time_s in times_s if time_s >= recovery_start_s) - recovery_start_s):.0f}"
+def _measure_recovery(case: FaultCase, frames: Sequence[TaxelFrame], address: int, effect_s: float) -> str:
+    """Time in ms from the end of the fault to the next frame of the board, as text."""
+    own_frames = [frame for frame in frames if frame.address == address]
+    if case.restarts:  # the hub's clock restarted at 0
+        times_us = [frame.hub_time_us for frame in own_frames]
+        return f"{min(times_us) / 1e3:.0f} after power-on"
+    end_s = effect_s + case.ends_s
+    times_s = [frame.hub_time_us / 1e6 for frame in own_frames]
+    return f"{1e3 * min(time_s - end_s for time_s in times_s if time_s >= end_s):.0f}"
 
 
 def main() -> int:
-    """Write the page."""
+    """Measure all fault cases and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=PAGE)
     options = parser.parse_args()
-    rows = "".join(row(case) for case in CASES)
+    rows = "".join(measure_row(case) for case in CASES)
     options.out.write_text(TEMPLATE.read_text().replace("{rows}", rows))
     print(options.out)
     return 0

@@ -1,23 +1,26 @@
-"""The hand's CAN channel, through python-can."""
+"""CAN channel of the Allegro hand through python-can."""
 
 import time
 
 import can
 
+from hil_tests.harness.context import DriverContext
+from hil_tests.harness.interfaces import CanBus
 from taxel.hand.allegro import open_bus
 
 
-class PhysicalCanBus:
+class PythonCanBus(CanBus):
     """A channel as `taxel.hand.allegro.open_bus` names it: `can:socketcan:can0`, `can:pcan:PCAN_USBBUS1` ..."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, context: DriverContext, url: str) -> None:
+        del context  # the URL names the channel completely
         self._url = url
 
-    def open(self) -> can.BusABC:
+    def open_bus(self) -> can.BusABC:
         return open_bus(self._url)
-
-    def let_pass(self, seconds: float) -> None:
-        time.sleep(seconds)
 
     def now_s(self) -> float:
         return time.monotonic()
+
+    def advance(self, seconds: float) -> None:
+        time.sleep(seconds)

@@ -1,21 +1,24 @@
-"""Power of the whole rig, switched by a modem line of a serial port that drives a transistor or a relay."""
+"""Power supply switched by a modem line of a serial port, which drives a transistor or a relay."""
 
 import contextlib
 
 import serial
 
+from hil_tests.harness.context import DriverContext
 from hil_tests.harness.errors import RigError
+from hil_tests.harness.interfaces import Power
 
 LINES = ("rts", "dtr")
 
 
-class ModemLinePower:
-    """RTS or DTR of `port` switches hub and boards together; no board can be switched alone.
+class ModemLinePower(Power):
+    """RTS or DTR of `port` switches hub and boards together; a board cannot be switched alone.
 
-    A port of its own, not the hub's: opening a port moves its modem lines.
+    `port` is not the port of the hub, because opening a port changes its modem lines. Raises `RigError` for another
+    line, or if the port cannot be opened. The power is on after opening and after closing.
     """
 
-    def __init__(self, port: str, line: str = "rts", on_is_high: bool = True) -> None:
+    def __init__(self, context: DriverContext, port: str, line: str = "rts", on_is_high: bool = True) -> None:
         if line not in LINES:
             raise RigError(f"power {port}: line = '{line}'; expected {' or '.join(LINES)}")
         self._line, self._on_is_high, self._name = line, on_is_high, port
@@ -23,14 +26,15 @@ class ModemLinePower:
             self._port = serial.serial_for_url(port)
             self.switch(True)
         except (serial.SerialException, OSError, ValueError) as error:
-            raise RigError(f"power {port}: cannot be opened ({error}); is the switch plugged in?") from None
+            raise RigError(f"power {port}: cannot be opened ({error}); check that the switch is connected") from None
+        context.close_at_end(self._close)
 
     def switch(self, on: bool, address: int | None = None) -> None:
         if address is not None:
             raise RigError(f"power {self._name}: board 0x{address:02X} cannot be switched alone; switch the whole rig")
         setattr(self._port, self._line, on == self._on_is_high)
 
-    def close(self) -> None:
+    def _close(self) -> None:
         with contextlib.suppress(serial.SerialException, OSError):
             self.switch(True)
             self._port.close()

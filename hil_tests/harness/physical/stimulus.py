@@ -1,17 +1,18 @@
-"""A person with a force probe."""
+"""Force probe in the hand of an operator."""
 
-from taxel.hand import Hand
+from hil_tests.harness.context import DriverContext
+from hil_tests.harness.interfaces import Stimulus
 
 
-class OperatorStimulus:
-    """Says what to press and waits for the Return key. Run pytest with -s, or it cannot ask."""
+class OperatorStimulus(Stimulus):
+    """Prints the taxel and the force, and waits for the Return key. Needs the option `-s` of pytest."""
 
-    def __init__(self, hand: Hand) -> None:
-        self._hand = hand
+    def __init__(self, context: DriverContext) -> None:
+        self._hand = context.hand
 
     def press(self, address: int, taxel: int, force_n: float) -> None:
         board = self._hand.get_board(address)
         input(f"press taxel {taxel} of {board.name} (0x{address:02X}) with {force_n:g} N, hold it, then Return: ")
 
     def release(self) -> None:
-        input("let go of everything, then Return: ")
+        input("remove the probe from the skin, then Return: ")

@@ -1,25 +1,16 @@
-"""The hub's UART on a serial port, and this machine's clock."""
+"""UART of the hub on a serial port."""
 
-import time
-
+from hil_tests.harness.context import DriverContext
+from hil_tests.harness.interfaces import Uart
 from taxel.link import Link, open_link
 
 
-class PhysicalClock:
-    """This machine's monotonic clock."""
-
-    def now_s(self) -> float:
-        return time.monotonic()
-
-    def wait(self, seconds: float) -> None:
-        time.sleep(seconds)
-
-
-class SerialUart:
+class SerialUart(Uart):
     """A serial port: `serial:///dev/ttyUSB0?baud=1000000`, or another URL of `taxel.link.open_link`."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, context: DriverContext, url: str) -> None:
+        del context  # the URL names the port completely
         self._url = url
 
-    def link(self) -> Link:
+    def open_link(self) -> Link:
         return open_link(self._url)

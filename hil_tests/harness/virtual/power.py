@@ -1,17 +1,22 @@
-"""Power in an emulated world: each board and the hub alone."""
+"""Power supply of emulated boards and of the emulated hub."""
 
-from taxel.link.virtual import VirtualWorld
+from typing import ClassVar
+
+from hil_tests.harness.context import DriverContext
+from hil_tests.harness.interfaces import Power
 
 
-class VirtualPower:
-    """Plugs and unplugs."""
+class VirtualPower(Power):
+    """Switches each board and the hub separately."""
 
-    def __init__(self, world: VirtualWorld) -> None:
-        self._world = world
+    is_virtual: ClassVar[bool] = True
+
+    def __init__(self, context: DriverContext) -> None:
+        self._world = context.world
 
     def switch(self, on: bool, address: int | None = None) -> None:
-        name = "plug" if on else "unplug"
+        fault = "plug" if on else "unplug"
         if address is None:
-            self._world.inject(f"hub_{name}")
+            self._world.inject(f"hub_{fault}")
         else:
-            self._world.inject(name, address)
+            self._world.inject(fault, address)

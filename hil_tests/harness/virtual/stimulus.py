@@ -1,32 +1,25 @@
-"""A probe on an emulated skin, and raw counts in its place."""
+"""Force probe on an emulated skin."""
+
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from taxel.hand import Hand
-from taxel.link.virtual import VirtualWorld
+from hil_tests.harness.context import DriverContext
+from hil_tests.harness.interfaces import Stimulus
 
 
-class VirtualStimulus:
-    """Presses one taxel at a time, straight down."""
+class VirtualStimulus(Stimulus):
+    """Applies a normal force to one taxel at a time."""
 
-    def __init__(self, world: VirtualWorld, hand: Hand) -> None:
-        self._world, self._hand = world, hand
+    is_virtual: ClassVar[bool] = True
+
+    def __init__(self, context: DriverContext) -> None:
+        self._world, self._hand = context.world, context.hand
 
     def press(self, address: int, taxel: int, force_n: float) -> None:
-        forces = np.zeros(self._world.taxels)
-        forces[self._hand.get_slice(address).start + taxel] = force_n
-        self._world.press(forces)
+        forces_n = np.zeros(self._world.taxels)
+        forces_n[self._hand.get_slice(address).start + taxel] = force_n
+        self._world.press(forces_n)
 
     def release(self) -> None:
         self._world.press(np.zeros(self._world.taxels))
-
-
-class VirtualCounts:
-    """What every conversion gives."""
-
-    def __init__(self, world: VirtualWorld) -> None:
-        self._world = world
-
-    def show(self, counts: ArrayLike) -> None:
-        self._world.press(counts)

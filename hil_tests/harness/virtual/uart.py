@@ -1,29 +1,24 @@
-"""The hub's UART and the clock of a virtual rig."""
+"""UART of an emulated hub."""
 
+from typing import ClassVar
+
+from hil_tests.harness.context import DriverContext
+from hil_tests.harness.interfaces import Uart
+from taxel.hand.world import WorldSettings
 from taxel.link import Link
-from taxel.link.virtual import VirtualMemoryLink, VirtualSerialLink, VirtualWorld
+from taxel.link.virtual import VirtualMemoryLink, VirtualSerialLink
 
 
-class VirtualClock:
-    """World seconds."""
+class VirtualUart(Uart):
+    """A pseudo-terminal that pyserial opens (`port = "pty"`), or a link in memory (`port = "memory"`)."""
 
-    def __init__(self, world: VirtualWorld) -> None:
-        self._world = world
+    is_virtual: ClassVar[bool] = True
 
-    def now_s(self) -> float:
-        return self._world.now_s
+    def __init__(self, context: DriverContext, port: str = "pty") -> None:
+        self._world, self._port = context.world, port
+        self._baud = float(context.description.world.get("baud", WorldSettings.baud))
 
-    def wait(self, seconds: float) -> None:
-        self._world.run(seconds)
-
-
-class VirtualUart:
-    """A pseudo-terminal opened by pyserial (`pty`), or the bytes without a port (`memory`)."""
-
-    def __init__(self, world: VirtualWorld, port: str, baud: float) -> None:
-        self._world, self._port, self._baud = world, port, baud
-
-    def link(self) -> Link:
+    def open_link(self) -> Link:
         if self._port == "memory":
             return VirtualMemoryLink(self._world, self._baud)
         return VirtualSerialLink(self._world, self._baud)

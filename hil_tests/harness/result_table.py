@@ -1,17 +1,20 @@
-"""What ran where: the table at the end of the suite."""
+"""Table of the results of each suite on a rig, printed at the end of a test run."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 
 import pytest
 
-from hil_tests.harness.needs import NOT_POSSIBLE, is_not_possible
+from hil_tests.harness.requirements import NOT_POSSIBLE, is_not_possible
 
 COLUMNS = ("passed", "failed", "not possible")
 
 
-def counted(reports: Iterable[pytest.TestReport]) -> dict[str, Counter[str]]:
-    """Outcomes of each suite (a test file without `test_`), and under `lacks ...` what was missing."""
+def count_outcomes(reports: Iterable[pytest.TestReport]) -> dict[str, Counter[str]]:
+    """Number of tests by outcome for each suite (the name of a test file without `test_`).
+
+    The keys "lacks ..." of a suite are the reasons for which tests were not possible.
+    """
     suites: dict[str, Counter[str]] = defaultdict(Counter)
     for report in reports:
         suite = report.nodeid.split("::")[0].rsplit("/", 1)[-1].removeprefix("test_").removesuffix(".py")
@@ -27,13 +30,13 @@ def counted(reports: Iterable[pytest.TestReport]) -> dict[str, Counter[str]]:
     return dict(suites)
 
 
-def lines_of(suites: Mapping[str, Counter[str]], rig: str) -> list[str]:
-    """The table, a line each."""
+def format_table(suites: Mapping[str, Counter[str]], rig: str) -> list[str]:
+    """Lines of the table of a rig with this name."""
     width = max([len(name) for name in suites] + [len("suite")])
     lines = [f"{'suite':<{width}}  " + "  ".join(f"{column:>12}" for column in COLUMNS) + f"   rig: {rig}"]
-    for name, outcome in sorted(suites.items()):
-        lacks = ", ".join(sorted(key.removeprefix("lacks ") for key in outcome if key.startswith("lacks ")))
-        numbers = "  ".join(f"{outcome[column]:>12}" for column in COLUMNS)
+    for name, outcomes in sorted(suites.items()):
+        lacks = ", ".join(sorted(key.removeprefix("lacks ") for key in outcomes if key.startswith("lacks ")))
+        numbers = "  ".join(f"{outcomes[column]:>12}" for column in COLUMNS)
         lines.append(f"{name:<{width}}  {numbers}" + (f"   lacks {lacks}" if lacks else ""))
     total = sum(suites.values(), Counter())
     lines.append(f"{'all':<{width}}  " + "  ".join(f"{total[column]:>12}" for column in COLUMNS))

@@ -1,4 +1,4 @@
-"""A host that waits for nothing: it sends what it is told to, and keeps what arrives."""
+"""A host that sends frames to the hub without waiting for replies, and collects the received frames and messages."""
 
 from taxel.link import Link
 from taxel.stream import TaxelFrame
@@ -9,18 +9,22 @@ from taxel_protocol.frames import CommandPayload, HostHandshake
 from taxel_protocol.layout import pack
 
 
-class FreeHost:
-    """Frames and messages of a stepped link; `board_status`, `status`: the hub's last words on its counters."""
+class NonBlockingHost:
+    """The host's end of a link to an emulated hub.
+
+    `messages`: received messages of the hub. `board_status` by address, `status`: the counters that the hub sent last
+    since its last start.
+    """
 
     def __init__(self, link: Link) -> None:
-        self.stream = FrameStream(link, self._take)
+        self.stream = FrameStream(link, self._receive_message)
         self.messages: list[HubMessage] = []
         self.board_status: dict[int, dict[str, int]] = {}
         self.status: dict[str, int] | None = None
         self._link = link
         self._sequence = 0
 
-    def _take(self, message: HubMessage) -> None:
+    def _receive_message(self, message: HubMessage) -> None:
         self.messages.append(message)
         if message.type is FrameType.BOARD_STATUS:
             self.board_status[message.fields["address"]] = message.fields
@@ -29,8 +33,8 @@ class FreeHost:
         elif message.type is FrameType.HUB_HANDSHAKE and message.fields["tag"] == 0:
             self.board_status, self.status = {}, None
 
-    def take(self) -> list[TaxelFrame]:
-        """What has arrived since the last call."""
+    def read_frames(self) -> list[TaxelFrame]:
+        """The taxel frames received since the last call."""
         while self.stream.poll(0.0):
             pass
         frames = list(self.stream.frames)
@@ -38,15 +42,15 @@ class FreeHost:
         return frames
 
     def send(self, frame_type: FrameType, payload: bytes) -> None:
-        """A frame to the hub."""
+        """Send a frame to the hub."""
         self._link.write(encode_frame(frame_type, self._sequence, payload))
         self._sequence = (self._sequence + 1) % 65536
 
-    def handshake(self, tag: int = 1) -> None:
-        """HOST_HANDSHAKE."""
+    def send_handshake(self, tag: int = 1) -> None:
+        """Send HOST_HANDSHAKE."""
         fields = {"tag": tag, "version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION}
         self.send(FrameType.HOST_HANDSHAKE, pack(HostHandshake, fields))
 
-    def command(self, command: int, arguments: bytes = b"", tag: int = 1) -> None:
-        """COMMAND, without waiting for the reply."""
+    def send_command(self, command: int, arguments: bytes = b"", tag: int = 1) -> None:
+        """Send COMMAND."""
         self.send(FrameType.COMMAND, pack(CommandPayload, {"tag": tag, "command": command}, arguments))

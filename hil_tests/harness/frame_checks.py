@@ -1,0 +1,94 @@
+"""Taxel frames of a rig over a period, and checks of their counts, their order and the hub's counters."""
+
+import numpy as np
+
+from hil_tests.harness.rig import Rig
+from taxel.hand import Hand
+from taxel.skin import Skin
+from taxel.stream import TaxelFrame
+
+STEP_COUNTS = 100
+"""Difference between the counts of two steps of `KnownCounts`."""
+LARGEST_BASE = 1000
+POLL_S = 0.01
+OUTCOMES = ("forwarded", "repeated", "nacks", "timeouts", "crc_errors", "bus_errors", "dropped")
+"""Counters of the hub, of which each poll of a board increases exactly one."""
+
+
+def read_frames(rig: Rig, skin: Skin, seconds: float) -> list[TaxelFrame]:
+    """The frames received in the next `seconds` on the rig's clock."""
+    frames: list[TaxelFrame] = []
+    end_s = rig.clock.now_s() + seconds
+    while (remaining_s := end_s - rig.clock.now_s()) > 0.0:
+        frames += skin.poll(min(max(remaining_s, 1e-6), POLL_S))
+    return frames
+
+
+class KnownCounts:
+    """Raw counts from which a test can identify the taxel and the time of every measured value.
+
+    Taxel t measures base[t] + 100 step. base[t] modulo 100 is a random number for each taxel, so a count of another
+    taxel, or a damaged count, is detected.
+    """
+
+    def __init__(self, rig: Rig, seed: int = 1) -> None:
+        assert rig.counts is not None
+        self._source, self._hand = rig.counts, rig.hand
+        self._base = np.random.default_rng(seed).integers(1, STEP_COUNTS, rig.hand.n_taxels) + LARGEST_BASE
+        self.step = -1
+        self.advance()
+
+    def advance(self) -> None:
+        """Set the counts of the next step."""
+        self.step += 1
+        self._source.set_counts(self._base + STEP_COUNTS * self.step)
+
+    def check_frame(self, frame: TaxelFrame) -> None:
+        """Fail unless all counts of the frame were set, for these taxels, during one scan."""
+        board = f"board 0x{frame.address:02X}"
+        base = self._base[self._hand.get_slice(frame.address)]
+        difference = frame.raw_counts.astype(int) - base
+        wrong = np.flatnonzero(difference % STEP_COUNTS)
+        assert not len(wrong), f"{board}, taxels {wrong.tolist()}: counts that were never set"
+        steps = difference // STEP_COUNTS
+        assert 0 <= steps.min() <= steps.max() <= self.step, f"{board}: counts of another time"
+        assert not (np.diff(steps) < 0).any(), f"{board}: later taxels of the scan have older counts"
+        assert steps[-1] - steps[0] <= 1, f"{board}: counts of more than one scan"
+
+
+def check_order(frames: list[TaxelFrame]) -> None:
+    """Fail unless the poll cycles of each board increase (modulo 65536)."""
+    last: dict[int, TaxelFrame] = {}
+    for frame in frames:
+        before = last.get(frame.address)
+        if before is not None:
+            assert 0 < (frame.cycle - before.cycle) % 65536 < 32768, f"board 0x{frame.address:02X}: cycle decreases"
+        last[frame.address] = frame
+
+
+def check_polls(skin: Skin) -> None:
+    """Fail unless each poll has exactly one outcome; one poll of each board may be in progress."""
+    skin.hub.read_status()
+    for address, fields in skin.hub.board_status.items():
+        in_progress = fields["polls"] - sum(fields[name] for name in OUTCOMES)
+        assert in_progress in {0, 1}, f"board 0x{address:02X}: {fields}"
+
+
+def read_counters(skin: Skin, address: int) -> dict[str, int]:
+    """The hub's present counters of a board."""
+    skin.hub.read_status()
+    return dict(skin.hub.board_status[address])
+
+
+def count_cycles_until_frame(frames: list[TaxelFrame], address: int, hub_time_us: float) -> int:
+    """Number of poll cycles from a time on the hub's clock to the first frame of this board after that time."""
+    other_cycles = [frame.cycle for frame in frames if frame.address != address and frame.hub_time_us <= hub_time_us]
+    own_cycles = [frame.cycle for frame in frames if frame.address == address and frame.hub_time_us >= hub_time_us]
+    assert other_cycles, "no frame of another board before that time"
+    assert own_cycles, f"no frame of board 0x{address:02X} after that time"
+    return (own_cycles[0] - other_cycles[-1]) % 65536
+
+
+def get_address(hand: Hand, index: int) -> int:
+    """I2C address of board number `index` of the hand."""
+    return hand.boards[index].address

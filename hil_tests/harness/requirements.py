@@ -1,0 +1,60 @@
+"""Abilities that a test requires of a rig, read from its marks, and the report for a rig that lacks one."""
+
+from typing import Any, Final
+
+import pytest
+
+from hil_tests.harness.rig import ABILITIES
+from hil_tests.harness.virtual.world import WorldBuild
+from taxel.hand import Hand
+from taxel.hand.world import ScanSettings
+
+NOT_POSSIBLE: Final = "not possible on this rig: it lacks "
+
+
+def get_required_abilities(item: pytest.Item | pytest.FixtureRequest) -> set[str]:
+    """Abilities in the marks `needs` of a test. A mark `world` requires the ability "build"; all tests need the UART.
+
+    Raises `ValueError` for an unknown ability.
+    """
+    node = item.node if isinstance(item, pytest.FixtureRequest) else item
+    abilities = {name for mark in node.iter_markers("needs") for name in mark.args}
+    unknown = abilities - ABILITIES.keys()
+    if unknown:
+        raise ValueError(f"{node.nodeid}: needs {sorted(unknown)[0]!r}; expected some of {', '.join(ABILITIES)}")
+    return abilities | ({"build"} if node.get_closest_marker("world") else set()) | {"uart"}
+
+
+def get_world_build(request: pytest.FixtureRequest, hand: Hand) -> WorldBuild:
+    """The emulated world that the marks `world` and `faulty_image` of a test describe.
+
+    Arguments of `world`: `lines`, `only` (indices of the boards that are present), `scan` (fields of `ScanSettings`)
+    and fields of `WorldSettings`. In texts, {0}, {1} ... are the addresses of the boards in the order of the hand.
+    """
+    mark = request.node.get_closest_marker("world")
+    settings: dict[str, Any] = dict(mark.kwargs) if mark else {}
+    addresses = [f"0x{board.address:02X}" for board in hand.boards]
+    for name in ("faults", "effects", "lines"):
+        if name in settings:
+            settings[name] = [line.format(*addresses) for line in settings[name]]
+    if "scan" in settings:
+        settings["scan"] = ScanSettings(**settings["scan"])
+    return WorldBuild(
+        lines=settings.pop("lines", ()),
+        board_indices=settings.pop("only", None),
+        settings=settings,
+        has_known_counts="counts" in get_required_abilities(request),
+        may_fault=request.node.get_closest_marker("faulty_image") is not None,
+    )
+
+
+def skip_if_not_possible(required: set[str], abilities: set[str]) -> None:
+    """Report the test as not possible if the rig lacks a required ability."""
+    missing = sorted(required - abilities)
+    if missing:
+        pytest.skip(NOT_POSSIBLE + ", ".join(ABILITIES[name] for name in missing))
+
+
+def is_not_possible(report: pytest.TestReport) -> bool:
+    """Whether the report is of a test that the rig cannot run."""
+    return report.skipped and isinstance(report.longrepr, tuple) and NOT_POSSIBLE in report.longrepr[2]

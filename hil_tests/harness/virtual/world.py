@@ -1,0 +1,73 @@
+"""The emulated world of a virtual rig."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hil_tests.harness.rig_file import HUB, RigDescription
+from hil_tests.harness.virtual.images import build_images
+from taxel.hand.world import WorldSettings, format_world
+from taxel.link.virtual import VirtualWorld
+
+
+@dataclass(frozen=True)
+class WorldBuild:
+    """Emulated world for one test.
+
+    `settings`: fields of `taxel.hand.world.WorldSettings`, which override those of the rig file. `lines`: additional
+    lines of the world file. `board_indices`: the boards of the hand that are present (None: all).
+    `has_known_counts`: the test sets the raw counts. `may_fault`: a processor may fault during the test.
+    """
+
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    lines: Sequence[str] = ()
+    board_indices: Sequence[int] | None = None
+    has_known_counts: bool = False
+    may_fault: bool = False
+
+
+def open_world(description: RigDescription, build: WorldBuild, exit_stack: ExitStack) -> VirtualWorld:
+    """An emulated world of the rig's hand. `exit_stack` closes the world, after a check of the executed processors."""
+    text = format_world(description.hand, WorldSettings(**{**description.world, **build.settings}))
+    text = _select_boards(text, build.board_indices) + "".join(f"{line}\n" for line in build.lines)
+    port = description.devices["uart"].options.get("port", "pty")
+    image_lines, files = _find_images(description, text)
+    world = exit_stack.enter_context(VirtualWorld(text + image_lines, port, counts=build.has_known_counts, files=files))
+    exit_stack.callback(_check_processors, world, _find_executed(description, text), build.may_fault)
+    return world
+
+
+def _find_images(description: RigDescription, text: str) -> tuple[str, dict[str, Path]]:
+    """Lines of the world file for the processors that execute their images, and the image files by name."""
+    if not description.executed:
+        return "", {}
+    files = {name: build_images() / name for name in ("board-factory.hex", "hub-factory.hex")}
+    addresses = (address for address in _find_executed(description, text) if address != HUB)
+    lines = "".join(f"image 0x{address:02X} board-factory.hex\n" for address in addresses)
+    return lines + ("hub_image hub-factory.hex\n" if HUB in description.executed else ""), files
+
+
+def _find_executed(description: RigDescription, text: str) -> list[int]:
+    """Addresses of the executed boards that the world file contains, and 0 for an executed hub."""
+    return [address for address in description.executed if address == HUB or f"board 0x{address:02X} " in text]
+
+
+def _check_processors(world: VirtualWorld, executed: list[int], may_fault: bool) -> None:
+    """Fail if a processor used a feature that the emulator does not model, or faulted without permission."""
+    for address in executed:
+        processor = world.processor(address)
+        assert not processor.is_broken, f"the processor of 0x{address:02X} has stopped at 0x{processor.pc:04X}"
+        assert may_fault or not processor.faults, (
+            f"the processor of 0x{address:02X} has faulted {processor.faults} times"
+        )
+
+
+def _select_boards(text: str, board_indices: Sequence[int] | None) -> str:
+    if board_indices is None:
+        return text
+    lines = text.splitlines()
+    board_lines = [line for line in lines if line.startswith("board ")]
+    selected = [board_lines[index] for index in board_indices]
+    return "\n".join(line for line in lines if not line.startswith("board ") or line in selected) + "\n"
