@@ -40,7 +40,7 @@ demo: $(STAMP)  ## the main job: a hidden effect in the emulated hand, a small c
 	@$(BIN)/taxel demo --out out/demo
 
 blind: $(STAMP)  ## the full blind check: hours; it goes on where it was cut (WORLDS=24 for a short one)
-	@$(BIN)/taxel gap blind --worlds $(WORLDS) --full-hand $(FULL_HAND) --out out/blind --page docs/blind-check.md
+	@$(BIN)/taxel gap blind --worlds $(WORLDS) --full-hand-worlds $(FULL_HAND) --out out/blind --page docs/blind-check.md
 
 test: $(STAMP)  ## everything that must pass: style, types, layers, C and Python tests
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint test-c

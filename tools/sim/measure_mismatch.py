@@ -1,6 +1,7 @@
 """How far the simulator and an emulated hand without effects are apart, against what repeats and sessions make of it.
 
-taxel grasp --source both --effect none --out out/none && python tools/sim/mismatch.py out/none/real.h5 out/none/sim.h5
+taxel grasp --source both --no-effects --out out/none
+python tools/sim/measure_mismatch.py out/none/real.h5 out/none/sim.h5
 
 --all counts every board's taxels, as presses on a rig need it; else those that the thesis's experiments used.
 """

@@ -36,7 +36,7 @@ class Provenance:
 
     def text(self) -> str:
         """One paragraph of the score sheet."""
-        full_hand = f" --full-hand {self.full_hand}" if self.full_hand else ""
+        full_hand = f" --full-hand-worlds {self.full_hand}" if self.full_hand else ""
         added = f", with {self.added} worlds of --add-answers" if self.added else ""
         versions = " and ".join(sorted(self.versions)) or "none"
         return (

@@ -23,7 +23,7 @@ DEFAULT_EFFECTS = (
 )
 """Noise, coupling and spread, to which the thesis attributes its gap (5.6.2); the magnitudes are chosen."""
 
-PRESETS: dict[str, Sequence[str]] = {"thesis": DEFAULT_EFFECTS, "none": ()}
+PRESETS: dict[str, Sequence[str]] = {"thesis": DEFAULT_EFFECTS}
 
 
 class UnknownPresetError(TaxelError, ValueError):
@@ -34,7 +34,7 @@ class UnknownPresetError(TaxelError, ValueError):
 
     def __str__(self) -> str:
         names = ", ".join(PRESETS)
-        return f"effects: expected {names}, or lines such as 'spread film length_m=0.002', found {self.args[0]!r}"
+        return f"effects: expected {names} or lines such as 'spread film length_m=0.002', found {self.args[0]!r}"
 
 
 class OffsetLineError(TaxelError, ValueError):

@@ -41,7 +41,7 @@ def make(
         typer.Option(min=0.0, max=100.0, help="Active taxels activate all taxels of their board within this distance."),
     ] = None,
     fuse: Annotated[bool, typer.Option("--fuse", help="Average each contact over the repeats of an approach.")] = False,
-    least_share: Annotated[
+    min_share: Annotated[
         float,
         typer.Option(min=0.0, max=1.0, help="With --fuse: smallest share of the repeats that contain the contact."),
     ] = 0.0,
@@ -64,7 +64,7 @@ def make(
         )
     if approach is not None:
         cloud = cloud.select_approach(approach)
-    _store(fuse_repeats(cloud, least_share) if fuse else cloud, out, as_json, overwrite)
+    _store(fuse_repeats(cloud, min_share) if fuse else cloud, out, as_json, overwrite)
 
 
 @cloud_app.command(name="filter")
@@ -101,8 +101,8 @@ def filter_cloud(
 
 @cloud_app.command()
 def convert(
-    source: Annotated[Path, typer.Argument(help="PLY, PCD, XYZ, STL or OBJ.", metavar="IN")],
-    out: Annotated[Path, typer.Argument(help="File to write; the suffix selects the format.", metavar="OUT")],
+    source: Annotated[Path, typer.Argument(help="PLY, PCD, XYZ, STL or OBJ.", metavar="SOURCE")],
+    out: Annotated[Path, typer.Argument(help="File to write; the suffix selects the format.", metavar="TARGET")],
     unit: Unit = "m",
     overwrite: Overwrite = False,
 ) -> None:

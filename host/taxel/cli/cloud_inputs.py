@@ -48,8 +48,8 @@ def require_nonempty(cloud: ContactCloud) -> None:
     require_points(cloud.points, cloud.name)
 
 
-def target_of(name: str, unit: str) -> TriangleMesh | ContactCloud:
-    """The built-in shape, mesh file or cloud file of a name. Raises `MeshError`, `CloudFileError`, `OSError`."""
+def load_target(name: str, unit: str) -> TriangleMesh | ContactCloud:
+    """The built-in shape of a name, or the mesh or cloud of a file. Raises `MeshError`, `CloudFileError`, `OSError`."""
     scale = metres(unit)
     if name in get_builtin_models() or not Path(name).exists() or has_triangles(name):
         return load_model(name, scale)

@@ -42,7 +42,7 @@ class CloudMatch:
 
 def match(
     inputs: Annotated[
-        list[Path], typer.Argument(help="Grasp datasets, or cloud files: PLY, PCD, XYZ.", metavar="IN...")
+        list[Path], typer.Argument(help="Grasp datasets, or cloud files: PLY, PCD, XYZ.", metavar="SOURCE...")
     ],
     object_name: Annotated[
         str | None, typer.Option("--object", help="Only grasps of this object. Default: all objects of a dataset.")
@@ -86,9 +86,9 @@ def match(
             likelihoods = compute_likelihoods(cloud, models, show_evidence) if has_evidence else None
             for approach in ("", *(cloud.approaches if each_approach else ())):
                 show("matching", len(matches), total)
-                part = cloud.select_approach(approach) if approach else cloud
+                selection = cloud.select_approach(approach) if approach else cloud
                 result = match_cloud(
-                    part,
+                    selection,
                     models,
                     in_model_frame=not anywhere,
                     likelihoods=likelihoods,
@@ -98,8 +98,8 @@ def match(
                 matches.append(CloudMatch(path, true_object, approach, result))
         show("matching", total, total)
     if as_json:
-        result_json = {"matches": [one.to_json() for one in matches], "told_right": _count_correct(matches)}
-        print(json.dumps(result_json))
+        content = {"matches": [cloud_match.to_json() for cloud_match in matches], "told_right": _count_correct(matches)}
+        print(json.dumps(content))
     else:
         _print_matches(matches)
 
@@ -128,11 +128,11 @@ def _count_correct(matches: list[CloudMatch]) -> dict[str, dict[str, int]]:
     The counts are separate for whole clouds and for single approaches.
     """
     counts = {group: {"right": 0, "right_by_mean": 0, "total": 0} for group in ("clouds", "single_approaches")}
-    for one in matches:
-        if one.true_object in {fit.model for fit in one.match.fits}:
-            count = counts["single_approaches" if one.approach else "clouds"]
-            count["right"] += one.match.best == one.true_object
-            count["right_by_mean"] += one.match.best_by_mean == one.true_object
+    for cloud_match in matches:
+        if cloud_match.true_object in {fit.model for fit in cloud_match.match.fits}:
+            count = counts["single_approaches" if cloud_match.approach else "clouds"]
+            count["right"] += cloud_match.match.best == cloud_match.true_object
+            count["right_by_mean"] += cloud_match.match.best_by_mean == cloud_match.true_object
             count["total"] += 1
     return counts
 
@@ -144,15 +144,17 @@ def _print_matches(matches: list[CloudMatch]) -> None:
         table.add_column(
             heading, justify="left" if heading in ("cloud", "best") else "right", no_wrap=heading != "cloud"
         )
-    for one in matches:
-        best, confidence = one.match.fits[0], one.match.confidence
+    for cloud_match in matches:
+        result = cloud_match.match
+        labels = (cloud_match.file.name, cloud_match.true_object, cloud_match.approach)
+        confidence = result.confidence
         table.add_row(
-            " ".join(part.replace("_", " ") for part in (one.file.name, one.true_object, one.approach) if part),
-            one.match.best.replace("_", " "),
-            f"{1e3 * best.distances.mean_m:.2f}",
-            "> 99" if one.match.margin > 99.0 else f"{one.match.margin:.2f}",
-            "" if np.isnan(one.match.lead) else f"{one.match.lead:.0f}",
-            "" if confidence is None else f"{100.0 * confidence[one.match.best]:.0f} %",
+            " ".join(label.replace("_", " ") for label in labels if label),
+            result.best.replace("_", " "),
+            f"{1e3 * result.fits[0].distances.mean_m:.2f}",
+            "> 99" if result.margin > 99.0 else f"{result.margin:.2f}",
+            "" if np.isnan(result.lead) else f"{result.lead:.0f}",
+            "" if confidence is None else f"{100.0 * confidence[result.best]:.0f} %",
         )
     console.print(table)
     for group, count in _count_correct(matches).items():

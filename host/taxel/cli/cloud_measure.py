@@ -14,8 +14,8 @@ from taxel.cli.cloud_inputs import (
     Target,
     Unit,
     check_scale,
+    load_target,
     require_nonempty,
-    target_of,
 )
 from taxel.cli.options import AsJson, Overwrite
 from taxel.cli.progress import stage_bars
@@ -36,12 +36,12 @@ def distance(cloud: CloudFile, target: Target, unit: Unit = "m", as_json: AsJson
 
     Example: taxel cloud distance out/cylinder.ply cylinder
     """
-    points, reference = _cloud_and_target(cloud, target, unit)
-    stats = DistanceStats.from_distances(_distances(points.points, points.name, reference))
+    contact_cloud, reference = _read_cloud_and_target(cloud, target, unit)
+    stats = DistanceStats.from_distances(_compute_distances(contact_cloud, reference))
     if as_json:
         print(json.dumps({"cloud": str(cloud), "target": target, **stats.to_json()}))
     else:
-        print(f"{cloud} to {target}: {_stats_text(stats)}")
+        print(f"{cloud} to {target}: {_format_stats(stats)}")
 
 
 def align(
@@ -49,8 +49,8 @@ def align(
     target: Target,
     out: Annotated[Path | None, typer.Option(help="File for the aligned cloud: .ply, .pcd or .xyz.")] = None,
     anywhere: Anywhere = False,
-    sampled: Annotated[
-        bool, typer.Option("--sampled", help="Align to 20,000 points sampled on the mesh instead of its surface.")
+    sample_mesh: Annotated[
+        bool, typer.Option("--sample-mesh", help="Align to 20,000 points sampled on the mesh instead of its surface.")
     ] = False,
     unit: Unit = "m",
     overwrite: Overwrite = False,
@@ -62,20 +62,20 @@ def align(
     """
     if out is not None:
         require_new_file(out, overwrite)
-    points, reference = _cloud_and_target(cloud, target, unit)
-    found = _aligned(points, reference, anywhere, sampled)
-    moved = points.transform(found.transform)
-    stats = DistanceStats.from_distances(_distances(moved.points, points.name, reference))
+    contact_cloud, reference = _read_cloud_and_target(cloud, target, unit)
+    alignment = _align_cloud(contact_cloud, reference, is_global=anywhere, samples_mesh=sample_mesh)
+    aligned_cloud = contact_cloud.transform(alignment.transform)
+    stats = DistanceStats.from_distances(_compute_distances(aligned_cloud, reference))
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
-        write_cloud(moved, out, overwrite=overwrite)
+        write_cloud(aligned_cloud, out, overwrite=overwrite)
     if as_json:
-        ran = {"iterations": found.iterations, "converged": found.converged}
-        print(json.dumps({**stats.to_json(), **ran, "transform": found.transform.tolist()}))
+        search = {"iterations": alignment.iterations, "converged": alignment.converged}
+        print(json.dumps({**stats.to_json(), **search, "transform": alignment.transform.tolist()}))
         return
-    ended = f"after {found.iterations} iterations" + ("" if found.converged else ", not converged")
-    print(f"{cloud} to {target}, {ended}: {_stats_text(stats)}")
-    for row in found.transform:
+    iterations = f"after {alignment.iterations} iterations" + ("" if alignment.converged else ", not converged")
+    print(f"{cloud} to {target}, {iterations}: {_format_stats(stats)}")
+    for row in alignment.transform:
         print("  " + " ".join(f"{value:12.8f}" for value in row))
 
 
@@ -96,14 +96,14 @@ def sweep(
     with GraspDataset(dataset) as data, stage_bars(hidden=print_json) as show:
         cloud = accumulate(data, object_name, progress=lambda done, total: show("reading", done, total))
         require_nonempty(cloud)
-        solid = TriangleMesh(
+        mesh = TriangleMesh(
             f"{dataset}, {object_name}", data.objects[object_name].vertices, data.objects[object_name].faces
         )
         force = sweep_force_filter(
-            cloud, solid, object_name, progress=lambda done, total: show("force filter", done, total)
+            cloud, mesh, object_name, progress=lambda done, total: show("force filter", done, total)
         )
         sor = sweep_outlier_filter(
-            cloud, solid, object_name, progress=lambda done, total: show("outlier filter", done, total)
+            cloud, mesh, object_name, progress=lambda done, total: show("outlier filter", done, total)
         )
     out.mkdir(parents=True, exist_ok=True)
     paths[0].write_text(format_csv(force))
@@ -115,36 +115,38 @@ def sweep(
         print(f"tables: {paths[0]}, {paths[1]}")
 
 
-def _cloud_and_target(cloud: Path, target: str, unit: str) -> tuple[ContactCloud, TriangleMesh | ContactCloud]:
-    points = read_cloud(cloud)
-    require_nonempty(points)
-    reference = target_of(target, unit)
+def _read_cloud_and_target(path: Path, target: str, unit: str) -> tuple[ContactCloud, TriangleMesh | ContactCloud]:
+    cloud = read_cloud(path)
+    require_nonempty(cloud)
+    reference = load_target(target, unit)
     if isinstance(reference, TriangleMesh):
-        check_scale(points, reference)
-    return points, reference
+        check_scale(cloud, reference)
+    return cloud, reference
 
 
-def _distances(points: FloatArray, name: str, reference: TriangleMesh | ContactCloud) -> FloatArray:
+def _compute_distances(cloud: ContactCloud, reference: TriangleMesh | ContactCloud) -> FloatArray:
     if isinstance(reference, TriangleMesh):
-        return compute_distances_to_mesh(points, reference, name)
-    return compute_distances_to_cloud(points, reference.points, name, reference.name)
+        return compute_distances_to_mesh(cloud.points, reference, cloud.name)
+    return compute_distances_to_cloud(cloud.points, reference.points, cloud.name, reference.name)
 
 
-def _aligned(cloud: ContactCloud, reference: TriangleMesh | ContactCloud, anywhere: bool, sampled: bool) -> Alignment:
-    if isinstance(reference, TriangleMesh) and not sampled:
-        mesh_align = align_to_mesh_globally if anywhere else align_to_mesh
-        return mesh_align(cloud.points, reference, name=cloud.name)
+def _align_cloud(
+    cloud: ContactCloud, reference: TriangleMesh | ContactCloud, *, is_global: bool, samples_mesh: bool
+) -> Alignment:
+    if isinstance(reference, TriangleMesh) and not samples_mesh:
+        align_mesh = align_to_mesh_globally if is_global else align_to_mesh
+        return align_mesh(cloud.points, reference, name=cloud.name)
     target = (
         PointTarget.from_mesh(reference)
         if isinstance(reference, TriangleMesh)
         else PointTarget(reference.points, reference.name)
     )
-    if anywhere:
+    if is_global:
         return align_to_points_globally(cloud.points, target, name=cloud.name)
     return align_to_points(cloud.points, target, name=cloud.name)
 
 
-def _stats_text(stats: DistanceStats) -> str:
+def _format_stats(stats: DistanceStats) -> str:
     values = (("mean", stats.mean_m), ("standard deviation", stats.std_m), ("largest", stats.max_m))
     text = ", ".join(f"{name} {1e3 * value:.3f}" for name, value in (*values, ("RMS", stats.rms_m)))
     return f"{stats.points} points, {text} mm"
@@ -152,14 +154,14 @@ def _stats_text(stats: DistanceStats) -> str:
 
 def _print_rows(force: list[ForceRow], sor: list[SorRow]) -> None:
     console = Console(markup=False)
-    for title, first, rows in (
+    for title, settings, rows in (
         ("force filter", ("counts",), [((f"{row.threshold_counts:g}",), row) for row in force]),
         ("outlier filter", ("N", "nSigma"), [((str(row.n_neighbors), f"{row.n_sigma:g}"), row) for row in sor]),
     ):
         table = Table(title=title)
-        for heading in (*first, "points", "removed %", "RMS mm", "mean mm", "largest mm"):
+        for heading in (*settings, "points", "removed %", "RMS mm", "mean mm", "largest mm"):
             table.add_column(heading, justify="right")
-        for setting, row in rows:
+        for values, row in rows:
             lengths = (f"{1e3 * value:.3f}" for value in (row.rms_m, row.mean_m, row.max_m))
-            table.add_row(*setting, str(row.points), f"{row.filtered_out_percent:.1f}", *lengths)
+            table.add_row(*values, str(row.points), f"{row.filtered_out_percent:.1f}", *lengths)
         console.print(table)

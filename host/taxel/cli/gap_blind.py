@@ -15,7 +15,7 @@ from taxel.cli.options import AsJson, Jobs
 def blind(
     worlds: Annotated[int, typer.Option(min=1, help="Number of worlds with the rig of four boards.")],
     out: Annotated[Path, typer.Option(help="Folder of the check. An interrupted check in the folder is continued.")],
-    full_hand: Annotated[int, typer.Option(min=0, help="Number of further worlds with the whole hand.")] = 0,
+    full_hand_worlds: Annotated[int, typer.Option(min=0, help="Number of further worlds with the whole hand.")] = 0,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the worlds, for tests. Default: random.")] = None,
     jobs: Jobs = None,
     minutes: Annotated[
@@ -51,7 +51,7 @@ def blind(
     for source, further in further_runs if minutes != 0 else ():  # checked before hours of work
         require_version({diagnosis_version()}, further, source)
     console = Console(stderr=as_json, markup=False)
-    sealed = seal_worlds(out, worlds, full_hand, seed)
+    sealed = seal_worlds(out, worlds, full_hand_worlds, seed)
     console.print(f"sealed: {out / 'commitments.json'}", highlight=False)
     columns = (
         TextColumn("{task.description}", markup=False),
@@ -72,7 +72,7 @@ def blind(
     (out / "score.json").write_text(json.dumps(figures, indent=1, allow_nan=False))
     added = sum(len(further) for _, further in further_runs)
     versions = sorted(diagnosis_versions(results))
-    text = score_sheet(figures, Provenance(worlds, full_hand, added, figures["worlds"], versions).text())
+    text = score_sheet(figures, Provenance(worlds, full_hand_worlds, added, figures["worlds"], versions).text())
     for path in (out / "score.md", *([page] if page else [])):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)

@@ -27,14 +27,14 @@ def next_press(
     ] = None,
     candidates: Annotated[
         list[Path] | None,
-        typer.Option(help="Simulated dataset of approaches that could be recorded; repeatable."),
+        typer.Option("--candidate", help="Simulated dataset of approaches that could be recorded; repeatable."),
     ] = None,
     top: Annotated[int, typer.Option(min=1, help="Number of contacts to list.")] = MOST_PRESSES,
     as_json: AsJson = False,
 ) -> None:
     """Rank the contacts that would separate confounded effects or narrow the intervals of their parameters.
 
-    Example: taxel gap next out/gap/report.json --candidates out/more/sim.h5
+    Example: taxel gap next out/gap/report.json --candidate out/more/sim.h5
     """
     if sim is None and real.suffix in (".h5", ".hdf5"):
         raise TaxelError(

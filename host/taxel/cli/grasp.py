@@ -1,4 +1,4 @@
-"""`taxel grasp`."""
+"""The command `taxel grasp`."""
 
 import json
 from collections.abc import Sequence
@@ -38,9 +38,13 @@ def grasp(
     effects: Annotated[
         list[str] | None,
         typer.Option(
-            "--effect", help="Emulated: thesis, none, or a line such as 'spread film length_m=0.002'; repeatable."
+            "--effect",
+            help="Emulated: effect line such as 'spread film length_m=0.002', or thesis; repeatable. Default: thesis.",
         ),
     ] = None,
+    no_effects: Annotated[
+        bool, typer.Option("--no-effects", help="Emulated: a skin without effects, except the read-out noise.")
+    ] = False,
     sensing: Annotated[str, typer.Option(help=f"Sensor model of the simulator: {', '.join(LEVELS)}.")] = "layer",
     calibration: Annotated[Path | None, typer.Option(help="TOML file with the measured poses of the objects.")] = None,
     skin: Annotated[str, typer.Option(help="Physical: URL of the skin.")] = "serial:///dev/ttyUSB0",
@@ -59,7 +63,7 @@ def grasp(
     """
     plan = _plan(seed, sessions, grasps, objects or ())
     setup = Setup(calibration=load_calibration(calibration) if calibration is not None else None)
-    emulated = EmulatedSettings(seed=seed, effects=parse_effects("; ".join(effects or ["thesis"])))
+    emulated = EmulatedSettings(seed=seed, effects=_parse_effects(effects or (), no_effects))
     sim = SimSettings(seed=seed, sensing=Sensing(_level(sensing)))
     console = Console(stderr=as_json, markup=False)
     paths = _paths(source, out, overwrite or resume)
@@ -86,7 +90,7 @@ def grasp(
 
 
 def _paths(source: str, out: Path, may_exist: bool) -> dict[str, Path]:
-    """The datasets to write, by source. Raises `TaxelError`, before any is written, if one exists."""
+    """The files to write, by source. Raises `TaxelError` for an unknown source and for an existing file."""
     if source not in SOURCES:
         raise TaxelError(f"--source: expected {', '.join(SOURCES)}, found '{source}'")
     if source != "both":
@@ -114,6 +118,17 @@ def _plan(seed: int, sessions: int, grasps: int | None, objects: Sequence[str]) 
     return plan[:grasps]
 
 
+def _parse_effects(texts: Sequence[str], no_effects: bool) -> list[str]:
+    """The effect lines of the options `--effect` and `--no-effects`. Raises `TaxelError`."""
+    if "none" in texts:
+        raise TaxelError("--effect none: this value is now the option --no-effects")
+    if no_effects and texts:
+        raise TaxelError("--effect and --no-effects: expected at most one of them, found both")
+    if no_effects:
+        return []
+    return [line for text in texts or ("thesis",) for line in parse_effects(text)]
+
+
 def _level(name: str) -> Level:
     for level in LEVELS:
         if level == name:
@@ -130,17 +145,18 @@ def _wait_for_operator(planned: PlannedGrasp) -> None:
 
 
 def _print_contact_points(console: Console, paths: list[Path], as_json: bool) -> None:
-    counted = {str(path): count_contact_points(path) for path in paths}
+    counts_by_file = {str(path): count_contact_points(path) for path in paths}
     if as_json:
-        print(
-            json.dumps({path: {name: vars(count) for name, count in found.items()} for path, found in counted.items()})
-        )
+        content = {
+            path: {name: vars(count) for name, count in by_object.items()} for path, by_object in counts_by_file.items()
+        }
+        print(json.dumps(content))
         return
     table = Table(title="contact points (front of the hand without the middle and pinkie fingertips, as in Table 5.2)")
     for heading in ("file", "object", "grasps", "points", "points per grasp"):
         table.add_column(heading, justify="left" if heading in {"file", "object"} else "right")
-    for path, found in counted.items():
-        for name, count in found.items():
+    for path, by_object in counts_by_file.items():
+        for name, count in by_object.items():
             table.add_row(
                 path, name, str(count.grasps), str(count.points), f"{count.points / max(count.grasps, 1):.1f}"
             )

@@ -8,12 +8,14 @@ from taxel.errors import TaxelError
 
 RENAMED: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
     {
+        "cloud align": {"--sampled": "--sample-mesh"},
         "cloud filter": {"--threshold": "--threshold-counts"},
-        "cloud make": {"--threshold": "--threshold-counts"},
+        "cloud make": {"--least-share": "--min-share", "--threshold": "--threshold-counts"},
         "cloud match": {"--threshold": "--threshold-counts", "--draws": "--resamples"},
         "convert": {"--joints": "--joint-angles"},
         "emulate": {"--noise": "--noise-counts"},
-        "gap blind": {"--also": "--add-answers"},
+        "gap blind": {"--also": "--add-answers", "--full-hand": "--full-hand-worlds"},
+        "gap next": {"--candidates": "--candidate"},
         "generate": {"--effects": "--gap-report", "--shard": "--grasps-per-shard", "--workers": "--jobs"},
         "grasp": {"--effects": "--effect", "--objects": "--object"},
         "import active": {

@@ -254,7 +254,9 @@ def test_a_changed_key_and_another_number_of_worlds_are_rejected_in_one_line(che
     assert "Traceback" not in error
 
 
-@pytest.mark.parametrize(("option", "value"), [("--worlds", 0), ("--full-hand", -1), ("--seed", -1), ("--jobs", 0)])
+@pytest.mark.parametrize(
+    ("option", "value"), [("--worlds", 0), ("--full-hand-worlds", -1), ("--seed", -1), ("--jobs", 0)]
+)
 def test_an_invalid_number_is_rejected_in_one_line(option, value, capsys, tmp_path):
     assert run_taxel("gap", "blind", "--worlds", 1, option, value, "--out", tmp_path / "check") == 2
     assert f"'{option}': {value}" in capsys.readouterr().err

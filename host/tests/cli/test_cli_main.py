@@ -10,6 +10,7 @@ import taxel
 from host.tests.command_line import run_refused_command, run_taxel
 from taxel.cli.commands import COMMANDS
 from taxel.cli.main import build_app
+from taxel.cli.renamed_options import RENAMED
 
 
 def command_names(app: typer.Typer) -> set[str]:
@@ -48,6 +49,16 @@ def test_a_former_option_name_is_refused_with_the_new_name(capsys):
     assert line == "taxel: grasp: the option --objects is now named --object"
     line = run_refused_command(capsys, "import", "gazebo", "contacts.csv", "--threshold-mm=2", "--out", "x.h5")
     assert line == "taxel: import gazebo: the option --threshold-mm is now named --distance-mm"
+
+
+def test_every_former_option_name_is_gone_and_its_new_name_exists():
+    commands = typer.main.get_command(build_app(loads_all=True)).commands  # type: ignore[attr-defined]
+    for path, renamed in RENAMED.items():
+        group, *names = path.split()
+        command = commands[group].commands[names[0]] if names else commands[group]
+        options = {option for parameter in command.params for option in parameter.opts}
+        assert set(renamed.values()) <= options, path
+        assert not renamed.keys() & options, path
 
 
 def test_an_unknown_command_or_an_invalid_option_gives_one_error_line(capsys):

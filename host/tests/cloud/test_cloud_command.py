@@ -90,7 +90,7 @@ def test_distances_to_a_shape_a_mesh_and_a_cloud(run, cylinder_file, tmp_path):
     assert to_itself.endswith("600 points, mean 0.000, standard deviation 0.000, largest 0.000, RMS 0.000 mm\n")
 
 
-@pytest.mark.parametrize("options", [(), ("--sampled",), ("--anywhere",)], ids=["surface", "samples", "anywhere"])
+@pytest.mark.parametrize("options", [(), ("--sample-mesh",), ("--anywhere",)], ids=["surface", "samples", "anywhere"])
 def test_aligned_cloud_is_written(run, cylinder_file, tmp_path, options):
     out = tmp_path / "aligned.ply"
     cloud = read_cloud(cylinder_file)

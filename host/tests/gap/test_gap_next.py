@@ -200,7 +200,7 @@ def test_a_report_gives_what_the_two_files_give_without_a_search(capsys, diagnos
     assert [one["press"] for one in told["next_presses"]] == [one["press"] for one in again["next_presses"]]
     for one, other in zip(told["next_presses"], again["next_presses"], strict=True):
         assert one["gain"] == pytest.approx(other["gain"], rel=0.02)
-    assert run_taxel("gap", "next", report, "--candidates", paths[1]) == 0
+    assert run_taxel("gap", "next", report, "--candidate", paths[1]) == 0
     out = " ".join(capsys.readouterr().out.split())
     assert "all of its approaches are recorded already" in out
     assert told["next_presses"][0]["press"].split()[-1] in out
@@ -226,19 +226,19 @@ def test_bad_input_is_one_line(capsys, diagnosed, gentle, tmp_path):
     assert run_taxel("gap", "next", report, "--top", 0) == 2
     assert "'--top'" in capsys.readouterr().err
     assert "no-such" in run_refused_command(capsys, "gap", "next", tmp_path / "no-such.json")
-    assert "/source" in run_refused_command(capsys, "gap", "next", report, "--candidates", paths[0])
-    assert "sim.h5" in run_refused_command(capsys, "gap", "next", report, "--candidates", tmp_path / "sim.h5")
+    assert "/source" in run_refused_command(capsys, "gap", "next", report, "--candidate", paths[0])
+    assert "sim.h5" in run_refused_command(capsys, "gap", "next", report, "--candidate", tmp_path / "sim.h5")
     other = tmp_path / "other.h5"
     other.write_bytes(Path(paths[1]).read_bytes())
     with h5py.File(other, "r+") as file:
         file["taxels/position"][3] = 0.5
-    assert "/taxels/position[3]" in run_refused_command(capsys, "gap", "next", report, "--candidates", other)
+    assert "/taxels/position[3]" in run_refused_command(capsys, "gap", "next", report, "--candidate", other)
     other.write_bytes(Path(paths[1]).read_bytes())
     with h5py.File(other, "r+") as file:
         for grasp in file["grasps"].values():
             grasp.attrs["approach"] = "new"
             del grasp["contact_force"], grasp["separation"]
-    assert "contact_force" in run_refused_command(capsys, "gap", "next", report, "--candidates", other)
+    assert "contact_force" in run_refused_command(capsys, "gap", "next", report, "--candidate", other)
 
 
 @pytest.mark.parametrize(
