@@ -58,7 +58,7 @@ class SerialLink:
             if rtscts:
                 self.close()
                 raise PortMissingError(
-                    self.name, "has no RTS and CTS, which rtscts=1 asks for; leave rtscts out, or use another adapter"
+                    self.name, "has no RTS and CTS, which rtscts=1 requires; leave rtscts out, or use another adapter"
                 ) from None
             with contextlib.suppress(*refusals):
                 self._port.rtscts = False  # or every later setting would fail with it

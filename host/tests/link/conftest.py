@@ -1,4 +1,4 @@
-"""What the tests of links share: a hub's end of a pseudo-terminal, a small world, and the emulators that still run."""
+"""Fixtures of the link tests: a pseudo-terminal, a reader, a small world, and the list of running emulators."""
 
 import os
 import time
@@ -12,19 +12,19 @@ from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link import Link
 
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 
 
 class Terminal:
-    """A raw pseudo-terminal: `name` for the client, `master` for the test, which plays the device."""
+    """A raw pseudo-terminal: the client opens the path `name`; the test acts as device on the descriptor `master`."""
 
     def __init__(self) -> None:
         self.master, self._slave = os.openpty()
         tty.setraw(self._slave)
         self.name = os.ttyname(self._slave)
 
-    def vanish(self) -> None:
-        """Unplug the device. May be called twice."""
+    def unplug(self) -> None:
+        """Unplug the device: close both ends. A second call has no effect."""
         for descriptor in (self._slave, self.master):
             if descriptor >= 0:
                 os.close(descriptor)
@@ -33,18 +33,19 @@ class Terminal:
 
 @pytest.fixture
 def terminal() -> Iterator[Terminal]:
+    """A pseudo-terminal, unplugged after the test."""
     pty = Terminal()
     yield pty
-    pty.vanish()
+    pty.unplug()
 
 
 @pytest.fixture
 def read_bytes() -> Callable[[Link, int], bytes]:
-    """Read so many bytes of a link, or whatever has come when patience ends."""
+    """Reads the given number of bytes from a link; after TIMEOUT_S, returns the bytes received so far."""
 
     def read(link: Link, size: int) -> bytes:
         data = b""
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while len(data) < size and time.monotonic() < deadline:
             chunk = link.read(0.1)
             data += chunk.data if chunk else b""
@@ -55,26 +56,26 @@ def read_bytes() -> Callable[[Link, int], bytes]:
 
 @pytest.fixture
 def small_world() -> str:
-    """One board of 64 taxels."""
+    """World text of one board of 64 taxels."""
     return format_world(load_hand("flat8"), WorldSettings())
 
 
 @pytest.fixture
-def emulators() -> Callable[[], set[int]]:
-    """Process ids of the emulators that this process has started and that have not ended."""
+def emulator_processes() -> Callable[[], set[int]]:
+    """Lists the process ids of the running emulators that this process has started."""
 
-    def running() -> set[int]:
-        found = set()
+    def list_running() -> set[int]:
+        process_ids = set()
         for entry in Path("/proc").iterdir():
             if entry.name.isdigit():
                 try:
                     stat = (entry / "stat").read_text()
                 except OSError:
-                    continue  # it has ended meanwhile
-                name, _, rest = stat[stat.index("(") + 1 :].rpartition(") ")
-                state, parent = rest.split()[:2]
+                    continue  # the process has ended since the folder was listed
+                name, _, fields = stat[stat.index("(") + 1 :].rpartition(") ")
+                state, parent = fields.split()[:2]
                 if name == "taxel-emulator" and state != "Z" and int(parent) == os.getpid():
-                    found.add(int(entry.name))
-        return found
+                    process_ids.add(int(entry.name))
+        return process_ids
 
-    return running
+    return list_running

@@ -1,4 +1,4 @@
-"""A capture gives back what was recorded; a damaged one gives everything before the damage and then says so."""
+"""Capture files: records are read back as written, and damage is reported after the records that precede the damage."""
 
 import json
 import resource
@@ -11,8 +11,14 @@ from hypothesis import strategies as st
 from taxel.link import CaptureError, CaptureLink, CaptureWriter, Chunk
 from taxel.link.capture import HEADER_MAX, RECORD_MAX
 
-RECORDS = [(b"first", 1_000), (b"", 1_000), (bytes(range(40)), 2_000_000_000), (b"z", 2**63)]
-START = struct.Struct("<8sHHI")
+RECORDS = [  # (bytes, time in ns)
+    (b"first", 1_000),
+    (b"", 1_000),
+    (bytes(range(40)), 2_000_000_000),
+    (b"z", 2**63),
+]
+FILE_START = struct.Struct("<8sHHI")  # magic, version, flags, header length
+RECORD_START_BYTES = 12
 
 
 def write_capture(path, records, header=None):
@@ -22,7 +28,7 @@ def write_capture(path, records, header=None):
 
 
 def read_capture(path):
-    """(records, how it ended)."""
+    """All records of a capture as (bytes, time in ns), and the exception that ended the reading."""
     link = CaptureLink(path)
     records = []
     try:
@@ -46,46 +52,46 @@ json_values = st.recursive(
     records=st.lists(st.tuples(st.binary(max_size=300), st.integers(0, 2**64 - 1)), max_size=20),
     header=st.dictionaries(st.text(max_size=10), json_values, max_size=5),
 )
-def test_what_was_written_is_read_back(tmp_path_factory, records, header):
+def test_records_and_header_are_read_back_as_written(tmp_path_factory, records, header):
     path = tmp_path_factory.mktemp("capture") / "a.bin"
     write_capture(path, records, header)
-    read, end = read_capture(path)
-    assert read == records
+    records_read, end = read_capture(path)
+    assert records_read == records
     assert isinstance(end, EOFError)
     link = CaptureLink(path)
     assert link.header == header
     link.close()
 
 
-def test_a_capture_cut_anywhere_gives_every_whole_record_and_then_an_error(tmp_path):
-    whole = tmp_path / "whole.bin"
-    write_capture(whole, RECORDS, {"note": "x"})
-    data = whole.read_bytes()
-    begin = START.size + len(json.dumps({"note": "x"}))
-    borders = [begin]
+def test_a_capture_truncated_at_any_byte_gives_its_complete_records_and_then_an_error(tmp_path):
+    complete = tmp_path / "complete.bin"
+    write_capture(complete, RECORDS, {"note": "x"})
+    data = complete.read_bytes()
+    first_record_byte = FILE_START.size + len(json.dumps({"note": "x"}))
+    record_ends = [first_record_byte]
     for record, _ in RECORDS:
-        borders.append(borders[-1] + 12 + len(record))
-    assert borders[-1] == len(data)
-    cut = tmp_path / "cut.bin"
+        record_ends.append(record_ends[-1] + RECORD_START_BYTES + len(record))
+    assert record_ends[-1] == len(data)
+    truncated = tmp_path / "truncated.bin"
     for size in range(len(data) + 1):
-        cut.write_bytes(data[:size])
-        if size < begin:
+        truncated.write_bytes(data[:size])
+        if size < first_record_byte:
             with pytest.raises(CaptureError) as caught:
-                CaptureLink(cut)
-            assert str(cut) in str(caught.value)
+                CaptureLink(truncated)
+            assert str(truncated) in str(caught.value)
             continue
-        records, end = read_capture(cut)
-        complete = sum(border <= size for border in borders) - 1
-        assert records == RECORDS[:complete]
-        if size in borders:
+        records, end = read_capture(truncated)
+        complete_records = sum(record_end <= size for record_end in record_ends) - 1
+        assert records == RECORDS[:complete_records]
+        if size in record_ends:
             assert isinstance(end, EOFError)
         else:
             assert isinstance(end, CaptureError)
-            assert str(cut) in str(end)
-            assert f"byte {borders[complete]}" in str(end)
+            assert str(truncated) in str(end)
+            assert f"byte {record_ends[complete_records]}" in str(end)
 
 
-def test_an_end_stays_an_end(tmp_path):
+def test_every_read_after_the_last_record_raises_end_of_file(tmp_path):
     path = tmp_path / "a.bin"
     write_capture(path, RECORDS)
     link = CaptureLink(path)
@@ -99,16 +105,16 @@ def test_an_end_stays_an_end(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"T", b"TAXELSTM" + bytes(16), b"\0" * 100, b'{"a": 1}' * 4])
-def test_another_file_is_no_capture(tmp_path, content):
+def test_a_file_of_another_format_is_refused(tmp_path, content):
     path = tmp_path / "other"
     path.write_bytes(content)
     with pytest.raises(CaptureError, match="is not a taxel capture"):
         CaptureLink(path)
 
 
-def test_a_capture_of_another_version_says_both_versions(tmp_path):
+def test_the_error_for_another_format_version_names_both_versions(tmp_path):
     path = tmp_path / "new.bin"
-    path.write_bytes(START.pack(b"TAXELCAP", 2, 0, 2) + b"{}")
+    path.write_bytes(FILE_START.pack(b"TAXELCAP", 2, 0, 2) + b"{}")
     with pytest.raises(CaptureError, match=r"version 2.*version 1"):
         CaptureLink(path)
 
@@ -118,35 +124,35 @@ def test_a_capture_of_another_version_says_both_versions(tmp_path):
     [b"{", b"[1]", b"1", b"null", b"\xff\xfe\xfd", b"", b"[" * 100_000, b'{"a":' * 100_000],
     ids=["open", "list", "number", "null", "bytes", "empty", "deep list", "deep object"],
 )
-def test_a_damaged_header_is_told_from_a_damaged_record(tmp_path, header):
+def test_a_damaged_header_is_reported_as_such(tmp_path, header):
     path = tmp_path / "a.bin"
-    path.write_bytes(START.pack(b"TAXELCAP", 1, 0, len(header)) + header)
+    path.write_bytes(FILE_START.pack(b"TAXELCAP", 1, 0, len(header)) + header)
     with pytest.raises(CaptureError, match="damaged header"):
         CaptureLink(path)
 
 
-def test_an_impossible_header_length_does_not_fill_the_memory(tmp_path):
+def test_a_header_length_beyond_the_file_is_reported_as_a_damaged_header(tmp_path):
     path = tmp_path / "a.bin"
-    path.write_bytes(START.pack(b"TAXELCAP", 1, 0, 2**32 - 1) + b"{}")
+    path.write_bytes(FILE_START.pack(b"TAXELCAP", 1, 0, 2**32 - 1) + b"{}")
     with pytest.raises(CaptureError, match="damaged header"):
         CaptureLink(path)
 
 
 @pytest.mark.parametrize("size", [RECORD_MAX + 1, 2**32 - 1])
-def test_an_impossible_record_length_ends_the_capture_after_what_stands_before(tmp_path, size):
+def test_an_impossible_record_length_ends_the_capture_after_the_preceding_records(tmp_path, size):
     path = tmp_path / "a.bin"
     write_capture(path, RECORDS)
-    good = path.stat().st_size
+    first_bad_byte = path.stat().st_size
     with path.open("ab") as file:
         file.write(struct.pack("<QI", 5, size) + b"rest")
     records, end = read_capture(path)
     assert records == RECORDS
     assert isinstance(end, CaptureError)
-    assert f"byte {good}" in str(end)
+    assert f"byte {first_bad_byte}" in str(end)
 
 
 @pytest.mark.parametrize("baud", [None, "fast", 0, -5, 1e300, [1], True])
-def test_a_senseless_baud_rate_in_a_header_is_ignored(tmp_path, baud):
+def test_an_invalid_baud_rate_in_a_header_is_replaced_by_the_default(tmp_path, baud):
     path = tmp_path / "a.bin"
     CaptureWriter(path, {"baud": baud}).close()
     link = CaptureLink(path)
@@ -154,7 +160,7 @@ def test_a_senseless_baud_rate_in_a_header_is_ignored(tmp_path, baud):
     link.close()
 
 
-def test_an_existing_capture_is_not_overwritten_unasked(tmp_path):
+def test_an_existing_capture_is_overwritten_only_on_request(tmp_path):
     path = tmp_path / "a.bin"
     write_capture(path, RECORDS)
     before = path.read_bytes()
@@ -165,18 +171,18 @@ def test_an_existing_capture_is_not_overwritten_unasked(tmp_path):
     assert read_capture(path)[0] == []
 
 
-def test_a_capture_that_cannot_be_created_is_one_line(tmp_path):
+def test_a_capture_in_a_missing_folder_gives_one_error_line(tmp_path):
     with pytest.raises(CaptureError, match="cannot be written") as caught:
         CaptureWriter(tmp_path / "none" / "a.bin")
     assert "\n" not in str(caught.value)
 
 
-def test_a_recording_takes_no_commands(tmp_path):
+def test_writing_to_a_recording_is_refused(tmp_path):
     path = tmp_path / "a.bin"
     write_capture(path, RECORDS)
     link = CaptureLink(path)
     with pytest.raises(CaptureError, match="recording"):
-        link.write(b"hello")
+        link.write(b"command")
     link.close()
 
 
@@ -189,31 +195,32 @@ def test_a_record_is_in_the_file_as_soon_as_it_is_written(tmp_path):
     writer.close()
 
 
-def test_what_a_writer_accepts_a_reader_accepts(tmp_path):
+def test_a_record_beyond_the_maximum_length_is_refused_or_read_back(tmp_path):
     path = tmp_path / "a.bin"
-    long = bytes(RECORD_MAX + 1)
+    data = bytes(RECORD_MAX + 1)
     with CaptureWriter(path) as writer:
         try:
-            writer.write(long, 7)
+            writer.write(data, 7)
         except (CaptureError, ValueError):
             return
     records, end = read_capture(path)
     assert isinstance(end, EOFError)
-    assert b"".join(data for data, _ in records) == long
+    assert b"".join(data for data, _ in records) == data
 
 
-def test_a_header_that_no_reader_would_accept_is_refused(tmp_path):
+def test_a_header_beyond_the_maximum_length_is_refused_before_a_file_is_created(tmp_path):
     with pytest.raises((CaptureError, ValueError)):
         CaptureWriter(tmp_path / "a.bin", {"note": "x" * HEADER_MAX})
     assert not (tmp_path / "a.bin").exists()
 
 
-def test_a_record_that_no_longer_fits_onto_the_disk_is_reported_at_once(tmp_path):
+def test_a_record_beyond_the_free_disk_space_is_reported_and_earlier_records_are_kept(tmp_path):
     path = tmp_path / "a.bin"
+    free_bytes = 50  # less than the second record
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     with CaptureWriter(path) as writer:
         writer.write(b"kept", 1)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 50, hard))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + free_bytes, hard))
         try:
             with pytest.raises(CaptureError, match="what came before is kept"):
                 writer.write(bytes(100), 2)

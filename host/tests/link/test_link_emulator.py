@@ -1,4 +1,4 @@
-"""The emulator as a link: it says what is wrong in its own words, counts what it did, and leaves nothing behind."""
+"""The emulator as a link: error messages, statistics, and the removal of processes and files on close."""
 
 import contextlib
 import os
@@ -25,15 +25,15 @@ from taxel_protocol import FrameType, ReferenceDecoder, encode_frame
 from taxel_protocol.frames import CommandPayload, HostHandshake
 from taxel_protocol.layout import pack
 
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 HANDSHAKE = encode_frame(
     FrameType.HOST_HANDSHAKE, 0, pack(HostHandshake, {"tag": 9, "version_min": 1, "version_max": 1})
 )
-START = encode_frame(FrameType.COMMAND, 1, pack(CommandPayload, {"tag": 10, "command": 1}))
+START_COMMAND = encode_frame(FrameType.COMMAND, 1, pack(CommandPayload, {"tag": 10, "command": 1}))
 
-BAD_WORLDS = {
+INVALID_WORLDS = {  # case: (world text, regular expression of the error)
     "empty": ("", "a world|no board"),
-    "another file": ("hello\n", "line 1: expected 'taxel-world 1'"),
+    "another file": ("another format\n", "line 1: expected 'taxel-world 1'"),
     "another version": ("taxel-world 2\n", "line 1: expected 'taxel-world 1'"),
     "no board": ("taxel-world 1\n", "no board is described"),
     "unknown keyword": ("taxel-world 1\nbored 1\n", "line 2: unknown keyword 'bored'"),
@@ -46,10 +46,10 @@ BAD_WORLDS = {
 }
 
 
-def read_to_the_end(link):
-    """(bytes, how it ended)."""
+def read_to_end(link):
+    """All bytes of a link, and the exception that ended the reading."""
     data = b""
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while time.monotonic() < deadline:
         try:
             chunk = link.read(0.2)
@@ -59,59 +59,59 @@ def read_to_the_end(link):
     raise AssertionError("the link has not ended")
 
 
-def ask(link, request, wanted):
-    """Send a request and read until a frame of type `wanted` comes."""
+def request_frame(link, request, reply_type):
+    """Send a request and return the first frame of type `reply_type`."""
     decoder = ReferenceDecoder()
     link.write(request)
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while time.monotonic() < deadline:
         chunk = link.read(0.2)
-        found = [frame for frame in decoder.push(chunk.data if chunk else b"") if frame[0] == wanted]
-        if found:
-            return found[0]
+        replies = [frame for frame in decoder.push(chunk.data if chunk else b"") if frame[0] == reply_type]
+        if replies:
+            return replies[0]
     raise AssertionError("no answer")
 
 
-def open_stream(world, **options):
-    """A link on which frames are coming."""
+def open_streaming_link(world, **options):
+    """A link to an emulated hub that streams frames."""
     link = EmulatorLink(world, **options)
-    ask(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)
-    ask(link, START, FrameType.REPLY)
+    request_frame(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)
+    request_frame(link, START_COMMAND, FrameType.REPLY)
     return link
 
 
-def test_the_hub_answers(small_world):
+def test_the_emulated_hub_answers_a_handshake(small_world):
     link = EmulatorLink(small_world)
     assert (link.is_real_time, link.is_recorded, link.baud) == (True, False, 1e6)
-    frame = ask(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)
-    assert frame[2][0] in (0, 9)  # the handshake frame after power-on, or the answer to this one
+    frame = request_frame(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)
+    assert frame[2][0] in (0, 9)  # tag 0: sent after power-on; tag 9: the answer to this request
     link.close()
 
 
-def test_bytes_that_another_reader_took_are_not_waited_for(small_world, monkeypatch):
-    """Two threads that read one link are both told that there is something; one of them finds nothing."""
+def test_a_read_returns_none_if_another_thread_has_read_the_bytes(small_world, monkeypatch):
+    """`select` wakes both threads that read a link, but only one of the two threads receives the bytes."""
     link = EmulatorLink(small_world)
-    ask(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)
-    monkeypatch.setattr("taxel.link.emulator.select.select", lambda reads, *others: (reads, [], []))
+    request_frame(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)
+    monkeypatch.setattr("taxel.link.emulator.select.select", lambda reads, *_: (reads, [], []))
     assert any(link.read(1.0) is None for _ in range(1000))
     link.close()
 
 
-@pytest.mark.parametrize("name", BAD_WORLDS)
-def test_a_bad_world_ends_in_the_emulators_own_line(name):
-    world, words = BAD_WORLDS[name]
+@pytest.mark.parametrize("name", INVALID_WORLDS)
+def test_an_invalid_world_raises_the_one_line_error_of_the_emulator(name):
+    world, message = INVALID_WORLDS[name]
     link = EmulatorLink(world)
-    _, end = read_to_the_end(link)
+    _, end = read_to_end(link)
     assert isinstance(end, PortVanishedError)
     assert "\n" not in str(end)
-    with pytest.raises(PortVanishedError, match=words):
+    with pytest.raises(PortVanishedError, match=message):
         raise end
     link.close()
 
 
-def test_whoever_asks_second_hears_the_emulators_line_too():
+def test_every_read_and_write_after_a_failure_raises_the_error_of_the_emulator():
     link = EmulatorLink("taxel-world 1\nbored 1\n")
-    read_to_the_end(link)
+    read_to_end(link)
     for _ in range(3):
         with pytest.raises(PortVanishedError, match="unknown keyword 'bored'"):
             link.write(HANDSHAKE)
@@ -121,41 +121,41 @@ def test_whoever_asks_second_hears_the_emulators_line_too():
     link.close()
 
 
-def test_a_world_for_another_skin_than_the_stimulus_is_refused(tmp_path, small_world):
+def test_a_stimulus_for_another_number_of_taxels_is_refused(tmp_path, small_world):
     write_stimulus(tmp_path / "a.stm", [0.0], np.zeros((1, 3)))
     link = EmulatorLink(small_world, stimulus=tmp_path / "a.stm")
-    _, end = read_to_the_end(link)
+    _, end = read_to_end(link)
     assert "expected values for 64 taxels, found 3" in str(end)
     link.close()
 
 
-def test_a_stimulus_that_breaks_off_ends_the_stream_after_what_was_sent(tmp_path, small_world):
+def test_a_truncated_stimulus_ends_the_stream_after_the_bytes_sent_before(tmp_path, small_world):
     path = tmp_path / "a.stm"
     write_stimulus(path, [0.0, 0.5, 1.0], np.zeros((3, 64)))
     path.write_bytes(path.read_bytes()[:-1])
     link = EmulatorLink(small_world, stimulus=path, fast=True)
-    link.write(HANDSHAKE + START)
-    data, end = read_to_the_end(link)
+    link.write(HANDSHAKE + START_COMMAND)
+    data, end = read_to_end(link)
     assert len(data) > 1000
     assert isinstance(end, PortVanishedError)
     assert "ends inside a record" in str(end)
     link.close()
 
 
-def test_a_finite_emulation_ends_with_an_end(small_world):
+def test_an_emulation_of_limited_duration_ends_with_end_of_file(small_world):
     link = EmulatorLink(small_world, fast=True, duration_s=1.0)
-    link.write(HANDSHAKE + START)
-    data, end = read_to_the_end(link)
+    link.write(HANDSHAKE + START_COMMAND)
+    data, end = read_to_end(link)
     assert len(data) > 1000
     assert isinstance(end, EOFError)
-    assert isinstance(read_to_the_end(link)[1], EOFError)
+    assert isinstance(read_to_end(link)[1], EOFError)
     link.close()
 
 
-def test_statistics_say_what_was_sent(small_world):
+def test_statistics_contain_the_bytes_sent_and_the_boards(small_world):
     link = EmulatorLink(small_world, fast=True, duration_s=1.0)
-    link.write(HANDSHAKE + START)
-    data, _ = read_to_the_end(link)
+    link.write(HANDSHAKE + START_COMMAND)
+    data, _ = read_to_end(link)
     statistics = link.statistics()
     assert statistics["virtual_seconds"] == 1.0
     assert statistics["bytes_delivered"] == len(data)
@@ -164,30 +164,30 @@ def test_statistics_say_what_was_sent(small_world):
     link.close()
 
 
-def test_statistics_are_there_after_close(small_world):
+def test_statistics_are_available_after_close(small_world):
     link = EmulatorLink(small_world, fast=True, duration_s=0.5)
-    read_to_the_end(link)
+    read_to_end(link)
     link.close()
     assert link.statistics()["virtual_seconds"] == 0.5
     assert link.statistics()["frames_sent"] > 0
 
 
-def test_statistics_of_an_emulation_that_was_ended_early(small_world):
-    link = open_stream(small_world)
+def test_closing_a_running_emulation_keeps_its_statistics(small_world):
+    link = open_streaming_link(small_world)
     link.close()
-    assert 0.0 < link.statistics()["virtual_seconds"] < PATIENCE_S
+    assert 0.0 < link.statistics()["virtual_seconds"] < TIMEOUT_S
 
 
-def test_nothing_is_left_after_close(small_world, emulators, tmp_path, monkeypatch):
+def test_close_ends_the_process_and_removes_its_files(small_world, emulator_processes, tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    before = emulators()
-    link = open_stream(small_world)
-    assert len(emulators() - before) == 1
+    before = emulator_processes()
+    link = open_streaming_link(small_world)
+    assert len(emulator_processes() - before) == 1
     assert list(tmp_path.iterdir())
     link.close()
-    assert emulators() == before
+    assert emulator_processes() == before
     assert not list(tmp_path.iterdir())
-    link.close()  # once more is no mistake
+    link.close()  # a second call has no effect
 
 
 def test_a_closed_link_refuses_bytes_in_one_line(small_world):
@@ -198,74 +198,77 @@ def test_a_closed_link_refuses_bytes_in_one_line(small_world):
     assert "\n" not in str(caught.value)
 
 
-def test_nothing_is_left_after_a_fast_emulation_that_nobody_reads(small_world, emulators):
-    before = emulators()
+def test_close_ends_a_fast_emulation_that_waits_for_a_reader(small_world, emulator_processes):
+    before = emulator_processes()
     link = EmulatorLink(small_world, fast=True)
-    link.write(HANDSHAKE + START)
-    time.sleep(0.3)  # its socket fills up and it waits for a reader
+    link.write(HANDSHAKE + START_COMMAND)
+    time.sleep(0.3)  # the socket of the emulator fills, and the emulator waits for a reader
     link.close()
-    assert emulators() == before
+    assert emulator_processes() == before
 
 
-def test_an_emulator_that_was_killed_is_a_vanished_port(small_world, emulators):
-    before = emulators()
-    link = open_stream(small_world)
-    (pid,) = emulators() - before
+def test_a_killed_emulator_is_reported_as_a_vanished_port(small_world, emulator_processes):
+    before = emulator_processes()
+    link = open_streaming_link(small_world)
+    (pid,) = emulator_processes() - before
     os.kill(pid, signal.SIGKILL)
-    _, end = read_to_the_end(link)
+    _, end = read_to_end(link)
     assert isinstance(end, PortVanishedError)
     assert "status" in str(end)
     link.close()
 
 
-def test_a_link_outlives_the_thread_that_opened_it(small_world):
+def test_a_link_works_after_the_thread_that_opened_it_has_ended(small_world):
     links = []
-    opener = threading.Thread(target=lambda: links.append(open_stream(small_world)))
+    opener = threading.Thread(target=lambda: links.append(open_streaming_link(small_world)))
     opener.start()
     opener.join()
     link = links[0]
     for _ in range(5):
-        assert ask(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)[0] == FrameType.HUB_HANDSHAKE
+        assert request_frame(link, HANDSHAKE, FrameType.HUB_HANDSHAKE)[0] == FrameType.HUB_HANDSHAKE
     link.close()
 
 
-def test_several_emulators_do_not_disturb_each_other(small_world):
+def test_several_emulators_run_independently(small_world):
     links = [EmulatorLink(small_world, fast=True, duration_s=0.5) for _ in range(3)]
     for link in links:
-        link.write(HANDSHAKE + START)
+        link.write(HANDSHAKE + START_COMMAND)
     for link in links:
-        assert isinstance(read_to_the_end(link)[1], EOFError)
+        assert isinstance(read_to_end(link)[1], EOFError)
         link.close()
 
 
 def write_host_input(path):
+    """Write a capture with a handshake at 0.1 s and the start command at 0.15 s."""
     with CaptureWriter(path) as writer:
         writer.write(HANDSHAKE, 100_000_000)
-        writer.write(START, 150_000_000)
+        writer.write(START_COMMAND, 150_000_000)
 
 
-def test_a_run_without_a_host_is_repeatable_to_the_byte_in_any_number_of_threads(tmp_path):
+def test_a_run_without_a_host_gives_the_same_bytes_for_any_number_of_threads(tmp_path):
     hand = load_hand("allegro")
     settings = WorldSettings(faults=("0.5 unplug 0x22", "0.8 plug 0x22", "1.0 corrupt 0x23 3"))
     write_host_input(tmp_path / "host.bin")
     times = np.arange(0.0, 1.5, 0.02)
     write_stimulus(tmp_path / "press.stm", times, np.outer(np.sin(times) ** 2, np.ones(hand.n_taxels)))
-    files = []
-    counts = []
-    for run, threads in (("a", 1), ("b", 3), ("c", 1)):
+    captures = []
+    statistics_of_runs = []
+    for run, threads in (("a", 1), ("b", 3), ("c", 1)):  # run c has another seed
         world = format_world(hand, settings if run != "c" else WorldSettings(seed=2, faults=settings.faults))
         capture = tmp_path / f"{run}.bin"
-        counts.append(run_emulator(world, capture, 1.5, tmp_path / "host.bin", tmp_path / "press.stm", threads))
-        files.append(capture.read_bytes())
-    assert files[0] == files[1]
-    assert files[0] != files[2]
-    for statistics in counts:
+        statistics_of_runs.append(
+            run_emulator(world, capture, 1.5, tmp_path / "host.bin", tmp_path / "press.stm", threads)
+        )
+        captures.append(capture.read_bytes())
+    assert captures[0] == captures[1]
+    assert captures[0] != captures[2]
+    for statistics in statistics_of_runs:
         del statistics["wall_seconds"]
-    assert counts[0] == counts[1]
-    assert counts[0]["frames_sent"] > 100
+    assert statistics_of_runs[0] == statistics_of_runs[1]
+    assert statistics_of_runs[0]["frames_sent"] > 100
 
 
-def test_a_run_records_bytes_at_the_time_at_which_they_left_the_adapter(tmp_path, small_world):
+def test_a_run_records_all_bytes_with_times_within_its_duration(tmp_path, small_world):
     write_host_input(tmp_path / "host.bin")
     statistics = run_emulator(small_world, tmp_path / "a.bin", 1.0, host_input=tmp_path / "host.bin")
     link = CaptureLink(tmp_path / "a.bin")
@@ -280,14 +283,14 @@ def test_a_run_records_bytes_at_the_time_at_which_they_left_the_adapter(tmp_path
     link.close()
 
 
-def test_a_run_refuses_bad_input_with_the_emulators_own_line(tmp_path, small_world):
-    bad = tmp_path / "bad"
-    bad.write_bytes(b"nothing")
+def test_a_run_with_invalid_input_raises_the_one_line_error_of_the_emulator(tmp_path, small_world):
+    invalid_file = tmp_path / "bad"
+    invalid_file.write_bytes(b"nothing")
     cases = [
         ({"world": "taxel-world 1\n"}, "no board is described"),
-        ({"host_input": bad}, "expected a capture file"),
+        ({"host_input": invalid_file}, "expected a capture file"),
         ({"host_input": tmp_path / "none"}, "No such file"),
-        ({"stimulus": bad}, "TAXELSTM"),
+        ({"stimulus": invalid_file}, "TAXELSTM"),
         ({"stimulus": tmp_path / "none"}, "No such file"),
         ({"capture": tmp_path / "none" / "a.bin"}, "No such file"),
         ({"duration_s": -1.0}, "--duration: expected a number"),
@@ -295,17 +298,17 @@ def test_a_run_refuses_bad_input_with_the_emulators_own_line(tmp_path, small_wor
         ({"threads": 0}, "--threads: expected a number from 1 to 16"),
         ({"threads": 17}, "--threads: expected a number from 1 to 16"),
     ]
-    for changed, words in cases:
-        arguments = {"world": small_world, "capture": tmp_path / "a.bin", "duration_s": 0.1} | changed
-        with pytest.raises(LinkError, match=words) as caught:
+    for changed_arguments, message in cases:
+        arguments = {"world": small_world, "capture": tmp_path / "a.bin", "duration_s": 0.1} | changed_arguments
+        with pytest.raises(LinkError, match=message) as caught:
             run_emulator(**arguments)
         assert "\n" not in str(caught.value)
 
 
-def test_every_digit_of_the_settings_reaches_the_world():
+def test_settings_are_written_to_the_world_with_all_digits():
     settings = WorldSettings(
         scl_hz=399_999.5, hub_clock_ppm=12_345.678, noise_counts=3.1415926, usb_latency_ms=15.9999999
     )
-    words = dict(line.split(maxsplit=1) for line in format_world(load_hand("flat8"), settings).splitlines())
+    world_lines = dict(line.split(maxsplit=1) for line in format_world(load_hand("flat8"), settings).splitlines())
     for name in ("scl_hz", "hub_clock_ppm", "noise_counts", "usb_latency_ms"):
-        assert float(words[name]) == getattr(settings, name)
+        assert float(world_lines[name]) == getattr(settings, name)

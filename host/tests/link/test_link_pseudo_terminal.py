@@ -1,4 +1,4 @@
-"""The emulator behind a pseudo-terminal: a serial port like any other, which clients may leave and come back to."""
+"""The emulator behind a pseudo-terminal: a serial port that clients can close and open again."""
 
 import contextlib
 import itertools
@@ -16,13 +16,14 @@ from taxel.link import PortVanishedError, SerialLink, write_stimulus
 from taxel.link.emulator import emulator_program
 from taxel_protocol import FrameType, ReferenceDecoder
 
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
+LARGEST_FRAME_BYTES = 600
 COUNTS = {name: 1000 + 3 * np.arange(load_hand(name).n_taxels) for name in ("allegro", "flat8")}
 
 
 @pytest.fixture
-def serve(tmp_path):
-    """Start an emulator behind a pseudo-terminal whose taxels measure COUNTS; gives (process, device)."""
+def start_emulator(tmp_path):
+    """Starts an emulator behind a pseudo-terminal whose taxels measure COUNTS; returns (process, device path)."""
     processes = []
 
     def start(hand, *arguments):
@@ -43,14 +44,15 @@ def serve(tmp_path):
 
 
 def check_counts(skin, frames):
+    """Check that every frame has the counts of the stimulus."""
     for frame in frames:
         assert np.array_equal(frame.raw_counts, COUNTS[skin.hand.name][skin.hand.get_slice(frame.address)])
 
 
 @pytest.mark.parametrize("hand", ["flat8", "allegro"])
 @pytest.mark.parametrize("speed", [[], ["--fast"]], ids=["real time", "fast"])
-def test_a_skin_behind_a_terminal_streams(serve, hand, speed):
-    _, device = serve(hand, *speed)
+def test_a_skin_behind_a_pseudo_terminal_streams_the_stimulus_counts(start_emulator, hand, speed):
+    _, device = start_emulator(hand, *speed)
     with taxel.open(f"serial://{device}", hand) as skin:
         frames = list(itertools.islice(skin, 60))
         assert skin.missing_boards == []
@@ -59,48 +61,48 @@ def test_a_skin_behind_a_terminal_streams(serve, hand, speed):
         assert skin.losses.lost_on_wire == 0
 
 
-def test_a_client_may_leave_and_come_back(serve):
-    _, device = serve("flat8")
+def test_a_client_can_close_and_open_the_port_repeatedly(start_emulator):
+    _, device = start_emulator("flat8")
     for _ in range(3):
         with taxel.open(f"serial://{device}", "flat8") as skin:
             check_counts(skin, itertools.islice(skin, 20))
 
 
-def test_a_client_that_leaves_without_a_word_does_no_harm_to_the_next(serve):
-    _, device = serve("allegro")
+def test_a_client_that_leaves_without_a_stop_command_does_not_disturb_the_next_client(start_emulator):
+    _, device = start_emulator("allegro")
     for _ in range(3):
         skin = taxel.open(f"serial://{device}", "allegro")
         frames = list(itertools.islice(skin, 40))
         check_counts(skin, frames)
-        skin._stream.close()  # as a killed program would: the hub goes on streaming to nobody
+        skin._stream.close()  # like a killed program: the hub continues to stream
         time.sleep(0.4)
 
 
-def test_what_was_sent_while_nobody_listened_is_never_a_wrong_frame(serve):
-    _, device = serve("allegro")
+def test_bytes_buffered_while_no_client_was_connected_give_no_wrong_frame(start_emulator):
+    _, device = start_emulator("allegro")
     skin = taxel.open(f"serial://{device}", "allegro")
     list(itertools.islice(skin, 5))
     skin._stream.close()
     time.sleep(0.7)
-    link = SerialLink(device)  # joins the stream after its start, without a handshake
+    link = SerialLink(device)  # reads the running stream without a handshake
     raw = b""
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while len(raw) < 40_000 and time.monotonic() < deadline:
         chunk = link.read(0.1)
         raw += chunk.data if chunk else b""
     link.close()
     decoder = ReferenceDecoder()
-    taxels = [frame for frame in decoder.push(raw) if frame[0] == FrameType.TAXELS]
-    assert len(taxels) > 100
+    taxel_frames = [frame for frame in decoder.push(raw) if frame[0] == FrameType.TAXELS]
+    assert len(taxel_frames) > 100
     hand = load_hand("allegro")
-    for _, _, payload in taxels:
-        counts = np.frombuffer(payload[14:-4], "<u2")
+    for _, _, payload in taxel_frames:
+        counts = np.frombuffer(payload[14:-4], "<u2")  # between the fields of the frame and the CRC
         assert np.array_equal(counts, COUNTS["allegro"][hand.get_slice(payload[0])])
-    assert decoder.discarded_bytes < 600  # no more than the one frame whose beginning the other client took with it
+    assert decoder.discarded_bytes < LARGEST_FRAME_BYTES  # at most the frame whose beginning the first client had read
 
 
-def test_the_end_of_the_emulator_is_a_vanished_port(serve):
-    process, device = serve("flat8")
+def test_a_terminated_emulator_is_reported_as_a_vanished_port(start_emulator):
+    process, device = start_emulator("flat8")
     skin = taxel.open(f"serial://{device}", "flat8")
     frames = iter(skin)
     check_counts(skin, itertools.islice(frames, 20))
@@ -112,15 +114,15 @@ def test_the_end_of_the_emulator_is_a_vanished_port(serve):
 
 
 @pytest.mark.parametrize("speed", [[], ["--fast"]], ids=["real time", "fast"])
-def test_the_emulator_ends_when_it_is_told_to_even_if_nobody_reads(serve, speed):
-    process, device = serve("allegro", *speed)
+def test_sigterm_ends_the_emulator_while_no_client_reads(start_emulator, speed):
+    process, device = start_emulator("allegro", *speed)
     skin = taxel.open(f"serial://{device}", "allegro")
-    skin._stream._pump.stop()  # the port stays open, but nobody reads it any more
+    skin._stream._pump.stop()  # the port stays open but is not read
     time.sleep(0.5)
     process.send_signal(signal.SIGTERM)
     with contextlib.suppress(subprocess.TimeoutExpired):
-        process.wait(PATIENCE_S / 4)
-    ended = process.poll() is not None
+        process.wait(TIMEOUT_S / 4)
+    has_ended = process.poll() is not None
     process.kill()
     skin.close()
-    assert ended
+    assert has_ended

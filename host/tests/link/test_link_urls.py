@@ -1,4 +1,4 @@
-"""A URL names a port, an emulator or a file; a mistake in it is one line that says what to do."""
+"""URLs of serial ports, emulators and captures: spellings, options, and one-line errors for invalid URLs."""
 
 import pickle
 from pathlib import Path
@@ -22,16 +22,17 @@ EMULATOR_OPTIONS = (
 )  # fmt: skip
 
 
-def one_line(error: BaseException) -> str:
+def read_single_line(error: BaseException) -> str:
+    """The text of an error, which must be one non-empty line."""
     text = str(error)
     assert text
     assert "\n" not in text
     return text
 
 
-@pytest.mark.parametrize("form", ["serial://{}", "{}", "serial:{}"])
-def test_a_serial_port_has_three_spellings(terminal, form):
-    link = open_link(form.format(terminal.name))
+@pytest.mark.parametrize("url_pattern", ["serial://{}", "{}", "serial:{}"])
+def test_a_serial_port_has_three_spellings(terminal, url_pattern):
+    link = open_link(url_pattern.format(terminal.name))
     assert isinstance(link, SerialLink)
     assert (link.baud, link.is_real_time, link.is_recorded) == (1e6, True, False)
     link.close()
@@ -44,33 +45,33 @@ def test_options_of_a_serial_url_reach_the_port(terminal):
 
 
 @pytest.mark.parametrize(("query", "holds_back"), [("", False), ("?rtscts=0", False), ("?rtscts=1", True)])
-def test_a_serial_link_is_held_back_if_the_url_says_that_the_lines_are_wired(terminal, query, holds_back):
+def test_a_serial_link_has_flow_control_only_with_rtscts_1(terminal, query, holds_back):
     link = open_link(f"serial://{terminal.name}{query}")
     assert link.holds_back is holds_back
     link.close()
 
 
-@pytest.mark.parametrize("form", ["file:{}", "file://{}"])
-def test_a_capture_has_two_spellings(tmp_path, form):
+@pytest.mark.parametrize("url_pattern", ["file:{}", "file://{}"])
+def test_a_capture_has_two_spellings(tmp_path, url_pattern):
     path = tmp_path / "a.bin"
     CaptureWriter(path, {"baud": 500_000}).close()
-    link = open_link(form.format(path))
+    link = open_link(url_pattern.format(path))
     assert isinstance(link, CaptureLink)
     assert (link.baud, link.is_real_time, link.is_recorded) == (5e5, False, True)
     link.close()
 
 
-def test_a_capture_may_be_named_by_a_relative_path(tmp_path, monkeypatch):
+def test_a_capture_can_be_named_by_a_relative_path(tmp_path, monkeypatch):
     CaptureWriter(tmp_path / "a.bin").close()
     monkeypatch.chdir(tmp_path)
     open_link("file:a.bin").close()
 
 
 @pytest.mark.parametrize("url", ["", "x", "capture.bin", "emulator", "EMULATOR:", "COM3"])
-def test_what_is_no_url_is_refused_with_the_urls_that_there_are(url):
+def test_the_error_for_an_unknown_url_lists_the_supported_schemes(url):
     with pytest.raises(LinkError) as caught:
         taxel.open(url)
-    text = one_line(caught.value)
+    text = read_single_line(caught.value)
     assert all(scheme in text for scheme in ("serial:", "emulator:", "file:"))
 
 
@@ -87,11 +88,11 @@ def test_what_is_no_url_is_refused_with_the_urls_that_there_are(url):
         ("parity=odd", "parity"),
     ],
 )
-def test_a_wrong_serial_option_is_named_with_the_url(query, field):
+def test_the_error_for_an_invalid_serial_option_names_url_and_option(query, field):
     url = f"serial:///dev/ttyUSB0?{query}"
     with pytest.raises(LinkError) as caught:
         open_link(url)
-    text = one_line(caught.value)
+    text = read_single_line(caught.value)
     assert text.startswith(url)
     assert f"'{field}'" in text
 
@@ -115,25 +116,25 @@ def test_a_wrong_serial_option_is_named_with_the_url(query, field):
         ("stimulus=", "stimulus"),
     ],
 )
-def test_a_wrong_emulator_option_is_named_with_the_url(query, field):
+def test_the_error_for_an_invalid_emulator_option_names_url_and_option(query, field):
     url = f"emulator:?{query}"
     with pytest.raises(LinkError) as caught:
         taxel.open(url)
-    text = one_line(caught.value)
+    text = read_single_line(caught.value)
     assert text.startswith(url)
     assert f"'{field}'" in text
 
 
-def test_an_unknown_emulator_option_is_answered_with_all_that_are_known():
+def test_the_error_for_an_unknown_emulator_option_lists_all_options():
     with pytest.raises(LinkError) as caught:
         taxel.open("emulator:?hand=flat8")
-    text = one_line(caught.value)
+    text = read_single_line(caught.value)
     assert "'hand'" in text
     assert all(option in text for option in EMULATOR_OPTIONS)
 
 
 @pytest.mark.parametrize("url", ["emulator:speed=max", "emulator://host", "emulator:/a/b"])
-def test_an_emulator_has_no_place(url):
+def test_an_emulator_url_with_a_path_is_refused(url):
     with pytest.raises(LinkError, match="expected emulator:"):
         taxel.open(url)
 
@@ -146,41 +147,41 @@ def test_an_emulator_has_no_place(url):
         "rfc2217://127.0.0.1:99999", "serial:///dev/\0",
     ],
 )  # fmt: skip
-def test_no_url_however_broken_ends_in_a_traceback(url):
+def test_every_malformed_url_raises_a_link_error_with_one_line(url):
     with pytest.raises(LinkError) as caught:
         taxel.open(url)
-    assert not one_line(caught.value).startswith(":")  # it names something
+    assert not read_single_line(caught.value).startswith(":")  # the message begins with a name
 
 
 @pytest.mark.parametrize("url", ["serial:///dev/ttyNOPE", "/dev/ttyNOPE", "serial://dev/ttyNOPE"])
-def test_a_missing_port_is_named_as_the_user_wrote_it(url):
+def test_the_error_for_a_missing_port_names_the_port_as_written(url):
     with pytest.raises(PortMissingError) as caught:
         taxel.open(url)
-    text = one_line(caught.value)
+    text = read_single_line(caught.value)
     assert url.removeprefix("serial:").removeprefix("//") in text
     assert "plugged in" in text
 
 
-def test_a_missing_capture_is_named(tmp_path):
+def test_the_error_for_a_missing_capture_names_the_file(tmp_path):
     with pytest.raises(CaptureError, match="cannot be read") as caught:
         taxel.open(f"file:{tmp_path / 'none.bin'}")
-    assert one_line(caught.value).startswith(str(tmp_path / "none.bin"))
+    assert read_single_line(caught.value).startswith(str(tmp_path / "none.bin"))
 
 
-def test_a_folder_is_not_a_capture(tmp_path):
+def test_a_folder_is_refused_as_a_capture(tmp_path):
     with pytest.raises(CaptureError, match="directory"):
         open_link(f"file:{tmp_path}")
 
 
-def test_a_file_that_is_no_terminal_is_not_a_port(tmp_path):
+def test_a_regular_file_is_refused_as_a_port(tmp_path):
     path = Path(tmp_path / "plain")
     path.write_bytes(b"")
     with pytest.raises(PortMissingError) as caught:
         open_link(f"serial://{path}")
-    assert str(path) in one_line(caught.value)
+    assert str(path) in read_single_line(caught.value)
 
 
-def test_errors_of_links_can_cross_processes():
+def test_errors_of_links_can_be_pickled():
     for kind in (LinkError, PortMissingError, CaptureError):
         error = pickle.loads(pickle.dumps(kind("port", "is gone")))
         assert (type(error), error.name, error.problem, str(error)) == (kind, "port", "is gone", "port: is gone")

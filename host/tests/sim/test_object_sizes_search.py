@@ -14,6 +14,7 @@ SEED = 20
 
 @pytest.fixture(scope="module")
 def tool():
+    """The modules of tools/objects, imported for this file only."""
     sys.path.insert(0, str(FOLDER))
     names = ("surfaces", "clouds", "match", "objective", "search_sizes", "thesis_tables")
     yield SimpleNamespace(**{name: importlib.import_module(name) for name in names})
@@ -23,7 +24,8 @@ def tool():
         sys.path.remove(str(FOLDER))
 
 
-def prisms(tool):
+def make_prisms(tool):
+    """A box, a cylinder and a triangular prism; sizes in mm."""
     return [
         tool.surfaces.make_box(70, 40, 90),
         tool.surfaces.make_cylinder(25, 90),
@@ -31,8 +33,8 @@ def prisms(tool):
     ]
 
 
-def surface_points(prism, n, rng):
-    """Points of the sides and both ends; for the ends, the curve pulled towards the axis."""
+def sample_surface(prism, n, rng):
+    """Random points on the sides and both ends of a prism, f64[2 n, 3], in mm."""
     curve, _ = prism.profile.evaluate(rng.random(n))
     sides = np.column_stack([curve, prism.height * rng.random(n)])
     ends = np.column_stack([curve * rng.random((n, 1)), prism.height * rng.integers(0, 2, n)])
@@ -42,52 +44,52 @@ def surface_points(prism, n, rng):
 def test_nearest_point_is_on_the_surface_and_no_point_is_nearer(tool):
     print("seed", SEED)
     rng = np.random.default_rng(SEED)
-    for prism in prisms(tool):
+    for prism in make_prisms(tool):
         points = rng.uniform([-60, -60, -15], [60, 60, 105], (400, 3))
         nearest = prism.nearest(points)
         np.testing.assert_allclose(prism.nearest(nearest), nearest, atol=1e-6)
         distance = np.linalg.norm(points - nearest, axis=1)
-        to_samples = np.linalg.norm(points[:, None] - surface_points(prism, 2000, rng), axis=2).min(axis=1)
-        assert np.all(distance <= to_samples + 1e-9)
-        assert np.median(to_samples - distance) < 0.5
+        distance_to_samples = np.linalg.norm(points[:, None] - sample_surface(prism, 2000, rng), axis=2).min(axis=1)
+        assert np.all(distance <= distance_to_samples + 1e-9)
+        assert np.median(distance_to_samples - distance) < 0.5
 
 
 @pytest.mark.parametrize(
     ("point", "nearest"),
     [((0, 0, 95), (0, 0, 90)), ((50, 0, 45), (35, 0, 45)), ((38, 24, 94), (35, 20, 90)), ((0, 15, 45), (0, 20, 45))],
 )
-def test_nearest_points_of_a_box(tool, point, nearest):
+def test_nearest_points_on_the_faces_and_edges_of_a_box(tool, point, nearest):
     np.testing.assert_allclose(tool.surfaces.make_box(70, 40, 90).nearest(np.array(point, dtype=float)), nearest)
 
 
-def closest_point_iteration(points, prism, iterations):
+def compute_icp_error(points, prism, iterations):
     """Sum of squared distances after standard ICP: closest points, then the rigid fit of Kabsch."""
     for _ in range(iterations):
         target = prism.nearest(points)
         a, b = points - points.mean(axis=0), target - target.mean(axis=0)
         u, _, vt = np.linalg.svd(a.T @ b)
-        turn = vt.T @ np.diag([1, 1, np.sign(np.linalg.det(vt.T @ u.T))]) @ u.T
-        points = a @ turn.T + target.mean(axis=0)
+        rotation = vt.T @ np.diag([1, 1, np.sign(np.linalg.det(vt.T @ u.T))]) @ u.T
+        points = a @ rotation.T + target.mean(axis=0)
     return np.sum((points - prism.nearest(points)) ** 2)
 
 
-def test_registration_reaches_the_minimum_of_icp(tool):
+def test_registration_is_at_most_2_percent_above_the_minimum_of_icp(tool):
     samples = tool.clouds.unit_samples(128, SEED)
-    shapes = prisms(tool)
+    shapes = make_prisms(tool)
     distribution = tool.clouds.ContactDistribution(top_share=0.2, offset_mm=1.5, std_mm=0.5)
-    for cloud_of in shapes:
-        cloud = tool.clouds.contact_cloud(cloud_of, distribution, samples)
+    for contacted_prism in shapes:
+        cloud = tool.clouds.contact_cloud(contacted_prism, distribution, samples)
         for prism in shapes:
-            starts = tool.match.starting_clouds(cloud, cloud_of.height, prism.height)
+            starts = tool.match.starting_clouds(cloud, contacted_prism.height, prism.height)
             (distances,) = tool.match.match_clouds([starts], prism)
-            lowest = min(closest_point_iteration(start, prism, 60) for start in starts)
+            lowest = min(compute_icp_error(start, prism, 60) for start in starts)
             assert np.sum(distances**2) <= 1.02 * lowest
 
 
-def test_points_without_random_distance_are_outside_and_not_under_the_object(tool):
+def test_contact_points_without_random_distance_lie_at_the_offset_and_not_below_the_object(tool):
     samples = tool.clouds.unit_samples(256, SEED)
     distribution = tool.clouds.ContactDistribution(top_share=0.2, offset_mm=1.5, std_mm=0.0)
-    for prism in prisms(tool):
+    for prism in make_prisms(tool):
         cloud = tool.clouds.contact_cloud(prism, distribution, samples)
         np.testing.assert_allclose(np.linalg.norm(cloud - prism.nearest(cloud), axis=1), 1.5, atol=1e-6)
         assert cloud[:, 2].min() >= 0
@@ -103,8 +105,10 @@ def test_triangle_larger_than_the_other_objects_or_square_box_is_penalised(tool)
     assert min(penalties[1:]) > 0
 
 
-def test_objective_is_lower_for_the_found_sizes(tool):
+def test_objective_of_the_selected_sizes_is_less_than_a_fifth_of_that_of_larger_sizes(tool):
     settings = tool.objective.CloudSettings(points=128)
-    good = tool.objective.Sizes(69, 35, 130, 21, 130, 36, 130, 36)
-    bad = tool.objective.Sizes(100, 60, 130, 45, 130, 70, 130, 70)
-    assert 5 * tool.objective.compute_objective(good, settings) < tool.objective.compute_objective(bad, settings)
+    selected_sizes = tool.objective.Sizes(69, 35, 130, 21, 130, 36, 130, 36)
+    larger_sizes = tool.objective.Sizes(100, 60, 130, 45, 130, 70, 130, 70)
+    assert 5 * tool.objective.compute_objective(selected_sizes, settings) < tool.objective.compute_objective(
+        larger_sizes, settings
+    )

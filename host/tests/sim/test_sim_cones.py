@@ -1,4 +1,4 @@
-"""The thesis's contact filter: cones on the taxels, contact points, and a threshold on their distance."""
+"""The contact filter of the thesis: cones on the taxels, contact points, and a threshold on the distance to a taxel."""
 
 import numpy as np
 import pytest
@@ -11,12 +11,13 @@ from taxel.sim.sensor_model import SimSensor
 
 HAND = load_hand("allegro")
 PALM = HAND.get_slice(HAND.find_board("palm").address)
+PALM_TAXELS = PALM.stop - PALM.start
 SLAB = ConvexPolytope.box(0.4, 0.4, 0.1)
 IDENTITY = np.eye(4)[None]
 
 
-def palm_over(gap, shape=SLAB):
-    """Poses with the palm's cones `gap` above the top of a shape; all other boards are far away."""
+def place_palm_above(gap, shape=SLAB):
+    """Board poses f64[1, s, 4, 4] with the cones of the palm `gap` metres above a shape; all other boards are far away."""
     poses = np.tile(np.eye(4), (1, len(HAND.boards), 1, 1))
     poses[..., :3, 3] = [0, 0, 5.0]
     palm = [board.name for board in HAND.boards].index("palm")
@@ -32,28 +33,28 @@ def test_the_threshold_is_the_distance_from_tip_to_rim():
 
 
 @pytest.mark.parametrize(("gap", "offset", "touches"), [(1e-4, 2e-4, True), (3e-4, 2e-4, False), (-1e-4, -2e-4, False)])
-def test_a_cone_touches_within_the_offset(gap, offset, touches):
+def test_a_cone_touches_only_within_the_contact_offset(gap, offset, touches):
     cones = ConeSensing(base_radius(HAND), contact_offset_m=offset)
-    found = cones.tips_in_contact(HAND, SLAB, palm_over(gap), IDENTITY)
-    assert found[0, PALM].all() == touches
-    assert found.sum() == touches * 121
+    is_touching = cones.tips_in_contact(HAND, SLAB, place_palm_above(gap), IDENTITY)
+    assert is_touching[0, PALM].all() == touches
+    assert is_touching.sum() == touches * PALM_TAXELS
 
 
-def test_a_narrow_object_activates_the_taxels_over_it_and_a_wide_base_their_neighbours():
+def test_a_rod_activates_the_taxels_above_it_and_wide_cones_also_their_neighbours():
     rod = Cylinder(0.004, 0.1)
-    poses = palm_over(0.0, rod)
+    poses = place_palm_above(0.0, rod)
     narrow = ConeSensing(base_radius(HAND)).active(HAND, rod, poses, IDENTITY)[0]
     wide = ConeSensing(base_radius(HAND, pitches=1)).active(HAND, rod, poses, IDENTITY)[0]
     centres = compute_taxel_positions(HAND, poses)[0]
-    np.testing.assert_array_equal(narrow[PALM], np.hypot(*centres[PALM, :2].T) <= 0.0042)
+    np.testing.assert_array_equal(narrow[PALM], np.hypot(*centres[PALM, :2].T) <= 0.0042)  # rod radius and tip size
     gap = np.linalg.norm(centres[:, None, :2] - centres[None, narrow, :2], axis=2).min(axis=1)
-    np.testing.assert_array_equal(wide[PALM], gap[PALM] < 0.0072)
-    assert 0 < narrow.sum() < wide.sum() < 121
+    np.testing.assert_array_equal(wide[PALM], gap[PALM] < 0.0072)  # distance threshold of wide cones
+    assert 0 < narrow.sum() < wide.sum() < PALM_TAXELS
 
 
-def test_the_engines_own_contact_points_count_too():
-    poses = palm_over(0.02)
-    taxel = PALM.start + 60
+def test_a_contact_point_of_the_physics_engine_activates_the_nearest_taxel():
+    poses = place_palm_above(0.02)
+    taxel = PALM.start + 60  # near the middle of the palm
     centre = compute_taxel_positions(HAND, poses)[0, taxel]
     cones = ConeSensing(base_radius(HAND))
     assert not cones.active(HAND, SLAB, poses, IDENTITY).any()
@@ -61,13 +62,13 @@ def test_the_engines_own_contact_points_count_too():
     assert np.flatnonzero(cones.active(HAND, SLAB, poses, IDENTITY, points)).tolist() == [taxel]
 
 
-def test_frames_are_apart():
-    poses = np.concatenate([palm_over(0.0), palm_over(0.01), palm_over(0.0)])
+def test_frames_are_evaluated_independently():
+    poses = np.concatenate([place_palm_above(0.0), place_palm_above(0.01), place_palm_above(0.0)])
     active = ConeSensing(base_radius(HAND)).active(HAND, SLAB, poses, np.tile(np.eye(4), (3, 1, 1)))
-    assert active.sum(axis=1).tolist() == [121, 0, 121]
+    assert active.sum(axis=1).tolist() == [PALM_TAXELS, 0, PALM_TAXELS]
 
 
-def test_an_active_taxel_gets_a_force_that_the_sensor_sees():
+def test_the_nominal_force_of_an_active_taxel_exceeds_twice_the_activation_threshold():
     force = nominal_forces(np.array([[True, False]]))
     assert force.tolist() == [[NOMINAL_FORCE_N, 0.0]]
-    assert SimSensor().predict_signal(NOMINAL_FORCE_N) > 2 * 150
+    assert SimSensor().predict_signal(NOMINAL_FORCE_N) > 2 * 150  # threshold: 150 counts

@@ -1,4 +1,4 @@
-"""One simulated grasp of rigid boards, felt at each level of detail, and one with a soft layer."""
+"""Taxel forces of one simulated grasp at each level of detail, and of a grasp with a soft layer."""
 
 from dataclasses import replace
 from functools import cache
@@ -19,43 +19,45 @@ from taxel.sim.separation import MISS_M
 from taxel.sim.soft_contact import LayerLaw
 
 HAND = load_hand("allegro")
-ITEM = make_thesis_objects()["rectangular_prism"]
-LINE = Timeline(baseline_s=0.2, closing_s=2.0, hold_s=0.4, release_s=1.0, recovery_s=0.2)
+OBJECT = make_thesis_objects()["rectangular_prism"]
+TIMELINE = Timeline(baseline_s=0.2, closing_s=2.0, hold_s=0.4, release_s=1.0, recovery_s=0.2)
 ROUNDING_N = 1e-6
 
 
 @cache
-def motion():
+def simulate_rigid_grasp():
     approach = next(
         a
         for a in make_thesis_approaches(withdraw_m=0.02)
         if (a.object, a.name) == ("rectangular_prism", "narrow_side_1")
     )
-    return simulate_grasp(build_scene(HAND, ITEM, "palm"), approach, LINE, rate_hz=5.0)
+    return simulate_grasp(build_scene(HAND, OBJECT, "palm"), approach, TIMELINE, rate_hz=5.0)
 
 
 @cache
-def felt(level, **options):
-    return sense(HAND, ITEM.shape, motion(), Sensing(level, **options))
+def sense_grasp(level, **options):
+    """Taxel forces and separations of the rigid grasp at a level of detail."""
+    return sense(HAND, OBJECT.shape, simulate_rigid_grasp(), Sensing(level, **options))
 
 
-def on_boards(force):
-    """Sum of each board's taxel forces along its load, f64[T, s]; 0 for a board without load."""
+def sum_board_forces(force):
+    """Sum of the taxel forces of each board along the board load, f64[T, s], in N; 0 for a board without load."""
     vectors = -force[:, :, None] * HAND.normal
     sums = np.stack([vectors[:, HAND.get_slice(board.address)].sum(axis=1) for board in HAND.boards], axis=1)
-    directions = motion().wrench[:, :, :3] / np.maximum(loads(), 1e-12)[:, :, None]
+    directions = simulate_rigid_grasp().wrench[:, :, :3] / np.maximum(compute_board_loads(), 1e-12)[:, :, None]
     return np.sum(sums * directions, axis=2)
 
 
-def loads():
-    return np.linalg.norm(motion().wrench[:, :, :3], axis=2)
+def compute_board_loads():
+    """Force in N on each board of the rigid grasp, f64[T, s]."""
+    return np.linalg.norm(simulate_rigid_grasp().wrench[:, :, :3], axis=2)
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_every_level_gives_finite_forces_that_press(level):
-    result = felt(level)
-    frames = len(motion().time_s)
-    assert result.contact_force.shape == result.separation.shape == (frames, 1073)
+def test_every_level_gives_finite_non_negative_forces(level):
+    result = sense_grasp(level)
+    frames = len(simulate_rigid_grasp().time_s)
+    assert result.contact_force.shape == result.separation.shape == (frames, HAND.n_taxels)
     assert np.isfinite(result.contact_force).all()
     assert np.isfinite(result.separation).all()
     assert (result.contact_force >= 0).all()
@@ -63,105 +65,115 @@ def test_every_level_gives_finite_forces_that_press(level):
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_every_level_feels_the_hold_and_nothing_while_the_palm_is_away(level):
-    force, phase = felt(level).contact_force, motion().phase
-    away = (phase == Phase.BASELINE) | (phase == Phase.RECOVERY)
-    assert not force[away].any()
+def test_every_level_has_loaded_taxels_in_hold_and_none_while_the_palm_is_withdrawn(level):
+    force, phase = sense_grasp(level).contact_force, simulate_rigid_grasp().phase
+    is_withdrawn = (phase == Phase.BASELINE) | (phase == Phase.RECOVERY)
+    assert not force[is_withdrawn].any()
     assert ((force[phase == Phase.HOLD] > 0.05).sum(axis=1) > 5).all()
 
 
-def test_cones_stand_as_high_as_the_layer_so_that_a_hand_that_touches_is_felt():
-    """Cones that end below the surface with which boards touch would hardly ever reach an object."""
-    hold = motion().phase == Phase.HOLD
-    active, load = felt("cones").contact_force[hold] > 0, loads()[hold]
-    flat = HAND.find_board("palm")
-    assert (load[:, HAND.boards.index(flat)] > 1.0).all()
-    assert active[:, HAND.get_slice(flat.address)].any(axis=1).all()
+def test_cones_are_active_on_a_board_with_load():
+    """The tips of the cones are at the surface of the layer; shorter cones would miss most objects."""
+    hold = simulate_rigid_grasp().phase == Phase.HOLD
+    active, load = sense_grasp("cones").contact_force[hold] > 0, compute_board_loads()[hold]
+    palm = HAND.find_board("palm")
+    assert (load[:, HAND.boards.index(palm)] > 1.0).all()
+    assert active[:, HAND.get_slice(palm.address)].any(axis=1).all()
 
 
 @pytest.mark.parametrize("level", ["rigid", "coupled"])
-def test_a_board_without_load_feels_nothing(level):
-    per_board = np.stack([felt(level).contact_force[:, HAND.get_slice(b.address)].sum(axis=1) for b in HAND.boards], 1)
-    assert not per_board[loads() == 0].any()
+def test_a_board_without_load_has_no_taxel_forces(level):
+    per_board = np.stack(
+        [sense_grasp(level).contact_force[:, HAND.get_slice(b.address)].sum(axis=1) for b in HAND.boards], 1
+    )
+    assert not per_board[compute_board_loads() == 0].any()
 
 
-def test_taxels_of_the_layer_bear_at_most_the_boards_load_and_its_bare_margin_the_rest():
-    net, load = on_boards(felt("rigid").contact_force), loads()
+def test_rigid_taxel_forces_sum_to_half_or_more_but_not_all_of_the_board_load():
+    net, load = sum_board_forces(sense_grasp("rigid").contact_force), compute_board_loads()
     assert (net <= load + ROUNDING_N).all()
-    hold = motion().phase == Phase.HOLD
+    hold = simulate_rigid_grasp().phase == Phase.HOLD
     share = net[hold].sum() / load[hold].sum()
     assert 0.5 < share < 1.0
 
 
-def test_the_whole_load_of_coupled_cells_is_on_taxels():
-    net, load = on_boards(felt("coupled").contact_force), loads()
-    hold = motion().phase == Phase.HOLD
+def test_coupled_taxel_forces_sum_to_the_board_load():
+    net, load = sum_board_forces(sense_grasp("coupled").contact_force), compute_board_loads()
+    hold = simulate_rigid_grasp().phase == Phase.HOLD
     assert net[hold].sum() == pytest.approx(load[hold].sum(), rel=0.1)
 
 
-def test_a_pressed_taxel_of_the_layer_is_where_the_object_is():
-    """But at an edge, which springs beside the taxel's centre may touch while its own normal misses the object."""
-    result = felt("rigid")
-    heavy = result.contact_force > 0.2
-    assert heavy.any()
-    pressed = heavy & (result.separation < 0)
-    assert pressed.sum() > 0.6 * heavy.sum()
+def test_loaded_taxels_penetrate_the_object_by_force_over_stiffness():
+    """The bounds allow for edges, where the normal of a loaded taxel can miss the object."""
+    result = sense_grasp("rigid")
+    is_loaded = result.contact_force > 0.2
+    assert is_loaded.any()
+    is_penetrating = is_loaded & (result.separation < 0)
+    assert is_penetrating.sum() > 0.6 * is_loaded.sum()
     depth = result.contact_force / STIFFNESS_N_PER_M
-    assert np.median(np.abs(depth + result.separation)[pressed]) < 1e-4
+    assert np.median(np.abs(depth + result.separation)[is_penetrating]) < 1e-4
 
 
 def test_a_stiffer_layer_spreads_the_same_load_over_fewer_taxels():
-    soft, stiff = felt("rigid").contact_force, felt("rigid", stiffness_n_per_m=4 * STIFFNESS_N_PER_M).contact_force
-    hold = motion().phase == Phase.HOLD
+    soft, stiff = (
+        sense_grasp("rigid").contact_force,
+        sense_grasp("rigid", stiffness_n_per_m=4 * STIFFNESS_N_PER_M).contact_force,
+    )
+    hold = simulate_rigid_grasp().phase == Phase.HOLD
     assert (stiff[hold] > 0.01).sum() < (soft[hold] > 0.01).sum()
     assert stiff.max() > soft.max()
 
 
-def test_cones_are_active_or_not_and_wider_ones_activate_at_least_the_same():
-    narrow, wide = felt("cones").contact_force, felt("cones", cone_pitches=1.0).contact_force
+def test_cone_forces_are_binary_and_wider_cones_activate_a_superset():
+    narrow, wide = sense_grasp("cones").contact_force, sense_grasp("cones", cone_pitches=1.0).contact_force
     assert set(np.unique(wide).tolist()) == {0.0, NOMINAL_FORCE_N}
     assert (wide[narrow > 0] > 0).all()
     assert (wide > 0).sum() > (narrow > 0).sum()
 
 
-def test_the_layer_is_what_is_used_unless_told_otherwise():
+def test_the_default_level_is_layer():
     assert Sensing().level == "layer"
     assert replace(Sensing(), level="cones").level in LEVELS
 
 
 @cache
-def soft_motion():
+def simulate_soft_grasp():
     approach = next(a for a in make_thesis_approaches(withdraw_m=0.02) if a.name == "narrow_side_1")
-    return simulate_grasp(build_scene(HAND, ITEM, "palm"), approach, LINE, rate_hz=5.0, law=LayerLaw())
+    return simulate_grasp(build_scene(HAND, OBJECT, "palm"), approach, TIMELINE, rate_hz=5.0, law=LayerLaw())
 
 
-def test_a_soft_layer_bears_while_the_bodies_move():
-    """Its taxels' net force is that of the boards, less what the bare margin bears."""
-    motion, hold = soft_motion(), soft_motion().phase == Phase.HOLD
-    result = sense(HAND, ITEM.shape, motion, Sensing())
-    assert result.contact_force is motion.taxel_force
-    net = np.linalg.norm(motion.wrench[hold][:, :, :3], axis=2).sum(axis=1)
-    assert (result.contact_force[hold].sum(axis=1) < 1.05 * net).all()
-    assert (result.contact_force[hold].sum(axis=1) > 0.4 * net).all()
+def test_taxel_forces_of_a_soft_layer_agree_with_its_law_and_the_board_wrenches():
+    """The margin without taxels carries the remainder of the board wrench."""
+    simulate_rigid_grasp, hold = simulate_soft_grasp(), simulate_soft_grasp().phase == Phase.HOLD
+    result = sense(HAND, OBJECT.shape, simulate_rigid_grasp, Sensing())
+    assert result.contact_force is simulate_rigid_grasp.taxel_force
+    board_load = np.linalg.norm(simulate_rigid_grasp.wrench[hold][:, :, :3], axis=2).sum(axis=1)
+    assert (result.contact_force[hold].sum(axis=1) < 1.05 * board_load).all()
+    assert (result.contact_force[hold].sum(axis=1) > 0.4 * board_load).all()
     palm = HAND.get_slice(HAND.find_board("palm").address)
-    pressed = (result.contact_force > 0.1) & (result.separation < 0)
-    assert pressed[hold][:, palm].any()
-    middle = result.contact_force[hold][:, palm], result.separation[hold][:, palm]
-    flat = (middle[0] > 0.1) & (middle[1] < -1e-4)
-    expected = LayerLaw().force(-middle[1][flat])
-    assert np.median(np.abs(middle[0][flat] / expected - 1.0)) < 0.1
+    is_loaded = (result.contact_force > 0.1) & (result.separation < 0)
+    assert is_loaded[hold][:, palm].any()
+    palm_force, palm_separation = result.contact_force[hold][:, palm], result.separation[hold][:, palm]
+    is_penetrating = (palm_force > 0.1) & (palm_separation < -1e-4)
+    expected = LayerLaw().force(-palm_separation[is_penetrating])
+    assert np.median(np.abs(palm_force[is_penetrating] / expected - 1.0)) < 0.1
 
 
-def test_a_soft_layer_ends_where_the_mounts_spring_balances_the_hand():
-    motion = soft_motion()
-    end = int(np.flatnonzero(motion.phase == Phase.HOLD)[-1])
-    yielded = motion.object_pose[end, :3, 3] + motion.object_pose[end, :3, 2] * ITEM.shape.height / 2
-    yielded -= make_standing_pose()[:3, 3] + np.array([0.0, 0.0, ITEM.shape.height / 2])
-    forces = np.einsum("sij,sj->si", motion.sensor_poses[end, :, :3, :3], motion.wrench[end, :, :3])
-    np.testing.assert_allclose(-forces.sum(axis=0), MOUNT_STIFFNESS_N_PER_M * yielded, atol=0.3)
+def test_with_a_soft_layer_the_spring_of_the_mount_balances_the_hand_at_the_end_of_hold():
+    simulate_rigid_grasp = simulate_soft_grasp()
+    end = int(np.flatnonzero(simulate_rigid_grasp.phase == Phase.HOLD)[-1])
+    displacement = (
+        simulate_rigid_grasp.object_pose[end, :3, 3]
+        + simulate_rigid_grasp.object_pose[end, :3, 2] * OBJECT.shape.height / 2
+    )
+    displacement -= make_standing_pose()[:3, 3] + np.array([0.0, 0.0, OBJECT.shape.height / 2])
+    forces = np.einsum(
+        "sij,sj->si", simulate_rigid_grasp.sensor_poses[end, :, :3, :3], simulate_rigid_grasp.wrench[end, :, :3]
+    )
+    np.testing.assert_allclose(-forces.sum(axis=0), MOUNT_STIFFNESS_N_PER_M * displacement, atol=0.3)
 
 
-def test_the_curve_of_the_layer_rises_ever_more_steeply_and_its_slope_is_its_derivative():
+def test_the_stiffness_of_the_layer_law_is_the_derivative_of_the_force_and_increases():
     depth = np.linspace(1e-5, 1.2e-3, 50)
     law = LayerLaw()
     slope = (law.force(depth + 1e-9) - law.force(depth - 1e-9)) / 2e-9

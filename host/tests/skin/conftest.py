@@ -1,4 +1,4 @@
-"""Worlds whose taxels measure known counts, and hubs that are no more than prepared answers."""
+"""Fixtures of the skin tests: hands, known counts of their taxels, and fake hubs with prepared answers."""
 
 import os
 import select
@@ -28,16 +28,20 @@ def flat8() -> Hand:
 
 @pytest.fixture(scope="session")
 def known_counts() -> Callable[[Hand], NDArray[np.uint16]]:
-    """A count for each taxel that no other taxel has, u16[n]."""
+    """Makes raw counts, u16[n], that differ between all taxels of a hand."""
 
-    def counts(hand: Hand) -> NDArray[np.uint16]:
+    def make_counts(hand: Hand) -> NDArray[np.uint16]:
         return (1000 + 37 * np.arange(hand.n_taxels)).astype(np.uint16)
 
-    return counts
+    return make_counts
 
 
 class FakeHub:
-    """Answers on a pseudo-terminal: a handshake with its versions, every command with OK; `on_start` follows START."""
+    """A hub on a pseudo-terminal.
+
+    The hub answers a handshake with the given protocol versions and every command with status OK, and sends the
+    bytes `on_start` after the command START. `commands`: codes of all received commands.
+    """
 
     def __init__(
         self, version_chosen: int = 1, version_min: int = 1, version_max: int = 1, on_start: bytes = b""
@@ -49,7 +53,7 @@ class FakeHub:
         self._on_start = on_start
         self._sequence = 0
         self.commands: list[int] = []
-        self._leaving = threading.Event()
+        self._is_closing = threading.Event()
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
@@ -59,7 +63,7 @@ class FakeHub:
 
     def _serve(self) -> None:
         decoder = ReferenceDecoder()
-        while not self._leaving.is_set():
+        while not self._is_closing.is_set():
             if not select.select([self._master], [], [], 0.02)[0]:
                 continue
             for kind, _, payload in decoder.push(os.read(self._master, 4096)):
@@ -79,9 +83,9 @@ class FakeHub:
             if fields["command"] == 1:
                 os.write(self._master, self._on_start)
 
-    def vanish(self) -> None:
-        """Unplug. May be called twice."""
-        self._leaving.set()
+    def unplug(self) -> None:
+        """Unplug the hub. A second call has no effect."""
+        self._is_closing.set()
         self._thread.join()
         for descriptor in (self._slave, self._master):
             if descriptor >= 0:
@@ -91,6 +95,7 @@ class FakeHub:
 
 @pytest.fixture
 def fake_hub() -> Iterator[Callable[..., FakeHub]]:
+    """Starts a `FakeHub` with the given options; all are unplugged after the test."""
     hubs: list[FakeHub] = []
 
     def make(**options: object) -> FakeHub:
@@ -99,12 +104,12 @@ def fake_hub() -> Iterator[Callable[..., FakeHub]]:
 
     yield make
     for hub in hubs:
-        hub.vanish()
+        hub.unplug()
 
 
 @pytest.fixture
-def silence() -> Iterator[str]:
-    """URL of a port on which nobody answers."""
+def silent_port() -> Iterator[str]:
+    """URL of a port without a hub."""
     master, slave = os.openpty()
     tty.setraw(slave)
     yield f"serial://{os.ttyname(slave)}"

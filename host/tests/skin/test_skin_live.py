@@ -1,4 +1,4 @@
-"""Forces that a program applies while the emulated skin runs are felt, and let go of."""
+"""Forces that a program applies to the emulated skin while the skin streams."""
 
 import itertools
 
@@ -8,15 +8,15 @@ import taxel
 from taxel.link import EmulatorLink
 
 
-def test_live_forces_are_felt_and_released() -> None:
+def test_forces_applied_during_streaming_activate_and_release_their_taxels() -> None:
     with taxel.open("emulator:?speed=max&live=1&noise_counts=0", "flat8") as skin:
         assert isinstance(skin.link, EmulatorLink)
         activation = taxel.Activation(skin.take_baseline().mean)
         forces = np.zeros(skin.hand.n_taxels)
         forces[[3, 40]] = 5.0
         skin.link.apply(forces)
-        # In fast mode many scans from before the press are still on their way.
-        pressed = next(s for s in skin.scans() if activation(s.raw_counts, s.valid).active.sum() == 2)
-        assert np.flatnonzero(activation(pressed.raw_counts).active).tolist() == [3, 40]
+        # In fast mode, many scans from before the force are still buffered.
+        loaded_scan = next(scan for scan in skin.scans() if activation(scan.raw_counts, scan.valid).active.sum() == 2)
+        assert np.flatnonzero(activation(loaded_scan.raw_counts).active).tolist() == [3, 40]
         skin.link.apply(np.zeros(skin.hand.n_taxels))
-        assert any(not activation(s.raw_counts).active.any() for s in itertools.islice(skin.scans(), 100_000))
+        assert any(not activation(scan.raw_counts).active.any() for scan in itertools.islice(skin.scans(), 100_000))

@@ -1,4 +1,4 @@
-"""What the README shows is what happens."""
+"""The Python example of the README runs and prints a time and the number of active taxels."""
 
 import re
 from pathlib import Path
