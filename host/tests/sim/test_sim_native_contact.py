@@ -1,4 +1,4 @@
-"""The layer's contact in C against its reference in NumPy."""
+"""The contact of the soft layer in C agrees with its reference implementation in NumPy."""
 
 import ctypes
 import importlib.resources
@@ -29,82 +29,87 @@ SHAPES = {
 }
 
 
-def assert_alike(native, reference, poses, item):
-    """To rounding, against the largest of the same kind: what is left of cancelling forces has no more digits."""
-    got, wanted = native.load(poses, item), reference.load(poses, item)
-    for ours, theirs in zip(got, wanted, strict=True):
-        np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-11 * max(np.abs(theirs).max(), 1e-3))
-    forces = native.taxel_forces(poses, item), reference.taxel_forces(poses, item)
+def compare_loads(native, reference, poses, object_pose):
+    """Check that both loads agree up to rounding relative to the largest component; return the reference load."""
+    result, expected = native.load(poses, object_pose), reference.load(poses, object_pose)
+    for value, expected_value in zip(result, expected, strict=True):
+        np.testing.assert_allclose(
+            value, expected_value, rtol=1e-9, atol=1e-11 * max(np.abs(expected_value).max(), 1e-3)
+        )
+    forces = native.taxel_forces(poses, object_pose), reference.taxel_forces(poses, object_pose)
     np.testing.assert_allclose(*forces, rtol=1e-9, atol=1e-12)
-    return wanted
+    return expected
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_it_gives_the_references_loads(name):
-    """A solid pressed into a flat board from all sides, and pulled off."""
+def test_loads_in_random_poses_agree_with_the_numpy_reference(name):
+    """The solid touches the flat board in some of the poses and is clear of the board in the others."""
     seed = 3
     hand, rng = load_hand("flat8"), np.random.default_rng(seed)
-    native, reference = (kind(hand, SHAPES[name], LAW) for kind in (NativeContact, SoftContact))
-    middle = SHAPES[name].bounds.mean(axis=0)
-    pressed = 0
+    native, reference = (contact_class(hand, SHAPES[name], LAW) for contact_class in (NativeContact, SoftContact))
+    centre = SHAPES[name].bounds.mean(axis=0)
+    contact_count = 0
     for _ in range(60):
-        item = from_rotation_vector(rng.normal(0.0, 1.5, 3))
-        lowest = (SHAPES[name].mesh()[0] @ item[:3, :3].T)[:, 2].min()
-        item[:3, 3] = [*rng.normal(0.0, 0.008, 2), rng.uniform(-0.0005, 0.003) - lowest]
-        item[:2, 3] -= (item[:3, :3] @ middle)[:2]
-        pressed += int(assert_alike(native, reference, np.eye(4)[None], item).wrench.any())
-    assert 15 < pressed < 60, f"seed {seed}"
+        object_pose = from_rotation_vector(rng.normal(0.0, 1.5, 3))
+        lowest = (SHAPES[name].mesh()[0] @ object_pose[:3, :3].T)[:, 2].min()
+        object_pose[:3, 3] = [*rng.normal(0.0, 0.008, 2), rng.uniform(-0.0005, 0.003) - lowest]
+        object_pose[:2, 3] -= (object_pose[:3, :3] @ centre)[:2]
+        contact_count += int(compare_loads(native, reference, np.eye(4)[None], object_pose).wrench.any())
+    assert 15 < contact_count < 60, f"seed {seed}"
 
 
 @pytest.mark.parametrize("name", ["box", "cylinder"])
-def test_lines_along_a_face_are_lines_too(name):
-    """A solid upright on the board: every line is parallel to its sides, some lie in them."""
+def test_loads_of_an_upright_solid_agree_with_the_numpy_reference(name):
+    """The lines of contact are then parallel to the sides of the solid, and some lie in a side."""
     hand = load_hand("flat8")
-    native, reference = (kind(hand, SHAPES[name], LAW) for kind in (NativeContact, SoftContact))
-    item = np.eye(4)
+    native, reference = (contact_class(hand, SHAPES[name], LAW) for contact_class in (NativeContact, SoftContact))
+    object_pose = np.eye(4)
     for height in (0.0015, 0.001, 0.0):
-        item[2, 3] = height
-        assert assert_alike(native, reference, np.eye(4)[None], item).wrench[0, 2] < -1.0
+        object_pose[2, 3] = height
+        assert compare_loads(native, reference, np.eye(4)[None], object_pose).wrench[0, 2] < -1.0
 
 
 @cache
-def scene_of(name):
+def build_object_scene(name):
     return build_scene(load_hand("allegro"), make_thesis_objects()[name], "palm")
 
 
 @pytest.mark.parametrize("name", ["rectangular_prism", "cylinder"])
-def test_a_grasp_comes_out_the_same(name, monkeypatch):
-    scene, line = scene_of(name), Timeline(baseline_s=0.1, closing_s=1.0, hold_s=0.2, release_s=0.3, recovery_s=0.1)
-    approach = next(each for each in make_thesis_approaches(withdraw_m=0.02) if each.object == name)
-    native = simulate_grasp(scene, approach, line, law=LAW)
+def test_a_simulated_grasp_agrees_with_the_numpy_reference(name, monkeypatch):
+    scene, timeline = (
+        build_object_scene(name),
+        Timeline(baseline_s=0.1, closing_s=1.0, hold_s=0.2, release_s=0.3, recovery_s=0.1),
+    )
+    approach = next(candidate for candidate in make_thesis_approaches(withdraw_m=0.02) if candidate.object == name)
+    native = simulate_grasp(scene, approach, timeline, law=LAW)
     monkeypatch.setattr(closing, "NativeContact", SoftContact)
-    reference = simulate_grasp(scene, approach, line, law=LAW)
-    held = native.phase <= Phase.HOLD  # fingers that let go bounce, and carry rounding farther
-    assert native.taxel_force[held].max() > 1.0
-    np.testing.assert_allclose(native.taxel_force[held], reference.taxel_force[held], rtol=1e-8, atol=1e-9)
-    np.testing.assert_allclose(native.object_pose[held], reference.object_pose[held], atol=1e-11)
-    np.testing.assert_allclose(native.wrench[held], reference.wrench[held], atol=1e-8)
+    reference = simulate_grasp(scene, approach, timeline, law=LAW)
+    until_hold = native.phase <= Phase.HOLD  # fingers bounce at release, which amplifies rounding errors
+    assert native.taxel_force[until_hold].max() > 1.0
+    np.testing.assert_allclose(native.taxel_force[until_hold], reference.taxel_force[until_hold], rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(native.object_pose[until_hold], reference.object_pose[until_hold], atol=1e-11)
+    np.testing.assert_allclose(native.wrench[until_hold], reference.wrench[until_hold], atol=1e-8)
 
 
-def test_a_shape_that_the_library_does_not_know_is_refused():
+def test_an_unsupported_shape_is_refused():
     with pytest.raises(TypeError, match=r"expected a Cylinder or a ConvexPolytope, found object"):
         NativeContact(load_hand("flat8"), object(), LAW)
 
 
-@pytest.mark.parametrize(("poses", "item"), [((2, 4, 4), (4, 4)), ((1, 3, 4), (4, 4)), ((1, 4, 4), (1, 4, 4))])
-def test_poses_of_another_shape_are_refused(poses, item):
+@pytest.mark.parametrize(("poses", "object_pose"), [((2, 4, 4), (4, 4)), ((1, 3, 4), (4, 4)), ((1, 4, 4), (1, 4, 4))])
+def test_poses_of_another_shape_are_refused(poses, object_pose):
     contact = NativeContact(load_hand("flat8"), SHAPES["box"], LAW)
     with pytest.raises(ValueError, match=r"expected poses \[1, 4, 4\]"):
-        contact.load(np.zeros(poses), np.zeros(item))
+        contact.load(np.zeros(poses), np.zeros(object_pose))
 
 
-def test_a_library_that_is_missing_says_so(monkeypatch, tmp_path):
+def test_a_missing_library_is_reported_with_the_remedy(monkeypatch, tmp_path):
     monkeypatch.setattr(importlib.resources, "files", lambda package: tmp_path)
     with pytest.raises(SimLibraryError, match="install taxel again"):
         sim_library.__wrapped__()
 
 
-def test_a_library_of_another_version_says_so(monkeypatch):
+def test_a_library_of_another_version_is_refused(monkeypatch):
     monkeypatch.setattr(ctypes, "sizeof", lambda kind: 0)
     with pytest.raises(SimLibraryError, match="belongs to another version"):
         sim_library.__wrapped__()

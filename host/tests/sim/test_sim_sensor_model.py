@@ -30,15 +30,16 @@ def test_the_signal_has_half_its_full_scale_at_the_half_force_and_saturates():
 def test_without_noise_counts_are_the_rounded_formula():
     sensor = SimSensor(2000.0, 700.0, 1.5, noise_counts=0.0)
     force = np.random.default_rng(2).exponential(1.0, (4, HAND.n_taxels))
-    sample_counts = sample_counts(sensor, force)
-    assert sample_counts.dtype == np.uint16
-    np.testing.assert_array_equal(sample_counts, np.rint(2000.0 - 700.0 * force / (force + 1.5)))
+    counts = sample_counts(sensor, force)
+    assert counts.dtype == np.uint16
+    np.testing.assert_array_equal(counts, np.rint(2000.0 - 700.0 * force / (force + 1.5)))
 
 
 def test_white_noise_has_the_given_standard_deviation_and_no_common_part():
     seed = 3
     noise = sample_counts(SimSensor(noise_counts=4.0), make_zero_forces(300), seed) - SimSensor().baseline_counts
-    assert noise.std() == pytest.approx(np.hypot(4.0, 12**-0.5), rel=0.01), f"seed {seed}"
+    rounding_std = 12**-0.5
+    assert noise.std() == pytest.approx(np.hypot(4.0, rounding_std), rel=0.01), f"seed {seed}"
     assert np.abs(noise.mean(axis=1)).max() < 5 * 4.0 / np.sqrt(HAND.n_taxels), f"seed {seed}"
 
 
