@@ -11,10 +11,10 @@ from taxel.generate.errors import ClusterError
 from taxel.generate.run import generate
 from taxel.optional import MissingPackageError
 
-PICKLED = dict(copyreg.dispatch_table)
+PICKLERS = dict(copyreg.dispatch_table)
 distributed = pytest.importorskip("distributed")
 copyreg.dispatch_table.clear()  # distributed registers a pickler for all exceptions of the process
-copyreg.dispatch_table.update(PICKLED)
+copyreg.dispatch_table.update(PICKLERS)
 
 
 @pytest.fixture(scope="module")
@@ -25,10 +25,10 @@ def scheduler():
         yield local
 
 
-def test_cluster_generates_the_same_bytes(generated, files_of, scheduler, tmp_path):
+def test_cluster_generates_the_same_bytes(generated, read_files, scheduler, tmp_path):
     out = tmp_path / "cluster"
     assert generate(generated.recipe, out, Cluster(scheduler.scheduler_address)).made == 5
-    assert files_of(out) == files_of(generated.folder)
+    assert read_files(out) == read_files(generated.folder)
 
 
 def test_worker_with_another_release_is_refused():

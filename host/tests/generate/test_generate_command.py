@@ -13,8 +13,8 @@ from taxel.cli.generate import generate
 REPORT = Path(__file__).parents[3] / "examples" / "shape_classifier" / "report.json"
 
 
-def example_words() -> list[str]:
-    """The words after `taxel` of the example in the command's help."""
+def example_arguments() -> list[str]:
+    """The arguments after `taxel` of the example in the help of the command."""
     match = re.search(r"Example: taxel (.*)", generate.__doc__ or "")
     assert match
     return match[1].split()
@@ -24,12 +24,12 @@ def test_example_of_the_help_runs(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("out/gap").mkdir(parents=True)
     shutil.copy(REPORT, "out/gap/report.json")
-    words = ["2" if word == "100000" else word for word in example_words()]
-    assert run_taxel(*words, "--jobs", "1") == 0
+    arguments = ["2" if word == "100000" else word for word in example_arguments()]
+    assert run_taxel(*arguments, "--jobs", "1") == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "out/synthetic: 2 grasps in 1 shards, effects: contact propagation, noise"
     assert lines[1].startswith("generated in this run: 2 in ")
-    assert run_taxel(*words, "--json") == 0
+    assert run_taxel(*arguments, "--json") == 0
     result = json.loads(capsys.readouterr().out)
     assert (result["grasps"], result["made"], result["effects"]) == (2, 0, ["contact_propagation", "noise"])
 

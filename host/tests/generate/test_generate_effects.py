@@ -22,30 +22,30 @@ HAND = load_hand("allegro")
 SEED = 5
 
 
-def contact_propagation(share: float = 1.0, **ranges: Range):
-    """The planned effect "contact propagation" by name."""
+def plan_contact_propagation(share: float = 1.0, **ranges: Range):
+    """The planned effect "contact_propagation", which a share of the grasps has."""
     defaults = {"spread_mm": Range(1.0, 4.0), "strength": Range(0.2, 0.8)}
     return plan_effect("recipe", "contact_propagation", "", "", share, {**defaults, **ranges}, HAND, 3.5)
 
 
 def test_effect_changes_counts_from_closing_on_but_not_the_motion_or_the_noise(generated):
-    recipe = replace(generated.recipe, effects=(contact_propagation(),))
-    plain = ShardGenerator(generated.recipe, 0, Setup()).generate(1).record
+    recipe = replace(generated.recipe, effects=(plan_contact_propagation(),))
+    without_effect = ShardGenerator(generated.recipe, 0, Setup()).generate(1).record
     with_effect = ShardGenerator(recipe, 0, Setup()).generate(1)
     record = with_effect.record
-    assert np.array_equal(plain.contact_force, record.contact_force)
-    assert np.array_equal(plain.separation, record.separation)
-    before = plain.phase == Phase.BASELINE
-    assert np.array_equal(plain.raw_counts[before], record.raw_counts[before])
-    change = plain.raw_counts.astype(int) - record.raw_counts
-    touched = plain.contact_force[-1] > 0.0
-    assert change[-1][touched].min() < -30  # touched taxels lose signal
-    assert change[-1][~touched].max() > 30  # which untouched taxels gain
+    assert np.array_equal(without_effect.contact_force, record.contact_force)
+    assert np.array_equal(without_effect.separation, record.separation)
+    in_baseline = without_effect.phase == Phase.BASELINE
+    assert np.array_equal(without_effect.raw_counts[in_baseline], record.raw_counts[in_baseline])
+    change = without_effect.raw_counts.astype(int) - record.raw_counts
+    is_touched = without_effect.contact_force[-1] > 0.0
+    assert change[-1][is_touched].min() < -30  # touched taxels lose signal
+    assert change[-1][~is_touched].max() > 30  # untouched neighbours gain signal
     assert 1.0 <= with_effect.values["contact_propagation.spread_mm"] <= 4.0
 
 
 def test_samples_by_name_fill_their_range_and_a_share_of_grasps_has_the_effect(generated):
-    recipe = replace(generated.recipe, seed=SEED, effects=(contact_propagation(share=0.25),))
+    recipe = replace(generated.recipe, seed=SEED, effects=(plan_contact_propagation(share=0.25),))
     samples = [sample_effects(recipe, number) for number in range(2000)]
     values = np.array([sampled["contact_propagation.spread_mm"] for _, sampled in samples])
     assert (values.min(), values.mean(), values.max()) == pytest.approx((1.0, 2.5, 4.0), abs=0.06), f"seed {SEED}"
@@ -55,14 +55,14 @@ def test_samples_by_name_fill_their_range_and_a_share_of_grasps_has_the_effect(g
 def test_samples_of_a_report_have_the_mean_and_the_width_of_its_intervals(generated):
     report = read_report(REPORT)
     recipe = add_report(replace(generated.recipe, seed=SEED), REPORT)
-    assert [one.name for one in recipe.effects] == [one.name for one in report.effects]
+    assert [effect.name for effect in recipe.effects] == [effect.name for effect in report.effects]
     reported = next(effect for effect in report.effects if effect.name == "contact_propagation")
     low, high = reported.intervals["spread_mm"]
     values = [sample_effects(recipe, number)[1]["contact_propagation.spread_mm"] for number in range(1000)]
-    middle = reported.values[reported.parameters.index("spread_mm"), 0]
-    assert np.mean(values) == pytest.approx(middle, abs=0.1 * (high - low)), f"seed {SEED}"
+    centre = reported.values[reported.parameters.index("spread_mm"), 0]
+    assert np.mean(values) == pytest.approx(centre, abs=0.1 * (high - low)), f"seed {SEED}"
     assert np.percentile(values, [2.5, 97.5]) == pytest.approx(
-        [middle - (high - low) / 2, middle + (high - low) / 2], abs=0.15 * (high - low)
+        [centre - (high - low) / 2, centre + (high - low) / 2], abs=0.15 * (high - low)
     ), f"seed {SEED}"
 
 
@@ -82,7 +82,7 @@ def test_report_of_another_hand_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("name", "ranges", "complaint"),
+    ("name", "ranges", "message"),
     [
         ("gravity", {}, "name: expected an effect of the catalogue, found gravity"),
         ("dropout", {}, "name: expected an effect of the catalogue, found dropout"),
@@ -94,8 +94,8 @@ def test_report_of_another_hand_is_refused():
         ),
     ],
 )
-def test_invalid_effect_is_refused(name, ranges, complaint):
-    with pytest.raises(RecipeError, match=f"^recipe: {complaint}"):
+def test_invalid_effect_is_refused(name, ranges, message):
+    with pytest.raises(RecipeError, match=f"^recipe: {message}"):
         plan_effect("recipe", name, "", "", 1.0, ranges, HAND, 3.5)
 
 

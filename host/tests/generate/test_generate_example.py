@@ -40,8 +40,8 @@ def test_training_set_without_the_effect_of_the_test_set_has_a_lower_accuracy(ex
     labels = np.repeat(["a", "b"], 40)
     signal = rng.normal(0.0, 100.0, (80, 1073))
     signal[:40, :200] += 400.0
-    plain, test = example.Holds(signal, labels), example.Holds(signal[:, ::-1], labels)
-    report = example.compare(plain, test, test)
+    without_effect, with_effect = example.Holds(signal, labels), example.Holds(signal[:, ::-1], labels)
+    report = example.compare(without_effect, with_effect, with_effect)
     row = report["views"]["every taxel's signal"]
     assert row["with_effects"]["accuracy"] == 1.0
     assert row["without_effects"]["accuracy"] < 0.7

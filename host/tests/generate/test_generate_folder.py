@@ -85,27 +85,27 @@ def test_index_lists_shards_grasps_labels_parameters_checksums_recipe_and_versio
             assert 1e3 * extents == pytest.approx([float(row[f"{side}_mm"]) for side in ("width", "depth", "height")])
 
 
-def test_single_grasp_can_be_generated_alone(generated):
-    alone = ShardGenerator(generated.recipe, 1, Setup()).generate(3)
+def test_grasp_generated_alone_equals_the_grasp_in_its_shard(generated):
+    single = ShardGenerator(generated.recipe, 1, Setup()).generate(3)
     with GraspDataset(generated.folder / "shard-00001.h5") as data:
         grasp = data["g000000003"]
-        assert np.array_equal(grasp.raw_counts, alone.record.raw_counts)
-        assert np.array_equal(grasp.contact_force, alone.record.contact_force)
+        assert np.array_equal(grasp.raw_counts, single.record.raw_counts)
+        assert np.array_equal(grasp.contact_force, single.record.contact_force)
     table = read_table(generated.folder / "shard-00001.h5")
-    assert dict(zip(table.names, table.values[1], strict=True))["force_n"] == alone.values["force_n"]
+    assert dict(zip(table.names, table.values[1], strict=True))["force_n"] == single.values["force_n"]
 
 
-def test_continued_run_gives_the_same_bytes_as_an_uninterrupted_one(generated, files_of, tmp_path):
+def test_continued_run_gives_the_same_bytes_as_an_uninterrupted_one(generated, read_files, tmp_path):
     out = tmp_path / "interrupted"
     with pytest.raises(KeyboardInterrupt):
         generate(generated.recipe, out, InterruptedWorkers(1))
-    assert sorted(files_of(out)) == ["recipe.json", "shard-00000.h5"]
+    assert sorted(read_files(out)) == ["recipe.json", "shard-00000.h5"]
     (out / ".shard-00001.h5.4711.part").write_bytes(b"incomplete")
     assert generate(generated.recipe, out, Processes(1)).made == 3
-    assert files_of(out) == files_of(generated.folder)
+    assert read_files(out) == read_files(generated.folder)
 
 
-def test_killed_run_of_two_processes_continues_to_the_same_bytes(generated, files_of, tmp_path):
+def test_killed_run_of_two_processes_continues_to_the_same_bytes(generated, read_files, tmp_path):
     out = tmp_path / "killed"
     recipe = generated.recipe
     options = [
@@ -122,20 +122,20 @@ def test_killed_run_of_two_processes_continues_to_the_same_bytes(generated, file
     ]
     program = [sys.executable, "-c", "from taxel.cli.main import main; main()", "generate", *map(str, options)]
     run = subprocess.Popen(program, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
-    end = time.monotonic() + TIMEOUT_S
-    while run.poll() is None and not list(out.glob("shard-*.h5")) and time.monotonic() < end:
+    deadline = time.monotonic() + TIMEOUT_S
+    while run.poll() is None and not list(out.glob("shard-*.h5")) and time.monotonic() < deadline:
         time.sleep(0.01)
     run.send_signal(signal.SIGKILL)
     run.wait()
     assert list(out.glob("shard-*.h5"))
     generate(recipe, out, Processes(1))
-    assert files_of(out) == files_of(generated.folder)
+    assert read_files(out) == read_files(generated.folder)
 
 
-def test_complete_folder_is_not_changed(generated, files_of):
-    before = files_of(generated.folder)
+def test_complete_folder_is_not_changed(generated, read_files):
+    before = read_files(generated.folder)
     assert generate(generated.recipe, generated.folder, NoWorkers()).made == 0
-    assert files_of(generated.folder) == before
+    assert read_files(generated.folder) == before
 
 
 def test_folder_of_another_recipe_is_refused(generated):
@@ -181,7 +181,7 @@ def test_objects_of_fixed_size_keep_their_name_and_pair_with_a_recording(tmp_pat
     assert pair.sim.force is not None
 
 
-def test_holds_and_labels_are_read(generated):
+def test_mean_hold_signals_and_labels_of_all_grasps_are_read(generated):
     holds = read_generated_holds(generated.folder)
     assert holds.signal_counts.shape == (5, 1073)
     assert set(holds.label.tolist()) <= {"cylinder", "rectangular_prism", "triangular_prism"}

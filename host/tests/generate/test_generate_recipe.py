@@ -65,7 +65,7 @@ def write_recipe(folder, text):
     return path
 
 
-def test_recipe_is_read(folder):
+def test_every_field_of_a_recipe_file_is_read(folder):
     recipe = read_recipe(write_recipe(folder, FULL_RECIPE))
     assert (recipe.grasps, recipe.seed, recipe.grasps_per_shard, recipe.shards, recipe.fidelity) == (
         500,
@@ -122,7 +122,7 @@ def test_mesh_with_holes_is_accepted(folder):
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "complaint"),
+    ("line", "replacement", "message"),
     [
         ("grasps = 500", "grasps = 0", "grasps: expected an integer from 1 to 1000000000, found 0"),
         ("seed = 7", "sede = 7", "sede: expected one of grasps, seed, "),
@@ -143,8 +143,8 @@ def test_mesh_with_holes_is_accepted(folder):
         ("grasps = 500", "grasps = 500 500", "file: expected TOML, found "),
     ],
 )
-def test_invalid_recipe_gives_an_error_of_one_line(folder, before, after, complaint):
-    assert before in FULL_RECIPE
-    with pytest.raises(RecipeError, match=complaint) as caught:
-        read_recipe(write_recipe(folder, FULL_RECIPE.replace(before, after)))
+def test_invalid_recipe_gives_an_error_of_one_line(folder, line, replacement, message):
+    assert line in FULL_RECIPE
+    with pytest.raises(RecipeError, match=message) as caught:
+        read_recipe(write_recipe(folder, FULL_RECIPE.replace(line, replacement)))
     assert "\n" not in str(caught.value)

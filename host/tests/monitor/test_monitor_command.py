@@ -16,25 +16,25 @@ from rich.console import Console
 from host.tests.command_line import run_refused_command, run_taxel
 from taxel.cli import monitor as command
 
-QUICK = ("--baseline-frames", 5)
+SHORT_BASELINE = ("--baseline-frames", 5)
 
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory):
-    """Six tenths of a second of the emulated hand."""
+    """A capture of 0.6 s of the emulated hand."""
     path = tmp_path_factory.mktemp("monitor") / "capture.bin"
     assert run_taxel("record", "emulator:?speed=max", "--seconds", 0.6, "--out", path) == 0
     return path
 
 
-def run_json(capsys, *words):
+def run_json(capsys, *arguments):
     """Run the command with --json and return the readings that it prints."""
-    assert run_taxel("monitor", *words, "--json") == 0
+    assert run_taxel("monitor", *arguments, "--json") == 0
     return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
 
 
 def test_once_prints_one_reading_of_the_emulated_hand(capsys):
-    (reading,) = run_json(capsys, "emulator:?speed=max", "--once", *QUICK)
+    (reading,) = run_json(capsys, "emulator:?speed=max", "--once", *SHORT_BASELINE)
     assert reading["boards_streaming"] == 17
     assert reading["baseline"] == 1.0
     assert reading["active"] == 0
@@ -43,13 +43,13 @@ def test_once_prints_one_reading_of_the_emulated_hand(capsys):
 
 
 def test_port_is_monitored(capsys, emulated_port):
-    (reading,) = run_json(capsys, f"serial://{emulated_port}", "--once", *QUICK)
+    (reading,) = run_json(capsys, f"serial://{emulated_port}", "--once", *SHORT_BASELINE)
     assert reading["boards_streaming"] == 17
     assert reading["age_s"][0] < reading["age_s"][1] < 5.0
 
 
 def test_capture_is_played_to_its_end(capsys, capture):
-    *_, last = run_json(capsys, f"file:{capture}", "--speed", 50, *QUICK)
+    *_, last = run_json(capsys, f"file:{capture}", "--speed", 50, *SHORT_BASELINE)
     assert last["advice"] == f"{capture} has ended"
     capsys.readouterr()
     assert run_taxel("replay", capture, "--json") == 0
@@ -71,13 +71,13 @@ def test_example_of_the_help_runs(capsys):
 
 
 class Terminal:
-    """A terminal of `width` x `height` characters that stores its output in `seen`."""
+    """A terminal of `width` x `height` characters. The attribute `output` contains all bytes written so far."""
 
     def __init__(self, width: int, height: int) -> None:
         self.master, slave = os.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", height, width, 0, 0))
         self.out, self.input = open(slave, "w"), open(os.dup(slave))  # noqa: SIM115
-        self.seen = b""
+        self.output = b""
         self._thread = threading.Thread(target=self._store_output, daemon=True)
         self._thread.start()
 
@@ -85,7 +85,7 @@ class Terminal:
         with open(self.master, "rb", buffering=0, closefd=False) as screen:
             try:
                 while data := screen.read(65536):
-                    self.seen += data
+                    self.output += data
             except OSError:  # the last writer has closed the terminal
                 return
 
@@ -94,38 +94,38 @@ class Terminal:
         self.input.close()
         self._thread.join(timeout=10)
         os.close(self.master)
-        return self.seen.decode()
+        return self.output.decode()
 
 
 @pytest.fixture
 def terminal(monkeypatch):
-    """The terminal of the command, in true colour. `close` returns its output."""
-    created = Terminal(80, 24)
-    monkeypatch.setattr(sys, "stdin", created.input)
+    """The terminal of the command, 80 x 24 characters in true colour. `close` returns its output."""
+    terminal_80x24 = Terminal(80, 24)
+    monkeypatch.setattr(sys, "stdin", terminal_80x24.input)
     monkeypatch.setattr(
         command,
         "Console",
         lambda **options: Console(
-            file=created.out, force_terminal=True, color_system="truecolor", width=80, height=24, **options
+            file=terminal_80x24.out, force_terminal=True, color_system="truecolor", width=80, height=24, **options
         ),
     )
-    return created
+    return terminal_80x24
 
 
 def test_screen_is_drawn_and_restored(terminal, capture):
     modes = termios.tcgetattr(terminal.input.fileno())
-    assert run_taxel("monitor", f"file:{capture}", "--speed", 2, *QUICK) == 0
+    assert run_taxel("monitor", f"file:{capture}", "--speed", 2, *SHORT_BASELINE) == 0
     assert termios.tcgetattr(terminal.input.fileno()) == modes
-    seen = terminal.close()
-    assert "taxel monitor" in seen
-    start, end = seen.index("\x1b[?1049h"), seen.index("\x1b[?1049l")
-    assert start < seen.index("▀") < end
-    assert "has ended" in seen[end:]  # the last line stays on the user's screen
+    output = terminal.close()
+    assert "taxel monitor" in output
+    start, end = output.index("\x1b[?1049h"), output.index("\x1b[?1049l")
+    assert start < output.index("▀") < end
+    assert "has ended" in output[end:]  # the last line stays on the user's screen
 
 
 def test_keys_quit_and_restart_the_baseline(terminal, emulated_port):
-    os.write(terminal.master, b"btq")  # typed before the skin was open
-    assert run_taxel("monitor", f"serial://{emulated_port}", *QUICK) == 0
+    os.write(terminal.master, b"btq")  # b: new baseline, t: table, q: quit; typed before the skin is opened
+    assert run_taxel("monitor", f"serial://{emulated_port}", *SHORT_BASELINE) == 0
     assert "\x1b[?1049l" in terminal.close()
 
 
@@ -142,7 +142,7 @@ def test_capture_without_frames_is_reported(capsys, tmp_path, once):
 
 
 @pytest.mark.parametrize(
-    ("words", "part"),
+    ("arguments", "expected_text"),
     [
         (("file:nothing.bin",), "nothing.bin: cannot be read"),
         (("/dev/nothing",), "/dev/nothing: cannot be opened"),
@@ -150,8 +150,8 @@ def test_capture_without_frames_is_reported(capsys, tmp_path, once):
         (("emulator:", "--hand", "unknown"), "unknown"),
     ],
 )
-def test_invalid_arguments_give_an_error_of_one_line(capsys, words, part):
-    assert part in run_refused_command(capsys, "monitor", *words)
+def test_invalid_arguments_give_an_error_of_one_line(capsys, arguments, expected_text):
+    assert expected_text in run_refused_command(capsys, "monitor", *arguments)
 
 
 def test_missing_viser_gives_the_install_command(capsys, monkeypatch, capture):
@@ -161,6 +161,6 @@ def test_missing_viser_gives_the_install_command(capsys, monkeypatch, capture):
 
 def test_page_is_served_on_loopback_only(capsys, capture):
     pytest.importorskip("viser")
-    words = ("monitor", f"file:{capture}", "--speed", 50, "--web", "--port", 0, "--seconds", 5)
-    assert run_taxel(*words) == 0
+    arguments = ("monitor", f"file:{capture}", "--speed", 50, "--web", "--port", 0, "--seconds", 5)
+    assert run_taxel(*arguments) == 0
     assert re.search(r"the skin is at http://127\.0\.0\.1:\d+/; press Ctrl-C to quit", capsys.readouterr().out)

@@ -33,7 +33,7 @@ def test_signal_equal_to_the_threshold_is_not_active(fake_skin):
     assert np.flatnonzero(skin.read().active).tolist() == [4]
 
 
-def test_rates_equal_those_of_the_frames(fake_skin):
+def test_rates_equal_the_rate_of_the_frames(fake_skin):
     skin = fake_skin()
     for _ in range(30):
         skin.pass_time(0.1)
@@ -46,12 +46,12 @@ def test_rates_equal_those_of_the_frames(fake_skin):
 
 def test_board_connected_later_has_its_own_baseline(fake_skin):
     skin = fake_skin()
-    *first, late = skin.hand.boards
-    skin.pass_time(2.0, first)
+    *first_boards, late_board = skin.hand.boards
+    skin.pass_time(2.0, first_boards)
     reading = skin.read()
     assert reading.is_measuring
     assert reading.boards[-1].state == "no frame yet"
-    assert np.isnan(reading.signal_counts[skin.hand.get_slice(late.address)]).all()
+    assert np.isnan(reading.signal_counts[skin.hand.get_slice(late_board.address)]).all()
     skin.pass_time(0.1)
     assert skin.read().boards[-1].baseline == pytest.approx(2 / 3)
     skin.pass_time(0.1)
@@ -117,34 +117,35 @@ def test_reading_has_the_counters_of_stream_and_hub(fake_skin):
     assert values["boards"][0]["bus_faults"] == 10
 
 
-def advice_after(skin, seconds=3.0, boards=None):
+def read_advice_after(skin, seconds=3.0, boards=None):
+    """Advice of the monitor after some seconds of frames."""
     if seconds:
         skin.pass_time(seconds, boards)
     return skin.read().advice
 
 
-def test_healthy_skin_has_no_advice_after(fake_skin):
-    assert advice_after(fake_skin()) is None
+def test_healthy_skin_has_no_advice(fake_skin):
+    assert read_advice_after(fake_skin()) is None
 
 
 def test_advice_distinguishes_missing_boards_from_missing_frames(fake_skin):
     skin = fake_skin()
-    assert advice_after(skin, 1.0, boards=()) is None  # boards may still be starting
-    assert "the hub reports 17 boards, but no frame arrives" in advice_after(skin, 2.0, boards=())
+    assert read_advice_after(skin, 1.0, boards=()) is None  # boards may still be starting
+    assert "the hub reports 17 boards, but no frame arrives" in read_advice_after(skin, 2.0, boards=())
     skin.hub.boards.clear()
     assert "none of the 17 boards does" in skin.read().advice
 
 
-def test_advice_has_the_duration_without_frames(fake_skin):
+def test_advice_states_the_duration_without_frames(fake_skin):
     skin = fake_skin()
     skin.pass_time(2.0)
     skin.now_s += 7.0
     assert "no frames for 7 s" in skin.read().advice
 
 
-def test_advice_has_the_progress_of_the_baseline(fake_skin):
+def test_advice_states_the_progress_of_the_baseline(fake_skin):
     skin = fake_skin()
-    assert "baseline 67 % complete: do not touch the skin" in advice_after(skin, 0.1)
+    assert "baseline 67 % complete: do not touch the skin" in read_advice_after(skin, 0.1)
 
 
 def test_advice_reports_touches_during_the_baseline(fake_skin):
@@ -152,7 +153,7 @@ def test_advice_reports_touches_during_the_baseline(fake_skin):
     skin.raw[:9] -= 2000
     skin.pass_time(0.05)
     skin.raw[:9] += 2000
-    assert "9 taxels were touched during the baseline" in advice_after(skin)
+    assert "9 taxels were touched during the baseline" in read_advice_after(skin)
 
 
 def test_advice_reports_counts_above_the_baseline(fake_skin):
@@ -160,11 +161,11 @@ def test_advice_reports_counts_above_the_baseline(fake_skin):
     skin.pass_time(1.0)
     skin.read()
     skin.raw[:5] += 400
-    assert "5 taxels are above their baseline" in advice_after(skin)
+    assert "5 taxels are above their baseline" in read_advice_after(skin)
 
 
 def test_advice_reports_a_reader_that_is_too_slow(fake_skin):
-    assert "300000 bytes wait" in advice_after(fake_skin(bytes_waiting=300_000))
+    assert "300000 bytes wait" in read_advice_after(fake_skin(bytes_waiting=300_000))
 
 
 def test_advice_reports_the_end_of_the_stream(fake_skin):

@@ -38,10 +38,12 @@ def test_chunks_arrive_at_their_times(clock, capture, speed):
         link.read(0.003)
     link.close()
     assert [number for number, _ in arrivals] == list(range(10))
-    assert [at for _, at in arrivals] == pytest.approx([number * 0.01 / speed for number in range(10)], abs=1e-6)
+    assert [time_s for _, time_s in arrivals] == pytest.approx(
+        [number * 0.01 / speed for number in range(10)], abs=1e-6
+    )
 
 
-def test_collecting_chunks_gives_the_due_ones_without_waiting(clock, capture):
+def test_a_late_reader_gets_all_due_chunks_without_waiting(clock, capture):
     link = PacedLink(open_link(capture))
     link.read(0.0)
     clock[0] += 0.035
@@ -50,7 +52,7 @@ def test_collecting_chunks_gives_the_due_ones_without_waiting(clock, capture):
         collected.append(chunk.data[0])
     link.close()
     assert collected == [1, 2, 3]
-    assert clock[0] == pytest.approx(1000.035)  # no call has waited
+    assert clock[0] == pytest.approx(1000.035)  # no read has advanced the clock
 
 
 @pytest.mark.parametrize(("url", "speed"), [("file:x", 0.0), ("file:x", float("nan")), ("emulator:", 2.0)])

@@ -15,7 +15,7 @@ SIZES = ((80, 24), (120, 40), (170, 50), (250, 70))
 
 
 @pytest.fixture
-def touched(fake_skin):
+def touch_reading(fake_skin):
     """A reading with one active taxel on the palm and one on the back of the hand."""
     skin = fake_skin()
     skin.pass_time(3.0)
@@ -26,7 +26,7 @@ def touched(fake_skin):
     return skin.read()
 
 
-def screen(reading, width, height, shows_table=False, has_colour=True):
+def draw_screen(reading, width, height, shows_table=False, has_colour=True):
     """The characters of a screen: (character, foreground colour, background colour), row by row."""
     drawer = Screen(load_hand("allegro"), "fake", 150.0)
     drawer.shows_table = shows_table
@@ -43,43 +43,57 @@ def screen(reading, width, height, shows_table=False, has_colour=True):
     return rows
 
 
-def text_of(rows):
-    return "\n".join("".join(cell[0] for cell in row) for row in rows)
+def join_characters(rows):
+    """The text of a screen without colours."""
+    return "\n".join("".join(character[0] for character in row) for row in rows)
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
-def test_every_taxel_is_on_the_screen_once(touched, width, height):
-    rows = screen(touched, width, height)
+def test_every_taxel_is_on_the_screen_once(touch_reading, width, height):
+    rows = draw_screen(touch_reading, width, height)
     assert len(rows) == height
     assert {len(row) for row in rows} == {width}
-    drawn = sum((cell[1] is not None) + (cell[2] is not None) for row in rows[4:] for cell in row if cell[0] in "▀▄")
-    assert drawn in {1073, 4 * 1073}
-    top = tuple(TABLE[colour_steps(np.array([500.0]), 150.0, 500.0)[0]])
-    bright = sum(colour == top for row in rows[4:] for _, *colours in row for colour in colours)
-    assert bright in {2, 8}
+    half_blocks = sum(
+        (character[1] is not None) + (character[2] is not None)
+        for row in rows[4:]
+        for character in row
+        if character[0] in "▀▄"
+    )
+    assert half_blocks in {1073, 4 * 1073}  # 2 x 2 half blocks per taxel on a large terminal
+    active_colour = tuple(TABLE[colour_steps(np.array([500.0]), 150.0, 500.0)[0]])
+    active_half_blocks = sum(colour == active_colour for row in rows[4:] for _, *colours in row for colour in colours)
+    assert active_half_blocks in {2, 8}
 
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
-def test_screen_has_rates_errors_and_active_taxels(touched, width, height):
-    text = text_of(screen(touched, width, height))
-    for part in ("fake", "20.0 scans/s", "17/17 boards", "2 active", "signal up to 500", "no errors", "500 counts"):
-        assert part in text
+def test_screen_has_rates_errors_and_active_taxels(touch_reading, width, height):
+    text = join_characters(draw_screen(touch_reading, width, height))
+    for expected_text in (
+        "fake",
+        "20.0 scans/s",
+        "17/17 boards",
+        "2 active",
+        "signal up to 500",
+        "no errors",
+        "500 counts",
+    ):
+        assert expected_text in text
 
 
-def test_table_is_shown_beside_the_map_or_instead_of_it(touched):
-    assert "medial back middle" in text_of(screen(touched, 170, 50))
-    assert "medial back middle" not in text_of(screen(touched, 80, 24))
-    assert "medial back middle" in text_of(screen(touched, 80, 24, shows_table=True))
+def test_table_is_shown_beside_the_map_or_instead_of_it(touch_reading):
+    assert "medial back middle" in join_characters(draw_screen(touch_reading, 170, 50))
+    assert "medial back middle" not in join_characters(draw_screen(touch_reading, 80, 24))
+    assert "medial back middle" in join_characters(draw_screen(touch_reading, 80, 24, shows_table=True))
 
 
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (10, 3), (40, 12), (300, 5)])
-def test_any_terminal_size_is_accepted(touched, width, height):
-    assert len(screen(touched, width, height)) == height
+def test_any_terminal_size_is_accepted(touch_reading, width, height):
+    assert len(draw_screen(touch_reading, width, height)) == height
 
 
-def test_active_taxels_are_blocks_without_colour(touched):
-    rows = screen(touched, 80, 24, has_colour=False)
-    text = text_of(rows[4:])
+def test_active_taxels_are_blocks_without_colour(touch_reading):
+    rows = draw_screen(touch_reading, 80, 24, has_colour=False)
+    text = join_characters(rows[4:])
     assert text.count("▀") + text.count("▄") == 2
     assert text.count("·") > 500
 

@@ -19,17 +19,18 @@ changes.
 
 
 def count_pixels(picture, colour):
-    distance = np.abs(picture.astype(int) - np.asarray(colour, dtype=int)).max(axis=-1)
-    return int((distance <= COLOUR_TOLERANCE).sum())
+    """Number of pixels whose colour is within COLOUR_TOLERANCE."""
+    difference = np.abs(picture.astype(int) - np.asarray(colour, dtype=int)).max(axis=-1)
+    return int((difference <= COLOUR_TOLERANCE).sum())
 
 
 class BrowserView:
-    """A fake skin in a browser. `until` draws readings until the page fulfils a condition."""
+    """A fake skin in a browser. `draw_until` draws readings until the page fulfils a condition."""
 
     def __init__(self, skin, view, page):
         self.skin, self.view, self.page = skin, view, page
 
-    def until(self, condition):
+    def draw_until(self, condition):
         deadline = time.monotonic() + TIMEOUT_S
         while time.monotonic() < deadline:
             self.skin.pass_time(0.1)
@@ -39,8 +40,8 @@ class BrowserView:
             time.sleep(0.4)  # without a graphics card the browser needs time to draw
         raise AssertionError(f"the page does not fulfil the condition: {self.page.text()!r}, {self.page.problems}")
 
-    def until_text(self, text):
-        self.until(lambda: text in self.page.text())
+    def draw_until_text(self, text):
+        self.draw_until(lambda: text in self.page.text())
 
     def click(self, text):
         script = f"[...document.querySelectorAll('button')].find(b => b.innerText == {text!r}).click()"
@@ -59,24 +60,24 @@ def browser(fake_skin):
 def test_browser_shows_the_hand_in_its_colours(browser):
     skin = browser.skin
     palm = skin.hand.get_slice(skin.hand.find_board("palm").address)
-    browser.until_text("17/17 boards")
+    browser.draw_until_text("17/17 boards")
     skin.raw[palm] -= 450
-    browser.until_text("121 active")
+    browser.draw_until_text("121 active")
     for text in ("20.0 scans/s", "signal up to 450", "no errors", "back of hand"):
-        browser.until_text(text)
+        browser.draw_until_text(text)
     lines = "[...document.querySelectorAll('.u-label')].map(element => element.innerText).join()"
-    browser.until(lambda: "palm" in browser.page.evaluate(lines))
+    browser.draw_until(lambda: "palm" in browser.page.evaluate(lines))
     active, inactive = (TABLE[colour_steps(np.array([signal]), 150.0, 500.0)[0]] for signal in (450.0, 0.0))
 
     def is_shown(least_active, most_active):
         picture = browser.page.take_picture()
         return least_active < count_pixels(picture, active) < most_active and count_pixels(picture, inactive) > 1000
 
-    browser.until(lambda: is_shown(300, 100_000))
+    browser.draw_until(lambda: is_shown(300, 100_000))
     browser.click("back")
-    browser.until(lambda: is_shown(-1, 300))  # the palm is hidden, the back of the hand is visible
+    browser.draw_until(lambda: is_shown(-1, 300))  # the palm is hidden, the back of the hand is visible
     browser.click("Take the baseline again")
-    browser.until_text("\u00b7 0 active")
+    browser.draw_until_text("\u00b7 0 active")
     assert browser.page.problems == []
 
 

@@ -55,24 +55,27 @@ def write_grasp(file, grasp_id, number, source):
 
 
 @pytest.fixture
-def real(tmp_path):
+def real_file(tmp_path):
+    """Path of a real dataset with two grasps."""
     write_file(tmp_path / "real.h5")
     return tmp_path / "real.h5"
 
 
-def change(path, field, value, grasp="0001"):
+def replace_field(path, field, value, grasp="0001"):
+    """Replace an array of a grasp with h5py."""
     with h5py.File(path, "r+") as file:
         del file[f"grasps/{grasp}/{field}"]
         file[f"grasps/{grasp}/{field}"] = value
 
 
-def counts_of(path, grasp="0001"):
+def read_counts(path, grasp="0001"):
+    """Raw counts and validity of a grasp, read with h5py."""
     with h5py.File(path) as file:
         return file[f"grasps/{grasp}/raw_counts"][()], file[f"grasps/{grasp}/valid"][()]
 
 
-def test_header_and_tables_are_read(real):
-    with GraspDataset(real) as data:
+def test_header_and_tables_are_read(real_file):
+    with GraspDataset(real_file) as data:
         assert (data.source, data.hand, data.generator) == ("real", "two boards", "a test 1.0")
         assert data.created == "2024-05-31T12:00:00+00:00"
         assert data.taxels.n == 5
@@ -131,19 +134,19 @@ def test_sensor_model_converts_forces_into_counts():
         noisy.counts(forces, np.random.default_rng(0))
 
 
-def test_other_integer_widths_and_string_types_are_accepted_if_every_value_fits(real):
-    counts, valid = counts_of(real)
-    change(real, "raw_counts", counts.astype(">i8"))
-    change(real, "valid", valid.astype(np.int32))
-    change(real, "timestamp", np.arange(FRAMES, dtype=np.float32))
-    with h5py.File(real, "r+") as file:
+def test_other_integer_widths_and_string_types_are_accepted_if_every_value_fits(real_file):
+    counts, valid = read_counts(real_file)
+    replace_field(real_file, "raw_counts", counts.astype(">i8"))
+    replace_field(real_file, "valid", valid.astype(np.int32))
+    replace_field(real_file, "timestamp", np.arange(FRAMES, dtype=np.float32))
+    with h5py.File(real_file, "r+") as file:
         file["grasps/0001"].attrs["object"] = np.bytes_("tetrahedron")
         file["grasps/0001"].attrs["iteration"] = np.uint8(3)
         del file["sensors/name"]
         file["sensors/name"] = np.array([b"index", b"palm"])
         file["taxels"].attrs["remark"] = "an attribute outside the format"
         file["notes/anything"] = np.arange(3)
-    with GraspDataset(real) as data:
+    with GraspDataset(real_file) as data:
         assert data["0001"].raw_counts.dtype == np.uint16
         assert np.array_equal(data["0001"].raw_counts, counts)
         assert data["0001"].valid.dtype == np.bool_
@@ -161,29 +164,31 @@ def test_file_without_grasps_is_readable(tmp_path):
         data.check()
 
 
-def test_baseline_is_the_mean_of_the_first_valid_frames_of_the_taxels_own_sensor(real):
-    counts, valid = counts_of(real)
+def test_baseline_is_the_mean_of_the_first_valid_frames_of_the_taxels_own_sensor(real_file):
+    counts, valid = read_counts(real_file)
     counts[:6, 0] = (100, 200, 300, 400, 999, 999)
     counts[:6, 3] = (10, 999, 30, 40, 50, 60)
     valid[1, 0] = False  # column 0 is board 0x21: taxels 3 and 4
-    change(real, "raw_counts", counts)
-    change(real, "valid", valid)
-    with GraspDataset(real) as data:
+    replace_field(real_file, "raw_counts", counts)
+    replace_field(real_file, "valid", valid)
+    with GraspDataset(real_file) as data:
         assert data["0001"].baseline(4).tolist() == [250.0, 30_000.0, 30_000.0, 32.5, 30_000.0]
 
 
-def test_signal_equal_to_the_threshold_is_not_active(real):
-    counts, _ = counts_of(real)
-    rest = np.array([30_000, 30_001, 30_000])  # the mean is not representable as a float
-    counts[:3] = rest[:, None]
+def test_signal_equal_to_the_threshold_is_not_active(real_file):
+    counts, _ = read_counts(real_file)
+    baseline_counts = np.array([30_000, 30_001, 30_000])  # the mean is not representable as a float
+    counts[:3] = baseline_counts[:, None]
     counts[PHASES == Phase.HOLD] = 29_850
-    change(real, "phase", np.where(PHASES == Phase.HOLD, (np.cumsum(PHASES == Phase.HOLD) <= 3) * 2, PHASES))
+    replace_field(
+        real_file, "phase", np.where(PHASES == Phase.HOLD, (np.cumsum(PHASES == Phase.HOLD) <= 3) * 2, PHASES)
+    )
     hold = np.flatnonzero(PHASES == Phase.HOLD)[:3]
-    counts[hold] = rest[:, None] - 150
+    counts[hold] = baseline_counts[:, None] - 150
     counts[hold[0], 1] -= 1
     counts[hold[0], 2] += 1
-    change(real, "raw_counts", counts)
-    with GraspDataset(real) as data:
+    replace_field(real_file, "raw_counts", counts)
+    with GraspDataset(real_file) as data:
         signal = data["0001"].mean_hold_signal(3)
         assert signal[[0, 3, 4]].tolist() == [150.0] * 3
         active, is_known = data["0001"].active_taxels(baseline_frames=3)
@@ -192,43 +197,43 @@ def test_signal_equal_to_the_threshold_is_not_active(real):
         assert data["0001"].active_taxels(threshold=149.0, baseline_frames=3)[0].all()
 
 
-def test_sensor_without_a_valid_hold_frame_is_unknown_not_inactive(real):
-    _, valid = counts_of(real)
+def test_sensor_without_a_valid_hold_frame_is_unknown_not_inactive(real_file):
+    _, valid = read_counts(real_file)
     valid[PHASES == Phase.HOLD, 0] = False
-    change(real, "valid", valid)
-    with GraspDataset(real) as data:
+    replace_field(real_file, "valid", valid)
+    with GraspDataset(real_file) as data:
         active, is_known = data["0001"].active_taxels(baseline_frames=6)
         assert is_known.tolist() == [True, True, True, False, False]
         assert active.tolist() == [True, True, True, False, False]
         assert np.isnan(data["0001"].mean_hold_signal(6)).tolist() == (~is_known).tolist()
 
 
-def test_grasp_without_a_hold_phase_has_no_known_taxel(real):
-    change(real, "phase", np.zeros(FRAMES, np.uint8))
-    with GraspDataset(real) as data:
+def test_grasp_without_a_hold_phase_has_no_known_taxel(real_file):
+    replace_field(real_file, "phase", np.zeros(FRAMES, np.uint8))
+    with GraspDataset(real_file) as data:
         active, is_known = data["0001"].active_taxels(baseline_frames=6)
         assert not active.any()
         assert not is_known.any()
 
 
-def test_invalid_hold_frames_are_ignored(real):
-    counts, valid = counts_of(real)
+def test_invalid_hold_frames_are_ignored(real_file):
+    counts, valid = read_counts(real_file)
     first = np.flatnonzero(PHASES == Phase.HOLD)[0]
     counts[first] = 0
     valid[first] = False
-    change(real, "raw_counts", counts)
-    change(real, "valid", valid)
-    with GraspDataset(real) as data:
+    replace_field(real_file, "raw_counts", counts)
+    replace_field(real_file, "valid", valid)
+    with GraspDataset(real_file) as data:
         assert data["0001"].mean_hold_signal(6).tolist() == [1000.0] * 5
 
 
-def test_too_few_baseline_frames_are_refused(real):
+def test_too_few_baseline_frames_are_refused(real_file):
     with pytest.raises(DatasetError, match=r"real\.h5: /grasps/0001/phase: expected 7 baseline frames.*found 6"):
-        GraspDataset(real, baseline_frames=7)
-    _, valid = counts_of(real, "0002")
+        GraspDataset(real_file, baseline_frames=7)
+    _, valid = read_counts(real_file, "0002")
     valid[2, 1] = False
-    change(real, "valid", valid, "0002")
-    with GraspDataset(real) as data:
+    replace_field(real_file, "valid", valid, "0002")
+    with GraspDataset(real_file) as data:
         data.require_baseline(5)
         with pytest.raises(DatasetError, match=r"/grasps/0002/valid: expected 6 baseline frames.*found 5 valid"):
             data.require_baseline(6)
@@ -240,22 +245,22 @@ def test_too_few_baseline_frames_are_refused(real):
             data["0001"].baseline(0)
 
 
-def test_board_without_any_frame_is_missing_not_short_of_baseline_frames(real):
-    _, valid = counts_of(real)
+def test_board_without_any_frame_is_missing_not_short_of_baseline_frames(real_file):
+    _, valid = read_counts(real_file)
     valid[:, 0] = False
-    change(real, "valid", valid)
-    with GraspDataset(real, baseline_frames=6) as data:
+    replace_field(real_file, "valid", valid)
+    with GraspDataset(real_file, baseline_frames=6) as data:
         assert np.isnan(data["0001"].baseline(6)).tolist() == [False, False, False, True, True]
         assert data["0001"].active_taxels(baseline_frames=6)[1].tolist() == [True, True, True, False, False]
 
 
-def test_reading_one_grasp_does_not_read_another(real):
-    with h5py.File(real) as file:
+def test_reading_one_grasp_does_not_read_another(real_file):
+    with h5py.File(real_file) as file:
         chunk = file["grasps/0001/raw_counts"].id.get_chunk_info(0)
-    with open(real, "r+b") as file:
+    with open(real_file, "r+b") as file:
         file.seek(chunk.byte_offset)
         file.write(b"\xff" * chunk.size)
-    with GraspDataset(real) as data:
+    with GraspDataset(real_file) as data:
         assert data["0002"].raw_counts[0, 0] == 30_001
         assert data["0001"].phase[0] == 0
         with pytest.raises(DatasetError, match=r"real\.h5: /grasps/0001/raw_counts: expected readable") as caught:
@@ -265,15 +270,15 @@ def test_reading_one_grasp_does_not_read_another(real):
             data.check()
 
 
-def test_grasp_object_keeps_its_arrays_and_a_new_object_reads_again(real):
-    with GraspDataset(real) as data:
+def test_grasp_object_keeps_its_arrays_and_a_new_object_reads_again(real_file):
+    with GraspDataset(real_file) as data:
         grasp = data["0001"]
         assert grasp.raw_counts is grasp.raw_counts
         assert data["0001"].raw_counts is not grasp.raw_counts
 
 
-def test_unknown_grasp_and_closed_file_are_refused(real):
-    with GraspDataset(real) as data:
+def test_unknown_grasp_and_closed_file_are_refused(real_file):
+    with GraspDataset(real_file) as data:
         grasp = data["0001"]
         with pytest.raises(DatasetError, match=r"real\.h5: /grasps/7: expected a grasp of this file"):
             _ = data["7"]
@@ -283,9 +288,9 @@ def test_unknown_grasp_and_closed_file_are_refused(real):
         _ = grasp.phase
 
 
-def test_error_can_be_pickled(real):
+def test_error_can_be_pickled(real_file):
     with pytest.raises(DatasetError) as caught:
-        GraspDataset(real, baseline_frames=1000)
+        GraspDataset(real_file, baseline_frames=1000)
     copy = pickle.loads(pickle.dumps(caught.value))
     assert str(copy) == str(caught.value)
     assert copy.field == "/grasps/0001/phase"

@@ -8,10 +8,11 @@ import pytest
 
 from taxel.recording import DatasetError, GraspDataset, write_from_arrays
 
-T, N, S = 6, 3, 2
+T, N, S = 6, 3, 2  # frames, taxels, sensors
 
 
-def arrays(source="real"):
+def make_arrays(source="real"):
+    """Arrays of a valid dataset with two grasps, by path."""
     result = {
         "source": source,
         "hand": "two boards",
@@ -51,6 +52,7 @@ def arrays(source="real"):
 
 
 def to_nested(flat):
+    """Nested dictionaries, one for each group of the paths."""
     tree = {}
     for name, value in flat.items():
         *groups, leaf = name.split("/")
@@ -77,7 +79,7 @@ def check_content(path, source):
 @pytest.mark.parametrize("source", ["real", "sim"])
 @pytest.mark.parametrize("kind", ["flat", "nested", "npz", "compressed npz"])
 def test_every_kind_of_input_gives_the_same_dataset(tmp_path, source, kind):
-    inputs = arrays(source)
+    inputs = make_arrays(source)
     if kind == "nested":
         inputs = to_nested(inputs)
     elif kind.endswith("npz"):
@@ -85,7 +87,7 @@ def test_every_kind_of_input_gives_the_same_dataset(tmp_path, source, kind):
         inputs = tmp_path / "x.npz"
     write_from_arrays(tmp_path / "x.h5", inputs)
     check_content(tmp_path / "x.h5", source)
-    write_from_arrays(tmp_path / "y.h5", arrays(source))
+    write_from_arrays(tmp_path / "y.h5", make_arrays(source))
     assert (tmp_path / "x.h5").read_bytes() == (tmp_path / "y.h5").read_bytes()
     assert {name for name in os.listdir(tmp_path) if name.startswith(".")} == set()
 
@@ -93,18 +95,18 @@ def test_every_kind_of_input_gives_the_same_dataset(tmp_path, source, kind):
 def test_existing_file_is_kept_without_overwrite_or_after_an_error(tmp_path):
     (tmp_path / "x.h5").write_text("existing")
     with pytest.raises(DatasetError, match="expected a new file, found an existing one"):
-        write_from_arrays(tmp_path / "x.h5", arrays())
-    broken = arrays() | {"grasps/0002/phase": np.full(T, 9)}
+        write_from_arrays(tmp_path / "x.h5", make_arrays())
+    broken = make_arrays() | {"grasps/0002/phase": np.full(T, 9)}
     with pytest.raises(DatasetError, match=r"x\.h5: /grasps/0002/phase: "):
         write_from_arrays(tmp_path / "x.h5", broken, overwrite=True)
     assert (tmp_path / "x.h5").read_text() == "existing"
     assert os.listdir(tmp_path) == ["x.h5"]
-    write_from_arrays(tmp_path / "x.h5", arrays(), overwrite=True)
+    write_from_arrays(tmp_path / "x.h5", make_arrays(), overwrite=True)
     check_content(tmp_path / "x.h5", "real")
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "part"),
+    ("name", "value", "expected_text"),
     [
         ("source", None, "expected a value, found nothing"),
         ("taxels/rx", None, "expected a value, found nothing"),
@@ -127,8 +129,8 @@ def test_existing_file_is_kept_without_overwrite_or_after_an_error(tmp_path):
         ("grasps/0002/contact_force", np.zeros((T, N)), 'source = "real"'),
     ],
 )
-def test_each_error_has_one_line_and_leaves_no_file(tmp_path, name, value, part):
-    inputs = arrays()
+def test_each_error_has_one_line_and_leaves_no_file(tmp_path, name, value, expected_text):
+    inputs = make_arrays()
     if value is None:
         del inputs[name]
     else:
@@ -137,20 +139,20 @@ def test_each_error_has_one_line_and_leaves_no_file(tmp_path, name, value, part)
         write_from_arrays(tmp_path / "x.h5", inputs)
     text = str(caught.value)
     assert text.startswith(f"{tmp_path / 'x.h5'}: /{name}: ")
-    assert part in text
+    assert expected_text in text
     assert "\n" not in text
     assert os.listdir(tmp_path) == []
 
 
 def test_arrays_without_objects_are_refused(tmp_path):
-    inputs = {name: value for name, value in arrays().items() if not name.startswith("objects/")}
+    inputs = {name: value for name, value in make_arrays().items() if not name.startswith("objects/")}
     with pytest.raises(DatasetError, match="/objects: expected at least one object"):
         write_from_arrays(tmp_path / "x.h5", inputs)
 
 
 def test_pickled_objects_are_not_loaded(tmp_path):
     pickled = np.array([{"a": 1}], dtype=object)
-    np.savez(tmp_path / "x.npz", **arrays() | {"grasps/0001/phase": pickled})
+    np.savez(tmp_path / "x.npz", **make_arrays() | {"grasps/0001/phase": pickled})
     with pytest.raises(DatasetError) as caught:
         write_from_arrays(tmp_path / "x.h5", tmp_path / "x.npz")
     assert "x.npz: /grasps/0001/phase: expected a plain array" in str(caught.value)
@@ -166,7 +168,7 @@ def test_files_that_are_no_npz_are_refused(tmp_path):
 
 
 def test_array_whose_header_states_more_than_its_content_is_refused(tmp_path):
-    np.savez(tmp_path / "x.npz", **{name: item for name, item in arrays().items() if name != "source"})
+    np.savez(tmp_path / "x.npz", **{name: item for name, item in make_arrays().items() if name != "source"})
     header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }".ljust(117) + b"\n"
     with zipfile.ZipFile(tmp_path / "x.npz", "a") as file:
         file.writestr("source.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)

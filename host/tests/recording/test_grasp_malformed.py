@@ -12,7 +12,7 @@ SEED = 20240531
 FRAMES, TAXELS, SENSORS = 8, 3, 2
 
 
-def contents(source):
+def make_contents(source):
     """Content of a valid file: datasets by path, attributes by path and "@"."""
     poses = np.tile(np.eye(4), (SENSORS, 1, 1))
     items = {
@@ -57,7 +57,8 @@ def contents(source):
     return items
 
 
-def write(path, items):
+def write_file(path, items):
+    """Write datasets and attributes with h5py."""
     with h5py.File(path, "w") as file:
         file.create_group("grasps")
         for name, value in items.items():
@@ -168,7 +169,8 @@ CHANGES = {
 }
 
 
-def refusal_of(path):
+def read_error(path):
+    """The DatasetError for a file, whose text must be one printable line."""
     with pytest.raises(DatasetError) as caught, GraspDataset(path) as data:
         data.check()
     text = str(caught.value)
@@ -179,49 +181,49 @@ def refusal_of(path):
 
 
 @pytest.mark.parametrize("source", ["real", "sim"])
-def test_file_that_the_other_tests_change_is_valid(tmp_path, source):
-    with GraspDataset(write(tmp_path / "x.h5", contents(source))) as data:
+def test_unmodified_file_is_valid(tmp_path, source):
+    with GraspDataset(write_file(tmp_path / "x.h5", make_contents(source))) as data:
         data.check()
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_wrong_field_is_named(tmp_path, change):
+def test_each_invalid_field_is_refused_and_named(tmp_path, change):
     field, value, source = CHANGES[change]
-    items = contents(source)
+    items = make_contents(source)
     if value is None:
         del items[field]
     else:
         items[field] = value(items[field]) if callable(value) else value
     expected = "/sensor_model" if change == "sensor model in a real file" else "/" + field.replace("@", "/").lstrip("/")
-    assert refusal_of(write(tmp_path / "x.h5", items)).field == expected
+    assert read_error(write_file(tmp_path / "x.h5", items)).field == expected
 
 
-def write_replaced(path, name, make):
-    """Write a valid file, remove one member, and call `make(file)`, which may write a replacement."""
-    write(path, contents("real"))
+def write_replaced(path, name, write_replacement):
+    """Write a valid file, remove one member, and call `write_replacement(file)`, which may write a replacement."""
+    write_file(path, make_contents("real"))
     with h5py.File(path, "r+") as file:
         if name in file:
             del file[name]
-        make(file)
+        write_replacement(file)
     return path
 
 
 def test_repeated_crossing_is_refused(tmp_path):
-    items = contents("real")
+    items = make_contents("real")
     items["taxels/rx"] = np.array([0, 0, 0], np.uint8)
-    error = refusal_of(write(tmp_path / "x.h5", items))
+    error = read_error(write_file(tmp_path / "x.h5", items))
     assert error.field == "/taxels/sensor"
     assert "0x20 tx 0 rx 0 again at [1]" in error.found
 
 
 @pytest.mark.parametrize("group", ["taxels", "sensors", "objects", "grasps"])
 def test_missing_group_is_refused(tmp_path, group):
-    assert refusal_of(write_replaced(tmp_path / "x.h5", group, lambda file: None)).field == f"/{group}"
+    assert read_error(write_replaced(tmp_path / "x.h5", group, lambda file: None)).field == f"/{group}"
 
 
 def test_simulated_file_without_a_sensor_model_is_refused(tmp_path):
-    items = {name: value for name, value in contents("sim").items() if not name.startswith("sensor_model")}
-    assert refusal_of(write(tmp_path / "x.h5", items)).field == "/sensor_model"
+    items = {name: value for name, value in make_contents("sim").items() if not name.startswith("sensor_model")}
+    assert read_error(write_file(tmp_path / "x.h5", items)).field == "/sensor_model"
 
 
 @pytest.mark.parametrize(
@@ -235,8 +237,8 @@ def test_simulated_file_without_a_sensor_model_is_refused(tmp_path):
     ],
 )
 def test_links_are_not_followed(tmp_path, name, link):
-    write(tmp_path / "other.h5", contents("real") | {"secret": np.zeros((FRAMES, TAXELS), np.uint16)})
-    error = refusal_of(write_replaced(tmp_path / "x.h5", name, lambda file: file.__setitem__(name, link)))
+    write_file(tmp_path / "other.h5", make_contents("real") | {"secret": np.zeros((FRAMES, TAXELS), np.uint16)})
+    error = read_error(write_replaced(tmp_path / "x.h5", name, lambda file: file.__setitem__(name, link)))
     assert error.field == f"/{name}"
     assert error.found == "a link"
 
@@ -253,8 +255,8 @@ def test_external_storage_and_virtual_datasets_are_not_followed(tmp_path):
         layout[:] = h5py.VirtualSource("other.h5", "x", (FRAMES,))
         file.create_virtual_dataset(name, layout)
 
-    for make in (external, virtual):
-        error = refusal_of(write_replaced(tmp_path / "x.h5", name, make))
+    for write_replacement in (external, virtual):
+        error = read_error(write_replaced(tmp_path / "x.h5", name, write_replacement))
         assert error.field == f"/{name}"
         assert error.found == "data in another file"
 
@@ -262,7 +264,7 @@ def test_external_storage_and_virtual_datasets_are_not_followed(tmp_path):
 def test_references_and_compounds_are_not_numbers(tmp_path):
     name = "grasps/0003/phase"
     for dtype in (h5py.ref_dtype, h5py.vlen_dtype(np.uint8), np.dtype([("a", "u1")]), "S3"):
-        error = refusal_of(
+        error = read_error(
             write_replaced(tmp_path / "x.h5", name, lambda file, d=dtype: file.create_dataset(name, (FRAMES,), d))
         )
         assert error.field == f"/{name}"
@@ -271,7 +273,7 @@ def test_references_and_compounds_are_not_numbers(tmp_path):
     def reference(file):
         file["grasps/0003"].attrs["approach"] = file["taxels"].ref
 
-    assert refusal_of(write_replaced(tmp_path / "x.h5", "nothing", reference)).field == "/grasps/0003/approach"
+    assert read_error(write_replaced(tmp_path / "x.h5", "nothing", reference)).field == "/grasps/0003/approach"
 
 
 def test_boolean_with_another_byte_value_is_refused(tmp_path):
@@ -284,11 +286,11 @@ def test_boolean_with_another_byte_value_is_refused(tmp_path):
     with open(path, "r+b") as raw:
         raw.seek(offset)
         raw.write(b"\x07")
-    assert "found 7 at [0, 0]" in str(refusal_of(path))
+    assert "found 7 at [0, 0]" in str(read_error(path))
 
 
 def test_excessive_size_is_refused_before_memory_is_allocated(tmp_path):
-    def huge(file, name, shape, dtype):
+    def create_huge_dataset(file, name, shape, dtype):
         file.create_dataset(name, shape, dtype, chunks=(1,) * len(shape))
 
     for name, shape, dtype in (
@@ -297,8 +299,10 @@ def test_excessive_size_is_refused_before_memory_is_allocated(tmp_path):
         ("grasps/0003/joint_position", (FRAMES, 10**9), "f8"),
         ("objects/cube/vertices", (2**50, 3), "f8"),
     ):
-        error = refusal_of(
-            write_replaced(tmp_path / "x.h5", name, lambda file, item=(name, shape, dtype): huge(file, *item))
+        error = read_error(
+            write_replaced(
+                tmp_path / "x.h5", name, lambda file, item=(name, shape, dtype): create_huge_dataset(file, *item)
+            )
         )
         assert error.field == f"/{name}"
 
@@ -307,15 +311,15 @@ def test_empty_values_and_objects_of_another_kind_are_refused(tmp_path):
     def empty(file):
         file["taxels/size"] = h5py.Empty("f8")
 
-    assert refusal_of(write_replaced(tmp_path / "x.h5", "taxels/size", empty)).found == "an empty dataset"
+    assert read_error(write_replaced(tmp_path / "x.h5", "taxels/size", empty)).found == "an empty dataset"
 
     def empty_attribute(file):
         file["grasps/0003"].attrs["session"] = h5py.Empty("i8")
 
-    assert refusal_of(write_replaced(tmp_path / "x.h5", "nothing", empty_attribute)).field == "/grasps/0003/session"
-    group = refusal_of(write_replaced(tmp_path / "x.h5", "taxels/size", lambda file: file.create_group("taxels/size")))
+    assert read_error(write_replaced(tmp_path / "x.h5", "nothing", empty_attribute)).field == "/grasps/0003/session"
+    group = read_error(write_replaced(tmp_path / "x.h5", "taxels/size", lambda file: file.create_group("taxels/size")))
     assert (group.field, group.found) == ("/taxels/size", "a group")
-    dataset = refusal_of(write_replaced(tmp_path / "x.h5", "nothing", lambda file: file.__setitem__("grasps/0005", 1)))
+    dataset = read_error(write_replaced(tmp_path / "x.h5", "nothing", lambda file: file.__setitem__("grasps/0005", 1)))
     assert (dataset.field, dataset.found) == ("/grasps/0005", "a dataset")
 
 
@@ -323,32 +327,32 @@ def test_text_that_is_not_utf_8_is_refused(tmp_path):
     def broken(file):
         file.attrs["hand"] = np.bytes_(b"\xff\xfe")
 
-    assert refusal_of(write_replaced(tmp_path / "x.h5", "nothing", broken)).field == "/hand"
+    assert read_error(write_replaced(tmp_path / "x.h5", "nothing", broken)).field == "/hand"
 
 
-def test_a_name_with_a_line_break_stays_on_one_line(tmp_path):
+def test_error_for_a_name_with_a_line_break_is_one_line(tmp_path):
     def hostile(file):
         file.create_group("grasps/a\nb")
 
-    assert refusal_of(write_replaced(tmp_path / "x.h5", "nothing", hostile)).field == r"'/grasps/a\nb/object'"
+    assert read_error(write_replaced(tmp_path / "x.h5", "nothing", hostile)).field == r"'/grasps/a\nb/object'"
 
 
 def test_files_that_are_no_dataset_are_refused(tmp_path):
-    assert refusal_of(tmp_path / "missing.h5").found == "nothing"
-    assert refusal_of(tmp_path).found == "a folder"
+    assert read_error(tmp_path / "missing.h5").found == "nothing"
+    assert read_error(tmp_path).found == "a folder"
     (tmp_path / "text.h5").write_text("not HDF5")
-    assert refusal_of(tmp_path / "text.h5").expected == "an HDF5 file"
+    assert read_error(tmp_path / "text.h5").expected == "an HDF5 file"
     (tmp_path / "empty.h5").write_bytes(b"")
-    assert refusal_of(tmp_path / "empty.h5").field == "/"
+    assert read_error(tmp_path / "empty.h5").field == "/"
 
 
 def test_truncated_file_is_refused(tmp_path):
-    path = write(tmp_path / "x.h5", contents("real"))
+    path = write_file(tmp_path / "x.h5", make_contents("real"))
     content = path.read_bytes()
     path.write_bytes(content[:-500])
-    assert "truncated" in refusal_of(path).found
+    assert "truncated" in read_error(path).found
     path.write_bytes(content[:40])
-    refusal_of(path)
+    read_error(path)
 
 
 def test_damaged_bytes_raise_only_dataset_errors(tmp_path):
@@ -356,9 +360,10 @@ def test_damaged_bytes_raise_only_dataset_errors(tmp_path):
     generator = np.random.default_rng(SEED)
     # Texts of fixed length: HDF5 2.0 does not return from a damaged global heap, in which it stores other texts.
     items = {
-        name: np.array(item, "S") if isinstance(item, str | list) else item for name, item in contents("sim").items()
+        name: np.array(item, "S") if isinstance(item, str | list) else item
+        for name, item in make_contents("sim").items()
     }
-    path = write(tmp_path / "x.h5", items)
+    path = write_file(tmp_path / "x.h5", items)
     content = np.frombuffer(path.read_bytes(), np.uint8)
     for _ in range(60):
         damaged = content.copy()

@@ -30,11 +30,11 @@ from taxel.recording.grasp_format import GRASP
 from taxel.recording.grasp_storage import PAGE_BYTES, RESERVED_GRASPS, create_file, write_array
 
 SEED = 7
-N, S, T = 40, 2, 30
+N, S, T = 40, 2, 30  # taxels, sensors, frames
 CREATED = "2024-05-31T12:00:00+00:00"
 
 
-def table():
+def make_taxel_table():
     number = np.arange(N)
     return TaxelTable(
         sensor=np.where(number < 20, 0x20, 0x21).astype(np.uint8),
@@ -46,11 +46,11 @@ def table():
     )
 
 
-def header(source="real", **changes):
+def make_header(source="real", **changes):
     fields = {
         "source": source,
         "hand": "two boards",
-        "taxels": table(),
+        "taxels": make_taxel_table(),
         "sensors": SensorTable(np.array([0x20, 0x21], np.uint8), ("a", "b"), ("k", "k"), np.array([6.0, 6.5])),
         "objects": {"cube": ObjectMesh(np.eye(3), np.array([[0, 1, 2]], np.int32))},
         "generator": "a test",
@@ -61,7 +61,7 @@ def header(source="real", **changes):
 
 
 @cache
-def record(number, source="real", full=False):
+def make_record(number, source="real", has_optional_arrays=False):
     """A grasp whose values depend only on its number."""
     generator = np.random.default_rng([SEED, number])
     grasp = GraspRecord(
@@ -76,17 +76,19 @@ def record(number, source="real", full=False):
         sensor_pose=np.tile(np.eye(4), (S, 1, 1)),
         object_pose=np.eye(4),
     )
-    if full:
+    if has_optional_arrays:
         poses = np.tile(np.eye(4), (T, S, 1, 1))
         joints = generator.random((T, 22))
         grasp = replace(grasp, sensor_time=generator.random((T, S)), sensor_pose_t=poses, joint_position=joints)
     if source == "sim":
         force, separation = generator.random((2, T, N))
-        grasp = replace(grasp, contact_force=force, separation=separation, distance=separation if full else None)
+        grasp = replace(
+            grasp, contact_force=force, separation=separation, distance=separation if has_optional_arrays else None
+        )
     return grasp
 
 
-def assert_same(grasp, expected):
+def check_grasp(grasp, expected):
     for name in ("object", "approach", "iteration", "session"):
         assert getattr(grasp, name) == getattr(expected, name)
     for name in GRASP:
@@ -97,36 +99,36 @@ def assert_same(grasp, expected):
             assert np.array_equal(array, expected_array), name
 
 
-def write(path, count=3, source="real", **changes):
-    with GraspDatasetWriter.create(path, header(source, **changes)) as out:
+def write_dataset(path, count=3, source="real", **changes):
+    with GraspDatasetWriter.create(path, make_header(source, **changes)) as out:
         for number in range(count):
-            out.add(record(number, source))
+            out.add(make_record(number, source))
     return path
 
 
 @pytest.mark.parametrize("source", ["real", "sim"])
-@pytest.mark.parametrize("full", [False, True], ids=["required arrays", "all arrays"])
-def test_written_dataset_is_read_back(tmp_path, source, full):
-    with GraspDatasetWriter.create(tmp_path / "x.h5", header(source)) as out:
-        ids = [out.add(record(number, source, full)) for number in range(3)]
+@pytest.mark.parametrize("has_optional_arrays", [False, True], ids=["required arrays", "all arrays"])
+def test_written_dataset_is_read_back(tmp_path, source, has_optional_arrays):
+    with GraspDatasetWriter.create(tmp_path / "x.h5", make_header(source)) as out:
+        ids = [out.add(make_record(number, source, has_optional_arrays)) for number in range(3)]
         assert out.ids == tuple(ids) == ("0001", "0002", "0003")
     with GraspDataset(tmp_path / "x.h5") as data:
         data.check()
         assert (data.source, data.hand, data.generator, data.created) == (source, "two boards", "a test", CREATED)
-        for name, array in vars(table()).items():
+        for name, array in vars(make_taxel_table()).items():
             assert np.array_equal(getattr(data.taxels, name), array)
         assert data.sensors.name == ("a", "b")
         assert np.array_equal(data.sensors.rate_hz, [6.0, 6.5])
         assert np.array_equal(data.objects["cube"].vertices, np.eye(3))
         for number, grasp in enumerate(data):
-            assert_same(grasp, record(number, source, full))
+            check_grasp(grasp, make_record(number, source, has_optional_arrays))
         if source == "sim":
             assert np.array_equal(data.sensor_model.baseline_counts, np.full(N, 3e4))
             assert (data.sensor_model.half_force_n, data.sensor_model.layer) == (2.0, "coupled")
 
 
 def test_file_has_the_hdf5_layout_of_the_format_page(tmp_path):
-    with h5py.File(write(tmp_path / "x.h5", 1, "sim")) as file:
+    with h5py.File(write_dataset(tmp_path / "x.h5", 1, "sim")) as file:
         assert set(file) == {"taxels", "sensors", "objects", "grasps", "sensor_model"}
         assert file.attrs["format"] == "taxel-grasp-dataset"
         assert file["grasps/0001"].attrs["approach"] == "approach 0"
@@ -136,25 +138,25 @@ def test_file_has_the_hdf5_layout_of_the_format_page(tmp_path):
 
 
 def test_same_content_gives_the_same_bytes(tmp_path):
-    one = write(tmp_path / "one.h5", 3, "sim").read_bytes()
+    first_bytes = write_dataset(tmp_path / "one.h5", 3, "sim").read_bytes()
     time.sleep(1.1)  # HDF5's own time stamps have a resolution of one second
-    assert write(tmp_path / "two.h5", 3, "sim").read_bytes() == one
-    assert write(tmp_path / "three.h5", 3, "sim", created="2024-06-01").read_bytes() != one
+    assert write_dataset(tmp_path / "two.h5", 3, "sim").read_bytes() == first_bytes
+    assert write_dataset(tmp_path / "three.h5", 3, "sim", created="2024-06-01").read_bytes() != first_bytes
 
 
 def test_profiler_that_keeps_stack_frames_does_not_change_the_bytes(tmp_path):
     """A profiler, such as that of a Dask worker, that keeps the stack frame of a function keeps its datasets open."""
 
-    def two_large_arrays(path):
+    def write_two_arrays(path):
         with create_file(path) as file:
             for name in "ab":
                 write_array(file, name, np.zeros((4096, 3)))
         return path.read_bytes()
 
-    expected, stack_frames = two_large_arrays(tmp_path / "one.h5"), []
+    expected, stack_frames = write_two_arrays(tmp_path / "one.h5"), []
     sys.setprofile(lambda frame, event, argument: stack_frames.append(frame))
     try:
-        profiled = two_large_arrays(tmp_path / "two.h5")
+        profiled = write_two_arrays(tmp_path / "two.h5")
     finally:
         sys.setprofile(None)
     assert profiled == expected
@@ -188,18 +190,18 @@ def test_direct_calls_of_hdf5_hold_the_lock_of_h5py(tmp_path, monkeypatch):
     load = ctypes.CDLL
     monkeypatch.setattr(ctypes, "CDLL", WatchedLibrary)
     with ThreadPoolExecutor(1) as other_thread:
-        write(tmp_path / "x.h5")
+        write_dataset(tmp_path / "x.h5")
     assert lock_states == [False, False]
 
 
 def test_existing_file_is_not_overwritten_without_request(tmp_path):
-    path = write(tmp_path / "x.h5")
-    before = path.read_bytes()
+    path = write_dataset(tmp_path / "x.h5")
+    content = path.read_bytes()
     with pytest.raises(DatasetError, match=r"x\.h5: /: expected a new file, found an existing one") as caught:
-        GraspDatasetWriter.create(path, header())
+        GraspDatasetWriter.create(path, make_header())
     assert "\n" not in str(caught.value)
-    assert path.read_bytes() == before
-    GraspDatasetWriter.create(path, header(), overwrite=True).close()
+    assert path.read_bytes() == content
+    GraspDatasetWriter.create(path, make_header(), overwrite=True).close()
     with GraspDataset(path) as data:
         assert len(data) == 0
     assert os.listdir(tmp_path) == ["x.h5"]
@@ -207,9 +209,9 @@ def test_existing_file_is_not_overwritten_without_request(tmp_path):
 
 def test_missing_folder_is_refused(tmp_path):
     with pytest.raises(DatasetError, match="create the folder first"):
-        GraspDatasetWriter.create(tmp_path / "none" / "x.h5", header())
+        GraspDatasetWriter.create(tmp_path / "none" / "x.h5", make_header())
     with pytest.raises(DatasetError, match="expected a new file"):
-        GraspDatasetWriter.create(tmp_path, header(), overwrite=True)
+        GraspDatasetWriter.create(tmp_path, make_header(), overwrite=True)
 
 
 @pytest.mark.parametrize(
@@ -218,9 +220,9 @@ def test_missing_folder_is_refused(tmp_path):
         ("/source", {"source": "emulated"}),
         ("/created", {"created": "today"}),
         ("/hand", {"hand": ""}),
-        ("/taxels/position", {"taxels": replace(table(), position=np.full((N, 3), np.nan))}),
-        ("/taxels/normal", {"taxels": replace(table(), normal=np.ones((N, 3)))}),
-        ("/taxels/sensor", {"taxels": replace(table(), sensor=np.full(N, 0x30, np.uint8), tx=np.arange(N))}),
+        ("/taxels/position", {"taxels": replace(make_taxel_table(), position=np.full((N, 3), np.nan))}),
+        ("/taxels/normal", {"taxels": replace(make_taxel_table(), normal=np.ones((N, 3)))}),
+        ("/taxels/sensor", {"taxels": replace(make_taxel_table(), sensor=np.full(N, 0x30, np.uint8), tx=np.arange(N))}),
         ("/sensors/name", {"sensors": SensorTable(np.array([0x20, 0x21]), ("a",), ("k", "k"), np.ones(2))}),
         ("/objects/cube/faces", {"objects": {"cube": ObjectMesh(np.eye(3), np.array([[0, 1, 3]]))}}),
         ("/objects", {"objects": {"a/b": ObjectMesh(np.eye(3), np.array([[0, 1, 2]]))}}),
@@ -229,9 +231,9 @@ def test_missing_folder_is_refused(tmp_path):
         ("/sensor_model/half_force_n", {"source": "sim", "sensor_model": SensorModel(3e4, 4e3, 0.0)}),
     ],
 )
-def test_wrong_header_is_refused_and_no_file_is_created(tmp_path, field, changes):
+def test_invalid_header_is_refused_and_no_file_is_created(tmp_path, field, changes):
     with pytest.raises(DatasetError) as caught:
-        GraspDatasetWriter.create(tmp_path / "x.h5", header(**changes))
+        GraspDatasetWriter.create(tmp_path / "x.h5", make_header(**changes))
     assert caught.value.field == field
     assert os.listdir(tmp_path) == []
 
@@ -254,62 +256,62 @@ def test_wrong_header_is_refused_and_no_file_is_created(tmp_path, field, changes
         ("contact_force", np.zeros((T, N))),
     ],
 )
-def test_wrong_grasp_is_refused_before_anything_is_written(tmp_path, name, value):
-    with GraspDatasetWriter.create(tmp_path / "x.h5", header()) as out:
-        out.add(record(0))
-        before = out.path.read_bytes()
+def test_invalid_grasp_is_refused_before_anything_is_written(tmp_path, name, value):
+    with GraspDatasetWriter.create(tmp_path / "x.h5", make_header()) as out:
+        out.add(make_record(0))
+        content = out.path.read_bytes()
         with pytest.raises(DatasetError) as caught:
-            out.add(replace(record(1), **{name: value}))
+            out.add(replace(make_record(1), **{name: value}))
         assert caught.value.field == f"/grasps/0002/{name}"
-        assert out.path.read_bytes() == before
-        out.add(record(1))
+        assert out.path.read_bytes() == content
+        out.add(make_record(1))
     with GraspDataset(tmp_path / "x.h5") as data:
-        assert_same(data["0002"], record(1))
+        check_grasp(data["0002"], make_record(1))
 
 
 def test_ids_must_sort_in_order_of_time(tmp_path):
-    with GraspDatasetWriter.create(tmp_path / "x.h5", header()) as out:
-        assert out.add(record(0), "0005") == "0005"
-        for wrong in ("0005", "0004", None):
+    with GraspDatasetWriter.create(tmp_path / "x.h5", make_header()) as out:
+        assert out.add(make_record(0), "0005") == "0005"
+        for invalid_id in ("0005", "0004", None):
             with pytest.raises(DatasetError, match="sorts after '0005'"):
-                out.add(record(1), wrong)
-        for wrong in ("a/b", ".", "a\nb", ""):
+                out.add(make_record(1), invalid_id)
+        for invalid_id in ("a/b", ".", "a\nb", ""):
             with pytest.raises(DatasetError, match="/grasps: expected"):
-                out.add(record(1), wrong)
-        assert out.add(record(1), "b") == "b"
+                out.add(make_record(1), invalid_id)
+        assert out.add(make_record(1), "b") == "b"
     with pytest.raises(DatasetError, match="expected an open dataset"):
-        out.add(record(2))
+        out.add(make_record(2))
 
 
 def test_extend_adds_grasps_to_an_existing_file(tmp_path):
-    path = write(tmp_path / "x.h5", 2)
+    path = write_dataset(tmp_path / "x.h5", 2)
     (tmp_path / ".x.h5.part").write_bytes(b"part of a file of a killed program")
     with GraspDatasetWriter.extend(path) as out:
         assert out.ids == ("0001", "0002")
-        assert out.add(record(2)) == "0003"
+        assert out.add(make_record(2)) == "0003"
     assert os.listdir(tmp_path) == ["x.h5"]
     with GraspDataset(path) as data:
         data.check()
         for number, grasp in enumerate(data):
-            assert_same(grasp, record(number))
+            check_grasp(grasp, make_record(number))
     with pytest.raises(DatasetError, match="found nothing"):
         GraspDatasetWriter.extend(tmp_path / "y.h5")
 
 
-def assert_prefix(path, last=None):
+def check_first_grasps(path, last=None):
     """Check that the file contains the first grasps completely, and return their number. last: compare only the last
     ones.
     """
     with GraspDataset(path) as data:
         assert data.ids == tuple(f"{number + 1:04}" for number in range(len(data)))
         for number in range(0 if last is None else max(0, len(data) - last), len(data)):
-            assert_same(data[data.ids[number]], record(number))
+            check_grasp(data[data.ids[number]], make_record(number))
         return len(data)
 
 
 def test_file_contains_the_completed_grasps_after_every_single_write(tmp_path, monkeypatch):
-    before, after = 7, 10  # by default HDF5 keeps 8 links in a header, and more links in several places
-    path = write(tmp_path / "x.h5", before)
+    first_count, last_count = 7, 10  # by default HDF5 keeps 8 links in a header, and more links in several places
+    path = write_dataset(tmp_path / "x.h5", first_count)
     states = []
 
     class RecordedFile:
@@ -342,20 +344,20 @@ def test_file_contains_the_completed_grasps_after_every_single_write(tmp_path, m
     )
     completed = []
     with GraspDatasetWriter.extend(path) as out:
-        for number in range(before, after):
-            out.add(record(number))
+        for number in range(first_count, last_count):
+            out.add(make_record(number))
             completed.append(len(states))
-    previous = before
+    previous = first_count
     copy = tmp_path / "copy.h5"
     for index, state in enumerate(states):
         if index and state == states[index - 1]:
             continue
         copy.write_bytes(state)
-        count = assert_prefix(copy, last=1)
+        count = check_first_grasps(copy, last=1)
         assert count >= previous
-        assert count >= before + sum(end <= index for end in completed)
+        assert count >= first_count + sum(end <= index for end in completed)
         previous = count
-    assert assert_prefix(copy) == after
+    assert check_first_grasps(copy) == last_count
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
@@ -369,10 +371,10 @@ def test_killed_writer_leaves_the_completed_grasps(tmp_path):
         child = os.fork()
         if child == 0:
             try:
-                with GraspDatasetWriter.create(path, header()) as out:
+                with GraspDatasetWriter.create(path, make_header()) as out:
                     os.write(writing, b"x")
                     for number in range(RESERVED_GRASPS):
-                        out.add(record(number))
+                        out.add(make_record(number))
                     time.sleep(60)
             finally:
                 os._exit(1)
@@ -385,10 +387,10 @@ def test_killed_writer_leaves_the_completed_grasps(tmp_path):
         assert os.WIFSIGNALED(os.waitpid(child, 0)[1]), "the child ended before the kill"
         os.close(reading)
         os.close(writing)
-        lengths.append(assert_prefix(path))
+        lengths.append(check_first_grasps(path))
         with GraspDatasetWriter.extend(path) as out:
-            out.add(record(lengths[-1]))
-        assert assert_prefix(path, last=2) == lengths[-1] + 1
+            out.add(make_record(lengths[-1]))
+        assert check_first_grasps(path, last=2) == lengths[-1] + 1
     assert max(lengths) > 0
 
 
@@ -398,15 +400,15 @@ def test_kill_during_creation_leaves_no_incomplete_file(tmp_path, monkeypatch):
 
     monkeypatch.setattr(grasp_writer, "create_grasps_group", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        GraspDatasetWriter.create(tmp_path / "x.h5", header())
+        GraspDatasetWriter.create(tmp_path / "x.h5", make_header())
     assert os.listdir(tmp_path) == [".x.h5.part"]
     monkeypatch.undo()
-    write(tmp_path / "x.h5", 1)
+    write_dataset(tmp_path / "x.h5", 1)
     assert os.listdir(tmp_path) == ["x.h5"]
 
 
 def test_links_of_the_grasps_are_in_the_first_page(tmp_path):
-    path = write(tmp_path / "x.h5", 1)
+    path = write_dataset(tmp_path / "x.h5", 1)
     with h5py.File(path) as file:
         info = h5py.h5o.get_info(file["grasps"].id)
         print(info.addr, info.hdr.space.total)
@@ -417,5 +419,5 @@ def test_links_of_the_grasps_are_in_the_first_page(tmp_path):
 
 def test_more_grasps_than_the_header_has_space_for(tmp_path, monkeypatch):
     monkeypatch.setattr("taxel.recording.grasp_storage.RESERVED_GRASPS", 2)
-    path = write(tmp_path / "x.h5", 30)
-    assert assert_prefix(path) == 30
+    path = write_dataset(tmp_path / "x.h5", 30)
+    assert check_first_grasps(path) == 30

@@ -25,9 +25,10 @@ def importer() -> ModuleType:
     return module
 
 
-def line(task="TAP", seconds="1508925142", nanoseconds="30093394", cells=None, end=""):
-    cells = ["0"] * 405 if cells is None else cells
-    return ";".join(["2", "right", "index", task, "-1", ",".join([seconds, nanoseconds, *cells, end])])
+def format_line(task="TAP", seconds="1508925142", nanoseconds="30093394", values=None, end=""):
+    """A line of the source text: six fields, the last with time and 27 x 15 values. end: text after the last comma."""
+    values = ["0"] * 405 if values is None else values
+    return ";".join(["2", "right", "index", task, "-1", ",".join([seconds, nanoseconds, *values, end])])
 
 
 def test_package_contains_two_recordings():
@@ -85,36 +86,36 @@ def test_decreasing_times_are_refused():
 
 
 def test_importer_reads_empty_and_dash_as_zero(importer):
-    parsed = importer.parse_line(line(cells=["", "-", "-7", *["0"] * 402]))
+    parsed = importer.parse_line(format_line(values=["", "-", "-7", *["0"] * 402]))
     assert parsed.values[:3] == [0, 0, -7]
     assert parsed.time_ns == 1508925142_030093394
 
 
-@pytest.mark.parametrize("cells", [["0"] * 404, ["0"] * 406, []])
-def test_importer_skips_and_counts_frames_of_another_length(importer, tmp_path, cells):
+@pytest.mark.parametrize("values", [["0"] * 404, ["0"] * 406, []])
+def test_importer_skips_and_counts_frames_of_another_length(importer, tmp_path, values):
     path = tmp_path / "CapMatrix_x.txt"
-    path.write_text(line() + "\n" + line(cells=cells) + "\n")
+    path.write_text(format_line() + "\n" + format_line(values=values) + "\n")
     recording = importer.read_recording(path)
     assert (len(recording.values), recording.skipped) == (1, 1)
 
 
 @pytest.mark.parametrize(
-    ("broken", "message"),
+    ("invalid_line", "message"),
     [
-        (line() + ";", "line 2: expected 6 fields"),
-        (line(task="NAP"), "line 2: task: expected one of TAP"),
-        (line(nanoseconds="1000000000"), "line 2: nanoseconds: expected an integer"),
-        (line(cells=["1.5", *["0"] * 404]), "line 2: value 0: expected an integer"),
-        (line(cells=["40000", *["0"] * 404]), "line 2: value 0: expected an integer from -32768"),
-        (line(end="7"), "line 2: expected nothing after the last comma"),
-        (line(seconds="1508925141"), "line 2: expected a time at or after"),
-        (line().replace("index", "thumb"), "line 2: expected .*index.*found.*thumb"),
+        (format_line() + ";", "line 2: expected 6 fields"),
+        (format_line(task="NAP"), "line 2: task: expected one of TAP"),
+        (format_line(nanoseconds="1000000000"), "line 2: nanoseconds: expected an integer"),
+        (format_line(values=["1.5", *["0"] * 404]), "line 2: value 0: expected an integer"),
+        (format_line(values=["40000", *["0"] * 404]), "line 2: value 0: expected an integer from -32768"),
+        (format_line(end="7"), "line 2: expected nothing after the last comma"),
+        (format_line(seconds="1508925141"), "line 2: expected a time at or after"),
+        (format_line().replace("index", "thumb"), "line 2: expected .*index.*found.*thumb"),
         ("", "line 2: expected 6 fields"),
     ],
 )
-def test_importer_names_the_invalid_line(importer, tmp_path, broken, message):
+def test_importer_names_the_invalid_line(importer, tmp_path, invalid_line, message):
     path = tmp_path / "CapMatrix_x.txt"
-    path.write_text(line() + "\n" + broken + "\n")
+    path.write_text(format_line() + "\n" + invalid_line + "\n")
     with pytest.raises(importer.FormatError, match=message) as failure:
         importer.read_recording(path)
     assert str(path) in str(failure.value)
@@ -125,8 +126,8 @@ def test_importer_writes_the_values_of_the_text(importer, tmp_path):
     source.mkdir()
     data.mkdir()
     (source / "LICENSE").write_text("MIT License\n")
-    later = line(task="DRAG", nanoseconds="99", seconds="1508925143", cells=[str(i - 200) for i in range(405)])
-    (source / "CapMatrix_P1_x.txt").write_text(line() + "\n" + later + "\n")
+    later = format_line(task="DRAG", nanoseconds="99", seconds="1508925143", values=[str(i - 200) for i in range(405)])
+    (source / "CapMatrix_P1_x.txt").write_text(format_line() + "\n" + later + "\n")
     assert "2 frames" in importer.import_folder(source, data)
     with np.load(data / "capfingerid.npz", allow_pickle=False) as archive:
         assert archive["P1_x.values"][1].tolist() == (np.arange(405) - 200).reshape(27, 15).tolist()

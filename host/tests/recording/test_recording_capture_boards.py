@@ -12,12 +12,15 @@ from taxel.skin import open_skin
 from taxel.stream.start_script import START_S, write_start_script
 
 SAMPLES = 20
-CLOCKS_S = 1.6
+"""Frames of a baseline."""
+CLOCK_READING_S = 1.6
+"""Time in which the hub reads the clocks of all 17 boards once."""
 TOUCHED_TAXEL = 5
 
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory):
+    """A capture of 3 s; a force acts on one taxel from 2.5 s."""
     folder = tmp_path_factory.mktemp("capture")
     hand = load_hand("allegro")
     forces = np.zeros((3, hand.n_taxels))
@@ -30,6 +33,7 @@ def capture(tmp_path_factory):
 
 
 def read_all_boards(path):
+    """All frames of each board of a capture, by address."""
     boards = {}
     for block in read_boards(path):
         for address, frames in block.items():
@@ -52,7 +56,7 @@ def test_arrays_equal_the_frames_of_the_skin(capture):
         # board's clock (the 17 boards take turns), only the arrival times are available.
         difference_s = np.abs(frames.time_s - [frame.time_s for frame in expected[address]])
         assert difference_s.max() < 0.05
-        assert difference_s[frames.time_s > START_S + CLOCKS_S].max() < 1e-3
+        assert difference_s[frames.time_s > START_S + CLOCK_READING_S].max() < 1e-3
 
 
 def test_activity_starts_after_the_baseline_of_a_board(capture):

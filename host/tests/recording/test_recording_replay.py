@@ -13,8 +13,8 @@ from taxel.recording.scoring import SourceTouches, score_replay
 ALLEGRO = load_hand("allegro")
 
 
-def synthetic(touched_frames, frames=40, period_s=0.1):
-    """A recording in which a block of 3 x 4 cells is touched during `touched_frames`."""
+def make_touch_recording(touched_frames, frames=40, period_s=0.1):
+    """A recording in which a block of 3 x 4 panel values is touched during `touched_frames`."""
     values = np.zeros((frames, 27, 15), np.int16)
     values[touched_frames, 10:13, 6:10] = 240
     return TouchRecording("synthetic", period_s * np.arange(frames), values, np.full(frames, "TAP"))
@@ -42,7 +42,7 @@ def test_clock_errors_of_the_boards_do_not_change_the_score(seed):
 
 
 def test_synthetic_touches_are_found_at_their_taxels_and_times():
-    score = replay_touches(synthetic([*range(5, 10), *range(20, 22), 30]), ALLEGRO)
+    score = replay_touches(make_touch_recording([*range(5, 10), *range(20, 22), 30]), ALLEGRO)
     assert (score.touches, score.touches_found, score.touches_spurious) == (3, 3, 0)
     assert score.f1 == 1.0
     assert score.onset_delay_s.max() < 0.1
@@ -54,12 +54,12 @@ def test_synthetic_touches_are_found_at_their_taxels_and_times():
 
 
 def test_recording_without_touch_gives_no_activity():
-    score = replay_touches(synthetic([]), ALLEGRO)
+    score = replay_touches(make_touch_recording([]), ALLEGRO)
     assert (score.touches, score.touches_spurious, score.true_positives, score.false_positives) == (0, 0, 0, 0)
 
 
 def test_kept_capture_gives_the_same_score_and_a_lower_one_for_another_source(tmp_path):
-    recording = synthetic(range(5, 20))
+    recording = make_touch_recording(range(5, 20))
     score = replay_touches(recording, ALLEGRO, folder=tmp_path)
     boards = decode_capture(tmp_path / "touches.capture", ALLEGRO, lead_in(ALLEGRO, WorldSettings()))
     tiling = Tiling.for_hand(ALLEGRO)
@@ -77,22 +77,24 @@ def test_kept_capture_gives_the_same_score_and_a_lower_one_for_another_source(tm
 def test_existing_capture_is_not_overwritten(tmp_path):
     (tmp_path / "touches.capture").write_bytes(b"existing")
     with pytest.raises(CaptureError, match="exists already"):
-        replay_touches(synthetic([5]), ALLEGRO, folder=tmp_path)
+        replay_touches(make_touch_recording([5]), ALLEGRO, folder=tmp_path)
     assert (tmp_path / "touches.capture").read_bytes() == b"existing"
 
 
 def test_time_without_frames_is_refused():
     with pytest.raises(RecordingError, match=r"'synthetic': no frame from 100 s to 110 s; it lasts 3.9 s"):
-        replay_touches(synthetic([5]), ALLEGRO, ReplayOptions(start_s=100.0, seconds=10.0))
+        replay_touches(make_touch_recording([5]), ALLEGRO, ReplayOptions(start_s=100.0, seconds=10.0))
 
 
 def test_hand_that_is_too_small_is_refused():
     with pytest.raises(RecordingError, match="too small"):
-        replay_touches(synthetic([5]), load_hand("flat8"))
+        replay_touches(make_touch_recording([5]), load_hand("flat8"))
 
 
 def test_board_that_does_not_respond_is_named():
     with pytest.raises(
         RecordingError, match=r"board fingertip_thumb of hand 'allegro': expected 100 frames.*found 0 and 0"
     ):
-        replay_touches(synthetic([5]), ALLEGRO, ReplayOptions(settings=WorldSettings(faults=("0 unplug 0x22",))))
+        replay_touches(
+            make_touch_recording([5]), ALLEGRO, ReplayOptions(settings=WorldSettings(faults=("0 unplug 0x22",)))
+        )

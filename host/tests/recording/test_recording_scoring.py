@@ -12,12 +12,13 @@ SAMPLE_S = 0.03
 TAXELS = 6
 
 
-def source_of(values):
+def make_source(values):
+    """A source with one row of taxel values every FRAME_S and an activation threshold of 150."""
     values = np.asarray(values)
     return SourceTouches(FRAME_S * np.arange(len(values)), values, 150.0)
 
 
-def decoded(source, delay_s=0.0, taxels=slice(0, TAXELS), first_s=0.0101, sample_s=SAMPLE_S):
+def decode_exactly(source, delay_s=0.0, taxels=slice(0, TAXELS), first_s=0.0101, sample_s=SAMPLE_S):
     """A board that converts its taxels 1 ms apart every `sample_s` and shows the source of `delay_s` earlier."""
     n = taxels.stop - taxels.start
     start_s = np.arange(first_s, source.time_s[-1] + FRAME_S, sample_s)
@@ -34,7 +35,7 @@ def two_touches():
     values[6:8, 3] = 180
     values[6:9, 4] = 151
     values[:, 5] = 150
-    return source_of(values)
+    return make_source(values)
 
 
 def test_touches_are_runs_of_frames_with_an_active_taxel(two_touches):
@@ -43,11 +44,11 @@ def test_touches_are_runs_of_frames_with_an_active_taxel(two_touches):
 
 
 def test_value_at_the_threshold_is_no_touch():
-    assert source_of([[150], [151], [150]]).onset_s.tolist() == pytest.approx([0.1])
+    assert make_source([[150], [151], [150]]).onset_s.tolist() == pytest.approx([0.1])
 
 
 def test_touch_in_the_first_frame_has_its_onset_there():
-    source = source_of([[200], [0]])
+    source = make_source([[200], [0]])
     assert source.onset_s.tolist() == [0.0]
     assert not source.active[source.row_at(np.array([-0.01]))].any()
 
@@ -57,8 +58,8 @@ def test_last_of_several_frames_with_the_same_time_is_used():
     assert source.n_touches == 0
 
 
-def test_perfect_decoding_has_score_one(two_touches):
-    score = score_replay(two_touches, [decoded(two_touches)])
+def test_exact_decoding_has_precision_recall_and_f1_of_one(two_touches):
+    score = score_replay(two_touches, [decode_exactly(two_touches)])
     assert (score.false_positives, score.false_negatives, score.wrong_counts) == (0, 0, 0)
     assert score.precision == score.recall == score.f1 == 1.0
     assert (score.touches, score.touches_found, score.touches_missed, score.touches_spurious) == (2, 2, 0, 0)
@@ -68,11 +69,11 @@ def test_perfect_decoding_has_score_one(two_touches):
 
 
 def test_each_sample_is_counted():
-    source = source_of([[0, 0], [200, 0], [0, 0]])
-    at = np.array([0.05, 0.12, 0.15, 0.25])[:, None].repeat(2, axis=1)
+    source = make_source([[0, 0], [200, 0], [0, 0]])
+    sampled_s = np.array([0.05, 0.12, 0.15, 0.25])[:, None].repeat(2, axis=1)
     active = np.array([[False, False], [True, False], [False, True], [False, True]])
     signal = np.where(active, 200.0, 0.0)
-    score = score_replay(source, [DecodedBoard(slice(0, 2), np.arange(4), at, signal, active)])
+    score = score_replay(source, [DecodedBoard(slice(0, 2), np.arange(4), sampled_s, signal, active)])
     assert score.true_positives == 1
     assert score.false_negatives == 1
     assert score.false_positives == 2
@@ -85,25 +86,25 @@ def test_each_sample_is_counted():
 
 @pytest.mark.parametrize("is_active", [True, False])
 def test_both_values_are_correct_at_a_step(is_active):
-    source = source_of([[0], [200], [0]])
-    at = np.array([[0.0995], [0.15], [0.2014]])
+    source = make_source([[0], [200], [0]])
+    sampled_s = np.array([[0.0995], [0.15], [0.2014]])
     active = np.array([[is_active], [True], [is_active]])
-    score = score_replay(source, [DecodedBoard(slice(0, 1), np.arange(3), at, 200.0 * active, active)])
+    score = score_replay(source, [DecodedBoard(slice(0, 1), np.arange(3), sampled_s, 200.0 * active, active)])
     assert (score.at_steps, score.true_positives) == (2, 1)
     assert (score.false_positives, score.false_negatives, score.wrong_counts) == (0, 0, 0)
 
 
 def test_sample_outside_the_step_tolerance_is_decided():
-    source = source_of([[0], [200], [0]])
-    at = np.array([[0.098], [0.15], [0.202]])
+    source = make_source([[0], [200], [0]])
+    sampled_s = np.array([[0.098], [0.15], [0.202]])
     score = score_replay(
-        source, [DecodedBoard(slice(0, 1), np.arange(3), at, np.full((3, 1), 200.0), np.ones((3, 1), bool))]
+        source, [DecodedBoard(slice(0, 1), np.arange(3), sampled_s, np.full((3, 1), 200.0), np.ones((3, 1), bool))]
     )
     assert (score.at_steps, score.true_positives, score.false_positives) == (0, 1, 2)
 
 
 def test_decoding_shifted_by_one_taxel_has_a_low_score(two_touches):
-    good = decoded(two_touches)
+    good = decode_exactly(two_touches)
     shifted = replace(
         good, signal_counts=np.roll(good.signal_counts, 1, axis=1), active=np.roll(good.active, 1, axis=1)
     )
@@ -116,15 +117,15 @@ def test_decoding_shifted_by_one_taxel_has_a_low_score(two_touches):
 
 
 def test_decoding_one_frame_late_has_a_low_score(two_touches):
-    score = score_replay(two_touches, [decoded(two_touches, delay_s=FRAME_S)])
+    score = score_replay(two_touches, [decode_exactly(two_touches, delay_s=FRAME_S)])
     assert score.f1 < 0.8
     assert score.false_positives > 0
     assert score.false_negatives > 0
     assert score.onset_delay_s.min() >= FRAME_S
 
 
-def test_a_blind_skin_misses_every_touch(two_touches):
-    good = decoded(two_touches)
+def test_a_skin_without_activity_misses_every_touch(two_touches):
+    good = decode_exactly(two_touches)
     score = score_replay(two_touches, [replace(good, active=np.zeros_like(good.active))])
     assert (score.touches_found, score.touches_missed, score.touches_spurious) == (0, 2, 0)
     assert (score.recall, score.f1) == (0.0, 0.0)
@@ -132,7 +133,7 @@ def test_a_blind_skin_misses_every_touch(two_touches):
 
 
 def test_activity_far_from_any_touch_is_spurious(two_touches):
-    good = decoded(two_touches)
+    good = decode_exactly(two_touches)
     active = good.active.copy()
     active[(good.sampled_s > 0.45) & (good.sampled_s < 0.55)] = True
     score = score_replay(two_touches, [replace(good, active=active)])
@@ -142,13 +143,16 @@ def test_activity_far_from_any_touch_is_spurious(two_touches):
 
 
 def test_touch_between_two_samples_is_counted_as_unsampled(two_touches):
-    score = score_replay(two_touches, [decoded(two_touches, sample_s=0.5)])
+    score = score_replay(two_touches, [decode_exactly(two_touches, sample_s=0.5)])
     assert (score.touches_found, score.touches_missed, score.touches_unsampled) == (0, 2, 2)
     assert score.f1 == 1.0
 
 
 def test_boards_are_scored_together(two_touches):
-    parts = [decoded(two_touches, taxels=slice(0, 3)), decoded(two_touches, taxels=slice(3, 6), first_s=0.0202)]
+    parts = [
+        decode_exactly(two_touches, taxels=slice(0, 3)),
+        decode_exactly(two_touches, taxels=slice(3, 6), first_s=0.0202),
+    ]
     score = score_replay(two_touches, parts)
     assert (score.boards, score.touches_found, score.f1) == (2, 2, 1.0)
     assert score.map_active.tolist() == [False, False, False, True, True, False]
@@ -156,7 +160,7 @@ def test_boards_are_scored_together(two_touches):
 
 
 def test_board_without_a_frame_is_missing_in_the_map(two_touches):
-    board = decoded(two_touches, taxels=slice(3, 6))
+    board = decode_exactly(two_touches, taxels=slice(3, 6))
     score = score_replay(two_touches, [board])
     assert np.isnan(score.map_signal).tolist() == [True, True, True, False, False, False]
 
@@ -167,7 +171,7 @@ def test_scoring_without_frames_is_refused(two_touches):
 
 
 def test_text_of_a_score_is_one_line(two_touches):
-    text = str(score_replay(two_touches, [decoded(two_touches)]))
+    text = str(score_replay(two_touches, [decode_exactly(two_touches)]))
     assert "\n" not in text
     assert "F1 1.0000" in text
     assert "touches 2 of 2 found, 0 missed, 0 spurious" in text

@@ -12,13 +12,13 @@ from taxel.link import write_stimulus
 from taxel.skin.recorder import open_recorded
 
 
-def record_indented_hand(folder: Path, name: str, press: Indentation, joints: np.ndarray) -> RecordedSkin:
+def record_indented_hand(folder: Path, name: str, indentation: Indentation, joints: np.ndarray) -> RecordedSkin:
     """A capture of a hand that is indented after its baseline is complete."""
     hand = load_hand(name)
-    stimulus = folder / "press.stm"
-    write_stimulus(stimulus, *compute_indentation_forces(hand, (press,)))
+    stimulus = folder / "indentation.stm"
+    write_stimulus(stimulus, *compute_indentation_forces(hand, (indentation,)))
     path = folder / "a.bin"
-    url = f"emulator:?speed=max&duration_s={press.start_s + press.hold_s}&stimulus={stimulus}"
+    url = f"emulator:?speed=max&duration_s={indentation.start_s + indentation.hold_s}&stimulus={stimulus}"
     with open_recorded(url, path, hand, joint_position=joints) as skin:
         for _ in skin:
             pass
@@ -28,12 +28,12 @@ def record_indented_hand(folder: Path, name: str, press: Indentation, joints: np
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> RecordedSkin:
     """The Allegro hand with bent joints; the palm is indented."""
-    press = Indentation("palm", 6.0, 5.0, 20.0, start_s=6.5, hold_s=1.0)
-    return record_indented_hand(tmp_path_factory.mktemp("recorded"), "allegro", press, np.linspace(-0.3, 0.3, 22))
+    indentation = Indentation("palm", 6.0, 5.0, 20.0, start_s=6.5, hold_s=1.0)
+    return record_indented_hand(tmp_path_factory.mktemp("recorded"), "allegro", indentation, np.linspace(-0.3, 0.3, 22))
 
 
 @pytest.fixture(scope="session")
 def recorded_rig(tmp_path_factory: pytest.TempPathFactory) -> RecordedSkin:
     """The test rig with four boards on a tilted plate; one board is indented."""
-    press = Indentation("slab", 4.0, 3.0, 20.0, start_s=2.4, hold_s=0.5)
-    return record_indented_hand(tmp_path_factory.mktemp("recorded_rig"), "rig4", press, np.array([0.3]))
+    indentation = Indentation("slab", 4.0, 3.0, 20.0, start_s=2.4, hold_s=0.5)
+    return record_indented_hand(tmp_path_factory.mktemp("recorded_rig"), "rig4", indentation, np.array([0.3]))

@@ -15,7 +15,7 @@ classes = {}
 
 def store_cloud(message):
     """Store the first seven floats of every point."""
-    points = [message.data[at : at + 28] for at in range(0, len(message.data), message.point_step)]
+    points = [message.data[start : start + 28] for start in range(0, len(message.data), message.point_step)]
     received["clouds"].append([struct.unpack("<7f", point) for point in points])
 
 

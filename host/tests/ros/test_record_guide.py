@@ -19,8 +19,8 @@ BLOCK = re.compile(r"(<!-- run: no.*?-->\n)?```(\w+)\n(.*?)```", re.DOTALL)
 EXAMPLE = re.compile(r"Example: (taxel .*?)\s*(?:│|╭|\n\s*\n|$)")
 
 
-def block_lines(language):
-    """Every line of the guide's code blocks of a language, without the blocks marked as not to be run."""
+def read_block_lines(language):
+    """The lines of all code blocks of the guide in a language, except blocks marked as not to be run."""
     return [
         line
         for is_excluded, block_language, text in BLOCK.findall(GUIDE.read_text())
@@ -29,8 +29,8 @@ def block_lines(language):
     ]
 
 
-def example_words(command):
-    """The words of the example in a command's help."""
+def read_example(command):
+    """Arguments of the example in the help of a command, without `taxel`."""
     text = CliRunner().invoke(cli.build_app(command), [command, "--help"], env={"COLUMNS": "200"}).output
     return shlex.split(EXAMPLE.search(text)[1])[1:]
 
@@ -47,25 +47,25 @@ def test_commands_of_the_guide_and_of_the_help_run(tmp_path, monkeypatch, capsys
     """The commands run in the order of the guide and use each other's files. Recordings end after one second."""
     pytest.importorskip("pyarrow")
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "joints.csv").write_text("\n".join(block_lines("csv")) + "\n")
-    for line in block_lines("sh"):
-        words = shlex.split(line)[1:]
+    (tmp_path / "joints.csv").write_text("\n".join(read_block_lines("csv")) + "\n")
+    for line in read_block_lines("sh"):
+        arguments = shlex.split(line)[1:]
         if "speed=max" in line:
-            words[1] += "&duration_s=1"
-        if words[0] == "import":  # a recording of one second has no contact
+            arguments[1] += "&duration_s=1"
+        if arguments[0] == "import":  # a recording of one second has no contact
             add_active_taxels(Path("skin.csv/active.csv"))
-        status = run_taxel(*words)
+        status = run_taxel(*arguments)
         assert status == 0, (line, capsys.readouterr().err)
     with GraspDataset("active.h5") as data:
         assert data["0001"].active_taxels()[0].sum() == 4
     for command in ("record", "replay", "convert"):
-        words = example_words(command)
-        assert words[0] == command
-        assert run_taxel(*words, *([] if command == "replay" else ["--overwrite"])) == 0, capsys.readouterr().err
+        arguments = read_example(command)
+        assert arguments[0] == command
+        assert run_taxel(*arguments, *([] if command == "replay" else ["--overwrite"])) == 0, capsys.readouterr().err
 
 
 def test_help_of_ros_has_the_example_that_test_ros_nodes_runs():
-    assert example_words("ros") == ["ros", "emulator:", "--seconds", "1"]
+    assert read_example("ros") == ["ros", "emulator:", "--seconds", "1"]
 
 
 def test_guide_names_every_topic():

@@ -17,7 +17,7 @@ IDENTITY = np.eye(4)[None]
 
 
 def place_palm_above(gap, shape=SLAB):
-    """Board poses f64[1, s, 4, 4] with the cones of the palm `gap` metres above a shape; all other boards are far away."""
+    """Board poses f64[1, s, 4, 4]: cones of the palm `gap` metres above a shape, all other boards far away."""
     poses = np.tile(np.eye(4), (1, len(HAND.boards), 1, 1))
     poses[..., :3, 3] = [0, 0, 5.0]
     palm = [board.name for board in HAND.boards].index("palm")

@@ -75,7 +75,7 @@ def write_contacts_file(path, points, **extra_columns):
 
 
 def find_tip_contacts():
-    """Frames [c] and positions [c, 3] of the cone tips in contact, like those reported by the simulator of the thesis."""
+    """Frames [c] and positions [c, 3] of the cone tips in contact, as in the simulator of the thesis."""
     motion = simulate_motion()
     frame, taxel = np.nonzero(CONES.tips_in_contact(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose))
     position = compute_taxel_positions(HAND, motion.sensor_poses) + 0.001 * compute_taxel_normals(HAND, motion.sensor_poses)

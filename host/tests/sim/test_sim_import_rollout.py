@@ -180,7 +180,7 @@ def test_rows_are_divided_into_grasps_by_their_labels(tmp_path):
 
 
 def make_small_model(prefix="rh_", extra=""):
-    """MJCF of a plate that a motor pushes against a box; the palm is a site on the plate, the other links are far away."""
+    """MJCF of a plate with the palm as a site, pushed against a box by a motor; the other links are far away."""
     links = sorted({board.link_name for board in HAND.boards} - {"palm"})
     other_bodies = "".join(f'<body name="{prefix}{link}" pos="0 {k + 1} -3"/>' for k, link in enumerate(links))
     return f"""<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody>{other_bodies}

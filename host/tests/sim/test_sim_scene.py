@@ -58,7 +58,7 @@ def read_solid_corners(scene, board):
 
 @pytest.mark.parametrize("board", HAND.boards, ids=lambda board: board.name)
 def test_the_collision_solid_of_a_board_encloses_its_sheet_and_its_layer_tightly(scene, board):
-    """The sheet consists of squares of one pitch over taxels and margin, from the bracket to the surface of the layer."""
+    """The sheet consists of squares of one pitch over taxels and margin; the layer lies on the sheet."""
     vertices = read_solid_corners(scene, board)
     solid = ConvexPolytope.from_mesh(vertices)
     sheet = build_sheet(HAND)

@@ -162,7 +162,7 @@ def test_the_penetration_rate_of_a_layer_piece_is_the_derivative_of_its_depth():
 
 @pytest.mark.parametrize("contact_class", [SoftContact, NativeContact])
 def test_skipping_distant_layer_pieces_does_not_change_the_load(contact_class):
-    """A box approaches, turns and withdraws; a model that tracks nearby pieces agrees with a new model of all pieces."""
+    """A box approaches, turns and withdraws; a model that skips distant pieces agrees with one that does not."""
     hand, shape = load_hand("flat8"), ConvexPolytope.box(0.03, 0.02, 0.03).rounded(0.002)
     rng = np.random.default_rng(5)
     tracked = contact_class(hand, shape, LAW)
