@@ -52,7 +52,9 @@ def write_joints_file(path, with_phase=True, with_object=True):
     """Write the joint angles and wrist poses of the motion, optionally with phases and object poses."""
     motion = simulate_motion()
     header = ["grasp", "time", *(["phase"] if with_phase else []), *SCENE.joint_names]
-    header += [f"wrist_{part}" for part in POSE_COLUMNS] + ([f"object_{part}" for part in POSE_COLUMNS] if with_object else [])
+    header += [f"wrist_{part}" for part in POSE_COLUMNS] + (
+        [f"object_{part}" for part in POSE_COLUMNS] if with_object else []
+    )
     rows = []
     for k in range(len(motion.time_s)):
         row = ["1", motion.time_s[k], *([motion.phase[k]] if with_phase else []), *motion.joint_angles[k]]
@@ -65,20 +67,33 @@ def make_contact_rows(points, **extra_columns):
     """One row per contact. points: frame [c] and position [c, 3]. extra_columns: values [c] by column name."""
     frame, position = points
     return [
-        ["1", "cylinder", "side_1", simulate_motion().time_s[k], *xyz, *(values[i] for values in extra_columns.values())]
+        [
+            "1",
+            "cylinder",
+            "side_1",
+            simulate_motion().time_s[k],
+            *xyz,
+            *(values[i] for values in extra_columns.values()),
+        ]
         for i, (k, xyz) in enumerate(zip(frame, position, strict=True))
     ]
 
 
 def write_contacts_file(path, points, **extra_columns):
-    return write_csv(path, ["grasp", "object", "approach", "time", "x", "y", "z", *extra_columns], make_contact_rows(points, **extra_columns))
+    return write_csv(
+        path,
+        ["grasp", "object", "approach", "time", "x", "y", "z", *extra_columns],
+        make_contact_rows(points, **extra_columns),
+    )
 
 
 def find_tip_contacts():
     """Frames [c] and positions [c, 3] of the cone tips in contact, as in the simulator of the thesis."""
     motion = simulate_motion()
     frame, taxel = np.nonzero(CONES.tips_in_contact(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose))
-    position = compute_taxel_positions(HAND, motion.sensor_poses) + 0.001 * compute_taxel_normals(HAND, motion.sensor_poses)
+    position = compute_taxel_positions(HAND, motion.sensor_poses) + 0.001 * compute_taxel_normals(
+        HAND, motion.sensor_poses
+    )
     return frame, position[frame, taxel]
 
 
@@ -208,7 +223,9 @@ def test_rows_without_a_position_are_frames_without_contact(tmp_path):
     motion = simulate_motion()
     header = ["grasp", "object", "approach", "time", "phase", "x", "y", "z"]
     frame, position = find_tip_contacts()
-    rows = [["1", "cylinder", "side_1", t, int(p), "", "", ""] for t, p in zip(motion.time_s, motion.phase, strict=True)]
+    rows = [
+        ["1", "cylinder", "side_1", t, int(p), "", "", ""] for t, p in zip(motion.time_s, motion.phase, strict=True)
+    ]
     for k, xyz in zip(frame, position, strict=True):
         rows.append(["1", "cylinder", "side_1", motion.time_s[k], int(motion.phase[k]), *xyz])
     import_contacts(
@@ -237,7 +254,9 @@ def test_poses_of_links_and_of_boards_give_equal_forces(tmp_path):
         import_contacts(contacts, tmp_path / f"{name}.h5", poses=poses, options=STANDING_OPTIONS)
         with GraspDataset(tmp_path / f"{name}.h5") as data:
             data.check()
-            np.testing.assert_allclose(data["0001"].sensor_pose_t[-len(motion.time_s) :], motion.sensor_poses, atol=1e-12)
+            np.testing.assert_allclose(
+                data["0001"].sensor_pose_t[-len(motion.time_s) :], motion.sensor_poses, atol=1e-12
+            )
             forces.append(data["0001"].contact_force)
     np.testing.assert_array_equal(forces[0], forces[1])
 
@@ -282,11 +301,15 @@ def test_active_taxels_are_imported_by_their_positions(tmp_path):
     active = CONES.active(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose)[end]
     rng = np.random.default_rng(3)
     centres = compute_taxel_positions(HAND, motion.sensor_poses)[end] + rng.uniform(-2e-4, 2e-4, (HAND.n_taxels, 3))
-    rows = [["g", "cylinder", "side_1", *centre, int(is_active)] for centre, is_active in zip(centres, active, strict=True)]
+    rows = [
+        ["g", "cylinder", "side_1", *centre, int(is_active)] for centre, is_active in zip(centres, active, strict=True)
+    ]
     points = write_csv(tmp_path / "points.csv", ["Grasp", "object", "approach", "X", "y", "z", "activated"], rows)
     header = ["grasp", *SCENE.joint_names, *(f"wrist_{column}" for column in POSE_COLUMNS)]
     joints = [["g", *motion.joint_angles[end], *make_pose_row(motion.link_poses[end, 0])]]
-    import_active(points, tmp_path / "sim.h5", joints=write_csv(tmp_path / "j.csv", header, joints), options=STANDING_OPTIONS)
+    import_active(
+        points, tmp_path / "sim.h5", joints=write_csv(tmp_path / "j.csv", header, joints), options=STANDING_OPTIONS
+    )
     with GraspDataset(tmp_path / "sim.h5") as data:
         data.check()
         np.testing.assert_array_equal(data["g"].active_taxels()[0], active)
@@ -317,7 +340,10 @@ def test_grasp_ids_sort_in_the_order_of_the_file(tmp_path):
 
 
 def test_equal_files_and_seeds_give_equal_counts_and_another_seed_differs(tmp_path):
-    contacts, joints = write_contacts_file(tmp_path / "c.csv", find_tip_contacts()), write_joints_file(tmp_path / "j.csv")
+    contacts, joints = (
+        write_contacts_file(tmp_path / "c.csv", find_tip_contacts()),
+        write_joints_file(tmp_path / "j.csv"),
+    )
     counts = []
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
         options = ImportOptions(object_poses=STANDING_OPTIONS.object_poses, baseline_frames=100, seed=seed)
@@ -346,7 +372,10 @@ def test_progress_names_each_step_and_ends_with_the_last_grasp(tmp_path):
     options = ImportOptions(
         object_poses=STANDING_OPTIONS.object_poses, baseline_frames=100, progress=lambda *report: reports.append(report)
     )
-    contacts, joints = write_contacts_file(tmp_path / "c.csv", find_tip_contacts()), write_joints_file(tmp_path / "j.csv")
+    contacts, joints = (
+        write_contacts_file(tmp_path / "c.csv", find_tip_contacts()),
+        write_joints_file(tmp_path / "j.csv"),
+    )
     import_contacts(contacts, tmp_path / "sim.h5", joints=joints, options=options)
     assert {step for step, _, _ in reports} == {"reading c.csv", "reading j.csv", "grasps"}
     assert all(0 <= count <= total for _, count, total in reports)

@@ -34,14 +34,20 @@ def join_lines(*rows):
     return "\n".join(rows) + "\n"
 
 
-CONTACTS, JOINTS, POINTS = join_lines(CONTACT_HEADER, CONTACT_ROW), join_lines(JOINT_HEADER, ANGLE_ROW), join_lines(POINT_HEADER, POINT_ROW)
+CONTACTS, JOINTS, POINTS = (
+    join_lines(CONTACT_HEADER, CONTACT_ROW),
+    join_lines(JOINT_HEADER, ANGLE_ROW),
+    join_lines(POINT_HEADER, POINT_ROW),
+)
 
 
 def run_import(tmp_path, convert, data_file, joints=JOINTS, options=OPTIONS, **options_of_import):
     """Write `data_file` to c.csv and `joints` to j.csv, and import both with the function `convert`."""
     for name, content in (("c.csv", data_file), ("j.csv", joints)):
         (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
-    return convert(tmp_path / "c.csv", tmp_path / "sim.h5", joints=tmp_path / "j.csv", options=options, **options_of_import)
+    return convert(
+        tmp_path / "c.csv", tmp_path / "sim.h5", joints=tmp_path / "j.csv", options=options, **options_of_import
+    )
 
 
 def read_import_error(tmp_path, *args, **options_of_import):
@@ -69,33 +75,63 @@ INVALID_CONTACTS = {  # case: (file content, expected part of the error)
     "repeated column": (CONTACTS.replace("time,x", "time,px,x"), "'x', a second column x"),
     "semicolons instead of commas": (CONTACTS.replace(",", ";"), "line 1: expected columns separated by commas"),
     "decimal comma": (CONTACTS.replace("0.5,", "0,5,", 1), "line 2: expected 7 values, found 8"),
-    "word instead of a number": (CONTACTS.replace(",0.5,", ",soon,"), "line 2, column time: expected a finite number, found 'soon'"),
+    "word instead of a number": (
+        CONTACTS.replace(",0.5,", ",soon,"),
+        "line 2, column time: expected a finite number, found 'soon'",
+    ),
     "NaN": (CONTACTS.replace(",0.5,", ",nan,"), "line 2, column time"),
     "header only": (CONTACT_HEADER, "c.csv: file: expected rows"),
     "empty file": ("", "line 1: expected a column grasp"),
     "not UTF-8": (b"grasp\xff\n", "UTF-8"),
     "unclosed quote": (join_lines(CONTACT_HEADER, '"1,cylinder'), "c.csv: line 2: expected comma-separated values"),
-    "unknown object": (CONTACTS.replace("cylinder", "cylindre"), "column object: expected an object whose shape is known"),
+    "unknown object": (
+        CONTACTS.replace("cylinder", "cylindre"),
+        "column object: expected an object whose shape is known",
+    ),
     "missing object name": (CONTACTS.replace("cylinder", ""), "line 2, column object: expected a name"),
     "two objects in a grasp": (
         join_lines(CONTACT_HEADER, CONTACT_ROW, CONTACT_ROW.replace("cylinder", "can")),
         "line 3, column object: expected the same object",
     ),
     "incomplete position": (CONTACTS.replace(str(X), ""), "line 2, column x: expected a finite number, found nothing"),
-    "negative force": (join_lines(f"{CONTACT_HEADER},force", f"{CONTACT_ROW},-1"), "line 2, column force: expected newtons of 0 or more"),
-    "force vector and magnitude": (join_lines(f"{CONTACT_HEADER},force,fx,fy,fz", f"{CONTACT_ROW},1,0,0,1"), "expected fx, fy, fz or force, found both"),
-    "incomplete force vector": (join_lines(f"{CONTACT_HEADER},fx,fy", f"{CONTACT_ROW},1,0"), "expected columns fx, fy, fz, found no fz"),
-    "missing force": (join_lines(f"{CONTACT_HEADER},force", f"{CONTACT_ROW},"), "line 2, column force: expected a finite number, found nothing"),
+    "negative force": (
+        join_lines(f"{CONTACT_HEADER},force", f"{CONTACT_ROW},-1"),
+        "line 2, column force: expected newtons of 0 or more",
+    ),
+    "force vector and magnitude": (
+        join_lines(f"{CONTACT_HEADER},force,fx,fy,fz", f"{CONTACT_ROW},1,0,0,1"),
+        "expected fx, fy, fz or force, found both",
+    ),
+    "incomplete force vector": (
+        join_lines(f"{CONTACT_HEADER},fx,fy", f"{CONTACT_ROW},1,0"),
+        "expected columns fx, fy, fz, found no fz",
+    ),
+    "missing force": (
+        join_lines(f"{CONTACT_HEADER},force", f"{CONTACT_ROW},"),
+        "line 2, column force: expected a finite number, found nothing",
+    ),
     "normal of length zero": (
         join_lines(f"{CONTACT_HEADER},fx,fy,fz,nx,ny,nz", f"{CONTACT_ROW},1,0,0,0,0,0"),
         "line 2, column nx: expected a direction",
     ),
     "unknown board": (join_lines(f"{CONTACT_HEADER},board", f"{CONTACT_ROW},plam"), "did you mean palm"),
-    "unknown phase": (join_lines(f"{CONTACT_HEADER},phase", f"{CONTACT_ROW},gripping"), "line 2, column phase: expected 0 to 4 or baseline"),
-    "two phases at a time": (join_lines(f"{CONTACT_HEADER},phase", f"{CONTACT_ROW},1", f"{CONTACT_ROW},2"), "column phase: expected one phase at a time"),
+    "unknown phase": (
+        join_lines(f"{CONTACT_HEADER},phase", f"{CONTACT_ROW},gripping"),
+        "line 2, column phase: expected 0 to 4 or baseline",
+    ),
+    "two phases at a time": (
+        join_lines(f"{CONTACT_HEADER},phase", f"{CONTACT_ROW},1", f"{CONTACT_ROW},2"),
+        "column phase: expected one phase at a time",
+    ),
     "grasp without joint angles": (CONTACTS.replace("\n1,", "\n7,"), "j.csv: grasp: expected rows of grasp '7'"),
-    "iteration not an integer": (join_lines(f"{CONTACT_HEADER},iteration", f"{CONTACT_ROW},1.5"), "column iteration: expected an integer"),
-    "position in millimetres": (CONTACTS.replace(f"{X},{Y},{Z}", "513,-23,260"), "line 2, column x: expected contacts of a grasp"),
+    "iteration not an integer": (
+        join_lines(f"{CONTACT_HEADER},iteration", f"{CONTACT_ROW},1.5"),
+        "column iteration: expected an integer",
+    ),
+    "position in millimetres": (
+        CONTACTS.replace(f"{X},{Y},{Z}", "513,-23,260"),
+        "line 2, column x: expected contacts of a grasp",
+    ),
 }
 
 
@@ -112,7 +148,10 @@ INVALID_JOINTS = {  # case: (file content, expected part of the error)
         join_lines(f"{JOINT_HEADER},elbow", f"{ANGLE_ROW},0"),
         "expected joints of the arm or a pose of the wrist, found both",
     ),
-    "second row without times": (join_lines(JOINT_HEADER, ANGLE_ROW, ANGLE_ROW), "line 3, column grasp: expected one row for a grasp"),
+    "second row without times": (
+        join_lines(JOINT_HEADER, ANGLE_ROW, ANGLE_ROW),
+        "line 3, column grasp: expected one row for a grasp",
+    ),
     "decreasing times": (
         join_lines(f"{JOINT_HEADER},time", f"{ANGLE_ROW},1", f"{ANGLE_ROW},0.5"),
         "line 3, column time: expected increasing times within a grasp",
@@ -143,9 +182,18 @@ def test_each_error_in_joint_angles_gives_its_one_line_message(tmp_path, case):
 
 
 INVALID_POINTS = {  # case: (file content, expected part of the error)
-    "point beside the taxels": (POINTS.replace(f"{X},", f"{X + 0.0012},"), "line 2, column x: expected a point within 1 mm"),
-    "repeated taxel": (join_lines(POINT_HEADER, POINT_ROW, POINT_ROW), "line 3, column x: expected each taxel once, found taxel 3"),
-    "neither 0 nor 1": (join_lines(POINT_HEADER, POINT_ROW[:-1] + "2"), "line 2, column active: expected 0 or 1, found 2"),
+    "point beside the taxels": (
+        POINTS.replace(f"{X},", f"{X + 0.0012},"),
+        "line 2, column x: expected a point within 1 mm",
+    ),
+    "repeated taxel": (
+        join_lines(POINT_HEADER, POINT_ROW, POINT_ROW),
+        "line 3, column x: expected each taxel once, found taxel 3",
+    ),
+    "neither 0 nor 1": (
+        join_lines(POINT_HEADER, POINT_ROW[:-1] + "2"),
+        "line 2, column active: expected 0 or 1, found 2",
+    ),
 }
 
 
@@ -193,7 +241,10 @@ def test_each_error_in_poses_gives_its_message(tmp_path):
             join_lines(header.replace(",link", ""), "1,0,0,0,1,0,0,0"),
             "expected a column link or a column board, found neither",
         ),
-        (join_lines(header, "1,palm,0,0,0,1,0,0,0"), "link: expected a row of th_distal, found none at 0 s of grasp '1'"),
+        (
+            join_lines(header, "1,palm,0,0,0,1,0,0,0"),
+            "link: expected a row of th_distal, found none at 0 s of grasp '1'",
+        ),
         (join_lines(header, *["1,palm,0,0,0,1,0,0,0"] * 2), "line 3, column link: expected each link once at a time"),
         (join_lines(header.replace(",qz", ""), "1,palm,0,0,0,1,0,0"), "expected a column qz"),
     ]

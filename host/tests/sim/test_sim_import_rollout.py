@@ -56,7 +56,13 @@ def use_contacts_at_samples(motion):
     wrenches = []
     for k in range(len(motion.time_s)):
         at_sample, contacts = motion.contacts.sample == k, motion.contacts
-        step = StepContacts(contacts.board[at_sample], contacts.position[at_sample], contacts.normal[at_sample], contacts.depth[at_sample], contacts.force[at_sample])
+        step = StepContacts(
+            contacts.board[at_sample],
+            contacts.position[at_sample],
+            contacts.normal[at_sample],
+            contacts.depth[at_sample],
+            contacts.force[at_sample],
+        )
         wrenches.append(board_wrenches(step, motion.sensor_poses[k]))
     return replace(motion, wrench=np.stack(wrenches))
 
@@ -90,7 +96,9 @@ def test_a_rollout_of_the_built_in_scene_gives_the_forces_of_the_built_in_simula
         data.check()
         assert (data["0001"].object, data["0001"].approach, data["0001"].iteration) == ("cylinder", "side_1", 3)
         imported_frames = slice(report.added_frames, None)
-        np.testing.assert_allclose(data["0001"].contact_force[imported_frames], expected.contact_force, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(
+            data["0001"].contact_force[imported_frames], expected.contact_force, rtol=0, atol=1e-9
+        )
         np.testing.assert_allclose(data["0001"].separation[imported_frames], expected.separation, rtol=0, atol=1e-9)
         np.testing.assert_allclose(data["0001"].sensor_pose_t[imported_frames], motion.sensor_poses, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(data["0001"].phase[imported_frames], motion.phase)
@@ -156,7 +164,9 @@ def test_simulating_with_recorded_controls_agrees_with_recorded_states_or_is_ref
         np.testing.assert_allclose(heights - heights[0], np.ravel(qpos)[: len(heights)], atol=1e-12)
     drifted = np.array(qpos) + np.linspace(0, 0.01, 50)[:, None]
     with pytest.raises(ImportDataError, match=r"qpos\[\d+, 0\].*--forward"):
-        import_rollout(tmp_path / "m.xml", save_states(tmp_path, **controls, qpos=drifted), tmp_path / "x.h5", options=OPTIONS)
+        import_rollout(
+            tmp_path / "m.xml", save_states(tmp_path, **controls, qpos=drifted), tmp_path / "x.h5", options=OPTIONS
+        )
     import_rollout(
         tmp_path / "m.xml",
         save_states(tmp_path, **controls, qpos=drifted),
