@@ -37,9 +37,10 @@ This page is written by `make size` from the linked images of the CY8C4245AXI-48
 - *stack* is the worst case: the deepest call chain from the reset handler plus the interrupts that can preempt it, with
   their exception frames (`tools/firmware/firmware_stack.py`). The stack that the supervisory ROM uses during a flash
   call is not published; the reserve beyond the worst case is intended for it.
-- *cycles* are those in which the processor is awake, counted in executed images. For a board of the largest kind:
-  cycles of a scan and a poll, compared with the duration of a scan. For the hub: cycles of a poll and a frame, compared
-  with the time between frames while it streams 17 boards. [firmware-cycles.md](firmware-cycles.md) lists all kinds.
+- *cycles* are those in which the processor is awake, counted in executed images. For a [board](glossary.md#board)
+  of the largest kind: cycles of a [scan](glossary.md#scan) and a poll, compared with the duration of a scan. For the
+  [hub](glossary.md#hub): cycles of a poll and a [frame](glossary.md#frame), compared with the time between frames
+  while it streams 17 boards. [firmware-cycles.md](firmware-cycles.md) lists all kinds.
 
 `make size` fails if flash, stack, RAM or cycles exceed their budget. The RAM budget of every image is 3 KiB of the
 part's 4 KiB. {compiler}

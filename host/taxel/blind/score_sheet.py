@@ -50,9 +50,10 @@ def score_sheet(score: Mapping[str, Any], provenance: str) -> str:
     """The page. provenance: a paragraph with the command and the version of the diagnosis."""
     lines = ["# Blind check: score sheet", "", provenance, ""]
     lines += [
-        "The hidden causes were sampled at random and diagnosed by a process without access to them",
+        "The hidden causes were sampled at random, and the [diagnosis](glossary.md#diagnosis) had no access to them",
         "([method](gap-diagnosis.md#the-blind-check)). Unless stated otherwise, the figures refer to clear worlds, in",
-        f"which the gap is at least {MIN_CLEAR_RATIO:g} times the floor. Intervals are 95 % Wilson intervals.",
+        f"which the [gap](glossary.md#gap) is at least {MIN_CLEAR_RATIO:g} times the [floor](glossary.md#floor).",
+        "Intervals are 95 % Wilson intervals.",
         "",
     ]
     for title, key in (("A rig of four boards", "rig4"), ("The whole hand", "full_hand")):
