@@ -14,8 +14,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from draw_architecture import stale_drawings
-from readme_links import readme_errors
+from draw_architecture import find_stale_drawings
+from readme_links import find_readme_errors
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
@@ -70,7 +70,7 @@ def add_references(source: Path, entries: list[dict[str, Any]]) -> None:
 
 def main() -> int:
     """Check the README and the drawings, copy the pages, and build the site with MkDocs."""
-    errors = [*readme_errors(ROOT), *stale_drawings()]
+    errors = [*find_readme_errors(ROOT), *find_stale_drawings()]
     for error in errors:
         print(f"docs: {error}", file=sys.stderr)
     missing = [name for name in REQUIRED if find_spec(name) is None]

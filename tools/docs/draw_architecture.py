@@ -4,8 +4,6 @@ The layers are read from the import contract in pyproject.toml. With `--check` n
 is 1 if a drawing is not up to date.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tomllib
@@ -138,16 +136,16 @@ def read_layers() -> list[list[str]]:
     return [[name.strip(" ()") for name in layer.split("|")] for layer in layers]
 
 
-def drawings() -> dict[Path, str]:
+def draw_all() -> dict[Path, str]:
     """Files of the drawings with their up-to-date texts."""
     return {IMAGES / "data-flow.svg": draw_data_flow(), IMAGES / "layers.svg": draw_layers()}
 
 
-def stale_drawings() -> list[str]:
+def find_stale_drawings() -> list[str]:
     """One line for each drawing that is not up to date."""
     return [
         f"{path.relative_to(ROOT)} is not up to date; run python tools/docs/draw_architecture.py"
-        for path, text in drawings().items()
+        for path, text in draw_all().items()
         if not path.is_file() or path.read_text() != text
     ]
 
@@ -157,10 +155,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--check", action="store_true", help="report drawings that are not up to date")
     if parser.parse_args().check:
-        stale = stale_drawings()
+        stale = find_stale_drawings()
         print("\n".join(stale), file=sys.stderr)
         return 1 if stale else 0
-    for path, text in drawings().items():
+    for path, text in draw_all().items():
         path.write_text(text)
     return 0
 

@@ -1,7 +1,5 @@
 """Links of README.md: absolute, because a package index shows the README without the repository."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterator
@@ -14,19 +12,19 @@ RAW_HOST: Final = "https://raw.githubusercontent.com/"
 BRANCH: Final = "main"
 
 
-def repository_urls(root: Path) -> tuple[str, str]:
+def get_repository_urls(root: Path) -> tuple[str, str]:
     """URL prefixes of a page and of a raw file of the repository, from `[project.urls]` of pyproject.toml."""
     repository = tomllib.loads((root / "pyproject.toml").read_text())["project"]["urls"]["Repository"]
     raw = RAW_HOST + repository.removeprefix("https://github.com/")
     return f"{repository}/blob/{BRANCH}/", f"{raw}/{BRANCH}/"
 
 
-def readme_errors(root: Path) -> Iterator[str]:
+def find_readme_errors(root: Path) -> Iterator[str]:
     """One line for each link of README.md that is relative, or that names a file that the repository lacks.
 
     An image must use the prefix of raw files, because the page of a file is not an image.
     """
-    page, raw = repository_urls(root)
+    page, raw = get_repository_urls(root)
     for mark, target in LINK.findall(FENCE.sub("", (root / "README.md").read_text())):
         prefix = raw if mark else page
         if not target.startswith(("https://", "http://")):
@@ -37,7 +35,7 @@ def readme_errors(root: Path) -> Iterator[str]:
             yield f"README.md: {target} names a file that does not exist in the repository"
 
 
-def relative_links(text: str, root: Path) -> str:
+def make_links_relative(text: str, root: Path) -> str:
     """Text of README.md with links relative to the root of the repository, as the site needs them."""
-    page, raw = repository_urls(root)
+    page, raw = get_repository_urls(root)
     return text.replace(f"]({page}", "](").replace(f"]({raw}", "](")

@@ -6,7 +6,7 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
-from readme_links import relative_links
+from readme_links import make_links_relative
 from site_maths import with_formulas
 
 LINK = re.compile(r"(!?\[[^\]]*\]\()([^)#\s]+)(#[^)\s]*)?(\))")
@@ -38,7 +38,7 @@ def stage(root: Path, out: Path) -> list[Path]:
     """Write the pages, and the files that they link to, to the folder `out`. Returns the pages."""
     pages = page_paths(root)
     for page in pages:
-        text = relative_links((root / page).read_text(), root)
+        text = make_links_relative((root / page).read_text(), root)
         for target, _ in links_of(text):
             _copy_linked(root, root / page.parent / target, out)
         target_path = out / page

@@ -1,7 +1,5 @@
 """Boxes, arrows and texts of an SVG drawing that is legible on a light and on a dark page."""
 
-from __future__ import annotations
-
 from typing import Final
 from xml.sax.saxutils import escape
 
