@@ -94,7 +94,7 @@ COMMANDS: Final[Mapping[str, CommandEntry]] = MappingProxyType(
         ),
         "thesis": CommandEntry(
             "taxel.cli.thesis:thesis",
-            "Reproduce the tables and figures of the thesis beside the printed ones.",
+            "Reproduce the tables and figures of the thesis, and compare them with the printed ones.",
             ANALYSIS,
             extra="all",
         ),

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from taxel.cli.options import AsJson, HandOption, JointAngles, Overwrite, joint_angles
+from taxel.cli.options import AsJson, HandOption, JointAngles, Overwrite, parse_joint_angles
 from taxel.cli.progress import spinner
 from taxel.recording.formats import ConversionResult
 from taxel.recording.formats import convert as convert_recording
@@ -24,7 +24,7 @@ def convert(
     hand: HandOption = None,
     joints: JointAngles = None,
     grasp: Annotated[str | None, typer.Option(help="Id of the grasp, for a dataset with several grasps.")] = None,
-    grasped: Annotated[
+    object_name: Annotated[
         str, typer.Option("--object", help="Name of the grasped object, for x.h5 and x.csv.")
     ] = UNKNOWN_OBJECT,
     approach: Annotated[str, typer.Option(help="Name of the approach, for x.h5 and x.csv.")] = "recording",
@@ -41,14 +41,14 @@ def convert(
 
     Example: taxel convert skin.bin skin.csv
     """
-    options = GraspOptions(grasped, approach, baseline_frames=baseline_frames)
+    options = GraspOptions(object_name, approach, baseline_frames=baseline_frames)
     with spinner(f"converting {source}") as show:
         result = convert_recording(
             source,
             target,
             hand=hand,
             overwrite=overwrite,
-            joint_position=joint_angles(joints),
+            joint_position=parse_joint_angles(joints),
             grasp=grasp,
             options=options,
             progress=lambda seconds: show(f"converting {source}: {seconds:.0f} s"),

@@ -36,34 +36,34 @@ def demo(
 
     Example: taxel demo --out out/demo
     """
-    console, started = Console(), time.monotonic()
-    real, sim, report, page, picture = (out / name for name in FILES)
+    console, start_s = Console(), time.monotonic()
+    real, sim, report_file, page, picture = (out / name for name in FILES)
     out.mkdir(parents=True, exist_ok=True)
-    for path in (real, sim, report, page, picture):
+    for path in (real, sim, report_file, page, picture):
         path.unlink(missing_ok=True)
     world = sample_grasp_world(seed)
-    sealed = commitment(world.to_json())
+    seal = commitment(world.to_json())
     console.print(
         "[bold]1. A sealed cause is added to the emulated hand[/bold]; SHA-256 of the cause with a salt of 256 bits:"
     )
-    console.print(sealed, highlight=False)
-    _grasp(console, world, real, sim, jobs)
+    console.print(seal, highlight=False)
+    _make_grasps(console, world, real, sim, jobs)
     console.print("[bold]3. A separate process diagnoses the gap from the two datasets alone[/bold]")
-    _diagnose(console, out, real, sim, report)
-    found = json.loads(report.read_text())
-    if "error" in found:
-        raise TaxelError(found["error"])
-    write_page(found, page)
-    unrolled_png(found, picture)
-    print_summary(console, found)
-    verify_commitment(0, world.to_json(), sealed)
-    _open_seal(console, world, found["verdict"]["effects"])
+    _diagnose(console, out, real, sim, report_file)
+    report = json.loads(report_file.read_text())
+    if "error" in report:
+        raise TaxelError(report["error"])
+    write_page(report, page)
+    unrolled_png(report, picture)
+    print_summary(console, report)
+    verify_commitment(0, world.to_json(), seal)
+    _open_seal(console, world, report["verdict"]["effects"])
     console.print(
-        f"[bold]done in {time.monotonic() - started:.0f} s[/bold]; page: {page}, picture of the hand: {picture}"
+        f"[bold]done in {time.monotonic() - start_s:.0f} s[/bold]; page: {page}, picture of the hand: {picture}"
     )
 
 
-def _grasp(console: Console, world: GraspWorld, real: Path, sim: Path, jobs: int | None) -> None:
+def _make_grasps(console: Console, world: GraspWorld, real: Path, sim: Path, jobs: int | None) -> None:
     counts = [len(plan) for plan in small_plans(world.seed)]
     console.print(f"[bold]2. {counts[0]} grasps of the emulated hand, {counts[1]} of the simulator[/bold]")
     with stage_bars(console) as show:
@@ -71,23 +71,24 @@ def _grasp(console: Console, world: GraspWorld, real: Path, sim: Path, jobs: int
         make_grasps(world, real, sim, shows, jobs)
 
 
-def _diagnose(console: Console, out: Path, real: Path, sim: Path, report: Path) -> None:
+def _diagnose(console: Console, out: Path, real: Path, sim: Path, report_file: Path) -> None:
     columns = (SpinnerColumn(), TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console) as progress:
         progress.add_task("diagnosing", total=None)
         runner = SandboxedRunner(out)
         try:
-            runner.diagnose(real, sim, report)
+            runner.diagnose(real, sim, report_file)
         finally:
             runner.close()
 
 
-def _open_seal(console: Console, world: GraspWorld, named: list[str]) -> None:
+def _open_seal(console: Console, world: GraspWorld, effects: list[str]) -> None:
+    """Print the cause and whether the diagnosis named it. effects: of the verdict, most important first."""
     (cause,) = world.hidden.causes
     console.print("\n[bold]4. The seal is opened[/bold]; the cause has the SHA-256 printed above:")
     console.print(f"cause: {cause.name}, in the emulator: {'; '.join(cause.lines)}", highlight=False)
-    if named[:1] == [cause.name]:
-        others = f", and also: {', '.join(named[1:])}" if len(named) > 1 else ""
-        console.print(f"The diagnosis named the cause{others}.")
+    if effects[:1] == [cause.name]:
+        further = f", and also: {', '.join(effects[1:])}" if len(effects) > 1 else ""
+        console.print(f"The diagnosis named the cause{further}.")
     else:
-        console.print(f"The diagnosis named: {', '.join(named) or 'no gap'}.", highlight=False)
+        console.print(f"The diagnosis named: {', '.join(effects) or 'no gap'}.", highlight=False)

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from taxel.cli.gap_apply import apply
 from taxel.cli.gap_blind import blind
-from taxel.cli.gap_next import next_press
+from taxel.cli.gap_next import rank_contacts
 from taxel.cli.gap_summary import print_summary
 from taxel.cli.options import AsJson, Overwrite
 from taxel.cli.progress import stage_bars
@@ -27,7 +27,7 @@ gap_app = typer.Typer(
 )
 gap_app.command()(apply)
 gap_app.command()(blind)
-gap_app.command(name="next")(next_press)
+gap_app.command(name="next")(rank_contacts)
 
 
 @gap_app.command()
@@ -63,15 +63,15 @@ def diagnose(
     text = json.dumps(diagnosis.report, allow_nan=False)
     with tempfile.TemporaryDirectory(prefix=".report.", dir=out) as folder:
         # An existing report is replaced only after both new files are complete.
-        written = Path(folder) / report.name, Path(folder) / page.name
-        written[0].write_text(text)
-        write_page(json.loads(text), written[1])
-        for new, path in zip(written, (report, page), strict=True):
-            new.replace(path)
+        new_report, new_page = Path(folder) / report.name, Path(folder) / page.name
+        new_report.write_text(text)
+        write_page(json.loads(text), new_page)
+        new_report.replace(report)
+        new_page.replace(page)
     if as_json:
         print(text)
     else:
-        print_summary(console, diagnosis.report)
+        print_summary(console, json.loads(text))
         console.print(f"report: {page}", highlight=False)
 
 
@@ -79,8 +79,8 @@ def _check_folder(out: Path) -> None:
     """Check the output folder before the diagnosis starts. Raises `TaxelError` of one line."""
     nearest = next(path for path in (out, *out.absolute().parents) if path.exists())
     if not nearest.is_dir() or not os.access(nearest, os.W_OK):
-        why = "is not writable" if nearest.is_dir() else "is not a folder"
-        raise TaxelError(f"--out {out}: {nearest} {why}; choose another folder")
+        reason = "is not writable" if nearest.is_dir() else "is not a folder"
+        raise TaxelError(f"--out {out}: {nearest} {reason}; choose another folder")
     for path in (out / "report.json", out / "report.html"):
         if path.is_dir():
             raise TaxelError(f"{path}: is a folder, expected a file; choose another --out")

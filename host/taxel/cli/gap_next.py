@@ -18,7 +18,7 @@ from taxel.gap.presses.unrecorded import unrecorded
 from taxel.gap.state import State
 
 
-def next_press(
+def rank_contacts(
     real: Annotated[
         Path, typer.Argument(help="Grasp dataset of the hand, or a report.json.", metavar="REAL.h5|REPORT")
     ],
@@ -44,33 +44,36 @@ def next_press(
         findings = findings_in(real, show) if sim is None else findings_of_pair(real, sim, show)
         further, notes = _further_states(findings.judge.state, candidates or [], show)
         show("ranking", 0, 1)
-        found = next_presses(findings, further, top)
+        ranking = next_presses(findings, further, top)
         show("ranking", 1, 1)
     if as_json:
-        print(json.dumps({"line": found.line, "next_presses": found.to_json(), "notes": notes}, allow_nan=False))
+        print(json.dumps({"line": ranking.line, "next_presses": ranking.to_json(), "notes": notes}, allow_nan=False))
     else:
-        _print_contacts(found, notes)
+        _print_contacts(ranking, notes)
 
 
 def _further_states(state: State, candidates: Sequence[Path], show: Show) -> tuple[list[State], list[str]]:
-    """States of the approaches that were simulated and not recorded, in the simulation of the pair and in others."""
+    """States of simulated approaches that were not recorded, and notes on datasets without such approaches.
+
+    candidates: simulated datasets in addition to that of `state`.
+    """
     paths = [Path(state.pair.paths[1])] if state.pair.unrecorded else []
-    more: list[State] = []
+    further: list[State] = []
     notes = []
     for path in [*paths, *candidates]:
-        known_conditions = [condition for further in more for condition in further.pair.cells]
-        found = unrecorded(state, path, known_conditions, lambda done, total: show("reading candidates", done, total))
-        if found is None:
-            notes.append(f"{path}: all of its approaches are recorded already")
+        conditions = [condition for other in further for condition in other.pair.cells]
+        new = unrecorded(state, path, conditions, lambda done, total: show("reading candidates", done, total))
+        if new is None:
+            notes.append(f"{path}: all approaches of this dataset are recorded already")
         else:
-            more.append(found)
-    return more, notes
+            further.append(new)
+    return further, notes
 
 
-def _print_contacts(found: NextPresses, notes: Sequence[str]) -> None:
-    print(found.line)
-    for rank, one in enumerate(found.presses, 1):
-        print(f"{rank:3}. {one.press.words}: {one.gain:.2f} bits")
-        print(f"     {one.why}")
+def _print_contacts(ranking: NextPresses, notes: Sequence[str]) -> None:
+    print(ranking.line)
+    for rank, candidate in enumerate(ranking.presses, 1):
+        print(f"{rank:3}. {candidate.press.words}: {candidate.gain:.2f} bits")
+        print(f"     {candidate.why}")
     for note in notes:
         print(f"note: {note}")

@@ -6,50 +6,71 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from taxel.gap.page.effect_cards import parameters_text
+from taxel.gap.page.text import clean_text, readable
+from taxel.gap.report.checked_report import CheckedReport
+
 
 def print_summary(console: Console, report: Mapping[str, Any]) -> None:
-    """Print verdict, gap, floor and shrink, and the parameters of the named effects."""
-    console.print(f"\n{report['verdict']['one_line']}\n", style="bold", highlight=False, markup=False)
-    table = Table(box=None, pad_edge=False)
-    for heading in ("", "counts", "mm"):
-        table.add_column(heading, justify="left" if not heading else "right")
-    gap, after, mm = report["gap"], report["after"], report["gap"]["mm"]
-    table.add_row("gap", _with_interval(gap["value"], gap["ci95"]), _with_interval(mm["value"], mm["ci95"], 2))
-    table.add_row("floor", f"{gap['floor']:.1f}", "" if mm["floor"] is None else f"{mm['floor']:.2f}")
-    table.add_row("held-out sessions before", f"{after['before']:.1f}", "")
-    table.add_row("held-out sessions after", _with_interval(after["value"], after["ci95"]), "")
-    console.print(table)
+    """Print the verdict, the gap, the floor, the shrink, and the parameters of the named effects.
+
+    report: content of `report.json`, as `json.load` returns it.
+    """
+    _print_line(console, f"\n{report['verdict']['one_line']}\n", style="bold")
+    console.print(_gap_table(report))
+    after = report["after"]
     if report["verdict"]["effects"]:
-        text = f"shrink {100 * after['shrink']:.0f} %, predicted {100 * after['predicted_shrink']:.0f} %"
-        if after["reducible_shrink"] is not None:
-            text += f"; {100 * after['reducible_shrink']:.0f} % of the excess"
-        console.print(text, highlight=False, markup=False)
+        _print_line(console, shrink_text(after))
     if (effect_sets := after.get("chosen_inside")) is not None:
-        console.print(nested_agreement(effect_sets, report["verdict"]["effects"]), highlight=False, markup=False)
-    for entry in report["effects"]:
-        if entry["in_verdict"]:
-            values = ", ".join(_parameter(name, one) for name, one in list(entry["parameters"].items())[:6])
-            console.print(f"{entry['name']}: {values}", highlight=False, markup=False)
+        _print_line(console, nested_agreement(effect_sets, report["verdict"]["effects"]))
+    checked = CheckedReport(report)
+    for effect in checked.effects:
+        if effect.flag("in_verdict"):
+            parameters = parameters_text(checked, effect)
+            _print_line(console, readable(effect.text("name")) + (f": {parameters}" if parameters else ""))
     for loss in report["losses"]:
-        console.print(f"note: {loss}", highlight=False, markup=False)
+        _print_line(console, f"missing data: {clean_text(loss)}")
+
+
+def shrink_text(after: Mapping[str, Any]) -> str:
+    """The reduction of the gap in one line. after: the field of the report."""
+    text = (
+        f"shrink of the gap of held-out sessions: {100 * after['shrink']:.0f} %"
+        f" (predicted: {100 * after['predicted_shrink']:.0f} %)"
+    )
+    if after["reducible_shrink"] is not None:
+        text += f"; reduction of the excess above the floor: {100 * after['reducible_shrink']:.0f} %"
+    return text
 
 
 def nested_agreement(effect_sets: Sequence[Sequence[str]], effects: Sequence[str]) -> str:
-    """How often the search without one session finds the same effects as the search in all sessions.
+    """Number of searches without one session that find the same effects as the search in all sessions, as text.
 
     effect_sets: effects of each search without a session. effects: effects of the search in all sessions.
     """
     names = set(effects) - {"unknown"}
-    same = sum(set(one) == names for one in effect_sets)
-    return f"a search without each session finds the same effects in {same} of {len(effect_sets)}"
+    agreeing = sum(set(effect_set) == names for effect_set in effect_sets)
+    return f"searches without one session that find the same effects: {agreeing} of {len(effect_sets)}"
 
 
-def _with_interval(value: float, interval: list[float] | None, digits: int = 1) -> str:
+def _gap_table(report: Mapping[str, Any]) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for heading in ("", "counts", "mm"):
+        table.add_column(heading, justify="left" if not heading else "right")
+    gap, after, mm = report["gap"], report["after"], report["gap"]["mm"]
+    gap_mm = "" if mm["value"] is None else _with_interval(mm["value"], mm["ci95"], 2)
+    table.add_row("gap", _with_interval(gap["value"], gap["ci95"]), gap_mm)
+    table.add_row("floor", f"{gap['floor']:.1f}", "" if mm["floor"] is None else f"{mm['floor']:.2f}")
+    table.add_row("gap of held-out sessions, before", f"{after['before']:.1f}", "")
+    table.add_row("gap of held-out sessions, after", _with_interval(after["value"], after["ci95"]), "")
+    return table
+
+
+def _print_line(console: Console, text: str, style: str | None = None) -> None:
+    console.print(text, style=style, highlight=False, markup=False)
+
+
+def _with_interval(value: float, interval: Sequence[float] | None, digits: int = 1) -> str:
+    """A value and its 95 % interval."""
     text = f"{value:.{digits}f}"
     return text if interval is None else f"{text} ({interval[0]:.{digits}f} to {interval[1]:.{digits}f})"
-
-
-def _parameter(name: str, entry: dict[str, object]) -> str:
-    value, unit = entry["value"], entry["unit"]
-    shown = f"{value:.3g}" if isinstance(value, float) else str(value)
-    return f"{name} {shown}" + (f" {unit}" if unit not in ("1", "index", "address") else "")

@@ -72,10 +72,10 @@ def generate(
     if gap_report is not None:
         plan = add_report(plan, gap_report)
     check_recipe(plan, "recipe" if recipe is None else str(recipe))
-    started = time.monotonic()
+    start_s = time.monotonic()
     with stage_bars(hidden=as_json) as show:
         run = generate_all(plan, out, _workers(jobs, scheduler), show)
-    _print_run(out, plan, run.made, time.monotonic() - started, as_json)
+    _print_run(out, plan, run.made, time.monotonic() - start_s, as_json)
 
 
 def _recipe(
@@ -95,13 +95,13 @@ def _workers(jobs: int | None, scheduler: str | None) -> Workers:
     return Cluster(scheduler) if scheduler is not None else Processes(jobs or os.cpu_count() or 1)
 
 
-def _print_run(out: Path, recipe: Recipe, made: int, seconds: float, as_json: bool) -> None:
+def _print_run(out: Path, recipe: Recipe, new_grasps: int, seconds: float, as_json: bool) -> None:
     if as_json:
         result: dict[str, Any] = {
             "folder": str(out),
             "grasps": recipe.grasps,
             "shards": recipe.shards,
-            "made": made,
+            "made": new_grasps,
             "seconds": round(seconds, 3),
             "effects": [effect.name for effect in recipe.effects],
             "recipe_sha256": recipe.digest,
@@ -110,7 +110,9 @@ def _print_run(out: Path, recipe: Recipe, made: int, seconds: float, as_json: bo
         return
     names = ", ".join(effect.name.replace("_", " ") for effect in recipe.effects) or "none"
     print(f"{out}: {recipe.grasps} grasps in {recipe.shards} shards, effects: {names}")
-    if made:
-        print(f"generated in this run: {made} in {seconds:.1f} s, {made / max(seconds, 1e-9):.2f} per second")
+    if new_grasps:
+        print(
+            f"generated in this run: {new_grasps} in {seconds:.1f} s, {new_grasps / max(seconds, 1e-9):.2f} per second"
+        )
     else:
         print("all shards existed already")

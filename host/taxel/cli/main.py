@@ -124,12 +124,12 @@ def _fail_usage(error: Any) -> NoReturn:
 
 
 def _requested_command() -> str:
-    """The first word after `taxel`: of the command line, or of the line that the shell completes."""
+    """The first argument after `taxel`, of the command line or of the line that the shell completes."""
     if COMPLETION_VARIABLE in os.environ:
-        words = os.environ.get("COMP_WORDS", os.environ.get("_TYPER_COMPLETE_ARGS", "")).split()
+        arguments = os.environ.get("COMP_WORDS", os.environ.get("_TYPER_COMPLETE_ARGS", "")).split()
     else:
-        words = sys.argv
-    return words[1] if len(words) > 1 else ""
+        arguments = sys.argv
+    return arguments[1] if len(arguments) > 1 else ""
 
 
 @contextmanager

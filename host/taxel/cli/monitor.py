@@ -16,7 +16,7 @@ from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES
 from taxel.skin import Skin
 
 LINES_HZ = 1.0
-"""Lines per second where the output is no terminal."""
+"""Lines per second if the output is not a terminal."""
 
 
 class NoFrameError(TaxelError):
@@ -43,14 +43,13 @@ def monitor(
     """Show a skin live, in the terminal or in a browser.
 
     The view shows the boards as heat maps, rates, errors and active taxels. Nothing may touch the skin while the
-    baseline
-    is taken. Keys: q or Ctrl-C quits, b takes the baseline again, t shows the table of boards. If the output is no
-    terminal, one line per second is printed.
+    baseline is taken. Keys: q or Ctrl-C quits, b takes the baseline again, t shows the table of boards. If the output
+    is not a terminal, one line per second is printed.
 
     Example: taxel monitor emulator: --seconds 2
     """
     console = Console(markup=False)
-    with _opening(console, url):
+    with _opening_status(console, url):
         skin = open_paced(url, hand, rate_hz, speed)
     with skin:
         model = SkinMonitor(skin, baseline_frames, threshold_counts)
@@ -59,7 +58,7 @@ def monitor(
             if web:
                 _in_browser(skin, model, title, port, seconds)
             elif once:
-                _once(skin, model, console, title, as_json, seconds)
+                _print_once(skin, model, console, title, as_json, seconds)
             elif as_json or not console.is_terminal:
                 watch(skin, model, LineView(lambda text: print(text, flush=True), as_json), seconds, LINES_HZ)
             else:
@@ -68,7 +67,7 @@ def monitor(
             return  # Ctrl-C is the usual end
 
 
-def _opening(console: Console, url: str) -> AbstractContextManager[object]:
+def _opening_status(console: Console, url: str) -> AbstractContextManager[object]:
     """Show on a terminal that the command waits for the hub."""
     return console.status(f"opening {url}: waiting for the hub") if console.is_terminal else nullcontext()
 
@@ -83,7 +82,10 @@ def _on_terminal(skin: Skin, model: SkinMonitor, console: Console, title: str, s
             console.print(format_line(view.last), soft_wrap=True, highlight=False)
 
 
-def _once(skin: Skin, model: SkinMonitor, console: Console, title: str, as_json: bool, seconds: float | None) -> None:
+def _print_once(
+    skin: Skin, model: SkinMonitor, console: Console, title: str, as_json: bool, seconds: float | None
+) -> None:
+    """Print one view after the baseline. Raises `NoFrameError` if no frame arrived."""
     reading = watch(skin, model, OnceView(), seconds)
     if as_json:
         print(json.dumps(reading.as_dict()))

@@ -27,7 +27,7 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing o
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 
-def joint_angles(text: str | None) -> FloatArray | None:
+def parse_joint_angles(text: str | None) -> FloatArray | None:
     """The angles f64[j] in radians of the option `--joint-angles`; None if the option is missing.
 
     Raises `TaxelError` for a text that is not a list of finite numbers.

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from taxel.cli.options import HandOption, JointAngles, Overwrite, Seconds, Url, joint_angles
+from taxel.cli.options import HandOption, JointAngles, Overwrite, Seconds, Url, parse_joint_angles
 from taxel.cli.progress import spinner
 from taxel.cli.stream_summary import StreamSummary
 from taxel.skin.recorder import open_recorded
@@ -27,7 +27,7 @@ def record(
 
     Example: taxel record "emulator:?speed=max" --seconds 2 --out skin.bin
     """
-    with open_recorded(url, out, hand, overwrite, joint_angles(joints)) as skin:
+    with open_recorded(url, out, hand, overwrite, parse_joint_angles(joints)) as skin:
         summary = StreamSummary(skin)
         try:
             with spinner(f"recording {url}") as show:

@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from taxel.cli.convert import print_conversion
-from taxel.cli.options import AsJson, HandOption, JointAngles, Overwrite, joint_angles
+from taxel.cli.options import AsJson, HandOption, JointAngles, Overwrite, parse_joint_angles
 from taxel.cli.ros import publish_skin
 from taxel.cli.stream_summary import StreamSummary
 from taxel.errors import TaxelError
@@ -43,20 +43,20 @@ def replay(
 
     Example: taxel replay skin.bin --speed max --json
     """
-    factor = _speed(speed, 1.0 if to in ("pty", "ros") else None)
+    speed_factor = _parse_speed(speed, 1.0 if to in ("pty", "ros") else None)
     if to == "pty":
-        _play_into_port(recording, hand, grasp, factor)
+        _play_into_port(recording, hand, grasp, speed_factor)
     elif to == "ros":
         link, description = open_recording(recording, hand, grasp)
         with Skin(link, description) as skin:
-            publish_skin(skin, None, joint_angles(joints), None, None, Pace(factor))
+            publish_skin(skin, None, parse_joint_angles(joints), None, None, Pace(speed_factor))
     elif to is not None:
         format_of(to)  # refuses an unknown format before anything is read
-        angles = joint_angles(joints)
+        angles = parse_joint_angles(joints)
         result = convert(recording, to, hand=hand, overwrite=overwrite, joint_position=angles, grasp=grasp)
         print_conversion(result, to, as_json)
     else:
-        _summarise(recording, hand, grasp, factor, as_json)
+        _summarise(recording, hand, grasp, speed_factor, as_json)
 
 
 def _summarise(recording: str, hand: str | None, grasp: str | None, speed: float | None, as_json: bool) -> None:
@@ -80,14 +80,17 @@ def _play_into_port(recording: str, hand: str | None, grasp: str | None, speed: 
     link.close()
     with VirtualPort(lambda: open_recording(recording, hand, grasp)[0], description, speed) as port:
         print(port.device, flush=True)
-        started = time.monotonic()
+        start_s = time.monotonic()
         is_complete = port.play()
         outcome = "played to its end" if is_complete else "the program closed the port before the end"
-        print(f"{recording}: {outcome}, {time.monotonic() - started:.1f} s")
+        print(f"{recording}: {outcome}, {time.monotonic() - start_s:.1f} s")
 
 
-def _speed(text: str | None, default: float | None) -> float | None:
-    """Times real time; None: without waiting."""
+def _parse_speed(text: str | None, default: float | None) -> float | None:
+    """Speed factor of the option `--speed`; None: as fast as possible. default: without the option.
+
+    Raises `TaxelError` for a text that is neither `max` nor a permitted number.
+    """
     if text is None:
         return default
     if text == "max":

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from taxel.cli.options import HandOption, JointAngles, Seconds, Url, joint_angles
+from taxel.cli.options import HandOption, JointAngles, Seconds, Url, parse_joint_angles
 from taxel.hand.kinematics import build_kinematics
 from taxel.ros.node import JointListener, Node, open_node
 from taxel.ros.pace import Pace
@@ -40,7 +40,7 @@ def ros(
     node = open_node(version)
     try:
         with open_skin(url, hand) as skin:
-            publish_skin(skin, node, joint_angles(joints), joint_topic, seconds, Pace(None))
+            publish_skin(skin, node, parse_joint_angles(joints), joint_topic, seconds, Pace(None))
     finally:
         node.close()
 
@@ -55,13 +55,14 @@ def publish_skin(
 ) -> None:
     """Publish all frames of a skin until its end or until `seconds` have passed.
 
-    node: None: open a node. The times of a recording are shifted so that the first frame is published at the present.
+    node: None: a new node, which is closed at the end. angles: f64[j], joint angles in radians. joint_topic: topic with
+    the joint angles instead. The times of a recording are shifted such that its first frame has the present time.
     """
-    own = open_node() if node is None else node
+    publisher = open_node() if node is None else node
     try:
         joints = joint_source(angles)
         if joint_topic is not None:
-            joints = JointListener(own, joint_topic, build_kinematics(skin.hand).robot.joint_names)
+            joints = JointListener(publisher, joint_topic, build_kinematics(skin.hand).robot.joint_names)
         first_s: float | None = None
         topics: SkinTopics | None = None
         count = 0
@@ -74,16 +75,18 @@ def publish_skin(
                 topics = SkinTopics(skin.hand, skin.hub, time.time_ns() - now_ns, joints)
             for message in topics.take(frame):
                 if joint_topic is None or message.topic != "/joint_states":
-                    own.publish(message)
+                    publisher.publish(message)
             count += 1
-            if not own.is_alive or (seconds is not None and first_s is not None and frame.time_s - first_s >= seconds):
+            if not publisher.is_alive or (
+                seconds is not None and first_s is not None and frame.time_s - first_s >= seconds
+            ):
                 break
         for message in topics.finish() if topics is not None else ():
             if joint_topic is None or message.topic != "/joint_states":
-                own.publish(message)
+                publisher.publish(message)
         print(f"{count} frames published")
     except KeyboardInterrupt:
         pass
     finally:
         if node is None:
-            own.close()
+            publisher.close()

@@ -23,7 +23,7 @@ def thesis(
     jobs: Jobs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Reproduce the tables and figures of the thesis beside the printed ones.
+    """Reproduce the tables and figures of the thesis, and compare them with the printed ones.
 
     Runs the 144 grasps on the emulated hand and in the simulator, and checks the twelve findings of the thesis. An
     interrupted campaign in the folder is continued.
@@ -56,7 +56,7 @@ def _print_findings(console: Console, findings: list[Finding]) -> None:
     for finding in findings:
         unit = "" if finding.unit == "1" else f" {finding.unit}"
         figures = ", ".join(
-            f"{finding.numbers[name]:.3g}{unit} ({finding.printed[k]:g}){'' if finding.holds[name] else ' no'}"
+            f"{finding.numbers[name]:.3g}{unit} ({finding.printed[k]:g}){'' if finding.holds[name] else ', not met'}"
             for k, name in enumerate(finding.numbers)
         )
         mark = "[green]reproduced[/green]" if finding.is_reproduced else "[red]not reproduced[/red]"

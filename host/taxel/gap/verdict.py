@@ -95,7 +95,8 @@ def judge_verdict(
     if within and not local and not (names and told):
         line = f"No gap: {gap.gap.value:.1f} counts; repeats and sessions alone cause {gap.floor:.1f} counts"
         found = [_in_words(name) for name in names] if named >= NAMED else []
-        line = f"{line}. A part of them is {'; '.join(found)}." if found else f"{line}."
+        part = f" A part of the {gap.gap.value:.1f} counts is due to {'; '.join(found)}." if found else ""
+        line = f"{line}.{part}"
         return Verdict("no_gap", (), line, margin)
     if not names and gap.excess.value <= STRAYS * margin and (one := _hangs_on(gap, margin)) is not None:
         press = f"one condition ({' '.join(cells[one])})" if cells else "one condition"

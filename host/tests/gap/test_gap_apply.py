@@ -181,7 +181,7 @@ def test_everything_else_stays_and_the_file_says_what_was_added(made):
         file["grasps/0001/raw_counts"].attrs["unit"] = "counts"
     report = made.report(made.link(OWN_EFFECTS["saturation"][0], np.full((1, 1), 300.0)))
     done = apply_report(report, sim, out)
-    assert done.notes == ("the report was made from another simulation",)
+    assert done.notes == ("the report was made from another simulated dataset",)
     before, after = arrays(sim), arrays(out)
     note = json.loads(after.pop("gap_applied"))
     assert before.keys() == after.keys()

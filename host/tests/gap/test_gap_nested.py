@@ -52,4 +52,4 @@ def test_what_the_verdict_does_not_believe_is_not_judged_inside_either():
 
 
 def test_words():
-    assert nested_agreement([["noise"], ["noise", "stiffness"]], ["noise", "unknown"]).endswith("in 1 of 2")
+    assert nested_agreement([["noise"], ["noise", "stiffness"]], ["noise", "unknown"]).endswith(": 1 of 2")

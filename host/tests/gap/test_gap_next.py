@@ -79,7 +79,7 @@ def angle(judge) -> float:
 
 def test_a_force_ladder_comes_first_where_presses_of_one_force_tell_two_effects_alike(gentle, world, tmp_path):
     found = next_presses(stiff_or_gain(gentle[1]))
-    assert found.line == "Confounded so far: stiffness and gain mismatch."
+    assert found.line == "Confounded effects: stiffness and gain mismatch."
     assert len(found.presses) == 10
     first = found.presses[0]
     assert (first.press.force_scale, first.separates) == (3.0, (STIFF, GAIN))

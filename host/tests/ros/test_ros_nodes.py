@@ -25,14 +25,14 @@ LISTENER = os.path.join(os.path.dirname(__file__), "ros1_listener.py")
 PYTHON = "/usr/bin/python3"
 PUBLISH = """
 import sys
-from taxel.cli.options import joint_angles
+from taxel.cli.options import parse_joint_angles
 from taxel.cli.ros import publish_skin
 from taxel.ros.node import open_node
 from taxel.ros.pace import Pace
 from taxel.skin import open_skin
 node = open_node(1)
 with open_skin("file:" + sys.argv[1]) as skin:
-    publish_skin(skin, node, joint_angles(sys.argv[2]), None, None, Pace(3.0))
+    publish_skin(skin, node, parse_joint_angles(sys.argv[2]), None, None, Pace(3.0))
 input()  # latched topics exist as long as the node
 node.close()
 """

@@ -167,7 +167,7 @@ def _notes(found: ReportedGap, sim: Path, out: Path) -> list[str]:
         notes.append("a part of the gap has an unknown cause, which was not added")
     with sim.open("rb") as file:
         if hashlib.file_digest(file, "sha256").hexdigest() != found.sim_sha256:
-            notes.append("the report was made from another simulation")
+            notes.append("the report was made from another simulated dataset")
     with GraspDataset(sim) as data:
         objects = {grasp.object for grasp in data}
     for one in found.effects:

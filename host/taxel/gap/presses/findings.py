@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taxel.gap.chain import Chain, Link
 from taxel.gap.cores import in_copies
-from taxel.gap.effects.effect import BOARD, HAND, OBJECT, Effect
+from taxel.gap.effects.effect import BOARD, HAND, OBJECT, Effect, Parameter
 from taxel.gap.fit import Fit, fit, started
 from taxel.gap.judge import REFITS, Judge
 from taxel.gap.metric import jackknife_error
@@ -128,7 +128,7 @@ def values_of(findings: Findings) -> Values:
                 parts.append(
                     (places, np.full(count, len(names) - 1), _errors(inside, row, count), np.full(count, size))
                 )
-                labels += [_label(pair, link, parameter.name, block) for block in range(count)]
+                labels += [_label(pair, link, parameter, block) for block in range(count)]
             first += count
     if not parts:
         empty = np.zeros(0)
@@ -142,8 +142,9 @@ def _errors(inside: Sequence[FloatArray], row: int, count: int) -> FloatArray:
     return jackknife_error(np.array([one[row] for one in inside])) if len(inside) > 2 else np.full(count, np.nan)
 
 
-def _label(pair: Pair, link: Link, parameter: str, block: int) -> str:
-    name, effect = parameter.replace("_", " "), link.effect
+def _label(pair: Pair, link: Link, parameter: Parameter, block: int) -> str:
+    """A parameter as text: without its unit, with its effect and its board or object."""
+    name, effect = parameter.name.removesuffix(f"_{parameter.unit}").replace("_", " "), link.effect
     text = f"{name} of {effect.name.replace('_', ' ')}"
     if effect.scope == BOARD:
         return f"{text}, {pair.sensors.name[block].replace('_', ' ')}"

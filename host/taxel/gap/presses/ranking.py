@@ -115,12 +115,12 @@ class _Questions:
         """What presses are ranked by."""
         if self._pairs:
             told = "; ".join(" and ".join(_words(name) for name in pair.names) for pair in self._pairs)
-            return f"Confounded so far: {told}."
+            return f"Confounded effects: {told}."
         if not len(self._values.place):
             return "No effects are confounded, and the effects have no parameters that a further grasp could determine."
         if self._all_known:
-            known = f"all parameters are known to {100 * WELL_KNOWN:.0f} %"
-            return f"No effects are confounded and {known}; the grasps are ranked by the remaining intervals."
+            known = f"all parameters have a relative standard error of at most {100 * WELL_KNOWN:.0f} %"
+            return f"No effects are confounded, and {known}; the grasps are ranked by the reduction of these errors."
         return "No effects are confounded; the grasps are ranked by the reduction of the parameters' intervals."
 
     def answers(self, batch: Batch) -> list[Advice]:

@@ -1,4 +1,4 @@
-"""What the page shows beside the fields of the report's form."""
+"""Fields of the report that only its page uses."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ from taxel.types import FloatArray
 def page_fields(
     pair: Pair, layout: Layout, real: SessionMeans, before: FloatArray, after: FloatArray, verdict: Verdict
 ) -> dict[str, Any]:
-    """What the page shows beside the fields of the form."""
+    """The fields by name: taxels and boards, excess of each taxel, numbers of grasps, gap by object and by board.
+
+    before, after: mean features of the simulator without and with the effects of the verdict, f64[C, F, n], counts.
+    """
     first, second = terms(real, before, layout), terms(real, after, layout)
     names = pair.object_names
     of_object = np.array([names.index(item) for item, _ in pair.cells], dtype=np.intp)
@@ -62,7 +65,8 @@ def page_fields(
         "losses": list(pair.losses),
         "margin": {
             "excess_counts2": verdict.margin,
-            "words": f"an upper bound of the excess up to {MARGIN_FLOORS:g} squared floors of both sides, at least "
-            f"{LEAST_MARGIN_COUNTS**2:g} squared counts, counts as no gap",
+            "words": "there is no gap if the upper bound of the excess is below this margin: "
+            f"{MARGIN_FLOORS:g} times the sum of the squared floors of hand and simulator, but at least "
+            f"{LEAST_MARGIN_COUNTS**2:g} counts²",
         },
     }
