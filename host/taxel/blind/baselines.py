@@ -1,4 +1,4 @@
-"""Simple reference diagnosers, scored beside the diagnosis: they show how easy the worlds are."""
+"""Simple reference diagnosers, scored like the diagnosis: their scores show how difficult the worlds are."""
 
 import hashlib
 from typing import Final

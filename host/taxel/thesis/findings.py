@@ -44,7 +44,10 @@ class Finding:
 
 @dataclass(frozen=True)
 class FurtherResult:
-    """A result of the thesis beside its findings, which no setting was fitted to. numbers: by object."""
+    """A result of the thesis in addition to its findings; no setting was fitted to it. numbers: texts by object.
+
+    printed: the printed result, as text.
+    """
 
     title: str
     numbers: dict[str, str]
@@ -184,7 +187,7 @@ _CRITERIA: Final = (
         _is_propagation_largest,
     ),
 )
-"""Findings 8, 10 and 12 compare the objects and have functions of their own."""
+"""Criteria that are evaluated for each object separately. Findings 8, 10 and 12 compare the objects; each has a function."""
 
 
 def _evaluate_propagation(results: Results) -> Finding:

@@ -1,4 +1,4 @@
-"""Summary of the gap diagnosis of the datasets, beside the shares of the treatment steps (Figure 5.13)."""
+"""Summary of the gap diagnosis of the datasets, with the shares of the treatment steps (Figure 5.13)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -202,7 +202,7 @@ def test_a_report_gives_what_the_two_files_give_without_a_search(capsys, diagnos
         assert one["gain"] == pytest.approx(other["gain"], rel=0.02)
     assert run_taxel("gap", "next", report, "--candidate", paths[1]) == 0
     out = " ".join(capsys.readouterr().out.split())
-    assert "all of its approaches are recorded already" in out
+    assert "all approaches of this dataset are recorded already" in out
     assert told["next_presses"][0]["press"].split()[-1] in out
 
 

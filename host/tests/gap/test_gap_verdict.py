@@ -72,4 +72,4 @@ def test_within_the_margin_counts_must_tell_an_effect_and_not_its_score_alone(re
     held = SimpleNamespace(reducible=reducible, shrink=SimpleNamespace(value=0.3), left2=0.0)
     verdict = judge_verdict(gap_of([0.08 * MARGIN] * 10), found, ("noise",), held)
     assert verdict.status == status
-    assert verdict.one_line.endswith("A part of them is noise (the hand has more noise).") == (status == "no_gap")
+    assert verdict.one_line.endswith("counts is due to noise (the hand has more noise).") == (status == "no_gap")
