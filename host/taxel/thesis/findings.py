@@ -187,7 +187,7 @@ _CRITERIA: Final = (
         _is_propagation_largest,
     ),
 )
-"""Criteria that are evaluated for each object separately. Findings 8, 10 and 12 compare the objects; each has a function."""
+"""Criteria that are evaluated for each object separately; findings 8, 10 and 12 compare the objects (functions below)."""
 
 
 def _evaluate_propagation(results: Results) -> Finding:
