@@ -187,7 +187,7 @@ _CRITERIA: Final = (
         _is_propagation_largest,
     ),
 )
-"""Criteria that are evaluated for each object separately; findings 8, 10 and 12 compare the objects (functions below)."""
+"""Criteria that are evaluated for each object separately; findings 8, 10 and 12 (functions below) compare objects."""
 
 
 def _evaluate_propagation(results: Results) -> Finding:
