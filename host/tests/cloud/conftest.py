@@ -116,11 +116,11 @@ def dataset(tmp_path):
 
 @pytest.fixture(scope="session")
 def surface_cloud():
-    """Function that builds clouds on built-in shapes, see `_surface_cloud`."""
-    return _surface_cloud
+    """Function that builds clouds on built-in shapes, see `build_surface_cloud`."""
+    return build_surface_cloud
 
 
-def _surface_cloud(
+def build_surface_cloud(
     name: str, count: int = 400, noise_m: float = 0.0005, seed: int = 1, grasps: int = 8
 ) -> ContactCloud:
     """Random points on a built-in shape with normal noise, assigned to random grasps of two approaches."""

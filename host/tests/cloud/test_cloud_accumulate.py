@@ -11,6 +11,7 @@ from taxel.cloud.propagation import Propagation
 from taxel.recording import GraspDataset
 
 BOARD, COLUMNS = 30, 5
+"""Taxels and columns of a board of the dataset."""
 
 
 def accumulate_file(path, name="cylinder", *arguments, **options):
@@ -87,24 +88,24 @@ def test_progress_counts_the_grasps_of_the_object(dataset):
 
 
 def test_propagation_activates_four_neighbours_with_the_signal_of_the_strongest(dataset):
-    middle = 2 * COLUMNS + 2
+    strongest = 2 * COLUMNS + 2
     cloud = accumulate_file(
-        dataset({"signals": ((middle, 400), (middle + 2, 300))}, source="sim"), propagation=Propagation()
+        dataset({"signals": ((strongest, 400), (strongest + 2, 300))}, source="sim"), propagation=Propagation()
     )
     counts = dict(zip(cloud.taxel.tolist(), cloud.counts.tolist(), strict=True))
-    neighbours = {middle - 1, middle + 1, middle - COLUMNS, middle + COLUMNS}
-    assert set(counts) == neighbours | {middle, middle + 2, middle + 2 - COLUMNS, middle + 2 + COLUMNS}
-    assert counts[middle - 1] == counts[middle + 1] == 400.0
-    assert counts[middle + 2 + COLUMNS] == 300.0
-    assert not set(cloud.taxel) & set(np.flatnonzero(np.isin(np.arange(4 * BOARD), [4 * BOARD - 1])))
+    neighbours = {strongest - 1, strongest + 1, strongest - COLUMNS, strongest + COLUMNS}
+    assert set(counts) == neighbours | {strongest, strongest + 2, strongest + 2 - COLUMNS, strongest + 2 + COLUMNS}
+    assert counts[strongest - 1] == counts[strongest + 1] == 400.0
+    assert counts[strongest + 2 + COLUMNS] == 300.0
+    assert 4 * BOARD - 1 not in cloud.taxel
 
 
 def test_propagation_stays_on_the_board_and_follows_its_reach(dataset):
     path = dataset({"signals": ((BOARD - 1, 400),)}, source="sim")
-    near = accumulate_file(path, propagation=Propagation())
-    assert set(near.taxel) == {BOARD - 1, BOARD - 2, BOARD - 1 - COLUMNS}
-    wide = accumulate_file(path, propagation=Propagation(reach_m=0.0075))
-    assert set(wide.taxel) == {BOARD - 1, BOARD - 2, BOARD - 1 - COLUMNS, BOARD - 2 - COLUMNS}
+    short_reach = accumulate_file(path, propagation=Propagation())
+    assert set(short_reach.taxel) == {BOARD - 1, BOARD - 2, BOARD - 1 - COLUMNS}
+    long_reach = accumulate_file(path, propagation=Propagation(reach_m=0.0075))
+    assert set(long_reach.taxel) == {BOARD - 1, BOARD - 2, BOARD - 1 - COLUMNS, BOARD - 2 - COLUMNS}
 
 
 def test_only_taxels_above_the_minimum_signal_propagate(dataset):
@@ -115,20 +116,20 @@ def test_only_taxels_above_the_minimum_signal_propagate(dataset):
 
 def test_selected_approach_keeps_its_inactive_taxels(dataset):
     path = dataset({"signals": ((0, 400),)}, {"approach": "top", "signals": ((1, 400), (2, 400))})
-    part = accumulate_file(path).select_approach("top")
-    assert part.taxel.tolist() == [1, 2]
-    assert len(part.inactive_points) == 2 * BOARD - 2
+    top_cloud = accumulate_file(path).select_approach("top")
+    assert top_cloud.taxel.tolist() == [1, 2]
+    assert len(top_cloud.inactive_points) == 2 * BOARD - 2
     with pytest.raises(CloudError, match="approach: expected one of side_1, top, found under"):
         accumulate_file(path).select_approach("under")
 
 
 @pytest.mark.parametrize(
-    ("points", "line"),
+    ("points", "message"),
     [
         (np.array([[0.0, np.nan, 1.0], [0.0, 0.0, 0.0]]), "points: expected finite coordinates, found 1 with NaN"),
         (np.zeros((3, 2)), r"points: expected shape \[N, 3\], found \[3, 2\]"),
     ],
 )
-def test_invalid_points_are_refused_in_one_line(points, line):
-    with pytest.raises(CloudError, match=line):
-        ContactCloud.from_points(points, name="mine")
+def test_invalid_points_are_refused_in_one_line(points, message):
+    with pytest.raises(CloudError, match=message):
+        ContactCloud.from_points(points, name="cloud")

@@ -82,8 +82,8 @@ def test_distances_to_a_shape_a_mesh_and_a_cloud(run, cylinder_file, tmp_path):
     assert shape["points"] == 600
     assert shape["mean_m"] == pytest.approx(0.0004, rel=0.1)
     mesh = get_builtin_models()["cylinder"]
-    write_mesh(TriangleMesh("mine", 1e3 * mesh.vertices, mesh.faces), tmp_path / "mine.stl")
-    assert json.loads(run("distance", cylinder_file, tmp_path / "mine.stl", "--unit", "mm", "--json"))[
+    write_mesh(TriangleMesh("cloud", 1e3 * mesh.vertices, mesh.faces), tmp_path / "model.stl")
+    assert json.loads(run("distance", cylinder_file, tmp_path / "model.stl", "--unit", "mm", "--json"))[
         "mean_m"
     ] == pytest.approx(shape["mean_m"], rel=1e-5)
     to_itself = run("distance", cylinder_file, cylinder_file)
@@ -113,9 +113,9 @@ def test_cloud_is_aligned_to_a_cloud(run, cylinder_file, tmp_path):
 
 
 def test_cloud_file_is_matched_with_a_shape_and_a_mesh_file(run, cylinder_file, tmp_path):
-    write_mesh(get_builtin_models()["cone"], tmp_path / "mine.obj")
-    result = json.loads(run("match", cylinder_file, "--model", "cylinder", "--model", tmp_path / "mine.obj", "--json"))
-    assert [fit["model"] for fit in result["matches"][0]["fits"]] == ["cylinder", str(tmp_path / "mine.obj")]
+    write_mesh(get_builtin_models()["cone"], tmp_path / "model.obj")
+    result = json.loads(run("match", cylinder_file, "--model", "cylinder", "--model", tmp_path / "model.obj", "--json"))
+    assert [fit["model"] for fit in result["matches"][0]["fits"]] == ["cylinder", str(tmp_path / "model.obj")]
     assert result["matches"][0]["confidence"]["cylinder"] == 1.0
     assert "cylinder.ply" in run("match", cylinder_file)
 
@@ -154,7 +154,7 @@ def test_no_file_is_overwritten_without_the_option(run, refused, dataset_file, c
     ):
         assert refused(*arguments).endswith("found one that exists; choose another name or --overwrite")
     assert cylinder_file.read_bytes() == before
-    (tmp_path / "sor.csv").write_text("mine")
+    (tmp_path / "sor.csv").write_text("cloud")
     assert "sor.csv: file: expected a new file" in refused(
         "sweep", dataset_file, "--object", "cylinder", "--out", tmp_path
     )
@@ -219,8 +219,8 @@ def test_option_out_of_range_is_refused_in_one_line(capsys, dataset_file, tmp_pa
 
 def test_mesh_in_another_unit_is_refused_in_one_line(refused, cylinder_file, tmp_path):
     mesh = get_builtin_models()["cylinder"]
-    write_mesh(TriangleMesh("mine", 1e3 * mesh.vertices, mesh.faces), tmp_path / "mine.obj")
+    write_mesh(TriangleMesh("cloud", 1e3 * mesh.vertices, mesh.faces), tmp_path / "model.obj")
     for name in ("distance", "align"):
-        message = refused(name, cylinder_file, tmp_path / "mine.obj")
+        message = refused(name, cylinder_file, tmp_path / "model.obj")
         assert "expected a mesh of about the size of the cloud, found mesh 143 m, cloud 0.146 m" in message
         assert message.endswith("give the unit of the mesh with --unit")

@@ -67,10 +67,10 @@ def test_statistics_of_three_distances():
 
 def test_empty_cloud_is_refused_in_one_line():
     empty, line = np.empty((0, 3)), "points: expected 1 or more, found none: the cloud is empty"
-    with pytest.raises(CloudError, match=f"mine: {line}"):
-        compute_distances_to_mesh(empty, get_builtin_models()["cone"], "mine")
-    with pytest.raises(CloudError, match=f"mine: {line}"):
-        compute_distances_to_cloud(empty, sample_points(), "mine")
+    with pytest.raises(CloudError, match=f"cloud: {line}"):
+        compute_distances_to_mesh(empty, get_builtin_models()["cone"], "cloud")
+    with pytest.raises(CloudError, match=f"cloud: {line}"):
+        compute_distances_to_cloud(empty, sample_points(), "cloud")
     with pytest.raises(CloudError, match=f"target: {line}"):
         compute_distances_to_cloud(sample_points(), empty)
 
@@ -78,5 +78,5 @@ def test_empty_cloud_is_refused_in_one_line():
 def test_points_that_are_not_finite_are_refused_in_one_line():
     points = sample_points()
     points[3, 1] = np.inf
-    with pytest.raises(CloudError, match="mine: points: expected finite coordinates, found 1 with NaN or infinity"):
-        compute_distances_to_mesh(points, get_builtin_models()["cone"], "mine")
+    with pytest.raises(CloudError, match="cloud: points: expected finite coordinates, found 1 with NaN or infinity"):
+        compute_distances_to_mesh(points, get_builtin_models()["cone"], "cloud")

@@ -107,11 +107,11 @@ def test_average_over_poses_equals_the_analytical_integral(deviation_m):
         logs = -0.5 * (((poses - true) / deviation_m) ** 2).sum(axis=1)
         return np.stack([logs, logs - 3.0], axis=1)
 
-    def integral(scale):
+    def compute_integral(scale):
         variance = deviation_m**2 + scale**2
         return 6.0 * np.log(deviation_m / np.sqrt(variance)) - 0.5 * (true**2).sum() / variance
 
-    expected = np.logaddexp(*(integral(scale) for scale in POSE_STD_M)) - np.log(2.0)
+    expected = np.logaddexp(*(compute_integral(scale) for scale in POSE_STD_M)) - np.log(2.0)
     averages = np.array([average_over_poses(log_likelihood, seed) for seed in range(8)])
     assert averages[:, 0] == pytest.approx(expected, abs=0.5)
     assert np.log(np.exp(averages[:, 0] - expected).mean()) == pytest.approx(0.0, abs=0.15)
@@ -146,8 +146,8 @@ def test_shape_is_identified_with_a_displaced_object_in_every_grasp(name, displa
 
 def test_likelihood_of_a_grasp_does_not_depend_on_other_grasps():
     cloud = simulate_grasps(get_builtin_models()["cylinder"], 0.002)
-    whole = get_shape_likelihood(get_builtin_models()["cylinder"]).compute_by_grasp(cloud)
-    assert whole.shape[0] == 3
+    all_grasps = get_shape_likelihood(get_builtin_models()["cylinder"]).compute_by_grasp(cloud)
+    assert all_grasps.shape[0] == 3
     single = cloud.select(cloud.grasp == 1)
     single = replace(
         single,
@@ -155,15 +155,15 @@ def test_likelihood_of_a_grasp_does_not_depend_on_other_grasps():
         inactive_grasp=cloud.inactive_grasp[cloud.inactive_grasp == 1],
     )
     by_grasp = get_shape_likelihood(get_builtin_models()["cylinder"]).compute_by_grasp(single)
-    assert (by_grasp[1] == whole[1]).all()
+    assert (by_grasp[1] == all_grasps[1]).all()
     assert (by_grasp[[0, 2]] == 0.0).all()
 
 
 def test_evidence_averages_over_settings_and_multiplies_over_grasps():
     by_grasp = np.log(np.array([[0.5, 0.1], [0.2, 0.4]]))
     assert compute_evidence(by_grasp) == pytest.approx([np.log(0.5 * (0.5 * 0.2 + 0.1 * 0.4))])
-    times = np.array([[2.0, 0.0], [1.0, 1.0]])
-    assert compute_evidence(by_grasp, times) == pytest.approx([np.log(0.5 * (0.25 + 0.01)), np.log(0.07)])
+    grasp_weights = np.array([[2.0, 0.0], [1.0, 1.0]])
+    assert compute_evidence(by_grasp, grasp_weights) == pytest.approx([np.log(0.5 * (0.25 + 0.01)), np.log(0.07)])
 
 
 def test_distant_inactive_taxels_do_not_change_the_likelihood():

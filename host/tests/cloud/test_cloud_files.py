@@ -137,18 +137,18 @@ def test_mesh_file_in_millimetres(tmp_path):
 
 def test_existing_file_is_not_overwritten_without_the_option(tmp_path, surface_cloud):
     path = tmp_path / "cloud.ply"
-    path.write_text("mine")
+    path.write_text("existing")
     with pytest.raises(CloudFileError, match="file: expected a new file, found one that exists; choose another name"):
         write_cloud(surface_cloud("cone"), path)
-    assert path.read_text() == "mine"
+    assert path.read_text() == "existing"
     write_cloud(surface_cloud("cone"), path, overwrite=True)
     assert len(read_cloud(path)) == 400
 
 
-def refusal(read, data: bytes) -> str:
+def read_refusal(read, data: bytes) -> str:
     """Error message of a reader for a file; empty if the reader accepts it. Any error but a TaxelError is a failure."""
     try:
-        read(Source("mine", data))
+        read(Source("cloud", data))
     except TaxelError as error:
         return str(error)
     return ""
@@ -156,7 +156,7 @@ def refusal(read, data: bytes) -> str:
 
 @pytest.mark.parametrize("sample", SAMPLES["valid"], ids=name_sample)
 def test_valid_file_is_read(sample):
-    content = Source("mine", sample["content"].encode("latin-1"))
+    content = Source("cloud", sample["content"].encode("latin-1"))
     if "corners" in sample:
         vertices, faces = READERS[sample["kind"]](content)
         assert vertices[faces].tolist() == sample["corners"]
@@ -176,16 +176,16 @@ def test_malformed_file_is_refused_in_one_line(sample):
         contents = READERS[sample["kind"]](source)
         return TriangleMesh(source.name, *contents) if isinstance(contents, tuple) else contents
 
-    message = refusal(read, sample["content"].encode("latin-1"))
-    assert message.startswith("mine: ")
+    message = read_refusal(read, sample["content"].encode("latin-1"))
+    assert message.startswith("cloud: ")
     assert sample["message"] in message
     assert "\n" not in message
 
 
 def test_text_mesh_with_faces_is_recognised_as_a_mesh():
     contents = {sample["name"]: sample["content"].encode("latin-1") for sample in SAMPLES["valid"]}
-    assert ply.has_faces(Source("mine", contents["text mesh"]))
-    assert not ply.has_faces(Source("mine", contents["text cloud with counts, grasps and silent taxels"]))
+    assert ply.has_faces(Source("cloud", contents["text mesh"]))
+    assert not ply.has_faces(Source("cloud", contents["text cloud with counts, grasps and silent taxels"]))
 
 
 @settings(max_examples=150, deadline=None, derandomize=True)
@@ -193,21 +193,21 @@ def test_text_mesh_with_faces_is_recognised_as_a_mesh():
 def test_random_bytes_are_read_or_refused_in_one_line(kind, noise, data):
     start = data.draw(st.sampled_from(STARTS))
     length = data.draw(st.integers(0, len(start)))
-    assert "\n" not in refusal(READERS[kind], (start[:length] + noise) or b"x")
+    assert "\n" not in read_refusal(READERS[kind], (start[:length] + noise) or b"x")
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(0, 2000), st.integers(0, 255))
 def test_file_with_one_changed_byte_is_read_or_refused_in_one_line(position, value):
     cloud = replace(
-        ContactCloud.from_points(np.arange(30.0).reshape(10, 3), np.arange(10.0), "mine"),
+        ContactCloud.from_points(np.arange(30.0).reshape(10, 3), np.arange(10.0), "existing"),
         grasps=("a",),
         approaches=("b",),
     )
     for write, read in ((ply.encode_cloud, ply.read_cloud), (pcd.encode_cloud, pcd.read_cloud)):
         written = bytearray(write(cloud))
         written[position % len(written)] = value
-        assert "\n" not in refusal(read, bytes(written))
+        assert "\n" not in read_refusal(read, bytes(written))
 
 
 def test_too_large_file_is_not_read(tmp_path, monkeypatch):
@@ -224,8 +224,10 @@ def test_too_large_file_is_not_read(tmp_path, monkeypatch):
 def test_text_with_too_many_words_is_not_split(monkeypatch):
     monkeypatch.setattr("taxel.cloud.files.source.MAX_WORDS", 100)
     for kind in ("xyz", "obj", "stl"):
-        assert "file: expected at most 100 words" in refusal(READERS[kind], b"solid\n" + b"1 2 3\n" * 40)
-    assert "rows: expected at most 100 words" in refusal(ply.read_cloud, START_OF_PLY + b"end_header\n" + b"1 " * 101)
+        assert "file: expected at most 100 words" in read_refusal(READERS[kind], b"solid\n" + b"1 2 3\n" * 40)
+    assert "rows: expected at most 100 words" in read_refusal(
+        ply.read_cloud, START_OF_PLY + b"end_header\n" + b"1 " * 101
+    )
 
 
 def test_nan_in_a_file_is_refused_in_one_line(tmp_path):
@@ -252,8 +254,8 @@ def test_inconsistent_names_of_grasps_are_refused_in_one_line():
     text = (
         START_OF_PLY.decode().replace("element", comments + "element", 1) + "property int grasp\nend_header\n1 2 3 {}\n"
     )
-    assert ply.read_cloud(Source("mine", text.format(0, 0).encode())).grasps == ("a",)
+    assert ply.read_cloud(Source("cloud", text.format(0, 0).encode())).grasps == ("a",)
     with pytest.raises(CloudFileError, match="comment: expected an approach that an earlier comment names"):
-        ply.read_cloud(Source("mine", text.format(1, 0).encode()))
+        ply.read_cloud(Source("cloud", text.format(1, 0).encode()))
     with pytest.raises(CloudError, match="grasp: expected rows of the 1 grasps, found 5 to 5"):
-        ply.read_cloud(Source("mine", text.format(0, 5).encode()))
+        ply.read_cloud(Source("cloud", text.format(0, 5).encode()))

@@ -25,7 +25,8 @@ COORDINATE = st.floats(-0.1, 0.1).map(lambda value: round(value, 6))
 CLOUDS = hnp.arrays(np.float64, st.tuples(st.integers(5, 40), st.just(3)), elements=COORDINATE)
 
 
-def filter_by_definition(points, k, n_sigma):
+def compute_by_definition(points, k, n_sigma):
+    """Mean neighbour distances and inliers, computed from all pairs of points."""
     mean = np.sort(cdist(points, points), axis=1)[:, 1:k].mean(axis=1)
     return mean, mean <= mean.mean() + n_sigma * np.sqrt(np.mean((mean - mean.mean()) ** 2))
 
@@ -34,7 +35,7 @@ def filter_by_definition(points, k, n_sigma):
 def test_filter_agrees_with_its_definition_point_by_point(k):
     seed = 3
     points = np.random.default_rng(seed).normal(0.0, 0.02, (600, 3))
-    mean, is_inlier = filter_by_definition(points, k, 1.0)
+    mean, is_inlier = compute_by_definition(points, k, 1.0)
     assert compute_mean_neighbour_distances(points, [k])[0] == pytest.approx(mean, rel=1e-12), f"seed {seed}"
     assert (find_inliers(points, k, 1.0) == is_inlier).all(), f"seed {seed}"
 
@@ -63,16 +64,16 @@ def test_neighbour_distances_are_invariant_under_rigid_motion(points, rotation):
 
 
 def test_equal_distances_give_no_outlier():
-    ring = 2.0 * np.pi * np.arange(40) / 40
-    points = np.stack([np.cos(ring), np.sin(ring), 0.0 * ring], axis=1)
+    angle = 2.0 * np.pi * np.arange(40) / 40
+    points = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
     assert find_inliers(points, 5, 0.0).all()
 
 
 def test_isolated_point_is_removed(surface_cloud):
     cloud = surface_cloud("cylinder", noise_m=0.0)
-    far = cloud.points.copy()
-    far[17] += 0.2
-    clean = remove_outliers(replace(cloud, points=far), 20, 2.0)
+    points = cloud.points.copy()
+    points[17] += 0.2
+    clean = remove_outliers(replace(cloud, points=points), 20, 2.0)
     assert len(clean) == len(cloud) - 1
     assert 0.2 not in clean.points[:, 0].round(1)
 
@@ -84,8 +85,8 @@ def test_coincident_points_are_not_outliers():
 
 @pytest.mark.parametrize("k", [11, 1000])
 def test_fewer_points_than_n_are_refused_in_one_line(k):
-    with pytest.raises(CloudError, match=f"mine: points: expected {k} or more, the N of the outlier filter, found 10"):
-        find_inliers(np.eye(10)[:, :3], k, 1.0, "mine")
+    with pytest.raises(CloudError, match=f"cloud: points: expected {k} or more, the N of the outlier filter, found 10"):
+        find_inliers(np.eye(10)[:, :3], k, 1.0, "cloud")
 
 
 def test_n_below_two_is_refused_in_one_line():
@@ -94,9 +95,8 @@ def test_n_below_two_is_refused_in_one_line():
 
 
 def test_filter_uses_the_population_standard_deviation():
-    mean = np.array(
-        [1.0, 1.0, 1.0, 2.0]
-    )  # population 0.433, sample 0.5: at 1.6 sigma only the first one removes the last point
+    # Standard deviation: population 0.433, sample 0.5. At 1.6 sigma, only the former excludes the last value.
+    mean = np.array([1.0, 1.0, 1.0, 2.0])
     assert select_inliers(mean, 1.6).tolist() == [True, True, True, False]
 
 

@@ -12,7 +12,7 @@ POINTS = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.002], [0.1, 0.0, 0.0], [0.0, 0.
 def build_cloud() -> ContactCloud:
     """Taxel 7 in two repeats of "side" and in "top", taxel 8 in one repeat of "side", none in its third repeat."""
     return ContactCloud(
-        "mine",
+        "cloud",
         POINTS,
         np.array([200.0, 300.0, 160.0, 400.0, 500.0]),
         np.array([0, 1, 0, 2, 2]),

@@ -62,27 +62,27 @@ def test_inactive_taxels_distinguish_shapes_that_contacts_do_not():
 
 
 def test_likelihoods_of_a_cloud_can_be_used_for_its_parts():
-    whole = build_top_cloud(has_inactive=True)
-    both = replace(
-        whole,
-        points=np.tile(whole.points, (2, 1)),
-        counts=np.tile(whole.counts, 2),
-        taxel=np.tile(whole.taxel, 2),
-        grasp=np.repeat([0, 1], len(whole)),
+    single_approach = build_top_cloud(has_inactive=True)
+    two_approaches = replace(
+        single_approach,
+        points=np.tile(single_approach.points, (2, 1)),
+        counts=np.tile(single_approach.counts, 2),
+        taxel=np.tile(single_approach.taxel, 2),
+        grasp=np.repeat([0, 1], len(single_approach)),
         grasps=("0000", "0001"),
         grasp_approach=np.array([0, 1]),
         approaches=("side", "top"),
-        inactive_points=np.tile(whole.inactive_points, (2, 1)),
-        inactive_grasp=np.repeat([0, 1], len(whole.inactive_points)),
+        inactive_points=np.tile(single_approach.inactive_points, (2, 1)),
+        inactive_grasp=np.repeat([0, 1], len(single_approach.inactive_points)),
     )
     models = {name: get_builtin_models()[name] for name in ("rectangular_prism", "triangular_prism")}
-    likelihoods = compute_likelihoods(both, models)
-    part = both.select_approach("top")
-    reused, computed = match(part, models, likelihoods=likelihoods), match(part, models)
+    likelihoods = compute_likelihoods(two_approaches, models)
+    top_cloud = two_approaches.select_approach("top")
+    reused, computed = match(top_cloud, models, likelihoods=likelihoods), match(top_cloud, models)
     assert [fit.to_json() for fit in reused.fits] == [fit.to_json() for fit in computed.fits]
     assert reused.lead == computed.lead
     assert reused.confidence is None
-    assert set(match(both, models, likelihoods=likelihoods, bootstrap_samples=10).confidence) == set(models)
+    assert set(match(two_approaches, models, likelihoods=likelihoods, bootstrap_samples=10).confidence) == set(models)
 
 
 def test_confidence_is_a_bootstrap_over_whole_grasps():
@@ -102,7 +102,7 @@ def test_confidence_is_a_bootstrap_over_whole_grasps():
 
 
 def test_one_grasp_has_no_confidence_and_one_model_has_no_margin(surface_cloud):
-    cloud = ContactCloud.from_points(surface_cloud("cone").points, name="mine")
+    cloud = ContactCloud.from_points(surface_cloud("cone").points, name="cloud")
     result = match(cloud, {"cone": get_builtin_models()["cone"]})
     assert result.confidence is None
     assert np.isnan(result.margin)

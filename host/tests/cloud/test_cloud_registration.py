@@ -12,7 +12,7 @@ from taxel.cloud.models import get_builtin_models
 from taxel.cloud.registration import PointTarget, align_to_mesh, align_to_points
 from taxel.hand.transforms import apply, check_rigid, from_rotation_vector, inverse, to_rotation_vector
 
-SIX = st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6)
+SIX_NUMBERS = st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6)
 PRISMS = ("rectangular_prism", "triangular_prism", "hexagonal_prism")
 
 
@@ -22,7 +22,7 @@ def build_motion(rotation, shift):
     return transform
 
 
-def compare(first, second):
+def measure_difference(first, second):
     """Rotation in degrees and shift in millimetres between two transforms."""
     difference = inverse(first) @ second
     return np.degrees(np.linalg.norm(to_rotation_vector(difference))), 1e3 * np.linalg.norm(difference[:3, 3])
@@ -30,23 +30,23 @@ def compare(first, second):
 
 def run_besl_mckay(points, mesh, steps=400):
     """RMS distance after the algorithm of Besl and McKay, with the nearest points of the surface."""
-    moved = points.copy()
+    aligned = points.copy()
     for _ in range(steps):
-        closest = mesh.find_closest(moved).point
-        centre, target = moved.mean(axis=0), closest.mean(axis=0)
-        u, _, v = np.linalg.svd((moved - centre).T @ (closest - target))
+        closest = mesh.find_closest(aligned).point
+        centre, target = aligned.mean(axis=0), closest.mean(axis=0)
+        u, _, v = np.linalg.svd((aligned - centre).T @ (closest - target))
         rotation = (u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v).T
-        moved = (moved - centre) @ rotation.T + target
-    return np.sqrt(np.mean(mesh.find_closest(moved).distance ** 2))
+        aligned = (aligned - centre) @ rotation.T + target
+    return np.sqrt(np.mean(mesh.find_closest(aligned).distance ** 2))
 
 
 @settings(max_examples=20, deadline=None, derandomize=True)
-@given(SIX, st.sampled_from(PRISMS))
+@given(SIX_NUMBERS, st.sampled_from(PRISMS))
 def test_small_motion_is_reversed_on_a_mesh(numbers, name):
     mesh = get_builtin_models()[name]
     applied = build_motion(0.05 * np.array(numbers[:3]), 0.003 * np.array(numbers[3:]))
     result = align_to_mesh(apply(applied, mesh.sample(500, seed=3)), mesh, tolerance=1e-12)
-    degrees, mm = compare(inverse(applied), result.transform)
+    degrees, mm = measure_difference(inverse(applied), result.transform)
     assert result.converged
     assert result.rms_m < 1e-6
     assert degrees < 0.01
@@ -54,12 +54,12 @@ def test_small_motion_is_reversed_on_a_mesh(numbers, name):
 
 
 @settings(max_examples=15, deadline=None, derandomize=True)
-@given(SIX)
+@given(SIX_NUMBERS)
 def test_small_motion_is_reversed_on_a_cloud(numbers):
     target = np.random.default_rng(5).uniform(-0.05, 0.05, (300, 3))
     applied = build_motion(0.02 * np.array(numbers[:3]), 0.001 * np.array(numbers[3:]))
     result = align_to_points(apply(applied, target[::2]), PointTarget(target))
-    degrees, mm = compare(inverse(applied), result.transform)
+    degrees, mm = measure_difference(inverse(applied), result.transform)
     assert result.rms_m < 1e-7
     assert degrees < 1e-3
     assert mm < 1e-3
@@ -116,7 +116,7 @@ def test_alignment_reports_when_it_reaches_the_maximum_number_of_steps(surface_c
 
 
 @settings(max_examples=4, deadline=None, derandomize=True)
-@given(SIX)
+@given(SIX_NUMBERS)
 def test_cloud_in_an_unknown_pose_is_aligned_to_its_mesh(numbers):
     mesh = get_builtin_models()["triangular_prism"]
     points = apply(build_motion(3.0 * np.array(numbers[:3]), numbers[3:]), mesh.sample(600, seed=3))
@@ -151,12 +151,12 @@ def test_guesses_are_rotations_that_map_centre_to_centre():
 )
 def test_points_that_do_not_determine_a_rotation_are_refused_in_one_line(points, found, surface_cloud):
     line = f"points: expected three or more that do not lie on one line, {found}"
-    with pytest.raises(RegistrationError, match=f"mine: {line}"):
-        align_to_mesh(points, get_builtin_models()["cone"], name="mine")
+    with pytest.raises(RegistrationError, match=f"cloud: {line}"):
+        align_to_mesh(points, get_builtin_models()["cone"], name="cloud")
     with pytest.raises(RegistrationError, match=f"target: {line}"):
         PointTarget(points)
-    with pytest.raises(RegistrationError, match=f"mine: {line}"):
-        align_to_points(points, PointTarget(surface_cloud("cone").points), name="mine")
+    with pytest.raises(RegistrationError, match=f"cloud: {line}"):
+        align_to_points(points, PointTarget(surface_cloud("cone").points), name="cloud")
 
 
 def test_one_point_beside_a_line_is_enough():
@@ -165,11 +165,11 @@ def test_one_point_beside_a_line_is_enough():
 
 
 def test_nan_is_refused_in_one_line():
-    with pytest.raises(CloudError, match="mine: points: expected finite coordinates"):
-        align_to_mesh(np.full((5, 3), np.nan), get_builtin_models()["cone"], name="mine")
+    with pytest.raises(CloudError, match="cloud: points: expected finite coordinates"):
+        align_to_mesh(np.full((5, 3), np.nan), get_builtin_models()["cone"], name="cloud")
 
 
 def test_cloud_beyond_the_largest_pair_distance_is_refused(surface_cloud):
     points = surface_cloud("cone").points
-    with pytest.raises(RegistrationError, match="mine: alignment: expected convergence, found divergence"):
-        align_to_points(points + 1e5, PointTarget(points), name="mine")
+    with pytest.raises(RegistrationError, match="cloud: alignment: expected convergence, found divergence"):
+        align_to_points(points + 1e5, PointTarget(points), name="cloud")

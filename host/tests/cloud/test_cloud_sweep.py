@@ -76,6 +76,6 @@ def test_threshold_that_removes_every_point_is_refused_in_one_line(surface_cloud
 
 
 def test_fewer_points_than_n_are_refused_in_one_line(surface_cloud):
-    few = surface_cloud("cylinder").select(np.arange(15))
+    few_points = surface_cloud("cylinder").select(np.arange(15))
     with pytest.raises(CloudError, match="points: expected 20 or more, the N of the outlier filter, found"):
-        sweep_outlier_filter(few, get_builtin_models()["cylinder"], "cylinder")
+        sweep_outlier_filter(few_points, get_builtin_models()["cylinder"], "cylinder")

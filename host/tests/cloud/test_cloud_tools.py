@@ -67,10 +67,10 @@ def test_files_of_cloudcompare_are_read(tools, tmp_path):
 
 
 def test_every_exceeded_bound_is_listed(tools):
-    row = tools.compare_cloudcompare.Row("mine", 10, 0.1, -1.5, 0.0, 0.0, 98.0, 2.0, -5.0)
-    speed = tools.compare_cloudcompare.Speed("mine", 22, 1.0, 9.0, 0.0, 0.0)
+    row = tools.compare_cloudcompare.Row("cloud", 10, 0.1, -1.5, 0.0, 0.0, 98.0, 2.0, -5.0)
+    speed = tools.compare_cloudcompare.Speed("cloud", 22, 1.0, 9.0, 0.0, 0.0)
     violations = tools.compare_cloudcompare.list_violations([row], speed)
-    assert [line.split(":")[0] for line in violations] == ["mine", "mine", "mine", "sweep"]
+    assert [line.split(":")[0] for line in violations] == ["cloud", "cloud", "cloud", "sweep"]
     assert "mesh_rms differs by -1.500 %" in violations[0]
 
 

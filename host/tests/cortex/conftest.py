@@ -9,20 +9,21 @@ from types import SimpleNamespace
 import pytest
 
 FOLDER = Path(__file__).resolve().parents[3] / "tools" / "cortex"
-NAMES = ("bare_cpu", "unicorn_oracle", "cases", "deviations", "differential", "images")
+MODULES = ("bare_cpu", "unicorn_oracle", "cases", "deviations", "differential", "images")
 
 
 @pytest.fixture(scope="session")
 def cortex():
+    """The modules of tools/cortex."""
     sys.path.insert(0, str(FOLDER))
-    yield SimpleNamespace(**{name: importlib.import_module(name) for name in NAMES})
+    yield SimpleNamespace(**{name: importlib.import_module(name) for name in MODULES})
     while str(FOLDER) in sys.path:
         sys.path.remove(str(FOLDER))
 
 
 @pytest.fixture(scope="session")
-def image_of(cortex) -> Callable:
-    """Compile a program, or skip the test and name the missing tool."""
+def build_image(cortex) -> Callable:
+    """Builds a program by name; skips the test if a tool is missing."""
 
     def build(name: str):
         try:
@@ -34,7 +35,9 @@ def image_of(cortex) -> Callable:
 
 
 @pytest.fixture(scope="session")
-def in_qemu(cortex) -> Callable:
+def run_in_qemu(cortex) -> Callable:
+    """Runs an image in QEMU; skips the test if QEMU is missing."""
+
     def run(image, **options):
         try:
             return cortex.images.run_qemu(image, **options)
@@ -45,7 +48,9 @@ def in_qemu(cortex) -> Callable:
 
 
 @pytest.fixture(scope="session")
-def in_unicorn(cortex) -> Callable:
+def run_in_unicorn(cortex) -> Callable:
+    """Runs an image in Unicorn; skips the test if Unicorn is missing."""
+
     def run(image):
         try:
             return cortex.images.run_unicorn(image)
@@ -57,9 +62,10 @@ def in_unicorn(cortex) -> Callable:
 
 @pytest.fixture
 def oracle(cortex):
+    """Unicorn as the reference for single instructions."""
     try:
-        opened = cortex.unicorn_oracle.UnicornOracle()
+        unicorn_oracle = cortex.unicorn_oracle.UnicornOracle()
     except cortex.unicorn_oracle.UnicornMissingError as missing:
         pytest.skip(str(missing))
-    with opened:
-        yield opened
+    with unicorn_oracle:
+        yield unicorn_oracle

@@ -4,14 +4,18 @@ import numpy as np
 import pytest
 
 NOP, WFI, BKPT, B_HERE = 0xBF00, 0xBF30, 0xBE00, 0xE7FE
+PROGRAM_COUNTER = 15
+"""Index of the program counter in the field `r` of a state."""
 
 
 def encode_halfwords(*halfwords: int) -> bytes:
+    """Machine code of 16-bit instructions."""
     return np.array(halfwords, "<u2").tobytes()
 
 
 @pytest.fixture
 def cpu(cortex):
+    """A processor with 1 KiB of flash, 512 bytes of RAM, and a vector table that starts programs at 0x100."""
     with cortex.bare_cpu.BareCpu(1024, 512) as cpu:
         cpu.write_memory(0, np.array([0x20000200, 0x101] + [0x181] * 46, "<u4").tobytes())
         cpu.write_memory(0x180, encode_halfwords(0x4770))  # BX LR
@@ -19,7 +23,7 @@ def cpu(cortex):
 
 
 def test_a_program_is_loaded_and_run_until_a_cycle(cortex, cpu):
-    cpu.write_memory(0x100, encode_halfwords(0x3001, 0xE7FD))  # ADDS r0, #1; B
+    cpu.write_memory(0x100, encode_halfwords(0x3001, 0xE7FD))  # a loop of 4 cycles: ADDS r0, #1; B
     cpu.reset()
     assert cpu.run(4000) == cortex.bare_cpu.Reason.DEADLINE
     assert cpu.cycle == 4000
@@ -30,11 +34,11 @@ def test_a_step_executes_one_instruction(cortex, cpu):
     cpu.write_memory(0x100, encode_halfwords(NOP, BKPT))
     cpu.reset()
     cpu.step()
-    cpu.set_line(3, True)  # not enabled
+    cpu.set_line(3, True)  # an interrupt that is not enabled has no effect
     assert cpu.step() == cortex.bare_cpu.Reason.BREAKPOINT
-    assert cpu.state["r"][0, 15] == 0x102
+    assert cpu.state["r"][0, PROGRAM_COUNTER] == 0x102
     cpu.skip_breakpoint()
-    assert cpu.state["r"][0, 15] == 0x104
+    assert cpu.state["r"][0, PROGRAM_COUNTER] == 0x104
 
 
 def test_a_run_that_ends_asleep_reports_it(cortex, cpu):
@@ -61,9 +65,9 @@ def test_states_are_read_and_written(cortex, cpu):
 
 def test_cases_run_one_instruction_each(cortex):
     with cortex.bare_cpu.BareCpu(halt_on_fault=True) as cpu:
-        cpu.write_memory(0x100, encode_halfwords(0x3001, NOP, 0xDE00, NOP))
+        cpu.write_memory(0x100, encode_halfwords(0x3001, NOP, 0xDE00, NOP))  # ADDS r0, #1; NOP; undefined; NOP
         states = np.zeros(2, cortex.bare_cpu.STATE)
-        states["r"][:, 15] = 0x100, 0x104
+        states["r"][:, PROGRAM_COUNTER] = 0x100, 0x104
         states["xpsr"] = 0x01000000
         cpu.run_cases(states)
     assert states["r"][0, 0] == 1

@@ -16,16 +16,16 @@ def cpu(cortex):
 
 def test_every_instruction_has_the_same_effect_as_in_unicorn(cortex, cpu, oracle):
     print(f"seed {SEED}")
-    tally, first = {}, set()
+    tally, first_halfwords = {}, set()
     for index in range(BLOCKS):
-        part, lines = cortex.differential.check_block(SEED, index, cpu, oracle)
-        assert not lines, f"seed {SEED}, " + "\n".join(lines)
-        first |= set(cortex.cases.generate_block(SEED, index).first.tolist())
-        for name, count in part.items():
+        block_tally, differences = cortex.differential.check_block(SEED, index, cpu, oracle)
+        assert not differences, f"seed {SEED}, " + "\n".join(differences)
+        first_halfwords |= set(cortex.cases.generate_block(SEED, index).first.tolist())
+        for name, count in block_tally.items():
             tally[name] = tally.get(name, 0) + count
     print(tally)
     assert sum(tally.values()) == BLOCKS * cortex.cases.BLOCK >= 100_000
-    assert len(first) > 0.9 * 0x10000
+    assert len(first_halfwords) > 0.9 * 0x10000
     for verdict in cortex.unicorn_oracle.Verdict:
         assert tally[verdict.name] > 300
     for deviation in cortex.deviations.KNOWN:
@@ -34,8 +34,8 @@ def test_every_instruction_has_the_same_effect_as_in_unicorn(cortex, cpu, oracle
 
 def test_a_difference_is_found_and_described(cortex, cpu, oracle):
     block = cortex.cases.generate_block(SEED, 0)
-    outcome, same = cortex.differential.run_block(block, cpu, oracle)
-    assert same
+    outcome, is_equal = cortex.differential.run_block(block, cpu, oracle)
+    assert is_equal
     different = cortex.differential.differences(outcome)
     case = int(np.flatnonzero(~different & (outcome.verdict == 0))[0])
     outcome.emulated["r"][case, 3] ^= 1

@@ -10,6 +10,7 @@ import pytest
 
 PORT = 0x40000000
 NVIC_ISER = 0xE000E100
+EXC_RETURN = 0xFFFFFFF9
 STR_R0_R1, LDR_R0_R1, ADDS_R0_1, NOP, WFI, BX_LR, MOVW = (
     0x6008,
     0x6808,
@@ -27,6 +28,7 @@ def encode_halfwords(*halfwords: int) -> bytes:
 
 @pytest.fixture
 def u():
+    """The package `unicorn`."""
     return pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn==2.1.4")
 
 
@@ -36,6 +38,7 @@ def arm(u):
 
 
 def create_engine(u, arm, mode, *halfwords):
+    """An engine with instructions at 0x100."""
     engine = u.Uc(u.UC_ARCH_ARM, mode, arm.UC_CPU_ARM_CORTEX_M0)
     engine.mem_map(0, 0x10000)
     engine.mem_map(0x20000000, 0x4000)
@@ -67,7 +70,7 @@ def test_the_system_control_space_is_missing(cortex, u, arm):
 
 def test_an_exception_return_is_not_supported(u, arm):
     engine = create_engine(u, arm, u.UC_MODE_THUMB, BX_LR)
-    engine.reg_write(arm.UC_ARM_REG_LR, 0xFFFFFFF9)
+    engine.reg_write(arm.UC_ARM_REG_LR, EXC_RETURN)
     with pytest.raises(u.UcError):
         engine.emu_start(0x101, 0x102)
 
@@ -76,15 +79,15 @@ def test_an_exception_return_is_not_supported(u, arm):
 def test_a_stop_in_a_callback_repeats_the_store(u, arm, callback_kind):
     engine, writes = create_engine(u, arm, u.UC_MODE_THUMB, STR_R0_R1, ADDS_R0_1), []
 
-    def on_write(engine, *arguments):
+    def record_write(engine, *arguments):
         writes.append(arguments)
         engine.emu_stop()
 
     if callback_kind == "mmio":
-        engine.mmio_map(PORT, 0x1000, lambda *_: 0, None, on_write, None)
+        engine.mmio_map(PORT, 0x1000, lambda *_: 0, None, record_write, None)
     else:
         engine.mem_map(PORT, 0x1000)
-        engine.hook_add(u.UC_HOOK_MEM_WRITE, on_write, None, PORT, PORT + 0xFFF)
+        engine.hook_add(u.UC_HOOK_MEM_WRITE, record_write, None, PORT, PORT + 0xFFF)
     engine.reg_write(arm.UC_ARM_REG_R1, PORT)
     for count in (1, 2):
         engine.emu_start(engine.reg_read(arm.UC_ARM_REG_PC) | 1 if count > 1 else 0x101, 0x104)
@@ -95,11 +98,11 @@ def test_a_stop_in_a_callback_repeats_the_store(u, arm, callback_kind):
 def test_a_callback_sees_only_the_address_of_the_block(u, arm):
     engine, program_counters = create_engine(u, arm, u.UC_MODE_THUMB, NOP, NOP, LDR_R0_R1, NOP, LDR_R0_R1), []
 
-    def on_read(engine, *_):
+    def record_program_counter(engine, *_):
         program_counters.append(engine.reg_read(arm.UC_ARM_REG_PC))
         return 0
 
-    engine.mmio_map(PORT, 0x1000, on_read, None, lambda *_: None, None)
+    engine.mmio_map(PORT, 0x1000, record_program_counter, None, lambda *_: None, None)
     engine.reg_write(arm.UC_ARM_REG_R1, PORT)
     engine.emu_start(0x101, 0x10A)
     assert program_counters == [0x100, 0x100]  # the beginning of the block, not 0x104 and 0x108

@@ -22,15 +22,15 @@ BRACKET_POSES = np.eye(4)[None]
 SCENE = Scene({"block": ConvexPolytope.box(0.1, 0.1, 0.05), "rod": Cylinder(0.008, 0.1)})
 
 
-def translation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> np.ndarray:
+def make_translation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> np.ndarray:
     result = np.eye(4)
     result[:3, 3] = x, y, z
     return result
 
 
-def block_at_depth(depth_m: float) -> np.ndarray:
+def place_block(depth_m: float) -> np.ndarray:
     """Pose of the block with its lower face at this depth below the surface of the layer."""
-    return translation(z=LAYER_M - depth_m)
+    return make_translation(z=LAYER_M - depth_m)
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +44,9 @@ def test_contact_has_the_boards_and_taxels_of_the_hand():
         assert (contact.board_count, contact.taxel_count) == (len(ALLEGRO.boards), ALLEGRO.n_taxels)
 
 
-def test_block_presses_all_taxels_equally_and_loads_the_margin_too(flat8):
-    forces = flat8.compute_forces(0, block_at_depth(3e-4), BRACKET_POSES)
-    load = flat8.compute_load(0, block_at_depth(3e-4), BRACKET_POSES)
+def test_block_loads_all_taxels_equally_and_also_loads_the_margin(flat8):
+    forces = flat8.compute_forces(0, place_block(3e-4), BRACKET_POSES)
+    load = flat8.compute_load(0, place_block(3e-4), BRACKET_POSES)
     assert load.touched_board_count == 1
     assert forces.min() > 0
     assert forces == pytest.approx(np.full(64, forces[0]))
@@ -55,7 +55,7 @@ def test_block_presses_all_taxels_equally_and_loads_the_margin_too(flat8):
 
 def test_force_rises_more_than_linearly_with_depth(flat8):
     forces = np.array(
-        [flat8.compute_forces(0, block_at_depth(depth), BRACKET_POSES).sum() for depth in np.linspace(0.0, 6e-4, 13)]
+        [flat8.compute_forces(0, place_block(depth), BRACKET_POSES).sum() for depth in np.linspace(0.0, 6e-4, 13)]
     )
     assert forces[0] == 0
     assert (np.diff(forces) > 0).all()
@@ -64,10 +64,10 @@ def test_force_rises_more_than_linearly_with_depth(flat8):
 
 def test_there_is_no_load_without_contact_or_without_object(flat8):
     for index, pose in (
-        (0, block_at_depth(-1e-5)),
-        (0, translation(z=1.0)),
-        (0, translation(x=0.2)),
-        (-1, block_at_depth(5e-4)),
+        (0, place_block(-1e-5)),
+        (0, make_translation(z=1.0)),
+        (0, make_translation(x=0.2)),
+        (-1, place_block(5e-4)),
     ):
         load = flat8.compute_load(index, pose, BRACKET_POSES)
         assert load.touched_board_count == 0
@@ -82,7 +82,7 @@ def test_stiffness_is_the_negative_derivative_of_the_wrench(flat8, seed):
     rng = np.random.default_rng(seed)
     print(f"seed {seed}")
     tilt = from_rotation_vector([*rng.uniform(-4e-3, 4e-3, 2), rng.uniform(-3.0, 3.0)])
-    object_pose = block_at_depth(5e-4) @ tilt
+    object_pose = place_block(5e-4) @ tilt
     load, step = flat8.compute_load(0, object_pose, BRACKET_POSES), 1e-7
     measured = np.zeros((6, 6))
     for axis in range(6):
@@ -100,7 +100,7 @@ def test_stiffness_is_the_negative_derivative_of_the_wrench(flat8, seed):
     assert measured[normal] == pytest.approx(load.stiffness[0][normal], rel=0.03, abs=1e-3)
 
 
-def test_rod_presses_a_strip_of_taxels(flat8):
+def test_rod_loads_only_the_strip_of_taxels_below_it(flat8):
     rod_pose = from_rotation_vector([np.pi / 2, 0.0, 0.0])  # rod axis along -y of the board
     rod_pose[:3, 3] = 0.0, 0.05, LAYER_M + 0.008 - 3e-4
     forces = flat8.compute_forces(1, rod_pose, BRACKET_POSES)
@@ -113,14 +113,14 @@ def test_common_motion_of_board_and_object_does_not_change_the_load(flat8):
     motion = from_rotation_vector([0.4, -0.8, 0.3])
     motion[:3, 3] = 0.5, -0.2, 0.1
     at_rest, moved = (
-        flat8.compute_load(0, block_at_depth(3e-4), BRACKET_POSES),
-        flat8.compute_load(0, motion @ block_at_depth(3e-4), motion[None]),
+        flat8.compute_load(0, place_block(3e-4), BRACKET_POSES),
+        flat8.compute_load(0, motion @ place_block(3e-4), motion[None]),
     )
     assert moved.wrench == pytest.approx(at_rest.wrench, rel=1e-6, abs=1e-6)
 
 
 def test_offsets_of_brackets_and_objects_are_applied_to_nominal_poses():
-    bracket_offset, object_offset = from_rotation_vector([0.0, 0.0, 0.2]), translation(0.001, 0.0, -1e-4)
+    bracket_offset, object_offset = from_rotation_vector([0.0, 0.0, 0.2]), make_translation(0.001, 0.0, -1e-4)
     bracket_offset[:3, 3] = 2e-4, -3e-4, 1e-4
     scene = Scene(SCENE.objects, {"flat8": bracket_offset}, {"rod": object_offset, "block": object_offset})
     with (
@@ -130,10 +130,10 @@ def test_offsets_of_brackets_and_objects_are_applied_to_nominal_poses():
         assert offset_contact.get_bracket_offset(0) == pytest.approx(bracket_offset, abs=1e-9)
         assert offset_contact.get_object_offset(0) == pytest.approx(object_offset, abs=1e-9)
         assert ideal_contact.get_bracket_offset(0) == pytest.approx(np.eye(4))
-        nominal = offset_contact.compute_load(0, block_at_depth(2e-4), BRACKET_POSES)
-        expected = ideal_contact.compute_load(0, block_at_depth(2e-4) @ object_offset, bracket_offset[None])
+        nominal = offset_contact.compute_load(0, place_block(2e-4), BRACKET_POSES)
+        expected = ideal_contact.compute_load(0, place_block(2e-4) @ object_offset, bracket_offset[None])
         assert nominal.wrench == pytest.approx(expected.wrench, rel=1e-6, abs=1e-9)
-        assert nominal.wrench[0, 2] < ideal_contact.compute_load(0, block_at_depth(2e-4), BRACKET_POSES).wrench[0, 2]
+        assert nominal.wrench[0, 2] < ideal_contact.compute_load(0, place_block(2e-4), BRACKET_POSES).wrench[0, 2]
 
 
 @pytest.mark.parametrize(
@@ -155,9 +155,9 @@ def test_invalid_world_is_rejected_with_one_line(world, message, capfd):
 
 def test_arguments_that_the_library_does_not_check_are_rejected(flat8):
     with pytest.raises(ValueError, match="an object from -1 to 1, found 2"):
-        flat8.compute_load(2, block_at_depth(0.0), BRACKET_POSES)
+        flat8.compute_load(2, place_block(0.0), BRACKET_POSES)
     with pytest.raises(ValueError, match=r"poses of 1 brackets, found \(2, 4, 4\)"):
-        flat8.compute_load(0, block_at_depth(0.0), np.stack([np.eye(4)] * 2))
+        flat8.compute_load(0, place_block(0.0), np.stack([np.eye(4)] * 2))
     with pytest.raises(ValueError, match=r"the pose of an object, found \(3,\)"):
         flat8.compute_load(0, np.zeros(3), BRACKET_POSES)
     with pytest.raises(ValueError, match="an index from 0 to 0, found 1"):
@@ -171,7 +171,7 @@ def test_closed_contact_is_reported_and_can_be_closed_again():
     contact.close()
     contact.close()
     with pytest.raises(ValueError, match="found a closed one"):
-        contact.compute_load(0, block_at_depth(0.0), BRACKET_POSES)
+        contact.compute_load(0, place_block(0.0), BRACKET_POSES)
 
 
 def test_contacts_leave_no_files_and_no_descriptors(tmp_path, monkeypatch):

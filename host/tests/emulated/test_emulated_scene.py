@@ -30,14 +30,14 @@ def test_emulator_runs_a_scene_of_each_hand(name, tmp_path):
 def test_block_that_moves_onto_a_plate_lowers_the_counts_below_it(tmp_path):
     hand = load_hand("flat8")
     scene = Scene({"block": ConvexPolytope.box(0.02, 0.02, 0.05)})
-    up, down = np.eye(4), np.eye(4)
-    up[2, 3], down[2, 3] = 0.05, hand.layer_m - 4e-4
+    raised_pose, lowered_pose = np.eye(4), np.eye(4)
+    raised_pose[2, 3], lowered_pose[2, 3] = 0.05, hand.layer_m - 4e-4
     write_scene(
         tmp_path / "scene",
         hand.n_taxels,
         [0.0, 1.0, 1.0],
         [0, 0, 0],
-        [up, up, down],
+        [raised_pose, raised_pose, lowered_pose],
         np.eye(4)[None, None].repeat(3, 0),
     )
     write_start_script(tmp_path / "start")
@@ -45,12 +45,12 @@ def test_block_that_moves_onto_a_plate_lowers_the_counts_below_it(tmp_path):
     run_emulator(world, tmp_path / "skin.capture", 2.0, tmp_path / "start", tmp_path / "scene")
     with open_skin(f"file:{tmp_path / 'skin.capture'}", hand) as skin:
         frames = list(skin)
-    before = np.mean([frame.raw_counts for frame in frames if 0.5 < frame.time_s < 0.9], axis=0)
-    after = np.mean([frame.raw_counts for frame in frames if frame.time_s > 1.2], axis=0)
+    counts_before = np.mean([frame.raw_counts for frame in frames if 0.5 < frame.time_s < 0.9], axis=0)
+    counts_after = np.mean([frame.raw_counts for frame in frames if frame.time_s > 1.2], axis=0)
     is_below_block = np.abs(hand.position[:, :2]).max(axis=1) < 0.0075
     is_outside_block = np.abs(hand.position[:, :2]).max(axis=1) > 0.0125
-    assert (before - after)[is_below_block].min() > 150
-    assert (before - after)[is_outside_block] == pytest.approx(0.0, abs=1.0)
+    assert (counts_before - counts_after)[is_below_block].min() > 150
+    assert (counts_before - counts_after)[is_outside_block] == pytest.approx(0.0, abs=1.0)
 
 
 def test_unsupported_shape_and_hand_without_positions_are_rejected():

@@ -25,16 +25,23 @@ from taxel_protocol.bootloader import (
 
 DEVICES = {"board": BootDevice.BOARD, "hub": BootDevice.HUB}
 ROOT = Path(__file__).resolve().parents[3]
+NONE = 0xFF
+"""Value of a slot field of a metadata record that names no slot."""
 PORT = ROOT / "firmware" / "boards" / "psoc4200"
 FOLDER = ROOT / "tools" / "firmware"
-NAMES = ("board_header", "firmware_elf", "firmware_image", "firmware_size", "firmware_stack")
+MODULES = ("board_header", "firmware_elf", "firmware_image", "firmware_size", "firmware_stack")
+
+
+def make_metadata(confirmed: int, pending: int, tries: tuple[int, int]) -> bytes:
+    """A metadata record. confirmed, pending: a slot or NONE. tries: remaining starts of slots A and B."""
+    return bytes([confirmed, pending, *tries])
 
 
 @pytest.fixture(scope="session")
 def tools():
     """The modules of tools/firmware."""
     sys.path.insert(0, str(FOLDER))
-    yield SimpleNamespace(**{name: importlib.import_module(name) for name in NAMES})
+    yield SimpleNamespace(**{name: importlib.import_module(name) for name in MODULES})
     while str(FOLDER) in sys.path:
         sys.path.remove(str(FOLDER))
 
@@ -44,7 +51,7 @@ def build_images() -> Callable[..., Path]:
     """Function that builds targets in a folder. Skips the test if the cross compiler is missing."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
     executables = {name: shutil.which(name, path=path) for name in ("arm-none-eabi-gcc", "cmake", "ninja")}
-    missing = [name for name, place in executables.items() if place is None]
+    missing = [name for name, executable in executables.items() if executable is None]
     if missing:
         pytest.skip(f"{', '.join(missing)} not installed: apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi")
 
@@ -81,8 +88,8 @@ def flash_with(build_folder, tools) -> Callable[..., bytes]:
         flash[: len(boot)] = boot
         for slot in slots:
             data = (build_folder / "images" / f"{device}-{slot}.bin").read_bytes()
-            begin = LAYOUTS[DEVICES[device]].slot_address("ab".index(slot))
-            flash[begin : begin + len(data)] = data
+            first_byte = LAYOUTS[DEVICES[device]].slot_address("ab".index(slot))
+            flash[first_byte : first_byte + len(data)] = data
         for row, magic, content in (
             (BOOT_METADATA_ROW, BOOT_METADATA_MAGIC, metadata),
             (BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_MAGIC, configuration),

@@ -9,7 +9,7 @@ SENSE_CLOCK, BUS_A = 4, 6
 CMOD = (4, 2)
 
 
-def simulated_count(tx: int, rx: int) -> int:
+def simulate_count(tx: int, rx: int) -> int:
     """Simulated number of sample clocks in which the current source was on."""
     return 500 + 37 * tx + 401 * rx
 
@@ -37,8 +37,8 @@ class FrontEnd:
         part.levels[15] = self._is_due
 
     def _connected(self, function: int) -> list[tuple[int, int]]:
-        words = [(port, self._part.words[HSIOM + 4 * port]) for port in range(5)]
-        return [(port, pin) for port, word in words for pin in range(8) if word >> (4 * pin) & 0xF == function]
+        registers = [(port, self._part.words[HSIOM + 4 * port]) for port in range(5)]
+        return [(port, pin) for port, word in registers for pin in range(8) if word >> (4 * pin) & 0xF == function]
 
     def _set_config(self, value: int) -> None:
         self._part.words[CONFIG] = value
@@ -66,7 +66,7 @@ class FrontEnd:
             assert CMOD in self._connected(BUS_A)
             line = self._rx.index(rx)
             self.codes[line] = self._part.words[IDAC] & 0xFF
-            self._counter = simulated_count(self._tx.index(tx), line)
+            self._counter = simulate_count(self._tx.index(tx), line)
             self._is_finished = True
             self.conversions += 1
         return self._is_finished

@@ -14,21 +14,34 @@ from taxel_tools.files import load_firmware
 
 SLOTS = ("a", "b")
 APPLICATIONS = [f"{device}-{slot}" for device in DEVICES for slot in SLOTS]
-HEADER = 32
-FLOAT = ("__aeabi_f", "__aeabi_d", "__aeabi_i2", "__aeabi_ui2", "__aeabi_l2", "__aeabi_ul2")
-LIBC = {"malloc", "calloc", "free", "printf", "snprintf", "exit", "abort", "_sbrk", "__libc_init_array"}
-DIVISION = ("__aeabi_i", "__aeabi_u", "__aeabi_l", "__divsi3", "__udivsi3", "__udivmoddi4", "__divdi3", "__udivdi3")
+HEADER_BYTES = 32
+VECTORS_BYTES = 128
+RAM_END = 0x20001000
+SLOT_A_ADDRESS = 0x1000
+FLOAT_PREFIXES = ("__aeabi_f", "__aeabi_d", "__aeabi_i2", "__aeabi_ui2", "__aeabi_l2", "__aeabi_ul2")
+LIBRARY_FUNCTIONS = {"malloc", "calloc", "free", "printf", "snprintf", "exit", "abort", "_sbrk", "__libc_init_array"}
+DIVISION_PREFIXES = (
+    "__aeabi_i",
+    "__aeabi_u",
+    "__aeabi_l",
+    "__divsi3",
+    "__udivsi3",
+    "__udivmoddi4",
+    "__divdi3",
+    "__udivdi3",
+)
 
 
-def version() -> tuple[int, ...]:
+def read_version() -> tuple[int, ...]:
+    """Major, minor and patch number of the project."""
     return tuple(map(int, VERSION.split(".")))
 
 
 @pytest.mark.parametrize("device", DEVICES)
 def test_the_manifest_names_both_slots(build_folder, device):
     firmware = load_firmware([build_folder / "images" / f"{device}.toml"])
-    loaded = [(image.device, image.slot, image.kind, image.version) for image in firmware.images]
-    assert loaded == [(DEVICES[device], slot, 0, version()) for slot in (0, 1)]
+    loaded_images = [(image.device, image.slot, image.kind, image.version) for image in firmware.images]
+    assert loaded_images == [(DEVICES[device], slot, 0, read_version()) for slot in (0, 1)]
 
 
 @pytest.mark.parametrize("suffix", ["bin", "hex", "cyacd"])
@@ -36,26 +49,32 @@ def test_the_manifest_names_both_slots(build_folder, device):
 def test_every_file_format_contains_the_same_image(build_folder, device, suffix):
     folder = build_folder / "images"
     expected = load_firmware([folder / f"{device}.toml"])
-    loaded = load_firmware([folder / f"{device}-{slot}.{suffix}" for slot in SLOTS])
-    assert [image.data for image in loaded.images] == [image.data for image in expected.images]
+    loaded_images = load_firmware([folder / f"{device}-{slot}.{suffix}" for slot in SLOTS])
+    assert [image.data for image in loaded_images.images] == [image.data for image in expected.images]
 
 
 @pytest.mark.parametrize("name", APPLICATIONS)
 def test_vectors_lie_in_their_own_slot(build_folder, name):
     device, slot = name.split("-")
     layout = LAYOUTS[DEVICES[device]]
-    begin = layout.slot_address(SLOTS.index(slot))
+    slot_address = layout.slot_address(SLOTS.index(slot))
     data = (build_folder / "images" / f"{name}.bin").read_bytes()
-    vectors = [int.from_bytes(data[at : at + 4], "little") for at in range(HEADER, HEADER + 128, 4)]
-    assert int.from_bytes(data[16:20], "little") == begin + HEADER
-    assert vectors[0] == 0x20001000
-    assert all(begin + HEADER + 128 <= vector < begin + len(data) and vector & 1 for vector in vectors[1:])
+    vectors = [
+        int.from_bytes(data[offset : offset + 4], "little")
+        for offset in range(HEADER_BYTES, HEADER_BYTES + VECTORS_BYTES, 4)
+    ]
+    assert int.from_bytes(data[16:20], "little") == slot_address + HEADER_BYTES
+    assert vectors[0] == RAM_END  # initial stack pointer
+    assert all(
+        slot_address + HEADER_BYTES + VECTORS_BYTES <= vector < slot_address + len(data) and vector & 1
+        for vector in vectors[1:]
+    )
 
 
 def test_images_of_both_slots_have_equal_length(build_folder):
     for device in DEVICES:
-        first, second = ((build_folder / "images" / f"{device}-{slot}.bin").read_bytes() for slot in SLOTS)
-        assert len(first) == len(second)
+        slot_a, slot_b = ((build_folder / "images" / f"{device}-{slot}.bin").read_bytes() for slot in SLOTS)
+        assert len(slot_a) == len(slot_b)
 
 
 @pytest.mark.parametrize("device", DEVICES)
@@ -63,14 +82,14 @@ def test_a_factory_file_contains_the_bootloader_and_slot_a(build_folder, tools, 
     flash: dict[int, int] = {}
     for line in (build_folder / "images" / f"{device}-factory.hex").read_text().splitlines():
         record = bytes.fromhex(line[1:])
-        assert sum(record) % 256 == 0
-        if record[3] == 0:
+        assert sum(record) % 256 == 0  # checksum of an Intel HEX record
+        if record[3] == 0:  # a data record
             address = int.from_bytes(record[1:3], "big")
-            flash |= {address + place: byte for place, byte in enumerate(record[4:-1])}
+            flash |= {address + offset: byte for offset, byte in enumerate(record[4:-1])}
     boot = tools.firmware_elf.read_linked_image(build_folder / f"bootloader-{device}.elf").content
     image = (build_folder / "images" / f"{device}-a.bin").read_bytes()
-    assert bytes(flash[place] for place in range(len(boot))) == boot
-    assert bytes(flash[0x1000 + place] for place in range(len(image))) == image
+    assert bytes(flash[offset] for offset in range(len(boot))) == boot
+    assert bytes(flash[SLOT_A_ADDRESS + offset] for offset in range(len(image))) == image
     assert len(flash) == len(boot) + len(image)
     assert max(flash) < BOOT_CONFIGURATION_ROW * BOOT_ROW_SIZE
 
@@ -78,9 +97,9 @@ def test_a_factory_file_contains_the_bootloader_and_slot_a(build_folder, tools, 
 @pytest.mark.parametrize("name", [*(f"bootloader-{device}" for device in DEVICES), *APPLICATIONS])
 def test_no_image_contains_floating_point_or_library_code(build_folder, tools, name):
     names = {function.name for function in tools.firmware_elf.read_linked_image(build_folder / f"{name}.elf").functions}
-    assert not {loaded for loaded in names if loaded.startswith(FLOAT)}
-    assert not names & LIBC
-    assert not (name.startswith("bootloader") and {loaded for loaded in names if loaded.startswith(DIVISION)})
+    assert not {symbol for symbol in names if symbol.startswith(FLOAT_PREFIXES)}
+    assert not names & LIBRARY_FUNCTIONS
+    assert not (name.startswith("bootloader") and {symbol for symbol in names if symbol.startswith(DIVISION_PREFIXES)})
 
 
 def test_every_image_is_within_its_budgets(build_folder, tools):
@@ -105,7 +124,7 @@ def test_writing_the_images_again_gives_the_same_bytes(build_folder, tools, tmp_
         slots = (build_folder / f"{device}-a.elf", build_folder / f"{device}-b.elf")
         tools.firmware_image.write_images(build_folder / f"bootloader-{device}.elf", slots, device, tmp_path)
     written = sorted(tmp_path.iterdir())
-    assert len(written) == 16
+    assert len(written) == 16  # eight files for each device
     assert all(file.read_bytes() == (build_folder / "images" / file.name).read_bytes() for file in written)
 
 
@@ -125,9 +144,9 @@ def test_images_of_the_wrong_slot_or_device_are_rejected_with_one_line(build_fol
 
 
 def test_a_damaged_linked_image_is_reported_in_one_line(build_folder, tools, tmp_path):
-    whole = (build_folder / "board-a.elf").read_bytes()
+    content = (build_folder / "board-a.elf").read_bytes()
     damaged = tmp_path / "damaged.elf"
-    for data in (whole[:40], whole[:300], whole[: len(whole) // 2], b"", b"\x7fELF\x02\x01" + whole[6:]):
+    for data in (content[:40], content[:300], content[: len(content) // 2], b"", b"\x7fELF\x02\x01" + content[6:]):
         damaged.write_bytes(data)
         with pytest.raises(ValueError, match=r"damaged\.elf") as error:
             tools.firmware_elf.read_linked_image(damaged)
@@ -139,21 +158,21 @@ def test_exceeded_budgets_and_size_changes_are_reported(build_folder, tools, tmp
         build_folder, "arm-none-eabi-objdump", tools.firmware_size.PORT / "calls.toml"
     )
     size = sizes["hub-a"]
-    tight = dataclasses.replace(size, flash_budget=size.flash - 1, ram_budget=size.ram - 1)
+    over_budget = dataclasses.replace(size, flash_budget=size.flash - 1, ram_budget=size.ram - 1)
     assert (
-        tight.describe_excess()
+        over_budget.describe_excess()
         == f"flash {size.flash} of {size.flash - 1} bytes, RAM {size.ram} of {size.ram - 1} bytes"
     )
-    busy = dataclasses.replace(size, cycles={"poll": 30, "frame": 80, "of": 100})
-    assert busy.describe_excess() == "awake 110 of 100 cycles"
-    before = tmp_path / "before.json"
-    before.write_text(tools.firmware_size.format_json(sizes, "Compiler: any."))
-    assert tools.firmware_size.compare_sizes(sizes, before) == ["no image changed its size"]
+    over_cycles = dataclasses.replace(size, cycles={"poll": 30, "frame": 80, "of": 100})
+    assert over_cycles.describe_excess() == "awake 110 of 100 cycles"
+    earlier_sizes = tmp_path / "earlier.json"
+    earlier_sizes.write_text(tools.firmware_size.format_json(sizes, "Compiler: any."))
+    assert tools.firmware_size.compare_sizes(sizes, earlier_sizes) == ["no image changed its size"]
     grown = sizes | {"hub-a": dataclasses.replace(size, flash=size.flash + 4)}
-    assert tools.firmware_size.compare_sizes(grown, before) == ["hub-a: flash +4"]
-    assert tools.firmware_size.compare_sizes({"hub-a": busy}, before) == [
+    assert tools.firmware_size.compare_sizes(grown, earlier_sizes) == ["hub-a: flash +4"]
+    assert tools.firmware_size.compare_sizes({"hub-a": over_cycles}, earlier_sizes) == [
         "hub-a: cycles of a poll +30, cycles of a frame +80"
     ]
-    before.write_text("{}")
+    earlier_sizes.write_text("{}")
     with pytest.raises(ValueError, match="expected JSON of an earlier run"):
-        tools.firmware_size.compare_sizes(sizes, before)
+        tools.firmware_size.compare_sizes(sizes, earlier_sizes)

@@ -10,10 +10,11 @@ import pytest
 from host.tests.firmware_images.conftest import PORT
 from taxel.hand import load_hand
 
-PINS = (PORT / "pins.toml").read_text()
+VALID_PINS = (PORT / "pins.toml").read_text()
 
 
-def error_message(tools, tmp_path, text: str) -> str:
+def read_pins_error(tools, tmp_path, text: str) -> str:
+    """One-line message of the error for the content of a pins.toml; no file is written."""
     pins = tmp_path / "pins.toml"
     pins.write_text(text)
     with pytest.raises(ValueError) as error:
@@ -48,12 +49,12 @@ def test_kinds_source_contains_every_kind_of_the_hands(tools, tmp_path):
     ],
 )
 def test_invalid_pins_are_reported_in_one_line(tools, tmp_path, old, new, message):
-    assert old in PINS
-    assert message in error_message(tools, tmp_path, PINS.replace(old, new, 1))
+    assert old in VALID_PINS
+    assert message in read_pins_error(tools, tmp_path, VALID_PINS.replace(old, new, 1))
 
 
 def test_an_unknown_hand_is_reported_in_one_line(tools, tmp_path):
-    assert "nohand" in error_message(tools, tmp_path, PINS.replace('"flat8"', '"nohand"'))
+    assert "nohand" in read_pins_error(tools, tmp_path, VALID_PINS.replace('"flat8"', '"nohand"'))
 
 
 LISTING = """
@@ -97,13 +98,13 @@ def build_graph(
 
 def test_the_stack_is_the_deepest_chain_and_the_interrupts(tools):
     use = build_graph(tools, LISTING).use("some")
-    assert (use.start, use.interrupts) == (32 + 28, 36 + 8)
+    assert (use.start, use.interrupts) == (32 + 28, 36 + 8)  # frames of reset_handler + deep, exception + handler
     assert use.chain == ("reset_handler", "deep", "leaf", "systick_handler")
 
 
 def test_the_larger_frame_of_code_and_compiler_counts(tools):
     use = build_graph(tools, LISTING, {"on_call": 100}).use("some")
-    assert use.start == 32 + 100
+    assert use.start == 32 + 100  # frames of reset_handler + on_call
     assert use.chain[1] == "on_call"
 
 

@@ -16,8 +16,8 @@ from taxel_protocol.registers import Identity, Status
 
 pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn==2.1.4")
 
-from host.tests.firmware_images.conftest import PORT
-from host.tests.firmware_images.psoc_front_end import FrontEnd, simulated_count
+from host.tests.firmware_images.conftest import NONE, PORT, make_metadata
+from host.tests.firmware_images.psoc_front_end import FrontEnd, simulate_count
 from host.tests.firmware_images.psoc_part import POWER_ON, SLICE, SOFTWARE, SYSREQ, Part, read_metadata
 from host.tests.firmware_images.psoc_wires import (
     BUS_ERROR,
@@ -27,9 +27,16 @@ from host.tests.firmware_images.psoc_wires import (
     Uart,
 )
 
-UNSET, ADDRESS = 0x77, 0x2A
+DEFAULT_ADDRESS, ADDRESS = 0x77, 0x2A
+"""I2C addresses of a board without and with a configuration."""
+HANDOVER = 0x80
+"""Offset in RAM of the word that requests to stay in the bootloader after a reset."""
+PIN_DRIVE_MODES = 0x40010010
+LOAD_LATCH, WRITE_ROW, PROGRAM_ROW = 4, 5, 6
+"""System calls of the flash controller."""
 RTS_PORT, BUS_PORT = 0x40040000, 0x40040400
-CONFIRMED_A, ON_TRIAL_A = bytes([0, 0xFF, 3, 3]), bytes([0xFF, 0, 3, 3])
+CONFIRMED_A = make_metadata(confirmed=0, pending=NONE, tries=(3, 3))
+ON_TRIAL_A = make_metadata(confirmed=NONE, pending=0, tries=(3, 3))
 IDAC = bytes([0, 40, 0, 50]) + bytes(12)
 IDAC_DEFAULT, PERIOD = 16, 160 * 40
 STATUS, COMMAND, SNAPSHOT = 0x40, 0x70, 0x80
@@ -38,24 +45,26 @@ CONFIGURATION = bytes([1, ADDRESS, FINGERTIP.code, 0]) + b"0007".ljust(16, b"\0"
 
 
 def create_front_end(part: Part) -> FrontEnd:
+    """A front end at the pins of pins.toml."""
     pins = tomllib.loads((PORT / "pins.toml").read_text())["sensor"]
     tx, rx = ([(int(name[1]), int(name[3])) for name in pins[key]] for key in ("tx", "rx"))
     return FrontEnd(part, tx, rx)
 
 
-def expected_counts(kind: BoardKind) -> list[int]:
-    return [PERIOD - simulated_count(int(tx), int(rx)) for tx, rx in zip(kind.tx, kind.rx, strict=True)]
+def compute_expected_counts(kind: BoardKind) -> list[int]:
+    """Raw counts of a snapshot of the simulated front end."""
+    return [PERIOD - simulate_count(int(tx), int(rx)) for tx, rx in zip(kind.tx, kind.rx, strict=True)]
 
 
-def request(part: Part, bus: SlaveBus, command: BootCommand, data: bytes = b"") -> bytes:
+def send_request(part: Part, bus: SlaveBus, command: BootCommand, data: bytes = b"") -> bytes:
     """Send a packet and return the data of the response, whose status must be OK."""
     packet = build_packet(command, data)
-    assert bus.write(UNSET, packet) == 1 + len(packet)
+    assert bus.write(DEFAULT_ADDRESS, packet) == 1 + len(packet)
     part.run()
-    response = bus.read(UNSET, 64)
+    response = bus.read(DEFAULT_ADDRESS, 64)
     while response == b"\xff" * 64 or response is None:
         part.run()
-        response = bus.read(UNSET, 64)
+        response = bus.read(DEFAULT_ADDRESS, 64)
     status, reply = parse_packet(response)
     assert status == BootStatus.OK
     return reply
@@ -84,16 +93,19 @@ def scanning_board(flash_with) -> Callable[..., tuple[Part, SlaveBus, FrontEnd]]
     return start
 
 
-def program(part: Part, bus: SlaveBus, first: int, image: bytes) -> None:
+def write_image(part: Part, bus: SlaveBus, first_row: int, image: bytes) -> None:
     """Write an image row by row, as a host does."""
-    for place in range(0, len(image), 128):
-        row = image[place : place + 128].ljust(128, b"\0")
-        request(part, bus, BootCommand.SEND_DATA, row[:57])
-        request(part, bus, BootCommand.SEND_DATA, row[57:114])
-        request(part, bus, BootCommand.PROGRAM_ROW, b"\0" + (first + place // 128).to_bytes(2, "little") + row[114:])
+    for offset in range(0, len(image), 128):
+        row = image[offset : offset + 128].ljust(128, b"\0")
+        send_request(part, bus, BootCommand.SEND_DATA, row[:57])
+        send_request(part, bus, BootCommand.SEND_DATA, row[57:114])
+        send_request(
+            part, bus, BootCommand.PROGRAM_ROW, b"\0" + (first_row + offset // 128).to_bytes(2, "little") + row[114:]
+        )
 
 
 def run_to_reset(part: Part) -> None:
+    """Run until the firmware resets the processor."""
     with pytest.raises(AssertionError, match="reset the processor"):
         part.run_until(lambda: False)
 
@@ -101,25 +113,25 @@ def run_to_reset(part: Part) -> None:
 def test_an_update_over_the_bus_starts_the_new_image(build_folder, listening_board):
     part, bus = listening_board
     image = (build_folder / "images" / "board-a.bin").read_bytes()
-    request(part, bus, BootCommand.ENTER)
-    first = int.from_bytes(request(part, bus, BootCommand.GET_FLASH_SIZE, b"\0")[:2], "little")
-    program(part, bus, first, image)
+    send_request(part, bus, BootCommand.ENTER)
+    first = int.from_bytes(send_request(part, bus, BootCommand.GET_FLASH_SIZE, b"\0")[:2], "little")
+    write_image(part, bus, first, image)
     assert part.flash(first * 128, len(image)) == image
-    assert request(part, bus, BootCommand.VERIFY_APPLICATION) == b"\x01"
-    bus.write(UNSET, build_packet(BootCommand.EXIT))
+    assert send_request(part, bus, BootCommand.VERIFY_APPLICATION) == b"\x01"
+    bus.write(DEFAULT_ADDRESS, build_packet(BootCommand.EXIT))
     run_to_reset(part)
-    after = Part(SOFTWARE, part.flash(0, 0x8000), part.ram())
-    after.run_until(lambda: after.pc >= first * 128)
+    restarted_part = Part(SOFTWARE, part.flash(0, 0x8000), part.ram())
+    restarted_part.run_until(lambda: restarted_part.pc >= first * 128)
 
 
 def test_a_row_with_word_sum_zero_is_written_in_two_steps(listening_board):
     part, bus = listening_board
     row = bytes([1, 0, 0, 0] + [0xFF] * 4 + [0] * 120)
-    request(part, bus, BootCommand.ENTER)
+    send_request(part, bus, BootCommand.ENTER)
     part.calls.clear()
-    program(part, bus, 32, row)
+    write_image(part, bus, 32, row)
     assert part.flash(32 * 128, 128) == row
-    assert part.calls == [(4, 0), (5, 32), (4, 0), (6, 32)]
+    assert part.calls == [(LOAD_LATCH, 0), (WRITE_ROW, 32), (LOAD_LATCH, 0), (PROGRAM_ROW, 32)]
 
 
 def test_the_slave_is_disabled_while_a_row_is_written(listening_board):
@@ -132,28 +144,31 @@ def test_the_slave_is_disabled_while_a_row_is_written(listening_board):
         system_call(value)
 
     part.on_write[SYSREQ] = call
-    request(part, bus, BootCommand.ENTER)
-    program(part, bus, 40, bytes(range(128)))
+    send_request(part, bus, BootCommand.ENTER)
+    write_image(part, bus, 40, bytes(range(128)))
     assert enabled == [False, False]
     assert bus.is_enabled
 
 
 def test_a_bootloader_responds_after_a_bus_error(listening_board):
     part, bus = listening_board
-    bus.start(UNSET, reading=False)
+    bus.start(DEFAULT_ADDRESS, reading=False)
     bus.raise_event(INTR_S, BUS_ERROR)
     part.run()
     bus.raise_event(INTR_S, 0)
-    assert request(part, bus, BootCommand.GET_INFO)[0] == 1
+    assert send_request(part, bus, BootCommand.GET_INFO)[0] == 1
 
 
-@pytest.mark.parametrize("kind", {board.kind.code: board.kind for board in load_hand("allegro").boards}.values())
+@pytest.mark.parametrize(
+    "kind",
+    {board.kind.code: board.kind for board in load_hand("allegro").boards}.values(),
+)
 def test_a_snapshot_contains_the_crossings_of_the_configured_kind(scanning_board, kind):
     part, bus, front_end = scanning_board(CONFIRMED_A, CONFIGURATION[:2] + bytes([kind.code]) + CONFIGURATION[3:])
     part.run_until(lambda: front_end.conversions > 2 * kind.taxel_count)
     snapshot = bus.read(ADDRESS, 10 + 2 * kind.taxel_count, bytes([SNAPSHOT]))
     assert int.from_bytes(snapshot[-4:], "little") == crc32(bytes([ADDRESS]) + snapshot[:-4])
-    assert np.frombuffer(snapshot[6:-4], "<u2").tolist() == expected_counts(kind)
+    assert np.frombuffer(snapshot[6:-4], "<u2").tolist() == compute_expected_counts(kind)
 
 
 def test_each_rx_line_uses_its_configured_current(scanning_board):
@@ -165,7 +180,7 @@ def test_each_rx_line_uses_its_configured_current(scanning_board):
 
 def test_an_unconfigured_board_responds_at_the_default_address(scanning_board):
     _, bus, _ = scanning_board(CONFIRMED_A, b"")
-    identity, _ = unpack(Identity, bus.read(UNSET, 58, b"\0"))
+    identity, _ = unpack(Identity, bus.read(DEFAULT_ADDRESS, 58, b"\0"))
     assert (identity["kind"], identity["taxel_count"]) == (0, 1)
 
 
@@ -193,45 +208,45 @@ def test_an_image_reports_the_reset_cause(flash_with, bits, cause):
 def test_a_trial_image_confirms_itself_after_ten_scans_and_a_read(scanning_board):
     part, bus, front_end = scanning_board(ON_TRIAL_A)
     part.run_until(lambda: front_end.conversions > 12 * FINGERTIP.taxel_count)
-    assert read_metadata(part) == bytes([0xFF, 0, 2, 3])
+    assert read_metadata(part) == make_metadata(confirmed=NONE, pending=0, tries=(2, 3))
     bus.read(ADDRESS, 10 + 2 * FINGERTIP.taxel_count, bytes([SNAPSHOT]))
     part.run_until(lambda: read_metadata(part)[0] == 0)
     part.run(10)
     identity, _ = unpack(Identity, bus.read(ADDRESS, 58, b"\0"))
     assert identity["kind"] == FINGERTIP.code
-    before = front_end.conversions
+    conversion_count = front_end.conversions
     part.run(200)
-    assert front_end.conversions > before
+    assert front_end.conversions > conversion_count
 
 
 def test_the_confirmation_does_not_delay_the_clock(scanning_board):
     part, bus, front_end = scanning_board(ON_TRIAL_A)
 
-    def offset() -> float:
+    def read_offset_us() -> float:
         status, _ = unpack(Status, bus.read(ADDRESS, 28, bytes([STATUS])))
         return part.cycles / 48 - status["clock_us"]
 
     part.run_until(lambda: front_end.conversions > 12 * FINGERTIP.taxel_count)
-    before = offset()
+    initial_offset_us = read_offset_us()
     bus.read(ADDRESS, 10 + 2 * FINGERTIP.taxel_count, bytes([SNAPSHOT]))
     part.run_until(lambda: read_metadata(part)[0] == 0)
     part.run(100)
-    assert abs(offset() - before) < 2 * SLICE * part.speed / 48
+    assert abs(read_offset_us() - initial_offset_us) < 2 * SLICE * part.speed / 48
 
 
 @pytest.mark.parametrize(
-    ("command", "word"), [(BoardCommand.RESTART, bytes(4)), (BoardCommand.ENTER_BOOTLOADER, b"STAY")]
+    ("command", "stay_request"), [(BoardCommand.RESTART, bytes(4)), (BoardCommand.ENTER_BOOTLOADER, b"STAY")]
 )
-def test_a_commanded_restart_passes_the_stay_request_to_the_bootloader(scanning_board, command, word):
+def test_a_commanded_restart_passes_the_stay_request_to_the_bootloader(scanning_board, command, stay_request):
     part, bus, _ = scanning_board()
     bus.write(ADDRESS, bytes([COMMAND, command, ~command & 0xFF]))
     assert part.was_reset
-    assert part.ram(0x80, 4) == word
+    assert part.ram(HANDOVER, 4) == stay_request
 
 
 def test_the_capacitor_and_the_bus_share_one_port(scanning_board):
     part, _, _ = scanning_board()
-    assert part.words[0x40010010] == 0x6EE
+    assert part.words[PIN_DRIVE_MODES] == 0x6EE
 
 
 class Host:
@@ -251,7 +266,7 @@ class Host:
 
         self.part.run_until(is_ready, slices)
 
-    def payloads_of_type(self, kind: FrameType) -> list[bytes]:
+    def select_payloads(self, kind: FrameType) -> list[bytes]:
         return [payload for frame_type, _, payload in self.frames if frame_type == kind]
 
     def send_frame(self, kind: FrameType, payload: bytes) -> None:
@@ -260,15 +275,15 @@ class Host:
 
 def test_a_hub_sends_its_handshake_and_searches_for_boards(flash_with):
     host = Host(flash_with("hub", "a", CONFIRMED_A), {})
-    host.run_until(lambda: bool(host.payloads_of_type(FrameType.HUB_HANDSHAKE)) and len(set(host.bus.probed)) > 100)
-    assert host.payloads_of_type(FrameType.HUB_HANDSHAKE)[0][4] == ResetCause.COMMAND
+    host.run_until(lambda: bool(host.select_payloads(FrameType.HUB_HANDSHAKE)) and len(set(host.bus.probed)) > 100)
+    assert host.select_payloads(FrameType.HUB_HANDSHAKE)[0][4] == ResetCause.COMMAND
     assert not host.part.was_reset
 
 
 def test_a_hub_streams_snapshots_and_stops_the_host_while_it_confirms_itself(flash_with, scanning_board):
     sensor, bus, _ = scanning_board()
 
-    def board(written: bytes, reading: bool) -> bytes | None:
+    def respond_as_board(written: bytes, reading: bool) -> bytes | None:
         sensor.run(30)
         if reading:
             return bus.read(ADDRESS, 10 + 2 * FINGERTIP.taxel_count, written)
@@ -276,41 +291,41 @@ def test_a_hub_streams_snapshots_and_stops_the_host_while_it_confirms_itself(fla
             assert bus.write(ADDRESS, written) == 1 + len(written)
         return b""
 
-    host = Host(flash_with("hub", "a", ON_TRIAL_A), {ADDRESS: board})
+    host = Host(flash_with("hub", "a", ON_TRIAL_A), {ADDRESS: respond_as_board})
     levels: list[int] = []
     host.part.on_write[RTS_PORT] = levels.append
-    host.run_until(lambda: bool(host.payloads_of_type(FrameType.HUB_HANDSHAKE)))
+    host.run_until(lambda: bool(host.select_payloads(FrameType.HUB_HANDSHAKE)))
     host.send_frame(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
-    host.run_until(lambda: len(host.payloads_of_type(FrameType.HUB_HANDSHAKE)) == 2)
+    host.run_until(lambda: len(host.select_payloads(FrameType.HUB_HANDSHAKE)) == 2)
     host.send_frame(FrameType.COMMAND, bytes([2, Command.START]))
-    host.run_until(lambda: len(host.payloads_of_type(FrameType.TAXELS)) == 5)
-    payload = host.payloads_of_type(FrameType.TAXELS)[-1]
+    host.run_until(lambda: len(host.select_payloads(FrameType.TAXELS)) == 5)
+    payload = host.select_payloads(FrameType.TAXELS)[-1]
     assert payload[0] == ADDRESS
-    assert np.frombuffer(payload[14:-4], "<u2").tolist() == expected_counts(FINGERTIP)
-    host.run_until(lambda: read_metadata(host.part) == bytes([0, 0xFF, 3, 3]))
+    assert np.frombuffer(payload[14:-4], "<u2").tolist() == compute_expected_counts(FINGERTIP)
+    host.run_until(lambda: read_metadata(host.part) == CONFIRMED_A)
     host.part.run()
-    lines = [level >> 6 & 1 for level in levels]
-    assert lines[-2:] == [1, 0]  # during the write of the row
-    assert not any(lines[:-2])  # and not during the start
+    rts_levels = [level >> 6 & 1 for level in levels]
+    assert rts_levels[-2:] == [1, 0]  # RTS is inactive during the write of the row
+    assert not any(rts_levels[:-2])  # and active during the start
 
 
 def test_a_hub_releases_a_bus_whose_sda_is_held_low(flash_with):
     host = Host(flash_with("hub", "a", CONFIRMED_A), {})
-    host.run_until(lambda: bool(host.payloads_of_type(FrameType.HUB_HANDSHAKE)))
+    host.run_until(lambda: bool(host.select_payloads(FrameType.HUB_HANDSHAKE)))
     edges: list[int] = []
     drive = {"last": 3}
 
-    def on_drive(value: int) -> None:
+    def count_edge(value: int) -> None:
         if not drive["last"] & 1 and value & 1:
             edges.append(value)
         drive["last"] = value
 
-    host.part.on_write[BUS_PORT] = on_drive
+    host.part.on_write[BUS_PORT] = count_edge
     host.part.on_read[BUS_PORT + 4] = lambda: drive["last"] & ~(2 if len(edges) < 5 else 0)
     host.send_frame(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
     host.run_until(lambda: len(edges) >= 5)
     host.part.run(100)
-    assert host.part.words[0x40010010] == 0xEE  # the pins are connected to the I2C block again
+    assert host.part.words[PIN_DRIVE_MODES] == 0xEE  # the pins are connected to the I2C block again
     probed = len(host.bus.probed)
     host.run_until(lambda: len(host.bus.probed) > probed + 10)
 
@@ -330,10 +345,10 @@ def test_a_hub_without_an_image_responds_on_its_uart(flash_with):
 
 def test_a_hub_enters_its_bootloader_on_command(flash_with):
     host = Host(flash_with("hub", "a", CONFIRMED_A), {})
-    host.run_until(lambda: bool(host.payloads_of_type(FrameType.HUB_HANDSHAKE)))
+    host.run_until(lambda: bool(host.select_payloads(FrameType.HUB_HANDSHAKE)))
     host.send_frame(FrameType.HOST_HANDSHAKE, bytes([1, 1, 1]))
-    host.run_until(lambda: len(host.payloads_of_type(FrameType.HUB_HANDSHAKE)) == 2)
+    host.run_until(lambda: len(host.select_payloads(FrameType.HUB_HANDSHAKE)) == 2)
     host.send_frame(FrameType.COMMAND, bytes([2, Command.ENTER_BOOTLOADER]) + BOOTLOADER_KEY.to_bytes(4, "little"))
     with pytest.raises(AssertionError, match="reset the processor"):
         host.run_until(lambda: False)
-    assert host.part.ram(0x80, 4) == b"STAY"
+    assert host.part.ram(HANDOVER, 4) == b"STAY"
