@@ -16,11 +16,14 @@ SECONDS ?= 60
 PORT := firmware/boards/psoc4200
 IMAGES := build/psoc4200
 EXECUTED := i2c commands stream fault_cases uart_faults hub_bootloader
-SOURCES := pyproject.toml CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
+SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
+PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# The versions of constraints.txt have binary packages for Python 3.11; other versions take the newest ones.
+CONSTRAINTS = $(shell $(BIN)/python -c 'import sys; print("-c constraints.txt" if sys.version_info[:2] == (3, 11) else "")')
 CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-threads test-python test-executed fuzz fuzz-short lint bench bench-page firmware size generate docs docs-test format clean
+.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-threads test-python test-executed fuzz fuzz-short lint terms lock wheels check-wheel bench bench-page firmware size generate docs docs-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -32,8 +35,8 @@ $(BIN)/python:
 
 $(STAMP): $(BIN)/python $(SOURCES)
 	@echo "installing taxel and what it needs (once; later runs reuse it)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check scikit-build-core cmake ninja
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[test]'
+	@$(PIP) $(CONSTRAINTS) scikit-build-core cmake ninja
+	@$(PIP) $(CONSTRAINTS) --no-build-isolation -e '.[test]'
 	@touch $@
 
 demo: $(STAMP)  ## the main job: a hidden effect in the emulated hand, a small campaign, the diagnosis, the seal opened
@@ -92,6 +95,19 @@ lint: $(STAMP)  ## ruff, clang-format, mypy, import-linter, stale generated file
 	@$(BIN)/python tools/codegen/c_header.py --check
 	@$(BIN)/python tools/codegen/vectors.py --check
 	@$(BIN)/python tools/codegen/bootloader_header.py --check
+
+terms:  ## words that the glossary replaces, in all tracked files
+	@$(if $(wildcard $(BIN)/python),$(BIN)/python,$(PYTHON)) tools/wording/check_terms.py
+
+lock: $(STAMP)  ## write constraints.txt: the versions of a new environment
+	@$(BIN)/python tools/release/lock.py
+
+wheels: $(STAMP)  ## sdist and manylinux_2_17 wheels for x86-64 and aarch64 in dist/
+	@$(BIN)/python tools/release/build_wheels.py
+
+check-wheel: $(STAMP)  ## install the wheel of this machine without repository and compiler, and run it: light core, then diagnosis
+	@$(BIN)/python tools/release/check_wheel.py dist/*_$(shell uname -m).whl
+	@$(BIN)/python tools/release/check_wheel.py dist/*_$(shell uname -m).whl --extra gap
 
 bench: $(STAMP)  ## speed, as ratios measured in one run
 	@$(BIN)/python tools/bench/run.py

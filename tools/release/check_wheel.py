@@ -2,7 +2,8 @@
 
 The environment has no compiler, no repository and no other package. With the light core: version, record, replay,
 monitor, number and size of the installed packages, and the message of each command that needs an extra. With
-`--extra all`: a campaign of a few grasps on both sides and its diagnosis.
+`--extra gap`: an environment with the extra `sim` records a campaign of a few grasps on both sides, and a second
+environment with the extra `gap` alone diagnoses it.
 """
 
 import argparse
@@ -52,10 +53,7 @@ EXTRA_COMMANDS: Final[dict[tuple[str, ...], str]] = {
 }
 """Commands that must name the extra which they need."""
 
-ALL_COMMANDS: Final = (
-    ("grasp", "--source", "both", "--grasps", "12", "--jobs", "2", "--out", "campaign"),
-    ("gap", "diagnose", "campaign/real.h5", "campaign/sim.h5", "--out", "gap"),
-)
+CAMPAIGN: Final = ("grasp", "--source", "both", "--grasps", "12", "--jobs", "2", "--out")
 
 
 @dataclass
@@ -72,6 +70,7 @@ class Environment:
 
     def __init__(self, folder: Path, wheel: Path, extra: str | None) -> None:
         self.folder = folder
+        folder.mkdir(exist_ok=True)
         subprocess.run([sys.executable, "-m", "venv", str(folder / "venv")], check=True)
         self._bin = folder / "venv" / "bin"
         self._environment = {"PATH": str(self._bin), "HOME": str(folder), "COLUMNS": "200"}
@@ -119,30 +118,42 @@ def check_core(environment: Environment) -> list[Check]:
     return checks
 
 
-def check_all(environment: Environment) -> list[Check]:
-    """A campaign and its diagnosis."""
+def check_diagnosis(simulating: Environment, diagnosing: Environment) -> list[Check]:
+    """A campaign in one environment and its diagnosis in another one."""
+    campaign = simulating.folder / "campaign"
+    commands = (
+        (simulating, (*CAMPAIGN, str(campaign))),
+        (diagnosing, ("gap", "diagnose", str(campaign / "real.h5"), str(campaign / "sim.h5"), "--out", "gap")),
+    )
     checks = []
-    for command in ALL_COMMANDS:
+    for environment, command in commands:
         done = environment.run(*command)
         lines = (done.stdout + done.stderr).strip().splitlines()
-        checks.append(Check(" ".join(command), done.returncode == 0, lines[-1] if lines else ""))
+        checks.append(Check(" ".join(command[:2]), done.returncode == 0, lines[-1] if lines else ""))
+    packages, megabytes = diagnosing.installed()
+    checks.append(Check("installed with the extra 'gap'", True, f"{packages} packages, {megabytes:.1f} MB"))
     return checks
+
+
+def _run_checks(folder: Path, wheel: Path, extra: str | None) -> list[Check]:
+    if extra is None:
+        return check_core(Environment(folder, wheel, None))
+    return check_diagnosis(Environment(folder / "sim", wheel, "sim"), Environment(folder / extra, wheel, extra))
 
 
 def main() -> int:
     """Run the checks; the exit status is 1 if one failed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("wheel", type=Path)
-    parser.add_argument("--extra", choices=("all",), help="install this extra and run a campaign and its diagnosis")
+    parser.add_argument("--extra", choices=("gap",), help="record a campaign, and diagnose it with this extra alone")
     parser.add_argument("--json", type=Path, help="write the outcome to this file")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="taxel-wheel-") as folder:
         try:
-            environment = Environment(Path(folder), arguments.wheel, arguments.extra)
+            checks = _run_checks(Path(folder), arguments.wheel, arguments.extra)
         except subprocess.CalledProcessError as error:
             print(f"{arguments.wheel}: cannot be installed (status {error.returncode})", file=sys.stderr)
             return 1
-        checks = check_all(environment) if arguments.extra else check_core(environment)
     for check in checks:
         print(f"{'passed' if check.passed else 'FAILED'}  {check.command}  {check.detail}")
     if arguments.json is not None:
