@@ -75,7 +75,7 @@ snapshot.
 {boards}
 
 The [hub](glossary.md#hub) streams all {count} boards (natively emulated). Per
-[frame](glossary.md#frame) of 63 taxels on average it spends
+[frame](glossary.md#frame) of 63 [taxels](glossary.md#taxel) on average it spends
 {poll:,} cycles in I2C interrupts and {frame:,} cycles on framing, the UART ({uart:,}) and the main loop, which
 waits awake when the transmit ring is full. Frames are sent every {length:,} cycles, and the processor is awake for
 {share:.0%} of this time. The time between frames is the budget of both, so `make size` fails if the processor
