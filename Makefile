@@ -95,6 +95,7 @@ lint: $(STAMP)  ## ruff, clang-format, mypy, import-linter, stale generated file
 	@$(BIN)/python tools/codegen/c_header.py --check
 	@$(BIN)/python tools/codegen/vectors.py --check
 	@$(BIN)/python tools/codegen/bootloader_header.py --check
+	@$(BIN)/python tools/codegen/page_terms.py --check
 
 terms:  ## words that the glossary replaces, in all tracked files
 	@$(if $(wildcard $(BIN)/python),$(BIN)/python,$(PYTHON)) tools/wording/check_terms.py
@@ -131,10 +132,11 @@ size: firmware  ## flash, RAM and stack of the images against their budgets: doc
 	@$(BIN)/python tools/firmware/firmware_size.py --build $(IMAGES) --json $(PORT)/size.json --page docs/firmware-size.md \
 		$$(test -f $(IMAGES)/size-before.json && echo --compare $(IMAGES)/size-before.json)
 
-generate: $(STAMP)  ## write the C header and the vectors from the construct definitions
+generate: $(STAMP)  ## write the C header, the vectors and the terms of the gap page from their sources
 	@$(BIN)/python tools/codegen/c_header.py
 	@$(BIN)/python tools/codegen/vectors.py
 	@$(BIN)/python tools/codegen/bootloader_header.py
+	@$(BIN)/python tools/codegen/page_terms.py
 
 docs: $(STAMP)  ## the pages, commands and Python API as a site: build/docs/site/index.html (a broken link fails)
 	@$(BIN)/python tools/docs/build_site.py

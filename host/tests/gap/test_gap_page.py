@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 import json
 import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from html.parser import HTMLParser
@@ -316,9 +318,23 @@ def test_page_of_the_full_hand_has_every_section_in_order(full: Report) -> None:
         "Recommended measurements",
         "Without each effect",
         "By object and by board",
-        "In the terms of the thesis",
+        "Processing steps of the thesis",
+        "Terms",
         "Inputs",
     ]
+
+
+def test_labels_of_the_figures_link_to_the_definitions_of_their_terms(full: Report) -> None:
+    page = parsed(page_text(full))
+    anchors = {element.get("id") for element in page.iter() if element.get("id")}
+    links = {element.text: element.get("href", "") for element in page.iter("a") if element.get("class") == "term"}
+    assert {"Gap", "Floor", "Excess", "Shrink"} <= links.keys()
+    assert {link.removeprefix("#") for link in links.values()} <= anchors
+
+
+def test_definitions_of_the_terms_are_those_of_the_glossary() -> None:
+    program = Path(__file__).parents[3] / "tools" / "codegen" / "page_terms.py"
+    subprocess.run([sys.executable, program, "--check"], check=True)
 
 
 def test_the_verdict_is_the_heading(full: Report) -> None:
@@ -367,7 +383,7 @@ def test_every_picture_has_a_description_or_is_hidden_from_screen_readers(full: 
 def test_every_link_leads_to_a_section(full: Report) -> None:
     root = parsed(page_text(full))
     anchors = {section.get("id") for section in root.iter("section")}
-    links = {(link.get("href") or "").removeprefix("#") for link in root.iter("a")}
+    links = {(link.get("href") or "").removeprefix("#") for link in root.iter("a") if link.get("class") != "term"}
     assert links == anchors
 
 
@@ -383,7 +399,8 @@ def test_equal_reports_give_equal_bytes(full: Report, tmp_path: Path) -> None:
 
 
 def test_sections_without_content_are_omitted() -> None:
-    expected = ["Figures", "Location of the gap", "Effects", "Confounded effects", "Unexplained part", "Inputs"]
+    expected = ["Figures", "Location of the gap", "Effects", "Confounded effects", "Unexplained part"]
+    expected += ["Terms", "Inputs"]
     assert titles(page_text(minimal_report())) == expected
 
 

@@ -1,4 +1,4 @@
-"""The shrink in parts: without each effect, by object and by board, and in the terms of the thesis."""
+"""Gaps in detail: without each effect, by object and by board, and after each processing step of the thesis."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def thesis_section(report: CheckedReport) -> SectionData | None:
     ]
     headings = (Heading("Step"), Heading("Gap", "pic"), _COUNTS, Heading("Millimetres", "n"))
     table = make_table(headings, rows, "The gap after the processing steps of the thesis", "wide")
-    return SectionData("thesis", "In the terms of the thesis", "table", {"table": table})
+    return SectionData("thesis", "Processing steps of the thesis", "table", {"table": table})
 
 
 def _increase(difference: float, beside: float) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from taxel.gap.page.bars import Bar
+from taxel.gap.page.terms import term_anchor
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,8 @@ class Cell:
     """A table cell.
 
     text: plain text. note: explanation in a second line. bar: a diagram instead of the text. tag: a label after the
-    text. has_dot: a dot after the text, which marks a small p-value.
+    text. has_dot: a dot after the text, which marks a small p-value. term: name of the term in the section Terms that
+    the text links to.
     """
 
     text: str = ""
@@ -42,6 +44,12 @@ class Cell:
     is_bold: bool = False
     is_small: bool = False
     has_dot: bool | None = None
+    term: str = ""
+
+    @property
+    def anchor(self) -> str:
+        """Anchor of the term; empty without a term."""
+        return term_anchor(self.term) if self.term else ""
 
 
 @dataclass(frozen=True)

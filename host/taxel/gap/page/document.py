@@ -19,6 +19,7 @@ from taxel.gap.page.inputs_section import inputs_section
 from taxel.gap.page.location_section import location_section
 from taxel.gap.page.remainder_sections import confounded_section, recommendation_section, unexplained_section
 from taxel.gap.page.rendering import read_resource, render
+from taxel.gap.page.terms_section import terms_section
 from taxel.gap.page.text import clean_text
 from taxel.gap.page.waterfall_section import waterfall_section
 from taxel.gap.report.checked_report import CheckedReport
@@ -35,6 +36,7 @@ _SECTIONS: tuple[Callable[[CheckedReport], SectionData | None], ...] = (
     ablation_section,
     parts_section,
     thesis_section,
+    terms_section,
     inputs_section,
 )
 

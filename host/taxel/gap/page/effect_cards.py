@@ -40,7 +40,7 @@ def effect_card(report: CheckedReport, effect: ReportValue, axis: Axis) -> dict[
         ("Location", "", effect_locations(report, effect)),
         ("Identifiability", "", f"{identifiability}: {meaning}"),
         ("Share of the shrink", "", f"{percent(effect.optional_number('shapley_share'))} (Shapley)"),
-        ("Gap with it alone", "", with_unit(effect.optional_number("gap_after_alone"), "counts")),
+        ("Gap with this effect alone", "", with_unit(effect.optional_number("gap_after_alone"), "counts")),
         ("Predicted", _DIAMOND, f"{percent(predicted)} of the gap"),
         ("Measured", _DOT, f"{percent(measured)}{measured_interval}"),
     ]

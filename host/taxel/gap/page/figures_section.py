@@ -8,6 +8,8 @@ from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.report_values import ReportValue
 
 _COUNTS = "counts"
+_TERMS = {"Gap": "gap", "Floor": "floor", "Excess": "excess", "Margin": "margin"}
+"""Terms of the labels, for links to the section of terms."""
 
 Row = tuple[Cell, Cell]
 
@@ -57,7 +59,10 @@ def _after_rows(report: CheckedReport) -> list[Row]:
         _row(after, "before", "Before", _COUNTS, "gap of the grasps that were not used for the fit"),
         _row(after, "value", "After", _COUNTS, f"with {added} added"),
         _row(after, "floor", "Floor", _COUNTS, "of the same grasps"),
-        (Cell("Shrink", f"share of the gap{prediction}"), Cell(percent(after.optional_number("shrink")))),
+        (
+            Cell("Shrink", f"share of the gap{prediction}", term="shrink"),
+            Cell(percent(after.optional_number("shrink"))),
+        ),
         (Cell("Reducible shrink", reducible_note), Cell(percent(reducible))),
         *_repeated_search_rows(report),
     ]
@@ -99,4 +104,6 @@ def _row(entry: ReportValue, key: str, label: str, unit: str, note: str) -> Row:
     content = entry.field(key)
     value = None if content.content is None else content.as_number()
     bounds = entry.optional_interval("ci95") if key == "value" else None
-    return Cell(label, note), Cell(with_unit(value, unit), interval(bounds, value or 0.0) if bounds else "")
+    return Cell(label, note, term=_TERMS.get(label, "")), Cell(
+        with_unit(value, unit), interval(bounds, value or 0.0) if bounds else ""
+    )
