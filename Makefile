@@ -15,6 +15,7 @@ FULL_HAND ?= 10
 SECONDS ?= 60
 PORT := firmware/boards/psoc4200
 IMAGES := build/psoc4200
+QUICK := protocol/tests $(addprefix host/tests/,cli emulated grasp hand link signal skin stream testing)
 EXECUTED := i2c commands stream fault_cases uart_faults hub_bootloader
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
@@ -22,8 +23,11 @@ PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 CONSTRAINTS = $(shell $(BIN)/python -c 'import sys; print("-c constraints.txt" if sys.version_info[:2] == (3, 11) else "")')
 CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 
+# Compiled modules are kept, so that the many processes that the tests start need not compile them again.
+export PYTHONDONTWRITEBYTECODE :=
+
 .DEFAULT_GOAL := help
-.PHONY: help install demo blind hil soak fuzz-states mutants test test-c test-threads test-python test-executed fuzz fuzz-short lint terms lock wheels check-wheel bench bench-page firmware size generate docs docs-test format clean
+.PHONY: help install check demo blind hil soak fuzz-states mutants test test-quick test-slow test-c test-threads test-python test-executed fuzz fuzz-short lint terms lock wheels check-wheel bench bench-page firmware size generate docs docs-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -46,11 +50,17 @@ blind: $(STAMP)  ## the full blind check: hours; it goes on where it was cut (WO
 	@$(BIN)/taxel gap blind --worlds $(WORLDS) --full-hand-worlds $(FULL_HAND) --out out/blind --page docs/blind-check.md
 
 test: $(STAMP)  ## everything that must pass: style, types, layers, C and Python tests
-	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint test-c
-	@$(MAKE) --no-print-directory fuzz-short test-python test-executed
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint test-c fuzz-short
+	@$(MAKE) --no-print-directory test-python test-executed
+
+check: $(STAMP)  ## below a minute, before each commit: style, types, layers, terms and the quick Python tests
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint test-quick
+
+test-quick: $(STAMP)
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m 'not slow' $(QUICK)
 
 test-c: $(STAMP)  ## C tests, built with address and undefined-behaviour sanitizers
-	@$(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo > /dev/null
+	@$(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=Debug -DCMAKE_C_FLAGS_DEBUG='-O1 -g1' > /dev/null
 	@$(BIN)/cmake --build $(BUILD)/sanitized | tail -n 1
 	@$(BIN)/ctest --test-dir $(BUILD)/sanitized --output-on-failure --no-tests=error -j $(JOBS)
 
@@ -60,8 +70,11 @@ test-threads: $(STAMP)  ## the emulator's threads under the thread sanitizer
 	@$(BIN)/ctest --test-dir $(BUILD)/threads --output-on-failure --no-tests=error -R '^test_(thread_pool|effects_world)$$'
 
 # Files in the order in which they are found: those that wait for real time come first, not alone at the end.
-test-python: $(STAMP)  ## Python tests
-	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --no-loadscope-reorder
+test-python: $(STAMP)  ## Python tests, without those that are marked slow; prints the ten slowest
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations=10 -m 'not slow'
+
+test-slow: $(STAMP)  ## the Python tests that are marked slow: whole diagnoses and campaigns
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --durations=10 -m slow
 
 test-executed: $(STAMP)  ## UART, I2C, command, fault and flash tests on images that are executed as ARM code (`make hil RIG=cortex-m0`: all)
 	@command -v arm-none-eabi-gcc > /dev/null || \
@@ -72,7 +85,7 @@ fuzz: $(STAMP)  ## libFuzzer on codec, sensor and hub for SECONDS each (60); nee
 	@$(BIN)/python tools/fuzz/run_targets.py --seconds $(SECONDS)
 
 fuzz-short: $(STAMP)
-	@$(BIN)/python tools/fuzz/run_targets.py --seconds 3 --if-possible
+	@$(BIN)/python tools/fuzz/run_targets.py --seconds 1 --if-possible
 
 hil: $(STAMP)  ## hardware in the loop on RIG (virtual, cortex-m0, or the file of a bench)
 	@$(BIN)/python -m pytest -q hil_tests --rig $(RIG)

@@ -71,6 +71,7 @@ def guide(tmp_path, monkeypatch):
     return run
 
 
+@pytest.mark.slow
 def test_the_blocks_of_the_guide_run_in_order(guide, tmp_path, capsys):
     outputs = []
     for kind, text in BLOCK.findall(GUIDE.read_text()):

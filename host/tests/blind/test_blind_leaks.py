@@ -19,6 +19,8 @@ from taxel.blind.sampling import sample_worlds
 from taxel.blind.world import CampaignSize
 from taxel.blind.world_datasets import make_world
 
+pytestmark = pytest.mark.slow
+
 NOISE = Cause("noise", "noise white", ("noise white counts=60 board=0x53",))
 GAIN = Cause("gain_mismatch", "gain idac", ("gain idac factor=1.4 board=0x53",))
 SILENT = Cause("dropout", "silent from", ("silent from board=0x53 seconds=0",))

@@ -85,6 +85,7 @@ def test_only_the_grasped_object_has_contact_points(complete):
     assert counted["rectangular_prism"].grasps == counted["rectangular_prism"].points == 0
 
 
+@pytest.mark.slow
 def test_one_and_two_processes_make_the_same_content(complete, plan, settings, tmp_path):
     run_emulated(tmp_path / "real.h5", plan, settings, jobs=2)
     assert content(tmp_path / "real.h5") == content(complete[0])
@@ -174,6 +175,7 @@ def test_an_error_in_a_worker_process_is_raised_in_the_caller(setup):
         list(map_in_processes(raise_error, setup, range(50), None, 2))
 
 
+@pytest.mark.slow
 def test_results_are_ordered_and_closing_the_iterator_cancels_the_remaining_parts(setup, tmp_path):
     parts = map_in_processes(touch_file, setup, range(500), str(tmp_path), 2)
     assert [next(parts) for _ in range(3)] == [0, 1, 2]

@@ -101,6 +101,7 @@ def test_the_record_has_the_nominal_object_pose_while_the_true_pose_varies(
     assert np.abs(first - second).max() > 100
 
 
+@pytest.mark.slow
 def test_another_seed_gives_another_record(single_grasp_session, setup, two_of_one_session, settings):
     reference = single_grasp_session[0]
     other = run_session(setup, two_of_one_session[:1], replace(settings, seed=2))[0]

@@ -128,6 +128,7 @@ def test_without_effects_the_mean_signals_agree_within_the_variance_of_repeats(p
     assert np.mean(gaps) < 3.0 * np.mean(floors)
 
 
+@pytest.mark.slow
 def test_a_seed_determines_the_bytes_of_the_file(pair, plan, tmp_path, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
     run_simulated_indentations(tmp_path / "sim.h5", plan, SimIndentationSettings(seed=2, repeats=2))
@@ -136,6 +137,7 @@ def test_a_seed_determines_the_bytes_of_the_file(pair, plan, tmp_path, monkeypat
     assert (tmp_path / "other.h5").read_bytes() != pair[1].read_bytes()
 
 
+@pytest.mark.slow
 def test_one_and_two_processes_make_the_same_bytes(pair, plan, settings, tmp_path, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
     run_emulated_indentations(tmp_path / "real.h5", plan, settings, jobs=2)

@@ -116,6 +116,7 @@ WORLDS = {
 OTHERS = set(OWN_EFFECTS) - set(WORLDS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WORLDS)
 def test_the_gap_shrinks_as_promised_and_the_effect_is_not_found_again(world, tmp_path, name):
     real, sim = world(tmp_path, cells=5, sessions=4, **WORLDS[name])

@@ -14,6 +14,8 @@ from taxel.gap.effects.saturation import Saturation
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import means_of, prepared
 
+pytestmark = pytest.mark.slow
+
 ROWS, COLUMNS = 6, 5
 
 

@@ -12,6 +12,8 @@ import pytest
 
 from taxel.recording import GraspDataset, TouchRecording, load_recording, recordings
 
+pytestmark = pytest.mark.slow
+
 FOLDER = Path(__file__).resolve().parents[3] / "tools" / "gap"
 FEW, MORE = 3, 5
 """Touches of each recording."""

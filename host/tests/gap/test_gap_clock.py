@@ -11,6 +11,8 @@ from taxel.gap.diagnosis import diagnose
 from taxel.gap.pair import read_pair
 from taxel.recording.grasp_format import Phase
 
+pytestmark = pytest.mark.slow
+
 LATE = "press_2"
 
 

@@ -10,6 +10,8 @@ from taxel.gap.dropped import find_dropped
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
 
+pytestmark = pytest.mark.slow
+
 ROWS, COLUMNS = 6, 5
 BOARD = 0x20
 

@@ -16,6 +16,8 @@ from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.state import Signal
 
+pytestmark = pytest.mark.slow
+
 
 def clipped(force, drop):
     return np.minimum(drop, 300.0)

@@ -15,6 +15,8 @@ from taxel.gap.errors import GapInputError
 from taxel.gap.pair import read_pair
 from taxel.recording.errors import DatasetError
 
+pytestmark = pytest.mark.slow
+
 
 def changed(path, change):
     with h5py.File(path, "r+") as file:

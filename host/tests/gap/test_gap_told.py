@@ -19,6 +19,8 @@ from taxel.gap.standing import Standing
 from taxel.gap.told import amplitude_information, told_elsewhere, told_of
 from taxel.gap.weighing import Weighed
 
+pytestmark = pytest.mark.slow
+
 N = 60
 
 

@@ -23,6 +23,7 @@ def example():
     return module
 
 
+@pytest.mark.slow
 def test_example_reports_the_accuracies_without_and_with_effects(example, generated, capsys, tmp_path):
     test_set = generated.folder / "shard-00000.h5"
     arguments = ["--grasps", "6", "--workers", "1", "--test-set", test_set, "--out", tmp_path / "out", "--json"]
@@ -35,6 +36,7 @@ def test_example_reports_the_accuracies_without_and_with_effects(example, genera
             assert 0.0 <= low <= row[name]["accuracy"] <= high <= 1.0
 
 
+@pytest.mark.slow
 def test_training_set_without_the_effect_of_the_test_set_has_a_lower_accuracy(example):
     rng = np.random.default_rng(4)
     labels = np.repeat(["a", "b"], 40)
