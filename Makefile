@@ -16,7 +16,7 @@ SECONDS ?= 60
 PORT := firmware/boards/psoc4200
 IMAGES := build/psoc4200
 QUICK := protocol/tests $(addprefix host/tests/,cli emulated grasp hand link signal skin stream testing)
-EXECUTED := i2c commands stream fault_cases uart_faults hub_bootloader
+EXECUTED := i2c commands hub_bootloader
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # The versions of constraints.txt have binary packages for Python 3.11; other versions take the newest ones.
@@ -76,7 +76,7 @@ test-python: $(STAMP)  ## Python tests, without those that are marked slow; prin
 test-slow: $(STAMP)  ## the Python tests that are marked slow: whole diagnoses and campaigns
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --durations=10 -m slow
 
-test-executed: $(STAMP)  ## UART, I2C, command, fault and flash tests on images that are executed as ARM code (`make hil RIG=cortex-m0`: all)
+test-executed: $(STAMP)  ## I2C, command and flash tests on images that are executed as ARM code (`make hil RIG=cortex-m0`: all)
 	@command -v arm-none-eabi-gcc > /dev/null || \
 		{ echo "executed images are not tested: they need 'apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi'"; exit 0; }; \
 	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --rig cortex-m0 $(EXECUTED:%=hil_tests/test_hil_%.py)

@@ -8,6 +8,8 @@ import pytest
 from host.tests.gap.pressed_plates import Plates
 from taxel.gap.diagnosis import diagnose
 
+pytestmark = pytest.mark.slow
+
 
 def found(folder, plates: Plates) -> dict:
     return diagnose(*plates.write(folder)).report
@@ -18,7 +20,6 @@ def parameters(report: dict, name: str) -> dict[str, float]:
     return {key: one["value"] for key, one in own.items()}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.65, 1.6])
 def test_a_layer_into_which_objects_sink_otherwise_is_told_by_its_stiffness(tmp_path, scale):
     report = found(tmp_path, Plates(seed=11, scale=scale))
@@ -27,7 +28,6 @@ def test_a_layer_into_which_objects_sink_otherwise_is_told_by_its_stiffness(tmp_
     assert report["after"]["reducible_shrink"] > 0.95
 
 
-@pytest.mark.slow
 def test_a_plate_that_stands_elsewhere_is_found_where_it_stands(tmp_path):
     moved = (0.002, -0.0015, 0.0, 0.03, -0.02, 0.04)
     report = found(tmp_path, Plates(seed=12, moved=((0.0,) * 6, moved, (0.0,) * 6)))
