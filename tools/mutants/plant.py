@@ -234,8 +234,8 @@ class SandboxedCopy:
         """
         if stage.tests:
             self.build("package")
-            command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--tb=short", "-m", "not slow"]
-            command += sorted(stage.tests, key=lambda tests: Path(tests).stem not in file)
+            command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--tb=short"]
+            command += ["-m", "not slow", *sorted(stage.tests, key=lambda tests: Path(tests).stem not in file)]
         else:
             command = self._c_tests(stage)
         code, output = self._run(command)
