@@ -1,12 +1,12 @@
-"""Compact frames against the entropy of what they say, and the rate that the I2C bus then allows.
+"""Size of compact frames compared with the entropy of their counts, and the resulting rate on the I2C bus.
 
-python tools/compact/entropy.py                     noise of 1.5, 4, 10 and 28 counts, and a recording with touches
-python tools/compact/entropy.py --seconds 4         shorter
+python tools/compact/entropy.py                     noise of 1.5, 4, 10 and 28 counts, without and with contacts
+python tools/compact/entropy.py --seconds 4         a shorter measurement
 
-The boards are emulated ones with the firmware's own coder, polled 60 times a second; candidates are acknowledged in the
-next cycle but one. "entropy" is, for noise, that of a rounded normal deviate of known mean and standard deviation; for
-the recording, what the best of 48 predictors of the coder's class would take, chosen in hindsight, learning from every
-frame at once, without rounding and without whole bytes. "coded" are all bytes between header and CRC.
+Emulated boards with the firmware's own coder are polled 60 times per second. Key frames are acknowledged two cycles
+later. Columns: "entropy" is, for noise, the entropy of a rounded normal deviate with known mean and standard deviation;
+with contacts, the cost of the best of 48 predictors of the coder's class, selected in hindsight, which are updated by
+every frame without delay, rounding and padding to bytes. "coded" counts all bytes between header and CRC.
 """
 
 import argparse
@@ -14,7 +14,7 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from ideal import WARM_UP, noise_entropy, recording_entropy
+from ideal import WARM_UP, compute_noise_entropy, compute_recording_entropy
 
 from taxel.demonstration import DEMO_CONTACTS
 from taxel.hand import Hand, load_hand
@@ -38,27 +38,27 @@ RATE_HZ = 60.0
 SEED = 20
 READ_SIZE = 260
 BUS_HZ = 4e6
-"""Fast enough that polling with reads of fixed size fits a cycle; what is coded does not depend on it."""
+"""Clock of the emulated bus: polls with reads of fixed size fit into a cycle. The coded bytes do not depend on it."""
 
 POLL_BYTES = 2
-"""Beside the snapshot: address, length."""
+"""Bytes of a poll in addition to the snapshot: address, length."""
 
-ANSWER_BYTES = 4
-"""Address, register, name."""
+ACKNOWLEDGE_BYTES = 4
+"""Bytes of an acknowledgement: address, register, id of the key frame."""
 
 CYCLE_BYTES = 7 + 2 + 4
-"""Once a cycle: a board's clock, the pointer that this moved, probes of four addresses."""
+"""Further bytes per cycle: clock reading of one board, its pointer write, probes of four addresses."""
 
 CLOCKS_PER_BYTE = 9
 CONDITION_CLOCKS = 2
-"""A start and a stop condition."""
+"""Clocks of a start and a stop condition."""
 
-PLAIN_BYTES = 11
-"""A poll of a plain snapshot beside its counts."""
+UNCOMPRESSED_BYTES = 11
+"""Bytes of a poll of an uncompressed snapshot in addition to its counts."""
 
 
-class _Fed:
-    """A link that gives what it was fed."""
+class _QueueLink:
+    """A link whose received bytes are a queue that the caller fills."""
 
     name, baud, is_recorded, is_real_time, holds_back = "emulated boards", 1e6, True, False, False
 
@@ -66,32 +66,42 @@ class _Fed:
         self.waiting: deque[bytes] = deque()
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """The next piece."""
+        """The next queued bytes, or None."""
         return Chunk(self.waiting.popleft(), 0) if self.waiting else None
 
     def write(self, data: bytes) -> None:
-        """Nothing is asked of it."""
+        """Discard the bytes."""
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing."""
 
 
 @dataclass
 class Tally:
-    """Bytes on the bus by kind, over `cycles` cycles; `counts` holds the decoded counts of each."""
+    """Bytes on the bus over `cycles` poll cycles.
+
+    coded, packed: bytes between header and CRC of delta frames and packed frames. overhead: their headers and CRCs.
+    acknowledgements: number of acknowledgements. counts: decoded counts of each complete cycle.
+    """
 
     cycles: int = 0
     snapshots: int = 0
     coded: int = 0
     packed: int = 0
-    heads: int = 0
-    answers: int = 0
+    overhead: int = 0
+    acknowledgements: int = 0
     counts: list[np.ndarray] = field(default_factory=list)
 
-    def clocks(self, boards: int) -> float:
-        """Bus clocks of a cycle."""
-        polls = self.coded + self.packed + self.heads + POLL_BYTES * self.snapshots + ANSWER_BYTES * self.answers
-        conditions = CONDITION_CLOCKS * (boards + 6 + self.answers / self.cycles)
+    def count_clocks(self, boards: int) -> float:
+        """Mean number of bus clocks per cycle."""
+        polls = (
+            self.coded
+            + self.packed
+            + self.overhead
+            + POLL_BYTES * self.snapshots
+            + ACKNOWLEDGE_BYTES * self.acknowledgements
+        )
+        conditions = CONDITION_CLOCKS * (boards + 6 + self.acknowledgements / self.cycles)
         return CLOCKS_PER_BYTE * (polls / self.cycles + CYCLE_BYTES) + conditions
 
 
@@ -101,23 +111,23 @@ class Skin:
     def __init__(self, world: VirtualWorld, hand: Hand) -> None:
         self.world, self.hand = world, hand
         self.sizes = {board.address: board.kind.taxel_count for board in hand.boards}
-        self.link = _Fed()
-        self.stream = FrameStream(self.link, lambda message: None, on_acknowledgements=self._take)
-        self._answers: deque[dict[int, bytes]] = deque([{}, {}])
+        self.link = _QueueLink()
+        self.stream = FrameStream(self.link, lambda message: None, on_acknowledgements=self._queue_acknowledgements)
+        self._pending: deque[dict[int, bytes]] = deque([{}, {}])
         self._sequence = 0
 
-    def _take(self, payload: bytes) -> None:
+    def _queue_acknowledgements(self, payload: bytes) -> None:
         for i in range(0, len(payload), 3):
             forget = payload[i] & ACKNOWLEDGE_FORGET
-            self._answers[-1][payload[i] & 0x7F] = b"\0" if forget else payload[i + 1 : i + 3]
+            self._pending[-1][payload[i] & 0x7F] = b"\0" if forget else payload[i + 1 : i + 3]
 
-    def cycle(self, number: int, tally: Tally | None) -> None:
-        """Poll every board once; what it costs goes into `tally`."""
-        answers = self._answers.popleft()
-        self._answers.append({})
+    def poll_cycle(self, number: int, tally: Tally | None) -> None:
+        """Poll every board once and add the bytes to `tally`."""
+        acknowledgements = self._pending.popleft()
+        self._pending.append({})
         for address, size in self.sizes.items():
-            if address in answers:
-                self.world.transfer(address, bytes([REGISTER_COMPACT]) + answers[address], 0)
+            if address in acknowledgements:
+                self.world.transfer(address, bytes([REGISTER_COMPACT]) + acknowledgements[address], 0)
             write = bytes([REGISTER_COMPACT]) if number == 0 else b""
             result, data = self.world.transfer(address, write, READ_SIZE)
             frame = data[1 : 1 + compact_size(data[0])] if not result else b""
@@ -127,7 +137,7 @@ class Skin:
                 self.link.waiting.append(wire)
                 self._sequence += 1
             if tally is not None:
-                self._count(tally, frame, address in answers)
+                self._count(tally, frame, address in acknowledgements)
         while self.link.waiting:
             self.stream.poll(0.0)
         if tally is not None:
@@ -137,53 +147,58 @@ class Skin:
         self.stream.frames.clear()
 
     @staticmethod
-    def _count(tally: Tally, frame: bytes, answered: bool) -> None:
-        tally.answers += answered
+    def _count(tally: Tally, frame: bytes, has_acknowledgement: bool) -> None:
+        tally.acknowledgements += has_acknowledgement
         tally.snapshots += 1
         if not frame:
             return
-        packed = bool(frame[2] & COMPACT_WIDTH_MASK)
-        overhead = COMPACT_OVERHEAD_PACKED if packed else COMPACT_OVERHEAD_DELTA
-        tally.heads += overhead
-        if packed:
+        is_packed = bool(frame[2] & COMPACT_WIDTH_MASK)
+        overhead = COMPACT_OVERHEAD_PACKED if is_packed else COMPACT_OVERHEAD_DELTA
+        tally.overhead += overhead
+        if is_packed:
             tally.packed += len(frame) - overhead
         else:
             tally.coded += len(frame) - overhead
 
 
-def measure(hand: Hand, noise: float, seconds: float, touched: bool) -> Tally:
-    """Poll a skin of that noise for so long, after WARM_UP cycles; `touched`: seven presses, one a second."""
+def measure(hand: Hand, noise: float, seconds: float, has_contacts: bool) -> Tally:
+    """Poll a skin with this noise (counts) for `seconds`, after WARM_UP cycles. `has_contacts`: seven contacts, one per
+    second.
+    """
     settings = WorldSettings(seed=SEED, noise_counts=noise, scl_hz=BUS_HZ)
-    presses = [replace(p, start_s=p.start_s - DEMO_CONTACTS[0].start_s) for p in DEMO_CONTACTS]
-    times, forces = compute_indentation_forces(hand, presses)
+    first_s = DEMO_CONTACTS[0].start_s
+    contacts = [replace(contact, start_s=contact.start_s - first_s) for contact in DEMO_CONTACTS]
+    times, forces = compute_indentation_forces(hand, contacts)
     tally = Tally()
     with VirtualWorld(format_world(hand, settings), "none") as world:
         world.run(0.5)
         skin = Skin(world, hand)
-        begin = world.now_s
+        start_s = world.now_s
         cycles = WARM_UP + round(seconds * RATE_HZ)
         for number in range(cycles):
             now = number / RATE_HZ - (WARM_UP + 6) / RATE_HZ
-            if touched:
+            if has_contacts:
                 world.press(np.array([np.interp(now, times, forces[:, i]) for i in range(hand.n_taxels)]))
-            skin.cycle(number, tally if number >= WARM_UP else None)
-            world.run(max(begin + (number + 1) / RATE_HZ - world.now_s, 0.0))
+            skin.poll_cycle(number, tally if number >= WARM_UP else None)
+            world.run(max(start_s + (number + 1) / RATE_HZ - world.now_s, 0.0))
         if skin.stream.losses.undecoded_frames:
             raise SystemExit(f"undecoded frames: {skin.stream.losses.undecoded_frames}")
     return tally
 
 
-def report(name: str, hand: Hand, tally: Tally, entropy: float) -> str:
+def format_row(name: str, hand: Hand, tally: Tally, entropy: float) -> str:
     """One line of the table."""
     sent = tally.coded + tally.packed
     bits = 8.0 * sent / (tally.cycles * hand.n_taxels)
     boards = len(hand.boards)
-    clocks = tally.clocks(boards)
+    clocks = tally.count_clocks(boards)
     rates = " ".join(f"{scl / clocks:8.1f}" for scl in (4e5, 1e6))
-    total = (sent + tally.heads + POLL_BYTES * tally.snapshots + ANSWER_BYTES * tally.answers) / tally.cycles
+    total = (
+        sent + tally.overhead + POLL_BYTES * tally.snapshots + ACKNOWLEDGE_BYTES * tally.acknowledgements
+    ) / tally.cycles
     return (
         f"{name:14} {entropy:8.3f} {bits:8.3f} {bits / entropy:7.3f} {total:11.1f} {rates} "
-        f"{tally.answers / tally.cycles:8.2f} {100 * tally.packed / sent:7.1f}"
+        f"{tally.acknowledgements / tally.cycles:8.2f} {100 * tally.packed / sent:7.1f}"
     )
 
 
@@ -193,17 +208,17 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=8.0, help="virtual seconds of each row (8)")
     seconds = parser.parse_args().seconds
     hand = load_hand("allegro")
-    plain = sum(PLAIN_BYTES + 2 * board.kind.taxel_count for board in hand.boards)
+    uncompressed = sum(UNCOMPRESSED_BYTES + 2 * board.kind.taxel_count for board in hand.boards)
     print(f"seed {SEED}, {len(hand.boards)} boards, {hand.n_taxels} taxels, {seconds:g} s at {RATE_HZ:g} Hz")
-    print(f"plain: {plain} bytes a cycle")
-    print("noise, counts   entropy    coded   ratio  bytes/cycle  400 kHz    1 MHz  answers packed %")
+    print(f"uncompressed: {uncompressed} bytes per cycle")
+    print("noise, counts   entropy    coded   ratio  bytes/cycle  400 kHz    1 MHz  acks/cyc packed %")
     for sigma in SIGMAS:
-        tally = measure(hand, sigma, seconds, touched=False)
-        print(report(f"{sigma:g}", hand, tally, noise_entropy(sigma)), flush=True)
+        tally = measure(hand, sigma, seconds, has_contacts=False)
+        print(format_row(f"{sigma:g}", hand, tally, compute_noise_entropy(sigma)), flush=True)
     for sigma in SIGMAS[:2]:
-        tally = measure(hand, sigma, seconds, touched=True)
-        entropy = recording_entropy(np.array(tally.counts, dtype=np.int64))
-        print(report(f"{sigma:g}, touched", hand, tally, entropy), flush=True)
+        tally = measure(hand, sigma, seconds, has_contacts=True)
+        entropy = compute_recording_entropy(np.array(tally.counts, dtype=np.int64))
+        print(format_row(f"{sigma:g}, touched", hand, tally, entropy), flush=True)
 
 
 if __name__ == "__main__":

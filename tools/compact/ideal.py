@@ -1,4 +1,4 @@
-"""What a recording of raw counts costs at least, by the definitions that entropy.py prints."""
+"""Lower bounds for the size of coded raw counts: entropy of noise, and costs of ideal predictors."""
 
 import math
 from itertools import product
@@ -9,19 +9,20 @@ from scipy.special import ndtr
 
 from taxel.types import IntArray
 
-TAIL = 0.005
-TAIL_WIDTH = 3.0
+CAUCHY_SHARE = 0.005
+CAUCHY_WIDTH = 3.0
 REACH = 8.0
+"""The distribution of SPEC.md, "Coding of compact snapshots": normal plus Cauchy, truncated at REACH scales."""
 GAINS = (1 / 4, 1 / 8, 1 / 16, 1 / 32)
 JUMPS = (4.0, 6.0, 8.0)
 WARM_UP = 60
-"""Frames before a predictor is held to its costs."""
+"""Frames at the start of a recording whose costs are not counted."""
 
 
-def noise_entropy(sigma: float, phases: int = 64) -> float:
+def compute_noise_entropy(sigma: float, phases: int = 64) -> float:
     """Bits of a count that is a normal deviate of known mean and standard deviation `sigma`, rounded.
 
-    The mean is known to the coder; its fraction is uniform over the taxels.
+    The fraction of the mean is uniformly distributed over the taxels.
     """
     reach = math.ceil(10 * sigma) + 2
     k = np.arange(-reach, reach + 1)[:, None]
@@ -31,21 +32,24 @@ def noise_entropy(sigma: float, phases: int = 64) -> float:
 
 
 def _cumulative(distance: NDArray[np.float64]) -> NDArray[np.float64]:
-    cut = np.clip(distance, -REACH, REACH)
-    wide = 0.5 + np.arctan(cut / TAIL_WIDTH) / (2 * math.atan(REACH / TAIL_WIDTH))
-    inside: NDArray[np.float64] = (1 - TAIL) * ndtr(cut) + TAIL * wide
-    return inside
+    limited = np.clip(distance, -REACH, REACH)
+    wide = 0.5 + np.arctan(limited / CAUCHY_WIDTH) / (2 * math.atan(REACH / CAUCHY_WIDTH))
+    probability: NDArray[np.float64] = (1 - CAUCHY_SHARE) * ndtr(limited) + CAUCHY_SHARE * wide
+    return probability
 
 
 def _cost(counts: IntArray, mean: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bits of each count; what lies beyond the reach costs nine bits and its size."""
+    """Bits of each count. A count beyond the truncation costs 14 bits plus the bits of its distance."""
     share = _cumulative((counts + 0.5 - mean) / scale) - _cumulative((counts - 0.5 - mean) / scale)
-    far = 9 + 5 + np.floor(np.log2(np.maximum(np.abs(counts - mean), 1.0)))
-    return np.where(share > 2.0**-16, -np.log2(np.maximum(share, 2.0**-16)), far)
+    escape_bits = 9 + 5 + np.floor(np.log2(np.maximum(np.abs(counts - mean), 1.0)))
+    return np.where(share > 2.0**-16, -np.log2(np.maximum(share, 2.0**-16)), escape_bits)
 
 
-def predictor_bits(counts: IntArray, mean_gain: float, scale_gain: float, jump: float) -> float:
-    """Bits a count of a predictor that learns from every frame at once: sliding mean and scale, u[T, n] counts."""
+def compute_predictor_bits(counts: IntArray, mean_gain: float, scale_gain: float, jump: float) -> float:
+    """Bits per count of a predictor with sliding mean and scale, updated by every frame. counts: i[T, n].
+
+    jump: distance in scales from which the mean follows a count at once.
+    """
     mean = counts[0].astype(float)
     scale = np.full(counts.shape[1], 4.0)
     total = 0.0
@@ -62,6 +66,6 @@ def predictor_bits(counts: IntArray, mean_gain: float, scale_gain: float, jump: 
     return float(total / ((len(counts) - WARM_UP) * counts.shape[1]))
 
 
-def recording_entropy(counts: IntArray) -> float:
-    """Bits a count of the best predictor of the class, chosen in hindsight: no delay, no rounding, no whole bytes."""
-    return min(predictor_bits(counts, *choice) for choice in product(GAINS, GAINS, JUMPS))
+def compute_recording_entropy(counts: IntArray) -> float:
+    """Bits per count of the best predictor, selected in hindsight, without delay, rounding and padding to bytes."""
+    return min(compute_predictor_bits(counts, *parameters) for parameters in product(GAINS, GAINS, JUMPS))

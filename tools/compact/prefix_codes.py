@@ -1,16 +1,17 @@
-"""What prefix codes would take in place of the range coder, for a known scale and mean: bits a count.
+"""Bits per count of prefix codes in place of the range coder, for a known scale and mean.
 
 python tools/compact/prefix_codes.py
 
-Rice: the best parameter, zigzag residual to the rounded mean. Huffman: the best code for that scale, residual to the
-rounded mean, so that its tables do not depend on the mean's fraction. Both without their classes' own losses.
+Rice: the best parameter for the zigzag residual from the rounded mean. Huffman: the best code of this scale for the
+residual from the rounded mean, so that its tables do not depend on the fraction of the mean. The costs of transmitting
+parameters and tables are not included.
 """
 
 import heapq
 import math
 
 import numpy as np
-from ideal import noise_entropy
+from ideal import compute_noise_entropy
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
@@ -18,8 +19,8 @@ SIGMAS = (0.3, 1.5, 4.0, 10.0, 28.0)
 PHASES = 64
 
 
-def residuals(sigma: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Residuals to the rounded mean, and their shares over a uniform fraction of the mean."""
+def compute_residuals(sigma: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Residuals from the rounded mean, and their probabilities for a uniformly distributed fraction of the mean."""
     reach = math.ceil(10 * sigma) + 2
     k = np.arange(-reach, reach + 1)
     mean = (np.arange(PHASES)[None, :] + 0.5) / PHASES - 0.5
@@ -27,16 +28,16 @@ def residuals(sigma: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     return k, share.mean(axis=1)
 
 
-def rice(sigma: float) -> float:
+def compute_rice_bits(sigma: float) -> float:
     """Bits of the best Rice code."""
-    k, share = residuals(sigma)
+    k, share = compute_residuals(sigma)
     zigzag = np.where(k >= 0, 2 * k, -2 * k - 1)
     return min(float((share * ((zigzag >> low) + 1 + low)).sum()) for low in range(8))
 
 
-def huffman(sigma: float) -> float:
+def compute_huffman_bits(sigma: float) -> float:
     """Bits of the Huffman code."""
-    heap = [float(share) for share in residuals(sigma)[1] if share > 1e-12]
+    heap = [float(share) for share in compute_residuals(sigma)[1] if share > 1e-12]
     heapq.heapify(heap)
     bits = 0.0
     while len(heap) > 1:
@@ -50,7 +51,8 @@ def main() -> None:
     """Print the table."""
     print("noise, counts   entropy     Rice  Huffman")
     for sigma in SIGMAS:
-        print(f"{sigma:<14g} {noise_entropy(sigma):8.3f} {rice(sigma):8.3f} {huffman(sigma):8.3f}")
+        bits = (compute_noise_entropy(sigma), compute_rice_bits(sigma), compute_huffman_bits(sigma))
+        print(f"{sigma:<14g} " + " ".join(f"{value:8.3f}" for value in bits))
 
 
 if __name__ == "__main__":

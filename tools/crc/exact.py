@@ -1,10 +1,10 @@
-"""Error patterns that CRC-32 cannot see at the lengths of our frames: counted, not sampled.
+"""Exact numbers of error patterns that CRC-32 does not detect at the lengths of the frames.
 
 python tools/crc/exact.py
 
-An error pattern is invisible to a CRC when its polynomial is a multiple of the generator, whatever the data. A
-pattern may be shifted, so it is enough to look at those that contain bit 0, and to count where they fit (Koopman,
-"32-bit cyclic redundancy codes for Internet applications", DSN 2002, whose break points are verified here).
+A CRC does not detect an error pattern whose polynomial is a multiple of the generator, independent of the data. Shifted
+patterns are equivalent, so the program enumerates the patterns that contain bit 0 and counts the positions at which
+they fit. It verifies the break points of Koopman, "32-bit cyclic redundancy codes for Internet applications", DSN 2002.
 """
 
 import argparse
@@ -27,22 +27,24 @@ from taxel_protocol.limits import (
 from taxel_protocol.names import FrameType
 
 GENERATOR = 0x04C11DB7
-"""x^32 is implied (IEEE 802.3, clause 3.2.9)."""
+"""Generator polynomial without x^32 (IEEE 802.3, clause 3.2.9)."""
 
 BREAK_POINTS = {9: 67, 8: 90, 7: 124, 6: 204, 5: 301, 4: 3007}
-"""Shortest code word, in bits, that hides a pattern of so many (Koopman 2002, table 1: data bits + 32 + 1)."""
+"""Shortest code word in bits with an undetected pattern, by the number of bits of the pattern (Koopman 2002, table 1:
+data bits + 32 + 1).
+"""
 
 LENGTHS = (11, 15, 16, 25, 26, 37, 38, 75, 153, 252, 375, 376, 507)
-"""Bodies to print, in bytes: the break points, our shortest, average and longest taxel frame."""
+"""Lengths of bodies in the table, bytes: the break points, and the shortest, average and longest taxel frame."""
 
 SECONDS_PER_YEAR = 365.25 * 86400
 
 BYTE_RATE = 100_000
-"""Bytes a second of a UART at 1 Mbaud with a start and a stop bit."""
+"""Bytes per second of a UART at 1 Mbaud with a start and a stop bit."""
 
 
 def bit_syndromes(count: int) -> WordArray:
-    """x^i modulo the generator, for i below `count`; bit 0 is the last one on the wire."""
+    """x^i modulo the generator, for i below `count`; bit 0 is the last bit on the wire."""
     values = np.empty(count, np.uint32)
     state = 1
     for i in range(count):
@@ -51,8 +53,8 @@ def bit_syndromes(count: int) -> WordArray:
     return values
 
 
-def sums(syndromes: WordArray, size: int) -> WordArray:
-    """XOR of every subset of `size` syndromes, in colexicographic order: by the largest index first."""
+def xor_subsets(syndromes: WordArray, size: int) -> WordArray:
+    """XOR of every subset of `size` syndromes, in colexicographic order (sorted by the largest index)."""
     values = syndromes
     for k in range(2, size + 1):
         parts = [values[: math.comb(j, k - 1)] ^ syndromes[j] for j in range(len(syndromes))]
@@ -61,46 +63,47 @@ def sums(syndromes: WordArray, size: int) -> WordArray:
 
 
 def largest_index(order: int, size: int, count: int) -> int:
-    """Largest index of the subset at place `order` of `sums` over `count` syndromes."""
+    """Largest index in subset number `order` of `xor_subsets` over `count` syndromes."""
     return next(j for j in range(count) if math.comb(j + 1, size) > order)
 
 
-def shortest_word(weight: int, bits: int) -> int | None:
-    """Bits of the shortest code word with an invisible pattern of `weight` bits, up to `bits`; None if there is none.
+def find_shortest_word(weight: int, bits: int) -> int | None:
+    """Bits of the shortest code word with an undetected pattern of `weight` bits; None without one in up to `bits`.
 
-    Right only while no pattern of weight - 2 fits into `bits`: two halves that share a bit would pass for one.
+    Valid only if no undetected pattern of `weight` - 2 bits fits into `bits`: two halves that share a bit would be
+    counted as a pattern.
     """
     syndromes = bit_syndromes(bits)
-    left_size = (weight - 1) // 2
-    right_size = weight - 1 - left_size
-    left = sums(syndromes[1:], left_size) ^ syndromes[0]
-    right = sums(syndromes[1:], right_size)
-    common = np.intersect1d(left, right)
+    first_size = (weight - 1) // 2
+    second_size = weight - 1 - first_size
+    first_half = xor_subsets(syndromes[1:], first_size) ^ syndromes[0]
+    second_half = xor_subsets(syndromes[1:], second_size)
+    common = np.intersect1d(first_half, second_half)
     spans = []
     for value in common:
-        for i in np.flatnonzero(left == value):
-            for j in np.flatnonzero(right == value):
-                last = max(largest_index(int(i), left_size, bits), largest_index(int(j), right_size, bits))
+        for i in np.flatnonzero(first_half == value):
+            for j in np.flatnonzero(second_half == value):
+                last = max(largest_index(int(i), first_size, bits), largest_index(int(j), second_size, bits))
                 spans.append(last + 2)
     return min(spans, default=None)
 
 
-def four_bit_spans(bits: int) -> NDArray[np.int64]:
-    """spans[n]: invisible four-bit patterns that contain bit 0 and bit n - 1."""
+def count_four_bit_spans(bits: int) -> NDArray[np.int64]:
+    """[n]: number of undetected four-bit patterns whose first bit is bit 0 and whose last bit is bit n - 1."""
     syndromes = bit_syndromes(bits)
     order = np.argsort(syndromes)
-    ordered = syndromes[order]
+    sorted_syndromes = syndromes[order]
     spans = np.zeros(bits + 1, np.int64)
     for j in range(2, bits):
-        wanted = syndromes[1:j] ^ syndromes[0] ^ syndromes[j]
-        place = np.minimum(np.searchsorted(ordered, wanted), bits - 1)
-        others = order[place[ordered[place] == wanted]]
-        np.add.at(spans, others[others > j] + 1, 1)
+        required = syndromes[1:j] ^ syndromes[0] ^ syndromes[j]
+        position = np.minimum(np.searchsorted(sorted_syndromes, required), bits - 1)
+        fourth_bits = order[position[sorted_syndromes[position] == required]]
+        np.add.at(spans, fourth_bits[fourth_bits > j] + 1, 1)
     return spans
 
 
-def burst_rank() -> int:
-    """Rank of 32 neighbouring bit syndromes; 32 means that no burst of up to 32 bits is invisible."""
+def compute_burst_rank() -> int:
+    """Rank of 32 neighbouring bit syndromes; rank 32 means that every burst of up to 32 bits is detected."""
     rows = [int(value) for value in bit_syndromes(32)]
     rank = 0
     for bit in reversed(range(32)):
@@ -113,44 +116,44 @@ def burst_rank() -> int:
 
 
 def byte_syndromes(count: int) -> WordArray:
-    """[d, e]: syndrome of the byte e (1..255, first column unused) at d bytes before the last byte."""
+    """[d, e]: syndrome of the error byte e (1 to 255; column 0 is unused) at d bytes before the last byte."""
     bits = bit_syndromes(8 * count).reshape(count, 8)
     table = np.zeros((count, 256), np.uint32)
     for bit in range(8):
-        chosen = np.flatnonzero(np.arange(256) >> bit & 1)
-        table[:, chosen] ^= bits[:, bit, None]
+        columns = np.flatnonzero(np.arange(256) >> bit & 1)
+        table[:, columns] ^= bits[:, bit, None]
     return table
 
 
-def byte_pattern_spans(count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(two, three)[n]: invisible patterns of two and of three changed bytes that take up n bytes, ends included.
+def count_byte_pattern_spans(count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(two, three)[n]: numbers of undetected patterns of two and of three changed bytes within n bytes, ends included.
 
-    The last byte can cancel any low 8 bits: a pattern is invisible when the rest of it leaves the other 24 bits
-    at zero and the low ones not.
+    The last byte can cancel any low 8 bits of the syndrome: a pattern is undetected if the other bytes give zero in the
+    upper 24 bits and not zero in the low 8 bits.
     """
     table = byte_syndromes(count)[1:, 1:]
     two = np.zeros(count + 1, np.int64)
     three = np.zeros(count + 1, np.int64)
-    places = np.repeat(np.arange(1, count), 255)
+    positions = np.repeat(np.arange(1, count), 255)
     values = table.reshape(-1)
-    np.add.at(two, places[(values >> 8) == 0] + 1, 1)
+    np.add.at(two, positions[(values >> 8) == 0] + 1, 1)
     order = np.argsort(values >> 8, kind="stable")
-    keys, places, values = (values >> 8)[order], places[order], values[order]
+    keys, positions, values = (values >> 8)[order], positions[order], values[order]
     step = 1
     while step < len(keys) and (same := keys[step:] == keys[:-step]).any():
         at = np.flatnonzero(same)
-        good = (places[at] != places[at + step]) & (values[at] != values[at + step])
-        np.add.at(three, np.maximum(places[at], places[at + step])[good] + 1, 1)
+        is_pattern = (positions[at] != positions[at + step]) & (values[at] != values[at + step])
+        np.add.at(three, np.maximum(positions[at], positions[at + step])[is_pattern] + 1, 1)
         step += 1
     return two, three
 
 
-def fits(spans: NDArray[np.int64], length: int) -> int:
-    """Patterns in a word of `length`, from the number of patterns of each span."""
+def count_placements(spans: NDArray[np.int64], length: int) -> int:
+    """Number of patterns in a word of `length`, from the number of patterns of each span."""
     return sum(int(spans[n]) * (length - n + 1) for n in range(1, length + 1))
 
 
-def block_ends(length: int) -> NDArray[np.float64]:
+def compute_block_end_probability(length: int) -> NDArray[np.float64]:
     """[n]: probability that random zero-free bytes, unstuffed, have a block that ends at exactly n bytes."""
     starts = np.zeros(length + 256)
     ends = np.zeros(length + 256)
@@ -162,8 +165,8 @@ def block_ends(length: int) -> NDArray[np.float64]:
     return ends[: length + 1]
 
 
-def allowed_bodies() -> Iterator[tuple[int, float]]:
-    """(body length, probability that a random header of that length is allowed) of all that a host believes."""
+def list_allowed_bodies() -> Iterator[tuple[int, float]]:
+    """(body length, probability that a random header is valid and states this length) for all frames to a host."""
     for frame_type, spec in FRAMES.items():
         if frame_type & 0x80:
             continue
@@ -174,40 +177,44 @@ def allowed_bodies() -> Iterator[tuple[int, float]]:
             if frame_type == FrameType.TAXELS:
                 if (payload - 8 - SNAPSHOT_OVERHEAD) % 2:
                     continue
-                chance /= 256
+                chance /= 256  # the taxel count must match the length
             yield FRAME_HEADER_SIZE + payload + FRAME_CRC_SIZE, chance
 
 
-def garbage_frame_probability() -> float:
-    """Probability that a frame is believed at one position of random zero-free bytes."""
-    ends = block_ends(BODY_MAX)
-    return float(sum(chance * ends[body] for body, chance in allowed_bodies())) * 2.0**-32
+def compute_random_frame_probability() -> float:
+    """Probability that a decoder accepts a frame at one position of random bytes without zeros."""
+    ends = compute_block_end_probability(BODY_MAX)
+    return float(sum(chance * ends[body] for body, chance in list_allowed_bodies())) * 2.0**-32
 
 
 def print_break_points() -> None:
-    """The break points, computed and published."""
-    print("Shortest code word (bits) with an invisible pattern of so many bits")
+    """Print the computed and the published break points."""
+    print("Shortest code word (bits) with an undetected pattern of this number of bits")
     print("  bits   computed  published")
-    four = four_bit_spans(8 * BODY_MAX)
+    four = count_four_bit_spans(8 * BODY_MAX)
     for weight, published in BREAK_POINTS.items():
-        found = int(np.flatnonzero(four)[0]) if weight == 4 else shortest_word(weight, published + 4)
-        print(f"  {weight:4d}  {found!s:>9}  {published:9d}  {'agrees' if found == published else 'DIFFERS'}")
-    three = shortest_word(3, 8 * BODY_MAX)
+        computed = int(np.flatnonzero(four)[0]) if weight == 4 else find_shortest_word(weight, published + 4)
+        print(f"  {weight:4d}  {computed!s:>9}  {published:9d}  {'agrees' if computed == published else 'DIFFERS'}")
+    three = find_shortest_word(3, 8 * BODY_MAX)
     print(f"  2 and 3: none up to {8 * BODY_MAX} bits (three: {'none found' if three is None else three})")
-    rank = burst_rank()
-    print(f"  bursts: rank of 32 neighbouring bits {rank}: every burst of up to {rank} bits is seen\n")
+    rank = compute_burst_rank()
+    print(f"  bursts: rank of 32 neighbouring bits {rank}: every burst of up to {rank} bits is detected\n")
 
 
 def print_lengths() -> None:
-    """Hamming distance and invisible patterns at our lengths."""
-    four = four_bit_spans(8 * BODY_MAX)
-    two_bytes, three_bytes = byte_pattern_spans(BODY_MAX)
-    print("Invisible patterns by body length (bytes, CRC included)")
+    """Print the Hamming distance and the number of undetected patterns for the lengths of the frames."""
+    four = count_four_bit_spans(8 * BODY_MAX)
+    two_bytes, three_bytes = count_byte_pattern_spans(BODY_MAX)
+    print("Undetected patterns by body length (bytes, CRC included)")
     print("  body   HD   4 bits    share of them   2 bytes   3 bytes    share of them")
     for length in LENGTHS:
         bits = 8 * length
         distance = min(weight for weight, shortest in BREAK_POINTS.items() if bits >= shortest)
-        in_bits, in_two, in_three = fits(four, bits), fits(two_bytes, length), fits(three_bytes, length)
+        in_bits, in_two, in_three = (
+            count_placements(four, bits),
+            count_placements(two_bytes, length),
+            count_placements(three_bytes, length),
+        )
         share_bits = in_bits / math.comb(bits, 4)
         share_bytes = in_three / (math.comb(length, 3) * 255**3)
         print(
@@ -218,33 +225,35 @@ def print_lengths() -> None:
 
 
 def print_rates(frame_rate: float, body: int) -> None:
-    """False frames a year by byte error rate."""
-    garbage = garbage_frame_probability()
+    """Print the number of falsely accepted frames per year by byte error rate."""
+    random_frame = compute_random_frame_probability()
     wire = body + body // 254 + 1
     print("Random bytes without a zero")
-    print(f"  a position has an allowed header          {sum(chance for _, chance in allowed_bodies()):.2e}")
-    print(f"  a position is taken for a frame           {garbage:.2e}")
-    print(f"  years of random bytes for one, at 1 Mbaud   {1 / (garbage * BYTE_RATE * SECONDS_PER_YEAR):.0f}\n")
-    print(f"{frame_rate:.0f} frames a second of {wire} stuffed bytes")
-    print("  byte error rate   damaged a year   three or more bytes   believed a year, at most")
+    print(f"  valid header at one position              {sum(chance for _, chance in list_allowed_bodies()):.2e}")
+    print(f"  accepted frame at one position            {random_frame:.2e}")
+    print(f"  years between accepted frames, at 1 Mbaud   {1 / (random_frame * BYTE_RATE * SECONDS_PER_YEAR):.0f}\n")
+    print(f"{frame_rate:.0f} frames per second of {wire} stuffed bytes")
+    print("  byte error rate   damaged a year   three or more bytes   accepted a year, at most")
     for rate in (1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3):
         damaged = -math.expm1(wire * math.log1p(-rate))
         up_to_two = sum(math.comb(wire, k) * rate**k * (1 - rate) ** (wire - k) for k in (1, 2))
         many = max(damaged - up_to_two, math.comb(wire, 3) * rate**3 * (1 - rate) ** (wire - 3))
         yearly = frame_rate * SECONDS_PER_YEAR
-        believed = damaged * (2.0**-32 + wire * garbage)
-        print(f"  {rate:15.0e}   {yearly * damaged:14.3g}   {yearly * many:19.3g}   {yearly * believed:24.2g}")
-    print("  at most: as if every damaged frame were a random word; a changed data byte, or two, is always seen")
+        accepted = damaged * (2.0**-32 + wire * random_frame)
+        print(f"  {rate:15.0e}   {yearly * damaged:14.3g}   {yearly * many:19.3g}   {yearly * accepted:24.2g}")
+    print(
+        "  upper bound: every damaged frame counts as a random word; one or two changed data bytes are always detected"
+    )
 
 
 def main() -> None:
-    """Print every table."""
+    """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "--frame-rate",
         type=float,
         default=19 * 17,
-        help="taxel frames a second (default: 17 boards at 19 Hz)",
+        help="taxel frames per second (default: 17 boards at 19 Hz)",
     )
     parser.add_argument("--body", type=int, default=153, help="bytes of a body (default: 63 taxels, the average board)")
     arguments = parser.parse_args()

@@ -1,6 +1,6 @@
-"""What should come out of a stream, by the construct definition of a frame: the slow oracle of all decoders.
+"""Expected frames and losses of a stream, by the construct definition of a frame: the oracle of all decoders.
 
-Construct refuses one thing that a receiver does not look at: a BOARD_INFO whose identity does not begin with 54.
+One difference: construct rejects a BOARD_INFO whose identity does not begin with 54, which a receiver does not check.
 """
 
 from collections.abc import Iterable, Iterator
@@ -49,8 +49,8 @@ def _block_ends(chunk: bytes) -> Iterator[tuple[int, bytes]]:
         position = end
 
 
-def _frame_of(wire: bytes, body: bytes, directions: int) -> Frame | None:
-    """The frame, if construct believes these stuffed bytes and the rules of its type allow it."""
+def _parse_frame(wire: bytes, body: bytes, directions: int) -> Frame | None:
+    """The frame in these stuffed bytes; None if construct or the rules of its type reject it."""
     try:
         content = WireFrame.parse(b"\0" + wire + b"\0")
         spec = FRAMES[FrameType(content.type)]
@@ -69,32 +69,35 @@ def _frame_of(wire: bytes, body: bytes, directions: int) -> Frame | None:
 
 def _first_frame(chunk: bytes, directions: int) -> tuple[int, Frame] | None:
     if len(chunk) < 2 or chunk[0] == 1 or chunk[1] ^ WHITENING_SEED not in _TYPES:
-        return None  # whatever follows, its type is none (a block of its code alone unstuffs to type A5)
+        return None  # not a defined frame type, independent of the later bytes (code 01 unstuffs to type A5)
     for end, body in _block_ends(chunk):
         if len(body) >= FRAME_HEADER_SIZE:
-            wanted = FRAME_HEADER_SIZE + int.from_bytes(body[3:5], "little") + FRAME_CRC_SIZE
-            if len(body) >= wanted:
-                frame = _frame_of(chunk[:end], body, directions) if len(body) == wanted else None
+            expected_size = FRAME_HEADER_SIZE + int.from_bytes(body[3:5], "little") + FRAME_CRC_SIZE
+            if len(body) >= expected_size:
+                frame = _parse_frame(chunk[:end], body, directions) if len(body) == expected_size else None
                 return None if frame is None else (end, frame)
     return None
 
 
 def parse_stream(stream: bytes, directions: int = TO_HOST | TO_HUB) -> list[Frame]:
-    """Every frame in a whole stream, in order: construct is asked at each byte whether a frame begins there."""
+    """All frames in a complete stream, in order: construct parses from each byte at which a frame can begin."""
     frames: list[Frame] = []
     for chunk in stream.split(b"\0"):
         start = 0
         while start < len(chunk):
-            found = _first_frame(chunk[start : start + ENCODED_MAX], directions)
-            if found is not None:
-                frames.append(found[1])
-            start += found[0] if found is not None else 1
+            result = _first_frame(chunk[start : start + ENCODED_MAX], directions)
+            if result is not None:
+                frames.append(result[1])
+            start += result[0] if result is not None else 1
     return frames
 
 
 @dataclass
 class Losses:
-    """SPEC.md, "Counting losses": on the wire, and by board address."""
+    """Losses on the wire, and numbers of frames by board address (SPEC.md, "Counting losses").
+
+    received, damaged: taxel frames with a valid and an invalid CRC of the board. missing: frames missing in the cycles.
+    """
 
     frames: int = 0
     lost: int = 0
@@ -103,8 +106,8 @@ class Losses:
     missing: dict[int, int] = field(default_factory=dict)
     damaged: dict[int, int] = field(default_factory=dict)
 
-    def totals(self) -> list[int]:
-        """As `struct taxel_batch_totals` has them: 3 numbers, then 4 x 128 by address; of no compact frames."""
+    def to_totals(self) -> list[int]:
+        """Content of `struct taxel_batch_totals`: 3 numbers, then 4 x 128 by address (without compact frames)."""
         totals = [self.frames, self.lost, self.restarts] + [0] * (4 * 128)
         for number, table in enumerate((self.received, self.missing, self.damaged)):
             for address, count in table.items():
@@ -115,8 +118,8 @@ class Losses:
 def _count_board(losses: Losses, last: dict[int, tuple[int, int]], payload: bytes) -> None:
     address = payload[0]
     cycle, scan = int.from_bytes(payload[2:4], "little"), int.from_bytes(payload[8:10], "little")
-    is_right = crc32(payload[8:-4], crc32(payload[:1])) == int.from_bytes(payload[-4:], "little")
-    table = losses.received if is_right else losses.damaged
+    is_valid = crc32(payload[8:-4], crc32(payload[:1])) == int.from_bytes(payload[-4:], "little")
+    table = losses.received if is_valid else losses.damaged
     table[address] = table.get(address, 0) + 1
     if address in last:
         steps = min((cycle - last[address][0]) % 65536, (scan - last[address][1]) % 65536)
@@ -124,8 +127,8 @@ def _count_board(losses: Losses, last: dict[int, tuple[int, int]], payload: byte
     last[address] = (cycle, scan)
 
 
-def losses_of(frames: Iterable[Frame]) -> Losses:
-    """What a host should have counted after these frames."""
+def count_losses(frames: Iterable[Frame]) -> Losses:
+    """Losses that a host must count after these frames."""
     losses = Losses()
     previous: int | None = None
     last: dict[int, tuple[int, int]] = {}

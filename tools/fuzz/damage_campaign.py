@@ -1,13 +1,13 @@
-"""Damaged streams by the hundred thousand: C and Python must agree, and lose the frames that were hit, no more.
+"""Decode damaged streams with the C and Python decoders: they must agree, and only damaged frames may be lost.
 
-python tools/fuzz/damage_campaign.py                          500,000 streams, seed printed
-python tools/fuzz/damage_campaign.py --streams 4000           a short form
+python tools/fuzz/damage_campaign.py                          500,000 streams; prints the seed
+python tools/fuzz/damage_campaign.py --streams 4000           a short campaign
 python tools/fuzz/damage_campaign.py --seed 1 --first 77 --streams 1    replays one stream
 
-A stream is a few frames of one hub with one to three damages: bits flipped, bytes inserted, deleted, repeated, a burst,
-an end cut off. A frame is hit if its stuffed bytes no longer stand together; all others must come out of the C deframer
-(the batch decoder of the host, the Python reference), in order, and nothing else, with the same losses counted. Every
-hundredth stream is also parsed by construct. Exit status 1 on the first disagreement.
+A stream consists of a few frames of one hub with one to three damages: bits flipped, bytes inserted, deleted or
+repeated, a burst, or a truncated end. A frame is damaged if its stuffed bytes are no longer contiguous. The C deframer,
+the batch decoder of the host and the Python reference must deliver all other frames in order, nothing else, and count
+the same losses. Every hundredth stream is also parsed by construct. Exit status 1 at the first difference.
 """
 
 import argparse
@@ -22,7 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from construct_oracle import TO_HOST, Frame, losses_of, parse_stream
+from construct_oracle import TO_HOST, Frame, count_losses, parse_stream
 
 from taxel.stream import StreamDecoder
 from taxel.stream.decoder import Batch
@@ -44,24 +44,24 @@ TYPES = (
 
 
 class Decoders:
-    """The decoders under test, each from the beginning of a stream to its end."""
+    """The decoders under test; each method decodes a complete stream."""
 
     def __init__(self) -> None:
         self._library = codec_library()
         self._deframer = Deframer(self._library)
         self._decoder = StreamDecoder()
 
-    def streaming(self, pieces: list[bytes]) -> list[Frame]:
-        """The C deframer, frame by frame."""
+    def decode_frames(self, pieces: list[bytes]) -> list[Frame]:
+        """Frames of the C deframer."""
         return self._deframer.decode(pieces)
 
-    def batch(self, pieces: list[bytes]) -> tuple[list[Frame], list[Frame], list[int]]:
-        """The host's decoder: taxel frames without their board's CRC, other frames, and what it counted."""
+    def decode_batches(self, pieces: list[bytes]) -> tuple[list[Frame], list[Frame], list[int]]:
+        """Results of the host's batch decoder: taxel frames without the CRC of the board, other frames, and totals."""
         self._library.taxel_batch_init(self._decoder._state, TO_HOST)
         batches = [batch for piece in pieces for batch in self._decoder.push(piece)] + self._decoder.finish()
         taxels = [frame for batch in batches for frame in _taxel_frames(batch)]
-        others = [frame for batch in batches for frame in _other_frames(batch)]
-        return taxels, others, self._decoder.totals.tolist()
+        messages = [frame for batch in batches for frame in _other_frames(batch)]
+        return taxels, messages, self._decoder.totals.tolist()
 
 
 def _taxel_frames(batch: Batch) -> list[Frame]:
@@ -80,15 +80,15 @@ def _other_frames(batch: Batch) -> list[Frame]:
     return [(kind, sequence, batch.payloads[offset : offset + size]) for kind, sequence, offset, size in rows]
 
 
-def reference(pieces: list[bytes]) -> list[Frame]:
-    """The readable decoder of the protocol package, in Python."""
+def decode_reference(pieces: list[bytes]) -> list[Frame]:
+    """Frames to the host, from the Python reference decoder of the protocol package."""
     decoder = ReferenceDecoder()
-    found = [frame for piece in pieces for frame in decoder.push(piece)] + decoder.finish()
-    return [frame for frame in found if frame[0] < 0x80]
+    frames = [frame for piece in pieces for frame in decoder.push(piece)] + decoder.finish()
+    return [frame for frame in frames if frame[0] < 0x80]
 
 
-def draw_frames(rng: np.random.Generator) -> list[Frame]:
-    """Two to six frames of one hub: sequence, cycle and scan numbers go on."""
+def sample_frames(rng: np.random.Generator) -> list[Frame]:
+    """Two to six random frames of one hub with consecutive sequence numbers."""
     sequence, cycle = (int(n) for n in rng.integers(0, 65536, 2))
     frames: list[Frame] = []
     for kind in rng.choice(TYPES, rng.integers(2, 7)):
@@ -99,7 +99,7 @@ def draw_frames(rng: np.random.Generator) -> list[Frame]:
         if spec.has_address:
             payload[0] = ADDRESS_MIN + int(rng.integers(3))
         if frame_type == FrameType.BOARD_INFO:
-            payload[0] = WHO_AM_I  # construct insists on it
+            payload[0] = WHO_AM_I  # construct rejects other values
         if frame_type == FrameType.TAXELS:
             cycle = (cycle + int(rng.integers(0, 3))) % 65536
             payload[1], payload[2:4], payload[8:10] = count, cycle.to_bytes(2, "little"), cycle.to_bytes(2, "little")
@@ -110,8 +110,8 @@ def draw_frames(rng: np.random.Generator) -> list[Frame]:
     return frames
 
 
-def damage(stream: bytes, kind: str, rng: np.random.Generator) -> bytes:
-    """The stream after one damage."""
+def apply_damage(stream: bytes, kind: str, rng: np.random.Generator) -> bytes:
+    """The stream after one damage of this kind at a random position."""
     at = int(rng.integers(len(stream) + (kind == "insert"))) if stream else 0
     size = int(rng.integers(1, 12 if rng.random() < 0.8 else 200))
     part = stream[at : at + size]
@@ -128,8 +128,8 @@ def damage(stream: bytes, kind: str, rng: np.random.Generator) -> bytes:
     }[kind]
 
 
-def survivors(frames: list[Frame], bodies: list[bytes], stream: bytes) -> list[Frame]:
-    """The frames whose stuffed bytes stand together in the stream, once for each time that they do, in its order."""
+def find_intact_frames(frames: list[Frame], bodies: list[bytes], stream: bytes) -> list[Frame]:
+    """The frames whose stuffed bytes are contiguous in the stream, once for each occurrence, in order."""
     places: list[tuple[int, int]] = []
     for index, body in enumerate(bodies):
         at = stream.find(body)
@@ -139,8 +139,8 @@ def survivors(frames: list[Frame], bodies: list[bytes], stream: bytes) -> list[F
     return [frames[index] for _, index in sorted(places)]
 
 
-def cut(stream: bytes, rng: np.random.Generator) -> list[bytes]:
-    """The stream in pieces."""
+def split_randomly(stream: bytes, rng: np.random.Generator) -> list[bytes]:
+    """The stream in random pieces."""
     if rng.random() < 0.1:
         return [stream[i : i + 1] for i in range(len(stream))]
     places = sorted({0, len(stream), *(int(n) for n in rng.integers(0, len(stream) + 1, rng.integers(0, 6)))})
@@ -148,30 +148,30 @@ def cut(stream: bytes, rng: np.random.Generator) -> list[bytes]:
 
 
 def check_stream(seed: int, index: int, decoders: Decoders, tally: Counter[str]) -> str | None:
-    """Draw stream `index`, decode it in every way, count; what disagrees, or None."""
+    """Sample stream `index`, decode it with all decoders and count; the name of the decoder that differs, or None."""
     rng = np.random.default_rng([seed, index])
-    frames = draw_frames(rng)
+    frames = sample_frames(rng)
     wires = [encode_frame(*frame) for frame in frames]
     stream = b"".join(wires)
     for kind in rng.choice(DAMAGES, rng.integers(1, 4)):
-        stream = damage(stream, str(kind), rng)
+        stream = apply_damage(stream, str(kind), rng)
         tally[str(kind)] += 1
-    pieces = cut(stream, rng)
-    expected = survivors(frames, [wire[1:-1] for wire in wires], stream)
+    pieces = split_randomly(stream, rng)
+    expected = find_intact_frames(frames, [wire[1:-1] for wire in wires], stream)
     tally["streams"] += 1
     tally["frames"] += len(frames)
-    tally["out"] += len(expected)
-    if decoders.streaming(pieces) != expected:
-        return "C, frame by frame"
-    if reference(pieces) != expected:
+    tally["intact"] += len(expected)
+    if decoders.decode_frames(pieces) != expected:
+        return "C deframer"
+    if decode_reference(pieces) != expected:
         return "Python reference"
-    taxels, others, totals = decoders.batch(pieces)
+    taxels, messages, totals = decoders.decode_batches(pieces)
     is_taxels = [frame[0] == FrameType.TAXELS for frame in expected]
     if taxels != [(k, s, p[:-4]) for (k, s, p), t in zip(expected, is_taxels, strict=True) if t]:
         return "C batch, taxel frames"
-    if others != [frame for frame, t in zip(expected, is_taxels, strict=True) if not t]:
+    if messages != [frame for frame, t in zip(expected, is_taxels, strict=True) if not t]:
         return "C batch, other frames"
-    if totals != losses_of(expected).totals():
+    if totals != count_losses(expected).to_totals():
         return "C batch, losses"
     if index % CONSTRUCT_EVERY == 0:
         tally["by construct"] += 1
@@ -181,22 +181,22 @@ def check_stream(seed: int, index: int, decoders: Decoders, tally: Counter[str])
 
 
 def check_range(seed: int, first: int, count: int) -> tuple[Counter[str], float, str | None]:
-    """(tally, seconds of this process, the first disagreement)."""
+    """(tally, processor time of this process in seconds, text of the first difference or None)."""
     tally: Counter[str] = Counter()
     decoders = Decoders()
-    begin = time.process_time()
+    start_s = time.process_time()
     for index in range(first, first + count):
-        wrong = check_stream(seed, index, decoders, tally)
-        if wrong:
-            return tally, time.process_time() - begin, f"stream {index}: {wrong} disagrees"
-    return tally, time.process_time() - begin, None
+        difference = check_stream(seed, index, decoders, tally)
+        if difference:
+            return tally, time.process_time() - start_s, f"stream {index}: {difference} differs"
+    return tally, time.process_time() - start_s, None
 
 
 def main() -> int:
-    """Print what was counted."""
+    """Run the campaign and print the counts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--streams", type=int, default=500_000)
-    parser.add_argument("--seed", type=int, default=1, help="(default: 1)")
+    parser.add_argument("--seed", type=int, default=1, help="random seed (default: 1)")
     parser.add_argument("--first", type=int, default=0, help="number of the first stream")
     parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
     arguments = parser.parse_args()
@@ -205,26 +205,26 @@ def main() -> int:
     ranges = [(arguments.seed, i, min(BLOCK, end - i)) for i in range(arguments.first, end, BLOCK)]
     tally: Counter[str] = Counter()
     seconds = 0.0
-    begin = time.monotonic()
+    start_s = time.monotonic()
     with multiprocessing.Pool(arguments.jobs) as pool:
-        for part, spent, wrong in pool.imap(_check_one, ranges):
+        for part, spent_s, difference in pool.imap(_check_part, ranges):
             tally += part
-            seconds += spent
-            if wrong:
-                index = int(wrong.split()[1].rstrip(":"))
-                print(f"{wrong}; replay: --seed {arguments.seed} --first {index} --streams 1")
+            seconds += spent_s
+            if difference:
+                index = int(difference.split()[1].rstrip(":"))
+                print(f"{difference}; replay: --seed {arguments.seed} --first {index} --streams 1")
                 return 1
-    wall = time.monotonic() - begin
-    lost = tally["frames"] - tally["out"]
-    print(f"{tally['streams']} streams, no disagreement")
-    print(f"{tally['frames']} frames sent, {tally['out']} came out ({lost} fewer)")
+    wall = time.monotonic() - start_s
+    lost = tally["frames"] - tally["intact"]
+    print(f"{tally['streams']} streams, no difference")
+    print(f"{tally['frames']} frames sent, {tally['intact']} delivered ({lost} damaged)")
     print("damages: " + ", ".join(f"{tally[kind]} {kind}" for kind in DAMAGES))
     print(f"{tally['by construct']} of the streams parsed by construct")
-    print(f"{seconds:.0f} s of machine time, {wall:.0f} s by the clock")
+    print(f"{seconds:.0f} s of processor time, {wall:.0f} s elapsed")
     return 0
 
 
-def _check_one(part: tuple[int, int, int]) -> tuple[Counter[str], float, str | None]:
+def _check_part(part: tuple[int, int, int]) -> tuple[Counter[str], float, str | None]:
     return check_range(*part)
 
 

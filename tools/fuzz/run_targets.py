@@ -1,10 +1,10 @@
-"""Build the libFuzzer targets of firmware/fuzz, run them one after another, and write down what they did.
+"""Build the libFuzzer targets of firmware/fuzz, run them one after another, and write their results as JSON.
 
 python tools/fuzz/run_targets.py --seconds 60            a minute for each target (make fuzz SECONDS=60)
-python tools/fuzz/run_targets.py --runs 10000000         so many executions of each instead
-python tools/fuzz/run_targets.py --keep                  and keep what reaches something new in firmware/fuzz/corpus
+python tools/fuzz/run_targets.py --runs 10000000         this number of executions of each target
+python tools/fuzz/run_targets.py --keep                  add inputs with new coverage to firmware/fuzz/corpus
 
-Inputs that were found to be of use are kept in out/fuzz/corpus between runs. Needs clang and its runtime.
+Inputs with new coverage are stored in out/fuzz/corpus between runs. Needs clang and its runtime.
 """
 
 import argparse
@@ -23,23 +23,26 @@ OUT = ROOT / "out" / "fuzz"
 SEEDS = ROOT / "firmware" / "fuzz" / "corpus"
 MISSING = "clang or its runtime is missing: apt-get install clang libclang-rt-14-dev"
 LONGEST_INPUT = {"fuzz_codec": 320, "fuzz_sensor": 192, "fuzz_compact": 256, "fuzz_hub": 96}
-"""Bytes of an input: what longer ones reach, shorter ones reach in less time (the hub's script has 48 events)."""
+"""Largest size of an input in bytes; longer inputs reach no further code (the hub's script has 48 events)."""
 
-SLOWEST_S = 20
-"""A single input that takes so long is a finding: the firmware does not come back."""
+TIMEOUT_S = 20
+"""Seconds after which a single input is reported as a hang."""
 
-
-KEPT = 50
-"""Inputs of each target in the repository's corpus, about."""
+CORPUS_SIZE = 50
+"""Approximate number of inputs of each target in the repository's corpus."""
 
 
 class FuzzError(Exception):
-    """What keeps the targets from being built or run, in one line."""
+    """The targets cannot be built or run; the text is one line."""
 
 
 @dataclass
 class Outcome:
-    """What one target did. `edges`: control-flow edges reached; `features`: those with their counts."""
+    """Result of one target.
+
+    edges: control-flow edges reached. features: edges with their execution counts. inputs: size of the corpus.
+    findings: files that reproduce a failure.
+    """
 
     target: str
     executions: int
@@ -51,7 +54,7 @@ class Outcome:
 
     @property
     def executions_per_second(self) -> float:
-        """Of the whole run, reading the corpus included."""
+        """Mean rate of the whole run, including the reading of the corpus."""
         return self.executions / max(self.seconds, 1e-9)
 
 
@@ -100,8 +103,8 @@ def build(clang: str) -> Path:
 
 
 def _last_number(pattern: str, text: str) -> int:
-    found = re.findall(pattern, text)
-    return int(found[-1]) if found else 0
+    numbers = re.findall(pattern, text)
+    return int(numbers[-1]) if numbers else 0
 
 
 def run_target(binary: Path, limits: list[str], seed: int) -> Outcome:
@@ -112,21 +115,21 @@ def run_target(binary: Path, limits: list[str], seed: int) -> Outcome:
     before = set(findings.glob(f"{binary.name}-*"))
     options = [
         f"-max_len={LONGEST_INPUT[binary.name]}",
-        f"-timeout={SLOWEST_S}",
+        f"-timeout={TIMEOUT_S}",
         f"-seed={seed}",
         "-print_final_stats=1",
     ]
     options += [f"-artifact_prefix={findings / binary.name}-", "-reload=0", *limits]
-    begin = time.monotonic()
+    start_s = time.monotonic()
     log = OUT / f"{binary.name}.log"
     with log.open("wb") as output:
         command = [str(binary), *options, str(corpus), str(SEEDS / binary.name)]
         result = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=output, check=False)
-    seconds = time.monotonic() - begin
+    seconds = time.monotonic() - start_s
     text = log.read_text(errors="replace")
-    found = sorted(str(path.relative_to(ROOT)) for path in set(findings.glob(f"{binary.name}-*")) - before)
-    if result.returncode and not found:
-        found = [f"no file; see {log.relative_to(ROOT)}"]
+    new_findings = sorted(str(path.relative_to(ROOT)) for path in set(findings.glob(f"{binary.name}-*")) - before)
+    if result.returncode and not new_findings:
+        new_findings = [f"no file; see {log.relative_to(ROOT)}"]
     return Outcome(
         binary.name,
         _last_number(r"stat::number_of_executed_units:\s+(\d+)", text) or _last_number(r"#(\d+)\s", text),
@@ -134,45 +137,47 @@ def run_target(binary: Path, limits: list[str], seed: int) -> Outcome:
         _last_number(r"cov: (\d+)", text),
         _last_number(r"ft: (\d+)", text),
         len(list(corpus.iterdir())),
-        found,
+        new_findings,
     )
 
 
-def _cover(binary: Path, name: str, options: list[str], sources: list[Path]) -> list[Path]:
-    """The few inputs of `sources` that reach all that they reach together."""
-    chosen = OUT / "merged" / binary.name / name
-    shutil.rmtree(chosen, ignore_errors=True)
-    chosen.mkdir(parents=True)
-    _output_of([str(binary), "-set_cover_merge=1", *options, str(chosen), *map(str, sources)])
-    return sorted(chosen.iterdir())
+def _select_cover(binary: Path, name: str, options: list[str], sources: list[Path]) -> list[Path]:
+    """A minimal set of inputs with the coverage of all inputs in `sources`."""
+    folder = OUT / "merged" / binary.name / name
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    _output_of([str(binary), "-set_cover_merge=1", *options, str(folder), *map(str, sources)])
+    return sorted(folder.iterdir())
 
 
-def keep(binary: Path) -> int:
-    """Merge what was found into the corpus of the repository. Returns its number of files.
+def merge_corpus(binary: Path) -> int:
+    """Merge the new inputs into the corpus of the repository. Returns its number of files.
 
-    First the inputs that reach every edge, then the longest of those that reach edges more often: they go deepest.
+    The corpus has the inputs that reach all edges, then the longest inputs that increase the execution counts.
     """
-    kept, found = SEEDS / binary.name, OUT / "merged" / binary.name / "found"
-    shutil.rmtree(found, ignore_errors=True)
-    shutil.copytree(OUT / "corpus" / binary.name, found)
-    edges = _cover(binary, "edges", ["-use_counters=0"], [kept, found])
-    counts = sorted(_cover(binary, "counts", [], [kept, found]), key=lambda path: (-path.stat().st_size, path.name))
-    chosen = {path.name: path for path in (*edges, *counts[: max(KEPT - len(edges), 0)])}
-    for path in kept.iterdir():
+    corpus, new_inputs = SEEDS / binary.name, OUT / "merged" / binary.name / "found"
+    shutil.rmtree(new_inputs, ignore_errors=True)
+    shutil.copytree(OUT / "corpus" / binary.name, new_inputs)
+    edges = _select_cover(binary, "edges", ["-use_counters=0"], [corpus, new_inputs])
+    counts = sorted(
+        _select_cover(binary, "counts", [], [corpus, new_inputs]), key=lambda path: (-path.stat().st_size, path.name)
+    )
+    selected = {path.name: path for path in (*edges, *counts[: max(CORPUS_SIZE - len(edges), 0)])}
+    for path in corpus.iterdir():
         path.unlink()
-    for name, path in chosen.items():
-        shutil.copyfile(path, kept / name)
-    return len(chosen)
+    for name, path in selected.items():
+        shutil.copyfile(path, corpus / name)
+    return len(selected)
 
 
 def main() -> int:
     """Run the targets and print one line for each."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=int, default=60, help="for each target (default: 60)")
+    parser.add_argument("--seconds", type=int, default=60, help="seconds for each target (default: 60)")
     parser.add_argument("--runs", type=int, help="executions of each target instead of a time")
-    parser.add_argument("--target", choices=sorted(LONGEST_INPUT), action="append", help="only this one")
-    parser.add_argument("--seed", type=int, default=1, help="of the mutations (default: 1)")
-    parser.add_argument("--if-possible", action="store_true", help="without clang, say so and succeed")
+    parser.add_argument("--target", choices=sorted(LONGEST_INPUT), action="append", help="run only this target")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the mutations (default: 1)")
+    parser.add_argument("--if-possible", action="store_true", help="without clang, print one line and succeed")
     parser.add_argument("--keep", action="store_true", help="keep new inputs in firmware/fuzz/corpus")
     arguments = parser.parse_args()
     limits = [f"-runs={arguments.runs}"] if arguments.runs else [f"-max_total_time={arguments.seconds}"]
@@ -191,7 +196,7 @@ def main() -> int:
             for path in outcome.findings:
                 print(f"  finding; replay: {(folder / name).relative_to(ROOT)} {path}")
             if arguments.keep and not outcome.findings:
-                print(f"  firmware/fuzz/corpus/{name}: {keep(folder / name)} inputs")
+                print(f"  firmware/fuzz/corpus/{name}: {merge_corpus(folder / name)} inputs")
     except FuzzError as error:
         print(f"fuzz: {error}", file=sys.stderr)
         return 0 if arguments.if_possible and str(error) == MISSING else 2

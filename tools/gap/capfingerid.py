@@ -1,24 +1,27 @@
-"""The diagnosis on measured touches: a recording against itself, and against itself without its known faults.
+"""Run the diagnosis on measured touches: a recording against itself, and against itself without its known faults.
 
     python tools/gap/capfingerid.py --out DIR [--data DIR] [--splits 20] [--seed 0]
 
---data: a folder of CapMatrix_<name>.txt; without it the recordings that come with the library. DIR gets the datasets,
-the reports and `capfingerid.json`. No sim-to-real claim is made: both files of every pair are the same recording.
+--data: a folder of CapMatrix_<name>.txt (default: the recordings in the library). DIR receives the datasets, the
+reports and `capfingerid.json`. Both files of every pair are the same recording, so the results are no sim-to-real
+comparison.
 
-How recordings become grasps. The panel is one board: rows are TX, columns are RX. An object is a finger (one recording
-each), an approach is one touch of the task TAP, named with the row on which it lies: the finger is laid on a place,
-stays for about 25 frames and is lifted. No touch is made twice at a place, and a mean over places scatters by more than
-any fault of the frames. So what is repeated is the look: successive frames are taken in blocks, and of each block every
-look gets one, at random. A session is the looks of one number. Looks scatter by the frames' noise, impulses and finger
-motion, not by what a second touch would; that suffices to ask what the diagnosis says of two files.
+Conversion of recordings to grasps. The panel is one board: rows are TX, columns are RX. An object is a finger (one
+recording each); an approach is one touch of the task TAP, named with the row of its centre. A finger touches a position
+for about 25 frames. No position is touched twice, and means over positions differ by more than any fault of the frames.
+The repeats of a grasp are therefore subsets of the frames of one touch: successive frames are grouped in blocks, and
+each repeat gets one random frame of each block. A session consists of the repeats with one number. The variance between
+repeats contains noise, impulses and finger motion, but not the differences between two touches; this suffices to
+compare two versions of the frames.
 
-Phases come from the mended frames, since no command was logged: baseline, ten blocks at rest before the touch (also
-from earlier pauses); closing, the first block in which the finger lies there; hold, the blocks after that; release, the
-block from the first frame without it. There is no recovery: the next touch comes too soon. Frames that repeat the one
-before, time and all, are left out. A look's frames carry the times of their blocks.
+Phases are derived from the corrected frames, since the recordings contain no commands: baseline, ten blocks without
+contact before the touch; closing, the first block with contact; hold, the later blocks with contact; release, the block
+from the first frame without contact. There is no recovery, because the next touch follows too soon. Frames that equal
+the frame before, including the time, are omitted. The frames of a repeat have the times of their blocks.
 
-What is compared: (1) half the looks against the other half, over many random dealings; (2) the measured frames against
-the same frames without stale prefixes and impulses, without one of them, and prefixes alone against neither.
+Comparisons: (1) half of the repeats against the other half, over many random splits; (2) the measured frames against
+the same frames without stale prefixes and impulses, or without one of them, and frames with prefixes only against
+frames with neither.
 """
 
 import argparse
@@ -31,7 +34,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from measured_touches import CELLS, ROW_OF_CELL, Frames, Look, halves, held_touches, looks_at
+from measured_touches import N_TAXELS, ROW_OF_TAXEL, Frames, Repeat, list_touches, split_halves, split_repeats
 
 from taxel.errors import TaxelError
 from taxel.gap.diagnosis import diagnose
@@ -49,72 +52,74 @@ from taxel.recording import (
 from taxel.recording.capfingerid import COLUMNS, ROWS
 from taxel.types import FloatArray
 
-LOOKS: Final = 8
-"""Half of them are four sessions. With three, intervals are so wide that two halves of six look like two recordings."""
+N_REPEATS: Final = 8
+"""Repeats of a touch; half of them are four sessions. With three sessions the intervals are too wide for the comparison
+of two halves.
+"""
 
 PITCH_M: Final = 0.0041
-"""Between cells: a Nexus 5 has 15 x 27 electrodes of 4.1 mm (H. V. Le, huyle.de/blog/capacitive-images)."""
+"""Pitch of the panel: a Nexus 5 has 15 x 27 electrodes of 4.1 mm (H. V. Le, huyle.de/blog/capacitive-images)."""
 
 ADDRESS: Final = 0x20
 REST_RAW_COUNTS: Final = 30_000.0
-"""The recordings tell counts above a baseline that they do not tell; contact lowers a raw count."""
+"""Assumed raw count without contact; the recordings contain counts above an unknown baseline."""
 
 FINGER_M: Final = 0.008
-BELIEVED: Final = 0.05
-"""Corrected p-value under which a place counts as found."""
+SIGNIFICANCE: Final = 0.05
+"""Corrected p-value below which a row or phase is reported as a location of the gap."""
 
-MOST_ELSEWHERE: Final = 0.05
-"""Share of the excess that may lie off the torn rows."""
+MAX_SHARE_ELSEWHERE: Final = 0.05
+"""Largest permitted share of the excess outside the torn rows."""
 
-RESEMBLED: Final = ("noise", "dropout", "latency", "baseline_drift", "hysteresis")
-"""What the faults look like: jumps are noise, cells that do not follow are dropout or late, what stays is drift."""
+SIMILAR_EFFECTS: Final = ("noise", "dropout", "latency", "baseline_drift", "hysteresis")
+"""Effects similar to the faults: noise to impulses; dropout and latency to stale taxels; drift to remaining impulses."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two versions of the same frames. expected: whether the diagnosis has to find a gap, or none."""
+    """Two versions of the same frames. has_gap: whether the diagnosis must report a gap."""
 
     name: str
     first: str
     second: str
-    gap: bool
+    has_gap: bool
 
 
 COMPARISONS: Final = (
-    Comparison("both", "measured", "mended", True),
+    Comparison("both", "measured", "corrected", True),
     Comparison("stale prefixes", "measured", "without_prefixes", True),
     Comparison("impulses", "measured", "without_impulses", True),
-    Comparison("prefixes that hold no impulse", "without_impulses", "mended", False),
+    Comparison("prefixes without impulses", "without_impulses", "corrected", False),
 )
 
 
-def panel() -> tuple[TaxelTable, SensorTable]:
+def build_panel() -> tuple[TaxelTable, SensorTable]:
     """The panel as one board of 27 x 15 taxels."""
-    row, column = ROW_OF_CELL, np.arange(CELLS) % COLUMNS
-    place = np.column_stack([-PITCH_M * row, -PITCH_M * column, np.zeros(CELLS)])
+    row, column = ROW_OF_TAXEL, np.arange(N_TAXELS) % COLUMNS
+    position = np.column_stack([-PITCH_M * row, -PITCH_M * column, np.zeros(N_TAXELS)])
     taxels = TaxelTable(
-        np.full(CELLS, ADDRESS, np.uint8),
+        np.full(N_TAXELS, ADDRESS, np.uint8),
         row.astype(np.uint8),
         column.astype(np.uint8),
-        place,
-        np.tile([0.0, 0.0, 1.0], (CELLS, 1)),
-        np.full(CELLS, PITCH_M),
+        position,
+        np.tile([0.0, 0.0, 1.0], (N_TAXELS, 1)),
+        np.full(N_TAXELS, PITCH_M),
     )
     return taxels, SensorTable(np.array([ADDRESS], np.uint8), ("panel",), ("panel",), np.array([14.0]))
 
 
-def finger() -> ObjectMesh:
-    """A box: nothing is known of the finger's shape, and nothing is worked out from it."""
+def build_finger() -> ObjectMesh:
+    """A box in place of the finger, whose shape is unknown and not used."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0)]) * FINGER_M
     faces = [[0, 2, 4], [2, 6, 4], [1, 5, 3], [3, 5, 7], [0, 1, 2], [1, 3, 2]]
     faces += [[4, 6, 5], [5, 6, 7], [0, 4, 1], [1, 4, 5], [2, 3, 6], [3, 7, 6]]
     return ObjectMesh(corners, np.array(faces, np.int32))
 
 
-def write_looks(path: Path, looks: list[Look], version: str) -> None:
-    """One dataset of some looks. version: which of the `Frames`' counts."""
-    taxels, sensors = panel()
-    objects = {look.touch.frames.name: finger() for look in looks}
+def write_dataset(path: Path, repeats: list[Repeat], version: str) -> None:
+    """Write the repeats as a dataset. version: name of the counts in `Frames`."""
+    taxels, sensors = build_panel()
+    objects = {repeat.touch.frames.name: build_finger() for repeat in repeats}
     with GraspDatasetWriter.create(
         path,
         DatasetHeader(
@@ -127,43 +132,44 @@ def write_looks(path: Path, looks: list[Look], version: str) -> None:
         ),
         overwrite=True,
     ) as out:
-        for number, look in enumerate(looks):
-            counts: FloatArray = getattr(look.touch.frames, version)[look.frames]
+        for number, repeat in enumerate(repeats):
+            counts: FloatArray = getattr(repeat.touch.frames, version)[repeat.frames]
             record = GraspRecord(
-                object=look.touch.frames.name,
-                approach=f"touch_{look.touch.number:03d}_row_{look.touch.row:02d}",
+                object=repeat.touch.frames.name,
+                approach=f"touch_{repeat.touch.number:03d}_row_{repeat.touch.row:02d}",
                 iteration=0,
-                session=look.number,
-                timestamp=look.time_s,
-                phase=look.phase,
+                session=repeat.number,
+                timestamp=repeat.time_s,
+                phase=repeat.phase,
                 raw_counts=np.rint(REST_RAW_COUNTS - counts).astype(np.uint16),
-                valid=np.ones((len(look.frames), 1), bool),
+                valid=np.ones((len(repeat.frames), 1), bool),
                 sensor_pose=np.eye(4)[None],
                 object_pose=np.eye(4),
             )
             out.add(record, f"{number:05d}")
 
 
-def deal(every: Iterable[Frames], seed: int, most: int | None = None) -> list[Look]:
-    """Looks at the touches of some recordings; most: touches of each recording."""
+def sample_repeats(recorded: Iterable[Frames], seed: int, max_touches: int | None = None) -> list[Repeat]:
+    """Random repeats of the touches of all recordings. max_touches: limit for each recording."""
     rng = np.random.default_rng(seed)
-    looks = []
-    for frames in every:
-        dealt = [looks_at(touch, LOOKS, rng) for touch in held_touches(frames)]
-        looks += [look for own in [own for own in dealt if own][:most] for look in own]
-    return looks
+    repeats: list[Repeat] = []
+    for frames in recorded:
+        by_touch = [split_repeats(touch, N_REPEATS, rng) for touch in list_touches(frames)]
+        usable = [touch_repeats for touch_repeats in by_touch if touch_repeats][:max_touches]
+        repeats += [repeat for touch_repeats in usable for repeat in touch_repeats]
+    return repeats
 
 
-def split_half(folder: Path, looks: list[Look]) -> dict[str, Any]:
-    """Half the looks against the other half: what the diagnosis says."""
-    first, other = folder / "first_half.h5", folder / "other_half.h5"
-    for path, half in zip((first, other), halves(looks), strict=True):
-        write_looks(path, half, "measured")
-    return said(diagnose(first, other).report)
+def compare_halves(folder: Path, repeats: list[Repeat]) -> dict[str, Any]:
+    """Result of the diagnosis for the first half of the repeats against the second half."""
+    first, second = folder / "first_half.h5", folder / "second_half.h5"
+    for path, half in zip((first, second), split_halves(repeats), strict=True):
+        write_dataset(path, half, "measured")
+    return summarise(diagnose(first, second).report)
 
 
-def said(report: dict[str, Any]) -> dict[str, Any]:
-    """What the table needs of a report."""
+def summarise(report: dict[str, Any]) -> dict[str, Any]:
+    """The parts of a report that the table contains."""
     rows = [line for line in report["where"]["lines"] if line["axis"] == "tx"]
     return {
         "status": report["verdict"]["status"],
@@ -173,40 +179,50 @@ def said(report: dict[str, Any]) -> dict[str, Any]:
         "floor": report["gap"]["floor"],
         "excess": report["gap"]["excess"],
         "rows": {str(line["index"]): round(line["share"], 4) for line in rows},
-        "rows_found": sorted(line["index"] for line in rows if line["p_value"] < BELIEVED),
-        "phases": {one["phase"]: round(one["share"], 4) for one in report["where"]["phases"]},
-        "phases_found": [one["phase"] for one in report["where"]["phases"] if one["p_value"] < BELIEVED],
+        "rows_found": sorted(line["index"] for line in rows if line["p_value"] < SIGNIFICANCE),
+        "phases": {phase["phase"]: round(phase["share"], 4) for phase in report["where"]["phases"]},
+        "phases_found": [phase["phase"] for phase in report["where"]["phases"] if phase["p_value"] < SIGNIFICANCE],
     }
 
 
-def compare(folder: Path, looks: list[Look], wanted: Comparison) -> dict[str, Any]:
-    """A version of the frames against another, and whether the diagnosis says the right thing of the right place."""
-    for version in (wanted.first, wanted.second):
+def compare_versions(folder: Path, repeats: list[Repeat], comparison: Comparison) -> dict[str, Any]:
+    """Result of the diagnosis for two versions of the frames, compared with the expected status and location."""
+    for version in (comparison.first, comparison.second):
         if not (folder / f"{version}.h5").exists():
-            write_looks(folder / f"{version}.h5", looks, version)
-    report = diagnose(folder / f"{wanted.first}.h5", folder / f"{wanted.second}.h5").report
-    name = wanted.name.replace(" ", "_")
+            write_dataset(folder / f"{version}.h5", repeats, version)
+    report = diagnose(folder / f"{comparison.first}.h5", folder / f"{comparison.second}.h5").report
+    name = comparison.name.replace(" ", "_")
     (folder / f"report_{name}.json").write_text(json.dumps(report, allow_nan=False))
-    result, place = said(report), differing(looks, wanted)
-    share = sum(result["rows"][str(row)] for row in place["rows"])
-    found = result["rows_found"]
-    at_place = share >= 1.0 - MOST_ELSEWHERE and set(found) <= set(place["rows"]) and place["worst_row"] in found
-    blamed = set(result["effects"]) <= {*RESEMBLED, "unknown"} and result["status"] != "no_gap"
-    right = blamed and at_place if wanted.gap else result["status"] == "no_gap"
-    return {**result, "differs": place, "share_on_rows": share, "at_place": at_place, "right": right}
+    result, difference = summarise(report), locate_difference(repeats, comparison)
+    share = sum(result["rows"][str(row)] for row in difference["rows"])
+    rows_found = result["rows_found"]
+    is_located = (
+        share >= 1.0 - MAX_SHARE_ELSEWHERE
+        and set(rows_found) <= set(difference["rows"])
+        and difference["worst_row"] in rows_found
+    )
+    is_named = set(result["effects"]) <= {*SIMILAR_EFFECTS, "unknown"} and result["status"] != "no_gap"
+    is_expected = is_named and is_located if comparison.has_gap else result["status"] == "no_gap"
+    return {
+        **result,
+        "differs": difference,
+        "share_on_rows": share,
+        "at_place": is_located,
+        "right": is_expected,
+    }
 
 
-def differing(looks: list[Look], wanted: Comparison) -> dict[str, Any]:
-    """Where the frames of the looks differ, from the frames alone: rows, the worst, mean square by row and phase."""
+def locate_difference(repeats: list[Repeat], comparison: Comparison) -> dict[str, Any]:
+    """Location of the difference of two versions, from the frames alone: rows, worst row, RMS by row and phase."""
     squares: FloatArray = np.zeros((4, ROWS))
     for phase in range(4):
         parts = []
-        for frames in {look.touch.frames.name: look.touch.frames for look in looks}.values():
-            own = [look.frames[look.phase == phase] for look in looks if look.touch.frames is frames]
+        for frames in {repeat.touch.frames.name: repeat.touch.frames for repeat in repeats}.values():
+            own = [repeat.frames[repeat.phase == phase] for repeat in repeats if repeat.touch.frames is frames]
             rows = np.concatenate(own)
-            parts.append((getattr(frames, wanted.first)[rows] - getattr(frames, wanted.second)[rows]) ** 2)
+            parts.append((getattr(frames, comparison.first)[rows] - getattr(frames, comparison.second)[rows]) ** 2)
         mean = np.concatenate(parts).mean(axis=0)
-        squares[phase] = np.bincount(ROW_OF_CELL, mean, ROWS) / COLUMNS
+        squares[phase] = np.bincount(ROW_OF_TAXEL, mean, ROWS) / COLUMNS
     by_row = squares.mean(axis=0)
     names = ("baseline", "closing", "hold", "release")
     return {
@@ -217,67 +233,68 @@ def differing(looks: list[Look], wanted: Comparison) -> dict[str, Any]:
     }
 
 
-def run(folder: Path, every: list[Frames], splits: int, seed: int, show: Callable[[str], None]) -> dict[str, Any]:
-    """All comparisons. splits: random dealings, with the seeds from `seed` on."""
-    looks = deal(every, seed)
-    touches = len(looks) // LOOKS
+def run(folder: Path, recorded: list[Frames], splits: int, seed: int, show: Callable[[str], None]) -> dict[str, Any]:
+    """Run all comparisons. splits: number of random splits, with the seeds from `seed` on. show: prints one line."""
+    repeats = sample_repeats(recorded, seed)
+    touches = len(repeats) // N_REPEATS
     result: dict[str, Any] = {
-        "recordings": {frames.name: frames.figures() for frames in every},
+        "recordings": {frames.name: frames.summarise() for frames in recorded},
         "touches": touches,
-        "looks": LOOKS,
+        "looks": N_REPEATS,
     }
-    show(f"{touches} touches, {LOOKS} looks each; no sim-to-real claim: both files are of the same recording")
+    show(f"{touches} touches with {N_REPEATS} repeats; both files of every pair are the same recording")
     show(f"{'missing in the comparison':<32}{'gap':>7}{'floor':>7}  {'rows':<14}{'share there':>12}  verdict")
     result["faults"] = {}
-    for wanted in COMPARISONS:
-        row = result["faults"][wanted.name] = compare(folder, looks, wanted)
+    for comparison in COMPARISONS:
+        row = result["faults"][comparison.name] = compare_versions(folder, repeats, comparison)
         verdict = " ".join([row["status"], *(name for name in row["effects"] if name != row["status"])])
-        where = ", ".join(str(one) for one in row["rows_found"]) or "-"
-        judged = "as expected" if row["right"] else "NOT AS EXPECTED"
-        text = f"{wanted.name:<32}{row['gap']:7.1f}{row['floor']:7.1f}  {where:<14}{row['share_on_rows']:12.0%}"
-        show(f"{text}  {verdict}: {judged}")
+        where = ", ".join(map(str, row["rows_found"])) or "-"
+        assessment = "as expected" if row["right"] else "NOT AS EXPECTED"
+        text = f"{comparison.name:<32}{row['gap']:7.1f}{row['floor']:7.1f}  {where:<14}{row['share_on_rows']:12.0%}"
+        show(f"{text}  {verdict}: {assessment}")
     result["splits"] = []
     for number in range(seed, seed + splits):
-        row = {"seed": number, **split_half(folder, deal(every, number))}
+        row = {"seed": number, **compare_halves(folder, sample_repeats(recorded, number))}
         result["splits"].append(row)
         show(f"split-half, seed {number:<14}{row['gap']:14.1f}{row['floor']:7.1f}{'':28}  {row['status']}")
-    none = sum(row["status"] == "no_gap" for row in result["splits"])
-    result["no_gap_rate"] = none / splits if splits else None
-    show(f"split-half: no_gap in {none} of {splits}")
+    n_no_gap = sum(row["status"] == "no_gap" for row in result["splits"])
+    result["no_gap_rate"] = n_no_gap / splits if splits else None
+    show(f"split-half: no_gap in {n_no_gap} of {splits}")
     return result
 
 
-def recordings_of(data: Path | None) -> list[Frames]:
-    """Of a folder of text files, or those that come with the library."""
+def read_recordings(data: Path | None) -> list[Frames]:
+    """Recordings of a folder of text files; None: those of the library. Raises `TaxelError`."""
     if data is None:
-        return [Frames.of(load_recording(name)) for name in recordings()]
+        return [Frames.from_recording(load_recording(name)) for name in recordings()]
     importer = runpy.run_path(str(Path(__file__).resolve().parents[1] / "import_capfingerid.py"))
     paths = sorted(data.glob("CapMatrix_*.txt"))
     if not paths:
-        raise TaxelError(f"{data}: expected CapMatrix_<name>.txt, found none; give the folder of the recordings")
-    every = []
+        raise TaxelError(f"{data}: expected CapMatrix_<name>.txt, found none; --data is the folder of the recordings")
+    recorded = []
     for path in paths:
         try:
-            read = importer["read_recording"](path)
+            recording = importer["read_recording"](path)
         except importer["FormatError"] as error:
             raise TaxelError(str(error)) from error
-        time = (read.time_ns - read.time_ns[0]) / 1e9
-        every.append(Frames.of(TouchRecording(path.stem.removeprefix("CapMatrix_"), time, read.values, read.task)))
-    return every
+        time = (recording.time_ns - recording.time_ns[0]) / 1e9
+        name = path.stem.removeprefix("CapMatrix_")
+        recorded.append(Frames.from_recording(TouchRecording(name, time, recording.values, recording.task)))
+    return recorded
 
 
 def main() -> int:
-    """Run from the command line."""
-    parser = argparse.ArgumentParser(description="The diagnosis on measured touches; see the file's first lines.")
+    """Run the command line; the exit status is 2 if a result differs from the expected result."""
+    parser = argparse.ArgumentParser(description="Run the diagnosis on measured touches.")
     parser.add_argument("--data", type=Path, metavar="DIR", help="folder of CapMatrix_<name>.txt")
     parser.add_argument("--out", type=Path, metavar="DIR", required=True, help="a new folder")
-    parser.add_argument("--splits", type=int, default=20, metavar="N", help="random halves (20)")
-    parser.add_argument("--seed", type=int, default=0, help="of the first split (0)")
+    parser.add_argument("--splits", type=int, default=20, metavar="N", help="random splits (20)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the first split (0)")
     options = parser.parse_args()
     try:
-        every = recordings_of(options.data)
+        recorded = read_recordings(options.data)
         options.out.mkdir(parents=True)
-        result = run(options.out, every, options.splits, options.seed, lambda line: print(line, flush=True))
+        result = run(options.out, recorded, options.splits, options.seed, lambda line: print(line, flush=True))
     except FileExistsError:
         print(f"capfingerid: {options.out}: exists already; choose another --out", file=sys.stderr)
         return 1

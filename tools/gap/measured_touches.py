@@ -1,8 +1,8 @@
-"""Measured touches of the CapFingerId recordings: what is wrong with their frames, and looks at one touch.
+"""Faults in the frames of the CapFingerId recordings, their correction, and repeats from the frames of one touch.
 
-A frame of the panel is torn: up to some cell it holds what stood there in the frame before (the stale prefix), the
-cell where new values begin may hold an impulse, and only what follows is fresh. An impulse stays until a frame is torn
-before it.
+The frames of the panel are torn: the first taxels of a frame have the values of the frame before (stale prefix), the
+first taxel with a new value may contain an impulse, and only the later taxels have valid new values. An impulse remains
+until the prefix of a later frame ends before it.
 """
 
 from __future__ import annotations
@@ -17,103 +17,107 @@ from taxel.recording import TouchRecording
 from taxel.recording.capfingerid import COLUMNS, ROWS
 from taxel.types import BoolArray, FloatArray
 
-CELLS: Final = ROWS * COLUMNS
-ROW_OF_CELL: Final = np.arange(CELLS) // COLUMNS
+N_TAXELS: Final = ROWS * COLUMNS
+ROW_OF_TAXEL: Final = np.arange(N_TAXELS) // COLUMNS
 
 IMPULSE_COUNTS: Final = 40.0
-"""A value this far from its mended one is an impulse; noise is about 2 counts, a touch about 200."""
+"""Difference from the corrected value above which a value is an impulse, counts. Noise has about 2 counts, a touch
+about 200 counts.
+"""
 
 TOUCHED_COUNTS: Final = 60.0
-TOUCHED_CELLS: Final = 2
-"""A finger lies on several cells."""
+TOUCHED_TAXELS: Final = 2
+"""Signal in counts above which a taxel counts as touched, and smallest number of touched taxels under a finger."""
 
 REST_COUNTS: Final = 25.0
-"""No mended cell above it: the finger is away."""
+"""Without a corrected value above this limit, no finger is on the panel, counts."""
 
 REST_BLOCKS: Final = 10
 HOLD_BLOCKS: Final = 2
-"""Frames of a look at rest, and in hold at least. The diagnosis asks for 10; below 3 it tells no noise in hold."""
+"""Frames of a repeat at rest, and least number of its frames in hold. The diagnosis requires 10 frames at rest; with
+fewer than 3 in hold it estimates no noise in hold.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """The T frames of a recording that do not repeat the one before, and the same ones mended. Counts, f64[T, 405].
+    """The T different frames of a recording, as recorded and corrected. Counts: f64[T, 405].
 
-    stale: bool[T, 405], cells that repeat the frame before. first: i64[T], the first fresh cell. repeats: frames that
-    were left out because they repeat the one before, time and all.
-    measured: as recorded. mended: stale cells and the first fresh one by interpolation in time between fresh values; 0
-    for the corner cell, which is never fresh. without_impulses: torn as recorded, mended values in it.
-    without_prefixes: mended, but for the impulses, each in its own frame only.
+    n_duplicates: number of omitted frames, which equal the frame before including its time. stale: bool[T, 405], taxels
+    of the stale prefix. first: i64[T], the first taxel after the prefix. measured: as recorded. corrected: prefix and
+    first taxel interpolated in time between valid values; 0 for the corner taxel, which never has a valid value.
+    without_impulses: corrected values with the recorded prefixes. without_prefixes: corrected values with the recorded
+    impulses, each in the frame in which it occurs first.
     """
 
     name: str
     time_s: FloatArray
     task: NDArray[np.str_]
-    repeats: int
+    n_duplicates: int
     stale: BoolArray
     first: NDArray[np.intp]
     measured: FloatArray
-    mended: FloatArray
+    corrected: FloatArray
     without_impulses: FloatArray
     without_prefixes: FloatArray
 
     @classmethod
-    def of(cls, recording: TouchRecording) -> Frames:
-        """Find the faults and mend them."""
-        every = recording.values.reshape(len(recording.values), CELLS).astype(np.float64)
-        kept = np.concatenate([[True], (every[1:] != every[:-1]).any(axis=1)])
-        values, time = every[kept], recording.time_s[kept]
+    def from_recording(cls, recording: TouchRecording) -> Frames:
+        """Detect and correct the faults of a recording."""
+        frames = recording.values.reshape(len(recording.values), N_TAXELS).astype(np.float64)
+        is_new = np.concatenate([[True], (frames[1:] != frames[:-1]).any(axis=1)])
+        values, time = frames[is_new], recording.time_s[is_new]
         first = np.concatenate([[0], (values[1:] != values[:-1]).argmax(axis=1)])
-        stale = np.arange(CELLS) < first[:, None]
-        mended = _mended(values, time, np.arange(CELLS) > first[:, None])
-        torn = mended.copy()
+        stale = np.arange(N_TAXELS) < first[:, None]
+        corrected = _correct(values, time, np.arange(N_TAXELS) > first[:, None])
+        torn = corrected.copy()
         for k in range(1, len(torn)):
             torn[k, stale[k]] = torn[k - 1, stale[k]]
         rows = np.arange(len(values))
-        alone = mended.copy()
-        alone[rows, first] = values[rows, first]
-        name, task = recording.name, recording.task[kept]
-        return cls(name, time, task, int((~kept).sum()), stale, first, values, mended, torn, alone)
+        with_impulses = corrected.copy()
+        with_impulses[rows, first] = values[rows, first]
+        name, task = recording.name, recording.task[is_new]
+        return cls(name, time, task, int((~is_new).sum()), stale, first, values, corrected, torn, with_impulses)
 
     @property
     def impulses(self) -> BoolArray:
-        """bool[T, 405]: holds an impulse, its own or one that stayed."""
+        """bool[T, 405]: whether the value is an impulse, new or remaining from an earlier frame."""
         return np.asarray(np.abs(self.measured - self.without_impulses) > IMPULSE_COUNTS)
 
-    def figures(self) -> dict[str, Any]:
-        """What is wrong with the frames, for the report."""
+    def summarise(self) -> dict[str, Any]:
+        """Statistics of the faults, for the report."""
         prefix, impulses = self.stale.sum(axis=1)[1:], self.impulses
-        born = np.abs(self.measured - self.mended)[np.arange(len(self.first)), self.first] > IMPULSE_COUNTS
-        size = (self.measured - self.mended)[np.arange(len(self.first)), self.first][born]
+        is_new_impulse = np.abs(self.measured - self.corrected)[np.arange(len(self.first)), self.first] > IMPULSE_COUNTS
+        size = (self.measured - self.corrected)[np.arange(len(self.first)), self.first][is_new_impulse]
         by_row = {"stale": self.stale, "impulse": impulses}
         return {
-            "frames": len(self.time_s) + self.repeats,
-            "repeat_share": self.repeats / (len(self.time_s) + self.repeats),
+            "frames": len(self.time_s) + self.n_duplicates,
+            "repeat_share": self.n_duplicates / (len(self.time_s) + self.n_duplicates),
             "torn_share": float((prefix > 0).mean()),
             "prefix_cells": {q: float(np.quantile(prefix, f)) for q, f in (("median", 0.5), ("p90", 0.9), ("most", 1))},
-            "impulse_born_share": float(born.mean()),
+            "impulse_born_share": float(is_new_impulse.mean()),
             "impulse_present_share": float(impulses.any(axis=1).mean()),
             "impulse_counts": {q: float(np.quantile(size, f)) for q, f in (("least", 0), ("median", 0.5), ("most", 1))},
             "impulse_upward_share": float((size > 0).mean()),
             "share_by_row": {
-                key: [round(float(flags[:, row == ROW_OF_CELL].mean()), 4) for row in range(ROWS)]
+                key: [round(float(flags[:, row == ROW_OF_TAXEL].mean()), 4) for row in range(ROWS)]
                 for key, flags in by_row.items()
             },
         }
 
 
-def _mended(values: FloatArray, time_s: FloatArray, fresh: BoolArray) -> FloatArray:
-    mended = np.zeros_like(values)
-    for cell in range(CELLS):
-        known = fresh[:, cell]
-        if known.any():
-            mended[:, cell] = np.interp(time_s, time_s[known], values[known, cell])
-    return mended
+def _correct(values: FloatArray, time_s: FloatArray, is_valid: BoolArray) -> FloatArray:
+    corrected = np.zeros_like(values)
+    for taxel in range(N_TAXELS):
+        rows = is_valid[:, taxel]
+        if rows.any():
+            corrected[:, taxel] = np.interp(time_s, time_s[rows], values[rows, taxel])
+    return corrected
 
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """A finger that is laid on a place, stays, and is lifted. begin, end: frames in which it lies there."""
+    """Contact of a finger at one position. begin, end: first frame with contact, first frame without."""
 
     frames: Frames
     number: int
@@ -122,35 +126,35 @@ class Touch:
 
     @property
     def row(self) -> int:
-        """The panel row on which its middle lies."""
-        weight = self.frames.mended[self.begin : self.end].mean(axis=0).clip(0.0)
-        return round(float(weight @ ROW_OF_CELL / weight.sum()))
+        """Panel row of the centre of the contact."""
+        weight = self.frames.corrected[self.begin : self.end].mean(axis=0).clip(0.0)
+        return round(float(weight @ ROW_OF_TAXEL / weight.sum()))
 
-    def blocks(self, looks: int) -> tuple[NDArray[np.intp], NDArray[np.uint8]] | None:
-        """Frames, i64[B, looks], and phase, u8[B], of successive blocks; None for a touch that is too short for them.
+    def split_blocks(self, n_repeats: int) -> tuple[NDArray[np.intp], NDArray[np.uint8]] | None:
+        """Frames i64[B, n_repeats] and phase u8[B] of successive blocks; None for a touch that is too short.
 
-        Baseline: the last frames before closing in which no finger lies anywhere, ten blocks, also from pauses before
-        earlier touches. Closing: the first block in which the finger lies there. A look has a frame in 0.6 s, too few
-        to tell when it was touched: closing holds no frame before that, so that nobody takes an onset from it. Hold:
-        the blocks after that while the finger stays. Release: the block from the first frame without it.
+        Baseline: ten blocks of the last frames without a finger before closing, also from earlier pauses. Closing: the
+        first block with contact. A repeat has one frame in 0.6 s, too few to determine the time of the contact, so
+        closing contains no frame before the contact. Hold: the later blocks with contact. Release: the block from the
+        first frame without contact.
         """
-        held = (self.end - self.begin) // looks - 1
-        away: BoolArray = np.max(self.frames.mended, axis=1) <= REST_COUNTS
-        after = np.arange(self.end, self.end + looks)
-        rest = np.flatnonzero(away[: self.begin])[-REST_BLOCKS * looks :]
-        if held < HOLD_BLOCKS or len(rest) < REST_BLOCKS * looks or after[-1] >= len(away):
+        n_hold = (self.end - self.begin) // n_repeats - 1
+        is_away: BoolArray = np.max(self.frames.corrected, axis=1) <= REST_COUNTS
+        after = np.arange(self.end, self.end + n_repeats)
+        rest = np.flatnonzero(is_away[: self.begin])[-REST_BLOCKS * n_repeats :]
+        if n_hold < HOLD_BLOCKS or len(rest) < REST_BLOCKS * n_repeats or after[-1] >= len(is_away):
             return None
-        if touches_in(self.frames, after).any():
+        if detect_touches(self.frames, after).any():
             return None
-        lying = np.arange(self.begin, self.begin + (held + 1) * looks)
-        frames = np.concatenate([rest, lying, after]).reshape(-1, looks)
-        phase = np.repeat([0, 1, 2, 3], [REST_BLOCKS, 1, held, 1]).astype(np.uint8)
+        contact = np.arange(self.begin, self.begin + (n_hold + 1) * n_repeats)
+        frames = np.concatenate([rest, contact, after]).reshape(-1, n_repeats)
+        phase = np.repeat([0, 1, 2, 3], [REST_BLOCKS, 1, n_hold, 1]).astype(np.uint8)
         return frames, phase
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
-    """One look at a touch: of every block one frame. frames: i64[B]; phase: u8[B]; time_s: f64[B]."""
+class Repeat:
+    """One frame of every block of a touch. frames: i64[B]; phase: u8[B]; time_s: f64[B]."""
 
     touch: Touch
     number: int
@@ -159,36 +163,36 @@ class Look:
     time_s: FloatArray
 
 
-def touches_in(frames: Frames, rows: NDArray[np.intp] | slice) -> BoolArray:
-    """In which of some frames a finger lies on the panel."""
-    return np.asarray((frames.mended[rows] > TOUCHED_COUNTS).sum(axis=1) >= TOUCHED_CELLS)
+def detect_touches(frames: Frames, rows: NDArray[np.intp] | slice) -> BoolArray:
+    """Whether a finger is on the panel, for each of the frames in `rows`."""
+    return np.asarray((frames.corrected[rows] > TOUCHED_COUNTS).sum(axis=1) >= TOUCHED_TAXELS)
 
 
-def held_touches(frames: Frames, task: str = "TAP") -> list[Touch]:
-    """Touches that began while the participant was asked for a task. In TAP the finger stays where it was laid."""
-    change = np.diff(np.concatenate([[0], touches_in(frames, slice(None)).astype(np.int64), [0]]))
+def list_touches(frames: Frames, task: str = "TAP") -> list[Touch]:
+    """Touches that began during a task of the participant. In the task TAP the finger does not move along the panel."""
+    change = np.diff(np.concatenate([[0], detect_touches(frames, slice(None)).astype(np.int64), [0]]))
     begins, ends = np.flatnonzero(change > 0), np.flatnonzero(change < 0)
-    every = [Touch(frames, k, int(b), int(e)) for k, (b, e) in enumerate(zip(begins, ends, strict=True))]
-    return [touch for touch in every if frames.task[touch.begin] == task]
+    touches = [Touch(frames, k, int(b), int(e)) for k, (b, e) in enumerate(zip(begins, ends, strict=True))]
+    return [touch for touch in touches if frames.task[touch.begin] == task]
 
 
-def looks_at(touch: Touch, looks: int, rng: np.random.Generator) -> list[Look]:
-    """Deal the frames of each block at random to `looks` looks; [] for a touch that is too short.
+def split_repeats(touch: Touch, n_repeats: int, rng: np.random.Generator) -> list[Repeat]:
+    """Assign the frames of each block at random to repeats; [] for a touch that is too short.
 
-    Each look's frame stands at its block's time, so that which frame a look got does not move its clock.
+    All frames of a block get the time of the block, so that the times do not depend on the assignment.
     """
-    found = touch.blocks(looks)
-    if found is None:
+    result = touch.split_blocks(n_repeats)
+    if result is None:
         return []
-    blocks, phase = found
-    dealt = np.stack([rng.permutation(block) for block in blocks], axis=1)
-    period = float(np.median(np.diff(touch.frames.time_s))) * looks
+    blocks, phase = result
+    assigned = np.stack([rng.permutation(block) for block in blocks], axis=1)
+    period = float(np.median(np.diff(touch.frames.time_s))) * n_repeats
     time = touch.frames.time_s[touch.begin] + period * np.arange(len(blocks))
-    return [Look(touch, k, dealt[k], phase, time) for k in range(looks)]
+    return [Repeat(touch, k, assigned[k], phase, time) for k in range(n_repeats)]
 
 
-def halves(looks: list[Look]) -> tuple[list[Look], list[Look]]:
-    """The first half of every touch's looks, and the other, both numbered from 0."""
-    count = (max(look.number for look in looks) + 1) // 2
-    first = [look for look in looks if look.number < count]
-    return first, [replace(look, number=look.number - count) for look in looks if look.number >= count]
+def split_halves(repeats: list[Repeat]) -> tuple[list[Repeat], list[Repeat]]:
+    """First and second half of the repeats of every touch, both numbered from 0."""
+    count = (max(repeat.number for repeat in repeats) + 1) // 2
+    first = [repeat for repeat in repeats if repeat.number < count]
+    return first, [replace(repeat, number=repeat.number - count) for repeat in repeats if repeat.number >= count]
