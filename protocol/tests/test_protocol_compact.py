@@ -161,7 +161,7 @@ def test_both_implementations_encode_and_decode_the_same_bytes(
 
 @settings(max_examples=200, deadline=None)
 @given(st.lists(taxels, min_size=1, max_size=20), st.binary(max_size=60))
-def test_both_implementations_decode_or_reject_arbitrary_bytes_alike(
+def test_both_implementations_give_the_same_result_for_arbitrary_bytes(
     library: Any, states: list[Taxel], data: bytes
 ) -> None:
     try:

@@ -75,9 +75,9 @@ def test_the_stages_are_those_that_can_detect_the_bug():
     ("output", "first"),
     [
         (
-            "  a.c:3: expected x\nFAILED room (2 checks)\n\n"
+            "  a.c:3: expected x\nFAILED frames (2 checks)\n\n"
             "The following tests FAILED:\n\t 12 - test_hub_uart (Failed)\n",
-            "test_hub_uart: room",
+            "test_hub_uart: frames",
         ),
         (
             "==1==ERROR: AddressSanitizer: stack-buffer-overflow on address\nThe following tests FAILED:\n"

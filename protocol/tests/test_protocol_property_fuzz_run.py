@@ -53,7 +53,7 @@ def test_a_target_that_fails_without_a_file_is_a_finding(run: ModuleType, tmp_pa
     assert outcome.findings == ["no file; see out/fuzz_hub.log"]
 
 
-def test_without_clang_one_line_says_what_to_install(
+def test_missing_clang_is_reported_with_the_package_to_install(
     run: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(shutil, "which", lambda name: None)

@@ -14,7 +14,7 @@ from bench_skin_rate import SCANS
 from entropy import SIGMAS, Tally
 from entropy import measure as measure_bytes
 from figures import Figure
-from ideal import noise_entropy, recording_entropy
+from ideal import compute_noise_entropy, compute_recording_entropy
 
 from taxel.hand import Hand, load_hand
 from taxel.hand.world import WorldSettings, format_world
@@ -50,10 +50,10 @@ def measure_rate(hand: Hand, sigma: float) -> float:
 
 def _figure(name: str, hand: Hand, tally: Tally, entropy: float) -> Figure:
     bits = 8.0 * (tally.coded + tally.packed) / (tally.cycles * hand.n_taxels)
-    hertz = SCL_HZ / tally.clocks(len(hand.boards))
+    hertz = SCL_HZ / tally.count_clocks(len(hand.boards))
     detail = f"{bits:.3f} bits per taxel, entropy {entropy:.3f}; the bus alone allows {hertz:.1f} Hz"
-    reference = f"{ENTROPY_RATIO_MAX:g} times the entropy"
-    return Figure(f"compact frames, {name}", ENTROPY_RATIO_MAX * entropy / bits, 1.0, reference, detail)
+    requirement = f"{ENTROPY_RATIO_MAX:g} times the entropy"
+    return Figure(f"compact frames, {name}", ENTROPY_RATIO_MAX * entropy / bits, 1.0, requirement, detail)
 
 
 def measure() -> list[Figure]:
@@ -61,8 +61,8 @@ def measure() -> list[Figure]:
     hand = load_hand("allegro")
     figures = []
     for sigma in SIGMAS:
-        tally = measure_bytes(hand, sigma, SECONDS, touched=False)
-        figures.append(_figure(f"noise {sigma:g} counts", hand, tally, noise_entropy(sigma)))
+        tally = measure_bytes(hand, sigma, SECONDS, has_contacts=False)
+        figures.append(_figure(f"noise {sigma:g} counts", hand, tally, compute_noise_entropy(sigma)))
         start = time.perf_counter()
         hertz = measure_rate(hand, sigma)
         figures.append(
@@ -74,6 +74,6 @@ def measure() -> list[Figure]:
                 f"{hertz:.1f} Hz at the host, fast scan, 1 Mbaud ({time.perf_counter() - start:.0f} s to emulate)",
             )
         )
-    tally = measure_bytes(hand, REQUIRED_SIGMA, SECONDS, touched=True)
-    entropy = recording_entropy(np.array(tally.counts, dtype=np.int64))
+    tally = measure_bytes(hand, REQUIRED_SIGMA, SECONDS, has_contacts=True)
+    entropy = compute_recording_entropy(np.array(tally.counts, dtype=np.int64))
     return [*figures, _figure(f"noise {REQUIRED_SIGMA:g} counts and contacts", hand, tally, entropy)]

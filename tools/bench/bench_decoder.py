@@ -82,7 +82,7 @@ def _compare_decoders(capture: Path) -> list[Figure]:
     )
     capture_decode, against_memory = (
         compare(capture_as_batches, construct),
-        compare(capture_as_batches, memory, rounds=41),
+        compare(capture_as_batches, memory, repeats=41),
     )
     rate = f"construct {len(sample) / batches.reference_s:,.0f} frames/s, {len(data) / len(bodies):.0f} bytes per frame"
     return [

@@ -52,10 +52,10 @@ def measure() -> list[Figure]:
     """Arrays relative to single frames; checked reading relative to unchecked reading with h5py."""
     with tempfile.TemporaryDirectory() as name:
         capture, _ = record(Path(name), VIRTUAL_S)
-        activity = compare(lambda: _read_activity_arrays(capture), lambda: _frame_by_frame(capture), rounds=3)
+        activity = compare(lambda: _read_activity_arrays(capture), lambda: _frame_by_frame(capture), repeats=3)
         dataset = Path(name) / "sim.h5"
         run_simulated(dataset, make_thesis_plan(1)[:GRASPS], SimSettings(), jobs=1)
-        reading = compare(lambda: _read_checked(dataset), lambda: _read_with_h5py(dataset), rounds=7)
+        reading = compare(lambda: _read_checked(dataset), lambda: _read_with_h5py(dataset), repeats=7)
         size = dataset.stat().st_size / 1e6
     return [
         Figure(

@@ -44,18 +44,18 @@ def core_seconds(action: Callable[[], object]) -> float:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Medians over rounds: reference time divided by measured time, and both processor times in seconds."""
+    """Medians over repeats: reference time divided by measured time, and both processor times in seconds."""
 
     ratio: float
     measured_s: float
     reference_s: float
 
 
-def compare(measured: Callable[[], object], reference: Callable[[], object], rounds: int = 15) -> Comparison:
-    """Compare the speed of `measured` with `reference`. Both run in every round, so that other load slows both."""
+def compare(measured: Callable[[], object], reference: Callable[[], object], repeats: int = 15) -> Comparison:
+    """Compare the speed of `measured` with `reference`. Both run in every repeat, so that other load slows both."""
     measured()
     reference()
-    times = [(core_seconds(reference), core_seconds(measured)) for _ in range(rounds)]
+    times = [(core_seconds(reference), core_seconds(measured)) for _ in range(repeats)]
     return Comparison(
         statistics.median(reference_time / measured_time for reference_time, measured_time in times),
         statistics.median(measured_time for _, measured_time in times),

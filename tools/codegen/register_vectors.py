@@ -64,19 +64,19 @@ def _snapshot(name: str, address: int, header: tuple[int, int], counts: Sequence
 
 
 def _compact() -> list[dict[str, Any]]:
-    rng = random.Random(SEED + 1)  # its own generator: vectors of version 1 do not change
+    rng = random.Random(SEED + 1)  # a separate generator: the vectors of version 1 do not change
     vectors = []
     for name in ("compact_packed", "compact_delta", "compact_acknowledge"):
         fields = fields_of(REGISTERS[name])
-        drawn = {
+        values = {
             field.name: rng.randbytes(3) if field.is_bytes else rng.getrandbits(8 * field.size) for field in fields
         }
-        vectors.append(register_vector(name, name, limits.REGISTER_COMPACT, drawn))
+        vectors.append(register_vector(name, name, limits.REGISTER_COMPACT, values))
     return vectors
 
 
 def all_registers() -> list[dict[str, Any]]:
-    """What registers.json holds."""
+    """Content of registers.json."""
     rng = random.Random(SEED)
     board: dict[str, Any] = {"map_version": 1, "firmware_major": 1, "firmware_minor": 2, "firmware_patch": 3}
     board |= {

@@ -46,7 +46,7 @@ def _second_halfwords(rng: np.random.Generator, first: NDArray[np.uint16]) -> ND
 
 
 def _special_instructions(rng: np.random.Generator, n: int) -> NDArray[np.uint16]:
-    """Random BL, MSR, MRS and barriers u16[n, 2], which a sweep of first halfwords rarely contains."""
+    """Random BL, MSR, MRS and barriers u16[n, 2], which a sequence of all first halfwords rarely contains."""
     kind = rng.integers(0, 4, n)
     number = rng.choice(np.array([0, 1, 2, 3, 5, 6, 7, 8, 9, 16, 20, 4, 10], np.uint16), n)
     register = rng.integers(0, 16, n, dtype=np.uint16)
@@ -60,7 +60,7 @@ def _special_instructions(rng: np.random.Generator, n: int) -> NDArray[np.uint16
 
 
 def _instructions(rng: np.random.Generator, index: int) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
-    """Halfwords of a block. Consecutive blocks sweep all first halfwords; a tenth are special instructions instead."""
+    """Halfwords of a block. Consecutive blocks contain all first halfwords in order; a tenth are replaced by special cases."""
     step = 0x9E35  # odd: a permutation of the halfwords
     first = ((np.arange(BLOCK, dtype=np.int64) + index * BLOCK) * step % 0x10000).astype(np.uint16)
     second = _second_halfwords(rng, first)

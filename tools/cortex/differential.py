@@ -4,7 +4,7 @@
     python tools/cortex/differential.py --cases 10000000 --jobs 2  more cases
     python tools/cortex/differential.py --seed 1 --first 77 --cases 2048     replays one block
 
-Consecutive blocks sweep all first halfwords. The exit status is 1 at the first block with a difference that
+Consecutive blocks contain all first halfwords in order. The exit status is 1 at the first block with a difference that
 deviations.py does not list.
 """
 

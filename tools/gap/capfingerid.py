@@ -72,7 +72,7 @@ MAX_SHARE_ELSEWHERE: Final = 0.05
 """Largest permitted share of the excess outside the torn rows."""
 
 SIMILAR_EFFECTS: Final = ("noise", "dropout", "latency", "baseline_drift", "hysteresis")
-"""Effects similar to the faults: noise to impulses; dropout and latency to stale taxels; drift to remaining impulses."""
+"""Effects similar to the faults: impulses (noise), stale taxels (dropout, latency), remaining impulses (drift)."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 python tools/objects/search_sizes.py --heights 130 130 --restarts 3
                                      three objects of the same height; two to three minutes; prints the seeds
 python tools/objects/search_sizes.py                      heights of 120 to 150 mm
-python tools/objects/search_sizes.py --heights 90 200     heights with the same freedom as the other sizes
+python tools/objects/search_sizes.py --heights 90 200     heights within the bounds of the other sizes
 python tools/objects/search_sizes.py --evaluate 69 35 130 21 130 36 130
                                      width depth height, radius height, side height, mm
 
@@ -79,14 +79,14 @@ class SearchSpace:
     def sizes(self, vector: FloatArray) -> tuple[Sizes, float]:
         """The nearest sizes within the bounds, and a penalty for sizes outside them or against the thesis."""
         lowest, highest = self.bounds()
-        inside = np.clip(vector, lowest, highest)
-        values = [float(v) for v in inside]
+        clipped = np.clip(vector, lowest, highest)
+        values = [float(v) for v in clipped]
         leg = max(values[7], 0.6 * values[5]) if self.isosceles else values[5]
         sizes = Sizes(*[*values[:7], leg])
         rectangular, cylindrical, triangular = sizes.circumferences()
         too_square = max(0.0, WIDE_TO_NARROW * sizes.depth - sizes.width)
         too_large = max(0.0, triangular - min(rectangular, cylindrical))
-        penalty = float(np.sum((vector - inside) ** 2)) + too_square**2 + too_large**2
+        penalty = float(np.sum((vector - clipped) ** 2)) + too_square**2 + too_large**2
         return sizes, penalty / 100.0
 
 
@@ -127,15 +127,15 @@ def format_table(distances: Distances, table: CloudTable) -> list[str]:
     lines = [f"{table.source} clouds, mm".ljust(24) + HEADINGS]
     for i, cloud in enumerate(OBJECTS):
         for j, model in enumerate(OBJECTS):
-            cells = ""
+            columns = ""
             for a, b in ((distances.mean, table.mean), (distances.rms, table.rms), (distances.largest, table.largest)):
-                cells += f"   {a[i, j]:6.2f} {b[i, j]:6.2f} {a[i, j] / b[i, j]:5.2f}"
+                columns += f"   {a[i, j]:6.2f} {b[i, j]:6.2f} {a[i, j] / b[i, j]:5.2f}"
             worst = np.exp(
                 max(abs(np.log(distances.mean / table.mean)[i, j]), abs(np.log(distances.rms / table.rms)[i, j]))
             )
             mark = "  large ratio" if worst > LARGE_RATIO else ""
             own = "" if IS_CROSS_PAIR[i, j] else " (own)"
-            lines.append(f"{cloud[:6]} to {model[:6]}{own}".ljust(24) + cells + mark)
+            lines.append(f"{cloud[:6]} to {model[:6]}{own}".ljust(24) + columns + mark)
     return lines
 
 

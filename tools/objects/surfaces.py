@@ -64,7 +64,7 @@ class Polygon:
         x, y = points[..., 0], points[..., 1]
         smallest = np.full(x.shape, np.inf)
         nearest = np.empty_like(points)
-        inside = np.ones(x.shape, dtype=bool)
+        is_inside = np.ones(x.shape, dtype=bool)
         for (x0, y0), (x1, y1) in zip(self.corners, np.roll(self.corners, -1, axis=0), strict=True):
             ex, ey, dx, dy = x1 - x0, y1 - y0, x - x0, y - y0
             part = np.clip((dx * ex + dy * ey) / (ex * ex + ey * ey), 0.0, 1.0)
@@ -74,8 +74,8 @@ class Polygon:
             smallest = np.where(is_closer, squared, smallest)
             nearest[..., 0] = np.where(is_closer, x0 + qx, nearest[..., 0])
             nearest[..., 1] = np.where(is_closer, y0 + qy, nearest[..., 1])
-            inside &= ex * dy - ey * dx >= 0.0
-        return nearest, inside
+            is_inside &= ex * dy - ey * dx >= 0.0
+        return nearest, is_inside
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +88,12 @@ class Prism:
     def nearest(self, points: FloatArray) -> FloatArray:
         """Nearest surface point, f64[..., 3], of each point, f64[..., 3], mm."""
         z = points[..., 2]
-        side, inside = self.profile.nearest(points[..., :2])
+        side, is_inside = self.profile.nearest(points[..., :2])
         cap_z = np.where(z > self.height / 2, self.height, 0.0)
         is_between_caps = (z > 0.0) & (z < self.height)
         to_side = np.sqrt((points[..., 0] - side[..., 0]) ** 2 + (points[..., 1] - side[..., 1]) ** 2)
         to_cap = np.abs(z - cap_z)
-        on_cap = inside & (~is_between_caps | (to_cap < to_side))
+        on_cap = is_inside & (~is_between_caps | (to_cap < to_side))
         result = np.empty_like(points)
         result[..., :2] = np.where(on_cap[..., None], points[..., :2], side)
         result[..., 2] = np.where(on_cap | ~is_between_caps, cap_z, z)

@@ -1,9 +1,9 @@
-"""How far the simulator and an emulated hand without effects are apart, against what repeats and sessions make of it.
+"""Gap between the simulator and an emulated hand without effects, compared with the floor from repeats and sessions.
 
 taxel grasp --source both --no-effects --out out/none
 python tools/sim/measure_mismatch.py out/none/real.h5 out/none/sim.h5
 
---all counts every board's taxels, as presses on a rig need it; else those that the thesis's experiments used.
+--all: use the taxels of all boards, as for indentations; default: the taxels that the experiments of the thesis used.
 """
 
 import sys
@@ -17,37 +17,41 @@ from taxel.recording.grasp_dataset import GraspDataset
 Key = tuple[str, str]
 
 
-def hold_signals(path: str, every: bool) -> tuple[dict[Key, dict[int, list[NDArray[np.float64]]]], NDArray[np.bool_]]:
-    """Mean signal over hold, counts [n], of each grasp by (object, approach) and session; and the taxels that count."""
+def read_hold_signals(
+    path: str, use_all: bool
+) -> tuple[dict[Key, dict[int, list[NDArray[np.float64]]]], NDArray[np.bool_]]:
+    """Mean signal over hold, counts [n], of each grasp by (object, approach) and session; bool[n]: the
+    taxels to use.
+    """
     signals: dict[Key, dict[int, list[NDArray[np.float64]]]] = {}
     with GraspDataset(path) as data:
         for grasp in data:
-            own = signals.setdefault((grasp.object, grasp.approach), {})
-            own.setdefault(grasp.session, []).append(grasp.mean_hold_signal())
-        return signals, np.ones(data.taxels.n, bool) if every else select_used_taxels(data)
+            by_session = signals.setdefault((grasp.object, grasp.approach), {})
+            by_session.setdefault(grasp.session, []).append(grasp.mean_hold_signal())
+        return signals, np.ones(data.taxels.n, bool) if use_all else select_used_taxels(data)
 
 
 def main() -> int:
-    """Print gap and floor of each approach and of all, counts, over the taxels that either side activates."""
-    paths = [word for word in sys.argv[1:] if word != "--all"]
+    """Print gap and floor in counts, for each approach and for all, over the taxels with a signal in either dataset."""
+    paths = [argument for argument in sys.argv[1:] if argument != "--all"]
     if len(paths) != 2:
-        print("usage: mismatch.py [--all] REAL.h5 SIM.h5", file=sys.stderr)
+        print("usage: measure_mismatch.py [--all] REAL.h5 SIM.h5", file=sys.stderr)
         return 2
-    (real, used), (sim, _) = (hold_signals(path, "--all" in sys.argv[1:]) for path in paths)
+    (real, used), (sim, _) = (read_hold_signals(path, "--all" in sys.argv[1:]) for path in paths)
     gaps, floors = [], []
-    print(f"{'approach':<36}{'gap':>8}{'floor':>8}{'one grasp':>11}   counts, RMS over taxels")
+    print(f"{'approach':<36}{'gap':>8}{'floor':>8}{'grasp std':>11}   counts, RMS over taxels")
     for key, sessions in sorted(real.items()):
-        means = np.stack([np.mean(own, axis=0) for own in sessions.values()])
-        grasps = np.stack([signal for own in sessions.values() for signal in own])
-        model = np.mean([signal for own in sim[key].values() for signal in own], axis=0)
+        means = np.stack([np.mean(signals, axis=0) for signals in sessions.values()])
+        grasps = np.stack([signal for signals in sessions.values() for signal in signals])
+        model = np.mean([signal for signals in sim[key].values() for signal in signals], axis=0)
         mean = means.mean(axis=0)
-        felt = used & ((mean > 10.0) | (model > 10.0))
-        gap2 = float(np.mean((mean - model)[felt] ** 2))
-        floor2 = float(np.mean(means.var(axis=0, ddof=1)[felt]) / len(means))
-        spread = float(np.sqrt(np.mean(grasps.var(axis=0, ddof=1)[felt])))
+        has_signal = used & ((mean > 10.0) | (model > 10.0))
+        gap2 = float(np.mean((mean - model)[has_signal] ** 2))
+        floor2 = float(np.mean(means.var(axis=0, ddof=1)[has_signal]) / len(means))
+        std = float(np.sqrt(np.mean(grasps.var(axis=0, ddof=1)[has_signal])))
         gaps.append(gap2)
         floors.append(floor2)
-        print(f"{' '.join(key):<36}{np.sqrt(gap2):8.1f}{np.sqrt(floor2):8.1f}{spread:11.1f}")
+        print(f"{' '.join(key):<36}{np.sqrt(gap2):8.1f}{np.sqrt(floor2):8.1f}{std:11.1f}")
     gap, floor = np.sqrt(np.mean(gaps)), np.sqrt(np.mean(floors))
     print(f"{'all':<36}{gap:8.1f}{floor:8.1f}   excess {np.sqrt(max(gap**2 - floor**2, 0.0)):.1f}")
     return 0

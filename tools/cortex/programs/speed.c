@@ -1,7 +1,7 @@
 /* Benchmark of the processor's speed: loops, table look-ups, byte and word traffic, calls, multiplications. */
 #include "image.h"
 
-#define ROUNDS 400u
+#define REPEATS 400u
 #define WORDS 512u
 
 static uint32_t table[256], words[WORDS];
@@ -84,11 +84,11 @@ int main(void)
 {
     uint32_t check = 0;
     make_table();
-    for (uint32_t round = 0; round < ROUNDS; round++) {
-        fill(round);
+    for (uint32_t repeat = 0; repeat < REPEATS; repeat++) {
+        fill(repeat);
         check += filter();
         heap_sort();
-        check ^= words[round % WORDS];
+        check ^= words[repeat % WORDS];
         check += crc32(bytes, sizeof bytes);
     }
     put_word("check", check);

@@ -48,17 +48,17 @@ static void check_monotonic(const char *name, bool masked)
     }
 }
 
-static void busy_loop(uint32_t rounds)
+static void busy_loop(uint32_t iterations)
 {
-    for (uint32_t i = 0; i < rounds; i++) {
+    for (uint32_t i = 0; i < iterations; i++) {
         work += i;
     }
 }
 
-static uint32_t time_busy_loop(uint32_t rounds)
+static uint32_t time_busy_loop(uint32_t iterations)
 {
     const uint64_t begin = ticks_us();
-    busy_loop(rounds);
+    busy_loop(iterations);
     return (uint32_t)(ticks_us() - begin);
 }
 

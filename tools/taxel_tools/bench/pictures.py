@@ -26,7 +26,7 @@ DPI: Final = 120
 LABEL_PT: Final = 9
 TICK_PT: Final = 8
 WIDTH_IN: Final = 5.4
-CELL_IN: Final = 0.34
+TAXEL_IN: Final = 0.34
 BINS_PER_DECADE: Final = 20
 WIDTH_MIN_IN: Final = 3.4
 """Space for a title of about 40 letters."""
@@ -44,8 +44,8 @@ def draw_board_map(kind: BoardKind, values: FloatArray, label: str, marked: Bool
     grid = np.full(kind.crossings.shape, np.nan)
     grid[kind.crossings] = values
     rows, columns = kind.tx_count, kind.rx_count
-    width = max(CELL_IN * columns + 1.6, WIDTH_MIN_IN)
-    figure = _new_figure(width, CELL_IN * rows + 0.9)
+    width = max(TAXEL_IN * columns + 1.6, WIDTH_MIN_IN)
+    figure = _new_figure(width, TAXEL_IN * rows + 0.9)
     axes = figure.add_subplot()
     image = axes.imshow(grid, cmap="viridis", interpolation="nearest")
     figure.suptitle(

@@ -85,7 +85,7 @@ class GcodeProbe:
         self._move_clear()
 
     def press(self, taxel: int, force_n: float, diameter_m: float) -> None:
-        """Move to the taxel and apply the force. The operator is asked to change the tip if necessary."""
+        """Move to the taxel and apply the force. The operator changes the tip if necessary."""
         gantry = self._gantry
         if not 0.0 <= force_n <= FORCE_MAX_N:
             raise ProbeError(f"{self._port_name}: expected a force from 0 to {FORCE_MAX_N:g} N, found {force_n:g}")
