@@ -60,7 +60,7 @@ def _special_instructions(rng: np.random.Generator, n: int) -> NDArray[np.uint16
 
 
 def _instructions(rng: np.random.Generator, index: int) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
-    """Halfwords of a block. Consecutive blocks contain all first halfwords in order; a tenth are replaced by special cases."""
+    """Halfwords of a block. Consecutive blocks contain all first halfwords in order; a tenth are special cases."""
     step = 0x9E35  # odd: a permutation of the halfwords
     first = ((np.arange(BLOCK, dtype=np.int64) + index * BLOCK) * step % 0x10000).astype(np.uint16)
     second = _second_halfwords(rng, first)
