@@ -78,7 +78,7 @@ def read_snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, bytes]:
 def read_random_snapshots(world: VirtualWorld, board: Board, forces: np.ndarray) -> list[tuple[int, int, bytes]]:
     """Snapshots of a board without a hub, read at random instants that are fixed on the board's clock."""
     world.inject("hub_unplug")
-    world.press(forces)
+    world.set_stimulus(forces)
     world.run(0.3)
     request_s = world.now_s
     status = Status.parse(world.transfer(board.address, bytes([REGISTER_STATUS]), Status.sizeof())[1])
@@ -101,7 +101,7 @@ def read_random_snapshots(world: VirtualWorld, board: Board, forces: np.ndarray)
 
 def check_processors(world: VirtualWorld, *addresses: int) -> None:
     for address in addresses:
-        processor = world.processor(address)
+        processor = world.read_processor(address)
         assert not processor.is_broken
         assert processor.faults == 0, processor.fault
         assert processor.is_application
@@ -200,7 +200,7 @@ def test_board_runs_the_image_that_taxel_flash_programmed(tools: None) -> None:
         world.inject("plug", cut_routes.BOARD)
         world.run(0.3)
         assert route.version() == (2, 7, 1)
-        assert world.processor(cut_routes.BOARD).faults == 0
+        assert world.read_processor(cut_routes.BOARD).faults == 0
 
 
 def test_wiring_of_the_emulator_equals_the_pins_of_the_port() -> None:

@@ -33,7 +33,7 @@ def test_loss_without_a_recorded_fault_is_reported() -> None:
 def test_wrong_counts_are_reported() -> None:
     soak = Soak(SMALL_HAND, SEED, mean_gap_s=1e9)
     soak.run(3.0)
-    soak.world.press([1234.0] * soak.world.taxels)
+    soak.world.set_stimulus([1234.0] * soak.world.taxels)
     assert soak.run(0.5).wrong > 10
 
 

@@ -103,7 +103,7 @@ class Soak:
         self._next_count_step_s = COUNT_STEP_PERIOD_S
         self._n_events_read = 0
         self.report = SoakReport()
-        self.world.press(self._base)
+        self.world.set_stimulus(self._base)
 
     def run(
         self, seconds: float, show_progress: Callable[[float, float], None] = lambda elapsed_s, total_s: None
@@ -133,7 +133,7 @@ class Soak:
             if self._next_count_step_s <= now_s:
                 self._next_count_step_s += COUNT_STEP_PERIOD_S
                 self._step = min(self._step + 1, STEPS_MAX)
-                self.world.press(self._base + STEP_COUNTS * self._step)
+                self.world.set_stimulus(self._base + STEP_COUNTS * self._step)
             if self._next_fault_s <= now_s:
                 self._start_fault()
             if until_s <= now_s:
@@ -185,7 +185,7 @@ class Soak:
 
     def _process_restart(self) -> None:
         """Read the time at which the hub booted from the log of fault events, and repeat the handshake."""
-        for event in self.world.strikes(self._n_events_read):
+        for event in self.world.read_faults(self._n_events_read):
             self._n_events_read += 1
             if event.address == 0:
                 self._hub_boot_s = event.time_s  # a restart is the last event without a board

@@ -56,7 +56,7 @@ class SkinMachine(RuleBasedStateMachine):
         self.base = np.random.default_rng(seed).integers(1, STEP_COUNTS, TAXELS) + LARGEST_BASE
         self.step = 0
         self.has_uart_fault = False  # frames may be lost between hub and host
-        self.world.press(self.base)
+        self.world.set_stimulus(self.base)
         self.world.run(0.06)
         self.start_stream()
 
@@ -76,7 +76,7 @@ class SkinMachine(RuleBasedStateMachine):
     def change_counts(self) -> None:
         assert self.world is not None
         self.step += 1
-        self.world.press(self.base + STEP_COUNTS * self.step)
+        self.world.set_stimulus(self.base + STEP_COUNTS * self.step)
 
     @rule(
         fault=st.sampled_from(BOARD_FAULTS),

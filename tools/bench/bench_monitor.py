@@ -31,7 +31,7 @@ from figures import Figure
 from host.tests.chromium import Page
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, format_world
-from taxel.link.emulator import emulator_program
+from taxel.link.emulator import find_emulator_program
 
 BUSES = {"400 kHz": WorldSettings(), "1 MHz": WorldSettings(scl_hz=1e6, baud=3e6)}
 WIDTH, HEIGHT = 170, 42
@@ -75,7 +75,7 @@ def emulated_port(settings: WorldSettings) -> Iterator[str]:
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world = Path(folder) / "world.txt"
         world.write_text(format_world(load_hand("allegro"), settings))
-        command = [str(emulator_program()), "--world", str(world), "--uart", "pty"]
+        command = [str(find_emulator_program()), "--world", str(world), "--uart", "pty"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
             try:

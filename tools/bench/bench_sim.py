@@ -9,7 +9,7 @@ from taxel.campaign.setup import WRIST_LINK, Setup
 from taxel.campaign.simulated import SimSettings, simulate_planned_grasp
 from taxel.grasp.plan import PlannedGrasp, make_thesis_plan
 from taxel.grasp.timeline import Timeline
-from taxel.sim.closing import simulate_grasp
+from taxel.sim.closing import SimulationSettings, simulate_grasp
 from taxel.sim.native_contact import NativeContact
 from taxel.sim.scene import build_scene
 from taxel.sim.soft_contact import LayerContact, SoftContact
@@ -45,11 +45,12 @@ def _load_ratio(setup: Setup) -> tuple[float, float]:
     item, law = setup.objects[planned.object], settings.sensing.law
     line = Timeline(baseline_s=0.0, closing_s=2.0, hold_s=0.2, release_s=0.0, recovery_s=0.0)
     scene = build_scene(setup.hand, item, WRIST_LINK)
-    motion = simulate_grasp(scene, setup.approach(planned), line, 1.0 / SOFT_STEP_S, law=law)
+    simulation = SimulationSettings(rate_hz=1.0 / SOFT_STEP_S, law=law)
+    motion = simulate_grasp(scene, setup.approach(planned), line, simulation)
 
     def loads(contact: LayerContact) -> None:
         for poses, pose in zip(motion.sensor_poses, motion.object_pose, strict=True):
-            contact.load(poses, pose)
+            contact.compute_load(poses, pose)
 
     numpy = median_seconds(lambda: loads(SoftContact(setup.hand, item.shape, law)))
     native = median_seconds(lambda: loads(NativeContact(setup.hand, item.shape, law)))

@@ -60,7 +60,7 @@ UNCOMPRESSED_BYTES = 11
 class _QueueLink:
     """A link whose received bytes are a queue that the caller fills."""
 
-    name, baud, is_recorded, is_real_time, holds_back = "emulated boards", 1e6, True, False, False
+    name, baud, is_recorded, is_real_time, has_flow_control = "emulated boards", 1e6, True, False, False
 
     def __init__(self) -> None:
         self.waiting: deque[bytes] = deque()
@@ -178,7 +178,7 @@ def measure(hand: Hand, noise: float, seconds: float, has_contacts: bool) -> Tal
         for number in range(cycles):
             now = number / RATE_HZ - (WARM_UP + 6) / RATE_HZ
             if has_contacts:
-                world.press(np.array([np.interp(now, times, forces[:, i]) for i in range(hand.n_taxels)]))
+                world.set_stimulus(np.array([np.interp(now, times, forces[:, i]) for i in range(hand.n_taxels)]))
             skin.poll_cycle(number, tally if number >= WARM_UP else None)
             world.run(max(start_s + (number + 1) / RATE_HZ - world.now_s, 0.0))
         if skin.stream.losses.undecoded_frames:

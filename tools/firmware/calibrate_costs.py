@@ -72,10 +72,10 @@ def crossings_of(board: Board) -> list[int]:
 def conversions(world: VirtualWorld, board: Board) -> list[int]:
     """Cycles of the interrupts of a scan, in the order of the crossings whose conversion they start."""
     costs: list[int] = []
-    last = world.handler_costs(board.address)["CSD"]
+    last = world.read_handler_costs(board.address)["CSD"]
     while len(costs) < 2 * board.kind.taxel_count + 1:
         world.run(40e-6)
-        now = world.handler_costs(board.address)["CSD"]
+        now = world.read_handler_costs(board.address)["CSD"]
         if now.count > last.count:
             costs.append(now.own - last.own)
             last = now
@@ -124,7 +124,7 @@ def snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, HandlerCost]:
     """Read a snapshot: (sequence, microseconds, cycle account of the conversion interrupt)."""
     _, data = world.transfer(board.address, b"", SNAPSHOT_OVERHEAD + 2 * board.kind.taxel_count)
     sequence, time_us = struct.unpack_from("<HI", data)
-    return sequence, time_us, world.handler_costs(board.address)["CSD"]
+    return sequence, time_us, world.read_handler_costs(board.address)["CSD"]
 
 
 def scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, float]:
@@ -152,16 +152,16 @@ def slave_costs(world: VirtualWorld, board: Board) -> Costs:
         own, durations = [], []
         for _ in range(12):
             world.run(0.00113)
-            before, begin = world.handler_costs(board.address)["SCB0"], world.now_s
+            before, begin = world.read_handler_costs(board.address)["SCB0"], world.now_s
             world.transfer(board.address, write, size)
             durations.append((world.now_s - begin) * 1e6 * CYCLES_PER_US)
             world.run(0.0001)
-            own.append(world.handler_costs(board.address)["SCB0"].own - before.own)
+            own.append(world.read_handler_costs(board.address)["SCB0"].own - before.own)
         return min(own), min(durations)
 
     clock = CYCLES_PER_US * 2.5
     pointer = bytes([REGISTER_SNAPSHOT])
-    stop = world.handler_costs(board.address)["SCB0"].own_min
+    stop = world.read_handler_costs(board.address)["SCB0"].own_min
     probe = fastest_transfer(b"", 0)
     shorter, longer = fastest_transfer(bytes([0xF0, 1]), 0), fastest_transfer(bytes([0xF0, 1, 1]), 0)
     world.transfer(board.address, pointer, 0)
@@ -187,7 +187,7 @@ def measure_board(image: Path) -> Costs:
         board = hand.get_board(address)
         with scanning_world(hand, board, image) as world:
             scans[address] = (board, conversions(world, board))
-            tick = world.handler_costs(address)["SysTick"]
+            tick = world.read_handler_costs(address)["SysTick"]
             overheads[address] = scan_overhead(world, board)
             if address == SMALL:
                 costs.update(slave_costs(world, board))

@@ -42,8 +42,10 @@ def busy_per_scan(image: Path, address: int, frames: Literal["plain", "compact"]
 
 def _busy(world: VirtualWorld, address: int) -> tuple[int, int]:
     """(cycles awake outside interrupts, number of conversions)."""
-    processor, handlers = world.processor(address), world.handler_costs(address)
-    return processor.cycles - processor.slept - sum(cost.own for cost in handlers.values()), handlers["CSD"].count
+    processor, handlers = world.read_processor(address), world.read_handler_costs(address)
+    return processor.cycles - processor.sleep_cycles - sum(cost.own for cost in handlers.values()), handlers[
+        "CSD"
+    ].count
 
 
 def measure_compact(image: Path) -> dict[str, int | list[int]]:

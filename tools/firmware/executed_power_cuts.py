@@ -81,14 +81,14 @@ class _Board:
         """
         firmware = firmware_with((1, number // 256, number % 256), self.images, rows=CHANGED_ROWS)
         target = firmware.images[0].version
-        cuts_before = counted_cuts = self.world.cut_count(BOARD)
+        cuts_before = counted_cuts = self.world.count_power_cuts(BOARD)
         for _ in range(RUNS_MAX):
             failure = self._try(firmware)
             self.world.run(POWER_OFF_S + 0.01)
             version = self._running()
-            for cut in self.world.cuts(BOARD, counted_cuts):
+            for cut in self.world.read_power_cuts(BOARD, counted_cuts):
                 result.outcomes[name_moment(cut.after_s), "new" if version == target else "old"] += 1
-            counted_cuts = self.world.cut_count(BOARD)
+            counted_cuts = self.world.count_power_cuts(BOARD)
             if version not in (self.version, target):
                 raise TaxelError(f"{version} runs, expected {self.version} or {target}")
             if failure is None and counted_cuts - cuts_before == planned_cuts:
@@ -109,10 +109,10 @@ class _Board:
 
     def _check(self, firmware: Firmware) -> None:
         """Check that one slot contains the new image and that the processor has not faulted since the last start."""
-        flash, layout = self.world.board_flash(BOARD).data, LAYOUTS[BootDevice.BOARD]
+        flash, layout = self.world.read_flash(BOARD).data, LAYOUTS[BootDevice.BOARD]
         if not any(flash[layout.slot_address(image.slot) :].startswith(image.data) for image in firmware.images):
             raise TaxelError("the command succeeded, but neither slot contains the new image")
-        processor = self.world.processor(BOARD)
+        processor = self.world.read_processor(BOARD)
         if processor.is_broken or processor.faults or not processor.is_application:
             raise TaxelError(f"expected a running application without faults, found {processor}")
 
@@ -131,12 +131,12 @@ def cut_updates(cuts: int, seed: int = 1, images: Path = IMAGES) -> Cuts:
                 if first_operation <= CHANGED_ROWS and generator.random() < 0.5:
                     plan.append((generator.randint(1, CHANGED_ROWS - first_operation + 1), _random_instant(generator)))
                 for operation, after_s in plan:
-                    world.plan_cut(BOARD, operation, after_s, POWER_OFF_S)
+                    world.plan_power_cut(BOARD, operation, after_s, POWER_OFF_S)
                 board.update(result.updates, len(plan), result)
-                result.stack = max(result.stack, world.processor(BOARD).stack)
+                result.stack = max(result.stack, world.read_processor(BOARD).stack)
         except TaxelError as error:
             result.failure = f"update {result.updates}: {error}"
-        result.torn, result.virtual_s = world.board_flash(BOARD).torn, world.now_s
+        result.torn, result.virtual_s = world.read_flash(BOARD).torn, world.now_s
     return result
 
 

@@ -79,8 +79,8 @@ def _read(world: VirtualWorld, board: Board) -> tuple[int, int]:
 
 def _cycle_counts(world: VirtualWorld, address: int) -> tuple[int, int]:
     """(all cycles, cycles awake) so far."""
-    processor = world.processor(address)
-    return processor.cycles, processor.cycles - processor.slept
+    processor = world.read_processor(address)
+    return processor.cycles, processor.cycles - processor.sleep_cycles
 
 
 def measure_board(hand: Hand, board: Board, image: Path) -> BoardCycles:
@@ -117,11 +117,11 @@ def measure_hub(hand: Hand, image: Path) -> HubCycles:
             return frames
 
         stream(0.5)
-        before = {name: world.handler_costs(0)[name].own for name in ("SCB0", "SCB1")}
+        before = {name: world.read_handler_costs(0)[name].own for name in ("SCB0", "SCB1")}
         begin = _cycle_counts(world, 0)
         frames = stream(FRAMES_S)
         end = _cycle_counts(world, 0)
-        after = {name: world.handler_costs(0)[name].own for name in ("SCB0", "SCB1")}
+        after = {name: world.read_handler_costs(0)[name].own for name in ("SCB0", "SCB1")}
     bus, uart = ((after[name] - before[name]) / frames for name in ("SCB0", "SCB1"))
     awake, length = (end[1] - begin[1]) / frames, (end[0] - begin[0]) / frames
     return HubCycles(len(hand.boards), round(bus), round(awake - bus), round(uart), round(length))

@@ -31,7 +31,7 @@ def measure_pass_cycles(world: VirtualWorld) -> int:
     probes = 0
     while len(times) < 40 * PROBES and world.now_s < 1.0:
         world.run(2e-6)
-        now = world.handler_costs(0)["SCB0"].count // 2  # one interrupt for the address and one for the stop
+        now = world.read_handler_costs(0)["SCB0"].count // 2  # one interrupt for the address and one for the stop
         if now > probes:
             times.append(world.now_s)
             probes = now
@@ -41,9 +41,9 @@ def measure_pass_cycles(world: VirtualWorld) -> int:
 
 def measure_byte_cycles(world: VirtualWorld) -> int:
     """Cycles of the I2C interrupts per byte on the bus during streaming."""
-    cycles, count = world.handler_costs(0)["SCB0"].own, int(world.statistics()["bus_bytes"])
+    cycles, count = world.read_handler_costs(0)["SCB0"].own, int(world.statistics()["bus_bytes"])
     world.run(BYTES_S)
-    return round((world.handler_costs(0)["SCB0"].own - cycles) / (int(world.statistics()["bus_bytes"]) - count))
+    return round((world.read_handler_costs(0)["SCB0"].own - cycles) / (int(world.statistics()["bus_bytes"]) - count))
 
 
 def measure_streaming(world: VirtualWorld, skin: Skin, elf: Path) -> Costs:
@@ -53,15 +53,15 @@ def measure_streaming(world: VirtualWorld, skin: Skin, elf: Path) -> Costs:
     functions = read_linked_image(elf).functions
     addresses = [function.address for function in functions]
     framing = 0
-    before, sent = world.handler_costs(0)["SCB1"], int(world.statistics()["uart_bytes_sent"])
+    before, sent = world.read_handler_costs(0)["SCB1"], int(world.statistics()["uart_bytes_sent"])
     begin = world.now_s
     for number in range(SAMPLES):
         world.run(SAMPLE_S)
-        function = functions[max(bisect.bisect_right(addresses, world.processor(0).pc) - 1, 0)]
+        function = functions[max(bisect.bisect_right(addresses, world.read_processor(0).pc) - 1, 0)]
         framing += function.name in FRAMING
         if number % 1000 == 0:
             skin.poll(0.0)
-    after = world.handler_costs(0)["SCB1"]
+    after = world.read_handler_costs(0)["SCB1"]
     sent = int(world.statistics()["uart_bytes_sent"]) - sent
     cycles = (world.now_s - begin) * 1e6 * CYCLES_PER_US
     own, count = after.own - before.own, after.count - before.count
@@ -78,7 +78,7 @@ def measure_hub(image: Path) -> Costs:
     text = lone_board(hand, BOARD, WorldSettings()) + image_line(0)
     with VirtualWorld(text, files={HUB_IMAGE: image}) as world:
         pass_gap = measure_pass_cycles(world)
-        done = world.handler_costs(0)["SCB0"].own_min
+        done = world.read_handler_costs(0)["SCB0"].own_min
     # Use the whole hand: a single board is polled more often than it has new snapshots, and these polls produce no
     # frames.
     whole = format_world(hand, WorldSettings()) + image_line(0)

@@ -67,7 +67,7 @@ class _Board:
             self._value += 1
             if self._value > COUNT_MAX:
                 self._value, self._skip_until = 1, self._sequence + 3
-            self._world.press(np.full(self._taxels, self._value))
+            self._world.set_stimulus(np.full(self._taxels, self._value))
             self._world.run(min(STEP_S, max(end - self._world.now_s, 1e-9)))
 
     def read(self, result: Reads) -> None:
@@ -106,7 +106,7 @@ def read_random_snapshots(reads: int, seed: int = 1, address: int = 0x2C, images
         board = _Board(world, address, hand.get_board(address).kind.taxel_count, seed)
         while result.reads < reads and result.error is None:
             board.read(result)
-        processor = world.processor(address)
+        processor = world.read_processor(address)
         result.stack, result.faults = processor.stack, processor.faults
     return result
 

@@ -39,7 +39,7 @@ def run_configurations(plan: WorldPlan) -> WorldResult:
                 result.failures.append(f"world {plan.number}, sequence {index} ({sequence}): {error}")
                 break
         result.longest_gap_s = bench.longest_gap_s
-        result.torn = sum(world.board_flash(board).torn for board in unique_ids_by_address)
+        result.torn = sum(world.read_flash(board).torn for board in unique_ids_by_address)
         result.virtual_s = world.now_s
     return result
 
@@ -100,13 +100,13 @@ class _Provision:
         self.sequence, self.result = sequence, result
         self.present_address, address = bench.addresses(board)
         self.entry = Entry(unique_id, address, 9, f"S{index:05d}", tuple(1 + index % 200 for _ in range(7)))
-        self.old_configuration = decode_configuration(world.board_flash(board).data)
-        self.cuts_before = world.cut_count(board)
+        self.old_configuration = decode_configuration(world.read_flash(board).data)
+        self.cuts_before = world.count_power_cuts(board)
         self.recorded_count = 0
 
     def run(self) -> None:
         for cut in self.sequence.cuts:
-            self.world.plan_cut(self.board, cut.operation, cut.after_s, OFF_S)
+            self.world.plan_power_cut(self.board, cut.operation, cut.after_s, OFF_S)
         for runs in range(1, RUNS_MAX + 1):
             failure: str | None = None
             try:
@@ -123,8 +123,8 @@ class _Provision:
         raise CampaignError(f"{RUNS_MAX} runs of the command did not finish; the last ended with: {failure}")
 
     def _record_outcomes(self) -> str:
-        cuts = self.world.cuts(self.board, self.cuts_before)
-        configuration = decode_configuration(self.world.board_flash(self.board).data)
+        cuts = self.world.read_power_cuts(self.board, self.cuts_before)
+        configuration = decode_configuration(self.world.read_flash(self.board).data)
         outcome = self._classify_outcome(configuration)
         for i, cut in enumerate(cuts[self.recorded_count :], start=self.recorded_count):
             is_last = i == len(cuts) - 1

@@ -27,7 +27,7 @@ def name_operation(cut: PowerCut) -> str:
         return OPERATIONS[4]
     if cut.row not in (BOOT_METADATA_ROW, BOOT_METADATA_ROW + 1):
         return OPERATIONS[0]
-    metadata = unpack(Metadata, unpack(Record, cut.wanted)[0]["payload"])[0]
+    metadata = unpack(Metadata, unpack(Record, cut.new_data)[0]["payload"])[0]
     if metadata["pending"] == BOOT_SLOT_NONE:
         return OPERATIONS[3]
     return OPERATIONS[1] if metadata["tries"][metadata["pending"]] == BOOT_TRIES else OPERATIONS[2]

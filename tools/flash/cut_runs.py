@@ -68,7 +68,7 @@ def run_updates(plan: WorldPlan) -> WorldResult:
                 break
         if isinstance(route, BoardRoute):
             result.longest_gap_s = route.neighbour.longest_gap_s
-        result.torn = world.board_flash(route.address).torn
+        result.torn = world.read_flash(route.address).torn
         result.virtual_s = world.now_s
     return result
 
@@ -87,11 +87,11 @@ class _Update:
         self.layout = LAYOUTS[device]
         self.version = (1, index // 256, index % 256)
         self.firmware: Firmware = make_firmware_images(device, sequence.rows, self.version, plan.seed + plan.number)
-        flash = world.board_flash(route.address).data
+        flash = world.read_flash(route.address).data
         self.old_slot = find_confirmed_slot(flash) or 0
         self.old_image = self._slot_content(flash, self.old_slot)
         self.old_version = route.version()
-        self.cuts_before = world.cut_count(route.address)
+        self.cuts_before = world.count_power_cuts(route.address)
         self.recorded_count = 0
 
     def _slot_content(self, flash: bytes, slot: int) -> bytes:
@@ -100,7 +100,7 @@ class _Update:
 
     def run(self) -> None:
         for cut in self.sequence.cuts:
-            self.world.plan_cut(self.route.address, cut.operation, cut.after_s, OFF_S)
+            self.world.plan_power_cut(self.route.address, cut.operation, cut.after_s, OFF_S)
         for runs in range(1, RUNS_MAX + 1):
             failure = self._try()
             cut_count = self._record_outcomes()
@@ -136,10 +136,10 @@ class _Update:
                 return recorded_count
 
     def _count_cuts(self) -> int:
-        return self.world.cut_count(self.route.address) - self.cuts_before
+        return self.world.count_power_cuts(self.route.address) - self.cuts_before
 
     def _record_cuts(self, version: tuple[int, int, int] | None) -> int:
-        cuts = self.world.cuts(self.route.address, self.cuts_before)
+        cuts = self.world.read_power_cuts(self.route.address, self.cuts_before)
         outcome = self._classify_outcome(version)
         for i, cut in enumerate(cuts[self.recorded_count :], start=self.recorded_count):
             is_last = i == len(cuts) - 1
@@ -153,7 +153,7 @@ class _Update:
     def _classify_outcome(self, version: tuple[int, int, int] | None) -> str:
         if version is None:
             return BRICKED
-        flash = self.world.board_flash(self.route.address).data
+        flash = self.world.read_flash(self.route.address).data
         new = self.firmware.image_for(1 - self.old_slot)
         assert new is not None
         if self._slot_content(flash, self.old_slot) != self.old_image:
@@ -163,6 +163,6 @@ class _Update:
         return "old" if version == self.old_version else DAMAGED
 
     def _check_end(self) -> None:
-        flash = self.world.board_flash(self.route.address).data
+        flash = self.world.read_flash(self.route.address).data
         if self._classify_outcome(self.route.version()) != "new" or find_confirmed_slot(flash) != 1 - self.old_slot:
             raise CampaignError("the command reported success, but the new image does not run confirmed")

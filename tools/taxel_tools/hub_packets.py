@@ -6,7 +6,7 @@ packet at a time, so a write ends when the response has arrived.
 
 from typing import Final
 
-from taxel.link import Link, clock_of
+from taxel.link import Link, get_clock
 from taxel.stream import HubClient
 from taxel_protocol.bootloader import (
     BOOT_PACKET_MAX,
@@ -38,7 +38,7 @@ class HubPackets:
 
     def __init__(self, link: Link) -> None:
         self.name = link.name
-        self.now_s = clock_of(link)
+        self.now_s = get_clock(link)
         self._link = link
         self._number = 0
         self._completed: list[CompletedTransfer] = []

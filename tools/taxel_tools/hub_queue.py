@@ -12,7 +12,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
-from taxel.link import Link, clock_of
+from taxel.link import Link, get_clock
 from taxel.stream import HubClient, HubMessage
 from taxel_protocol import Command, FrameType, ReplyStatus, encode_frame
 from taxel_protocol.frames import CommandPayload, GetTimeReply, TransferArguments
@@ -82,8 +82,8 @@ class HubQueue(HubClient):
 
     def __init__(self, link: Link) -> None:
         super().__init__(link)
-        self.now_s = clock_of(link)
-        self.window = FLOW_CONTROL_WINDOW if link.holds_back else RING_WINDOW
+        self.now_s = get_clock(link)
+        self.window = FLOW_CONTROL_WINDOW if link.has_flow_control else RING_WINDOW
         self._number = 0
         self._waiting: deque[tuple[int, Transfer]] = deque()
         self._sent: deque[_SentCommand] = deque()

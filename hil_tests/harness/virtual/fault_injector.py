@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from hil_tests.harness.context import DriverContext
 from hil_tests.harness.interfaces import FaultInjector
-from taxel.link.virtual import Strike, VirtualWorld
+from taxel.link.virtual import FaultEvent, VirtualWorld
 
 
 class VirtualFaultInjector(FaultInjector):
@@ -19,5 +19,5 @@ class VirtualFaultInjector(FaultInjector):
     def inject(self, name: str, address: int = 0, value: float = 0.0, second_value: float = 0.0) -> None:
         self._world.inject(name, address, value, second_value)
 
-    def read_events(self, first: int = 0) -> Sequence[Strike]:
-        return self._world.strikes(first)
+    def read_events(self, first: int = 0) -> Sequence[FaultEvent]:
+        return self._world.read_faults(first)

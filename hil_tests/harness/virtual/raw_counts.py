@@ -17,4 +17,4 @@ class VirtualRawCounts(RawCounts):
         self._world = context.world
 
     def set_counts(self, counts: ArrayLike) -> None:
-        self._world.press(counts)
+        self._world.set_stimulus(counts)

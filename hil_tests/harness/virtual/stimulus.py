@@ -19,7 +19,7 @@ class VirtualStimulus(Stimulus):
     def press(self, address: int, taxel: int, force_n: float) -> None:
         forces_n = np.zeros(self._world.taxels)
         forces_n[self._hand.get_slice(address).start + taxel] = force_n
-        self._world.press(forces_n)
+        self._world.set_stimulus(forces_n)
 
     def release(self) -> None:
-        self._world.press(np.zeros(self._world.taxels))
+        self._world.set_stimulus(np.zeros(self._world.taxels))

@@ -57,7 +57,7 @@ def _find_executed(description: RigDescription, text: str) -> list[int]:
 def _check_processors(world: VirtualWorld, executed: list[int], may_fault: bool) -> None:
     """Fail if a processor used a feature that the emulator does not model, or faulted without permission."""
     for address in executed:
-        processor = world.processor(address)
+        processor = world.read_processor(address)
         assert not processor.is_broken, f"the processor of 0x{address:02X} has stopped at 0x{processor.pc:04X}"
         assert may_fault or not processor.faults, (
             f"the processor of 0x{address:02X} has faulted {processor.faults} times"

@@ -16,7 +16,7 @@ from taxel.campaign.variation import Variation, balanced_variation
 from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.recording.grasp_record import GraspRecord
-from taxel.sim.closing import RATE_HZ, simulate_grasp
+from taxel.sim.closing import RATE_HZ, SimulationSettings, simulate_grasp
 from taxel.sim.scene import Scene, build_scene
 from taxel.sim.sensing import Sensing, sense
 from taxel.sim.sensor_model import SimSensor
@@ -62,7 +62,9 @@ def run_simulated(
     """Simulate the grasps of `plan` and write them to `path`; the arguments are those of `run_emulated`."""
     setup = setup or Setup()
     sensing = settings.sensing
-    model = settings.sensor.told(sensing.stiffness_n_per_m, "coupled" if sensing.level == "coupled" else "uncoupled")
+    model = settings.sensor.make_dataset_model(
+        sensing.stiffness_n_per_m, "coupled" if sensing.level == "coupled" else "uncoupled"
+    )
     with open_campaign_writer(path, "sim", setup, RATE_HZ, settings.describe(), overwrite, resume, model) as out:
         finished = set(out.ids)
         missing = [planned for planned in plan if planned.id not in finished]
@@ -89,7 +91,8 @@ def simulate_planned_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSet
     name = f"{planned.object} {planned.approach}"
     variation = settings.variation.for_object(planned.object)
     offset, grip = variation.apply(balanced_variation(settings.seed, name, planned.iteration))
-    motion = simulate_grasp(scene, approach, settings.timeline, RATE_HZ, offset, grip, object_pose=object_pose, law=law)
+    simulation = SimulationSettings(RATE_HZ, object_offset=offset, torque_scale=grip, object_pose=object_pose, law=law)
+    motion = simulate_grasp(scene, approach, settings.timeline, simulation)
     sensed = sense(setup.hand, item.shape, motion, settings.sensing)
     hold = motion.phase == Phase.HOLD
     middle = int(np.flatnonzero(hold)[hold.sum() // 2]) if hold.any() else len(hold) - 1

@@ -10,7 +10,7 @@ import typer
 from taxel.cli.options import Seconds, Seed
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, format_world
-from taxel.link.emulator import emulator_program
+from taxel.link.emulator import find_emulator_program
 
 
 def emulate(
@@ -35,7 +35,7 @@ def emulate(
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world = Path(folder) / "world.txt"
         world.write_text(text)
-        arguments = [str(emulator_program()), "--world", str(world), "--uart", "pty"]
+        arguments = [str(find_emulator_program()), "--world", str(world), "--uart", "pty"]
         arguments += ["--stimulus", str(stimulus)] if stimulus else []
         arguments += ["--duration", repr(seconds)] if seconds is not None else []
         process = subprocess.Popen(arguments)

@@ -21,7 +21,7 @@ from taxel.grasp.timeline import Phase
 from taxel.recording.grasp_record import GraspRecord
 from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
-from taxel.sim.closing import GraspMotion, simulate_grasp
+from taxel.sim.closing import GraspMotion, SimulationSettings, simulate_grasp
 from taxel.sim.scene import build_scene
 from taxel.sim.sensing import Sensing, sense
 from taxel.sim.sensor_model import SimSensor
@@ -81,7 +81,7 @@ class ShardGenerator:
     def sensor_model(self) -> SensorModel:
         """Sensor model in the shard; the stiffness of the layer is the one without the sampled factor."""
         layer = "coupled" if self.recipe.sensing == "coupled" else "uncoupled"
-        return self.sensor.told(self.sensing.stiffness_n_per_m, layer)
+        return self.sensor.make_dataset_model(self.sensing.stiffness_n_per_m, layer)
 
     @cached_property
     def taxels(self) -> TaxelTable:
@@ -122,13 +122,15 @@ class ShardGenerator:
             build_scene(hand, sample.item, WRIST_LINK, sample.friction),
             make_approach(sample.item, sample.approach, sample.placement, hand, withdraw_m=WITHDRAW_M),
             fidelity.timeline,
-            fidelity.rate_hz,
-            sample.offset,
-            sample.grip,
-            seed=sample.stops_seed,
-            law=law if soft else None,
-            soft_step_s=fidelity.soft_step_s,
-            settle_s=fidelity.settle_s,
+            SimulationSettings(
+                rate_hz=fidelity.rate_hz,
+                object_offset=sample.offset,
+                torque_scale=sample.grip,
+                seed=sample.stops_seed,
+                law=law if soft else None,
+                soft_step_s=fidelity.soft_step_s,
+                settle_s=fidelity.settle_s,
+            ),
         )
         force = motion.wrench if motion.taxel_force is None else motion.taxel_force
         return motion if np.isfinite(force).all() and np.abs(force).max() < MAX_FORCE_N else None

@@ -1,9 +1,9 @@
-"""Bytes in and out: serial ports, the emulator and captures behind one URL."""
+"""Transport of bytes by URL: serial ports, the emulator and captures."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from taxel.link.base import Chunk, Link, SteppedLink, clock_of
+from taxel.link.base import Chunk, Link, SteppedLink, get_clock
 from taxel.link.capture import CaptureLink, CaptureWriter
 from taxel.link.errors import CaptureError, LinkError, PortMissingError, PortVanishedError
 from taxel.link.i2c_port import open_i2c
@@ -26,7 +26,7 @@ __all__ = [
     "PortVanishedError",
     "SerialLink",
     "SteppedLink",
-    "clock_of",
+    "get_clock",
     "open_i2c",
     "open_link",
     "run_emulator",
@@ -36,7 +36,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import the emulator's link at its first use: a diagnosis runs where that module is sealed."""
+    """Import the emulator's link at its first use: the sandbox of a sealed diagnosis does not contain that module."""
     if name not in ("EmulatorLink", "run_emulator"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module("taxel.link.emulator"), name)

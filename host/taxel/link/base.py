@@ -1,4 +1,4 @@
-"""What every link can do."""
+"""The interface of all links."""
 
 import time
 from collections.abc import Callable
@@ -6,29 +6,29 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 
 class Chunk(NamedTuple):
-    """Bytes that arrived together, and when: nanoseconds on the link's own clock (see `Link.is_real_time`)."""
+    """Bytes that arrived together, and their arrival time in nanoseconds of the link's clock (`Link.is_real_time`)."""
 
     data: bytes
     arrival_ns: int
 
 
 class Link(Protocol):
-    """A source of bytes that may also take some.
+    """A bidirectional byte stream.
 
-    `name` goes into messages. `is_real_time`: the source does not wait for its reader, and arrival times are this
-    machine's monotonic clock. `is_recorded`: nobody answers, and the end is an end rather than a failure. `baud`:
-    bits a second on the wire. `holds_back`: whoever is at the other end makes this one wait before its own buffer is
-    full (RTS/CTS), so that no byte written is lost there.
+    name: for messages. is_real_time: the source does not wait for its reader, and arrival times are those of the
+    monotonic clock of this computer. is_recorded: the link does not respond to written bytes, and the end of the data
+    is not a failure. baud: bits per second on the wire. has_flow_control: the other end stops the writer before its
+    receive buffer is full (RTS/CTS), so that no written byte is lost.
     """
 
     name: str
     is_real_time: bool
     is_recorded: bool
     baud: float
-    holds_back: bool
+    has_flow_control: bool
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """The next bytes; None if none came in time. Raises EOFError at the end, `LinkError` for a failure."""
+        """The next bytes; None if no byte arrived within `timeout_s`. Raises EOFError at the end, `LinkError`."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -36,19 +36,19 @@ class Link(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of the port, process or file. May be called twice."""
+        """Close the port, process or file. May be called twice."""
         ...
 
 
 @runtime_checkable
 class SteppedLink(Link, Protocol):
-    """A link whose time goes on only while somebody reads it: nobody reads ahead, and waiting is by its own clock."""
+    """A link whose time advances only while `read` is called; timeouts are measured with its clock."""
 
     def now_s(self) -> float:
-        """Seconds of its clock."""
+        """Present time of the link's clock, seconds."""
         ...
 
 
-def clock_of(link: Link) -> Callable[[], float]:
-    """The clock, in seconds, by which to wait for an answer from `link`."""
+def get_clock(link: Link) -> Callable[[], float]:
+    """The clock for timeouts of a reply from `link`, a function that returns seconds."""
     return link.now_s if isinstance(link, SteppedLink) else time.monotonic

@@ -1,4 +1,4 @@
-"""Captures: the hub's bytes as they arrived, with their arrival times. The format is in protocol/SPEC.md."""
+"""Capture files: received bytes with their arrival times. The format is specified in protocol/SPEC.md."""
 
 import contextlib
 import io
@@ -14,7 +14,7 @@ from taxel.link.errors import CaptureError
 
 MAGIC = b"TAXELCAP"
 VERSION = 1
-EXISTS = "exists already; choose another name, or ask for it to be overwritten (--overwrite)"
+EXISTS = "exists already; choose another name, or overwrite the file (--overwrite)"
 HEADER_MAX = 1 << 20
 RECORD_MAX = 1 << 24
 _START = struct.Struct("<8sHHI")
@@ -23,10 +23,10 @@ RECORD_HEAD = _RECORD.size
 
 
 class CaptureWriter:
-    """Write a capture; each record is handed to the operating system at once, so that a killed program loses nothing
-    before it.
+    """Writer of a capture file. Each record is passed to the operating system at once: no record is lost with the
+    process.
 
-    `header` is any JSON object (hand, baud, note); "clock": "hub" in it says that arrival times mean nothing. Raises
+    header: any JSON object (hand, baud, note); "clock": "hub" states that the arrival times are not valid. Raises
     `CaptureError` if the file exists and `overwrite` is False, or cannot be written.
     """
 
@@ -47,7 +47,7 @@ class CaptureWriter:
             raise CaptureError(str(path), f"cannot be written ({error.strerror})") from error
 
     def write(self, data: bytes, time_ns: int) -> None:
-        """Append bytes that arrived at `time_ns` (nanoseconds, any origin, never going back)."""
+        """Append bytes that arrived at `time_ns` (nanoseconds from any origin, not decreasing)."""
         for start in range(0, max(len(data), 1), RECORD_MAX):
             self._append(data[start : start + RECORD_MAX], time_ns)
         self.records += 1
@@ -57,17 +57,17 @@ class CaptureWriter:
         end = self._file.tell()
         try:
             written = self._file.write(record)
-            while written < len(record):  # a full disk takes a part, and complains at the next attempt
+            while written < len(record):  # a full disk accepts a part of the record, and fails at the next attempt
                 written += self._file.write(record[written:])
         except OSError as error:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file.fileno(), end)
             raise CaptureError(
-                str(self.path), f"cannot be written ({error.strerror}); what came before is kept"
+                str(self.path), f"cannot be written ({error.strerror}); the records before are complete"
             ) from error
 
     def tick(self) -> None:
-        """Nothing waits: each record is written at once."""
+        """Do nothing: each record is written at once."""
 
     def close(self) -> None:
         """Close the file."""
@@ -83,15 +83,15 @@ class CaptureWriter:
 
 
 class CaptureLink:
-    """Read a capture as if its bytes came from a port, as fast as they are asked for.
+    """A capture file as a link: each `read` returns the next record without waiting.
 
-    Raises `CaptureError` if the file is not a capture, and, after everything before it was read, if the file is cut
-    short.
+    Raises `CaptureError` if the file is not a capture. An interrupted file raises `CaptureError` after all complete
+    records are read.
     """
 
     is_real_time = False
     is_recorded = True
-    holds_back = False
+    has_flow_control = False
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.name = str(path)
@@ -126,7 +126,7 @@ class CaptureLink:
         return header
 
     def read(self, timeout_s: float = 0.0) -> Chunk:
-        """The next record. Raises EOFError at the end of a whole file."""
+        """The next record. Raises EOFError at the end of a complete file, `CaptureError` for a damaged record."""
         offset = self._file.tell()
         head = self._file.read(_RECORD.size)
         if not head:
@@ -134,21 +134,21 @@ class CaptureLink:
         if len(head) == _RECORD.size:
             time_ns, size = _RECORD.unpack(head)
             if size > RECORD_MAX:
-                raise self.broken(offset, is_cut=False)
+                raise self.make_damage_error(offset, is_interrupted=False)
             data = self._file.read(size)
             if len(data) == size:
                 return Chunk(data, time_ns)
-        raise self.broken(offset, is_cut=True)
+        raise self.make_damage_error(offset, is_interrupted=True)
 
-    def broken(self, offset: int, is_cut: bool) -> CaptureError:
-        """What to raise for a record at byte `offset` that is cut short, or damaged."""
-        how = "is cut short in a record" if is_cut else "is damaged"
-        return CaptureError(self.name, f"{how} at byte {offset}; everything before it was read")
+    def make_damage_error(self, offset: int, is_interrupted: bool) -> CaptureError:
+        """The error for the record at byte `offset`: the file ends within the record, or the record is damaged."""
+        problem = "is cut short in a record" if is_interrupted else "is damaged"
+        return CaptureError(self.name, f"{problem} at byte {offset}; everything before it was read")
 
     def read_into(self, buffer: memoryview) -> int:
-        """Fill `buffer` with the file's next bytes, heads of records and all; how many, 0 at the end.
+        """Fill `buffer` with the next bytes of the file, including the heads of records; number of bytes, 0 at the end.
 
-        For a reader that takes the records apart itself; not to be mixed with `read`. Raises `CaptureError`.
+        For a reader that parses the records; not to be combined with `read`. Raises `CaptureError`.
         """
         try:
             return self._file.readinto(buffer)
@@ -157,16 +157,16 @@ class CaptureLink:
 
     @property
     def position(self) -> int:
-        """Bytes of the file that were read."""
+        """Number of bytes of the file that are read."""
         return self._file.tell()
 
     @property
-    def bytes_left(self) -> int:
-        """Bytes of the file that are still to be read."""
+    def remaining_bytes(self) -> int:
+        """Number of bytes of the file that are not read yet."""
         return max(os.fstat(self._file.fileno()).st_size - self.position, 0)
 
     def write(self, data: bytes) -> None:
-        """Refused: nobody answers in a capture."""
+        """Raise `CaptureError`: a capture accepts no commands."""
         raise CaptureError(self.name, "is a recording; it takes no commands")
 
     def close(self) -> None:

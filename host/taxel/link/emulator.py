@@ -1,4 +1,4 @@
-"""The emulated skin as a link: a process that runs the real firmware, and a socket pair for its UART."""
+"""The emulated skin as a link: an emulator process that runs the firmware, with a socket pair as its UART."""
 
 import contextlib
 import importlib.resources
@@ -17,14 +17,15 @@ from numpy.typing import ArrayLike
 
 from taxel.link.base import Chunk
 from taxel.link.errors import LinkError, PortVanishedError
-from taxel.link.stimulus import stimulus_header, stimulus_records
+from taxel.link.stimulus import make_stimulus_header, make_stimulus_records
 
 READ_SIZE = 1 << 16
-END_TIMEOUT_S = 10.0
+EXIT_TIMEOUT_S = 10.0
+"""Time for the emulator process to exit, seconds; then the process is killed (chosen)."""
 
 
-def emulator_program() -> Path:
-    """The emulator's executable inside the installed package. Raises `LinkError` if it was not built."""
+def find_emulator_program() -> Path:
+    """Path of the emulator's executable in the installed package. Raises `LinkError` if the file is missing."""
     path = importlib.resources.files("taxel") / "native" / "taxel-emulator"
     if not path.is_file():
         raise LinkError("emulator", "its program is missing from the package; install taxel again (pip install .)")
@@ -32,16 +33,17 @@ def emulator_program() -> Path:
 
 
 class EmulatorLink:
-    """An emulator process of our own, ended with the link.
+    """A link to an emulator process, which is started with the link and ended by `close()`.
 
-    `world` is the text of a world file; `stimulus` a stimulus file or None; `fast` runs as fast as the reader reads
-    (virtual time), else in real time; `threads` share its work on the boards (1 to 16; the bytes are the same). With
-    `live_taxels`, the number of the skin's taxels, forces come from `apply()` instead of a file. Raises `LinkError`
-    with the emulator's own line if it refuses world or stimulus.
+    world: text of a world file. stimulus: path of a stimulus file or None. fast: True for virtual time, as fast as the
+    link is read; False for real time. duration_s: end of the emulation; None: until `close()`. threads: number of
+    threads for the boards, 1 to 16; the bytes do not depend on this number. live_taxels: number of taxels of the skin
+    if forces are set by `apply()` instead of a file. Raises `LinkError` with the emulator's message if the emulator
+    rejects the world or the stimulus.
     """
 
     is_recorded = False
-    holds_back = False
+    has_flow_control = False
 
     def __init__(
         self,
@@ -57,30 +59,37 @@ class EmulatorLink:
         self.baud = baud
         self.is_real_time = not fast
         self._folder = tempfile.TemporaryDirectory(prefix="taxel-")
-        self._stats = Path(self._folder.name) / "statistics.json"
-        self._stderr = Path(self._folder.name) / "stderr.txt"
-        self._last_words: str | None = None
-        self._counted: dict[str, Any] | None = None
+        self._statistics_path = Path(self._folder.name) / "statistics.json"
+        self._stderr_path = Path(self._folder.name) / "stderr.txt"
+        self._last_message: str | None = None
+        self._statistics: dict[str, Any] | None = None
         world_path = Path(self._folder.name) / "world.txt"
         world_path.write_text(world)
-        self._socket, theirs = socket.socketpair()
-        arguments = [str(emulator_program()), "--world", str(world_path), "--uart", f"fd:{theirs.fileno()}"]
-        arguments += ["--stats", str(self._stats)]
+        self._socket, process_socket = socket.socketpair()
+        arguments = [
+            str(find_emulator_program()),
+            "--world",
+            str(world_path),
+            "--uart",
+            f"fd:{process_socket.fileno()}",
+            "--stats",
+            str(self._statistics_path),
+        ]
         arguments += ["--stimulus", os.fspath(stimulus)] if stimulus else []
         arguments += ["--fast"] if fast else []
         arguments += ["--threads", str(threads)]
         arguments += ["--duration", repr(duration_s)] if duration_s is not None else []
-        self._live, their_live = socket.socketpair()
+        self._stimulus_socket, process_stimulus_socket = socket.socketpair()
         if live_taxels is not None:
-            arguments += ["--stimulus", f"fd:{their_live.fileno()}", "--live"]
-            self._live.sendall(stimulus_header(live_taxels))
-        with theirs, their_live, self._stderr.open("wb") as complaints:
+            arguments += ["--stimulus", f"fd:{process_stimulus_socket.fileno()}", "--live"]
+            self._stimulus_socket.sendall(make_stimulus_header(live_taxels))
+        with process_socket, process_stimulus_socket, self._stderr_path.open("wb") as stderr:
             try:
                 self._process = subprocess.Popen(
                     arguments,
-                    pass_fds=[theirs.fileno(), their_live.fileno()],
+                    pass_fds=[process_socket.fileno(), process_stimulus_socket.fileno()],
                     stdin=subprocess.DEVNULL,
-                    stderr=complaints,
+                    stderr=stderr,
                 )
             except ValueError as error:  # a zero byte in a name
                 raise LinkError(self.name, f"cannot be started ({error})") from None
@@ -93,7 +102,7 @@ class EmulatorLink:
         try:
             data = self._socket.recv(READ_SIZE, socket.MSG_DONTWAIT)
         except BlockingIOError:
-            return None  # somebody else who reads this link has taken it meanwhile
+            return None  # another reader of this link has received the bytes
         except ConnectionError:
             data = b""
         if not data:
@@ -101,15 +110,17 @@ class EmulatorLink:
         return Chunk(data, time.monotonic_ns())
 
     def _raise_ended(self) -> None:
-        status = self._process.wait(timeout=END_TIMEOUT_S)
+        """Raise EOFError after a normal exit of the process, else `PortVanishedError` with its message."""
+        status = self._process.wait(timeout=EXIT_TIMEOUT_S)
         if status == 0:
             raise EOFError
-        raise PortVanishedError(self.name, self._complaint(status))
+        raise PortVanishedError(self.name, self._get_exit_message(status))
 
-    def _complaint(self, status: int) -> str:
-        if self._last_words is None:
-            self._last_words = _last_line(self._stderr.read_bytes())
-        return self._last_words or (
+    def _get_exit_message(self, status: int) -> str:
+        """The last line on the emulator's standard error, or a text with the exit status."""
+        if self._last_message is None:
+            self._last_message = _get_last_line(self._stderr_path.read_bytes())
+        return self._last_message or (
             "the emulator has ended" if status == 0 else f"the emulator ended with status {status}"
         )
 
@@ -118,49 +129,49 @@ class EmulatorLink:
         try:
             self._socket.sendall(data)
         except OSError:
-            status = self._process.wait(timeout=END_TIMEOUT_S)
-            raise PortVanishedError(self.name, self._complaint(status)) from None
+            status = self._process.wait(timeout=EXIT_TIMEOUT_S)
+            raise PortVanishedError(self.name, self._get_exit_message(status)) from None
 
     def apply(self, forces_n: ArrayLike) -> None:
-        """Let `forces_n` [n] newtons act on the taxels from now on; only for a link with `live_taxels`."""
+        """Apply `forces_n` [n], newtons, to the taxels from now on. Only for a link with `live_taxels`."""
         try:
-            self._live.sendall(stimulus_records([-1.0], np.asarray(forces_n)[None, :]))
+            self._stimulus_socket.sendall(make_stimulus_records([-1.0], np.asarray(forces_n)[None, :]))
         except OSError:
-            raise PortVanishedError(self.name, "the emulator has ended, or takes no live forces") from None
+            raise PortVanishedError(self.name, "the emulator has ended, or has no live stimulus") from None
 
     def statistics(self) -> dict[str, Any]:
-        """What the emulator counted itself; only after `close()` or the end of the stream."""
+        """Counters of the emulator. Ends the process, since the emulator writes the counters at its exit."""
         self.stop()
-        if self._counted is None:
+        if self._statistics is None:
             try:
-                self._counted = json.loads(self._stats.read_text())
+                self._statistics = json.loads(self._statistics_path.read_text())
             except (OSError, ValueError):
-                raise LinkError(self.name, "was ended before it had counted anything") from None
-        return dict(self._counted)
+                raise LinkError(self.name, "ended before it wrote its statistics") from None
+        return dict(self._statistics)
 
     def stop(self) -> None:
-        """End the process; keep its statistics."""
+        """End the process. Its statistics and its message stay available."""
         self._socket.close()
-        self._live.close()
+        self._stimulus_socket.close()
         if self._process.poll() is None:
             self._process.terminate()
             try:
-                self._process.wait(timeout=END_TIMEOUT_S)
+                self._process.wait(timeout=EXIT_TIMEOUT_S)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
 
     def close(self) -> None:
-        """End the process and forget its files."""
+        """End the process and delete its temporary files."""
         self.stop()
-        if self._stderr.exists():
-            self._complaint(self._process.returncode)
+        if self._stderr_path.exists():
+            self._get_exit_message(self._process.returncode)
             with contextlib.suppress(LinkError):
                 self.statistics()
         self._folder.cleanup()
 
 
-def _last_line(stderr: bytes) -> str:
+def _get_last_line(stderr: bytes) -> str:
     lines = stderr.decode(errors="replace").strip().splitlines()
     return lines[-1] if lines else ""
 
@@ -173,18 +184,18 @@ def run_emulator(
     stimulus: str | os.PathLike[str] | None = None,
     threads: int = 1,
 ) -> dict[str, Any]:
-    """Run an emulator from start to end without a host: virtual time only, repeatable to the byte.
+    """Run an emulator for `duration_s` seconds of virtual time without a host, and return its statistics.
 
-    `host_input` is a capture of what a host would send and when. The hub's bytes go to `capture`; returns the
-    emulator's statistics. `threads` (1 to 16) share its work; the bytes are the same whatever their number. Raises
-    `LinkError` with the emulator's own line if it refuses its input.
+    capture: file to which the hub's bytes are written. host_input: capture file of the host's bytes with their times,
+    or None. threads: number of threads for the boards, 1 to 16. The bytes are the same in every run and for every
+    number of threads. Raises `LinkError` with the emulator's message if the emulator rejects its input.
     """
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world_path = Path(folder) / "world.txt"
         world_path.write_text(world)
         statistics = Path(folder) / "statistics.json"
         arguments = [
-            str(emulator_program()),
+            str(find_emulator_program()),
             "--fast",
             "--world",
             str(world_path),
@@ -196,9 +207,8 @@ def run_emulator(
         arguments += ["--duration", repr(duration_s), "--stats", str(statistics)]
         arguments += ["--host-input", os.fspath(host_input)] if host_input else []
         arguments += ["--stimulus", os.fspath(stimulus)] if stimulus else []
-        done = subprocess.run(arguments, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
-        if done.returncode != 0:
-            lines = done.stderr.decode(errors="replace").strip().splitlines()
-            raise LinkError("emulator", lines[-1] if lines else f"ended with status {done.returncode}")
+        process = subprocess.run(arguments, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
+        if process.returncode != 0:
+            raise LinkError("emulator", _get_last_line(process.stderr) or f"ended with status {process.returncode}")
         result: dict[str, Any] = json.loads(statistics.read_text())
         return result

@@ -1,10 +1,10 @@
-"""What can go wrong between this program and a wire or a file."""
+"""Errors of links and capture files."""
 
 from taxel.errors import TaxelError
 
 
 class LinkError(TaxelError):
-    """A link could not be opened, read or written. `name` is the port, URL or file."""
+    """A link cannot be opened, read or written. name: the port, URL or file. problem: rest of the message."""
 
     def __init__(self, name: str, problem: str) -> None:
         super().__init__(f"{name}: {problem}")
@@ -16,12 +16,12 @@ class LinkError(TaxelError):
 
 
 class PortMissingError(LinkError):
-    """The port is not there, or may not be opened."""
+    """The port does not exist, or cannot be opened."""
 
 
 class PortVanishedError(LinkError):
-    """The port was there and is gone: unplugged, or its process has ended. What had arrived before was delivered."""
+    """An open port has disappeared: unplugged, or its process has ended. All bytes received before are delivered."""
 
 
 class CaptureError(LinkError):
-    """A file is no capture, or is cut short. What stands before the damage was delivered."""
+    """A file is not a capture, or ends within a record. All records before the damage are delivered."""

@@ -1,4 +1,4 @@
-"""The emulator's stimulus: what acts on each taxel over time (format: firmware/emulator/stimulus.h)."""
+"""The emulator's stimulus: force or raw count on each taxel, or a scene, over time (firmware/emulator/stimulus.h)."""
 
 import os
 import struct
@@ -16,14 +16,15 @@ POSE_VALUES = 12
 HEADER = struct.Struct("<8sIIII")
 
 
-def stimulus_header(taxels: int, kind: Kind = "force") -> bytes:
-    """First 24 bytes of a stimulus stream for a skin of `taxels` taxels."""
+def make_stimulus_header(taxels: int, kind: Kind = "force") -> bytes:
+    """The first 24 bytes of a stimulus stream for a skin of `taxels` taxels."""
     return HEADER.pack(b"TAXELSTM", 1, _KINDS[kind], taxels, 0)
 
 
-def stimulus_records(times_s: ArrayLike, values: ArrayLike) -> bytes:
-    """Records of `values` [T, n] (newtons or raw counts) at `times_s` [T] seconds; a negative time means now (live
-    only).
+def make_stimulus_records(times_s: ArrayLike, values: ArrayLike) -> bytes:
+    """Records of `values` [T, n] (newtons or raw counts) at `times_s` [T] seconds.
+
+    A negative time means the present time of a live emulator. Raises ValueError for shapes that do not fit.
     """
     times = np.asarray(times_s, dtype="<f8")
     table = np.asarray(values, dtype="<f4")
@@ -38,8 +39,8 @@ def stimulus_records(times_s: ArrayLike, values: ArrayLike) -> bytes:
 def write_stimulus(path: str | os.PathLike[str], times_s: ArrayLike, values: ArrayLike, kind: Kind = "force") -> None:
     """Write a stimulus file: `values` [T, n] at `times_s` [T], n in the order of the hand's taxels.
 
-    Forces (newtons) are interpolated between records, counts are held. Raises ValueError for shapes that do not fit,
-    values that are negative or not finite, or times that go back.
+    Forces (newtons) are interpolated linearly between records; counts are constant until the next record. Raises
+    ValueError for shapes that do not fit, for values that are negative or not finite, and for times that decrease.
     """
     times = np.asarray(times_s, dtype=float)
     with np.errstate(over="ignore"):
@@ -52,7 +53,7 @@ def write_stimulus(path: str | os.PathLike[str], times_s: ArrayLike, values: Arr
         raise ValueError("a stimulus value is negative or not finite")
     if not np.all(np.isfinite(times)) or (times.size and (np.any(np.diff(times) < 0.0) or times[0] < 0.0)):
         raise ValueError("stimulus times go back, are negative or not finite")
-    Path(path).write_bytes(stimulus_header(table.shape[1], kind) + stimulus_records(times, table))
+    Path(path).write_bytes(make_stimulus_header(table.shape[1], kind) + make_stimulus_records(times, table))
 
 
 def write_scene(
@@ -63,12 +64,12 @@ def write_scene(
     object_poses: ArrayLike,
     bracket_poses: ArrayLike,
 ) -> None:
-    """Write a stimulus file of a scene: an object that moves among the brackets of a skin of `taxels` taxels.
+    """Write a stimulus file of a scene: an object that moves relative to the brackets of a skin of `taxels` taxels.
 
-    times_s: [T]. objects: [T], which object of the world file is there, -1 for none. object_poses: [T, 4, 4],
-    bracket_poses: [T, boards, 4, 4], in the world, in the order of the world file's boards. What follows from it
-    changes linearly between records. Raises ValueError for shapes that do not fit, numbers that are not finite, or
-    times that go back.
+    times_s: [T]. objects: [T], number of the object in the world file, -1 for no object. object_poses: [T, 4, 4] and
+    bracket_poses: [T, boards, 4, 4], in the world, in the order of the world file's boards. The emulator interpolates
+    the compression of the layer linearly between records. Raises ValueError for shapes that do not fit, for numbers
+    that are not finite, and for times that decrease.
     """
     times, number = np.asarray(times_s, dtype=float), np.asarray(objects)
     poses = np.concatenate([np.asarray(object_poses)[:, None], np.asarray(bracket_poses)], axis=1)
@@ -80,4 +81,4 @@ def write_scene(
         raise ValueError("scene: times go back or are negative")
     header = HEADER.pack(b"TAXELSTM", 1, _SCENE, taxels, poses.shape[1] - 1)
     rows = poses[:, :, :3, :].reshape(len(times), POSE_VALUES * poses.shape[1])
-    Path(path).write_bytes(header + stimulus_records(times, np.column_stack([number, rows])))
+    Path(path).write_bytes(header + make_stimulus_records(times, np.column_stack([number, rows])))

@@ -40,24 +40,24 @@ def open_link(url: str, hand: Any = None) -> Link:
 def open_serial(url: str, hand: Any = None) -> SerialLink:
     """Open a serial port by URL: `serial:///dev/ttyUSB0`.
 
-    Options: `baud` (bit/s, default 1000000); `rtscts=1` if RTS and CTS are wired to the hub, so that the hub may stop
+    Options: `baud` (bit/s, default 1000000); `rtscts=1` if RTS and CTS are wired to the hub, so that the hub can stop
     the host; `low_latency=0` to leave the driver's latency timer unchanged. hand: not used. Raises `LinkError`.
     """
     parts = split_url(url)
-    options = _options(url, parts.query, {"baud", "rtscts", "low_latency"})
+    options = _parse_options(url, parts.query, {"baud", "rtscts", "low_latency"})
     port = parts.netloc + parts.path  # serial://dev/ttyUSB0 has the host "dev": the error names the port as read
     if not port:
         raise LinkError(url, "names no port; expected serial:///dev/ttyUSB0")
     return SerialLink(
         port,
-        _baud(url, options.get("baud", "1000000")),
-        _flag(url, "rtscts", options["rtscts"]) if "rtscts" in options else None,
-        _flag(url, "low_latency", options.get("low_latency", "1")),
+        _parse_baud(url, options.get("baud", "1000000")),
+        _parse_flag(url, "rtscts", options["rtscts"]) if "rtscts" in options else None,
+        _parse_flag(url, "low_latency", options.get("low_latency", "1")),
     )
 
 
-def recorded_path(url: str) -> str | None:
-    """The file that a `file:` URL names; None for another URL. Raises `LinkError` if the URL names no file."""
+def get_recorded_path(url: str) -> str | None:
+    """Path of the file in a `file:` URL; None for any other URL. Raises `LinkError` for a URL without a path."""
     if not url.startswith("file:"):
         return None
     path = url.removeprefix("file:")
@@ -74,7 +74,7 @@ def split_url(url: str) -> SplitResult:
         raise LinkError(url, f"is not a URL ({error})") from None
 
 
-def _options(url: str, query: str, allowed: set[str]) -> dict[str, str]:
+def _parse_options(url: str, query: str, allowed: set[str]) -> dict[str, str]:
     options = {name: values[-1] for name, values in parse_qs(query, keep_blank_values=True).items()}
     unknown = sorted(set(options) - allowed)
     if unknown:
@@ -82,7 +82,7 @@ def _options(url: str, query: str, allowed: set[str]) -> dict[str, str]:
     return options
 
 
-def _baud(url: str, text: str) -> float:
+def _parse_baud(url: str, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -92,7 +92,7 @@ def _baud(url: str, text: str) -> float:
     return value
 
 
-def _flag(url: str, name: str, text: str) -> bool:
+def _parse_flag(url: str, name: str, text: str) -> bool:
     if text not in {"0", "1"}:
         raise LinkError(url, f"option '{name}' must be 0 or 1, found '{text}'")
     return text == "1"

@@ -29,7 +29,7 @@ class PacedLink:
         self.baud = link.baud
         self.is_real_time = link.is_real_time
         self.is_recorded = link.is_recorded
-        self.holds_back = link.holds_back
+        self.has_flow_control = link.has_flow_control
 
     def read(self, timeout_s: float) -> Chunk | None:
         """The next chunk if it is due within `timeout_s` seconds, else None.

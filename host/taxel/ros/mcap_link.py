@@ -161,7 +161,7 @@ class McapLink:
 
     is_real_time = False
     is_recorded = True
-    holds_back = False
+    has_flow_control = False
 
     def __init__(self, reader: McapReader) -> None:
         self.name = reader.name

@@ -1,49 +1,53 @@
-"""One grasp in a scene: the hand closes, holds and opens, and every board's contact wrench is recorded."""
+"""Simulation of one grasp in a scene: the hand closes, holds and opens, and the wrench on every board is recorded."""
 
 from dataclasses import dataclass, replace
 from typing import Final
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from taxel.grasp.controller import GraspController
 from taxel.grasp.objects import make_standing_pose
 from taxel.grasp.plan import Approach
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand.transforms import to_quaternion
-from taxel.sim.contacts import NO_CONTACTS, ContactPoints, StepContacts, board_wrenches, read_contacts
+from taxel.sim.contacts import NO_CONTACTS, ContactPoints, StepContacts, compute_board_wrenches, read_contacts
 from taxel.sim.native_contact import NativeContact
 from taxel.sim.scene import STEP_S, Scene
 from taxel.sim.soft_contact import LayerLaw
 from taxel.sim.soft_push import SOFT_STEP_S, SoftPush
-from taxel.types import FloatArray
+from taxel.types import ByteArray, FloatArray
 
 RATE_HZ: Final = 20.0
-SETTLE_S: Final = 0.3  # before closing: an object that was placed against the open hand comes to rest
-AVERAGED_STEPS: Final = 10  # steps before a sample over which its wrench is the mean
-START_SPREAD_RAD: Final = 0.005  # standard deviation of where a held joint stops from one grasp to the next (chosen)
+"""Samples per second of a grasp dataset."""
+SETTLE_S: Final = 0.3
+"""Simulated time before closing, seconds: an object that was placed against the open hand comes to rest (chosen)."""
+AVERAGED_STEPS: Final = 10
+"""Number of steps before a sample over which the wrench of rigid contact is averaged (chosen)."""
+START_DEVIATION_RAD: Final = 0.005
+"""Standard deviation between grasps of the angle at which a held joint stops, radians (chosen)."""
 
 
 @dataclass(frozen=True, eq=False)
 class GraspMotion:
-    """What moved and what pressed during one grasp: T samples, j joints, L links, s boards; metres, newtons.
+    """Motion and contact of one simulated grasp: T samples, j joints, L links, s boards; metres, newtons.
 
     Attributes:
-        time_s: f64[T], from the start of the grasp.
+        time_s: f64[T], seconds from the start of the grasp.
         phase: u8[T], see `taxel.grasp.timeline.Phase`.
         joint_angles: f64[T, j], radians, in the order of `scene.joint_names`.
         link_poses: f64[T, L, 4, 4] in the world, in the order of `scene.links`.
-        sensor_poses: f64[T, s, 4, 4], the brackets in the world, in the order of `hand.boards`.
+        sensor_poses: f64[T, s, 4, 4], poses of the brackets in the world, in the order of `hand.boards`.
         object_pose: f64[T, 4, 4] in the world.
-        wrench: f64[T, s, 6], what the object does to each board: force and moment about the bracket's origin, in the
-            bracket's frame, mean of the last steps before the sample. Contact of one finger with another is not in it.
-        contacts: MuJoCo's contact points of the hand with the object at the samples; none with a soft layer.
-        taxel_force: f64[T, n], newtons along each taxel's normal, of a soft layer; None without one.
+        wrench: f64[T, s, 6], force and moment that the object applies to each board, about the bracket's origin and in
+            the bracket's frame. Rigid contact: mean of the last steps before the sample. Contact between fingers is
+            not included.
+        contacts: MuJoCo's contact points between hand and object at the samples; empty with a soft layer.
+        taxel_force: f64[T, n], newtons along each taxel's normal, with a soft layer; None with rigid contact.
     """
 
     time_s: FloatArray
-    phase: npt.NDArray[np.uint8]
+    phase: ByteArray
     joint_angles: FloatArray
     link_poses: FloatArray
     sensor_poses: FloatArray
@@ -54,63 +58,78 @@ class GraspMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
-    """The scene at one moment."""
+class SimulationSettings:
+    """Settings of one simulated grasp that are independent of its scene, approach and timeline.
 
-    angles: FloatArray
-    links: FloatArray
-    sensors: FloatArray
-    object: FloatArray
+    Attributes:
+        rate_hz: samples per second; at most one sample per step of `STEP_S`.
+        object_offset: f64[4, 4], true pose of the object in its nominal frame; None: the nominal pose.
+        torque_scale: factor on the planned torques.
+        seed: seed of the deviations of the held joints (`START_DEVIATION_RAD`); None: no deviations.
+        object_pose: f64[4, 4], nominal pose of the object in the world; None: `make_standing_pose()`.
+        law: force law of a soft layer between hand and object; None: rigid boards touch the object.
+        soft_step_s: time step with a soft layer, seconds. Doubling the default changes the result by less than the
+            uncertainty of the layer's parameters.
+        settle_s: simulated time before closing, seconds.
+    """
+
+    rate_hz: float = RATE_HZ
+    object_offset: FloatArray | None = None
+    torque_scale: float = 1.0
+    seed: int | None = None
+    object_pose: FloatArray | None = None
+    law: LayerLaw | None = None
+    soft_step_s: float = SOFT_STEP_S
+    settle_s: float = SETTLE_S
+
+
+DEFAULT_SETTINGS: Final = SimulationSettings()
+
+
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """State of the scene at one time; fields as in `GraspMotion`, without the axis T."""
+
+    joint_angles: FloatArray
+    link_poses: FloatArray
+    sensor_poses: FloatArray
+    object_pose: FloatArray
     wrench: FloatArray
     contacts: StepContacts
     taxel_force: FloatArray | None
 
 
 def simulate_grasp(
-    scene: Scene,
-    approach: Approach,
-    timeline: Timeline,
-    rate_hz: float = RATE_HZ,
-    object_offset: FloatArray | None = None,
-    torque_scale: float = 1.0,
-    seed: int | None = None,
-    object_pose: FloatArray | None = None,
-    law: LayerLaw | None = None,
-    soft_step_s: float = SOFT_STEP_S,
-    settle_s: float = SETTLE_S,
+    scene: Scene, approach: Approach, timeline: Timeline, settings: SimulationSettings = DEFAULT_SETTINGS
 ) -> GraspMotion:
-    """Run one grasp. The same arguments give the same bytes.
+    """Simulate one grasp. Equal arguments give bit-identical results.
 
-    The palm comes to the object when closing begins and withdraws at the end of release (`Timeline.get_withdrawal`).
-    Baseline and recovery are static: the states before and after.
+    The palm moves to the object when closing begins and withdraws at the end of release (`Timeline.get_withdrawal`).
+    The baseline and recovery phases are static copies of the state before closing and after release.
 
     Args:
-        scene: of the object that the approach is for.
-        approach: joints in the order of `scene.joint_names`.
-        timeline: the phases.
-        rate_hz: samples a second; at most one a step of `STEP_S`.
-        object_offset: f64[4, 4], where the object truly is in its nominal frame; None: there.
-        torque_scale: factor on the planned torques.
-        seed: draws where the held joints truly stop (`START_SPREAD_RAD`); None: exactly where planned.
-        object_pose: nominal pose in the world, f64[4, 4]; None: `make_standing_pose()`.
-        law: of a soft layer that bears between hand and object; None: rigid boards meet it.
-        soft_step_s: seconds of a step with a soft layer; twice the usual one is as good as the layer's own figures.
-        settle_s: seconds before closing.
+        scene: scene with the object of the approach.
+        approach: approach with its joints in the order of `scene.joint_names`.
+        timeline: durations of the phases.
+        settings: sampling rate, displacement of the object, contact model and time steps.
 
     Raises:
-        ValueError: another number of joints, another object, or a rate above one sample a step.
+        ValueError: the approach has another number of joints or another object than the scene, or the rate is above
+            one sample per step.
     """
-    _check(scene, approach, rate_hz)
-    nominal = make_standing_pose() if object_pose is None else object_pose
-    true = nominal if object_offset is None else nominal @ object_offset
-    soft = None if law is None else NativeContact(scene.hand, scene.item.shape, law)
-    push = None if soft is None else SoftPush(scene, soft, soft_step_s)
-    run = _Run(scene, GraspController(_spread(approach, seed), timeline, torque_scale), nominal, push)
-    run.place(true)
-    return run.record(timeline, rate_hz, settle_s)
+    _check_arguments(scene, approach, settings.rate_hz)
+    nominal_pose = make_standing_pose() if settings.object_pose is None else settings.object_pose
+    true_pose = nominal_pose if settings.object_offset is None else nominal_pose @ settings.object_offset
+    push = None
+    if settings.law is not None:
+        push = SoftPush(scene, NativeContact(scene.hand, scene.item.shape, settings.law), settings.soft_step_s)
+    controller = GraspController(_deviate_targets(approach, settings.seed), timeline, settings.torque_scale)
+    run = _Run(scene, controller, nominal_pose, push)
+    run.place_bodies(true_pose)
+    return run.record(timeline, settings.rate_hz, settings.settle_s)
 
 
-def _check(scene: Scene, approach: Approach, rate_hz: float) -> None:
+def _check_arguments(scene: Scene, approach: Approach, rate_hz: float) -> None:
     joints = len(scene.joint_names)
     if approach.torque.shape != (joints,):
         raise ValueError(f"approach {approach.name!r}: expected {joints} joints, found {approach.torque.shape}")
@@ -120,124 +139,129 @@ def _check(scene: Scene, approach: Approach, rate_hz: float) -> None:
         raise ValueError(f"rate_hz: expected above 0 and at most {1 / STEP_S:g}, found {rate_hz}")
 
 
-def _spread(approach: Approach, seed: int | None) -> Approach:
+def _deviate_targets(approach: Approach, seed: int | None) -> Approach:
+    """The approach with a random deviation added to the targets of its held joints; unchanged without a seed."""
     if seed is None:
         return approach
-    drawn = np.random.default_rng(seed).normal(0.0, START_SPREAD_RAD, approach.base_targets.shape)
-    return replace(approach, base_targets=approach.base_targets + drawn)
+    deviation = np.random.default_rng(seed).normal(0.0, START_DEVIATION_RAD, approach.base_targets.shape)
+    return replace(approach, base_targets=approach.base_targets + deviation)
 
 
 class _Run:
-    """The state of one grasp."""
+    """One grasp while it is simulated: MuJoCo's data, the controller, and the wrenches of the last steps."""
 
-    def __init__(self, scene: Scene, controller: GraspController, nominal: FloatArray, soft: SoftPush | None) -> None:
+    def __init__(
+        self, scene: Scene, controller: GraspController, nominal_pose: FloatArray, push: SoftPush | None
+    ) -> None:
         self.scene = scene
         self.controller = controller
-        self.nominal = nominal
+        self.nominal_pose = nominal_pose
         self.data = mujoco.MjData(scene.model)
-        self._soft = soft
-        self._step_s = STEP_S if soft is None else soft.step_s
-        self._recent: list[FloatArray] = []
-        self._withdrawn = -1.0  # no place yet
+        self._push = push
+        self._step_s = STEP_S if push is None else push.step_s
+        self._recent_wrenches: list[FloatArray] = []
+        self._withdrawal = -1.0  # outside 0..1: the palm has no pose yet
 
-    def place(self, item: FloatArray) -> None:
-        """Put the mount, the palm and the joints where the grasp begins."""
-        self._put(self.scene.model.body("mount").id, item)
-        self._put(self.scene.link_bodies[0], self.nominal @ self.controller.approach.compute_palm_pose_at(1.0))
+    def place_bodies(self, object_pose: FloatArray) -> None:
+        """Set mount, palm and joints to their state before the grasp; object_pose: f64[4, 4] in the world."""
+        self._set_body_pose(self.scene.model.body("mount").id, object_pose)
+        palm_pose = self.nominal_pose @ self.controller.approach.compute_palm_pose_at(1.0)
+        self._set_body_pose(self.scene.link_bodies[0], palm_pose)
         self.data.qpos[self.scene.joint_addresses] = self.controller.approach.open_angles
 
-    def _put(self, body: int, transform: FloatArray) -> None:
+    def _set_body_pose(self, body: int, pose: FloatArray) -> None:
         index = self.scene.model.body_mocapid[body]
-        self.data.mocap_pos[index] = transform[:3, 3]
-        self.data.mocap_quat[index] = to_quaternion(transform)
+        self.data.mocap_pos[index] = pose[:3, 3]
+        self.data.mocap_quat[index] = to_quaternion(pose)
 
-    def _put_palm(self, time: float) -> None:
-        withdrawn = self.controller.timeline.get_withdrawal(time)
-        if withdrawn != self._withdrawn:
+    def _move_palm(self, time_s: float) -> None:
+        withdrawal = self.controller.timeline.get_withdrawal(time_s)
+        if withdrawal != self._withdrawal:
             index = self.scene.model.body_mocapid[self.scene.link_bodies[0]]
-            pose = self.nominal @ self.controller.approach.compute_palm_pose_at(withdrawn)
-            self.data.mocap_pos[index] = pose[:3, 3]  # it withdraws without turning
-            self._withdrawn = withdrawn
+            pose = self.nominal_pose @ self.controller.approach.compute_palm_pose_at(withdrawal)
+            self.data.mocap_pos[index] = pose[:3, 3]  # the palm withdraws without rotation
+            self._withdrawal = withdrawal
 
     def record(self, timeline: Timeline, rate_hz: float, settle_s: float) -> GraspMotion:
-        """Step from rest to the end of release, and take the samples."""
+        """Step from rest to the end of release, and collect the samples."""
         times = timeline.make_sample_times(rate_hz)
-        begin, end = timeline.get_start_s(Phase.CLOSING), timeline.get_start_s(Phase.RECOVERY)
+        begin_s, end_s = timeline.get_start_s(Phase.CLOSING), timeline.get_start_s(Phase.RECOVERY)
         for _ in range(round(settle_s / self._step_s)):
             self._step(0.0)
-        states: list[_State] = []
-        done, now = 0, self._state()
-        for time in times:
-            wanted = round((min(max(time, begin), end) - begin) / self._step_s)
-            if wanted > done:
-                for step in range(done, wanted):
-                    self._step(begin + step * self._step_s, watched=step >= wanted - AVERAGED_STEPS)
-                done, now = wanted, self._state()
-            states.append(now)
-        return self._motion(times, timeline.find_phases(times), states)
+        samples: list[_Sample] = []
+        step_count, sample = 0, self._take_sample()
+        for time_s in times:
+            last_step = round((min(max(time_s, begin_s), end_s) - begin_s) / self._step_s)
+            if last_step > step_count:
+                for step in range(step_count, last_step):
+                    self._step(begin_s + step * self._step_s, record_wrench=step >= last_step - AVERAGED_STEPS)
+                step_count, sample = last_step, self._take_sample()
+            samples.append(sample)
+        return self._join_samples(times, timeline.find_phases(times), samples)
 
-    def _step(self, time: float, watched: bool = False) -> None:
+    def _step(self, time_s: float, record_wrench: bool = False) -> None:
         scene, data = self.scene, self.data
-        self._put_palm(time)
+        self._move_palm(time_s)
         angles, velocities = data.qpos[scene.joint_addresses], data.qvel[scene.joint_dofs]
-        data.qfrc_applied[scene.joint_dofs] = self.controller.compute_torque(time, angles, velocities)
-        if self._soft is not None:
-            self._soft.step(data)
+        data.qfrc_applied[scene.joint_dofs] = self.controller.compute_torque(time_s, angles, velocities)
+        if self._push is not None:
+            self._push.step(data)
             return
         mujoco.mj_step(scene.model, data)
-        if watched:
-            self._recent.append(self._wrenches(read_contacts(scene, data)))
+        if record_wrench:
+            self._recent_wrenches.append(self._compute_wrenches(read_contacts(scene, data)))
 
-    def _sensors(self) -> FloatArray:
+    def _compute_sensor_poses(self) -> FloatArray:
         bodies = self.scene.board_bodies
-        return _poses(self.data.xmat[bodies], self.data.xpos[bodies]) @ self.scene.board_poses
+        return _compose_poses(self.data.xmat[bodies], self.data.xpos[bodies]) @ self.scene.board_poses
 
-    def _wrenches(self, contacts: StepContacts) -> FloatArray:
-        return board_wrenches(contacts, self._sensors())
+    def _compute_wrenches(self, contacts: StepContacts) -> FloatArray:
+        return compute_board_wrenches(contacts, self._compute_sensor_poses())
 
-    def _state(self) -> _State:
-        """The present state; poses and forces of the same moment, which is the angles' too."""
+    def _take_sample(self) -> _Sample:
+        """The present state; poses and forces belong to the same time as the joint angles."""
         scene, data = self.scene, self.data
-        felt = None
-        if self._soft is not None:
+        taxel_force = None
+        if self._push is not None:
             mujoco.mj_kinematics(scene.model, data)
             contacts = NO_CONTACTS
-            wrench, felt = self._soft.feel(data)
+            wrench, taxel_force = self._push.compute_loads(data)
         else:
             mujoco.mj_forward(scene.model, data)
             contacts = read_contacts(scene, data)
-            wrench = np.mean(self._recent or [self._wrenches(contacts)], axis=0)
-            self._recent = []
+            wrench = np.mean(self._recent_wrenches or [self._compute_wrenches(contacts)], axis=0)
+            self._recent_wrenches = []
         item = scene.model.body("object").id
-        return _State(
+        return _Sample(
             data.qpos[scene.joint_addresses],
-            _poses(data.xmat[scene.link_bodies], data.xpos[scene.link_bodies]),
-            self._sensors(),
-            _poses(data.xmat[item], data.xpos[item]),
+            _compose_poses(data.xmat[scene.link_bodies], data.xpos[scene.link_bodies]),
+            self._compute_sensor_poses(),
+            _compose_poses(data.xmat[item], data.xpos[item]),
             wrench,
             contacts,
-            felt,
+            taxel_force,
         )
 
-    def _motion(self, times: FloatArray, phase: npt.NDArray[np.uint8], states: list[_State]) -> GraspMotion:
+    def _join_samples(self, times: FloatArray, phase: ByteArray, samples: list[_Sample]) -> GraspMotion:
         return GraspMotion(
             times,
             phase,
-            np.stack([state.angles for state in states]),
-            np.stack([state.links for state in states]),
-            np.stack([state.sensors for state in states]),
-            np.stack([state.object for state in states]),
-            np.stack([state.wrench for state in states]),
-            ContactPoints.of([state.contacts for state in states]),
+            np.stack([sample.joint_angles for sample in samples]),
+            np.stack([sample.link_poses for sample in samples]),
+            np.stack([sample.sensor_poses for sample in samples]),
+            np.stack([sample.object_pose for sample in samples]),
+            np.stack([sample.wrench for sample in samples]),
+            ContactPoints.concatenate([sample.contacts for sample in samples]),
             None
-            if self._soft is None
-            else np.stack([state.taxel_force for state in states if state.taxel_force is not None]),
+            if self._push is None
+            else np.stack([sample.taxel_force for sample in samples if sample.taxel_force is not None]),
         )
 
 
-def _poses(rotations: FloatArray, origins: FloatArray) -> FloatArray:
-    result = np.zeros((*origins.shape[:-1], 4, 4))
-    result[..., :3, :3] = rotations.reshape(*origins.shape[:-1], 3, 3)
-    result[..., :3, 3] = origins
-    result[..., 3, 3] = 1.0
-    return result
+def _compose_poses(rotations: FloatArray, origins: FloatArray) -> FloatArray:
+    """Poses f64[..., 4, 4] from MuJoCo's row-major rotation matrices f64[..., 9] and origins f64[..., 3]."""
+    poses = np.zeros((*origins.shape[:-1], 4, 4))
+    poses[..., :3, :3] = rotations.reshape(*origins.shape[:-1], 3, 3)
+    poses[..., :3, 3] = origins
+    poses[..., 3, 3] = 1.0
+    return poses

@@ -1,4 +1,4 @@
-"""Contact as the thesis's simulator saw it: a cone on every taxel, contact points, and a threshold on their distance.
+"""The contact model of the thesis's simulator: a cone on every taxel, and a distance threshold for contact points.
 
 Source: thesis, section 4.2.2 and Figure 4.7. The dielectric is a pattern of rigid cones, one on each taxel, so that a
 large area touches in many points. A contact point activates every taxel whose centre is nearer than the distance from
@@ -18,30 +18,43 @@ from taxel.hand.kinematics import compute_taxel_normals, compute_taxel_positions
 from taxel.hand.transforms import inverse
 from taxel.types import FloatArray
 
-__all__ = ["CONE_HEIGHT_M", "CONTACT_OFFSET_M", "NOMINAL_FORCE_N", "ConeSensing", "base_radius", "nominal_forces"]
+__all__ = [
+    "CONE_HEIGHT_M",
+    "CONTACT_OFFSET_M",
+    "NOMINAL_FORCE_N",
+    "ConeSensing",
+    "assign_nominal_force",
+    "compute_base_radius",
+]
 
 CONE_HEIGHT_M = 0.001
-"""Thesis, section 4.2.2: "the distance between the center of the taxel and the contact point is supposed to be equal to
-one millimeter"."""
+"""Height of a cone, metres. Source: thesis, section 4.2.2: "the distance between the center of the taxel and the
+contact point is supposed to be equal to one millimeter".
+"""
 
 CONTACT_OFFSET_M = 0.0002
-"""How near a cone's tip counts as touching. The engine's own margin, which the thesis does not give; assumed."""
+"""Distance from a cone's tip to the object up to which the cone touches, metres. Assumed: the contact margin of the
+thesis's engine, which the thesis does not state. A larger value activates more taxels.
+"""
 
 NOMINAL_FORCE_N = 2.0
-"""Put on an active taxel: 1048 counts by the default sensor, far above 150. Assumed: the thesis has no forces."""
+"""Force assigned to an active taxel, newtons. Assumed, since the thesis has no forces; the default sensor converts the
+force to a signal of 1048 counts, well above the activation threshold of 150 counts.
+"""
 
 
-def base_radius(hand: Hand, pitches: float = 0.0) -> float:
-    """Radius of a cone's base, metres: half an electrode's diagonal (2.12 mm for 3 mm), and so many pitches more."""
+def compute_base_radius(hand: Hand, pitches: float = 0.0) -> float:
+    """Radius of a cone's base, metres: half the diagonal of an electrode (2.12 mm for 3 mm) plus `pitches` pitches."""
     return hand.size_m * float(np.sqrt(2.0)) / 2 + pitches * hand.pitch_m
 
 
 @dataclass(frozen=True)
 class ConeSensing:
-    """The thesis's contact filter.
+    """The contact filter of the thesis.
 
-    base_radius_m: of the cones, see `base_radius`. contact_offset_m: distance from a cone's tip to the object's surface
-    up to which it touches; may be negative, for cones that are pressed flat. cone_height_m: from taxel centre to tip.
+    base_radius_m: of the cones, see `compute_base_radius`. contact_offset_m: distance from a cone's tip to the object's
+    surface up to which the cone touches; negative for cones that are compressed. cone_height_m: from taxel centre to
+    tip.
     """
 
     base_radius_m: float
@@ -50,18 +63,21 @@ class ConeSensing:
 
     @property
     def threshold_m(self) -> float:
-        """Distance from tip to rim (Figure 4.7): 2.35 mm for a height of 1 mm and a base of 2.12 mm."""
+        """Distance from the tip of a cone to the rim of its base (Figure 4.7), metres.
+
+        2.35 mm for a height of 1 mm and a base radius of 2.12 mm.
+        """
         return float(np.hypot(self.cone_height_m, self.base_radius_m))
 
-    def tips_in_contact(
+    def find_touching_tips(
         self, hand: Hand, shape: Shape, sensor_poses: npt.ArrayLike, object_poses: npt.ArrayLike
     ) -> npt.NDArray[np.bool_]:
-        """Which cones touch the object, bool[T, n]. sensor_poses: f64[T, s, 4, 4]; object_poses: f64[T, 4, 4]."""
+        """Cones whose tips touch the object, bool[T, n]. sensor_poses: f64[T, s, 4, 4]; object_poses: f64[T, 4, 4]."""
         poses = inverse(object_poses)[:, None] @ np.asarray(sensor_poses, dtype=np.float64)
         tips = compute_taxel_positions(hand, poses) + self.cone_height_m * compute_taxel_normals(hand, poses)
         return np.asarray(shape.signed_distance(tips) <= self.contact_offset_m)
 
-    def active(
+    def find_active(
         self,
         hand: Hand,
         shape: Shape,
@@ -69,13 +85,13 @@ class ConeSensing:
         object_poses: npt.ArrayLike,
         contact_points: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     ) -> npt.NDArray[np.bool_]:
-        """Active taxels, bool[T, n]: those within `threshold_m` of a contact point.
+        """Active taxels, bool[T, n]: taxels with a contact point within `threshold_m` of their centre.
 
-        Contact points are the tips of the cones that touch, and `contact_points`: the engine's own, frame [c] and
-        position f64[c, 3] in the world, metres; None: none.
+        Contact points are the tips of the touching cones and `contact_points`, the engine's own points: frame [c] and
+        position f64[c, 3] in the world, metres. None: only the tips.
         """
         poses = np.asarray(sensor_poses, dtype=np.float64)
-        touching = self.tips_in_contact(hand, shape, poses, object_poses)
+        touching = self.find_touching_tips(hand, shape, poses, object_poses)
         centres = compute_taxel_positions(hand, poses)
         tips = centres + self.cone_height_m * compute_taxel_normals(hand, poses)
         frame, point = np.zeros(0, dtype=np.intp), np.zeros((0, 3))
@@ -89,6 +105,6 @@ class ConeSensing:
         return result
 
 
-def nominal_forces(active: npt.NDArray[np.bool_], force_n: float = NOMINAL_FORCE_N) -> FloatArray:
-    """Contact forces f64[T, n] for active taxels bool[T, n]: `force_n` on each, so that the sensor sees them too."""
+def assign_nominal_force(active: npt.NDArray[np.bool_], force_n: float = NOMINAL_FORCE_N) -> FloatArray:
+    """Contact forces f64[T, n], newtons: `force_n` on the active taxels bool[T, n], 0 elsewhere."""
     return np.where(active, force_n, 0.0)

@@ -1,10 +1,10 @@
-"""The soft layer with cells that pull at each other: a press spreads to neighbours that the object does not touch.
+"""The soft layer as springs that a membrane couples: an indentation spreads to taxels that the object does not touch.
 
-The cells of a board are springs to the electrodes, joined by a membrane: (1 + (decay / pitch)^2 L) k d = f, with
-the depths d, the object's forces f and the Laplacian L of the board's grid (Filonenko-Borodich 1940, discretised). What
-an electrode feels is k d: the sum over the board is that of f, but it reaches beyond the contact and falls off over
-`decay`. Where the object touches, the depth is the object's and f is not negative; elsewhere f is zero. Which cells
-touch is an active set.
+The springs of a board stand at the nodes of its grid of electrodes. The depths d solve (1 + (decay / pitch)^2 L) k d =
+f, with the stiffness k of a spring, the forces f of the object and the Laplacian L of the grid (Filonenko-Borodich
+1940, discretised). An electrode senses k d. The sum of k d over the board equals the sum of f, but k d extends beyond
+the contact and decays over the length `decay`. At a touching node the depth follows from the object's surface and f is
+at least 0; at any other node f is 0. The touching nodes are found as an active set.
 """
 
 from dataclasses import dataclass, replace
@@ -14,25 +14,38 @@ import numpy.typing as npt
 
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
-from taxel.sim.layer import MAX_TILT_RAD, STIFFNESS_N_PER_M, LayerResult, checked, press_layer, report, settle
-from taxel.sim.touching import TILT_ARM_M, Touching, touching_boards
+from taxel.sim.board_contacts import TILT_ARM_M, BoardContacts, find_board_contacts
+from taxel.sim.layer import (
+    MAX_TILT_RAD,
+    STIFFNESS_N_PER_M,
+    LayerResult,
+    SettledBoards,
+    assemble_result,
+    make_loads,
+    press_layer,
+    settle_boards,
+)
 from taxel.types import BoolArray, FloatArray
 
 __all__ = ["DECAY_M", "press_coupled_layer"]
 
 
 DECAY_M = 0.003
-"""Length over which a press falls off in the layer, metres. Assumed: a few times its thickness."""
+"""Decay length of an indentation in the layer, metres. Assumed: a few times the thickness of the layer. A larger value
+spreads the same force over more taxels.
+"""
 
-CASTS = 3
+MAX_CASTS = 3
+"""Number of linearisations for each board."""
+
 MAX_CHANGES = 30
-"""Of the active set; then the tilts stay where they are, and after as many again the last set is taken."""
+"""Changes of the active set after which the tilts are fixed; after twice as many the last active set is kept."""
 
-FAR_M = 1.0
-"""Gap of a cell that cannot touch."""
+MISS_GAP_M = 1.0
+"""Gap of a node that cannot touch, metres."""
 
-UNOPPOSED = 1e-6
-"""A tilt with less than this share of the largest stiffness is left as it is."""
+MIN_STIFFNESS_RATIO = 1e-6
+"""A tilt with less stiffness than this fraction of the largest stiffness is not moved."""
 
 
 def press_coupled_layer(
@@ -45,123 +58,131 @@ def press_coupled_layer(
     max_tilt_rad: float = MAX_TILT_RAD,
     decay_m: float = DECAY_M,
 ) -> LayerResult:
-    """As `press_layer`, with coupled cells; it starts where the uncoupled layer rests.
+    """`press_layer` with coupled springs; the iteration starts at the rest position of the uncoupled layer.
 
-    decay_m: above or equal 0, metres. `contact_force` is what the electrodes feel. `separation` is below 0 only where
-    the object touches; a taxel beside it has a force and a separation of at least 0.
+    decay_m: at least 0, metres. `contact_force` is the force that the electrodes sense. `separation` is below 0 only
+    where the object touches; a taxel beside the contact has a force and a separation of at least 0.
     """
-    poses, objects = np.asarray(sensor_poses, dtype=np.float64), np.asarray(object_poses, dtype=np.float64)
-    loads = checked(hand, poses, objects, np.asarray(wrench, dtype=np.float64))
-    boards = touching_boards(hand, shape, poses, objects, loads)
+    loads = make_loads(hand, sensor_poses, object_poses, wrench)
+    boards = find_board_contacts(hand, shape, loads.sensor_poses, loads.object_poses, loads.wrench)
     if not len(boards.frame):
-        return press_layer(hand, shape, poses, objects, loads)
-    rest, _, approach, tilt = settle(hand, shape, boards, stiffness_n_per_m, max_tilt_rad)
-    travel = np.column_stack([approach, tilt * TILT_ARM_M])
-    every = boards.with_all_taxels(hand)
-    bears = np.isin(every.group * hand.n_taxels + every.taxel, boards.group * hand.n_taxels + boards.taxel)
-    every = replace(every, pose=rest.pose.copy(), centre=rest.centre.copy())
-    force, pressed = np.zeros(len(every.taxel)), np.zeros(len(every.taxel))
+        return press_layer(hand, shape, loads.sensor_poses, loads.object_poses, loads.wrench)
+    uncoupled = settle_boards(hand, shape, boards, stiffness_n_per_m, max_tilt_rad)
+    travel = np.column_stack([uncoupled.approach, uncoupled.tilt * TILT_ARM_M])
+    nodes = boards.with_all_taxels(hand)
+    bears = np.isin(nodes.group * hand.n_taxels + nodes.taxel, boards.group * hand.n_taxels + boards.taxel)
+    nodes = replace(nodes, pose=uncoupled.boards.pose.copy(), centre=uncoupled.boards.centre.copy())
+    force, indentation = np.zeros(len(nodes.taxel)), np.zeros(len(nodes.taxel))
     for index, board in enumerate(hand.boards):
-        mine = every.board == index
-        if mine.any():
-            own = mine[every.group]
-            yields = _yields(hand, board.address, decay_m)
-            result = _settle_board(
-                hand, shape, every.take(mine), bears[own], stiffness_n_per_m, yields, travel[mine], max_tilt_rad
-            )
-            every.pose[mine], force[own], pressed[own], travel[mine] = result
-    moves = travel[:, 0], travel[:, 1:] / TILT_ARM_M
-    return report(hand, shape, poses, objects, loads, every, force, pressed, *moves)
+        frames = nodes.board == index
+        if frames.any():
+            of_board = frames[nodes.group]
+            compliance = _compute_compliance(hand, board.address, decay_m)
+            layer = _BoardLayer(hand, shape, stiffness_n_per_m, compliance, max_tilt_rad * TILT_ARM_M)
+            result = layer.settle(nodes.select(frames), bears[of_board], travel[frames])
+            nodes.pose[frames], force[of_board], indentation[of_board], travel[frames] = result
+    settled = SettledBoards(nodes, force, indentation, travel[:, 0], travel[:, 1:] / TILT_ARM_M)
+    return assemble_result(shape, loads, settled)
 
 
-def _yields(hand: Hand, address: int, decay_m: float) -> FloatArray:
-    """Inverse of 1 + (decay / pitch)^2 L over the cells of one board, f64[c, c].
+def _compute_compliance(hand: Hand, address: int, decay_m: float) -> FloatArray:
+    """Inverse of 1 + (decay / pitch)^2 L over the nodes of one board, f64[c, c].
 
-    Neighbours share a line and are one apart on the other.
+    Two nodes are neighbours if they share a TX or RX line and their other lines are adjacent.
     """
-    own = hand.get_slice(address)
-    steps = [np.abs(np.subtract.outer(line, line)) for line in (hand.tx[own].astype(int), hand.rx[own].astype(int))]
-    joined = (steps[0] + steps[1] == 1).astype(np.float64)
-    laplacian = np.diag(joined.sum(axis=1)) - joined
-    return np.asarray(np.linalg.inv(np.eye(len(joined)) + (decay_m / hand.pitch_m) ** 2 * laplacian), np.float64)
+    of_board = hand.get_slice(address)
+    line_steps = [
+        np.abs(np.subtract.outer(line, line)) for line in (hand.tx[of_board].astype(int), hand.rx[of_board].astype(int))
+    ]
+    adjacency = (line_steps[0] + line_steps[1] == 1).astype(np.float64)
+    laplacian = np.diag(adjacency.sum(axis=1)) - adjacency
+    return np.asarray(np.linalg.inv(np.eye(len(adjacency)) + (decay_m / hand.pitch_m) ** 2 * laplacian), np.float64)
 
 
-def _settle_board(
-    hand: Hand,
-    shape: Shape,
-    board: Touching,
-    bears: BoolArray,
-    stiffness: float,
-    yields: FloatArray,
-    travel: FloatArray,
-    max_tilt_rad: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """One board in all its frames: pose f64[G, 4, 4], force f64[m], pressed f64[m], travel f64[G, 3].
+@dataclass(frozen=True, eq=False)
+class _BoardLayer:
+    """The coupled layer of one board.
 
-    yields: depths that forces of one newton over one newton per metre make, f64[c, c].
+    stiffness: of one spring, N/m. compliance: f64[c, c], depths under unit forces with unit stiffness. tilt_bound: of
+    either tilt, metres.
     """
-    frames, cells = len(board.frame), len(yields)
-    rows = board.rows.reshape(frames, cells, 3)
-    bound = max_tilt_rad * TILT_ARM_M
-    depth, active = np.zeros((frames, cells)), np.zeros((frames, cells), dtype=bool)
-    for _ in range(CASTS):
-        gap, change = board.cast(hand, shape)
-        gap = np.where(bears, gap, FAR_M).reshape(frames, cells)
-        problem = _Problem(yields, gap, change.reshape(frames, cells, 3), rows, board.force_n / stiffness, bound)
-        depth, active, x = problem.rest(travel)
-        board, travel = board.moved(x), travel + x
-    return board.pose, stiffness * depth.ravel(), np.where(active, -depth, 0.0).ravel(), travel
+
+    hand: Hand
+    shape: Shape
+    stiffness: float
+    compliance: FloatArray
+    tilt_bound: float
+
+    def settle(
+        self, board: BoardContacts, bears: BoolArray, travel: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Rest state of the board in G frames.
+
+        bears: bool[m], nodes that can touch the object. travel: f64[G, 3], motion up to now. Returns pose f64[G, 4, 4],
+        force f64[m], indentation f64[m] and travel f64[G, 3].
+        """
+        frames, nodes = len(board.frame), len(self.compliance)
+        rows = board.rows.reshape(frames, nodes, 3)
+        load = board.force_n / self.stiffness
+        depth, active = np.zeros((frames, nodes)), np.zeros((frames, nodes), dtype=bool)
+        for _ in range(MAX_CASTS):
+            gap, change = board.cast_rays(self.hand, self.shape)
+            gap = np.where(bears, gap, MISS_GAP_M).reshape(frames, nodes)
+            problem = _Problem(self.compliance, gap, change.reshape(frames, nodes, 3), rows, load, self.tilt_bound)
+            depth, active, x = problem.solve(travel)
+            board, travel = board.move(x), travel + x
+        return board.pose, self.stiffness * depth.ravel(), np.where(active, -depth, 0.0).ravel(), travel
 
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """The linear problem of one board in G frames at one position; forces are newtons over the cells' stiffness.
+    """The linearised problem of one board in G frames; forces are divided by the stiffness of a spring.
 
-    yields: f64[c, c]. gap: f64[G, c]. change: f64[G, c, 3]. rows: f64[G, c, 3]. load: f64[G]. bound: of a tilt, metres.
+    compliance: f64[c, c]. gap: f64[G, c]. change: f64[G, c, 3]. rows: f64[G, c, 3]. load: f64[G]. tilt_bound: metres.
     """
 
-    yields: FloatArray
+    compliance: FloatArray
     gap: FloatArray
     change: FloatArray
     rows: FloatArray
     load: FloatArray
-    bound: float
+    tilt_bound: float
 
-    def rest(self, travel: FloatArray) -> tuple[FloatArray, BoolArray, FloatArray]:
-        """Depths f64[G, c], touching cells bool[G, c] and motion f64[G, 3]; travel: the motion so far, f64[G, 3]."""
-        active, held = self.gap < 0, np.zeros(len(self.gap), dtype=bool)
-        active[np.arange(len(active)), self.gap.argmin(axis=1)] = True  # one cell at least bears the load
+    def solve(self, travel: FloatArray) -> tuple[FloatArray, BoolArray, FloatArray]:
+        """Depths f64[G, c], touching nodes bool[G, c] and motion f64[G, 3]; travel: f64[G, 3], motion up to now."""
+        active, fixed_tilt = self.gap < 0, np.zeros(len(self.gap), dtype=bool)
+        active[np.arange(len(active)), self.gap.argmin(axis=1)] = True  # at least one node bears the load
         depth, x = np.zeros_like(self.gap), np.zeros_like(travel)
-        for turn in range(2 * MAX_CHANGES):
-            depth, force, x = self._balance(active, held, travel)
-            reached = depth + self.gap + np.sum(self.change * x[:, None], axis=2) < 0
-            touching: BoolArray = np.asarray(np.where(active, force > 0, reached), dtype=np.bool_)
-            changed: BoolArray = np.logical_or.reduce(touching != active, axis=1)
-            if not changed.any():
+        for change_count in range(2 * MAX_CHANGES):
+            depth, force, x = self._balance(active, fixed_tilt, travel)
+            is_reached = depth + self.gap + np.sum(self.change * x[:, None], axis=2) < 0
+            touching: BoolArray = np.asarray(np.where(active, force > 0, is_reached), dtype=np.bool_)
+            has_changed: BoolArray = np.logical_or.reduce(touching != active, axis=1)
+            if not has_changed.any():
                 break
-            held |= changed & (turn >= MAX_CHANGES)
+            fixed_tilt |= has_changed & (change_count >= MAX_CHANGES)
             active = np.where(touching.any(axis=1, keepdims=True), touching, active)
         return np.maximum(depth, 0.0), active, x
 
     def _balance(
-        self, active: BoolArray, held: BoolArray, travel: FloatArray
+        self, active: BoolArray, fixed_tilt: BoolArray, travel: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Depths f64[G, c], forces f64[G, c] and motion f64[G, 3] at which these cells touch and the board rests."""
+        """Equilibrium for given touching nodes: depths f64[G, c], forces f64[G, c] and motion f64[G, 3]."""
         frames = np.arange(len(active))[:, None]
-        cell = np.argsort(~active, axis=1, kind="stable")[:, : active.sum(axis=1).max()]
-        used = active[frames, cell]
-        pairs = used[:, :, None] & used[:, None, :]
-        system = np.where(pairs, self.yields[cell[:, :, None], cell[:, None, :]], np.eye(cell.shape[1]))
-        depths = -np.concatenate([self.gap[frames, cell][:, :, None], self.change[frames, cell]], axis=2)
-        forces = np.linalg.solve(system, np.where(used[:, :, None], depths, 0.0))
-        solved = np.einsum("gac,gai->gci", self.yields[cell], forces)
-        bend = np.einsum("gci,gcj->gij", self.rows, solved[:, :, 1:])
-        lack = -np.einsum("gci,gc->gi", self.rows, solved[:, :, 0])
-        lack[:, 0] += self.load
-        x = np.einsum("gij,gj->gi", np.linalg.pinv(bend, rcond=UNOPPOSED), lack)
-        x[:, 1:] = np.clip(x[:, 1:], -self.bound - travel[:, 1:], self.bound - travel[:, 1:])
-        x[held, 1:] = 0.0
-        x[:, 0] = (lack[:, 0] - np.sum(bend[:, 0, 1:] * x[:, 1:], axis=1)) / bend[:, 0, 0]
+        node = np.argsort(~active, axis=1, kind="stable")[:, : active.sum(axis=1).max()]
+        is_used = active[frames, node]
+        pairs = is_used[:, :, None] & is_used[:, None, :]
+        system = np.where(pairs, self.compliance[node[:, :, None], node[:, None, :]], np.eye(node.shape[1]))
+        imposed_depths = -np.concatenate([self.gap[frames, node][:, :, None], self.change[frames, node]], axis=2)
+        forces = np.linalg.solve(system, np.where(is_used[:, :, None], imposed_depths, 0.0))
+        depths = np.einsum("gac,gai->gci", self.compliance[node], forces)
+        board_stiffness = np.einsum("gci,gcj->gij", self.rows, depths[:, :, 1:])
+        unbalanced = -np.einsum("gci,gc->gi", self.rows, depths[:, :, 0])
+        unbalanced[:, 0] += self.load
+        x = np.einsum("gij,gj->gi", np.linalg.pinv(board_stiffness, rcond=MIN_STIFFNESS_RATIO), unbalanced)
+        x[:, 1:] = np.clip(x[:, 1:], -self.tilt_bound - travel[:, 1:], self.tilt_bound - travel[:, 1:])
+        x[fixed_tilt, 1:] = 0.0
+        x[:, 0] = (unbalanced[:, 0] - np.sum(board_stiffness[:, 0, 1:] * x[:, 1:], axis=1)) / board_stiffness[:, 0, 0]
         force = np.zeros_like(self.gap)
-        np.put_along_axis(force, cell, forces[:, :, 0] + np.einsum("gai,gi->ga", forces[:, :, 1:], x), axis=1)
-        return solved[:, :, 0] + np.einsum("gci,gi->gc", solved[:, :, 1:], x), force, x
+        np.put_along_axis(force, node, forces[:, :, 0] + np.einsum("gai,gi->ga", forces[:, :, 1:], x), axis=1)
+        return depths[:, :, 0] + np.einsum("gci,gi->gc", depths[:, :, 1:], x), force, x

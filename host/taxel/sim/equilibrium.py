@@ -1,12 +1,12 @@
-"""The rest position of many rigid boards, each on springs that only push: a small convex problem for each board.
+"""Rest positions of many rigid boards on unilateral springs: one small convex problem for each board.
 
-Board g moves by x_g = (approach, tilt, tilt), f64[3]. Spring i of it is pressed by a_i . x_g - gap_i where that is
-above 0, with a stiffness k_i. At rest its energy
+The coordinates of board g are x_g = (approach, tilt, tilt), f64[3]. Its spring i has the stiffness k_i and the
+compression max(0, a_i . x_g - gap_i). The rest position minimises the energy
 
     E(x) = sum of k_i / 2 max(0, a_i . x - gap_i)^2  -  load . x
 
-is smallest, within bounds on the tilts. E is convex and piecewise quadratic, so damped Newton steps whose active set is
-that of the last position end at the minimum after finitely many (Levenberg-Marquardt damping).
+within bounds on the tilts. E is convex and piecewise quadratic. Damped Newton steps (Levenberg-Marquardt damping) with
+the active set of the previous position therefore reach the minimum after finitely many steps.
 """
 
 from __future__ import annotations
@@ -14,31 +14,38 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from taxel.types import FloatArray, IndexArray
+from taxel.types import BoolArray, FloatArray, IndexArray
 
-__all__ = ["Springs", "rest_positions"]
+__all__ = ["Springs", "solve_rest_positions"]
 
 
 MAX_STEPS = 60
-ROUND = 4
-"""Steps between two looks at which boards still move; the others are left out from then on."""
+"""Upper limit of Newton steps for each board; prevents an endless loop, boards at rest stop earlier."""
+
+STEPS_PER_CHECK = 4
+"""Newton steps between two checks for convergence; boards at rest are then removed from the arrays."""
 
 TOLERANCE = 1e-12
-"""Largest unbalanced share of the load."""
+"""Largest gradient of E at rest, as a fraction of the load."""
 
-FIRST_DAMPING = 1e-6
-LEAST_DAMPING = 1e-13
-"""Of one spring's stiffness."""
+INITIAL_DAMPING = 1e-6
+"""First damping, as a fraction of the largest spring stiffness of the board."""
+
+MIN_DAMPING = 1e-13
+"""Smallest damping, as a fraction of the largest spring stiffness of the board; keeps the system regular."""
+
+ENERGY_ROUNDING = 1e-14
+"""Relative rounding error of E: a step that raises E by less is accepted."""
 
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """Springs of G boards, one board after the other, m in all.
+    """Springs of G boards, m springs in all, sorted by board.
 
-    group: [m], rising, the board; every board has a spring. rows: f64[m, 3], a. gap: f64[m], metres. stiffness: f64[m],
-    N/m. load: f64[G, 3], newtons; the first, along the approach, above 0. low, high: f64[G, 2], bounds of the tilts.
+    group: [m], ascending, index of the board; every board has at least one spring. rows: f64[m, 3], vectors a_i. gap:
+    f64[m], metres. stiffness: f64[m], N/m. load: f64[G, 3], newtons; the first component, along the approach, is above
+    0. low, high: f64[G, 2], bounds of the tilts, metres.
     """
 
     group: IndexArray
@@ -51,103 +58,102 @@ class Springs:
 
     @property
     def starts(self) -> IndexArray:
-        """First spring of each board, [G]."""
+        """Index of the first spring of each board, [G]."""
         return np.searchsorted(self.group, np.arange(len(self.load)))
 
-    def take(self, wanted: npt.NDArray[np.bool_]) -> Springs:
-        """The springs of some of the boards, bool[G]."""
-        own = wanted[self.group]
-        group = (np.cumsum(wanted) - 1)[self.group[own]]
-        parts = (self.rows[own], self.gap[own], self.stiffness[own])
-        return Springs(group, *parts, self.load[wanted], self.low[wanted], self.high[wanted])
+    def select_boards(self, selection: BoolArray) -> Springs:
+        """Springs of the boards for which `selection` bool[G] is true."""
+        in_selection = selection[self.group]
+        group = (np.cumsum(selection) - 1)[self.group[in_selection]]
+        per_spring = (self.rows[in_selection], self.gap[in_selection], self.stiffness[in_selection])
+        return Springs(group, *per_spring, self.load[selection], self.low[selection], self.high[selection])
 
-    def pressing(self, x: FloatArray) -> FloatArray:
-        """How far each spring is pressed, metres, f64[m], at positions x, f64[G, 3]."""
+    def compute_compression(self, x: FloatArray) -> FloatArray:
+        """Compression of each spring, metres, f64[m], for board coordinates x, f64[G, 3]."""
         reach = np.einsum("mi,mi->m", self.rows, x[self.group])
         return np.asarray(np.maximum(reach - self.gap, 0.0))
 
 
-def rest_positions(springs: Springs) -> FloatArray:
-    """Positions of least energy, f64[G, 3].
+def solve_rest_positions(springs: Springs) -> FloatArray:
+    """Board coordinates of minimal energy, f64[G, 3], metres.
 
-    A tilt that no spring opposes stays as it is. A board whose load no tilt within the bounds can balance stops at the
-    bound; along the approach its load is balanced all the same.
+    A tilt without any opposing spring stays 0. If no tilt within the bounds balances the moments of a board, the tilt
+    is at its bound; the force along the approach is balanced in every case.
     """
-    x = _touching(springs)
-    damping = FIRST_DAMPING * np.maximum.reduceat(springs.stiffness, springs.starts)
-    left = np.arange(len(x))
-    for _ in range(0, MAX_STEPS, ROUND):
-        now = springs if len(left) == len(x) else springs.take(_mask(left, len(x)))
-        x[left], damping[left], moving = _steps(now, x[left], damping[left])
-        left = left[moving]
-        if not len(left):
+    x = _estimate_first_contact(springs)
+    damping = INITIAL_DAMPING * np.maximum.reduceat(springs.stiffness, springs.starts)
+    moving_boards = np.arange(len(x))
+    for _ in range(0, MAX_STEPS, STEPS_PER_CHECK):
+        subset = springs if len(moving_boards) == len(x) else springs.select_boards(_make_mask(moving_boards, len(x)))
+        x[moving_boards], damping[moving_boards], is_moving = _iterate(subset, x[moving_boards], damping[moving_boards])
+        moving_boards = moving_boards[is_moving]
+        if not len(moving_boards):
             break
     return x
 
 
-def _touching(springs: Springs) -> FloatArray:
-    """Positions without tilt at which the first spring of every board bears about the whole load."""
+def _estimate_first_contact(springs: Springs) -> FloatArray:
+    """Board coordinates f64[G, 3] without tilt at which the first spring of each board bears about the whole load."""
     reach = np.maximum(springs.rows[:, 0], 1e-3)
-    needed = springs.gap / reach + springs.load[springs.group, 0] / (springs.stiffness * reach**2)
+    approach = springs.gap / reach + springs.load[springs.group, 0] / (springs.stiffness * reach**2)
     x = np.zeros((len(springs.load), 3))
-    x[:, 0] = np.minimum.reduceat(needed, springs.starts)
+    x[:, 0] = np.minimum.reduceat(approach, springs.starts)
     return x
 
 
-def _steps(
-    springs: Springs, x: FloatArray, damping: FloatArray
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    """Positions and damping after `ROUND` steps, and which boards are not at rest yet."""
-    starts, floor = springs.starts, LEAST_DAMPING * np.maximum.reduceat(springs.stiffness, springs.starts)
-    energy, slope, bend = _energy(springs, starts, x)
-    for _ in range(ROUND):
-        step = _newton_step(springs, x, slope, bend, damping)
-        energy_new, slope_new, bend_new = _energy(springs, starts, x + step)
-        # Rounding hides the last gains in energy, not whether they are gains.
-        better = energy_new <= energy + 1e-14 * np.abs(energy)
-        keep = better[:, None]
-        x, slope = np.where(keep, x + step, x), np.where(keep, slope_new, slope)
-        bend, energy = np.where(keep[:, :, None], bend_new, bend), np.where(better, energy_new, energy)
-        damping = np.where(better, np.maximum(damping * 0.01, floor), damping * 10.0)
-    unbalanced = np.where(_stopped(springs, x, slope), 0.0, np.abs(slope)).max(axis=1)
+def _iterate(springs: Springs, x: FloatArray, damping: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Coordinates f64[G, 3] and damping f64[G] after `STEPS_PER_CHECK` steps; bool[G], true if not yet at rest."""
+    starts = springs.starts
+    min_damping = MIN_DAMPING * np.maximum.reduceat(springs.stiffness, starts)
+    energy, gradient, hessian = _compute_energy(springs, starts, x)
+    for _ in range(STEPS_PER_CHECK):
+        step = _compute_newton_step(springs, x, gradient, hessian, damping)
+        new_energy, new_gradient, new_hessian = _compute_energy(springs, starts, x + step)
+        accepted = new_energy <= energy + ENERGY_ROUNDING * np.abs(energy)
+        keep = accepted[:, None]
+        x, gradient = np.where(keep, x + step, x), np.where(keep, new_gradient, gradient)
+        hessian, energy = np.where(keep[:, :, None], new_hessian, hessian), np.where(accepted, new_energy, energy)
+        damping = np.where(accepted, np.maximum(damping * 0.01, min_damping), damping * 10.0)
+    unbalanced = np.where(_find_bounded(springs, x, gradient), 0.0, np.abs(gradient)).max(axis=1)
     return x, damping, unbalanced > TOLERANCE * springs.load[:, 0]
 
 
-def _energy(springs: Springs, starts: IndexArray, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """E f64[G], its gradient f64[G, 3] and its second derivative f64[G, 3, 3]."""
-    pressing = springs.pressing(x)
-    force = springs.stiffness * pressing
-    slope = np.add.reduceat(force[:, None] * springs.rows, starts) - springs.load
-    stored = np.add.reduceat(0.5 * force * pressing, starts)
-    active = np.where(pressing > 0, springs.stiffness, 0.0)
-    bend = np.empty((len(x), 3, 3))
+def _compute_energy(springs: Springs, starts: IndexArray, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Energy E f64[G], its gradient f64[G, 3] and its Hessian f64[G, 3, 3]."""
+    compression = springs.compute_compression(x)
+    force = springs.stiffness * compression
+    gradient = np.add.reduceat(force[:, None] * springs.rows, starts) - springs.load
+    stored = np.add.reduceat(0.5 * force * compression, starts)
+    active = np.where(compression > 0, springs.stiffness, 0.0)
+    hessian = np.empty((len(x), 3, 3))
     for i in range(3):
         for j in range(i + 1):
-            bend[:, i, j] = bend[:, j, i] = np.add.reduceat(active * springs.rows[:, i] * springs.rows[:, j], starts)
-    return stored - np.sum(springs.load * x, axis=1), slope, bend
+            entry = np.add.reduceat(active * springs.rows[:, i] * springs.rows[:, j], starts)
+            hessian[:, i, j] = hessian[:, j, i] = entry
+    return stored - np.sum(springs.load * x, axis=1), gradient, hessian
 
 
-def _newton_step(
-    springs: Springs, x: FloatArray, slope: FloatArray, bend: FloatArray, damping: FloatArray
+def _compute_newton_step(
+    springs: Springs, x: FloatArray, gradient: FloatArray, hessian: FloatArray, damping: FloatArray
 ) -> FloatArray:
-    """Damped Newton step of each board, f64[G, 3], that ends within the bounds of its tilts."""
-    free = ~_stopped(springs, x, slope)
-    system = np.where(free[:, :, None] & free[:, None, :], bend, 0.0) + damping[:, None, None] * np.eye(3)
-    step = np.linalg.solve(system, -np.where(free, slope, 0.0)[:, :, None])[:, :, 0]
+    """Damped Newton step of each board, f64[G, 3], clipped to the bounds of the tilts."""
+    free = ~_find_bounded(springs, x, gradient)
+    system = np.where(free[:, :, None] & free[:, None, :], hessian, 0.0) + damping[:, None, None] * np.eye(3)
+    step = np.linalg.solve(system, -np.where(free, gradient, 0.0)[:, :, None])[:, :, 0]
     tilt = np.clip(x[:, 1:] + step[:, 1:], springs.low, springs.high) - x[:, 1:]
-    # What was cut off the tilts changes the approach that belongs to them.
-    approach = -(slope[:, 0] + np.sum(bend[:, 0, 1:] * tilt, axis=1)) / system[:, 0, 0]
+    # The approach is solved again for the clipped tilts.
+    approach = -(gradient[:, 0] + np.sum(hessian[:, 0, 1:] * tilt, axis=1)) / system[:, 0, 0]
     return np.column_stack([approach, tilt])
 
 
-def _stopped(springs: Springs, x: FloatArray, slope: FloatArray) -> npt.NDArray[np.bool_]:
-    """Which coordinates are held by a bound, bool[G, 3]; the approach has none."""
-    tilt, push = x[:, 1:], -slope[:, 1:]
-    held = ((tilt <= springs.low) & (push < 0)) | ((tilt >= springs.high) & (push > 0))
-    return np.column_stack([np.zeros(len(x), dtype=bool), held])
+def _find_bounded(springs: Springs, x: FloatArray, gradient: FloatArray) -> BoolArray:
+    """Coordinates that a bound stops, bool[G, 3]; the approach has no bound."""
+    tilt, push = x[:, 1:], -gradient[:, 1:]
+    bounded = ((tilt <= springs.low) & (push < 0)) | ((tilt >= springs.high) & (push > 0))
+    return np.column_stack([np.zeros(len(x), dtype=bool), bounded])
 
 
-def _mask(indices: IndexArray, length: int) -> npt.NDArray[np.bool_]:
+def _make_mask(indices: IndexArray, length: int) -> BoolArray:
     mask = np.zeros(length, dtype=bool)
     mask[indices] = True
     return mask

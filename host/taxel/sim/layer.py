@@ -1,12 +1,12 @@
-"""The soft layer over the electrodes as uncoupled springs (Winkler 1867): from a board's contact wrench to its taxels.
+"""The soft layer over the electrodes as uncoupled springs (Winkler 1867): taxel forces from the wrench on a board.
 
-A rigid-body engine knows the net wrench on a board, not its spread. The layer spreads it: taxel i carries
-f_i = k max(0, -separation_i) along its normal, and the board comes to rest at the approach and the two tilts at which
-these forces make the net force and the two moments about the centre of pressure. The wrench and the normals are taken
-in the board's own frame, which the small tilts turn together.
+A rigid-body engine computes the net wrench on a board, not its distribution. Here taxel i carries
+f_i = k max(0, -separation_i) along its normal. The board rests at the approach and the two tilts at which these forces
+sum to the net force and to the two moments about the centre of pressure. Wrench and normals are expressed in the
+board's own frame, which the small tilts rotate as a whole.
 
-Separations are exact: after every solution of the problem that is linear in the small motion, the board is moved and
-its rays are cast again, until it no longer moves.
+Separations are exact: after each solution of the problem linearised in the small motion, the board is moved and the
+rays along its normals are cast again, until the board no longer moves.
 """
 
 from dataclasses import dataclass, replace
@@ -17,38 +17,93 @@ import numpy.typing as npt
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import Sheet
-from taxel.sim.equilibrium import Springs, rest_positions
-from taxel.sim.separation import separations
-from taxel.sim.touching import TILT_ARM_M, Touching, touching_boards
+from taxel.sim.board_contacts import TILT_ARM_M, BoardContacts, find_board_contacts
+from taxel.sim.equilibrium import Springs, solve_rest_positions
+from taxel.sim.separation import compute_separations
 from taxel.types import FloatArray
 
-__all__ = ["MAX_TILT_RAD", "STIFFNESS_N_PER_M", "LayerResult", "press_layer"]
+__all__ = ["MAX_TILT_RAD", "STIFFNESS_N_PER_M", "LayerLoads", "LayerResult", "SettledBoards", "press_layer"]
 
 STIFFNESS_N_PER_M = 1450.0
-"""Of the layer under one taxel: what an experimenter finds who presses a block into the emulated skin, over the forces
-that grasps put on a taxel. Source: tools/sim/fit_stiffness.py."""
+"""Stiffness of the layer under one taxel, N/m: fitted to a block that is pressed into the emulated skin, over the range
+of forces of one taxel in the grasps. Source: tools/sim/fit_stiffness.py. Taxel force and indentation depth follow from
+this value; the net force on a board does not.
+"""
 
 MAX_TILT_RAD = np.radians(5.0)
-"""Bound of either tilt: about what joints and brackets give way, and little enough that the same taxels stay near."""
+"""Bound of either tilt, radians: about the compliance of joints and brackets, and small enough that the same taxels
+stay near the object (chosen). A larger bound lets a board follow a moment that its taxels cannot bear.
+"""
 
 MAX_CASTS = 10
-STILL_M = 1e-7
-"""A board that moves less is at rest, metres; every further step would be some ten times shorter."""
+"""Upper limit of linearisations for each board."""
+
+REST_MOTION_M = 1e-7
+"""A board that moves less is at rest, metres; each further step is about ten times shorter than the one before."""
+
+RATIO_RANGE = (0.25, 4.0)
+"""Bounds of the ratio between the shortening of a ray and the approach of the board (`_linearise`)."""
+
+
+@dataclass(frozen=True, eq=False)
+class LayerLoads:
+    """Poses and wrenches of the boards in T frames, checked: s boards.
+
+    sensor_poses: f64[T, s, 4, 4], brackets in the world. object_poses: f64[T, 4, 4]. wrench: f64[T, s, 6], force (N)
+    and moment (Nm, about the bracket's origin) on the board, bracket frame. Raises ValueError for other shapes and for
+    numbers that are not finite.
+    """
+
+    hand: Hand | Sheet
+    sensor_poses: FloatArray
+    object_poses: FloatArray
+    wrench: FloatArray
+
+    def __post_init__(self) -> None:
+        poses, objects, wrench = self.sensor_poses, self.object_poses, self.wrench
+        frames, sensors = len(objects), len(self.hand.boards)
+        if (poses.shape, objects.shape, wrench.shape) != (
+            (frames, sensors, 4, 4),
+            (frames, 4, 4),
+            (frames, sensors, 6),
+        ):
+            raise ValueError(
+                f"expected sensor_poses [T, {sensors}, 4, 4], object_poses [T, 4, 4] and wrench [T, {sensors}, 6], "
+                f"found {poses.shape}, {objects.shape} and {wrench.shape}"
+            )
+        if not np.isfinite(wrench).all():
+            raise ValueError("wrench: expected finite numbers, found a NaN or an infinity")
+
+
+@dataclass(frozen=True, eq=False)
+class SettledBoards:
+    """Boards at rest on the layer: G boards with m bearing taxels.
+
+    boards: their poses and taxels. force: f64[m], newtons. indentation: f64[m], metres, 0 or negative: separation of a
+    compressed taxel. approach: f64[G], metres. tilt: f64[G, 2], radians.
+    """
+
+    boards: BoardContacts
+    force: FloatArray
+    indentation: FloatArray
+    approach: FloatArray
+    tilt: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class LayerResult:
-    """What the layer makes of the wrenches, T frames, n taxels (or pieces of sheet), s boards.
+    """Forces and separations under the wrenches of T frames, n taxels (or pieces of a sheet), s boards.
 
     Attributes:
         contact_force: f64[T, n], newtons along each taxel's normal, at least 0.
-        separation: f64[T, n], metres, as `separations`, of the boards at rest; below 0 only where the taxel is pressed.
-        force_residual_n: f64[T, s], net force of the taxels along the given force, less its magnitude. Zero up to
-            rounding, but where no taxel can bear it.
-        moment_residual_nm: f64[T, s], length of the moment about the tilts' axes that is left over.
-        approach_m: f64[T, s], how far the board moved against the force at the centre of pressure.
-        tilt_rad: f64[T, s, 2], about the two axes across the force.
-        rest_poses: f64[T, s, 4, 4], the brackets where the layer rests, in the world.
+        separation: f64[T, n], metres, as `compute_separations`, of the boards at rest; below 0 only for a compressed
+            taxel.
+        force_residual_n: f64[T, s], net force of the taxels along the given force, minus the magnitude of that force.
+            Zero up to rounding where at least one taxel can bear the force.
+        moment_residual_nm: f64[T, s], magnitude of the unbalanced moment about the tilt axes.
+        approach_m: f64[T, s], motion of the board against the force at the centre of pressure.
+        tilt_rad: f64[T, s, 2], about the two axes perpendicular to the force.
+        rest_poses: f64[T, s, 4, 4], brackets in the world at rest on the layer.
     """
 
     contact_force: FloatArray
@@ -69,109 +124,92 @@ def press_layer(
     stiffness_n_per_m: float = STIFFNESS_N_PER_M,
     max_tilt_rad: float = MAX_TILT_RAD,
 ) -> LayerResult:
-    """Spread the wrench on every board over its taxels.
+    """Distribute the wrench on every board over its taxels.
 
     sensor_poses: brackets in the world, f64[T, s, 4, 4]. object_poses: f64[T, 4, 4]. wrench: f64[T, s, 6], force (N)
-    and moment (Nm, about the bracket's origin) that act on the board, bracket frame. stiffness_n_per_m: of the layer
-    under one taxel. max_tilt_rad: bound of either tilt.
+    and moment (Nm, about the bracket's origin) on the board, bracket frame. stiffness_n_per_m: of the layer under one
+    taxel. max_tilt_rad: bound of either tilt.
 
-    Where the moments ask for more tilt than that (the force passes beyond the taxels that can bear it), the board rests
-    at the bound and the residual says what is missing; the net force is kept. A board without force bears nothing and
-    is nowhere pressed in. Raises ValueError for shapes that do not fit, else as `separations`.
+    If the moments require a larger tilt (the force passes outside the taxels that can bear it), the board rests at the
+    bound and the residual states the unbalanced moment; the net force is kept. A board without force has no compressed
+    taxel. Raises ValueError for arrays of other shapes, and the errors of `compute_separations`.
     """
-    poses, objects = np.asarray(sensor_poses, dtype=np.float64), np.asarray(object_poses, dtype=np.float64)
-    loads = checked(hand, poses, objects, np.asarray(wrench, dtype=np.float64))
-    boards = touching_boards(hand, shape, poses, objects, loads)
-    force, tilt, approach = np.zeros(0), np.zeros((0, 2)), np.zeros(0)
-    moved = boards
+    loads = make_loads(hand, sensor_poses, object_poses, wrench)
+    boards = find_board_contacts(hand, shape, loads.sensor_poses, loads.object_poses, loads.wrench)
+    settled = SettledBoards(boards, np.zeros(0), np.zeros(0), np.zeros(0), np.zeros((0, 2)))
     if len(boards.frame):
-        moved, force, approach, tilt = settle(hand, shape, boards, stiffness_n_per_m, max_tilt_rad)
-    pressed = -force / stiffness_n_per_m
-    return report(hand, shape, poses, objects, loads, moved, force, pressed, approach, tilt)
+        settled = settle_boards(hand, shape, boards, stiffness_n_per_m, max_tilt_rad)
+    return assemble_result(shape, loads, settled)
 
 
-def settle(
-    hand: Hand | Sheet, shape: Shape, boards: Touching, stiffness: float, max_tilt_rad: float
-) -> tuple[Touching, FloatArray, FloatArray, FloatArray]:
-    """The boards at rest, taxel forces f64[m], approaches f64[G] and tilts f64[G, 2]."""
+def make_loads(
+    hand: Hand | Sheet, sensor_poses: npt.ArrayLike, object_poses: npt.ArrayLike, wrench: npt.ArrayLike
+) -> LayerLoads:
+    """The arguments of `press_layer` as float64 arrays. Raises ValueError as `LayerLoads`."""
+    poses, objects, loads = (np.asarray(values, dtype=np.float64) for values in (sensor_poses, object_poses, wrench))
+    return LayerLoads(hand, poses, objects, loads)
+
+
+def settle_boards(
+    hand: Hand | Sheet, shape: Shape, boards: BoardContacts, stiffness: float, max_tilt_rad: float
+) -> SettledBoards:
+    """Move the boards to rest on uncoupled springs; stiffness: of one taxel, N/m."""
     travel = np.zeros((len(boards.frame), 3))
     bound = max_tilt_rad * TILT_ARM_M
     force, pose, centre = np.zeros(len(boards.taxel)), boards.pose.copy(), boards.centre.copy()
-    left, now = np.arange(len(travel)), boards
+    moving_boards, moved = np.arange(len(travel)), boards
     for _ in range(MAX_CASTS):
-        springs = _springs(now, *now.cast(hand, shape), stiffness, bound, travel[left, 1:])
-        x = rest_positions(springs)
-        force[np.isin(boards.group, left)] = springs.stiffness * springs.pressing(x)
-        now = now.moved(x)
-        pose[left], centre[left] = now.pose, now.centre
-        travel[left] += x
-        moving = np.abs(x).max(axis=1) > STILL_M
-        left, now = left[moving], now.take(moving)
-        if not len(left):
+        gap, change = moved.cast_rays(hand, shape)
+        springs = _linearise(moved, gap, change, stiffness, bound, travel[moving_boards, 1:])
+        x = solve_rest_positions(springs)
+        force[np.isin(boards.group, moving_boards)] = springs.stiffness * springs.compute_compression(x)
+        moved = moved.move(x)
+        pose[moving_boards], centre[moving_boards] = moved.pose, moved.centre
+        travel[moving_boards] += x
+        is_moving = np.abs(x).max(axis=1) > REST_MOTION_M
+        moving_boards, moved = moving_boards[is_moving], moved.select(is_moving)
+        if not len(moving_boards):
             break
-    return replace(boards, pose=pose, centre=centre), force, travel[:, 0], travel[:, 1:] / TILT_ARM_M
+    at_rest = replace(boards, pose=pose, centre=centre)
+    return SettledBoards(at_rest, force, -force / stiffness, travel[:, 0], travel[:, 1:] / TILT_ARM_M)
 
 
-def _springs(
-    boards: Touching, gap: FloatArray, change: FloatArray, stiffness: float, bound: float, tilt: FloatArray
+def _linearise(
+    boards: BoardContacts, gap: FloatArray, change: FloatArray, stiffness: float, bound: float, tilt: FloatArray
 ) -> Springs:
-    """The linear problem at the present position.
+    """Springs of the problem linearised at the present positions.
 
-    A ray that meets the surface at an angle shortens faster than the board approaches. That ratio, taken as one number
-    for each taxel, keeps the problem convex; what it leaves out vanishes as the board comes to rest.
+    gap f64[m] and change f64[m, 3]: see `BoardContacts.cast_rays`. bound: of a tilt, metres. tilt: f64[G, 2], present
+    tilts, metres. A ray that meets the surface at an angle shortens faster than the board approaches. One ratio for
+    each taxel keeps the problem convex; its error vanishes as the board comes to rest.
     """
     ratio = -np.sum(change * boards.rows, axis=1) / np.sum(boards.rows**2, axis=1)
-    ratio = np.where(change.any(axis=1), np.clip(ratio, 0.25, 4.0), 1.0)
+    ratio = np.where(change.any(axis=1), np.clip(ratio, *RATIO_RANGE), 1.0)
     load = boards.force_n[:, None] * np.array([1.0, 0.0, 0.0])
     return Springs(boards.group, boards.rows, gap / ratio, stiffness * ratio, load, -bound - tilt, bound - tilt)
 
 
-def report(
-    hand: Hand | Sheet,
-    shape: Shape,
-    sensor_poses: FloatArray,
-    object_poses: FloatArray,
-    wrench: FloatArray,
-    boards: Touching,
-    force: FloatArray,
-    pressed: FloatArray,
-    approach: FloatArray,
-    tilt: FloatArray,
-) -> LayerResult:
-    """The result for all frames from that of the boards at rest; force, pressed: f64[m], the bearing taxels'."""
-    frames, sensors = wrench.shape[:2]
-    where = boards.frame[boards.group], boards.taxel
+def assemble_result(shape: Shape, loads: LayerLoads, settled: SettledBoards) -> LayerResult:
+    """The result for all frames and boards, from the boards that are loaded."""
+    boards, hand = settled.boards, loads.hand
+    frames, sensors = loads.wrench.shape[:2]
+    bearing_taxels = boards.frame[boards.group], boards.taxel
     contact_force = np.zeros((frames, hand.n_taxels))
-    contact_force[where] = force
-    at_rest = sensor_poses.copy()
-    at_rest[boards.frame, boards.board] = object_poses[boards.frame] @ boards.pose
-    separation = np.maximum(separations(hand, shape, at_rest, object_poses), 0.0)
-    separation[where] = np.where(pressed < 0, pressed, separation[where])
-    residual = np.zeros((len(boards.frame), 3))
+    contact_force[bearing_taxels] = settled.force
+    rest_poses = loads.sensor_poses.copy()
+    rest_poses[boards.frame, boards.board] = loads.object_poses[boards.frame] @ boards.pose
+    separation = np.maximum(compute_separations(hand, shape, rest_poses, loads.object_poses), 0.0)
+    is_compressed = settled.indentation < 0
+    separation[bearing_taxels] = np.where(is_compressed, settled.indentation, separation[bearing_taxels])
+    balance = np.zeros((len(boards.frame), 3))
     for i in range(3):
-        residual[:, i] = np.bincount(boards.group, force * boards.rows[:, i], len(boards.frame))
-    own = boards.frame, boards.board
-    force_left, moment_left, moves = -np.linalg.norm(wrench[..., :3], axis=-1), np.zeros((frames, sensors)), []
-    force_left[own] += residual[:, 0]
-    moment_left[own] = TILT_ARM_M * np.linalg.norm(residual[:, 1:], axis=1)
-    for values in (approach, tilt):
-        moves.append(np.zeros((frames, sensors, *values.shape[1:])))
-        moves[-1][own] = values
-    return LayerResult(contact_force, separation, force_left, moment_left, moves[0], moves[1], at_rest)
-
-
-def checked(hand: Hand | Sheet, poses: FloatArray, objects: FloatArray, wrench: FloatArray) -> FloatArray:
-    """The wrench, f64[T, s, 6], once all shapes fit; raises ValueError."""
-    frames, sensors = len(objects), len(hand.boards)
-    if (poses.shape, objects.shape, wrench.shape) != (
-        (frames, sensors, 4, 4),
-        (frames, 4, 4),
-        (frames, sensors, 6),
-    ):
-        raise ValueError(
-            f"expected sensor_poses [T, {sensors}, 4, 4], object_poses [T, 4, 4] and wrench [T, {sensors}, 6], "
-            f"found {poses.shape}, {objects.shape} and {wrench.shape}"
-        )
-    if not np.isfinite(wrench).all():
-        raise ValueError("wrench: expected finite numbers, found a NaN or an infinity")
-    return wrench
+        balance[:, i] = np.bincount(boards.group, settled.force * boards.rows[:, i], len(boards.frame))
+    loaded_boards = boards.frame, boards.board
+    force_residual = -np.linalg.norm(loads.wrench[..., :3], axis=-1)
+    force_residual[loaded_boards] += balance[:, 0]
+    moment_residual, approach = np.zeros((frames, sensors)), np.zeros((frames, sensors))
+    moment_residual[loaded_boards] = TILT_ARM_M * np.linalg.norm(balance[:, 1:], axis=1)
+    approach[loaded_boards] = settled.approach
+    tilt = np.zeros((frames, sensors, 2))
+    tilt[loaded_boards] = settled.tilt
+    return LayerResult(contact_force, separation, force_residual, moment_residual, approach, tilt, rest_poses)

@@ -1,4 +1,4 @@
-"""The elastic layer's contact in C (`native/`), called through ctypes: what `SoftContact` computes, and faster."""
+"""The contact of the elastic layer in C (`native/`), called through ctypes: `SoftContact` in less time."""
 
 import ctypes
 from functools import cache
@@ -13,21 +13,23 @@ from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import build_sheet
 from taxel.native_library import load_library
-from taxel.sim.soft_contact import DEEPEST_M, PARTS, LayerLaw, SoftLoad
+from taxel.sim.soft_contact import MAX_DEPTH_M, SPRINGS_PER_SIDE, LayerLaw, SoftLoad
 from taxel.types import FloatArray
 
 NEAR_M = 0.001
-"""Pieces whose layer is farther from the object are left out until their board has moved by as much against it."""
+"""Search distance, metres: pieces farther from the object are ignored until their board has moved by this distance
+relative to the object. The value changes the computing time, not the result.
+"""
 
-_NOBODYS = np.iinfo(np.uint32).max
+_NO_TAXEL = np.iinfo(np.uint32).max
 
 
 class SimLibraryError(TaxelError):
-    """The simulator's compiled library is missing or is not the one that this package was built with."""
+    """The simulator's compiled library is missing or belongs to another version of the package."""
 
 
 class _Layer(ctypes.Structure):
-    """`struct sim_layer`, with the law and the solid in it."""
+    """`struct sim_layer` of native/layer_contact.h, including its law and its solid."""
 
     _fields_ = [
         ("boards", ctypes.c_size_t),
@@ -61,8 +63,8 @@ class _Layer(ctypes.Structure):
 
 
 @cache
-def sim_library() -> ctypes.CDLL:
-    """The loaded library. Raises `SimLibraryError` if it was not built."""
+def load_sim_library() -> ctypes.CDLL:
+    """The simulator's compiled library. Raises `SimLibraryError` if the file is missing or of another version."""
     library = load_library("taxel_sim", "the simulator's compiled library", SimLibraryError)
     library.sim_layer_struct_size.restype = ctypes.c_size_t
     library.sim_layer_load.argtypes = [ctypes.c_void_p] * 6
@@ -75,8 +77,13 @@ def sim_library() -> ctypes.CDLL:
     return library
 
 
-class _Table(NamedTuple):
-    """The sheet's pieces, board after board, as the library takes them."""
+class _PieceTable(NamedTuple):
+    """Pieces of a sheet sorted by board, in the memory layout of the library.
+
+    first: index of the first piece of each board, [s + 1]. position, normal: f64[p, 3], bracket frame. taxel: u32[p],
+    `_NO_TAXEL` for a piece of the margin. board_size: f64[s], largest distance of a piece from the bracket's origin.
+    square_size_m: largest distance of a piece from the middle of its square.
+    """
 
     first: npt.NDArray[np.uintp]
     position: FloatArray
@@ -87,82 +94,84 @@ class _Table(NamedTuple):
 
 
 @cache
-def _table(hand: Hand) -> _Table:
-    sheet = build_sheet(hand, PARTS)
-    order = np.argsort(sheet.board_index, kind="stable")  # a sheet's bare squares come after all taxels
+def _build_table(hand: Hand) -> _PieceTable:
+    sheet = build_sheet(hand, SPRINGS_PER_SIDE)
+    order = np.argsort(sheet.board_index, kind="stable")  # the bare squares of a sheet follow after all taxels
     position, normal = (np.ascontiguousarray(part[order], dtype=np.float64) for part in (sheet.position, sheet.normal))
     first = np.searchsorted(sheet.board_index[order], np.arange(len(hand.boards) + 1)).astype(np.uintp)
-    square = order // PARTS**2
-    taxel = np.where(square < hand.n_taxels, square, _NOBODYS).astype(np.uint32)
-    away = np.linalg.norm(position, axis=1)
-    size = [away[begin:end].max(initial=0.0) for begin, end in pairwise(first)]
-    squares = position.reshape(-1, PARTS**2, 3)
-    spread = np.linalg.norm(squares - squares[:, PARTS**2 // 2, None], axis=2).max()
-    return _Table(first, position, normal, taxel, np.array(size), float(spread))
+    square = order // SPRINGS_PER_SIDE**2
+    taxel = np.where(square < hand.n_taxels, square, _NO_TAXEL).astype(np.uint32)
+    radius = np.linalg.norm(position, axis=1)
+    board_size = [radius[begin:end].max(initial=0.0) for begin, end in pairwise(first)]
+    squares = position.reshape(-1, SPRINGS_PER_SIDE**2, 3)
+    square_size = np.linalg.norm(squares - squares[:, SPRINGS_PER_SIDE**2 // 2, None], axis=2).max()
+    return _PieceTable(first, position, normal, taxel, np.array(board_size), float(square_size))
 
 
 class NativeContact:
-    """See `taxel.sim.soft_contact.LayerContact`. `law`: of the layer under one taxel.
+    """`taxel.sim.soft_contact.LayerContact` in C. law: force law of the layer on one taxel.
 
-    Raises `SimLibraryError`, and TypeError for a shape that the library does not know.
+    Raises `SimLibraryError`, and TypeError for a shape that the library does not support.
     """
 
     def __init__(self, hand: Hand, shape: Shape, law: LayerLaw) -> None:
-        self._call = sim_library().sim_layer_load
+        self._call = load_sim_library().sim_layer_load
         self._boards, self._taxels = len(hand.boards), hand.n_taxels
-        self._kept: list[npt.NDArray[Any]] = []
-        table = _table(hand)
-        unseen = np.full(self._boards, -1.0)
-        solid = self._solid(shape)
+        self._referenced_arrays: list[npt.NDArray[Any]] = []
+        table = _build_table(hand)
+        search_is_due = np.full(self._boards, -1.0)
+        solid = self._describe_solid(shape)
         faces = int(solid["faces"])
         self._layer = _Layer(
             boards=self._boards,
-            square_pieces=PARTS**2,
-            **{name: self._keep(getattr(table, name)) for name in ("first", "position", "normal", "taxel")},
-            board_size=self._keep(table.board_size),
+            square_pieces=SPRINGS_PER_SIDE**2,
+            **{name: self._reference(getattr(table, name)) for name in ("first", "position", "normal", "taxel")},
+            board_size=self._reference(table.board_size),
             square_size_m=table.square_size_m,
             thickness_m=hand.layer_m or 0.0,
             near_m=NEAR_M,
-            deepest_m=DEEPEST_M,
+            deepest_m=MAX_DEPTH_M,
             **vars(law),
             **solid,
-            near=self._keep(np.empty(len(table.position), np.uint32)),
-            near_count=self._keep(np.zeros(self._boards, np.uintp)),
-            near_normals=self._keep(np.empty((self._boards, faces, 3))),
-            near_offsets=self._keep(np.empty((self._boards, faces))),
-            near_faces=self._keep(np.zeros(self._boards, np.uintp)),
-            looked=self._keep(np.zeros((self._boards, 4, 4))),
-            slack_m=self._keep(unseen),
+            near=self._reference(np.empty(len(table.position), np.uint32)),
+            near_count=self._reference(np.zeros(self._boards, np.uintp)),
+            near_normals=self._reference(np.empty((self._boards, faces, 3))),
+            near_offsets=self._reference(np.empty((self._boards, faces))),
+            near_faces=self._reference(np.zeros(self._boards, np.uintp)),
+            looked=self._reference(np.zeros((self._boards, 4, 4))),
+            slack_m=self._reference(search_is_due),
         )
         self._address = ctypes.addressof(self._layer)
 
-    def _keep(self, array: npt.NDArray[Any]) -> int:
-        """Its address, for as long as this contact lives."""
-        self._kept.append(array)
+    def _reference(self, array: npt.NDArray[Any]) -> int:
+        """Address of an array, valid for the lifetime of this object."""
+        self._referenced_arrays.append(array)
         return int(array.ctypes.data)
 
-    def _solid(self, shape: Shape) -> dict[str, float]:
+    def _describe_solid(self, shape: Shape) -> dict[str, float]:
+        """Fields of `_Layer` that describe the shape."""
         if isinstance(shape, Cylinder):
             return {"faces": 0, "radius": shape.radius, "height": shape.height}
         if isinstance(shape, ConvexPolytope):
             normals, offsets = (np.ascontiguousarray(part) for part in (shape.normals, shape.offsets))
-            return {"faces": len(offsets), "normals": self._keep(normals), "offsets": self._keep(offsets)}
+            return {"faces": len(offsets), "normals": self._reference(normals), "offsets": self._reference(offsets)}
         raise TypeError(f"shape: expected a Cylinder or a ConvexPolytope, found {type(shape).__name__}")
 
-    def load(self, sensor_poses: FloatArray, object_pose: FloatArray) -> SoftLoad:
+    def compute_load(self, sensor_poses: FloatArray, object_pose: FloatArray) -> SoftLoad:
         """See `LayerContact`."""
-        return self._load(sensor_poses, object_pose, None)
+        return self._compute(sensor_poses, object_pose, None)
 
-    def taxel_forces(self, sensor_poses: FloatArray, object_pose: FloatArray) -> FloatArray:
+    def compute_taxel_forces(self, sensor_poses: FloatArray, object_pose: FloatArray) -> FloatArray:
         """See `LayerContact`."""
         force = np.zeros(self._taxels)
-        self._load(sensor_poses, object_pose, force.ctypes.data)
+        self._compute(sensor_poses, object_pose, force.ctypes.data)
         return force
 
-    def _load(self, sensor_poses: FloatArray, object_pose: FloatArray, force: int | None) -> SoftLoad:
+    def _compute(self, sensor_poses: FloatArray, object_pose: FloatArray, force: int | None) -> SoftLoad:
+        """Load on the boards; force: address of the f64[n] to which taxel forces are written, or None."""
         poses = np.ascontiguousarray(sensor_poses, dtype=np.float64)
         pose = np.ascontiguousarray(object_pose, dtype=np.float64)
-        if poses.shape != (self._boards, 4, 4) or pose.shape != (4, 4):  # the library checks nothing
+        if poses.shape != (self._boards, 4, 4) or pose.shape != (4, 4):  # the library does not check its arguments
             raise ValueError(
                 f"expected poses [{self._boards}, 4, 4] of brackets and [4, 4] of an object, "
                 f"found {poses.shape} and {pose.shape}"

@@ -1,4 +1,4 @@
-"""From a simulated motion to what every taxel feels, at the level that is asked for."""
+"""Force and separation of every taxel during a simulated motion, with one of four contact models."""
 
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
@@ -7,15 +7,15 @@ from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import build_sheet
 from taxel.sim.closing import GraspMotion
-from taxel.sim.cone_sensing import CONTACT_OFFSET_M, ConeSensing, base_radius, nominal_forces
+from taxel.sim.cone_sensing import CONTACT_OFFSET_M, ConeSensing, assign_nominal_force, compute_base_radius
 from taxel.sim.coupled_layer import press_coupled_layer
 from taxel.sim.layer import STIFFNESS_N_PER_M, press_layer
-from taxel.sim.separation import layer_thickness, separations
+from taxel.sim.separation import compute_separations, get_layer_thickness
 from taxel.sim.soft_contact import LayerLaw
 from taxel.types import FloatArray
 
-PARTS = 2
-"""Springs along each side of a taxel: an edge that passes between two taxels' centres presses both."""
+SPRINGS_PER_SIDE = 2
+"""Springs along each side of a taxel (chosen): an edge that passes between the centres of two taxels loads both."""
 
 Level = Literal["layer", "rigid", "coupled", "cones"]
 LEVELS: tuple[Level, ...] = ("layer", "rigid", "coupled", "cones")
@@ -23,14 +23,15 @@ LEVELS: tuple[Level, ...] = ("layer", "rigid", "coupled", "cones")
 
 @dataclass(frozen=True)
 class Sensing:
-    """How contact becomes force on taxels.
+    """Model that converts contact into forces on taxels.
 
-    level: "layer", an elastic layer of uncoupled springs that bears while the bodies move, `law` (the default);
-    "rigid", rigid boards, and afterwards the approach and two tilts of each at which uncoupled springs make MuJoCo's
-    net force and moments; "coupled", the same with springs that pull on each other; "cones", the thesis's own: contact
-    points against taxel centres. stiffness_n_per_m: of the springs under one taxel where they are linear.
-    cone_offset_m: how near a cone's tip touches. cone_pitches: how far the cones' bases reach beyond their own taxels,
-    to imitate contact propagation.
+    level: "layer" (default), an elastic layer of uncoupled springs with the force law `law`, which bears the load while
+    the bodies move; "rigid", rigid boards, and afterwards the approach and two tilts of each board at which uncoupled
+    linear springs balance MuJoCo's net force and moments; "coupled", as "rigid" with springs that a membrane couples;
+    "cones", the model of the thesis: contact points within a distance of taxel centres. stiffness_n_per_m: of the
+    linear springs under one taxel. cone_offset_m: distance from a cone's tip to the object up to which the cone
+    touches. cone_pitches: extension of the cones' bases beyond their own taxels, in pitches, to imitate contact
+    propagation.
     """
 
     level: Level = "layer"
@@ -40,40 +41,45 @@ class Sensing:
     cone_pitches: float = 0.0
 
 
-class Sensed(NamedTuple):
-    """contact_force: f64[T, n], newtons. separation: f64[T, n], metres."""
+class SensedContact(NamedTuple):
+    """Contact of all taxels. contact_force: f64[T, n], newtons. separation: f64[T, n], metres."""
 
     contact_force: FloatArray
     separation: FloatArray
 
 
-def sense(hand: Hand, shape: Shape, motion: GraspMotion, sensing: Sensing) -> Sensed:
-    """What every taxel of `hand` feels of an object of `shape` during `motion`.
+def sense(hand: Hand, shape: Shape, motion: GraspMotion, sensing: Sensing) -> SensedContact:
+    """Force and separation of every taxel of `hand` on an object of shape `shape` during `motion`.
 
-    With cones a taxel is active or not: an active one carries `NOMINAL_FORCE_N`, and separations are those of the
-    rigid geometry. A motion of rigid boards, such as somebody else's rollout, is sensed at level "rigid" where "layer"
-    is asked for. With cones the tips are at the layer's surface, which is what the rigid boards touch with: the
-    thesis's cones are as high as its layer.
+    With level "cones" an active taxel carries `NOMINAL_FORCE_N`, any other taxel no force, and the separations are
+    those of the rigid geometry. The tips of the cones lie on the layer's surface, where the rigid boards touch: the
+    cones of the thesis are as high as its layer. For a motion of rigid boards, such as an imported rollout, level
+    "layer" is evaluated as "rigid".
     """
     poses, objects = motion.sensor_poses, motion.object_pose
     if sensing.level == "layer" and motion.taxel_force is not None:
-        return Sensed(motion.taxel_force, separations(hand, shape, poses, objects))
+        return SensedContact(motion.taxel_force, compute_separations(hand, shape, poses, objects))
     if sensing.level == "cones":
-        cones = ConeSensing(base_radius(hand, sensing.cone_pitches), sensing.cone_offset_m, layer_thickness(hand))
+        cones = ConeSensing(
+            compute_base_radius(hand, sensing.cone_pitches), sensing.cone_offset_m, get_layer_thickness(hand)
+        )
         points = (motion.contacts.sample, motion.contacts.position)
-        active = cones.active(hand, shape, poses, objects, points)
-        return Sensed(nominal_forces(active), separations(hand, shape, poses, objects))
+        active = cones.find_active(hand, shape, poses, objects, points)
+        return SensedContact(assign_nominal_force(active), compute_separations(hand, shape, poses, objects))
     if sensing.level == "coupled":
         coupled = press_coupled_layer(hand, shape, poses, objects, motion.wrench, sensing.stiffness_n_per_m)
-        return Sensed(coupled.contact_force, coupled.separation)
+        return SensedContact(coupled.contact_force, coupled.separation)
     return _sense_layer(hand, shape, motion, sensing.stiffness_n_per_m)
 
 
-def _sense_layer(hand: Hand, shape: Shape, motion: GraspMotion, stiffness_n_per_m: float) -> Sensed:
-    """The uncoupled layer, `PARTS` x `PARTS` springs a taxel; the bare margin bears its part, which nothing feels."""
-    pieces = PARTS * PARTS
+def _sense_layer(hand: Hand, shape: Shape, motion: GraspMotion, stiffness_n_per_m: float) -> SensedContact:
+    """The uncoupled layer with `SPRINGS_PER_SIDE`^2 springs per taxel.
+
+    The margin of the sheet without electrodes bears its share of the load, which no taxel senses.
+    """
+    pieces = SPRINGS_PER_SIDE**2
     result = press_layer(
-        build_sheet(hand, PARTS),
+        build_sheet(hand, SPRINGS_PER_SIDE),
         shape,
         motion.sensor_poses,
         motion.object_pose,
@@ -82,4 +88,4 @@ def _sense_layer(hand: Hand, shape: Shape, motion: GraspMotion, stiffness_n_per_
     )
     frames = len(result.contact_force)
     force = result.contact_force[:, : hand.n_taxels * pieces].reshape(frames, hand.n_taxels, pieces).sum(axis=2)
-    return Sensed(force, separations(hand, shape, result.rest_poses, motion.object_pose))
+    return SensedContact(force, compute_separations(hand, shape, result.rest_poses, motion.object_pose))

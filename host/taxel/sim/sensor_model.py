@@ -1,4 +1,4 @@
-"""From force to raw counts: a saturating signal, white noise, and noise common to an RX line."""
+"""Raw counts of the simulated sensor: saturating signal of the force, white noise, and noise common to an RX line."""
 
 from dataclasses import asdict, dataclass
 
@@ -8,23 +8,27 @@ import numpy.typing as npt
 from taxel.errors import TaxelError
 from taxel.hand import Hand
 from taxel.recording.grasp_sensor_model import SensorModel
-from taxel.types import FloatArray
+from taxel.types import CountArray, FloatArray, IndexArray
 
 __all__ = ["FULL_SCALE_SIGNAL_COUNTS", "HALF_FORCE_N", "REST_COUNTS", "SensorModelError", "SimSensor"]
 
 REST_COUNTS = 2426.0
+"""Raw count without contact. Source: as `HALF_FORCE_N`."""
 FULL_SCALE_SIGNAL_COUNTS = 1915.0
+"""Limit of the signal for large forces, counts. Source: as `HALF_FORCE_N`."""
 HALF_FORCE_N = 1.656
-"""What an experimenter finds who presses single taxels of the emulated skin with known forces and fits the form to 0.05
-to 5 N. Source: tools/sim/fit_sensor_model.py."""
+"""Force at half of the full-scale signal, newtons. The three parameters are fitted to indentations of single taxels of
+the emulated skin with known forces of 0.05 to 5 N. Source: tools/sim/fit_sensor_model.py.
+"""
 
 NOISE_COUNTS = 4.0
+"""Standard deviation of the white noise of one taxel, counts (chosen)."""
 
-_LARGEST = np.iinfo(np.uint16).max
+_MAX_COUNTS = np.iinfo(np.uint16).max
 
 
 class SensorModelError(TaxelError, ValueError):
-    """A number of the sensor model that makes no sense. Attributes: field, expected, found."""
+    """A parameter of the sensor model is out of range. Attributes: field, expected, found."""
 
     def __init__(self, field: str, expected: str, found: str) -> None:
         super().__init__(field, expected, found)
@@ -38,11 +42,12 @@ class SensorModelError(TaxelError, ValueError):
 
 @dataclass(frozen=True)
 class SimSensor:
-    """The simulator's sensor: raw = round(baseline - signal + noise), with the signal of the dataset's sensor model.
+    """The simulated sensor: raw = round(baseline - signal + noise), equal for all taxels.
 
-    signal(F) = full_scale_drop_counts F / (F + half_force_n); all taxels are alike. noise_counts: standard deviation of
-    white noise. noise_line_counts: of noise that all taxels of one RX line of one board share in one frame, as they
-    share its amplifier; every frame is drawn anew. Raises SensorModelError for a number out of range.
+    signal(F) = full_scale_drop_counts F / (F + half_force_n), the sensor model of the dataset format. noise_counts:
+    standard deviation of the white noise. noise_line_counts: standard deviation of the noise that is common to all
+    taxels of one RX line of one board, which share an amplifier; independent between frames. Raises SensorModelError
+    for a number out of range.
     """
 
     baseline_counts: float = REST_COUNTS
@@ -55,13 +60,15 @@ class SimSensor:
         for field, value in asdict(self).items():
             zero_allowed = field.startswith("noise")
             if not (np.isfinite(value) and (value > 0 or (zero_allowed and value == 0))):
-                least = "of at least 0" if zero_allowed else "above 0"
-                raise SensorModelError(field, f"a finite number {least}", str(value))
-        if self.baseline_counts > _LARGEST:
-            raise SensorModelError("baseline_counts", f"at most {_LARGEST}", str(self.baseline_counts))
+                minimum = "of at least 0" if zero_allowed else "above 0"
+                raise SensorModelError(field, f"a finite number {minimum}", str(value))
+        if self.baseline_counts > _MAX_COUNTS:
+            raise SensorModelError("baseline_counts", f"at most {_MAX_COUNTS}", str(self.baseline_counts))
 
-    def told(self, stiffness_n_per_m: float, layer: str = "uncoupled") -> SensorModel:
-        """What a dataset says of it. The other two: of the elastic layer, for one taxel, newtons a metre."""
+    def make_dataset_model(self, stiffness_n_per_m: float, layer: str = "uncoupled") -> SensorModel:
+        """The sensor model that a dataset stores. stiffness_n_per_m: of the elastic layer under one taxel; layer: its
+        kind.
+        """
         return SensorModel(
             self.baseline_counts,
             self.full_scale_drop_counts,
@@ -77,37 +84,33 @@ class SimSensor:
         force = np.asarray(force_n, dtype=np.float64)
         return np.asarray(self.full_scale_drop_counts * force / (force + self.half_force_n))
 
-    def force_for(self, signal_counts: float) -> float:
-        """The force, newtons, that makes such a signal; infinite from the full scale on."""
-        left = self.full_scale_drop_counts - signal_counts
-        return self.half_force_n * signal_counts / left if left > 0 else float("inf")
+    def raw_counts(self, hand: Hand, force_n: npt.ArrayLike, generator: np.random.Generator) -> CountArray:
+        """Raw counts u16[T, n] under contact forces f64[T, n], newtons; `generator` supplies the noise.
 
-    def raw_counts(self, hand: Hand, force_n: npt.ArrayLike, generator: np.random.Generator) -> npt.NDArray[np.uint16]:
-        """Raw counts u16[T, n] under contact forces f64[T, n], newtons.
-
-        Noise comes from `generator`: the same seed gives the same counts. Raises ValueError for forces of another
-        shape, negative or not finite.
+        Raises ValueError for forces of another shape, negative or not finite.
         """
         force = np.asarray(force_n, dtype=np.float64)
         if force.ndim != 2 or force.shape[1] != hand.n_taxels:
             raise ValueError(f"force_n: expected [T, {hand.n_taxels}], found {force.shape}")
         if not np.isfinite(force).all() or (force < 0).any():
-            raise ValueError("force_n: expected finite forces of at least 0, found others")
+            raise ValueError(
+                "force_n: expected finite forces of at least 0, found a negative force, a NaN or an infinity"
+            )
         counts = self.baseline_counts - self.predict_signal(force)
         if self.noise_counts:
             counts += generator.normal(scale=self.noise_counts, size=force.shape)
         if self.noise_line_counts:
-            line = _rx_lines(hand)
+            line = _number_rx_lines(hand)
             shared = generator.normal(scale=self.noise_line_counts, size=(len(force), line.max() + 1))
             counts += shared[:, line]
-        return np.clip(np.rint(counts), 0, _LARGEST).astype(np.uint16)
+        return np.clip(np.rint(counts), 0, _MAX_COUNTS).astype(np.uint16)
 
     def attributes(self) -> dict[str, float]:
-        """What a dataset's /sensor_model says of this sensor."""
+        """The parameters as attributes of a dataset's group /sensor_model."""
         return asdict(self)
 
 
-def _rx_lines(hand: Hand) -> npt.NDArray[np.intp]:
-    """The RX line of each taxel, counted over all boards, [n]."""
+def _number_rx_lines(hand: Hand) -> IndexArray:
+    """Number of the RX line of each taxel, counted over all boards, [n]."""
     _, line = np.unique(hand.board_index * 256 + hand.rx, return_inverse=True)
     return np.asarray(line, dtype=np.intp)

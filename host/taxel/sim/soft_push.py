@@ -1,7 +1,8 @@
-"""One step of the bodies with the soft layer between hand and object, stable however stiff the layer is.
+"""One time step of the bodies with the soft layer between hand and object, stable for any stiffness of the layer.
 
-MuJoCo gives inertia, springs, bias forces and kinematics. The step is linearly implicit in the layer's stiffness K and
-in that of the mount: (M / h + D + h K) v' = M v / h + forces, then the position moves on with v'.
+MuJoCo computes inertia M, spring forces, bias forces and kinematics. The step of length h is linearly implicit in the
+stiffness K of layer and mount and in the damping D: (M / h + D + h K) v' = M v / h + forces. The positions are then
+integrated with the new velocity v'.
 """
 
 import copy
@@ -16,41 +17,45 @@ from taxel.sim.soft_contact import LayerContact
 from taxel.types import FloatArray
 
 SOFT_STEP_S: Final = 0.004
-"""Not the emulated hand's step, and not that of rigid contact."""
+"""Time step with the soft layer, seconds (chosen). It differs from the time steps of the emulated hand and of rigid
+contact, so that no agreement between them is due to equal steps.
+"""
 
 STICKING_RAD_S: Final = 0.003
-"""Below this speed a joint's friction acts as a stiff damper."""
+"""Joint speed below which dry friction acts as a stiff damper, rad/s (chosen). A smaller value lets joints creep less
+and makes the friction force change more abruptly.
+"""
 
 
 class SoftPush:
-    """Moves a scene whose hand and object meet through `soft` only, by `step_s` seconds at a time."""
+    """Time integration, with step `step_s`, of a scene in which hand and object touch only through `contact`."""
 
-    def __init__(self, scene: Scene, soft: LayerContact, step_s: float = SOFT_STEP_S) -> None:
-        self._soft, self.step_s = soft, step_s
+    def __init__(self, scene: Scene, contact: LayerContact, step_s: float = SOFT_STEP_S) -> None:
+        self._contact, self.step_s = contact, step_s
         self._model = model = copy.copy(scene.model)
-        # The layer bears, not the solids; friction and the joints' ranges are in the step itself.
+        # The layer replaces MuJoCo's contact; joint friction and joint ranges are part of `step`.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT
         model.opt.timestep = step_s
         self._damping = model.dof_damping.copy()
-        model.dof_damping[:] = 0.0  # it is in the implicit part: MuJoCo's passive forces are the springs' alone
+        model.dof_damping[:] = 0.0  # damping is implicit in `step`: MuJoCo's passive forces contain the springs alone
         self._item = model.body("object").id
-        self._boards, self._places = scene.board_bodies, scene.board_poses
+        self._boards, self._board_poses = scene.board_bodies, scene.board_poses
         hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
         self._hinge_dofs, self._hinge_angles = model.jnt_dofadr[hinges], model.jnt_qposadr[hinges]
-        self._low, self._high = model.jnt_range[hinges].T.copy()
+        self._min_angles, self._max_angles = model.jnt_range[hinges].T.copy()
         self._spring = np.where(np.isin(model.dof_jntid, hinges), 0.0, model.jnt_stiffness[model.dof_jntid])
         self._roots = model.body_rootid[model.dof_bodyid]
-        carried = np.stack([_carried(model, int(body)) for body in self._boards])
-        self._carried = carried - _carried(model, self._item)  # of the relative motion
+        moves_board = np.stack([_find_moving_dofs(model, int(body)) for body in self._boards])
+        self._dof_sign = moves_board - _find_moving_dofs(model, self._item)  # for motion relative to the object
         self._inertia = np.zeros((model.nv, model.nv))
 
     def step(self, data: mujoco.MjData) -> None:
-        """Move on by `step_s` under `data.qfrc_applied`; only qpos and qvel are those of the new moment."""
+        """Advance by `step_s` under `data.qfrc_applied`. Afterwards only qpos, qvel and time in `data` are current."""
         model, h, inertia = self._model, self.step_s, self._inertia
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
-        poses = self._sensor_poses(data)
-        load = self._soft.load(poses, self._object_pose(data))
+        poses = self._read_sensor_poses(data)
+        load = self._contact.compute_load(poses, self._read_object_pose(data))
         mujoco.mj_fullM(model, data, inertia)
         velocity = data.qvel
         force = data.qfrc_applied + data.qfrc_passive - data.qfrc_bias + inertia @ velocity / h
@@ -59,59 +64,60 @@ class SoftPush:
         system = inertia / h
         system.flat[:: model.nv + 1] += damping
         if load.wrench.any():
-            motion = self._motion(data, poses)
-            flat = motion.reshape(-1, model.nv)
-            force += load.wrench.ravel() @ flat
-            system += h * flat.T @ (load.stiffness @ motion).reshape(-1, model.nv)
+            jacobian = self._compute_jacobian(data, poses)
+            stacked = jacobian.reshape(-1, model.nv)
+            force += load.wrench.ravel() @ stacked
+            system += h * stacked.T @ (load.stiffness @ jacobian).reshape(-1, model.nv)
         velocity[:] = np.linalg.solve(system, force)
         mujoco.mj_integratePos(model, data.qpos, velocity, h)
-        self._stop(data)
+        self._limit_joints(data)
         data.time += h
 
-    def feel(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
-        """Wrench on each board in its bracket's frame f64[s, 6], and force on every taxel f64[n]."""
-        poses, pose = self._sensor_poses(data), self._object_pose(data)
-        load = self._soft.load(poses, pose)
-        back = inverse(poses)
-        parts = [rotate(back, load.wrench[:, None, part])[:, 0] for part in (slice(0, 3), slice(3, 6))]
-        return np.hstack(parts), self._soft.taxel_forces(poses, pose)
+    def compute_loads(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
+        """Wrench on each board in its bracket's frame, f64[s, 6], and force on every taxel, f64[n]; N and Nm."""
+        poses, object_pose = self._read_sensor_poses(data), self._read_object_pose(data)
+        wrench = self._contact.compute_load(poses, object_pose).wrench
+        to_bracket = inverse(poses)
+        force, moment = (rotate(to_bracket, wrench[:, None, part])[:, 0] for part in (slice(0, 3), slice(3, 6)))
+        return np.hstack([force, moment]), self._contact.compute_taxel_forces(poses, object_pose)
 
-    def _stop(self, data: mujoco.MjData) -> None:
-        """A joint stays in its range, and loses its speed at the end of it."""
-        wanted = data.qpos[self._hinge_angles]
-        stopped = (wanted < self._low) | (wanted > self._high)
-        if stopped.any():
-            data.qpos[self._hinge_angles] = np.clip(wanted, self._low, self._high)
-            data.qvel[self._hinge_dofs[stopped]] = 0.0
+    def _limit_joints(self, data: mujoco.MjData) -> None:
+        """Clip the joint angles to their ranges; a joint at the end of its range has no velocity."""
+        angles = data.qpos[self._hinge_angles]
+        out_of_range = (angles < self._min_angles) | (angles > self._max_angles)
+        if out_of_range.any():
+            data.qpos[self._hinge_angles] = np.clip(angles, self._min_angles, self._max_angles)
+            data.qvel[self._hinge_dofs[out_of_range]] = 0.0
 
-    def _sensor_poses(self, data: mujoco.MjData) -> FloatArray:
+    def _read_sensor_poses(self, data: mujoco.MjData) -> FloatArray:
+        """Poses of the brackets in the world, f64[s, 4, 4]."""
         poses = np.zeros((len(self._boards), 4, 4))
         poses[:, :3, :3] = data.xmat[self._boards].reshape(-1, 3, 3)
         poses[:, :3, 3], poses[:, 3, 3] = data.xpos[self._boards], 1.0
-        return poses @ self._places
+        return poses @ self._board_poses
 
-    def _object_pose(self, data: mujoco.MjData) -> FloatArray:
+    def _read_object_pose(self, data: mujoco.MjData) -> FloatArray:
+        """Pose of the object in the world, f64[4, 4]."""
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = data.xmat[self._item].reshape(3, 3), data.xpos[self._item]
         return pose
 
-    def _motion(self, data: mujoco.MjData, poses: FloatArray) -> FloatArray:
-        """How fast each bracket's origin moves, and the bracket turns, against the object with each degree of freedom.
-
-        f64[s, 6, dofs], in the world. Where the object moves, it is that of the point at the bracket's origin.
+    def _compute_jacobian(self, data: mujoco.MjData, poses: FloatArray) -> FloatArray:
+        """Velocity and angular velocity of each bracket relative to the object, per unit velocity of each degree of
+        freedom: f64[s, 6, dofs], world. The velocity is that of the object's point at the bracket's origin.
         """
-        turn, about = data.cdof[:, :3], data.subtree_com[self._roots]  # MuJoCo's are about the whole tree's centre
-        motion = np.empty((len(poses), 6, len(turn)))
-        arm = poses[:, None, :3, 3] - about
-        motion[:, :3] = (data.cdof[:, 3:] + cross(turn, arm)).transpose(0, 2, 1)
-        motion[:, 3:] = turn.T
-        motion *= self._carried[:, None]
-        return motion
+        rotation_axis, centre = data.cdof[:, :3], data.subtree_com[self._roots]  # cdof refers to the tree's centre
+        jacobian = np.empty((len(poses), 6, len(rotation_axis)))
+        arm = poses[:, None, :3, 3] - centre
+        jacobian[:, :3] = (data.cdof[:, 3:] + cross(rotation_axis, arm)).transpose(0, 2, 1)
+        jacobian[:, 3:] = rotation_axis.T
+        jacobian *= self._dof_sign[:, None]
+        return jacobian
 
 
-def _carried(model: mujoco.MjModel, body: int) -> FloatArray:
-    """Which degrees of freedom move a body, f64[dofs]: 1 for its own and those above it, else 0."""
-    above = [body]
-    while above[-1] > 0:
-        above.append(int(model.body_parentid[above[-1]]))
-    return np.isin(model.dof_bodyid, above).astype(np.float64)
+def _find_moving_dofs(model: mujoco.MjModel, body: int) -> FloatArray:
+    """Degrees of freedom that move a body, f64[dofs]: 1 for those of the body and of its ancestors, 0 elsewhere."""
+    ancestors = [body]
+    while ancestors[-1] > 0:
+        ancestors.append(int(model.body_parentid[ancestors[-1]]))
+    return np.isin(model.dof_bodyid, ancestors).astype(np.float64)

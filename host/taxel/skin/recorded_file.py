@@ -3,7 +3,7 @@
 from taxel.hand import Hand
 from taxel.link import Link, LinkError
 from taxel.link.capture import CaptureLink
-from taxel.link.url import recorded_path
+from taxel.link.url import get_recorded_path
 
 
 def open_file(url: str, hand: Hand | None = None) -> Link:
@@ -12,7 +12,7 @@ def open_file(url: str, hand: Hand | None = None) -> Link:
     Raises `LinkError` if the URL names no file, `CaptureError` if the file cannot be read, and `MissingPackageError` if
     the file needs a library that is not installed.
     """
-    path = recorded_path(url)
+    path = get_recorded_path(url)
     if path is None:
         raise LinkError(url, "is not a file: URL; expected file:capture.bin")
     from taxel.ros.mcap_signature import is_mcap

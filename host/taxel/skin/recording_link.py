@@ -38,7 +38,7 @@ class RecordingLink:
         self.baud = link.baud
         self.is_real_time = link.is_real_time
         self.is_recorded = link.is_recorded
-        self.holds_back = link.holds_back
+        self.has_flow_control = link.has_flow_control
         self.has_arrivals = has_arrivals(link)
         self.header: dict[str, Any] = getattr(link, "header", {})
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from taxel.errors import TaxelError
 from taxel.hand import Hand
-from taxel.link import Link, clock_of
+from taxel.link import Link, get_clock
 from taxel.signal import BASELINE_SAMPLES, Baseline, BaselineResult
 from taxel.stream import HubClient, LossAccount, TaxelFrame
 from taxel.stream.cycles import CycleSorter
@@ -81,7 +81,7 @@ class Skin:
         self.hub.start(self._compact)
 
     def _discover(self) -> None:
-        now_s = clock_of(self._stream.link)
+        now_s = get_clock(self._stream.link)
         deadline = now_s() + DISCOVERY_TIMEOUT_S
         while True:
             self.hub.read_boards()

@@ -68,7 +68,7 @@ class CaptureDecoder:
             for batch in self.decoder.finish():
                 yield CapturedBatch(batch, np.array([(position, arrivals[-1]["time_ns"])], dtype=ARRIVAL))
             if fill:
-                raise link.broken(link.position - fill, is_cut=required <= RECORD_HEAD + RECORD_MAX)
+                raise link.make_damage_error(link.position - fill, is_interrupted=required <= RECORD_HEAD + RECORD_MAX)
 
     def _keep_partial_record(self, partial: slice, required: int) -> None:
         """Move an incomplete record to the front of the block and enlarge the block to `required` bytes if needed.
@@ -76,7 +76,7 @@ class CaptureDecoder:
         The block never exceeds the bytes that remain in the file, so a damaged length field cannot exhaust memory.
         """
         begin = self._block[partial].copy()
-        size = min(required, len(begin) + self._link.bytes_left)
+        size = min(required, len(begin) + self._link.remaining_bytes)
         if size > len(self._block) and required <= RECORD_HEAD + RECORD_MAX:
             self._allocate(size)
         self._block[: len(begin)] = begin

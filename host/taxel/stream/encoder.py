@@ -55,7 +55,7 @@ class FramesLink:
 
     is_real_time = False
     is_recorded = True
-    holds_back = False
+    has_flow_control = False
     has_arrivals = False
     baud = 1e6
 

@@ -4,7 +4,7 @@ from collections import deque
 from typing import Any
 
 from taxel.errors import TaxelError
-from taxel.link import Link, clock_of
+from taxel.link import Link, get_clock
 from taxel.stream.frame_stream import FrameStream
 from taxel.stream.frames import HubMessage
 from taxel_protocol import (
@@ -56,7 +56,7 @@ class HubClient:
 
     def __init__(self, link: Link) -> None:
         self._link = link
-        self._now_s = clock_of(link)
+        self._now_s = get_clock(link)
         self.stream = FrameStream(link, self._take, on_acknowledgements=None if link.is_recorded else self._acknowledge)
         self.version = 0
         self.last_handshake: dict[str, Any] | None = None

@@ -102,7 +102,9 @@ def test_the_fixed_layer_gives_the_forces_of_the_simulators_layer(plan):
     """With the same number of springs per taxel as `taxel.sim.soft_contact`."""
     for approach in plan.approaches:
         shape = plan.objects[approach.object].shape
-        expected = SoftContact(plan.hand, shape, LayerLaw()).taxel_forces(plan.bracket_poses, approach.held_pose)
+        expected = SoftContact(plan.hand, shape, LayerLaw()).compute_taxel_forces(
+            plan.bracket_poses, approach.held_pose
+        )
         layer = FixedSkinLayer(plan.hand, plan.bracket_poses, LayerLaw(), 3)
         forces = layer.taxel_forces(layer.near(shape, approach.held_pose), shape, approach.held_pose)
         assert expected.sum() > 1.0

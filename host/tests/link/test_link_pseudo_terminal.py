@@ -13,7 +13,7 @@ import taxel
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link import PortVanishedError, SerialLink, write_stimulus
-from taxel.link.emulator import emulator_program
+from taxel.link.emulator import find_emulator_program
 from taxel_protocol import FrameType, ReferenceDecoder
 
 TIMEOUT_S = 20.0
@@ -30,7 +30,7 @@ def start_emulator(tmp_path):
         description = load_hand(hand)
         (tmp_path / "world.txt").write_text(format_world(description, WorldSettings()))
         write_stimulus(tmp_path / "a.stm", [0.0], [COUNTS[hand]], "counts")
-        command = [emulator_program(), "--world", tmp_path / "world.txt", "--uart", "pty"]
+        command = [find_emulator_program(), "--world", tmp_path / "world.txt", "--uart", "pty"]
         command += ["--stimulus", tmp_path / "a.stm"]
         process = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
         processes.append(process)

@@ -177,7 +177,7 @@ def test_a_port_without_modem_lines_works_without_flow_control_and_low_latency(m
     monkeypatch.setattr(serial, "serial_for_url", lambda *args, **kwargs: PortWithoutModemLines())
     link = SerialLink("/dev/ttyUSB0", low_latency=True)
     assert link.read(0.5).data == b"x"
-    assert not link.holds_back
+    assert not link.has_flow_control
 
 
 def test_requested_flow_control_is_refused_by_a_port_without_modem_lines(monkeypatch):

@@ -44,10 +44,10 @@ def test_options_of_a_serial_url_reach_the_port(terminal):
     link.close()
 
 
-@pytest.mark.parametrize(("query", "holds_back"), [("", False), ("?rtscts=0", False), ("?rtscts=1", True)])
-def test_a_serial_link_has_flow_control_only_with_rtscts_1(terminal, query, holds_back):
+@pytest.mark.parametrize(("query", "has_flow_control"), [("", False), ("?rtscts=0", False), ("?rtscts=1", True)])
+def test_a_serial_link_has_flow_control_only_with_rtscts_1(terminal, query, has_flow_control):
     link = open_link(f"serial://{terminal.name}{query}")
-    assert link.holds_back is holds_back
+    assert link.has_flow_control is has_flow_control
     link.close()
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from taxel.hand import Hand, load_hand
 from taxel.hand.world import WorldSettings, format_world
-from taxel.link.emulator import emulator_program
+from taxel.link.emulator import find_emulator_program
 from taxel.monitor import SkinMonitor
 from taxel.stream import BoardCount, TaxelFrame
 
@@ -75,7 +75,7 @@ def emulated_port() -> Iterator[str]:
         world = Path(folder) / "world.txt"
         world.write_text(format_world(load_hand("allegro"), WorldSettings()))
         process = subprocess.Popen(
-            [emulator_program(), "--world", world, "--uart", "pty"], stdout=subprocess.PIPE, text=True
+            [find_emulator_program(), "--world", world, "--uart", "pty"], stdout=subprocess.PIPE, text=True
         )
         assert process.stdout is not None
         yield process.stdout.readline().split()[-1]

@@ -19,7 +19,7 @@ from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
 from taxel.hand.kinematics import build_kinematics
 from taxel.hand.transforms import inverse, make_pose, to_rotation_vector
-from taxel.sim.closing import simulate_grasp
+from taxel.sim.closing import SimulationSettings, simulate_grasp
 from taxel.sim.scene import JOINT_FRICTION_NM, build_scene
 
 HAND = load_hand("allegro")
@@ -150,7 +150,9 @@ def test_in_baseline_and_recovery_the_hand_is_at_rest_without_load(key):
 def test_a_withdrawn_palm_has_no_load_before_it_approaches_a_displaced_object():
     offset = make_pose([0.0, 0.002, 0.0], [1, 0, 0, 0])
     for approach in (replace(FIRST_APPROACH, withdraw_m=0.0), FIRST_APPROACH):
-        motion = simulate_grasp(build_object_scene("rectangular_prism"), approach, TIMELINE, object_offset=offset)
+        motion = simulate_grasp(
+            build_object_scene("rectangular_prism"), approach, TIMELINE, SimulationSettings(object_offset=offset)
+        )
         assert (np.abs(motion.wrench[0]).max() == 0.0) == (approach.withdraw_m > 0)
         assert compute_board_forces(motion, last_sample(motion, Phase.HOLD))["palm"] > 1.0
 
@@ -177,7 +179,10 @@ def test_poses_agree_with_forward_kinematics():
 
 def test_equal_arguments_give_equal_bytes_and_another_seed_differs():
     scene = build_object_scene("cylinder")
-    a, b, c = (simulate_grasp(scene, APPROACHES["cylinder-side_1"], TIMELINE, seed=seed) for seed in (7, 7, 8))
+    a, b, c = (
+        simulate_grasp(scene, APPROACHES["cylinder-side_1"], TIMELINE, SimulationSettings(seed=seed))
+        for seed in (7, 7, 8)
+    )
     assert a.wrench.tobytes() == b.wrench.tobytes()
     assert a.contacts.position.tobytes() == b.contacts.position.tobytes()
     assert a.joint_angles.tobytes() != c.joint_angles.tobytes()
@@ -185,7 +190,9 @@ def test_equal_arguments_give_equal_bytes_and_another_seed_differs():
 
 def test_an_object_displaced_towards_the_palm_increases_the_palm_force():
     offset = make_pose([0.0, 0.002, 0.0], [1, 0, 0, 0])  # 2 mm towards the palm
-    moved = simulate_grasp(build_object_scene("rectangular_prism"), FIRST_APPROACH, TIMELINE, object_offset=offset)
+    moved = simulate_grasp(
+        build_object_scene("rectangular_prism"), FIRST_APPROACH, TIMELINE, SimulationSettings(object_offset=offset)
+    )
     nominal = simulate_approach("rectangular_prism-wide_side_1")
     assert np.allclose(moved.object_pose[0], make_standing_pose() @ offset, atol=1e-6)
     end = last_sample(nominal, Phase.HOLD)
@@ -194,7 +201,10 @@ def test_an_object_displaced_towards_the_palm_increases_the_palm_force():
 
 def test_half_the_torque_gives_about_half_the_fingertip_forces():
     scene, key = build_object_scene("rectangular_prism"), "rectangular_prism-wide_side_1"
-    half, full = simulate_grasp(scene, FIRST_APPROACH, TIMELINE, torque_scale=0.5), simulate_approach(key)
+    half, full = (
+        simulate_grasp(scene, FIRST_APPROACH, TIMELINE, SimulationSettings(torque_scale=0.5)),
+        simulate_approach(key),
+    )
     end = last_sample(full, Phase.HOLD)
     tips = [i for i, board in enumerate(HAND.boards) if board.name.startswith("fingertip")]
     fingertip_forces = [np.linalg.norm(motion.wrench[end, tips, :3], axis=1).sum() for motion in (half, full)]
@@ -207,7 +217,9 @@ def test_a_hand_of_one_board_on_one_hinge_is_simulated():
     scene = build_scene(hand, GraspObject("brick", ConvexPolytope.box(0.02, 0.02, 0.02), ""), "world")
     approach = Approach("brick", "under", np.eye(4), np.array([0.3]), np.array([np.nan]), np.array([0.2]))
     object_offset = make_pose([0.02, 0.0, 0.125], [1, 0, 0, 0])
-    motion = simulate_grasp(scene, approach, TIMELINE, object_pose=np.eye(4), object_offset=object_offset)
+    motion = simulate_grasp(
+        scene, approach, TIMELINE, SimulationSettings(object_pose=np.eye(4), object_offset=object_offset)
+    )
     assert motion.joint_angles.shape[1] == 1
     assert motion.wrench.shape[1:] == (len(hand.boards), 6)
 
@@ -216,4 +228,6 @@ def test_an_approach_to_another_object_and_an_invalid_rate_are_refused():
     with pytest.raises(ValueError, match="'cylinder'"):
         simulate_grasp(build_object_scene("cylinder"), FIRST_APPROACH, TIMELINE)
     with pytest.raises(ValueError, match="rate_hz"):
-        simulate_grasp(build_object_scene("rectangular_prism"), FIRST_APPROACH, TIMELINE, rate_hz=1e4)
+        simulate_grasp(
+            build_object_scene("rectangular_prism"), FIRST_APPROACH, TIMELINE, SimulationSettings(rate_hz=1e4)
+        )

@@ -6,7 +6,7 @@ import pytest
 from taxel.grasp.shapes import ConvexPolytope, Cylinder
 from taxel.hand import load_hand
 from taxel.hand.kinematics import compute_taxel_positions
-from taxel.sim.cone_sensing import NOMINAL_FORCE_N, ConeSensing, base_radius, nominal_forces
+from taxel.sim.cone_sensing import NOMINAL_FORCE_N, ConeSensing, assign_nominal_force, compute_base_radius
 from taxel.sim.sensor_model import SimSensor
 
 HAND = load_hand("allegro")
@@ -27,15 +27,15 @@ def place_palm_above(gap, shape=SLAB):
 
 
 def test_the_threshold_is_the_distance_from_tip_to_rim():
-    assert base_radius(HAND) == pytest.approx(2.12e-3, abs=5e-6)
-    assert ConeSensing(base_radius(HAND)).threshold_m == pytest.approx(2.35e-3, abs=5e-6)
-    assert ConeSensing(base_radius(HAND, pitches=1)).threshold_m == pytest.approx(7.19e-3, abs=5e-6)
+    assert compute_base_radius(HAND) == pytest.approx(2.12e-3, abs=5e-6)
+    assert ConeSensing(compute_base_radius(HAND)).threshold_m == pytest.approx(2.35e-3, abs=5e-6)
+    assert ConeSensing(compute_base_radius(HAND, pitches=1)).threshold_m == pytest.approx(7.19e-3, abs=5e-6)
 
 
 @pytest.mark.parametrize(("gap", "offset", "touches"), [(1e-4, 2e-4, True), (3e-4, 2e-4, False), (-1e-4, -2e-4, False)])
 def test_a_cone_touches_only_within_the_contact_offset(gap, offset, touches):
-    cones = ConeSensing(base_radius(HAND), contact_offset_m=offset)
-    is_touching = cones.tips_in_contact(HAND, SLAB, place_palm_above(gap), IDENTITY)
+    cones = ConeSensing(compute_base_radius(HAND), contact_offset_m=offset)
+    is_touching = cones.find_touching_tips(HAND, SLAB, place_palm_above(gap), IDENTITY)
     assert is_touching[0, PALM].all() == touches
     assert is_touching.sum() == touches * PALM_TAXELS
 
@@ -43,8 +43,8 @@ def test_a_cone_touches_only_within_the_contact_offset(gap, offset, touches):
 def test_a_rod_activates_the_taxels_above_it_and_wide_cones_also_their_neighbours():
     rod = Cylinder(0.004, 0.1)
     poses = place_palm_above(0.0, rod)
-    narrow = ConeSensing(base_radius(HAND)).active(HAND, rod, poses, IDENTITY)[0]
-    wide = ConeSensing(base_radius(HAND, pitches=1)).active(HAND, rod, poses, IDENTITY)[0]
+    narrow = ConeSensing(compute_base_radius(HAND)).find_active(HAND, rod, poses, IDENTITY)[0]
+    wide = ConeSensing(compute_base_radius(HAND, pitches=1)).find_active(HAND, rod, poses, IDENTITY)[0]
     centres = compute_taxel_positions(HAND, poses)[0]
     np.testing.assert_array_equal(narrow[PALM], np.hypot(*centres[PALM, :2].T) <= 0.0042)  # rod radius and tip size
     gap = np.linalg.norm(centres[:, None, :2] - centres[None, narrow, :2], axis=2).min(axis=1)
@@ -56,19 +56,19 @@ def test_a_contact_point_of_the_physics_engine_activates_the_nearest_taxel():
     poses = place_palm_above(0.02)
     taxel = PALM.start + 60  # near the middle of the palm
     centre = compute_taxel_positions(HAND, poses)[0, taxel]
-    cones = ConeSensing(base_radius(HAND))
-    assert not cones.active(HAND, SLAB, poses, IDENTITY).any()
+    cones = ConeSensing(compute_base_radius(HAND))
+    assert not cones.find_active(HAND, SLAB, poses, IDENTITY).any()
     points = (np.array([0]), centre[None] - [0, 0, 0.001])
-    assert np.flatnonzero(cones.active(HAND, SLAB, poses, IDENTITY, points)).tolist() == [taxel]
+    assert np.flatnonzero(cones.find_active(HAND, SLAB, poses, IDENTITY, points)).tolist() == [taxel]
 
 
 def test_frames_are_evaluated_independently():
     poses = np.concatenate([place_palm_above(0.0), place_palm_above(0.01), place_palm_above(0.0)])
-    active = ConeSensing(base_radius(HAND)).active(HAND, SLAB, poses, np.tile(np.eye(4), (3, 1, 1)))
+    active = ConeSensing(compute_base_radius(HAND)).find_active(HAND, SLAB, poses, np.tile(np.eye(4), (3, 1, 1)))
     assert active.sum(axis=1).tolist() == [PALM_TAXELS, 0, PALM_TAXELS]
 
 
 def test_the_nominal_force_of_an_active_taxel_exceeds_twice_the_activation_threshold():
-    force = nominal_forces(np.array([[True, False]]))
+    force = assign_nominal_force(np.array([[True, False]]))
     assert force.tolist() == [[NOMINAL_FORCE_N, 0.0]]
     assert SimSensor().predict_signal(NOMINAL_FORCE_N) > 2 * 150  # threshold: 150 counts

@@ -15,17 +15,17 @@ from taxel.hand.transforms import to_quaternion
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.sim.closing import simulate_grasp
-from taxel.sim.cone_sensing import NOMINAL_FORCE_N, ConeSensing, base_radius
+from taxel.sim.cone_sensing import NOMINAL_FORCE_N, ConeSensing, compute_base_radius
 from taxel.sim.importers.active_points import import_active
 from taxel.sim.importers.gazebo_csv import default_threshold, distribute_forces, import_contacts
 from taxel.sim.importers.options import ImportOptions
 from taxel.sim.scene import build_scene
-from taxel.sim.separation import separations
+from taxel.sim.separation import compute_separations
 
 POSE_COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
 HAND = load_hand("allegro")
 CYLINDER = make_thesis_objects()["cylinder"]
-CONES = ConeSensing(base_radius(HAND), contact_offset_m=0.001)
+CONES = ConeSensing(compute_base_radius(HAND), contact_offset_m=0.001)
 SCENE = build_scene(HAND, CYLINDER, "palm")
 STANDING_OPTIONS = ImportOptions(object_poses={"cylinder": make_standing_pose()}, baseline_frames=100)
 
@@ -90,7 +90,7 @@ def write_contacts_file(path, points, **extra_columns):
 def find_tip_contacts():
     """Frames [c] and positions [c, 3] of the cone tips in contact, as in the simulator of the thesis."""
     motion = simulate_motion()
-    frame, taxel = np.nonzero(CONES.tips_in_contact(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose))
+    frame, taxel = np.nonzero(CONES.find_touching_tips(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose))
     position = compute_taxel_positions(HAND, motion.sensor_poses) + 0.001 * compute_taxel_normals(
         HAND, motion.sensor_poses
     )
@@ -101,7 +101,7 @@ def test_contact_points_of_the_simulator_activate_the_same_taxels_as_cone_sensin
     motion = simulate_motion()
     engine = motion.contacts.sample, motion.contacts.position
     points = tuple(np.concatenate(pair) for pair in zip(find_tip_contacts(), engine, strict=True))
-    expected = CONES.active(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose, engine)
+    expected = CONES.find_active(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose, engine)
     report = import_contacts(
         write_contacts_file(tmp_path / "contacts.csv", points),
         tmp_path / "sim.h5",
@@ -116,7 +116,7 @@ def test_contact_points_of_the_simulator_activate_the_same_taxels_as_cone_sensin
         np.testing.assert_array_equal(grasp.contact_force[imported_frames], np.where(expected, NOMINAL_FORCE_N, 0.0))
         np.testing.assert_array_equal(grasp.phase[imported_frames], motion.phase)
         np.testing.assert_allclose(grasp.timestamp[imported_frames], motion.time_s)
-        geometry = separations(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose)
+        geometry = compute_separations(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose)
         np.testing.assert_allclose(grasp.separation[imported_frames], geometry, atol=1e-8)
         active, is_known = grasp.active_taxels()
         hold = motion.phase == Phase.HOLD
@@ -214,7 +214,7 @@ def test_without_phases_all_contacts_are_frames_of_hold(tmp_path):
     )
     with GraspDataset(tmp_path / "sim.h5") as data:
         assert data["0001"].phase.tolist() == [0] * 100 + [2]
-        expected = CONES.active(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose)[end]
+        expected = CONES.find_active(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose)[end]
         np.testing.assert_array_equal(data["0001"].active_taxels()[0], expected)
     assert report.frames == 101
 
@@ -298,7 +298,7 @@ def test_joint_angles_are_interpolated_between_recorded_times(tmp_path):
 def test_active_taxels_are_imported_by_their_positions(tmp_path):
     motion = simulate_motion()
     end = int(np.flatnonzero(motion.phase == Phase.HOLD)[-1])
-    active = CONES.active(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose)[end]
+    active = CONES.find_active(HAND, CYLINDER.shape, motion.sensor_poses, motion.object_pose)[end]
     rng = np.random.default_rng(3)
     centres = compute_taxel_positions(HAND, motion.sensor_poses)[end] + rng.uniform(-2e-4, 2e-4, (HAND.n_taxels, 3))
     rows = [

@@ -13,7 +13,7 @@ from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.sim import closing
-from taxel.sim.contacts import StepContacts, board_wrenches
+from taxel.sim.contacts import StepContacts, compute_board_wrenches
 from taxel.sim.importers.errors import ImportDataError
 from taxel.sim.importers.mujoco_rollout import import_rollout
 from taxel.sim.importers.options import ImportOptions
@@ -32,7 +32,7 @@ STATES = ("qpos", "qvel", "mocap_pos", "mocap_quat", "qfrc_applied")
 @cache
 def record_simulated_grasp():
     """A grasp of the built-in simulator, and the MuJoCo state at every sample by array name."""
-    states, original = {name: [] for name in STATES}, closing._Run._state
+    states, original = {name: [] for name in STATES}, closing._Run._take_sample
 
     def recording_state(run):
         result = original(run)
@@ -41,11 +41,11 @@ def record_simulated_grasp():
         return result
 
     approach = next(a for a in make_thesis_approaches(withdraw_m=0.02) if (a.object, a.name) == ("cylinder", "side_1"))
-    closing._Run._state = recording_state
+    closing._Run._take_sample = recording_state
     try:
         motion = closing.simulate_grasp(SCENE, approach, Timeline(0.0, 2.0, 0.3, 0.3, 0.0))
     finally:
-        closing._Run._state = original
+        closing._Run._take_sample = original
     arrays = {name: np.stack(values) for name, values in states.items()}
     assert len(arrays["qpos"]) == len(motion.time_s)
     return motion, arrays
@@ -63,7 +63,7 @@ def use_contacts_at_samples(motion):
             contacts.depth[at_sample],
             contacts.force[at_sample],
         )
-        wrenches.append(board_wrenches(step, motion.sensor_poses[k]))
+        wrenches.append(compute_board_wrenches(step, motion.sensor_poses[k]))
     return replace(motion, wrench=np.stack(wrenches))
 
 

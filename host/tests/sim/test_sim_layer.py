@@ -12,7 +12,7 @@ from taxel.hand.geometry import Surface
 from taxel.hand.transforms import apply, from_rotation_vector, rotate
 from taxel.sim.coupled_layer import press_coupled_layer
 from taxel.sim.layer import MAX_TILT_RAD, STIFFNESS_N_PER_M, press_layer
-from taxel.sim.separation import MISS_M, LayerThicknessError, distances, separations
+from taxel.sim.separation import MISS_M, LayerThicknessError, compute_separations
 
 PITCH_M, LAYER_M, K_N_PER_M = 0.005, 0.001, STIFFNESS_N_PER_M
 PLANE = ConvexPolytope.box(0.4, 0.4, 0.4)
@@ -183,7 +183,7 @@ def test_separations_agree_with_the_displaced_poses(seed):
         np.einsum("tsij,tsj->tsi", poses[..., :3, :3], approach) * without_tilt.approach_m[..., None]
     )
     # Without tilt, each board rests at its pose displaced by `approach_m` along the force.
-    expected = separations(hand, ROD, displaced_poses, objects)
+    expected = compute_separations(hand, ROD, displaced_poses, objects)
     is_loaded = without_tilt.contact_force > 0
     np.testing.assert_allclose(
         without_tilt.separation[is_loaded], expected[is_loaded], atol=1e-8, err_msg=f"seed {seed}"
@@ -261,12 +261,11 @@ def test_a_wrench_of_another_shape_or_nan_is_refused():
 def test_separation_is_measured_from_the_surface_and_is_0_05_without_an_object():
     hand, object_pose = make_flat_hand(), np.eye(4)[None]
     for gap in (0.003, 0.0, -0.0004, -0.0025):  # with the last gap, the electrode is inside the object
-        np.testing.assert_allclose(separations(hand, PLANE, place_above_box(gap), object_pose), gap, atol=1e-12)
-        np.testing.assert_allclose(distances(hand, PLANE, place_above_box(gap), object_pose), gap, atol=1e-12)
+        np.testing.assert_allclose(compute_separations(hand, PLANE, place_above_box(gap), object_pose), gap, atol=1e-12)
     for gap in (0.06, -0.0035, -0.2):  # too far, too deep for a contact, at the centre of the object
-        np.testing.assert_array_equal(separations(hand, PLANE, place_above_box(gap), object_pose), MISS_M)
+        np.testing.assert_array_equal(compute_separations(hand, PLANE, place_above_box(gap), object_pose), MISS_M)
     facing_away = place_above_box(0.0) @ from_rotation_vector(np.array([np.pi, 0, 0]))
-    np.testing.assert_array_equal(separations(hand, PLANE, facing_away, object_pose), MISS_M)
+    np.testing.assert_array_equal(compute_separations(hand, PLANE, facing_away, object_pose), MISS_M)
 
 
 def test_separations_of_repeated_frames_equal_those_of_single_frames():
@@ -276,9 +275,9 @@ def test_separations_of_repeated_frames_equal_those_of_single_frames():
         np.repeat(np.eye(4)[None], len(gaps), axis=0),
     )
     objects[5:, 0, 3] = 0.001
-    all_separations = separations(make_flat_hand(), PLANE, poses, objects)
+    all_separations = compute_separations(make_flat_hand(), PLANE, poses, objects)
     single_separations = [
-        separations(make_flat_hand(), PLANE, poses[i : i + 1], objects[i : i + 1])[0] for i in range(len(gaps))
+        compute_separations(make_flat_hand(), PLANE, poses[i : i + 1], objects[i : i + 1])[0] for i in range(len(gaps))
     ]
     np.testing.assert_array_equal(all_separations, single_separations)
     np.testing.assert_allclose(all_separations[:, 0], gaps, atol=1e-12)
@@ -286,13 +285,13 @@ def test_separations_of_repeated_frames_equal_those_of_single_frames():
 
 def test_a_hand_without_a_layer_is_refused():
     with pytest.raises(LayerThicknessError, match="layer_m"):
-        separations(replace(make_flat_hand(), layer_m=None), PLANE, place_above_box(0.0), np.eye(4)[None])
+        compute_separations(replace(make_flat_hand(), layer_m=None), PLANE, place_above_box(0.0), np.eye(4)[None])
 
 
 def test_a_common_motion_of_object_and_board_keeps_the_separation():
     motion = from_rotation_vector(np.array([0.3, -0.2, 0.9]))
     motion[:3, 3] = [0.4, -0.1, 0.2]
-    result = separations(make_flat_hand(), PLANE, motion @ place_above_box(0.002), motion[None])
+    result = compute_separations(make_flat_hand(), PLANE, motion @ place_above_box(0.002), motion[None])
     np.testing.assert_allclose(result, 0.002, atol=1e-12)
 
 

@@ -14,8 +14,8 @@ from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
 from taxel.hand.transforms import from_rotation_vector
 from taxel.sim import closing
-from taxel.sim.closing import simulate_grasp
-from taxel.sim.native_contact import NativeContact, SimLibraryError, sim_library
+from taxel.sim.closing import SimulationSettings, simulate_grasp
+from taxel.sim.native_contact import NativeContact, SimLibraryError, load_sim_library
 from taxel.sim.scene import build_scene
 from taxel.sim.soft_contact import LayerLaw, SoftContact
 
@@ -31,12 +31,12 @@ SHAPES = {
 
 def compare_loads(native, reference, poses, object_pose):
     """Check that both loads agree up to rounding relative to the largest component; return the reference load."""
-    result, expected = native.load(poses, object_pose), reference.load(poses, object_pose)
+    result, expected = native.compute_load(poses, object_pose), reference.compute_load(poses, object_pose)
     for value, expected_value in zip(result, expected, strict=True):
         np.testing.assert_allclose(
             value, expected_value, rtol=1e-9, atol=1e-11 * max(np.abs(expected_value).max(), 1e-3)
         )
-    forces = native.taxel_forces(poses, object_pose), reference.taxel_forces(poses, object_pose)
+    forces = native.compute_taxel_forces(poses, object_pose), reference.compute_taxel_forces(poses, object_pose)
     np.testing.assert_allclose(*forces, rtol=1e-9, atol=1e-12)
     return expected
 
@@ -81,9 +81,9 @@ def test_a_simulated_grasp_agrees_with_the_numpy_reference(name, monkeypatch):
         Timeline(baseline_s=0.1, closing_s=1.0, hold_s=0.2, release_s=0.3, recovery_s=0.1),
     )
     approach = next(candidate for candidate in make_thesis_approaches(withdraw_m=0.02) if candidate.object == name)
-    native = simulate_grasp(scene, approach, timeline, law=LAW)
+    native = simulate_grasp(scene, approach, timeline, SimulationSettings(law=LAW))
     monkeypatch.setattr(closing, "NativeContact", SoftContact)
-    reference = simulate_grasp(scene, approach, timeline, law=LAW)
+    reference = simulate_grasp(scene, approach, timeline, SimulationSettings(law=LAW))
     until_hold = native.phase <= Phase.HOLD  # fingers bounce at release, which amplifies rounding errors
     assert native.taxel_force[until_hold].max() > 1.0
     np.testing.assert_allclose(native.taxel_force[until_hold], reference.taxel_force[until_hold], rtol=1e-8, atol=1e-9)
@@ -100,16 +100,16 @@ def test_an_unsupported_shape_is_refused():
 def test_poses_of_another_shape_are_refused(poses, object_pose):
     contact = NativeContact(load_hand("flat8"), SHAPES["box"], LAW)
     with pytest.raises(ValueError, match=r"expected poses \[1, 4, 4\]"):
-        contact.load(np.zeros(poses), np.zeros(object_pose))
+        contact.compute_load(np.zeros(poses), np.zeros(object_pose))
 
 
 def test_a_missing_library_is_reported_with_the_remedy(monkeypatch, tmp_path):
     monkeypatch.setattr(importlib.resources, "files", lambda package: tmp_path)
     with pytest.raises(SimLibraryError, match="install taxel again"):
-        sim_library.__wrapped__()
+        load_sim_library.__wrapped__()
 
 
 def test_a_library_of_another_version_is_refused(monkeypatch):
     monkeypatch.setattr(ctypes, "sizeof", lambda kind: 0)
     with pytest.raises(SimLibraryError, match="belongs to another version"):
-        sim_library.__wrapped__()
+        load_sim_library.__wrapped__()

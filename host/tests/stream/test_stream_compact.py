@@ -24,7 +24,7 @@ READ_SIZE = 256
 class PreparedLink:
     """Link that returns queued hub bytes."""
 
-    name, baud, is_recorded, is_real_time, holds_back = "prepared", 1e6, True, False, False
+    name, baud, is_recorded, is_real_time, has_flow_control = "prepared", 1e6, True, False, False
 
     def __init__(self) -> None:
         self.queue: deque[bytes] = deque()
@@ -141,7 +141,7 @@ def test_decoded_counts_are_correct_after_any_losses(skin):
         if rng.random() < 0.05:
             forces = np.zeros(HAND.n_taxels)
             forces[rng.randrange(TAXELS[address])] = rng.choice([0.0, 1.0, 8.0])
-            skin.world.press(forces)
+            skin.world.set_stimulus(forces)
         skin.world.run(0.012)
     assert received > 100
     for _ in range(12):

@@ -80,7 +80,7 @@ def test_an_unconnected_rts_line_is_detected_and_costs_only_time(worlds, make_fi
     """The link was opened with rtscts=1, but the hub reports lost bytes, and the host reduces its window."""
     world = worlds(*BOTH_WAYS, boards=4)
     link = VirtualMemoryLink(world)
-    link.holds_back = True
+    link.has_flow_control = True
     wire = HubWire(link)
     assert wire.hub.window == FLOW_CONTROL_WINDOW
     run_all(wire, {address: read_often(address, 30) for address in range(0x50, 0x54)})
@@ -125,7 +125,7 @@ def test_damage_on_the_uart_costs_only_time(worlds, hub, make_firmware, fault):
     results = update_all(wire, firmware, wire.scan(), disturb)
     assert {result.after for result in results.values()} == {(1, 2, 3)}
     for address in results:
-        assert world.board_flash(address).data[128 * 128 :].startswith(firmware.image_for(1).data)
+        assert world.read_flash(address).data[128 * 128 :].startswith(firmware.image_for(1).data)
 
 
 def test_a_burst_returns_every_outcome_in_order(worlds, open_wire):

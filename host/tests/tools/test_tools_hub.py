@@ -39,7 +39,7 @@ def read_version(link):
 
 def slot_bytes(world, slot, size):
     begin = LAYOUTS[BootDevice.HUB].slot_address(slot)
-    return world.board_flash(HUB).data[begin : begin + size]
+    return world.read_flash(HUB).data[begin : begin + size]
 
 
 def test_the_hub_receives_the_image_of_its_free_slot_and_confirms_it(worlds, make_hub_firmware):
@@ -67,10 +67,10 @@ def test_a_hub_that_runs_the_image_already_is_not_written_unless_forced(worlds, 
     world = worlds()
     link = VirtualMemoryLink(world)
     try_update(link, make_hub_firmware())
-    wear = world.board_flash(HUB).wear.copy()
+    wear = world.read_flash(HUB).wear.copy()
     second_result = try_update(link, make_hub_firmware())
     assert (second_result.is_written, second_result.rows_written) == (False, 0)
-    assert (world.board_flash(HUB).wear == wear).all()
+    assert (world.read_flash(HUB).wear == wear).all()
     assert try_update(link, make_hub_firmware(), force=True).slot == 0
 
 
@@ -127,10 +127,10 @@ def test_a_hub_that_loses_power_runs_the_old_or_the_new_image(worlds, make_hub_f
     world = worlds(f"boot_listens {listens}", boards=1)
     link = VirtualMemoryLink(world)
     firmware = make_hub_firmware(size=384)
-    world.plan_cut(HUB, operation, after_s, 0.03)
+    world.plan_power_cut(HUB, operation, after_s, 0.03)
     first_result = try_update(link, firmware)
     world.run(0.5)
-    assert len(world.cuts(HUB)) == 1
+    assert len(world.read_power_cuts(HUB)) == 1
     assert read_version(link) in ((0, 1, 0), (1, 2, 3))
     second_result = try_update(link, firmware)
     assert not isinstance(second_result, TaxelError), (first_result, second_result)
@@ -148,11 +148,11 @@ def test_an_image_that_hangs_is_replaced_by_the_previous_image(worlds, make_hub_
 def test_a_file_for_boards_is_refused_before_any_write(worlds, make_firmware):
     world = worlds()
     link = VirtualMemoryLink(world)
-    before = world.board_flash(HUB).data
+    before = world.read_flash(HUB).data
     error = try_update(link, make_firmware())
     assert isinstance(error, BoardError)
     assert "hub: the device is the hub, but slot-a.bin and slot-b.bin is for a sensor board" in str(error)
-    assert world.board_flash(HUB).data == before
+    assert world.read_flash(HUB).data == before
     world.run(0.2)
     assert read_version(link) == (0, 1, 0)
 

@@ -43,10 +43,10 @@ def connect_with_observer(world, observe):
 
 def measure_write_times(world, firmware) -> list[float]:
     """Start time of each flash operation of an update, with a resolution of 0.5 ms."""
-    times, last_count = [], [int(world.board_flash(BOARD).wear.sum())]
+    times, last_count = [], [int(world.read_flash(BOARD).wear.sum())]
 
     def observe() -> None:
-        count = int(world.board_flash(BOARD).wear.sum())
+        count = int(world.read_flash(BOARD).wear.sum())
         times.extend([world.now_s - STEP_S] * (count - last_count[0]))
         last_count[0] = count
 
@@ -82,7 +82,7 @@ def test_power_cuts_leave_the_old_or_the_new_image_and_the_update_can_be_repeate
             last = try_update(wire, firmware)
             assert not isinstance(last, TaxelError), (first, second, last)
             assert read_version(wire) == NEW
-            torn += world.board_flash(BOARD).torn
+            torn += world.read_flash(BOARD).torn
             cuts += 2
             world.close()
     print(f"{cuts} cuts: {torn} rows torn, {failed} updates failed and were repeated, no board bricked")
@@ -92,13 +92,13 @@ def test_power_cuts_leave_the_old_or_the_new_image_and_the_update_can_be_repeate
 def test_a_planned_cut_interrupts_the_named_write(worlds, adapter, make_firmware):
     world = worlds(boards=1)
     firmware = make_firmware(size=384)
-    world.plan_cut(BOARD, 2, 0.0, OFF_S)  # The second row, before it is written.
+    world.plan_power_cut(BOARD, 2, 0.0, OFF_S)  # The second row, before it is written.
     try_update(adapter(world), firmware)
     world.run(0.1)
-    (cut,) = world.cuts(BOARD)
+    (cut,) = world.read_power_cuts(BOARD)
     image = firmware.image_for(1)
-    assert (cut.row, cut.after_s, cut.wanted) == (129, 0.0, image.rows()[1])
-    flash = world.board_flash(BOARD)
+    assert (cut.row, cut.after_s, cut.new_data) == (129, 0.0, image.rows()[1])
+    flash = world.read_flash(BOARD)
     assert flash.data[128 * 128 : 129 * 128] == image.rows()[0]
     assert not any(flash.data[129 * 128 : 130 * 128])
     assert (flash.torn, flash.runs) == (0, "application")
@@ -106,21 +106,21 @@ def test_a_planned_cut_interrupts_the_named_write(worlds, adapter, make_firmware
 
 def test_planned_cuts_are_made_in_order(worlds, adapter, make_firmware):
     world = worlds(boards=1)
-    world.plan_cut(BOARD, 1, 0.004, OFF_S)
-    world.plan_cut(BOARD, 3, 0.0201, OFF_S)
+    world.plan_power_cut(BOARD, 1, 0.004, OFF_S)
+    world.plan_power_cut(BOARD, 3, 0.0201, OFF_S)
     for _ in range(3):
         last = try_update(adapter(world), make_firmware(size=384))
         world.run(0.1)
     assert not isinstance(last, TaxelError)
-    assert [(cut.row, cut.after_s) for cut in world.cuts(BOARD)] == [(128, 0.004), (130, 0.0201)]
-    assert world.board_flash(BOARD).torn == 1
+    assert [(cut.row, cut.after_s) for cut in world.read_power_cuts(BOARD)] == [(128, 0.004), (130, 0.0201)]
+    assert world.read_flash(BOARD).torn == 1
 
 
 def test_invalid_planned_cuts_are_refused(worlds):
     world = worlds(boards=1)
     with pytest.raises(FaultError, match="a power cut of address 0x60 strikes a board that this world does not have"):
-        world.plan_cut(0x60, 1, 0.0, OFF_S)
+        world.plan_power_cut(0x60, 1, 0.0, OFF_S)
     for _ in range(8):
-        world.plan_cut(BOARD, 1, 0.0, OFF_S)
+        world.plan_power_cut(BOARD, 1, 0.0, OFF_S)
     with pytest.raises(FaultError, match="is one too many"):
-        world.plan_cut(BOARD, 1, 0.0, OFF_S)
+        world.plan_power_cut(BOARD, 1, 0.0, OFF_S)

@@ -169,11 +169,11 @@ def test_boards_with_a_duplicate_address_get_different_addresses(worlds, open_wi
 def test_invalid_entries_are_refused_before_any_write(worlds, adapter, entry, expected_text):
     world = worlds("blank 0x50")
     wire = adapter(world)
-    before = world.board_flash(0x50).data
+    before = world.read_flash(0x50).data
     with pytest.raises(BoardError) as error:
         plan_changes(find_boards(wire), [entry], wire.scan())
     assert expected_text in str(error.value)
-    assert world.board_flash(0x50).data == before
+    assert world.read_flash(0x50).data == before
 
 
 def test_several_boards_require_a_unique_id(worlds, adapter):

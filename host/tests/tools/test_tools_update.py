@@ -41,7 +41,7 @@ def test_boards_receive_the_image_of_their_free_slot_and_confirm_it(worlds, open
         ((0, 1, 0), (1, 2, 3), 8, 0)
     }
     assert read_versions(wire) == dict.fromkeys(BOARDS, (1, 2, 3))
-    assert all(world.board_flash(address).runs == "application" for address in BOARDS)
+    assert all(world.read_flash(address).runs == "application" for address in BOARDS)
 
 
 def test_the_next_update_is_written_to_the_other_slot(worlds, open_wire, make_firmware):
@@ -55,17 +55,17 @@ def test_the_flash_contains_the_bytes_of_the_file(worlds, adapter, make_firmware
     world = worlds(boards=1)
     firmware = make_firmware(size=12288)
     update_all(adapter(world), firmware, [FIRST])
-    assert world.board_flash(FIRST).data[128 * 128 : 224 * 128] == firmware.image_for(1).data
+    assert world.read_flash(FIRST).data[128 * 128 : 224 * 128] == firmware.image_for(1).data
 
 
 def test_a_board_that_runs_the_image_already_is_not_written_unless_forced(worlds, adapter, make_firmware):
     world = worlds(boards=1)
     wire = adapter(world)
     update_all(wire, make_firmware(), [FIRST])
-    wear = world.board_flash(FIRST).wear.copy()
+    wear = world.read_flash(FIRST).wear.copy()
     second_result = update_all(wire, make_firmware(), [FIRST])[FIRST]
     assert (second_result.is_written, second_result.rows_written) == (False, 0)
-    assert (world.board_flash(FIRST).wear == wear).all()
+    assert (world.read_flash(FIRST).wear == wear).all()
     assert update_all(wire, make_firmware(), [FIRST], force=True)[FIRST].slot == 0
 
 
@@ -82,10 +82,10 @@ def test_an_interrupted_update_continues_at_the_first_missing_row(worlds, adapte
 
     with pytest.raises(KeyboardInterrupt):
         update_all(wire, firmware, [FIRST], stop)
-    wear = world.board_flash(FIRST).wear[128:148].copy()
+    wear = world.read_flash(FIRST).wear[128:148].copy()
     result = update_all(wire, firmware, [FIRST])[FIRST]
     assert (result.rows_kept, result.rows_written) == (20, 12)
-    assert (world.board_flash(FIRST).wear[128:148] == wear).all()
+    assert (world.read_flash(FIRST).wear[128:148] == wear).all()
 
 
 def test_rows_with_an_accidentally_correct_sum_are_rewritten_after_a_wrong_crc(worlds, adapter, make_image):
@@ -140,11 +140,11 @@ def test_every_stage_and_every_row_is_reported_as_progress(worlds, adapter, make
 def test_a_file_for_another_device_is_refused_before_any_write(worlds, adapter, make_firmware, options, expected_text):
     world = worlds(boards=1)
     wire = adapter(world)
-    before = world.board_flash(FIRST).data
+    before = world.read_flash(FIRST).data
     error = update_all(wire, make_firmware(**options), [FIRST])[FIRST]
     assert isinstance(error, BoardError)
     assert expected_text in str(error)
-    assert world.board_flash(FIRST).data == before
+    assert world.read_flash(FIRST).data == before
     world.run(0.2)
     assert read_versions(wire, [FIRST]) == {FIRST: (0, 1, 0)}
 

@@ -101,7 +101,7 @@ def test_a_refused_packet_gives_one_error_line_with_its_status(worlds, adapter):
 def test_writes_to_rows_of_the_bootloader_are_refused(worlds, adapter):
     world = worlds(boards=1)
     wire = adapter(world)
-    before = world.board_flash(0x50).data
+    before = world.read_flash(0x50).data
     session = BootSession(0x50, wire.now_s)
 
     def procedure():
@@ -110,7 +110,7 @@ def test_writes_to_rows_of_the_bootloader_are_refused(worlds, adapter):
 
     with pytest.raises(StatusError, match="a write to a protected row"):
         run(wire, procedure())
-    assert world.board_flash(0x50).data == before
+    assert world.read_flash(0x50).data == before
 
 
 def test_a_bootloader_without_a_session_refuses_commands(worlds, adapter):

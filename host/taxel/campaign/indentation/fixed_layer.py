@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import build_sheet
-from taxel.sim.soft_contact import DEEPEST_M, LayerLaw
+from taxel.sim.soft_contact import MAX_DEPTH_M, LayerLaw
 from taxel.types import FloatArray
 
 SPRINGS_PER_SIDE = 5
@@ -72,15 +72,15 @@ class FixedSkinLayer:
         rotation = object_pose[:3, :3]
         separation = shape.ray_separation((springs.point - object_pose[:3, 3]) @ rotation, springs.normal @ rotation)
         depth = self.thickness_m - separation
-        return np.where((depth > 0.0) & (depth < self.thickness_m + DEEPEST_M), depth, 0.0)
+        return np.where((depth > 0.0) & (depth < self.thickness_m + MAX_DEPTH_M), depth, 0.0)
 
     def force(self, depth_m: FloatArray) -> FloatArray:
         """Force of each spring, newtons."""
-        return np.asarray(self._share * self._law.force(depth_m))
+        return np.asarray(self._share * self._law.compute_force(depth_m))
 
     def stiffness(self, depth_m: FloatArray) -> FloatArray:
         """Stiffness of each spring, newtons per metre."""
-        return np.asarray(self._share * self._law.stiffness(depth_m))
+        return np.asarray(self._share * self._law.compute_stiffness(depth_m))
 
     def taxel_forces(self, springs: FixedSprings, shape: Shape, object_pose: FloatArray) -> FloatArray:
         """Normal force on every taxel, newtons, f64[n]; forces on the bare margin belong to no taxel."""

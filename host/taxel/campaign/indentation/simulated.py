@@ -19,7 +19,7 @@ from taxel.campaign.store import open_campaign_writer
 from taxel.campaign.variation import balanced_variation
 from taxel.recording.grasp_record import GraspRecord
 from taxel.sim.layer import STIFFNESS_N_PER_M
-from taxel.sim.separation import separations
+from taxel.sim.separation import compute_separations
 from taxel.sim.soft_contact import LayerLaw
 from taxel.types import FloatArray
 
@@ -52,7 +52,7 @@ def run_simulated_indentations(
     """
     settings, setup = settings or SimIndentationSettings(), plan.setup
     description = f"{settings.describe()}, {plan.describe()}"
-    model = settings.sensor.told(STIFFNESS_N_PER_M)
+    model = settings.sensor.make_dataset_model(STIFFNESS_N_PER_M)
     with open_campaign_writer(path, "sim", setup, settings.rate_hz, description, overwrite, resume, model) as out:
         finished = set(out.ids)
         indentations = plan_simulated_indentations(plan, settings.repeats)
@@ -133,5 +133,5 @@ def _force_and_separation(
     for index in np.flatnonzero(travel > path.curve.x[0]).tolist():
         force[index] = equilibrium.taxel_forces(motions[index])
     brackets = np.broadcast_to(plan.bracket_poses, (len(travel), *plan.bracket_poses.shape))
-    separation = separations(plan.hand, plan.objects[approach.object].shape, brackets, poses)
+    separation = compute_separations(plan.hand, plan.objects[approach.object].shape, brackets, poses)
     return force[row], separation[row]

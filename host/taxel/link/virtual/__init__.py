@@ -1,17 +1,17 @@
-"""Wires that end in an emulated world: its UART and its I2C bus, in virtual time."""
+"""An emulated world in this process, with its UART and its I2C bus, in virtual time."""
 
 from taxel.link.virtual.processor import Fault, HandlerCost, Processor
 from taxel.link.virtual.smbus import VirtualSMBus
 from taxel.link.virtual.uart import VirtualMemoryLink, VirtualSerialLink
-from taxel.link.virtual.world import FaultError, PowerCut, Strike, VirtualWorld
+from taxel.link.virtual.world import FaultError, FaultEvent, PowerCut, VirtualWorld
 
 __all__ = [
     "Fault",
     "FaultError",
+    "FaultEvent",
     "HandlerCost",
     "PowerCut",
     "Processor",
-    "Strike",
     "VirtualMemoryLink",
     "VirtualSMBus",
     "VirtualSerialLink",

@@ -1,11 +1,11 @@
-"""What an emulated processor that executes an image has done (firmware/emulator/psoc4200)."""
+"""State and counters of an emulated processor that executes a firmware image (firmware/emulator/psoc4200)."""
 
 import ctypes
 from typing import Final, NamedTuple
 
 RAM_END: Final = 0x20001000
 EXCEPTIONS: Final = {"SVCall": 11, "PendSV": 14, "SysTick": 15, "SCB0": 26, "SCB1": 27, "CSD": 31}
-"""Numbers of those that an image may have: ARMv6-M's, and 16 more than the interrupt's."""
+"""Exception numbers of ARMv6-M by name; that of an interrupt is 16 plus the number of the interrupt."""
 FAULTS: Final = (
     "none",
     "undefined instruction",
@@ -19,11 +19,11 @@ FAULTS: Final = (
     "no stack for an exception",
     "no vector",
 )
-"""enum cortex_m0_fault_kind."""
+"""Texts of `enum cortex_m0_fault_kind`, in the order of its values."""
 
 
 class Fault(NamedTuple):
-    """A fault: its kind, the address of the instruction, and that of what it wanted."""
+    """A fault of the processor. kind: of `FAULTS`. pc: address of the instruction. address: address of the access."""
 
     kind: str
     pc: int
@@ -31,16 +31,17 @@ class Fault(NamedTuple):
 
 
 class Processor(NamedTuple):
-    """An executed board's processor, or the hub's: what has happened since its first power-up.
+    """Processor of a board or of the hub, counted since its first power-up.
 
-    `cycles`, `slept`: in all, those asleep among them. `stack`: bytes, the most
-    there ever were. `fault`: the latest; None: there was none. `is_broken`: it stands still, because its program asked
-    for something that nobody has modelled.
+    cycles: clock cycles, including sleep. sleep_cycles: cycles in sleep. stack: largest stack size, bytes. faults:
+    number of faults. fault: the latest fault, or None. is_broken: the processor has stopped, because its program used a
+    feature that the emulator does not model. is_application: the application runs, not the bootloader. pc: program
+    counter.
     """
 
     resets: int
     cycles: int
-    slept: int
+    sleep_cycles: int
     stack: int
     faults: int
     fault: Fault | None
@@ -50,13 +51,13 @@ class Processor(NamedTuple):
 
 
 class HandlerCost(NamedTuple):
-    """Cycles of an exception's handler, entry and return included.
+    """Cycles of an exception handler, including entry and return, summed over `count` calls.
 
-    `own`: without what has preempted it; `inclusive`: with it; `latency`: from its request to the first cycle of the
-    entry.
+    own: without the handlers that preempt the handler. inclusive: with these handlers. latency: from the request of the
+    exception to the first cycle of its entry. The names with _min and _max are the extremes of single calls.
     """
 
-    count: int  # type: ignore[assignment]  # a tuple has a method of that name
+    count: int  # type: ignore[assignment]  # replaces the method tuple.count
     own: int
     own_min: int
     own_max: int
@@ -67,7 +68,7 @@ class HandlerCost(NamedTuple):
 
 
 class ProcessorStruct(ctypes.Structure):
-    """struct taxel_bench_processor."""
+    """`struct taxel_bench_processor` of firmware/emulator/bench.h."""
 
     _fields_ = (
         *((name, ctypes.c_uint64) for name in ("resets", "cycles", "slept", "faults")),
@@ -76,7 +77,7 @@ class ProcessorStruct(ctypes.Structure):
     )
 
     def read(self) -> Processor:
-        """As a tuple."""
+        """The values as a `Processor`."""
         fault = Fault(FAULTS[self.fault_kind], self.fault_pc, self.fault_address) if self.faults else None
         return Processor(
             int(self.resets),
@@ -92,10 +93,10 @@ class ProcessorStruct(ctypes.Structure):
 
 
 class CostStruct(ctypes.Structure):
-    """struct taxel_bench_cost."""
+    """`struct taxel_bench_cost` of firmware/emulator/bench.h."""
 
     _fields_ = tuple((name, ctypes.c_uint64) for name in HandlerCost._fields)
 
     def read(self) -> HandlerCost:
-        """As a tuple."""
+        """The values as a `HandlerCost`."""
         return HandlerCost(*(int(getattr(self, name)) for name in HandlerCost._fields))

@@ -1,4 +1,4 @@
-"""The UART of a virtual world as a link: through a pseudo-terminal that pyserial opens, or without one."""
+"""The UART of a virtual world as a link: through a pseudo-terminal and pyserial, or through memory."""
 
 from typing import Final
 
@@ -8,17 +8,17 @@ from taxel.link.serial_port import SerialLink
 from taxel.link.virtual.world import VirtualWorld
 
 STEP_S: Final = 0.002
-"""How far the world goes on before its port is looked at: 200 bytes at 1 Mbaud, well within a pseudo-terminal."""
-GRAIN_S: Final = 1e-9
-"""The least that is waited: less could be lost in rounding, and time would stand still."""
+"""Virtual time between two reads of the port, seconds: 200 bytes at 1 Mbaud, far below a pseudo-terminal's buffer."""
+MIN_STEP_S: Final = 1e-9
+"""Shortest step of virtual time, seconds: a shorter step could round to 0, and a wait would never end."""
 NS_PER_S: Final = 1e9
 
 
 class VirtualMemoryLink:
-    """The hub's UART without a port: the fastest way into a virtual world. The world stays the caller's.
+    """The hub's UART through memory: the fastest link to a virtual world. `close()` does not close the world.
 
     .. warning::
-        Not modelled: everything that a serial driver does. Use `VirtualSerialLink` to have pyserial in the path.
+        Not modelled: the serial driver. `VirtualSerialLink` includes pyserial.
     """
 
     is_real_time = False
@@ -28,38 +28,39 @@ class VirtualMemoryLink:
         self.name = "virtual:"
         self.baud = baud
         self.world = world
-        self.holds_back = world.holds_back
+        self.has_flow_control = world.has_flow_control
 
     def now_s(self) -> float:
-        """World seconds."""
+        """Present virtual time, seconds."""
         return self.world.now_s
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """What has arrived; the world goes on for at most `timeout_s` until something has."""
-        end = self.world.now_s + timeout_s
+        """The received bytes; runs the world for at most `timeout_s` seconds of virtual time until a byte arrives."""
+        end_s = self.world.now_s + timeout_s
         while True:
             data = self.world.receive()
-            left = end - self.world.now_s
-            if data or left <= 0.0:
+            remaining_s = end_s - self.world.now_s
+            if data or remaining_s <= 0.0:
                 return Chunk(data, round(self.world.now_s * NS_PER_S)) if data else None
-            self.world.run(max(min(STEP_S, left), GRAIN_S))
+            self.world.run(max(min(STEP_S, remaining_s), MIN_STEP_S))
 
     def write(self, data: bytes) -> None:
-        """Send bytes; the world goes on while the hub's receiver has no room."""
+        """Send bytes; runs the world while the receive buffer of the hub is full."""
         while data := data[self.world.send(data) :]:
             self.world.run(STEP_S)
 
     def close(self) -> None:
-        """Nothing to let go of: the world is the caller's."""
+        """Do nothing: the caller closes the world."""
 
 
 class VirtualSerialLink(SerialLink):
     """The hub's UART as a serial port: a pseudo-terminal, opened by pyserial, of a world with `uart="pty"`.
 
-    Every byte that the world says it has delivered is waited for, so that what is read hangs on virtual time alone.
+    `read` waits for every byte that the world has delivered, so that the bytes read depend only on virtual time.
 
     .. warning::
-        Not modelled: baud rates that do not fit, modem lines, break, parity. A pseudo-terminal has none of them.
+        Not modelled: different baud rates at both ends, modem lines, break, parity. A pseudo-terminal has none of
+        these.
     """
 
     is_real_time = False
@@ -67,27 +68,28 @@ class VirtualSerialLink(SerialLink):
     def __init__(self, world: VirtualWorld, baud: float = 1e6) -> None:
         self.world = world
         super().__init__(world.pty_name, baud)
-        self.holds_back = world.holds_back
-        self._taken = world.delivered  # what came before nobody read: opening a port throws it away
+        self.has_flow_control = world.has_flow_control
+        self._read_bytes = world.delivered_bytes  # opening the port has discarded the bytes delivered before
 
     def now_s(self) -> float:
-        """World seconds."""
+        """Present virtual time, seconds."""
         return self.world.now_s
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """What has arrived; the world goes on for at most `timeout_s` until something has."""
-        end = self.world.now_s + timeout_s
-        while (waiting := self.world.delivered - self._taken) == 0:
-            left = end - self.world.now_s
-            if left <= 0.0:
+        """The received bytes; runs the world for at most `timeout_s` seconds of virtual time until a byte arrives."""
+        end_s = self.world.now_s + timeout_s
+        while (waiting := self.world.delivered_bytes - self._read_bytes) == 0:
+            remaining_s = end_s - self.world.now_s
+            if remaining_s <= 0.0:
                 return None
-            self.world.run(max(min(STEP_S, left), GRAIN_S))
+            self.world.run(max(min(STEP_S, remaining_s), MIN_STEP_S))
         data = self._read_exactly(waiting)
-        self._taken += len(data)
+        self._read_bytes += len(data)
         return Chunk(data, round(self.world.now_s * NS_PER_S))
 
     def _read_exactly(self, size: int) -> bytes:
-        self._port.timeout = 5.0  # the kernel hands a pseudo-terminal's bytes over a little later
+        """Read `size` bytes that the world has delivered. Raises `LinkError` if bytes are missing."""
+        self._port.timeout = 5.0  # the kernel transfers the bytes of a pseudo-terminal with a delay
         data = bytes(self._port.read(size))
         if len(data) < size:
             raise LinkError(self.name, f"lost {size - len(data)} bytes between the emulator and pyserial")

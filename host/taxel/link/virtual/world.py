@@ -1,4 +1,4 @@
-"""An emulated world inside this process (firmware/emulator/bench.h), moved on by its caller."""
+"""An emulated world in this process (firmware/emulator/bench.h), whose virtual time the caller advances."""
 
 import ctypes
 import json
@@ -29,26 +29,30 @@ RUNS: Final[tuple[Literal["application", "bootloader", "hanging image"], ...]] =
     "bootloader",
     "hanging image",
 )
-PATIENCE_S: Final = 1.0
-"""How long a transfer of the bench's own adapter may take: Linux gives up after a second too."""
+TRANSFER_TIMEOUT_S: Final = 1.0
+"""Timeout of a transfer of the bench's I2C adapter, seconds of virtual time: that of Linux."""
 
 _REFUSALS: Final = {
-    -1: "is no fault that the emulator knows (firmware/emulator/README.md lists them)",
+    -1: "is not a fault of the emulator (firmware/emulator/README.md lists the faults)",
     -2: "strikes a board that this world does not have",
-    -3: "is one too many: 64 wait for their byte already",
+    -3: "exceeds the limit of 64 pending faults",
 }
+"""Messages for the return codes of `taxel_bench_inject_fault` and `taxel_bench_plan_power_cut`."""
 
 
 class FaultError(LinkError):
-    """A fault that cannot be injected."""
+    """A fault cannot be injected, or an address has no board or executed image."""
 
 
 class _LibraryMissingError(TaxelError):
-    """The compiled library is not there."""
+    """The compiled library is missing."""
 
 
-class Strike(NamedTuple):
-    """Something that went wrong: the time in world seconds, the fault's number in the emulator, the board (0: none)."""
+class FaultEvent(NamedTuple):
+    """A fault that has occurred.
+
+    time_s: virtual time, seconds. kind: number of the fault in the emulator. address: of the board, 0: no board.
+    """
 
     time_s: float
     kind: int
@@ -56,7 +60,11 @@ class Strike(NamedTuple):
 
 
 class BoardFlash(NamedTuple):
-    """A board's flash: its 32 KiB, writes of each of its 256 rows, writes that a power cut has torn, what runs."""
+    """The flash memory of a board or of the hub.
+
+    data: its 32 KiB. wear: u32[256], number of writes of each row. torn: number of writes that a power cut interrupted.
+    runs: the program that runs.
+    """
 
     data: bytes
     wear: NDArray[np.uint32]
@@ -65,14 +73,18 @@ class BoardFlash(NamedTuple):
 
 
 class PowerCut(NamedTuple):
-    """What a planned power cut has struck: a row, how long after its write had begun, and its 128 bytes to be."""
+    """A planned power cut that has occurred during a write to flash.
+
+    row: row of the flash. after_s: time between the start of the write and the cut, seconds. new_data: the 128 bytes of
+    the write.
+    """
 
     row: int
     after_s: float
-    wanted: bytes
+    new_data: bytes
 
 
-class _Strike(ctypes.Structure):
+class _FaultEventStruct(ctypes.Structure):
     _fields_ = (("time", ctypes.c_uint64), ("kind", ctypes.c_uint32), ("address", ctypes.c_uint32))
 
 
@@ -80,32 +92,32 @@ class _Strike(ctypes.Structure):
 def _library() -> ctypes.CDLL:
     library = load_library("taxel_bench", "the compiled emulator library", _LibraryMissingError)
     pointer, size, byte, text = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_uint8, ctypes.c_char_p
-    time, number, whole = ctypes.c_uint64, ctypes.c_double, ctypes.c_int
+    time, number, integer = ctypes.c_uint64, ctypes.c_double, ctypes.c_int
     for name, result, *arguments in (
-        ("open", pointer, text, text, whole),
+        ("open", pointer, text, text, integer),
         ("close", None, pointer),
         ("pty_name", text, pointer),
         ("taxel_count", size, pointer),
         ("now", time, pointer),
-        ("run", whole, pointer, time),
+        ("run", integer, pointer, time),
         ("send", size, pointer, text, size),
         ("receive", size, pointer, text, size),
         ("bytes_delivered", time, pointer),
-        ("has_flow_control", whole, pointer),
-        ("set_stimulus", whole, pointer, pointer),
-        ("inject_fault", whole, pointer, text, byte, number, number),
-        ("transfer_i2c", whole, pointer, byte, text, size, text, size, time),
-        ("read_fault_log", size, pointer, time, ctypes.POINTER(_Strike), size, ctypes.POINTER(time)),
+        ("has_flow_control", integer, pointer),
+        ("set_stimulus", integer, pointer, pointer),
+        ("inject_fault", integer, pointer, text, byte, number, number),
+        ("transfer_i2c", integer, pointer, byte, text, size, text, size, time),
+        ("read_fault_log", size, pointer, time, ctypes.POINTER(_FaultEventStruct), size, ctypes.POINTER(time)),
         ("flash_bytes", pointer, pointer, byte),
         ("flash_wear", pointer, pointer, byte),
         ("torn_writes", time, pointer, byte),
-        ("running_program", whole, pointer, byte),
-        ("read_processor", whole, pointer, byte, ctypes.POINTER(ProcessorStruct)),
-        ("read_handler_cost", whole, pointer, byte, ctypes.c_uint, ctypes.POINTER(CostStruct)),
-        ("plan_power_cut", whole, pointer, byte, time, time, time),
+        ("running_program", integer, pointer, byte),
+        ("read_processor", integer, pointer, byte, ctypes.POINTER(ProcessorStruct)),
+        ("read_handler_cost", integer, pointer, byte, ctypes.c_uint, ctypes.POINTER(CostStruct)),
+        ("plan_power_cut", integer, pointer, byte, time, time, time),
         ("power_cut_count", time, pointer, byte),
-        ("read_power_cut", whole, pointer, byte, time, ctypes.POINTER(ctypes.c_uint16), ctypes.POINTER(time), text),
-        ("write_statistics", whole, pointer, text),
+        ("read_power_cut", integer, pointer, byte, time, ctypes.POINTER(ctypes.c_uint16), ctypes.POINTER(time), text),
+        ("write_statistics", integer, pointer, text),
     ):
         function = getattr(library, f"taxel_bench_{name}")
         function.restype, function.argtypes = result, arguments
@@ -113,12 +125,12 @@ def _library() -> ctypes.CDLL:
 
 
 class VirtualWorld:
-    """A hub, its boards, their bus, UART and skin, in virtual time that only `run` and `transfer` move on.
+    """A hub with its boards, bus, UART and skin in virtual time, which only `run` and `transfer` advance.
 
-    world: the text of a world file. uart: where the hub's UART ends: `memory` (`send` and `receive`), `pty` (whoever
-    opens `pty_name`) or `none`. counts: `press` gives raw counts instead of newtons. files: images, by the name that
-    the world file's lines `image` and `hub_image` have for them. Use it as a context manager. Raises `LinkError` with
-    the emulator's own line if it refuses the world.
+    world: text of a world file. uart: connection of the hub's UART: "memory" (`send` and `receive`), "pty" (the
+    pseudo-terminal `pty_name`) or "none". counts: the values of `set_stimulus` are raw counts instead of newtons.
+    files: firmware images, by the file names in the lines `image` and `hub_image` of the world file. A context manager.
+    Raises `LinkError` with the emulator's message if the emulator rejects the world.
     """
 
     def __init__(
@@ -156,36 +168,39 @@ class VirtualWorld:
 
     @property
     def now_s(self) -> float:
-        """Seconds since the world began."""
+        """Present virtual time, seconds since the start of the world."""
         return int(self._library.taxel_bench_now(self._open_handle)) / PS_PER_S
 
     def run(self, seconds: float) -> None:
-        """Let the world go on for so long."""
+        """Advance the world by `seconds` of virtual time. Raises `LinkError` if the emulation has ended."""
         until = int(self._library.taxel_bench_now(self._open_handle)) + round(seconds * PS_PER_S)
         if self._library.taxel_bench_run(self._open_handle, until):
-            raise LinkError("virtual rig", "has come to an end (see the emulator's line on standard error)")
+            raise LinkError("virtual rig", "has ended (see the emulator's message on standard error)")
 
     def send(self, data: bytes) -> int:
-        """Bytes from the host on their way to the hub; how many were taken."""
+        """Send bytes from the host to the hub; returns the number of accepted bytes."""
         return int(self._library.taxel_bench_send(self._open_handle, data, len(data)))
 
     def receive(self) -> bytes:
-        """What has arrived at the host, up to 64 KiB."""
+        """The bytes that have arrived at the host, at most 64 KiB."""
         size = self._library.taxel_bench_receive(self._open_handle, self._buffer, RECEIVE_SIZE)
-        return ctypes.string_at(self._buffer, size)  # `raw` would copy all of it
+        return ctypes.string_at(self._buffer, size)  # `raw` would copy the whole buffer
 
     @property
-    def delivered(self) -> int:
-        """Bytes that have arrived at the host so far."""
+    def delivered_bytes(self) -> int:
+        """Number of bytes that have arrived at the host since the start of the world."""
         return int(self._library.taxel_bench_bytes_delivered(self._open_handle))
 
     @property
-    def holds_back(self) -> bool:
-        """Whether the hub makes the host wait before its receive ring is full (`flow_control 1` in the world file)."""
+    def has_flow_control(self) -> bool:
+        """True if the hub stops the host before its receive buffer is full (`flow_control 1` in the world file)."""
         return bool(self._library.taxel_bench_has_flow_control(self._open_handle))
 
-    def press(self, values: ArrayLike) -> None:
-        """[n] newtons (or raw counts) on the taxels from now on, in the order of the world's boards."""
+    def set_stimulus(self, values: ArrayLike) -> None:
+        """Apply `values` [n], newtons (or raw counts), to the taxels from now on, in the order of the world's boards.
+
+        Raises ValueError for another shape and for values that are negative or not finite.
+        """
         table = np.ascontiguousarray(values, dtype=np.float32)
         if table.shape != (self.taxels,):
             raise ValueError(f"expected {self.taxels} values, found an array of shape {table.shape}")
@@ -193,54 +208,68 @@ class VirtualWorld:
             raise ValueError("expected finite values of at least 0")
 
     def inject(self, name: str, address: int = 0, value: float = 0.0, second: float = 0.0) -> None:
-        """Let `name` go wrong now: a fault of firmware/emulator/README.md. Raises `FaultError`."""
+        """Inject the fault `name` of firmware/emulator/README.md now, with its parameters. Raises `FaultError`."""
         refusal = self._library.taxel_bench_inject_fault(self._open_handle, name.encode(), address, value, second)
         if refusal:
             raise FaultError("virtual rig", f"fault '{name}' (address 0x{address:02X}) {_REFUSALS[refusal]}")
 
-    def transfer(self, address: int, write: bytes, read_size: int, patience_s: float = PATIENCE_S) -> tuple[int, bytes]:
-        """A transfer by the bench's own adapter: the result (enum taxel_i2c_result, 0 is good) and what was read."""
+    def transfer(
+        self, address: int, write: bytes, read_size: int, timeout_s: float = TRANSFER_TIMEOUT_S
+    ) -> tuple[int, bytes]:
+        """Transfer on the I2C bus with the bench's adapter: write `write`, then read `read_size` bytes.
+
+        Returns the result (enum taxel_i2c_result, 0: success) and the bytes read. timeout_s: virtual time.
+        """
         buffer = ctypes.create_string_buffer(max(read_size, 1))
-        patience = round(patience_s * PS_PER_S)
+        timeout = round(timeout_s * PS_PER_S)
         result = self._library.taxel_bench_transfer_i2c(
-            self._open_handle, address, write, len(write), buffer, read_size, patience
+            self._open_handle, address, write, len(write), buffer, read_size, timeout
         )
         return int(result), buffer.raw[:read_size]
 
-    def strikes(self, first: int = 0) -> list[Strike]:
-        """What has gone wrong, from the `first` one on. Raises `LinkError` if some of it has been forgotten (4,096)."""
-        table, lost = (_Strike * 4096)(), ctypes.c_uint64()
+    def read_faults(self, first: int = 0) -> list[FaultEvent]:
+        """The faults that have occurred, beginning with number `first`.
+
+        Raises `LinkError` if the emulator no longer stores these faults; the emulator stores the last 4,096.
+        """
+        table, lost = (_FaultEventStruct * 4096)(), ctypes.c_uint64()
         count = self._library.taxel_bench_read_fault_log(
             self._open_handle, first, table, len(table), ctypes.byref(lost)
         )
         if lost.value:
-            raise LinkError("virtual rig", f"has forgotten {lost.value} of its faults; ask more often")
-        return [Strike(one.time / PS_PER_S, one.kind, one.address) for one in table[:count]]
+            raise LinkError("virtual rig", f"has discarded {lost.value} of its faults; read the faults more often")
+        return [FaultEvent(event.time / PS_PER_S, event.kind, event.address) for event in table[:count]]
 
-    def board_flash(self, address: int) -> BoardFlash:
-        """The flash of a board, or of the hub (address 0), as it is now; `address` is that of the world file.
+    def read_flash(self, address: int) -> BoardFlash:
+        """The present flash memory of a board or of the hub (address 0). address: as in the world file.
 
-        Raises `FaultError` for no board.
+        Raises `FaultError` for an address without a board.
         """
         handle = self._open_handle
         runs = int(self._library.taxel_bench_running_program(handle, address))
         if runs < 0:
-            raise FaultError("virtual rig", f"board 0x{address:02X} is none of this world's")
+            raise FaultError("virtual rig", f"has no board 0x{address:02X}; use an address of the world file")
         data = ctypes.string_at(self._library.taxel_bench_flash_bytes(handle, address), FLASH_SIZE)
         wear = np.frombuffer(
             ctypes.string_at(self._library.taxel_bench_flash_wear(handle, address), 4 * FLASH_ROWS), "<u4"
         )
         return BoardFlash(data, wear, int(self._library.taxel_bench_torn_writes(handle, address)), RUNS[runs])
 
-    def processor(self, address: int) -> Processor:
-        """Of an executed board, or of an executed hub (address 0). Raises `FaultError` where no image is executed."""
+    def read_processor(self, address: int) -> Processor:
+        """The processor of a board or of the hub (address 0) that executes an image.
+
+        Raises `FaultError` for a board or hub that does not execute an image.
+        """
         struct = ProcessorStruct()
         if self._library.taxel_bench_read_processor(self._open_handle, address, ctypes.byref(struct)):
             raise FaultError("virtual rig", f"no image is executed at address 0x{address:02X}")
         return struct.read()
 
-    def handler_costs(self, address: int) -> dict[str, HandlerCost]:
-        """Cycles of its exceptions' handlers since its first power-up. Raises `FaultError` as above."""
+    def read_handler_costs(self, address: int) -> dict[str, HandlerCost]:
+        """Cycles of the exception handlers of a processor since its first power-up, by name of the exception.
+
+        Raises `FaultError` for a board or hub that does not execute an image.
+        """
         costs = {}
         for name, number in EXCEPTIONS.items():
             struct = CostStruct()
@@ -249,44 +278,47 @@ class VirtualWorld:
             costs[name] = struct.read()
         return costs
 
-    def plan_cut(self, address: int, operation: int, after_s: float, off_s: float) -> None:
-        """Cut the power of a board or the hub (0) `after_s` into a write to its flash, for `off_s`.
+    def plan_power_cut(self, address: int, operation: int, after_s: float, off_s: float) -> None:
+        """Plan a power cut of a board or of the hub (address 0) during a write to its flash.
 
-        operation: the next write is 1; if cuts wait already, the next after the last of them. after_s: 0 is before it,
-        0.02 its end. Raises `FaultError`.
+        operation: number of the write, counted from 1 for the next write after the last planned cut. after_s: time
+        after the start of the write, seconds; a write takes 0.02 s. off_s: duration of the cut. Raises `FaultError`.
         """
         after, off = round(after_s * PS_PER_S), round(off_s * PS_PER_S)
         refusal = self._library.taxel_bench_plan_power_cut(self._open_handle, address, operation, after, off)
         if refusal:
             raise FaultError("virtual rig", f"a power cut of address 0x{address:02X} {_REFUSALS[refusal]}")
 
-    def cut_count(self, address: int) -> int:
-        """How many planned power cuts of a board or the hub have been made."""
+    def count_power_cuts(self, address: int) -> int:
+        """Number of planned power cuts of a board or of the hub (address 0) that have occurred."""
         return int(self._library.taxel_bench_power_cut_count(self._open_handle, address))
 
-    def cuts(self, address: int, first: int = 0) -> list[PowerCut]:
-        """Planned power cuts that were made, from the `first` on; the latest eight are remembered."""
+    def read_power_cuts(self, address: int, first: int = 0) -> list[PowerCut]:
+        """The planned power cuts that have occurred, beginning with number `first`.
+
+        Raises `LinkError` if the emulator no longer stores these cuts; the emulator stores the last eight.
+        """
         handle = self._open_handle
-        row, after, wanted = ctypes.c_uint16(), ctypes.c_uint64(), ctypes.create_string_buffer(FLASH_ROW)
-        made: list[PowerCut] = []
-        for number in range(first, self.cut_count(address)):
+        row, after, new_data = ctypes.c_uint16(), ctypes.c_uint64(), ctypes.create_string_buffer(FLASH_ROW)
+        power_cuts: list[PowerCut] = []
+        for number in range(first, self.count_power_cuts(address)):
             if self._library.taxel_bench_read_power_cut(
-                handle, address, number, ctypes.byref(row), ctypes.byref(after), wanted
+                handle, address, number, ctypes.byref(row), ctypes.byref(after), new_data
             ):
-                raise LinkError("virtual rig", f"has forgotten power cut {number}; ask more often")
-            made.append(PowerCut(row.value, after.value / PS_PER_S, wanted.raw))
-        return made
+                raise LinkError("virtual rig", f"has discarded power cut {number}; read the power cuts more often")
+            power_cuts.append(PowerCut(row.value, after.value / PS_PER_S, new_data.raw))
+        return power_cuts
 
     def statistics(self) -> dict[str, Any]:
-        """What the emulator has counted so far."""
+        """Present counters of the emulator."""
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
             path = Path(folder) / "statistics.json"
             self._library.taxel_bench_write_statistics(self._open_handle, os.fsencode(path))
-            counted: dict[str, Any] = json.loads(path.read_text())
-            return counted
+            counters: dict[str, Any] = json.loads(path.read_text())
+            return counters
 
     def close(self) -> None:
-        """End the world. May be called twice."""
+        """Close the world. May be called twice."""
         if self._handle is not None:
             self._library.taxel_bench_close(self._handle)
             self._handle = None

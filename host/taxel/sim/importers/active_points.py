@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from taxel.hand.kinematics import compute_taxel_positions
-from taxel.sim.cone_sensing import nominal_forces
+from taxel.sim.cone_sensing import assign_nominal_force
 from taxel.sim.importers.csv_grasps import PosedGrasp, read_hand, rows_by_frame, write_grasps
 from taxel.sim.importers.csv_table import Column, CsvTable, read_csv
 from taxel.sim.importers.grasp_rows import LABELS
@@ -76,7 +76,7 @@ def import_active(
         for frame, rows in rows_by_frame(grasp, np.ones(len(positions), bool)):
             is_active[frame, _match_taxels(table, rows, positions[rows], centres[frame])] = active[rows] > 0
             report.contacts += int(active[rows].sum())
-        return nominal_forces(is_active)
+        return assign_nominal_force(is_active)
 
     return write_grasps(table, motion, out, compute_forces, "import of active taxels, nominal forces", options)
 

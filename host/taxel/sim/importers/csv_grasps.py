@@ -23,7 +23,7 @@ from taxel.sim.importers.records import (
     open_new_dataset,
     refuse_existing_file,
 )
-from taxel.sim.separation import separations
+from taxel.sim.separation import compute_separations
 from taxel.types import FloatArray
 
 __all__ = ["ComputeForces", "PosedGrasp", "make_meshes", "read_hand", "rows_by_frame", "write_grasps"]
@@ -110,7 +110,7 @@ def _import_grasp(name: str, grasp: PosedGrasp, forces: FloatArray, options: Imp
         sensors,
         grasp.nominal_pose,
         forces,
-        separations(options.hand, grasp.grasp_object.shape, sensors, grasp.object_pose),
+        compute_separations(options.hand, grasp.grasp_object.shape, sensors, grasp.object_pose),
         grasp.hand_track.joints,
     )
 

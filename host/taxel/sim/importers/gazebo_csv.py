@@ -18,7 +18,7 @@ from scipy.spatial.distance import cdist
 from taxel.hand import Hand
 from taxel.hand.errors import format_value
 from taxel.hand.kinematics import compute_taxel_positions
-from taxel.sim.cone_sensing import ConeSensing, base_radius, nominal_forces
+from taxel.sim.cone_sensing import ConeSensing, assign_nominal_force, compute_base_radius
 from taxel.sim.importers.csv_grasps import PosedGrasp, read_hand, rows_by_frame, write_grasps
 from taxel.sim.importers.csv_table import Column, CsvTable, read_csv
 from taxel.sim.importers.errors import suggest_names
@@ -56,7 +56,7 @@ _ROUNDING = 1e-9  # relative tolerance of comparisons with the threshold
 
 def default_threshold(hand: Hand) -> float:
     """Distance threshold of the thesis, metres: 2.35 mm for taxels of 3 mm (Figure 4.7)."""
-    return ConeSensing(base_radius(hand)).threshold_m
+    return ConeSensing(compute_base_radius(hand)).threshold_m
 
 
 def import_contacts(
@@ -153,7 +153,7 @@ def distribute_forces(distance: FloatArray, threshold_m: float, force: FloatArra
     """
     is_within = distance <= threshold_m * (1 + _ROUNDING)
     if force is None:
-        return nominal_forces(np.any(is_within, axis=0))
+        return assign_nominal_force(np.any(is_within, axis=0))
     # The smallest weight preserves the force of a contact whose only taxel is exactly at the threshold.
     linear = 1.0 - np.where(is_within, distance, 0.0) / threshold_m
     weight = np.where(is_within, np.maximum(linear, _MIN_WEIGHT), 0.0)

@@ -19,7 +19,7 @@ from taxel.hand import Hand
 from taxel.hand.errors import format_value
 from taxel.hand.kinematics import compute_taxel_positions
 from taxel.sim.closing import GraspMotion
-from taxel.sim.contacts import ContactPoints, StepContacts, board_wrenches
+from taxel.sim.contacts import ContactPoints, StepContacts, compute_board_wrenches
 from taxel.sim.importers.csv_grasps import make_meshes
 from taxel.sim.importers.errors import FileLocation
 from taxel.sim.importers.grasp_rows import dataset_ids
@@ -185,7 +185,9 @@ class _Run:
         self.options.progress(f"grasp {states.grasp[int(rows[0])]}", len(rows), len(rows))
         contacts = [snapshot.contacts for snapshot in snapshots]
         sensors = np.stack([snapshot.sensors for snapshot in snapshots])
-        wrench = [board_wrenches(step, snapshot.sensors) for step, snapshot in zip(contacts, snapshots, strict=True)]
+        wrench = [
+            compute_board_wrenches(step, snapshot.sensors) for step, snapshot in zip(contacts, snapshots, strict=True)
+        ]
         no_joints = np.zeros((len(rows), 0))
         return GraspMotion(
             states.time_s[rows],
@@ -195,7 +197,7 @@ class _Run:
             sensors,
             np.stack([snapshot.object_pose for snapshot in snapshots]),
             np.stack(wrench),
-            ContactPoints.of(contacts),
+            ContactPoints.concatenate(contacts),
         )
 
     def _set_values(self, states: RolloutStates, row: int, names: tuple[str, ...]) -> None:

@@ -46,7 +46,7 @@ class EmulatedProbe:
         forces = np.zeros(self._world.taxels)
         last = self._first_taxel + self._kind.taxel_count
         forces[self._first_taxel : last] = force_n * self._force_shares(taxel, diameter_m)
-        self._world.press(forces)
+        self._world.set_stimulus(forces)
 
     def _force_shares(self, taxel: int, diameter_m: float) -> FloatArray:
         """Share of the tip over the area of each taxel; force beside the taxels has no effect."""
@@ -64,7 +64,7 @@ class EmulatedProbe:
     def release(self) -> None:
         """Remove the force."""
         self._taxel = -1
-        self._world.press(np.zeros(self._world.taxels))
+        self._world.set_stimulus(np.zeros(self._world.taxels))
 
     def close(self) -> None:
         """Remove the force."""
