@@ -1,23 +1,23 @@
-"""The base of every error that a user of the library may want to catch."""
+"""Base classes of the errors of the package."""
 
 
 class TaxelError(Exception):
-    """Something that the user can act on. Its text is one line that names the file, port, board or field, and what to
-    do.
+    """Base class of all errors that a user can act on.
+
+    The text is one line that names the file, port, board or field, and the remedy.
     """
 
 
 class FieldError(TaxelError):
-    """Something in a file that cannot be used.
-
-    Prints as ``file: field: expected ..., found ...; what to do`` on one line.
+    """A value in a file is not valid. The text is ``file: field: expected ..., found ...; remedy`` on one line.
 
     Attributes:
-        file: the file, or what was asked for where there is none.
-        field: the place in it, such as ``boards[3].address`` or ``/grasps/0003/phase``; ``file`` or ``/`` means all.
-        expected: what should stand there.
-        found: what stands there.
-        remedy: what to do about it.
+        file: path of the file, or the name of the requested resource if there is no file.
+        field: location in the file, such as ``boards[3].address`` or ``/grasps/0003/phase``; ``file`` or ``/``: the
+            whole file.
+        expected: description of a valid value.
+        found: description of the value in the file.
+        remedy: instruction for the user.
     """
 
     def __init__(self, file: str, field: str, expected: str, found: str, remedy: str) -> None:

@@ -1,7 +1,8 @@
-"""Plug-ins: objects that installed packages add to a group of entry points, beside the project's own.
+"""Plug-ins: objects that installed packages add to a group of entry points.
 
-A group is a table of names. The project's own names are a mapping from name to ``"module:attribute"``, and a package
-adds names by entry points of the group (see docs/how-to-write-a-plugin.md). Nothing is imported before it is loaded.
+A group is a table of names. The names of this package are a mapping from name to ``"module:attribute"``; another
+package adds names by entry points of the group (see docs/how-to-write-a-plugin.md). A module is imported when its
+object is loaded.
 """
 
 from collections.abc import Mapping

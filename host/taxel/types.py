@@ -1,6 +1,6 @@
 """Array types of annotations: one name for each element type that the package uses.
 
-The names state the element type only. Shapes and units stand in the docstring of each function.
+The names state only the element type; the docstring of each function states shapes and units.
 """
 
 from typing import TypeAlias

@@ -207,7 +207,7 @@ class HubQueue(HubClient):
         reply = self._replies.pop(sent.tag)
         status = reply.fields["status"]
         if status == ReplyStatus.OK:
-            return reply.tail
+            return reply.trailing_bytes
         if status == ReplyStatus.NACK:
             return NackError(sent.transfer.address, f"does not acknowledge on the bus of {self._link.name}")
         if status == ReplyStatus.NO_HANDSHAKE:

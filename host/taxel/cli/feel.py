@@ -69,7 +69,7 @@ def _scripted_contacts(console: Console, out: Path, seed: int) -> None:
         f"baseline over 100 samples: mean {result.baseline_mean:.0f} counts, noise {result.baseline_noise:.2f} counts, "
         f"{result.disturbed} taxels disturbed"
     )
-    console.print(_contact_table(result.presses))
+    console.print(_contact_table(result.contacts))
     losses = result.losses
     console.print(
         f"frames: {losses.frames_sent} sent = {losses.frames_received} received + {losses.lost_on_wire} lost; "
@@ -89,7 +89,7 @@ def _contact_table(outcomes: list[ContactOutcome]) -> Table:
     for heading in ("board", "probe", "active after", "active", "signal"):
         table.add_column(heading, justify="left" if heading in {"board", "probe"} else "right", no_wrap=True)
     for outcome in outcomes:
-        indentation = outcome.press
+        indentation = outcome.contact
         delay = "not active" if outcome.delay_s is None else f"{1e3 * outcome.delay_s:.0f} ms"
         table.add_row(
             indentation.board, f"{indentation.force_n:g} N, {1e3 * indentation.diameter_m:g} mm", delay,

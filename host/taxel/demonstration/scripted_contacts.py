@@ -30,6 +30,10 @@ DEMO_CONTACTS = (
 """Seven contacts on six boards: probes of at least 12 mm as in Figure 2.5 of the thesis, and one probe of 1.9 mm."""
 
 
+MARGIN_S = 0.1
+"""Time before and after a contact in which its taxels may be active, seconds: two scans of the default skin."""
+
+
 @dataclass(frozen=True)
 class ContactOutcome:
     """Response of the skin to one contact.
@@ -39,7 +43,7 @@ class ContactOutcome:
     counts below the baseline.
     """
 
-    press: Indentation
+    contact: Indentation
     delay_s: float | None
     active_taxels: list[int]
     largest_signal: float
@@ -57,7 +61,7 @@ class DemonstrationResult:
     baseline_mean: float
     baseline_noise: float
     disturbed: int
-    presses: list[ContactOutcome]
+    contacts: list[ContactOutcome]
     false_activations: int
     largest_signal: NDArray[np.float64]
     ever_active: NDArray[np.bool_]
@@ -70,7 +74,7 @@ def run_demonstration(hand: Hand, seed: int, advance: Callable[[str, float], Non
     advance: called with the name of the current step and its completed share, 0 to 1.
     """
     times, forces = compute_indentation_forces(hand, DEMO_CONTACTS)
-    end = max(press.end_s for press in DEMO_CONTACTS) + 0.5
+    end = max(contact.end_s for contact in DEMO_CONTACTS) + 0.5
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         stimulus = Path(folder) / "presses.stm"
         write_stimulus(stimulus, times, forces)
@@ -97,20 +101,20 @@ def _report(skin: Skin, scans: list[SkinFrame], baseline: BaselineResult) -> Dem
     times = np.array([scan.time_s for scan in scans])
     frames = activation(np.stack([scan.raw_counts for scan in scans]), np.stack([scan.valid for scan in scans]))
     signal = np.nan_to_num(frames.signal_counts, nan=0.0)
-    shares = [compute_force_shares(skin.hand, press) for press in DEMO_CONTACTS]
     outcomes = []
     expected = np.zeros_like(frames.active)
-    for press, share in zip(DEMO_CONTACTS, shares, strict=True):
-        during = (times >= press.start_s - 0.1) & (times <= press.end_s + 0.1)
-        felt = frames.active & during[:, None] & (share > 0.0)
-        expected |= during[:, None] & (share > 0.0)
-        first = np.flatnonzero(felt.any(axis=1))
+    for contact in DEMO_CONTACTS:
+        is_loaded = compute_force_shares(skin.hand, contact) > 0.0
+        during = (times >= contact.start_s - MARGIN_S) & (times <= contact.end_s + MARGIN_S)
+        active = frames.active & during[:, None] & is_loaded
+        expected |= during[:, None] & is_loaded
+        active_scans = np.flatnonzero(active.any(axis=1))
         outcomes.append(
             ContactOutcome(
-                press,
-                None if not len(first) else float(times[first[0]] - press.start_s),
-                np.flatnonzero(felt.any(axis=0)).tolist(),
-                float(signal[np.ix_(during, share > 0.0)].max(initial=0.0)),
+                contact,
+                None if not len(active_scans) else float(times[active_scans[0]] - contact.start_s),
+                np.flatnonzero(active.any(axis=0)).tolist(),
+                float(signal[np.ix_(during, is_loaded)].max(initial=0.0)),
             )
         )
     handshake = skin.hub.last_handshake or {}
@@ -123,7 +127,7 @@ def _report(skin: Skin, scans: list[SkinFrame], baseline: BaselineResult) -> Dem
         baseline_mean=float(np.nanmean(baseline.mean)),
         baseline_noise=float(np.nanmean(baseline.noise)),
         disturbed=int(baseline.disturbed.sum()),
-        presses=outcomes,
+        contacts=outcomes,
         false_activations=int((frames.active & ~expected).sum()),
         largest_signal=signal.max(axis=0),
         ever_active=np.asarray(frames.active.any(axis=0)),

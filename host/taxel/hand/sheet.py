@@ -87,13 +87,13 @@ def _divide_squares(table: FloatArray, curvatures: FloatArray, parts: int, pitch
         return table
     offsets = (np.arange(parts) + 0.5) * pitch_m / parts - 0.5 * pitch_m
     normal, distal = table[:, None, 3:6], table[:, None, 6:]
-    left = np.cross(normal, distal)
+    lateral = np.cross(normal, distal)
     along, across = (grid.ravel()[:, None] for grid in np.meshgrid(offsets, offsets, indexing="ij"))
     slope_along, slope_across = curvatures[:, :1, None] * along, curvatures[:, 1:, None] * across
     depth = 0.5 * (slope_along * along + slope_across * across)
     pieces = np.repeat(table[:, None], parts * parts, axis=1)
-    pieces[..., :3] += along * distal + across * left - depth * normal
-    pieces[..., 3:6] += slope_along * distal + slope_across * left
+    pieces[..., :3] += along * distal + across * lateral - depth * normal
+    pieces[..., 3:6] += slope_along * distal + slope_across * lateral
     pieces[..., 3:6] /= np.linalg.norm(pieces[..., 3:6], axis=2, keepdims=True)
     pieces[..., 6:] -= pieces[..., 3:6] * np.sum(pieces[..., 3:6] * pieces[..., 6:], axis=2, keepdims=True)
     pieces[..., 6:] /= np.linalg.norm(pieces[..., 6:], axis=2, keepdims=True)
@@ -127,8 +127,8 @@ def build_margin(kind: BoardKind, surface: Surface, pitch_m: float) -> FloatArra
 def _extrapolate(surface: Surface, index: int, opposite: int | None, step: tuple[int, int], pitch: float) -> FloatArray:
     """Extrapolate one pitch beyond taxel `index` on a circle with the curvature towards the opposite neighbour."""
     position, normal, distal = surface.position[index], surface.normal[index], surface.distal[index]
-    left = np.cross(normal, distal)
-    along = -step[0] * distal - step[1] * left  # TX 0 is distal, RX 0 is left
+    lateral = np.cross(normal, distal)  # to the left, seen from outside with the distal direction upwards
+    along = -step[0] * distal - step[1] * lateral  # TX 0 is distal, RX 0 is left
     angle = 0.0
     if opposite is not None:  # the component of its normal is the sine of the angle between the normals
         angle = float(np.arcsin(np.clip(-surface.normal[opposite] @ along, -1.0, 1.0)))

@@ -22,7 +22,7 @@ LONGEST_LABEL = 12
 
 @dataclass(frozen=True)
 class PlacedBoard:
-    """A board. (x, y): left upper corner of its block. label_x: start of the label in the row above the block."""
+    """A board. (x, y): start upper corner of its block. label_x: start of the label in the row above the block."""
 
     board: Board
     label: str
@@ -65,12 +65,12 @@ def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
     columns = [[by_name[name] for name in column if name in by_name] for column in zip(*rows, strict=True)]
     widths = [max((scale * board.kind.rx_count for board in column), default=0) for column in columns]
     fingers = (*FINGERS, *FINGERS[::-1])
-    lefts: list[int] = []
-    left = 0
+    column_starts: list[int] = []
+    start = 0
     for number, width in enumerate(widths):
-        left += SIDE_GAP - GAP if number == len(FINGERS) else 0
-        lefts.append(left)
-        left += width + GAP
+        start += SIDE_GAP - GAP if number == len(FINGERS) else 0
+        column_starts.append(start)
+        start += width + GAP
     headings: list[Heading] = []
     headed_columns: set[int] = set()
     placed: list[PlacedBoard] = []
@@ -81,18 +81,20 @@ def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
             continue
         tallest = max(_block_height(board, scale) for _, board in boards)
         for column, board in boards:
-            x = lefts[column] + (widths[column] - scale * board.kind.rx_count) // 2
+            x = column_starts[column] + (widths[column] - scale * board.kind.rx_count) // 2
             y = top + 1 + tallest - _block_height(board, scale)
             label = get_short_name(board.name)
-            placed.append(PlacedBoard(board, label, x, y, lefts[column] + _centre_offset(label, widths[column])))
+            placed.append(
+                PlacedBoard(board, label, x, y, column_starts[column] + _centre_offset(label, widths[column]))
+            )
             finger = fingers[column]
             if column not in headed_columns and board.name.endswith(finger):
                 headed_columns.add(column)
-                headings.append(Heading(finger, lefts[column] + _centre_offset(finger, widths[column]), y - 2))
+                headings.append(Heading(finger, column_starts[column] + _centre_offset(finger, widths[column]), y - 2))
         top += tallest + 1
     if any(name in by_name for row in BACK for name in row):
-        headings.append(Heading("back of the hand", lefts[len(FINGERS)], 0))
-    return BoardLayout(left - GAP, top, scale, tuple(placed), tuple(headings))
+        headings.append(Heading("back of the hand", column_starts[len(FINGERS)], 0))
+    return BoardLayout(start - GAP, top, scale, tuple(placed), tuple(headings))
 
 
 def layout_rows(hand: Hand, width: int, scale: int = 1) -> BoardLayout:
@@ -102,16 +104,16 @@ def layout_rows(hand: Hand, width: int, scale: int = 1) -> BoardLayout:
     top = widest = 0
     for row in rows:
         tallest = max(_block_height(board, scale) for board in row)
-        left = 0
+        start = 0
         for board in row:
             label = _label(board.name)
             block = scale * board.kind.rx_count
             column = max(block, len(label))
             y = top + 1 + tallest - _block_height(board, scale)
-            x = left + (column - block) // 2
-            placed.append(PlacedBoard(board, label, x, y, left + _centre_offset(label, column)))
-            left += column + 1
-        widest = max(widest, left - 1)
+            x = start + (column - block) // 2
+            placed.append(PlacedBoard(board, label, x, y, start + _centre_offset(label, column)))
+            start += column + 1
+        widest = max(widest, start - 1)
         top += tallest + 1
     return BoardLayout(widest, top, scale, tuple(placed))
 

@@ -16,15 +16,15 @@ _HEADINGS = (
     ("bad", "frames with a wrong CRC of the board"),
     ("bus", "failed polls on the bus"),
 )
-_BAD = "color:#c0392b;font-weight:600"
-_MUTED = "opacity:0.65"
-_CELL = "padding:0.05em 0.3em;text-align:right;white-space:nowrap"
-_NAME = "padding:0.05em 0.3em;text-align:left;white-space:nowrap"
+_BAD_STYLE = "color:#c0392b;font-weight:600"
+_MUTED_STYLE = "opacity:0.65"
+_NUMBER_STYLE = "padding:0.05em 0.3em;text-align:right;white-space:nowrap"
+_NAME_STYLE = "padding:0.05em 0.3em;text-align:left;white-space:nowrap"
 
 
 def status_html(reading: SkinReading, title: str) -> str:
     """Rates, errors, load and advice."""
-    load = f'<span style="{_MUTED}">{_join_parts(load_parts(reading))}</span>'
+    load = f'<span style="{_MUTED_STYLE}">{_join_parts(load_parts(reading))}</span>'
     rows = [_join_parts(rate_parts(reading)), _join_parts(error_parts(reading)), load]
     advice = f'<div style="color:#b9770e;font-weight:600">{escape(reading.advice)}</div>' if reading.advice else ""
     body = "".join(f"<div>{row}</div>" for row in rows)
@@ -32,13 +32,13 @@ def status_html(reading: SkinReading, title: str) -> str:
 
 
 def _join_parts(parts: list[Part]) -> str:
-    return " &middot; ".join(f'<span style="{_BAD}">{text}</span>' if is_bad else text for text, is_bad in parts)
+    return " &middot; ".join(f'<span style="{_BAD_STYLE}">{text}</span>' if is_bad else text for text, is_bad in parts)
 
 
 def legend_html(threshold: float, top: float) -> str:
     """The colour scale. threshold, top: activation threshold and end of the scale, counts."""
     return (
-        f'<div style="padding:0.2em 1em;font-size:0.8em;{_MUTED}">signal (counts below the baseline)</div>'
+        f'<div style="padding:0.2em 1em;font-size:0.8em;{_MUTED_STYLE}">signal (counts below the baseline)</div>'
         '<div style="padding:0 1em 0.3em;font-size:0.8em;display:flex;align-items:center;gap:0.4em">0'
         f'<span style="flex:1;height:0.9em;background:{_gradient(0, INACTIVE_STEPS - 1)}"></span>{threshold:g}'
         f'<span style="flex:3;height:0.9em;background:{_gradient(INACTIVE_STEPS, STEPS - 1)}"></span>{top:g}'
@@ -59,7 +59,8 @@ def _rgb(step: int) -> str:
 def table_html(reading: SkinReading) -> str:
     """A table with one row for each board."""
     head = "".join(
-        f'<th style="{_NAME if name == "board" else _CELL}" title="{text}">{name}</th>' for name, text in _HEADINGS
+        f'<th style="{_NAME_STYLE if name == "board" else _NUMBER_STYLE}" title="{text}">{name}</th>'
+        for name, text in _HEADINGS
     )
     rows = "".join(_row(board) for board in reading.boards)
     return (
@@ -69,9 +70,9 @@ def table_html(reading: SkinReading) -> str:
 
 
 def _row(board: BoardReading) -> str:
-    style = _BAD if not board.is_streaming else "font-weight:600" if board.active else ""
+    style = _BAD_STYLE if not board.is_streaming else "font-weight:600" if board.active else ""
     active = str(board.active) if board.baseline >= 1.0 else f"{100 * board.baseline:.0f} %"
-    cells = [
+    values = [
         f"{board.rate_hz:.1f}" if board.is_streaming else escape(board.state),
         active,
         "-" if math.isnan(board.largest_signal) else f"{board.largest_signal:.0f}",
@@ -80,5 +81,5 @@ def _row(board: BoardReading) -> str:
         "-" if board.bus_faults is None else str(board.bus_faults),
     ]
     name = escape(board.board.name.replace("_", " "))
-    middle = "".join(f'<td style="{_CELL}">{cell}</td>' for cell in cells)
-    return f'<tr style="{style}"><td style="{_NAME}" title="0x{board.board.address:02X}">{name}</td>{middle}</tr>'
+    middle = "".join(f'<td style="{_NUMBER_STYLE}">{value}</td>' for value in values)
+    return f'<tr style="{style}"><td style="{_NAME_STYLE}" title="0x{board.board.address:02X}">{name}</td>{middle}</tr>'

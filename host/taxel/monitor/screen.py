@@ -32,7 +32,7 @@ _COLUMNS: tuple[tuple[str, int, Callable[[BoardReading], str]], ...] = (
     ("bus", 5, lambda b: "-" if b.bus_faults is None else str(b.bus_faults)),
     ("state", -12, lambda b: b.state),
 )
-"""Heading, width (negative: aligned to the left) and text of each column of the table."""
+"""Heading, width (negative: aligned to the first_column) and text of each column of the table."""
 
 TABLE_WIDTH = sum(abs(width) for _, width, _ in _COLUMNS) + len(_COLUMNS) - 1
 
@@ -75,15 +75,15 @@ class Screen:
         _write_parts(canvas, 1, rate_parts(reading))
         end = _write_parts(canvas, 2, [*error_parts(reading), *load_parts(reading)])
         top_text = f" {top:g} counts"
-        left = canvas.width - len(top_text) - LEGEND_WIDTH - 7
-        if has_colour and left > end + 1:
-            self._draw_legend(canvas, left, top_text)
+        legend_column = canvas.width - len(top_text) - LEGEND_WIDTH - 7
+        if has_colour and legend_column > end + 1:
+            self._draw_legend(canvas, legend_column, top_text)
         if reading.advice:
             canvas.write(3, 0, _truncate(reading.advice, canvas.width), ADVICE)
         else:
             canvas.write(3, 0, KEYS, DIM)
 
-    def _draw_legend(self, canvas: Canvas, left: int, top_text: str) -> None:
+    def _draw_legend(self, canvas: Canvas, first_column: int, top_text: str) -> None:
         inactive_width = LEGEND_WIDTH // 4
         bar = np.concatenate(
             [
@@ -93,7 +93,7 @@ class Screen:
         ).astype(np.intp)
         inactive, active = np.tile(bar[:inactive_width], (2, 1)), np.tile(bar[inactive_width:], (2, 1))
         threshold = f" {self._scale.threshold:g} "
-        column = canvas.write(2, left, "0 ", DIM)
+        column = canvas.write(2, first_column, "0 ", DIM)
         canvas.paint(2, column, inactive, inactive > STEPS)
         column = canvas.write(2, column + inactive_width, threshold, DIM)
         canvas.paint(2, column, active, active > STEPS)
@@ -151,7 +151,7 @@ def _layouts(hand: Hand, width: int) -> Sequence[BoardLayout]:
 
 @lru_cache(maxsize=8)
 def _taxel_positions(hand: Hand, layout: BoardLayout) -> tuple[IndexArray, IndexArray]:
-    """Row (in half characters) and column of each taxel's left upper corner, [n] each."""
+    """Row (in half characters) and column of each taxel's first_column upper corner, [n] each."""
     rows = np.zeros(hand.n_taxels, dtype=np.intp)
     columns = np.zeros(hand.n_taxels, dtype=np.intp)
     for placed in layout.boards:
@@ -170,9 +170,9 @@ def _write_parts(canvas: Canvas, row: int, parts: Sequence[Part]) -> int:
     return column
 
 
-def _write_row(canvas: Canvas, row: int, column: int, cells: Sequence[str], style: str) -> None:
-    for (_, width, _), cell in zip(_COLUMNS, cells, strict=True):
-        text = _truncate(cell, abs(width))
+def _write_row(canvas: Canvas, row: int, column: int, texts: Sequence[str], style: str) -> None:
+    for (_, width, _), full_text in zip(_COLUMNS, texts, strict=True):
+        text = _truncate(full_text, abs(width))
         canvas.write(row, column, text.ljust(-width) if width < 0 else text.rjust(width), style)
         column += abs(width) + 1
 

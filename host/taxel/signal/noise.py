@@ -139,11 +139,11 @@ def _compute_interpolated_median(counts: IntArray) -> float:
         return np.nan
     median = float(np.median(counts))
     middle = np.floor(median)
-    inside = int((counts == middle).sum())
-    if middle == 0 or inside == 0:
+    count_in_class = int((counts == middle).sum())
+    if middle == 0 or count_in_class == 0:
         return median
-    below = int((counts < middle).sum())
-    return float(middle - 0.5 + (counts.size / 2 - below) / inside)
+    count_below = int((counts < middle).sum())
+    return float(middle - 0.5 + (counts.size / 2 - count_below) / count_in_class)
 
 
 def _compute_common_mode(residual: FloatArray, mask: BoolArray) -> float:

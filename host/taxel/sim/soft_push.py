@@ -103,8 +103,10 @@ class SoftPush:
         return pose
 
     def _compute_jacobian(self, data: mujoco.MjData, poses: FloatArray) -> FloatArray:
-        """Velocity and angular velocity of each bracket relative to the object, per unit velocity of each degree of
-        freedom: f64[s, 6, dofs], world. The velocity is that of the object's point at the bracket's origin.
+        """Jacobian of the motion of each bracket relative to the object, f64[s, 6, dofs], world.
+
+        Velocity, then angular velocity, per unit velocity of each joint coordinate. The velocity is relative to the
+        object's point at the bracket's origin.
         """
         rotation_axis, centre = data.cdof[:, :3], data.subtree_com[self._roots]  # cdof refers to the tree's centre
         jacobian = np.empty((len(poses), 6, len(rotation_axis)))

@@ -57,7 +57,7 @@ class FrameStream:
         self._end: BaseException | None = None
         self._pending_end: Exception | None = None
         if not (link.is_recorded or self._is_stepped):
-            self._ring = RingBuffer(ring_capacity, drop_oldest=link.is_real_time)
+            self._ring = RingBuffer(ring_capacity, overwrite_oldest=link.is_real_time)
             self._pump = Pump(link, self._ring)
 
     @property

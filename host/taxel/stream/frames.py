@@ -30,11 +30,13 @@ class TaxelFrame(NamedTuple):
 
 
 class HubMessage(NamedTuple):
-    """A frame of any other type: `fields` by flat name as in `taxel_protocol.frames`; `tail`: the bytes after them."""
+    """A frame of any other type: `fields` by flat name as in `taxel_protocol.frames`; `trailing_bytes` after the
+    fields.
+    """
 
     type: FrameType
     fields: dict[str, Any]
-    tail: bytes
+    trailing_bytes: bytes
 
 
 def decode_messages(batch: Batch) -> list[HubMessage]:
@@ -45,8 +47,8 @@ def decode_messages(batch: Batch) -> list[HubMessage]:
         return messages
     for code, offset, size in zip(rows["type"].tolist(), rows["offset"].tolist(), rows["size"].tolist(), strict=True):
         kind = FrameType(code)
-        fields, tail = unpack(FRAMES[kind].payload, batch.payloads[offset : offset + size])
-        messages.append(HubMessage(kind, fields, tail))
+        fields, trailing_bytes = unpack(FRAMES[kind].payload, batch.payloads[offset : offset + size])
+        messages.append(HubMessage(kind, fields, trailing_bytes))
     return messages
 
 

@@ -87,7 +87,7 @@ class HubClient:
         elif message.type is FrameType.BOARD_FAULT:
             self.faults.append(fields)
         elif message.type is FrameType.LOG:
-            self.logs.append(message.tail.decode("ascii", errors="replace"))
+            self.logs.append(message.trailing_bytes.decode("ascii", errors="replace"))
 
     def _acknowledge(self, payload: bytes) -> None:
         self._send(FrameType.ACKNOWLEDGE, payload)
@@ -152,7 +152,7 @@ class HubClient:
             label = command.name if isinstance(command, Command) else f"command {command}"
             name = ReplyStatus(status).name if status in ReplyStatus._value2member_map_ else str(status)
             raise HubError(f"{self._link.name}: the hub rejected {label}: {name.lower().replace('_', ' ')}")
-        return reply.tail
+        return reply.trailing_bytes
 
     def start(self, compact: bool = False) -> None:
         """Start streaming; `compact`: request compact frames from the boards that support them.

@@ -9,16 +9,16 @@ from taxel.link import Chunk
 class RingBuffer:
     """Byte queue of at most `capacity` bytes for one writer thread and one reader thread.
 
-    With `drop_oldest` the writer never waits: the oldest bytes are overwritten and counted in `overrun_bytes`.
+    With `overwrite_oldest` the writer never waits: the oldest bytes are overwritten and counted in `overrun_bytes`.
     Without it the writer waits for the reader. Raises ValueError for a capacity below 1.
     """
 
-    def __init__(self, capacity: int = 1 << 22, drop_oldest: bool = True) -> None:
+    def __init__(self, capacity: int = 1 << 22, overwrite_oldest: bool = True) -> None:
         if capacity < 1:
             raise ValueError(f"capacity: expected at least 1 byte, found {capacity}")
         self._buffer = bytearray(capacity)
         self._capacity = capacity
-        self._drop_oldest = drop_oldest
+        self._overwrites_oldest = overwrite_oldest
         self._written = 0
         self._read = 0
         self._arrivals: deque[tuple[int, int]] = deque()
@@ -36,7 +36,7 @@ class RingBuffer:
         with self._condition:
             while data:
                 step = data[: self._capacity]
-                if self._drop_oldest:
+                if self._overwrites_oldest:
                     self._overwrite_oldest(len(step))
                 else:
                     while self._capacity == len(self) and not self._is_closed:

@@ -222,7 +222,7 @@ def test_a_record_beyond_the_free_disk_space_is_reported_and_earlier_records_are
         writer.write(b"kept", 1)
         resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + free_bytes, hard))
         try:
-            with pytest.raises(CaptureError, match="what came before is kept"):
+            with pytest.raises(CaptureError, match="the records before are complete"):
                 writer.write(bytes(100), 2)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

@@ -214,7 +214,7 @@ def test_writing_to_a_hub_that_accepts_no_bytes_raises_an_error_in_time(terminal
     terminal.unplug()  # ends a write that still waits
     writer.join(TIMEOUT_S)
     assert not is_still_waiting
-    assert "takes no bytes" in errors[0]
+    assert "accepts no bytes" in errors[0]
     assert errors[0].startswith(terminal.name)
 
 

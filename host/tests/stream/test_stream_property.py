@@ -67,7 +67,7 @@ def test_messages_have_the_same_fields_as_with_construct(sent):
         parsed = flatten(to_dict(FRAMES[FrameType(kind)].payload.parse(payload)))
         assert {name: parsed[name] for name in message.fields} == message.fields
         tails = [value for name, value in parsed.items() if name not in message.fields]
-        assert tails == ([message.tail] if tails else [])
+        assert tails == ([message.trailing_bytes] if tails else [])
 
 
 @bounded

@@ -17,11 +17,11 @@ TIMEOUT_S = 20.0
 class RingAgainstModel(RuleBasedStateMachine):
     """Comparison with a list of (byte, arrival) pairs."""
 
-    @initialize(capacity=st.integers(1, 40), drop_oldest=st.booleans())
-    def begin(self, capacity, drop_oldest):
+    @initialize(capacity=st.integers(1, 40), overwrite_oldest=st.booleans())
+    def begin(self, capacity, overwrite_oldest):
         self.capacity = capacity
-        self.drop_oldest = drop_oldest
-        self.ring = RingBuffer(capacity, drop_oldest)
+        self.overwrite_oldest = overwrite_oldest
+        self.ring = RingBuffer(capacity, overwrite_oldest)
         self.model = []
         self.lost = 0
         self.written = 0
@@ -31,7 +31,7 @@ class RingAgainstModel(RuleBasedStateMachine):
 
     @rule(data=st.binary(max_size=100), same_time=st.booleans())
     def write(self, data, same_time):
-        if not self.drop_oldest:
+        if not self.overwrite_oldest:
             data = data[: self.capacity - len(self.model)]  # the writer would wait for a reader
         self.arrival += not same_time
         self.ring.write(Chunk(data, self.arrival))
@@ -112,7 +112,7 @@ def read_to_the_end(ring):
 @pytest.mark.parametrize("capacity", [1, 7, 64, 4096])
 def test_a_waiting_writer_loses_nothing(capacity):
     random_bytes = random.Random(capacity).randbytes(100 * capacity + 50)
-    ring = RingBuffer(capacity, drop_oldest=False)
+    ring = RingBuffer(capacity, overwrite_oldest=False)
     thread = run_writer(ring, random_bytes, [3, 1, 500, 64])
     data, arrivals, end = read_to_the_end(ring)
     thread.join(TIMEOUT_S)
@@ -153,7 +153,7 @@ def test_a_failure_wakes_a_waiting_reader():
 
 
 def test_a_waiting_writer_returns_when_the_reader_closes():
-    ring = RingBuffer(4, drop_oldest=False)
+    ring = RingBuffer(4, overwrite_oldest=False)
     thread = run_writer(ring, bytes(100), [100])
     ring.read(TIMEOUT_S)
     ring.close()
@@ -169,7 +169,7 @@ def test_a_capacity_below_one_byte_is_rejected(capacity):
 
 @pytest.mark.parametrize("remaining", [1, 2, 3])
 def test_the_rest_of_a_chunk_after_an_overrun_keeps_its_arrival_time(remaining):
-    ring = RingBuffer(4, drop_oldest=True)
+    ring = RingBuffer(4, overwrite_oldest=True)
     ring.write(Chunk(b"abc", 1))
     ring.write(Chunk(b"defg"[: 4 - remaining], 2))
     assert ring.read(0.0) == [Chunk(b"abc"[3 - remaining :], 1), Chunk(b"defg"[: 4 - remaining], 2)]

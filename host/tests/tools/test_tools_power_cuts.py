@@ -122,5 +122,5 @@ def test_invalid_planned_cuts_are_refused(worlds):
         world.plan_power_cut(0x60, 1, 0.0, OFF_S)
     for _ in range(8):
         world.plan_power_cut(BOARD, 1, 0.0, OFF_S)
-    with pytest.raises(FaultError, match="is one too many"):
+    with pytest.raises(FaultError, match="limit of 8 planned power cuts"):
         world.plan_power_cut(BOARD, 1, 0.0, OFF_S)

@@ -32,6 +32,9 @@ RUNS: Final[tuple[Literal["application", "bootloader", "hanging image"], ...]] =
 TRANSFER_TIMEOUT_S: Final = 1.0
 """Timeout of a transfer of the bench's I2C adapter, seconds of virtual time: that of Linux."""
 
+PLANNED_CUTS_MAX: Final = 8
+"""Largest number of planned power cuts of one processor: FLASH_CUTS_MAX of the emulator."""
+
 _REFUSALS: Final = {
     -1: "is not a fault of the emulator (firmware/emulator/README.md lists the faults)",
     -2: "strikes a board that this world does not have",
@@ -287,7 +290,10 @@ class VirtualWorld:
         after, off = round(after_s * PS_PER_S), round(off_s * PS_PER_S)
         refusal = self._library.taxel_bench_plan_power_cut(self._open_handle, address, operation, after, off)
         if refusal:
-            raise FaultError("virtual rig", f"a power cut of address 0x{address:02X} {_REFUSALS[refusal]}")
+            problem = (
+                f"exceeds the limit of {PLANNED_CUTS_MAX} planned power cuts" if refusal == -3 else _REFUSALS[refusal]
+            )
+            raise FaultError("virtual rig", f"a power cut of address 0x{address:02X} {problem}")
 
     def count_power_cuts(self, address: int) -> int:
         """Number of planned power cuts of a board or of the hub (address 0) that have occurred."""

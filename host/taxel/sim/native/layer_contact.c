@@ -10,8 +10,8 @@ size_t sim_layer_struct_size(void)
     return sizeof(struct sim_layer);
 }
 
-/* inverse(a) b of rigid transforms. */
-static void relative(const double *a, const double *b, double *result)
+/* inverse(a) b of the rigid transforms a and b. */
+static void compute_relative_pose(const double *a, const double *b, double *result)
 {
     for (size_t i = 0; i < 3; i++) {
         for (size_t j = 0; j < 4; j++) {
@@ -24,20 +24,20 @@ static void relative(const double *a, const double *b, double *result)
     memcpy(result + 12, b + 12, 4 * sizeof *b);
 }
 
-static double turned(const double *pose, size_t row, const double *vector)
+static double rotate_row(const double *pose, size_t row, const double *vector)
 {
     return pose[4 * row] * vector[0] + pose[4 * row + 1] * vector[1] + pose[4 * row + 2] * vector[2];
 }
 
-static void put_point(const struct sim_layer *layer, const double *pose, size_t piece, struct sim_lines *lines,
+static void set_point(const struct sim_layer *layer, const double *pose, size_t piece, struct sim_lines *lines,
                       size_t i)
 {
     for (size_t row = 0; row < 3; row++) {
-        lines->point[row][i] = turned(pose, row, layer->position + 3 * piece) + pose[4 * row + 3];
+        lines->point[row][i] = rotate_row(pose, row, layer->position + 3 * piece) + pose[4 * row + 3];
     }
 }
 
-/* The solid as the near pieces of a board meet it. */
+/* The solid reduced to the faces that the near pieces of a board can touch. */
 static struct sim_solid near_solid(const struct sim_layer *layer, size_t board)
 {
     struct sim_solid solid = layer->solid;
@@ -49,13 +49,13 @@ static struct sim_solid near_solid(const struct sim_layer *layer, size_t board)
     return solid;
 }
 
-static size_t block_of(size_t left)
+static size_t limit_to_block(size_t remaining)
 {
-    return left < RAY_BLOCK ? left : RAY_BLOCK;
+    return remaining < RAY_BLOCK ? remaining : RAY_BLOCK;
 }
 
-/* The most that a piece of a board of that size has moved, metres. */
-static double motion(const double *from, const double *to, double size)
+/* Upper bound of the motion between two poses of a piece at most `size` from the bracket's origin, metres. */
+static double bound_motion(const double *from, const double *to, double size)
 {
     double turn = 0.0, shift = 0.0;
     for (size_t row = 0; row < 3; row++) {
@@ -67,17 +67,18 @@ static double motion(const double *from, const double *to, double size)
     return sqrt(shift) + sqrt(turn) * size;
 }
 
-/* Those pieces of [begin, end) that are within reach, in order; how many. */
-static size_t near_pieces(const struct sim_layer *layer, const double *pose, size_t begin, size_t end, uint32_t *near)
+/* Store the pieces of [begin, end) within the search distance in `near`, in order; returns their number. */
+static size_t find_near_pieces(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
+                               uint32_t *near)
 {
     const double reach = layer->thickness_m + layer->near_m;
     size_t kept = 0;
     while (begin < end) {
         struct sim_lines lines;
         double bound[RAY_BLOCK];
-        const size_t count = block_of(end - begin);
+        const size_t count = limit_to_block(end - begin);
         for (size_t i = 0; i < count; i++) {
-            put_point(layer, pose, begin + i, &lines, i);
+            set_point(layer, pose, begin + i, &lines, i);
         }
         sim_distance_bounds(&layer->solid, &lines, count, bound);
         for (size_t i = 0; i < count; i++) {
@@ -90,9 +91,9 @@ static size_t near_pieces(const struct sim_layer *layer, const double *pose, siz
     return kept;
 }
 
-/* The same of whole squares: those whose middle piece is too far are left out at once. */
-static size_t near_in_squares(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
-                              uint32_t *near)
+/* As find_near_pieces for complete squares: a square whose middle piece is too far is skipped. */
+static size_t find_near_in_squares(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
+                                   uint32_t *near)
 {
     const double reach = layer->thickness_m + layer->near_m + layer->square_size_m;
     const size_t size = layer->square_pieces;
@@ -100,14 +101,14 @@ static size_t near_in_squares(const struct sim_layer *layer, const double *pose,
     while (begin < end) {
         struct sim_lines lines;
         double bound[RAY_BLOCK];
-        const size_t count = block_of((end - begin) / size);
+        const size_t count = limit_to_block((end - begin) / size);
         for (size_t i = 0; i < count; i++) {
-            put_point(layer, pose, begin + i * size + size / 2, &lines, i);
+            set_point(layer, pose, begin + i * size + size / 2, &lines, i);
         }
         sim_distance_bounds(&layer->solid, &lines, count, bound);
         for (size_t i = 0; i < count; i++) {
             if (bound[i] < reach) {
-                kept += near_pieces(layer, pose, begin + i * size, begin + (i + 1) * size, near + kept);
+                kept += find_near_pieces(layer, pose, begin + i * size, begin + (i + 1) * size, near + kept);
             }
         }
         begin += count * size;
@@ -115,34 +116,34 @@ static size_t near_in_squares(const struct sim_layer *layer, const double *pose,
     return kept;
 }
 
-/* The faces that a line through a near piece may come in through until the next look. Behind any other the piece lies
-   so deep that the line enters there too deep, and leaves there beyond all that counts. */
-static void keep_faces(struct sim_layer *layer, size_t board, const double *pose)
+/* Store the faces through which a line of a near piece can enter before the next search. Behind any other face the
+   pieces lie so deep that an entry through the face is below the largest depth that counts. */
+static void find_faces(struct sim_layer *layer, size_t board, const double *pose)
 {
     const uint32_t *near = layer->near + layer->first[board];
     const size_t faces = layer->solid.faces;
     const double deepest = layer->deepest_m > layer->thickness_m ? layer->deepest_m : layer->thickness_m;
-    const double least = -(deepest + layer->near_m);
+    const double min_height = -(deepest + layer->near_m);
     double *normals = layer->near_normals + 3 * faces * board, *offsets = layer->near_offsets + faces * board;
-    double *highest = offsets; /* of the pieces over each face; read before an offset takes its place */
+    double *max_height = offsets; /* of the pieces over each face; read before an offset replaces the height */
     for (size_t face = 0; face < faces; face++) {
-        highest[face] = -INFINITY;
+        max_height[face] = -INFINITY;
     }
     for (size_t begin = 0; begin < layer->near_count[board]; begin += RAY_BLOCK) {
         struct sim_lines lines;
-        const size_t count = block_of(layer->near_count[board] - begin);
+        const size_t count = limit_to_block(layer->near_count[board] - begin);
         for (size_t i = 0; i < count; i++) {
-            put_point(layer, pose, near[begin + i], &lines, i);
+            set_point(layer, pose, near[begin + i], &lines, i);
         }
         for (size_t face = 0; face < faces; face++) {
-            if (highest[face] < least) {
-                highest[face] = sim_highest(&layer->solid, face, &lines, count);
+            if (max_height[face] < min_height) {
+                max_height[face] = sim_max_height(&layer->solid, face, &lines, count);
             }
         }
     }
     size_t kept = 0;
     for (size_t face = 0; face < faces; face++) {
-        if (highest[face] >= least) {
+        if (max_height[face] >= min_height) {
             memcpy(normals + 3 * kept, layer->solid.normals + 3 * face, 3 * sizeof *normals);
             offsets[kept++] = layer->solid.offsets[face];
         }
@@ -153,8 +154,8 @@ static void keep_faces(struct sim_layer *layer, size_t board, const double *pose
     }
 }
 
-/* Find the near pieces of a board at `pose` in the solid's frame, if the board as a whole is near. */
-static void look(struct sim_layer *layer, size_t board, const double *pose)
+/* Search the near pieces of a board at `pose` in the solid's frame. A far board has none. */
+static void search_board(struct sim_layer *layer, size_t board, const double *pose)
 {
     const size_t begin = layer->first[board], end = layer->first[board + 1];
     struct sim_lines origin;
@@ -163,29 +164,29 @@ static void look(struct sim_layer *layer, size_t board, const double *pose)
         origin.point[row][0] = pose[4 * row + 3];
     }
     sim_distance_bounds(&layer->solid, &origin, 1, &bound);
-    const double room = bound - layer->board_size[board] - layer->thickness_m;
-    memcpy(layer->looked + SIM_POSE * board, pose, SIM_POSE * sizeof *pose);
+    const double clearance = bound - layer->board_size[board] - layer->thickness_m;
+    memcpy(layer->search_pose + SIM_POSE * board, pose, SIM_POSE * sizeof *pose);
     layer->near_count[board] = 0;
-    layer->slack_m[board] = room;
-    if (room < layer->near_m) {
+    layer->slack_m[board] = clearance;
+    if (clearance < layer->near_m) {
         layer->slack_m[board] = layer->near_m;
-        layer->near_count[board] = near_in_squares(layer, pose, begin, end, layer->near + begin);
-        keep_faces(layer, board, pose);
+        layer->near_count[board] = find_near_in_squares(layer, pose, begin, end, layer->near + begin);
+        find_faces(layer, board, pose);
     }
 }
 
-/* Force of a compressed layer, newtons, and its rise, newtons a metre. */
-static void press(const struct sim_law *law, double depth, double *force, double *rate)
+/* Force of the layer on one taxel, newtons, and its derivative `rate`, N/m, at a compression `depth`, metres. */
+static void apply_law(const struct sim_law *law, double depth, double *force, double *rate)
 {
-    const double bent = depth < law->straight_m ? depth : law->straight_m;
-    const double stiffening = bent / law->stiffening_m, closing = bent / law->closing_m;
+    const double curved = depth < law->straight_m ? depth : law->straight_m;
+    const double stiffening = curved / law->stiffening_m, closing = curved / law->closing_m;
     const double fourth = closing * closing * closing * closing;
     const double growth = law->stiffness_n_per_m * exp(stiffening + fourth);
     *rate = (1.0 + stiffening + 4.0 * fourth) * growth;
-    *force = bent * growth + (depth - bent) * *rate;
+    *force = curved * growth + (depth - curved) * *rate;
 }
 
-/* Add one pressed piece to its board's load, in the bracket's frame: the lower triangle of the stiffness. */
+/* Add one compressed piece to the load of its board, in the bracket's frame; of the stiffness the lower triangle. */
 static void add_piece(const struct sim_layer *layer, size_t piece, double force, double rate, double *wrench,
                       double *stiffness)
 {
@@ -193,27 +194,27 @@ static void add_piece(const struct sim_layer *layer, size_t piece, double force,
     const double line[TWIST] = {
         n[0], n[1], n[2], p[1] * n[2] - p[2] * n[1], p[2] * n[0] - p[0] * n[2], p[0] * n[1] - p[1] * n[0]};
     for (size_t i = 0; i < TWIST; i++) {
-        const double pulled = rate * line[i];
+        const double scaled = rate * line[i];
         wrench[i] -= force * line[i];
         for (size_t j = 0; j <= i; j++) {
-            stiffness[TWIST * i + j] += pulled * line[j];
+            stiffness[TWIST * i + j] += scaled * line[j];
         }
     }
 }
 
-/* From the bracket's frame to the world's directions: both halves of a wrench. */
-static void turn_wrench(const double *pose, double *wrench)
+/* Rotate a wrench, force and moment, from the bracket's frame to the world. */
+static void rotate_wrench(const double *pose, double *wrench)
 {
     for (size_t half = 0; half < TWIST; half += 3) {
         const double own[3] = {wrench[half], wrench[half + 1], wrench[half + 2]};
         for (size_t row = 0; row < 3; row++) {
-            wrench[half + row] = turned(pose, row, own);
+            wrench[half + row] = rotate_row(pose, row, own);
         }
     }
 }
 
-/* The same of a stiffness, of which only the lower triangle is given: T K T^t. */
-static void turn_stiffness(const double *pose, double *stiffness)
+/* Rotate a stiffness K, given as its lower triangle, from the bracket's frame to the world: T K T^t. */
+static void rotate_stiffness(const double *pose, double *stiffness)
 {
     for (size_t i = 0; i < TWIST; i++) {
         for (size_t j = 0; j < i; j++) {
@@ -222,7 +223,7 @@ static void turn_stiffness(const double *pose, double *stiffness)
     }
     for (size_t side = 0; side < 2; side++) {
         for (size_t i = 0; i < TWIST; i++) {
-            turn_wrench(pose, stiffness + TWIST * i);
+            rotate_wrench(pose, stiffness + TWIST * i);
         }
         for (size_t i = 0; i < TWIST; i++) {
             for (size_t j = 0; j < i; j++) {
@@ -234,21 +235,22 @@ static void turn_stiffness(const double *pose, double *stiffness)
     }
 }
 
-/* The pieces of a block that may be pressed, and the lines through them: no other surface is within the layer. */
-static size_t put_lines(const struct sim_layer *layer, const struct sim_solid *solid, const double *pose,
-                        const uint32_t *near, size_t count, uint32_t *piece, struct sim_lines *lines)
+/* Store the pieces of a block nearer to the solid than the thickness of the layer, and their lines; returns their
+   number. No other piece can be compressed. */
+static size_t select_lines(const struct sim_layer *layer, const struct sim_solid *solid, const double *pose,
+                           const uint32_t *near, size_t count, uint32_t *piece, struct sim_lines *lines)
 {
     double bound[RAY_BLOCK];
     size_t kept = 0;
     for (size_t i = 0; i < count; i++) {
-        put_point(layer, pose, near[i], lines, i);
+        set_point(layer, pose, near[i], lines, i);
     }
     sim_distance_bounds(solid, lines, count, bound);
     for (size_t i = 0; i < count; i++) {
         if (bound[i] < layer->thickness_m) {
             for (size_t row = 0; row < 3; row++) {
                 lines->point[row][kept] = lines->point[row][i];
-                lines->direction[row][kept] = turned(pose, row, layer->normal + 3 * (size_t)near[i]);
+                lines->direction[row][kept] = rotate_row(pose, row, layer->normal + 3 * (size_t)near[i]);
             }
             piece[kept++] = near[i];
         }
@@ -256,36 +258,36 @@ static size_t put_lines(const struct sim_layer *layer, const struct sim_solid *s
     return kept;
 }
 
-/* The load of one board at `pose` in the solid's frame; whether anything presses it. */
+/* Add the load of one board at `pose` in the solid's frame; returns whether the board is in contact. */
 static int load_board(const struct sim_layer *layer, size_t board, const double *pose, double *wrench,
                       double *stiffness, double *taxel_force)
 {
     const uint32_t *near = layer->near + layer->first[board];
     const struct sim_solid solid = near_solid(layer, board);
     const double share = 1.0 / (double)layer->square_pieces;
-    int pressed = 0;
+    int has_contact = 0;
     for (size_t begin = 0; begin < layer->near_count[board]; begin += RAY_BLOCK) {
         struct sim_lines lines;
         double entry[RAY_BLOCK];
         uint32_t piece[RAY_BLOCK];
-        const size_t block = block_of(layer->near_count[board] - begin);
-        const size_t count = put_lines(layer, &solid, pose, near + begin, block, piece, &lines);
+        const size_t block = limit_to_block(layer->near_count[board] - begin);
+        const size_t count = select_lines(layer, &solid, pose, near + begin, block, piece, &lines);
         sim_entries(&solid, &lines, count, entry);
         for (size_t i = 0; i < count; i++) {
             const double depth = layer->thickness_m - entry[i];
             if (depth > 0.0 && depth < layer->thickness_m + layer->deepest_m) {
                 const uint32_t taxel = layer->taxel[piece[i]];
                 double force, rate;
-                press(&layer->law, depth, &force, &rate);
+                apply_law(&layer->law, depth, &force, &rate);
                 add_piece(layer, piece[i], share * force, share * rate, wrench, stiffness);
-                if (taxel_force && taxel != SIM_NOBODYS) {
+                if (taxel_force && taxel != SIM_NO_TAXEL) {
                     taxel_force[taxel] += share * force;
                 }
-                pressed = 1;
+                has_contact = 1;
             }
         }
     }
-    return pressed;
+    return has_contact;
 }
 
 void sim_layer_load(struct sim_layer *layer, const double *poses, const double *solid_pose, double *wrench,
@@ -296,15 +298,15 @@ void sim_layer_load(struct sim_layer *layer, const double *poses, const double *
     for (size_t board = 0; board < layer->boards; board++) {
         const double *pose = poses + SIM_POSE * board;
         double in_solid[SIM_POSE];
-        relative(solid_pose, pose, in_solid);
-        const double moved = motion(layer->looked + SIM_POSE * board, in_solid, layer->board_size[board]);
+        compute_relative_pose(solid_pose, pose, in_solid);
+        const double moved = bound_motion(layer->search_pose + SIM_POSE * board, in_solid, layer->board_size[board]);
         if (layer->slack_m[board] < 0.0 || moved > layer->slack_m[board]) {
-            look(layer, board, in_solid);
+            search_board(layer, board, in_solid);
         }
         double *own = wrench + TWIST * board, *rise = stiffness + TWIST * TWIST * board;
         if (load_board(layer, board, in_solid, own, rise, taxel_force)) {
-            turn_wrench(pose, own);
-            turn_stiffness(pose, rise);
+            rotate_wrench(pose, own);
+            rotate_stiffness(pose, rise);
         }
     }
 }

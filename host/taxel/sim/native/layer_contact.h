@@ -1,5 +1,5 @@
-/* The elastic layer against one solid: every piece of the sheet is a spring along its normal. The simulator's own; it
-   shares nothing with the emulated skin. */
+/* Contact of the elastic layer with one solid: every piece of the sheet is a spring along its normal. The code is
+   independent of the emulated skin. */
 #ifndef TAXEL_SIM_LAYER_CONTACT_H
 #define TAXEL_SIM_LAYER_CONTACT_H
 
@@ -9,9 +9,9 @@
 #include "ray.h"
 
 #define SIM_POSE 16 /* numbers of a pose: 4 x 4, by rows */
-#define SIM_NOBODYS UINT32_MAX
+#define SIM_NO_TAXEL UINT32_MAX
 
-/* Force over compression of the whole layer under one taxel: taxel.sim.soft_contact.LayerLaw. */
+/* Force law of the layer on one taxel: taxel.sim.soft_contact.LayerLaw. */
 struct sim_law {
     double stiffness_n_per_m;
     double stiffening_m;
@@ -19,37 +19,38 @@ struct sim_law {
     double straight_m;
 };
 
-/* All memory is the caller's. Pieces of one board follow each other, and those of one square of sheet within them. */
+/* The caller owns all memory. Pieces are sorted by board, and within a board by square of the sheet. */
 struct sim_layer {
     size_t boards;
     size_t square_pieces;     /* pieces of one square; each board has whole squares */
     const size_t *first;      /* [boards + 1], first piece of each board */
     const double *position;   /* [pieces][3], on the electrode's level, bracket frame, metres */
     const double *normal;     /* [pieces][3] */
-    const uint32_t *taxel;    /* [pieces], whose it is; SIM_NOBODYS: the bare margin's */
-    const double *board_size; /* [boards], farthest piece from the bracket's origin, metres */
-    double square_size_m;     /* farthest piece from its square's middle one */
+    const uint32_t *taxel;    /* [pieces], taxel of the piece; SIM_NO_TAXEL: a piece of the margin */
+    const double *board_size; /* [boards], largest distance of a piece from the bracket's origin, metres */
+    double square_size_m;     /* largest distance of a piece from the middle piece of its square, metres */
     double thickness_m;
-    double near_m;    /* pieces whose layer is farther are left out until the board has moved by as much */
-    double deepest_m; /* a line that enters farther below the electrode comes in through another side */
+    double near_m;    /* search distance: farther pieces are ignored until the board has moved by this distance */
+    double deepest_m; /* largest depth below the electrode that counts as contact */
     struct sim_law law;
     struct sim_solid solid;
-    /* What the library keeps from call to call. */
-    uint32_t *near;       /* [pieces], from first[b] on those of board b */
+    /* State between the calls. */
+    uint32_t *near;       /* [pieces], near pieces of board b beginning at first[b] */
     size_t *near_count;   /* [boards] */
-    double *near_normals; /* [boards][faces][3], the faces of a polytope that these pieces may meet */
+    double *near_normals; /* [boards][faces][3], faces of a polytope that the near pieces can touch */
     double *near_offsets; /* [boards][faces] */
-    size_t *near_faces;   /* [boards], how many */
-    double *looked;       /* [boards][SIM_POSE], where the board was when its near pieces were found */
-    double *slack_m;      /* [boards], how far it may move from there; below 0: look in any case */
+    size_t *near_faces;   /* [boards], number of these faces */
+    double *search_pose;  /* [boards][SIM_POSE], pose of the board at the last search, solid's frame */
+    double *slack_m;      /* [boards], motion from there that requires a new search; below 0: search now */
 };
 
-/* sizeof (struct sim_layer), for a caller that mirrors it. */
+/* sizeof (struct sim_layer), for a check by a caller in another language. */
 size_t sim_layer_struct_size(void);
 
 /* Contact of brackets at poses [boards][SIM_POSE] with the solid at solid_pose [SIM_POSE], both in the world.
    wrench: [boards][6], force and moment on each board about its bracket's origin, world.
-   stiffness: [boards][6][6], how the wrench falls with a small motion of the board (translation, rotation), world.
+   stiffness: [boards][6][6], negative derivative of the wrench with respect to a small motion of the board (translation,
+   rotation), world.
    taxel_force: [taxels] or NULL, newtons; set to zero by the caller. */
 void sim_layer_load(struct sim_layer *layer, const double *poses, const double *solid_pose, double *wrench,
                     double *stiffness, double *taxel_force);

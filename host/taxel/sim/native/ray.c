@@ -2,17 +2,17 @@
 
 #include <math.h>
 
-static double least(double a, double b)
+static double smaller(double a, double b)
 {
     return a < b ? a : b;
 }
 
-static double greatest(double a, double b)
+static double larger(double a, double b)
 {
     return a > b ? a : b;
 }
 
-/* Clipped by one half-space after the other (Cyrus and Beck 1978). */
+/* Clip the lines by one half-space after the other (Cyrus and Beck 1978). */
 static void enter_polytope(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *entry)
 {
     double leave[RAY_BLOCK];
@@ -24,16 +24,17 @@ static void enter_polytope(const struct sim_solid *solid, const struct sim_lines
         const double *normal = solid->normals + 3 * face;
         const double x = normal[0], y = normal[1], z = normal[2], offset = solid->offsets[face];
         for (size_t i = 0; i < count; i++) {
-            const double room = offset - (x * lines->point[0][i] + y * lines->point[1][i] + z * lines->point[2][i]);
+            const double clearance =
+                offset - (x * lines->point[0][i] + y * lines->point[1][i] + z * lines->point[2][i]);
             const double speed = x * lines->direction[0][i] + y * lines->direction[1][i] + z * lines->direction[2][i];
-            const double at = room / speed;
+            const double at = clearance / speed;
             const double in = speed < 0.0 ? at : -INFINITY;
-            /* A line that runs along a face leaves nowhere, or is outside all the way. */
-            const double beside = room < 0.0 ? -INFINITY : INFINITY;
-            const double along = speed < 0.0 ? INFINITY : beside;
-            const double out = speed > 0.0 ? at : along;
-            entry[i] = greatest(entry[i], in);
-            leave[i] = least(leave[i], out);
+            /* A line parallel to a face is inside or outside of the half-space over its whole length. */
+            const double parallel = clearance < 0.0 ? -INFINITY : INFINITY;
+            const double no_exit = speed < 0.0 ? INFINITY : parallel;
+            const double out = speed > 0.0 ? at : no_exit;
+            entry[i] = larger(entry[i], in);
+            leave[i] = smaller(leave[i], out);
         }
     }
     for (size_t i = 0; i < count; i++) {
@@ -48,7 +49,7 @@ struct interval {
 
 static const struct interval ALWAYS = {-INFINITY, INFINITY}, NEVER = {INFINITY, -INFINITY};
 
-/* Within the endless round wall. */
+/* Interval of a line inside the infinite cylinder. */
 static struct interval cross_wall(double radius, double x, double y, double dx, double dy)
 {
     const double a = dx * dx + dy * dy, b = x * dx + y * dy, c = x * x + y * y - radius * radius;
@@ -62,18 +63,18 @@ static struct interval cross_wall(double radius, double x, double y, double dx, 
         return NEVER;
     }
     const double q = -(b + copysign(sqrt(discriminant), b));
-    const double one = q / a, two = q == 0.0 ? one : c / q;
-    return (struct interval){least(one, two), greatest(one, two)};
+    const double first = q / a, second = q == 0.0 ? first : c / q;
+    return (struct interval){smaller(first, second), larger(first, second)};
 }
 
-/* Between the two caps. */
+/* Interval of a line between the two caps. */
 static struct interval cross_caps(double height, double z, double dz)
 {
     if (dz == 0.0) {
         return z >= 0.0 && z <= height ? ALWAYS : NEVER;
     }
     const double low = -z / dz, high = (height - z) / dz;
-    return (struct interval){least(low, high), greatest(low, high)};
+    return (struct interval){smaller(low, high), larger(low, high)};
 }
 
 static void enter_cylinder(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *entry)
@@ -82,7 +83,7 @@ static void enter_cylinder(const struct sim_solid *solid, const struct sim_lines
         const struct interval wall = cross_wall(solid->radius, lines->point[0][i], lines->point[1][i],
                                                 lines->direction[0][i], lines->direction[1][i]);
         const struct interval caps = cross_caps(solid->height, lines->point[2][i], lines->direction[2][i]);
-        const double enter = greatest(wall.enter, caps.enter), leave = least(wall.leave, caps.leave);
+        const double enter = larger(wall.enter, caps.enter), leave = smaller(wall.leave, caps.leave);
         entry[i] = enter <= leave && leave >= 0.0 ? enter : INFINITY;
     }
 }
@@ -100,13 +101,13 @@ static double cylinder_distance(const struct sim_solid *solid, double x, double 
 {
     const double radial = sqrt(x * x + y * y) - solid->radius;
     const double axial = fabs(z - solid->height / 2.0) - solid->height / 2.0;
-    const double over_wall = greatest(radial, 0.0), over_cap = greatest(axial, 0.0);
-    return sqrt(over_wall * over_wall + over_cap * over_cap) + least(greatest(radial, axial), 0.0);
+    const double over_wall = larger(radial, 0.0), over_cap = larger(axial, 0.0);
+    return sqrt(over_wall * over_wall + over_cap * over_cap) + smaller(larger(radial, axial), 0.0);
 }
 
-/* Heights of the points over one half-space. */
-static void heights(const struct sim_solid *solid, size_t face, const struct sim_lines *lines, size_t count,
-                    double *height)
+/* Heights of the points over one half-space, metres. */
+static void compute_heights(const struct sim_solid *solid, size_t face, const struct sim_lines *lines, size_t count,
+                            double *height)
 {
     const double *normal = solid->normals + 3 * face;
     const double x = normal[0], y = normal[1], z = normal[2], offset = solid->offsets[face];
@@ -124,20 +125,20 @@ void sim_distance_bounds(const struct sim_solid *solid, const struct sim_lines *
             bound[i] = cylinder_distance(solid, lines->point[0][i], lines->point[1][i], lines->point[2][i]);
         }
     }
-    for (size_t face = 0; face < solid->faces; face++) { /* the highest over all half-spaces */
-        heights(solid, face, lines, count, height);
+    for (size_t face = 0; face < solid->faces; face++) { /* the largest height over all half-spaces is a lower bound */
+        compute_heights(solid, face, lines, count, height);
         for (size_t i = 0; i < count; i++) {
-            bound[i] = greatest(bound[i], height[i]);
+            bound[i] = larger(bound[i], height[i]);
         }
     }
 }
 
-double sim_highest(const struct sim_solid *polytope, size_t face, const struct sim_lines *lines, size_t count)
+double sim_max_height(const struct sim_solid *polytope, size_t face, const struct sim_lines *lines, size_t count)
 {
-    double height[RAY_BLOCK], highest = -INFINITY;
-    heights(polytope, face, lines, count, height);
+    double height[RAY_BLOCK], max_height = -INFINITY;
+    compute_heights(polytope, face, lines, count, height);
     for (size_t i = 0; i < count; i++) {
-        highest = greatest(highest, height[i]);
+        max_height = larger(max_height, height[i]);
     }
-    return highest;
+    return max_height;
 }
