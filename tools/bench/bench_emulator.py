@@ -13,7 +13,7 @@ import numpy as np
 from figures import Figure
 from recordings import record
 
-from taxel.emulated.scene import Scene, format_scene
+from taxel.emulated.scene import EmulatedScene, format_scene
 from taxel.hand import load_hand
 from taxel.hand.indentation import Indentation, compute_force_shares
 from taxel.hand.world import WorldSettings, format_world
@@ -85,7 +85,7 @@ def measure() -> list[Figure]:
     hand, threads = load_hand("allegro"), min(len(os.sched_getaffinity(0)), THREADS_MAX)
     worlds = {
         "ideal skin": (IDEAL_TARGET, format_world(hand, WorldSettings())),
-        "all effects": (ALL_EFFECTS_TARGET, format_scene(hand, Scene({}), WorldSettings(effects=EFFECTS))),
+        "all effects": (ALL_EFFECTS_TARGET, format_scene(hand, EmulatedScene({}), WorldSettings(effects=EFFECTS))),
     }
     figures = []
     with tempfile.TemporaryDirectory() as name:

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 from taxel.emulated.contact import SkinContact
-from taxel.emulated.scene import Scene, format_scene
+from taxel.emulated.scene import EmulatedScene, format_scene
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.hand import load_hand
 
@@ -26,7 +26,9 @@ def main() -> int:
     hand = load_hand("flat8")
     block = np.eye(4)
     force, depth = [], np.linspace(0.02e-3, 1.4e-3, 70)
-    with SkinContact(format_scene(hand, Scene({"block": ConvexPolytope.box(BLOCK_M, BLOCK_M, BLOCK_M)}))) as skin:
+    with SkinContact(
+        format_scene(hand, EmulatedScene({"block": ConvexPolytope.box(BLOCK_M, BLOCK_M, BLOCK_M)}))
+    ) as skin:
         for depth_m in depth:
             block[2, 3] = (hand.layer_m or 0.0) - depth_m
             force.append(float(skin.compute_forces(0, block, np.eye(4)[None]).mean()))

@@ -11,7 +11,7 @@ from taxel.blind.hidden import Cause
 from taxel.blind.scoring_rules import is_clear, model_key
 from taxel.gap.align import shift_beside
 from taxel.gap.catalogue import all_effects
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.effects.effect import Effect
 from taxel.gap.effects.latency import is_delay
 from taxel.gap.fit import started
@@ -50,7 +50,7 @@ def fit_reference_parameters(real: Path, sim: Path, name: str, models: Collectio
     return parameters
 
 
-def _fit(judge: Judge, effect: Effect) -> Link:
+def _fit(judge: Judge, effect: Effect) -> FittedEffect:
     """The fitted effect; as in a diagnosis, the frames are aligned again after the first fit."""
     model = judge.in_sample(Chain((started(judge.state, effect),))).chain
     if not is_delay(effect):

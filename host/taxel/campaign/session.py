@@ -16,7 +16,7 @@ from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
 from taxel.campaign.variation import sample_grasp_variation, small_motion
 from taxel.emulated.contact import SkinContact
-from taxel.emulated.scene import Scene, format_scene
+from taxel.emulated.scene import EmulatedScene, format_scene
 from taxel.grasp.controller import GraspController
 from taxel.grasp.objects import MOUNT_STIFFNESS_N_PER_M, MOUNT_STIFFNESS_NM_PER_RAD
 from taxel.grasp.plan import PlannedGrasp
@@ -86,7 +86,7 @@ def session_world_text(setup: Setup, settings: EmulatedSettings, session: int) -
     return format_scene(setup.hand, _scene(setup, settings, session), world)
 
 
-def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> Scene:
+def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> EmulatedScene:
     """Objects and bracket offsets of a session: each mounting has a random offset."""
     rng = np.random.default_rng([settings.seed, _SESSION_STREAM, session])
     variation = settings.variation
@@ -95,7 +95,7 @@ def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> Scene:
     for name, offset in settings.offsets("bracket_offset").items():
         brackets[name] = offset @ brackets[setup.hand.find_board(name).name]
     shapes = {name: item.shape for name, item in setup.objects.items()}
-    return Scene(shapes, brackets, settings.offsets("object_offset"))
+    return EmulatedScene(shapes, brackets, settings.offsets("object_offset"))
 
 
 def _sample_motion(rng: np.random.Generator, metres: float, radians: float) -> NDArray[np.float64]:

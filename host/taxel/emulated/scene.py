@@ -15,7 +15,7 @@ from taxel.types import FloatArray
 
 
 @dataclass(frozen=True)
-class Scene:
+class EmulatedScene:
     """Objects of a world, and the true poses of brackets and objects.
 
     objects: shapes by name; a scene stimulus refers to an object by its position in this mapping. bracket_offsets:
@@ -28,7 +28,7 @@ class Scene:
     object_offsets: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
-def format_scene(hand: Hand, scene: Scene, settings: WorldSettings | None = None) -> str:
+def format_scene(hand: Hand, scene: EmulatedScene, settings: WorldSettings | None = None) -> str:
     """Format the world file of a hand and a scene.
 
     settings: None for default settings. Raises HandGeometryError if the hand has no taxel positions, TypeError for a

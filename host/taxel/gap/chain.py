@@ -13,7 +13,7 @@ from taxel.types import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
+class FittedEffect:
     """An effect and its values, f64[P, G]."""
 
     effect: Effect
@@ -24,14 +24,14 @@ class Link:
 class Chain:
     """Effects in the order in which they act."""
 
-    links: tuple[Link, ...] = ()
+    links: tuple[FittedEffect, ...] = ()
 
     @classmethod
-    def of(cls, links: Sequence[Link]) -> Chain:
+    def of(cls, links: Sequence[FittedEffect]) -> Chain:
         """In order."""
         return cls(tuple(sorted(links, key=lambda link: link.effect.order)))
 
-    def with_link(self, link: Link) -> Chain:
+    def with_link(self, link: FittedEffect) -> Chain:
         """One more effect."""
         return Chain.of([*self.links, link])
 
@@ -60,13 +60,13 @@ class _Recent(threading.local):
     """Of each state, the links that this thread applied last and what the signal was after each of them."""
 
     def __init__(self) -> None:
-        self.steps: WeakKeyDictionary[State, list[tuple[Link, Signal]]] = WeakKeyDictionary()
+        self.steps: WeakKeyDictionary[State, list[tuple[FittedEffect, Signal]]] = WeakKeyDictionary()
 
 
 _recent = _Recent()
 
 
-def _signal_of(state: State, links: Sequence[Link]) -> Signal:
+def _signal_of(state: State, links: Sequence[FittedEffect]) -> Signal:
     """The signal after all links. A fit moves one of them at a time: those before it are not worked out anew."""
     known = _recent.steps.get(state, [])
     same = 0

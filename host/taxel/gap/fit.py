@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.cores import in_copies
 from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.equations import Column, Problem, Steps, gradient_of, system_of
@@ -49,8 +49,8 @@ FAR: Final = 0.05
 """Relative gain of a step beyond which derivatives are worked out anew; after a shorter one a chord serves."""
 
 
-Known = Mapping[str, tuple[Column, ...]]
-NOTHING_KNOWN: Final[Known] = MappingProxyType({})
+KnownColumns = Mapping[str, tuple[Column, ...]]
+NOTHING_KNOWN: Final[KnownColumns] = MappingProxyType({})
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ def start_of(state: State, chain: Chain, fixed: Sequence[str] = ()) -> Start:
     return Start(chain, features, _columns(state, chain, free_links(chain, fixed), features))
 
 
-def near_their_end(state: State, chain: Chain, features: FloatArray, fixed: Sequence[str] = ()) -> Known:
+def near_their_end(state: State, chain: Chain, features: FloatArray, fixed: Sequence[str] = ()) -> KnownColumns:
     """Derivatives of a chain's effects, each by its name, for fits that hardly move them. features: of the chain."""
     free = free_links(chain, fixed)
     found = in_copies(state, lambda index: _columns(state, chain, [index], features), free)
@@ -97,7 +97,7 @@ def fit(
     fixed: Sequence[str] = (),
     iterations: int = ITERATIONS,
     start: Start | None = None,
-    known: Known = NOTHING_KNOWN,
+    known: KnownColumns = NOTHING_KNOWN,
 ) -> Fit:
     """Fit all effects of the chain but those named in `fixed`, from the values they have (those of `start`). known:
     derivatives, by effect, that serve throughout.
@@ -163,9 +163,9 @@ def _gradient(problem: Problem, columns: Sequence[Column], point: _Point, free: 
     return gradient_of(problem, columns, point.features) + _pull(point.chain, free)
 
 
-def started(state: State, effect: Effect) -> Link:
+def started(state: State, effect: Effect) -> FittedEffect:
     """An effect at the values where its search starts."""
-    return Link(effect, effect.starts(state))
+    return FittedEffect(effect, effect.starts(state))
 
 
 def _scale(parameter: Parameter, values: FloatArray) -> FloatArray:
@@ -176,7 +176,7 @@ def _scale(parameter: Parameter, values: FloatArray) -> FloatArray:
 
 
 def _columns(
-    state: State, chain: Chain, free: list[int], features: FloatArray, known: Known = NOTHING_KNOWN
+    state: State, chain: Chain, free: list[int], features: FloatArray, known: KnownColumns = NOTHING_KNOWN
 ) -> tuple[Column, ...]:
     columns: list[Column] = []
     for index in free:
@@ -209,7 +209,7 @@ def moved(chain: Chain, free: list[int], step: FloatArray) -> Chain:
             count = values.shape[1]
             values[row] = np.clip(values[row] + step[first : first + count], parameter.low, parameter.high)
             first += count
-        links[index] = Link(link.effect, values)
+        links[index] = FittedEffect(link.effect, values)
     return Chain(tuple(links))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.features import SessionMeans
 from taxel.gap.fit import fit, start_of
 from taxel.gap.judge import REFITS, Judge
@@ -27,7 +27,7 @@ class HeldOut:
     after2: FloatArray
     floor2: float
     predicted: FloatArray
-    links: tuple[tuple[Link, ...], ...]
+    links: tuple[tuple[FittedEffect, ...], ...]
 
     @property
     def before(self) -> float:

@@ -17,7 +17,7 @@ from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dpstrf
 
 from taxel.gap.catalogue import LIKE
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.cores import in_copies, in_threads
 from taxel.gap.effects.effect import Effect
 from taxel.gap.effects.latency import Latency
@@ -93,7 +93,9 @@ def seen(judge: Judge, effect: Effect) -> float:
     return _length2(judge, _plain(judge, effect))
 
 
-def likenesses(judge: Judge, forms: Mapping[str, Sequence[Effect]], links: Sequence[Link] = ()) -> list[Likeness]:
+def likenesses(
+    judge: Judge, forms: Mapping[str, Sequence[Effect]], links: Sequence[FittedEffect] = ()
+) -> list[Likeness]:
     """Of every effect against every other.
 
     forms: the catalogue. links: effects that were found, with their values; the others are taken in a plain case, in
@@ -147,15 +149,15 @@ def _degrees(left: float, whole: float) -> float:
     return float(np.degrees(np.arcsin(np.sqrt(np.clip(left / whole, 0.0, 1.0)))))
 
 
-def _typical_link(judge: Judge, form: Effect) -> Link:
-    return Link(form, form.typical(judge.state))
+def _typical_link(judge: Judge, form: Effect) -> FittedEffect:
+    return FittedEffect(form, form.typical(judge.state))
 
 
 def _plain(judge: Judge, form: Effect) -> FloatArray:
     return _of_link(judge, _typical_link(judge, form))
 
 
-def _of_link(judge: Judge, link: Link) -> FloatArray:
+def _of_link(judge: Judge, link: FittedEffect) -> FloatArray:
     return np.nan_to_num(Chain((link,)).features(judge.state) - judge.state.mean)
 
 

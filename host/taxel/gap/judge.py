@@ -17,7 +17,7 @@ from taxel.gap.chain import Chain
 from taxel.gap.cores import in_copies
 from taxel.gap.equations import Problem
 from taxel.gap.features import Layout, SessionMeans
-from taxel.gap.fit import ITERATIONS, NOTHING_KNOWN, Fit, Known, Start, fit, start_of
+from taxel.gap.fit import ITERATIONS, NOTHING_KNOWN, Fit, KnownColumns, Start, fit, start_of
 from taxel.gap.metric import leave_one_out, off_diagonal, terms, total
 from taxel.gap.pair import Pair
 from taxel.gap.score import Score, scatter2
@@ -167,7 +167,11 @@ class Judge:
         return self.score(features, self._counting(np.broadcast_to(scale, features.shape)))
 
     def in_sample(
-        self, chain: Chain, fixed: tuple[str, ...] = (), iterations: int = ITERATIONS, known: Known = NOTHING_KNOWN
+        self,
+        chain: Chain,
+        fixed: tuple[str, ...] = (),
+        iterations: int = ITERATIONS,
+        known: KnownColumns = NOTHING_KNOWN,
     ) -> Fit:
         """Fitted to all cells. known: as `fit` takes it."""
         return fit(self.problem(), chain, fixed, iterations, known=known)

@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from taxel.gap.catalogue import DROPOUT
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.effects.effect import TAXEL
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.equations import Column
@@ -60,7 +60,7 @@ def _plain_amplitude(judge: Judge, chain: Chain, confounded: Mapping[str, Collec
     )
 
 
-def _could_be_amplitude(judge: Judge, chain: Chain, *links: Link) -> bool:
+def _could_be_amplitude(judge: Judge, chain: Chain, *links: FittedEffect) -> bool:
     """Whether generic changes of amplitude do what these effects do together."""
     state, without = judge.state, chain
     for link in links:

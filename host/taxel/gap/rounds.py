@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from taxel.gap.catalogue import DROPOUT
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.cores import in_copies
 from taxel.gap.deciding import asked_of, decided, is_counted, is_evident, is_seen_beside
 from taxel.gap.dropped import find_dropped
@@ -16,7 +16,7 @@ from taxel.gap.effects.baseline_drift import BaselineDrift
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import TAXEL, Effect
 from taxel.gap.effects.noise import Noise
-from taxel.gap.fit import ITERATIONS, NOTHING_KNOWN, Known, near_their_end, started
+from taxel.gap.fit import ITERATIONS, NOTHING_KNOWN, KnownColumns, near_their_end, started
 from taxel.gap.judge import Judge
 from taxel.gap.score import Score
 from taxel.gap.standing import Standing
@@ -103,10 +103,10 @@ def _promises_most(standing: Standing, trial: Trial) -> bool:
     return max(trial.inside.gone_of(standing.fitted), 1.0 - less / left) > PROMISED * MOST_OF_LEFT
 
 
-def _jobs(standing: Standing, forms: Forms) -> list[tuple[str, Link]]:
+def _jobs(standing: Standing, forms: Forms) -> list[tuple[str, FittedEffect]]:
     """Effects at the values where their search begins."""
     judge = standing.judge
-    jobs: list[tuple[str, Link]] = []
+    jobs: list[tuple[str, FittedEffect]] = []
     for name in forms:
         if name in standing.chain.names:
             continue
@@ -114,7 +114,7 @@ def _jobs(standing: Standing, forms: Forms) -> list[tuple[str, Link]]:
             dropped = find_dropped(judge.state, judge.sessions, standing.features)
             if dropped.found:
                 effect = Dropout(dropped)
-                jobs.append((name, Link(effect, effect.found_values(judge.state))))
+                jobs.append((name, FittedEffect(effect, effect.found_values(judge.state))))
             continue
         jobs += [(name, started(judge.state, form)) for form in forms[name] if not form.unavailable(judge.state)]
     return jobs
@@ -138,7 +138,9 @@ def tried(judge: Judge, name: str, chain: Chain, iterations: int = ITERATIONS) -
     return Trial(name, fitted.chain, fitted.features, judge.score(fitted.features))
 
 
-def _glanced(judge: Judge, name: str, chain: Chain, link: Link, fixed: tuple[str, ...], known: Known) -> Trial:
+def _glanced(
+    judge: Judge, name: str, chain: Chain, link: FittedEffect, fixed: tuple[str, ...], known: KnownColumns
+) -> Trial:
     """One more effect, after a few iterations."""
     fitted = judge.in_sample(chain.with_link(link), fixed, GLANCE, known)
     return Trial(name, fitted.chain, fitted.features, judge.score(fitted.features))
@@ -173,6 +175,6 @@ def _found_elsewhere(judge: Judge, parts: tuple[Chain, ...], held: FloatArray) -
         left_out = judge.parts == number
         others = chain.without(DROPOUT)
         effect = Dropout(find_dropped(judge.state, judge.sessions, others.features(judge.state), ~left_out))
-        features = others.with_link(Link(effect, effect.found_values(judge.state))).features(judge.state)
+        features = others.with_link(FittedEffect(effect, effect.found_values(judge.state))).features(judge.state)
         result = np.where(left_out[:, None], features, result)
     return result

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.effects.effect import Effect
 from taxel.gap.equations import Column
 from taxel.gap.fit import start_of
@@ -63,7 +63,7 @@ def screened(judge: Judge, forms: Mapping[str, Sequence[Effect]]) -> list[Screen
 
 def _columns(judge: Judge, form: Effect) -> tuple[Column, ...]:
     """Derivatives about a plain case, and what that does itself: most effects are far from linear at nothing."""
-    start = start_of(judge.state, Chain((Link(form, form.typical(judge.state)),)))
+    start = start_of(judge.state, Chain((FittedEffect(form, form.typical(judge.state)),)))
     done = np.nan_to_num(start.features - judge.state.mean)
     itself = Column(done, np.zeros(done.shape[::2], np.intp), 1, np.zeros(1))
     return (*start.columns, itself)

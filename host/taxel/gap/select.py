@@ -7,7 +7,7 @@ from typing import Final
 
 from taxel.gap.align import shift_beside
 from taxel.gap.catalogue import DROPOUT
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.cores import in_copies
 from taxel.gap.deciding import NEXT_SHARE
 from taxel.gap.dropped import find_dropped
@@ -91,7 +91,7 @@ def _looked_again(judge: Judge, standing: Standing, name: str) -> Standing:
         return standing
     if new.evident or new.lines or new.shorts or new.missing.any():  # a next round weighs whether taxels alone are
         effect = Dropout(new)
-        name, others = DROPOUT, others.with_link(Link(effect, effect.found_values(judge.state)))
+        name, others = DROPOUT, others.with_link(FittedEffect(effect, effect.found_values(judge.state)))
     return Standing.of(judge).after(cross_validated(judge, tried(judge, name, others)))
 
 

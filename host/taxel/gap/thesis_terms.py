@@ -19,7 +19,7 @@ from scipy.special import ndtr
 
 from taxel.cloud.treatment import FORCE_FILTER_COUNTS, OutlierFilter, get_outlier_filter
 from taxel.gap import catalogue
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.cloud_gap import LIKELY, SOFT_COUNTS, chamfer_mm
 from taxel.gap.features import known_mean
 from taxel.gap.fit import started
@@ -186,7 +186,7 @@ def _mean_distance(places: FloatArray, points: FloatArray, wanted: float) -> Flo
     return result
 
 
-def _propagation(judge: Judge, selection: Selection) -> tuple[Link, FloatArray] | str:
+def _propagation(judge: Judge, selection: Selection) -> tuple[FittedEffect, FloatArray] | str:
     """Contact propagation fitted alone and the features with it, f64[C, F, n]; or why not."""
     state = judge.state
     reasons = [form.unavailable(state) for form in catalogue.all_effects()[NAME]]
@@ -219,7 +219,7 @@ def _rules(pair: Pair) -> str:
     return f"neighbours / standard deviations: {used}"
 
 
-def _values(link: Link) -> str:
+def _values(link: FittedEffect) -> str:
     """Form and values of contact propagation."""
     spread, strength = link.values[:, 0]
     return f"fitted alone: variant {link.effect.variant}, spread {spread:.3g} mm, strength {strength:.2g}"

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Final
 
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.judge import Judge
 from taxel.gap.score import Score
@@ -34,7 +34,7 @@ class Trial:
     parts: tuple[Chain, ...] = ()
 
     @property
-    def link(self) -> Link:
+    def link(self) -> FittedEffect:
         """The effect itself."""
         return next(link for link in self.chain.links if link.effect.name == self.name)
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.chain import Link
+from taxel.gap.chain import FittedEffect
 from taxel.gap.chances import fisher_tail, student_tail
 from taxel.gap.effects.effect import BOARD, TAXEL
 from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
@@ -60,7 +60,7 @@ ALONG: Final = 0.2
 """
 
 
-def odd_pattern(judge: Judge, link: Link) -> str | None:
+def odd_pattern(judge: Judge, link: FittedEffect) -> str | None:
     """What is odd about a link's values, as words after its name; None: they are as parts' are, or nobody knows."""
     if _goes_round(link):
         return "acts on the neighbours in all directions instead of along the lines, like pressure in a cover"
@@ -74,7 +74,7 @@ def odd_pattern(judge: Judge, link: Link) -> str | None:
     return _pattern_of_taxels(judge, logs, min(parameter.prior, FREE)) if link.effect.scope == TAXEL else None
 
 
-def _goes_round(link: Link) -> bool:
+def _goes_round(link: FittedEffect) -> bool:
     """Whether what is called crosstalk goes to the next taxels alone, along TX about as far as along RX: electrodes of
     two layers do not do that, and what spreads in the cover does.
     """

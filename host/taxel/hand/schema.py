@@ -41,7 +41,7 @@ _BOARD: Mapping[str, type] = {"name": str, "kind": str, "address": int}
 _BOARD_OPTIONAL: Mapping[str, type] = {"link": str, "position_m": list, "quaternion_wxyz": list}
 
 
-class TaxelTable(TypedDict):
+class TaxelFields(TypedDict):
     """``[taxel]``: dimensions of every taxel of the hand, metres."""
 
     pitch_m: float
@@ -83,7 +83,7 @@ class HandDocument(TypedDict):
     version: int
     name: str
     description: str
-    taxel: TaxelTable
+    taxel: TaxelFields
     kinds: dict[str, KindTable]
     boards: list[BoardTable]
     robot: NotRequired[str]

@@ -11,7 +11,7 @@ from taxel.campaign.grasp_control import PERIOD_S, JointLog, control_grasp
 from taxel.campaign.hand_in_contact import HandInContact, Mount
 from taxel.campaign.motion import RECORD_PERIODS, SETTLE_S, simulate_grasp_motion
 from taxel.emulated.contact import SkinContact
-from taxel.emulated.scene import Scene, format_scene
+from taxel.emulated.scene import EmulatedScene, format_scene
 from taxel.grasp.controller import GraspController
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand.allegro import AllegroHand, FreeJoints, VirtualAllegro
@@ -67,7 +67,7 @@ def controller(setup, plan, timeline):
 def grasp_motion(setup, plan, timeline):
     """(dynamics, motion, controller) of one grasp."""
     pose, approach = setup.object_pose("cylinder"), setup.approach(plan[0])
-    with SkinContact(format_scene(setup.hand, Scene({"cylinder": setup.objects["cylinder"].shape}))) as contact:
+    with SkinContact(format_scene(setup.hand, EmulatedScene({"cylinder": setup.objects["cylinder"].shape}))) as contact:
 
         def wrist_at(times_s: np.ndarray) -> np.ndarray:
             return np.stack(

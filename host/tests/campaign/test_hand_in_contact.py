@@ -8,7 +8,7 @@ import pytest
 from taxel.campaign import hand_in_contact
 from taxel.campaign.hand_in_contact import JOINT_DAMPING_NM_S, JOINT_FRICTION_NM, HandInContact, Mount
 from taxel.emulated.contact import SkinContact
-from taxel.emulated.scene import Scene, format_scene
+from taxel.emulated.scene import EmulatedScene, format_scene
 from taxel.grasp.controller import GraspController
 from taxel.grasp.timeline import Timeline
 from taxel.hand.kinematics import Kinematics
@@ -24,7 +24,7 @@ REMOUNT[:3, 3] = 2e-4, -1e-4, 3e-4
 @pytest.fixture(scope="module")
 def contact(setup) -> Iterator[SkinContact]:
     brackets = {board.name: REMOUNT for board in setup.hand.boards}
-    scene = Scene({"cylinder": setup.objects["cylinder"].shape}, brackets)
+    scene = EmulatedScene({"cylinder": setup.objects["cylinder"].shape}, brackets)
     with SkinContact(format_scene(setup.hand, scene)) as opened:
         yield opened
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from taxel.emulated.contact import ContactLibraryError, SkinContact
-from taxel.emulated.scene import Scene, format_scene
+from taxel.emulated.scene import EmulatedScene, format_scene
 from taxel.grasp.shapes import ConvexPolytope, Cylinder
 from taxel.hand import load_hand
 from taxel.hand.sheet import build_sheet
@@ -19,7 +19,7 @@ from taxel.hand.world import format_world
 FLAT8, ALLEGRO = load_hand("flat8"), load_hand("allegro")
 LAYER_M = 0.002
 BRACKET_POSES = np.eye(4)[None]
-SCENE = Scene({"block": ConvexPolytope.box(0.1, 0.1, 0.05), "rod": Cylinder(0.008, 0.1)})
+SCENE = EmulatedScene({"block": ConvexPolytope.box(0.1, 0.1, 0.05), "rod": Cylinder(0.008, 0.1)})
 
 
 def make_translation(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> np.ndarray:
@@ -122,7 +122,7 @@ def test_common_motion_of_board_and_object_does_not_change_the_load(flat8):
 def test_offsets_of_brackets_and_objects_are_applied_to_nominal_poses():
     bracket_offset, object_offset = from_rotation_vector([0.0, 0.0, 0.2]), make_translation(0.001, 0.0, -1e-4)
     bracket_offset[:3, 3] = 2e-4, -3e-4, 1e-4
-    scene = Scene(SCENE.objects, {"flat8": bracket_offset}, {"rod": object_offset, "block": object_offset})
+    scene = EmulatedScene(SCENE.objects, {"flat8": bracket_offset}, {"rod": object_offset, "block": object_offset})
     with (
         SkinContact(format_scene(FLAT8, SCENE)) as ideal_contact,
         SkinContact(format_scene(FLAT8, scene)) as offset_contact,

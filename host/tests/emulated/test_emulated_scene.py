@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.emulated.scene import Scene, format_scene
+from taxel.emulated.scene import EmulatedScene, format_scene
 from taxel.grasp.objects import make_thesis_objects
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.hand import load_hand
@@ -24,12 +24,12 @@ SETTINGS = WorldSettings(seed=3, noise_counts=0.0)
 def test_emulator_runs_a_scene_of_each_hand(name, tmp_path):
     hand = load_hand(name)
     offsets = {board.name: from_rotation_vector([0.0, 0.0, 1e-3]) for board in hand.boards}
-    run_emulator(format_scene(hand, Scene(OBJECTS, offsets), SETTINGS), tmp_path / "skin.capture", 0.1)
+    run_emulator(format_scene(hand, EmulatedScene(OBJECTS, offsets), SETTINGS), tmp_path / "skin.capture", 0.1)
 
 
 def test_block_that_moves_onto_a_plate_lowers_the_counts_below_it(tmp_path):
     hand = load_hand("flat8")
-    scene = Scene({"block": ConvexPolytope.box(0.02, 0.02, 0.05)})
+    scene = EmulatedScene({"block": ConvexPolytope.box(0.02, 0.02, 0.05)})
     raised_pose, lowered_pose = np.eye(4), np.eye(4)
     raised_pose[2, 3], lowered_pose[2, 3] = 0.05, hand.layer_m - 4e-4
     write_scene(
@@ -56,12 +56,12 @@ def test_block_that_moves_onto_a_plate_lowers_the_counts_below_it(tmp_path):
 def test_unsupported_shape_and_hand_without_positions_are_rejected():
     hand = load_hand("flat8")
     with pytest.raises(HandGeometryError):
-        format_scene(replace(hand, layer_m=None), Scene(OBJECTS))
+        format_scene(replace(hand, layer_m=None), EmulatedScene(OBJECTS))
     with pytest.raises(TypeError, match="found Blob"):
-        format_scene(hand, Scene({"blob": type("Blob", (), {"bounds": np.array([[0, 0, 0], [1, 1, 1]])})()}))
+        format_scene(hand, EmulatedScene({"blob": type("Blob", (), {"bounds": np.array([[0, 0, 0], [1, 1, 1]])})()}))
 
 
 def test_object_name_with_a_space_is_rejected_by_the_emulator(tmp_path):
-    world = format_scene(load_hand("flat8"), Scene({"two words": OBJECTS["cylinder"]}))
+    world = format_scene(load_hand("flat8"), EmulatedScene({"two words": OBJECTS["cylinder"]}))
     with pytest.raises(LinkError, match="object"):
         run_emulator(world, tmp_path / "skin.capture", 0.1)

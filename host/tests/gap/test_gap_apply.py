@@ -15,7 +15,7 @@ from taxel.gap.adding.apply import apply_report
 from taxel.gap.adding.draws import Chance, noise
 from taxel.gap.adding.frames import FrameStates, moving
 from taxel.gap.catalogue import OWN_EFFECTS
-from taxel.gap.chain import Link
+from taxel.gap.chain import FittedEffect
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.dropout import Dropout, Dropped
 from taxel.gap.features import Layout
@@ -41,8 +41,8 @@ class Made:
     pair: object
     state: object
 
-    def link(self, form, values=None) -> Link:
-        return Link(form, form.typical(self.state) if values is None else values)
+    def link(self, form, values=None) -> FittedEffect:
+        return FittedEffect(form, form.typical(self.state) if values is None else values)
 
     def report(self, *links, status="explained", **changes):
         """Path of a report whose verdict names these effects. changes: of the first one's model."""
@@ -137,7 +137,7 @@ def test_a_form_survives_the_report_and_changes_counts_from_closing_on(made, nam
     values = form.typical(made.state)
     if name == "baseline_drift":
         values *= 30.0  # less than half a count is rounded away
-    (one,) = read_report(made.report(Link(form, values))).effects
+    (one,) = read_report(made.report(FittedEffect(form, values))).effects
     assert (type(one.effect), one.effect.variant, one.effect.scope) == (type(form), form.variant, form.scope)
     if name != "noise":
         np.testing.assert_array_equal(one.values, values)
@@ -155,7 +155,7 @@ def test_a_form_survives_the_report_and_changes_counts_from_closing_on(made, nam
 
 @pytest.mark.parametrize(("name", "form"), FORMS, ids=IDS)
 def test_neutral_values_return_the_input_bit_for_bit(made, name, form):
-    (one,) = read_report(made.report(Link(form, form.neutral(made.state)))).effects
+    (one,) = read_report(made.report(FittedEffect(form, form.neutral(made.state)))).effects
     with GraspDataset(made.sim) as data:
         states = FrameStates(data)
         for grasp in data:
@@ -252,7 +252,7 @@ def test_lost_frames_repeat_the_last_count_and_stuck_taxels_stand_still(made):
     dropped = Dropped(stuck, (), np.array([0.25, 1.0]), stuck, stuck)
     effect = Dropout(dropped)
     out = made.folder / "sim2.h5"
-    apply_report(made.report(Link(effect, effect.found_values(made.state))), made.sim, out)
+    apply_report(made.report(FittedEffect(effect, effect.found_values(made.state))), made.sim, out)
     with GraspDataset(out) as data, GraspDataset(made.sim) as before:
         data.check()
         data.require_baseline(10)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.hysteresis import Hysteresis
 from taxel.gap.effects.proximity import Proximity
@@ -54,8 +54,8 @@ def test_strong_noise_hides_neither_of_two_causes_and_is_told_itself(world, tmp_
 @pytest.mark.parametrize("effect", [Saturation("clip"), Proximity("linear")], ids=lambda one: one.name)
 def test_an_effect_that_does_nothing_changes_nothing_beside_a_sharp_one(written, effect):
     state = prepared(read_pair(*written())).judge.state
-    sharp, idle = Link(effect, effect.typical(state)), Hysteresis("drop")
-    alone, beside = Chain.of([sharp]), Chain.of([sharp, Link(idle, idle.neutral(state))])
+    sharp, idle = FittedEffect(effect, effect.typical(state)), Hysteresis("drop")
+    alone, beside = Chain.of([sharp]), Chain.of([sharp, FittedEffect(idle, idle.neutral(state))])
     np.testing.assert_array_equal(alone.features(state), beside.features(state))
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from taxel.gap.boards import BoardLayout
 from taxel.gap.catalogue import OWN_EFFECTS, all_effects
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.effects.lag import low_pass
 from taxel.gap.effects.pillar_propagation import LEVELS, drawn
 from taxel.gap.effects.sheet_kernel import sheet_kernel, taxel_kernel
@@ -39,7 +39,7 @@ def test_neutral_values_change_nothing_bit_for_bit(state, name, form):
     assert form.apply(state, state.base, neutral) is state.base
     features = np.random.default_rng(1).normal(50.0, 10.0, state.mean.shape)
     np.testing.assert_array_equal(form.features(state, features, neutral), features)
-    np.testing.assert_array_equal(Chain((Link(form, neutral),)).features(state), state.mean)
+    np.testing.assert_array_equal(Chain((FittedEffect(form, neutral),)).features(state), state.mean)
 
 
 @pytest.mark.parametrize(("name", "form"), FORMS, ids=IDS)
@@ -139,7 +139,7 @@ def test_a_fit_that_moves_one_effect_gives_what_the_whole_chain_gives(state):
     ]
     whole = Chain.of(links)
     first = whole.features(state)
-    moved = [Link(link.effect, link.values * 1.1) for link in whole.links]
+    moved = [FittedEffect(link.effect, link.values * 1.1) for link in whole.links]
     mixed = [Chain((*whole.links[:k], moved[k], *whole.links[k + 1 :])) for k in (2, 0, 1, 2)]
     found = [chain.features(state) for chain in mixed]
     np.testing.assert_array_equal(whole.features(state), first)

@@ -11,7 +11,7 @@ import pytest
 
 from host.tests.command_line import run_refused_command, run_taxel
 from taxel.gap.catalogue import OWN_EFFECTS
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.latency import Latency
 from taxel.gap.effects.proximity import Proximity
@@ -23,7 +23,7 @@ from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.presses.candidates import batches
 from taxel.gap.presses.findings import Findings, rivals_of
-from taxel.gap.presses.information import Felt, Known
+from taxel.gap.presses.information import ChainInformation, Felt
 from taxel.gap.presses.ranking import next_presses
 from taxel.gap.presses.scatter import Scatter
 from taxel.gap.presses.unrecorded import unrecorded
@@ -56,8 +56,8 @@ def findings_of(judge, link, *others) -> Findings:
     return Findings(judge, chain, (link.effect.name,), rivals_of(judge, chain, starts), ())
 
 
-def plain(judge, effect, *values) -> Link:
-    return Link(effect, effect.neutral(judge.state) + np.reshape(values, (-1, 1)))
+def plain(judge, effect, *values) -> FittedEffect:
+    return FittedEffect(effect, effect.neutral(judge.state) + np.reshape(values, (-1, 1)))
 
 
 def stiff_or_gain(judge) -> Findings:
@@ -95,7 +95,7 @@ def test_a_force_ladder_comes_first_where_presses_of_one_force_tell_two_effects_
 def test_a_press_sets_two_effects_apart_by_what_neither_can_do_with_all_presses(gentle):
     judge = gentle[1]
     findings = stiff_or_gain(judge)
-    found, other = (Known.of(judge, chain) for chain in (findings.chain, findings.rivals[STIFF, GAIN]))
+    found, other = (ChainInformation.of(judge, chain) for chain in (findings.chain, findings.rivals[STIFF, GAIN]))
     batch = list(batches(judge.state, recorded=True, memory=False, near=False))[4]
     felt, rival = Felt.of(found, batch.state), Felt.of(other, batch.state)
     weight = Scatter.of(judge).weight(batch.state.mean, felt.features)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.deciding import _plainest, is_seen_beside
 from taxel.gap.effects.dropout import Dropout, Dropped
 from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
@@ -29,7 +29,7 @@ BASE = score(100.0)
 
 
 def round_of(effect, value: float) -> Round:
-    link = Link(effect, np.zeros((1, 1)))
+    link = FittedEffect(effect, np.zeros((1, 1)))
     trial = Trial(effect.name, Chain((link,)), np.zeros(1), score(value), score(value))
     return Round(BASE, (), trial, 100.0 - value, 1e-4, True)
 
@@ -72,6 +72,6 @@ def test_without_any_none_is_taken():
 @pytest.mark.parametrize(("evident", "found", "told"), [(True, True, True), (True, False, False), (False, True, False)])
 def test_a_broken_line_is_told_beside_others_where_it_is_seen(monkeypatch, evident, found, told):
     monkeypatch.setattr("taxel.gap.deciding.is_evident", lambda trial: evident)
-    standing = SimpleNamespace(chain=Chain((Link(HAND, np.zeros((1, 1))),) if found else ()))
+    standing = SimpleNamespace(chain=Chain((FittedEffect(HAND, np.zeros((1, 1))),) if found else ()))
     assert is_seen_beside(standing, SimpleNamespace(name="dropout")) is told
     assert not is_seen_beside(standing, SimpleNamespace(name="saturation"))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taxel.gap.catalogue import OWN_EFFECTS
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.equations import Column, Problem, system_of
 from taxel.gap.fit import fit, start_of, started
 from taxel.gap.identify import Subspace
@@ -24,7 +24,7 @@ def judge(world, tmp_path_factory) -> Judge:
 def test_a_refit_to_a_part_ends_where_one_with_fresh_derivatives_ends(judge, name):
     state = judge.state
     effect = OWN_EFFECTS[name][0]
-    there = Link(effect, effect.typical(state))
+    there = FittedEffect(effect, effect.typical(state))
     target = Chain((there,)).features(state) + np.random.default_rng(1).normal(0.0, 1.0, state.mean.shape)
     whole = Problem(state, target, judge.weight)
     chain = fit(whole, Chain((started(state, effect),))).chain
@@ -38,7 +38,7 @@ def test_blocks_of_one_link_meet_themselves_alone(judge):
     """The short way gives what the long one gives."""
     state = judge.state
     effect = OWN_EFFECTS["hysteresis"][0]
-    columns = start_of(state, Chain((Link(effect, effect.typical(state)),))).columns
+    columns = start_of(state, Chain((FittedEffect(effect, effect.typical(state)),))).columns
     problem = Problem(state, state.mean, judge.weight)
     apart = [Column(one.change, one.blocks.copy(), one.count, one.precision) for one in columns]
     np.testing.assert_allclose(system_of(problem, columns), system_of(problem, apart))

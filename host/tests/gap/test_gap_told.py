@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.dropout import Dropout
@@ -105,7 +105,7 @@ def test_a_dead_taxel_earns_nothing_for_what_the_gains_beside_it_learned_by_hear
     dropout = Dropout(find_dropped(judge.state, judge.sessions, alone.features))
     assert np.flatnonzero(dropout.dropped.dead).tolist() == [22]
     assert not dropout.dropped.evident
-    found = alone.chain.with_link(Link(dropout, dropout.found_values(judge.state)))
+    found = alone.chain.with_link(FittedEffect(dropout, dropout.found_values(judge.state)))
     both = cross_validated(judge, tried(judge, Dropout.name, found))
     answers = judge.without(np.broadcast_to(dropout.dropped.dead, both.features.shape))
     assert answers.score(both.features).value < 0.1 * answers.score(alone.held_features).value

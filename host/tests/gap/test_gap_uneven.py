@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taxel.gap.boards import layouts_of
-from taxel.gap.chain import Link
+from taxel.gap.chain import FittedEffect
 from taxel.gap.effects.effect import BOARD, TAXEL, Prior
 from taxel.gap.effects.electrode_crosstalk import ElectrodeCrosstalk
 from taxel.gap.effects.gain_mismatch import GainMismatch
@@ -36,11 +36,11 @@ def judge():
 
 
 def gains(values):
-    return Link(GainMismatch(TAXEL), np.asarray(values)[None])
+    return FittedEffect(GainMismatch(TAXEL), np.asarray(values)[None])
 
 
 def of_boards(values, effect=GainMismatch):
-    return Link(effect(BOARD), np.array([values], float))
+    return FittedEffect(effect(BOARD), np.array([values], float))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -97,8 +97,8 @@ def test_boards_of_unlike_gains_are_plain_and_a_hand_of_one_gain_is_odd(judge, v
     ],
 )
 def test_crosstalk_that_goes_round_about_is_not_of_electrodes(values, round_about):
-    assert _goes_round(Link(ElectrodeCrosstalk("network"), np.array(values)[:, None])) is round_about
-    assert not _goes_round(Link(ElectrodeCrosstalk("lines"), np.array(values)[:2, None]))
+    assert _goes_round(FittedEffect(ElectrodeCrosstalk("network"), np.array(values)[:, None])) is round_about
+    assert not _goes_round(FittedEffect(ElectrodeCrosstalk("lines"), np.array(values)[:2, None]))
 
 
 def test_a_board_that_is_hardly_touched_says_nothing(judge):
@@ -109,10 +109,10 @@ def test_a_board_that_is_hardly_touched_says_nothing(judge):
 
 def test_what_was_known_beforehand_is_not_odd(judge):
     known = GainMismatch(BOARD).with_priors({"log_gain": Prior(-0.4, 0.05)})
-    assert odd_pattern(judge, Link(known, np.full((1, BOARDS), -0.4))) is None
+    assert odd_pattern(judge, FittedEffect(known, np.full((1, BOARDS), -0.4))) is None
 
 
 def test_a_stiffness_at_its_limit_is_odd(judge):
     assert "at the limit" in odd_pattern(judge, of_boards([1.0, 10.0, 1.0, 0.98], Stiffness))
     assert odd_pattern(judge, of_boards([1.0, 1.6, 1.0, 0.98], Stiffness)) is None
-    assert odd_pattern(judge, Link(Stiffness(), np.array([[1.5]]))) is None
+    assert odd_pattern(judge, FittedEffect(Stiffness(), np.array([[1.5]]))) is None

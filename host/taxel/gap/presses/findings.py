@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.cores import in_copies
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, Effect, Parameter
 from taxel.gap.fit import Fit, fit, started
@@ -36,7 +36,7 @@ class Findings:
     chain: Chain
     names: tuple[str, ...]
     rivals: Mapping[tuple[str, str], Chain]
-    links: Sequence[Sequence[Link]]
+    links: Sequence[Sequence[FittedEffect]]
 
 
 def findings_of(
@@ -45,10 +45,10 @@ def findings_of(
     forms: Forms,
     named: Sequence[str],
     confounded: Mapping[str, Sequence[str]],
-    links: Sequence[Sequence[Link]],
+    links: Sequence[Sequence[FittedEffect]],
 ) -> Findings:
     """Of a search. forms: the catalogue. named: effects of the verdict. confounded, links: see `Findings`."""
-    tried: dict[tuple[str, str], Link] = {}
+    tried: dict[tuple[str, str], FittedEffect] = {}
     for one in selection.rounds:
         if one.accepted and one.best is not None:
             tried |= {(one.best.name, trial.name): trial.link for trial in one.trials}
@@ -61,7 +61,7 @@ def findings_of(
 
 
 def rivals_of(
-    judge: Judge, chain: Chain, starts: Mapping[tuple[str, str], Sequence[Link]]
+    judge: Judge, chain: Chain, starts: Mapping[tuple[str, str], Sequence[FittedEffect]]
 ) -> dict[tuple[str, str], Chain]:
     """For each pair the chain with the second effect in the first one's place, in the form that fits best."""
     jobs = [
@@ -87,7 +87,7 @@ def pairs_of(names: Sequence[str], confounded: Mapping[str, Sequence[str]]) -> l
     return list(pairs.values())
 
 
-def _plain(judge: Judge, forms: Sequence[Effect]) -> list[Link]:
+def _plain(judge: Judge, forms: Sequence[Effect]) -> list[FittedEffect]:
     return [started(judge.state, form) for form in forms if not form.unavailable(judge.state)]
 
 
@@ -142,7 +142,7 @@ def _errors(inside: Sequence[FloatArray], row: int, count: int) -> FloatArray:
     return jackknife_error(np.array([one[row] for one in inside])) if len(inside) > 2 else np.full(count, np.nan)
 
 
-def _label(pair: Pair, link: Link, parameter: Parameter, block: int) -> str:
+def _label(pair: Pair, link: FittedEffect, parameter: Parameter, block: int) -> str:
     """A parameter as text: without its unit, with its effect and its board or object."""
     name, effect = parameter.name.removesuffix(f"_{parameter.unit}").replace("_", " "), link.effect
     text = f"{name} of {effect.name.replace('_', ' ')}"

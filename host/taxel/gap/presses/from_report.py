@@ -11,7 +11,7 @@ import numpy as np
 
 from taxel.gap import catalogue
 from taxel.gap.catalogue import DROPOUT
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.diagnosis import Show, diagnose, quiet
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.dropout import Dropout
@@ -82,7 +82,7 @@ def _pair(report: CheckedReport, reported: ReportedGap, show: Show) -> Pair:
     return pair
 
 
-def _link(state: State, one: ReportedEffect, reported: ReportedGap) -> Link:
+def _link(state: State, one: ReportedEffect, reported: ReportedGap) -> FittedEffect:
     pair, values = state.pair, one.values
     own = block_names(pair, one.effect.scope)[: int(one.effect.blocks_of(pair).max()) + 1]
     if list(one.blocks) != own:
@@ -90,14 +90,14 @@ def _link(state: State, one: ReportedEffect, reported: ReportedGap) -> Link:
         raise GapInputError(where, f"the blocks of {pair.paths[0]}", format_value(list(one.blocks)), AGAIN)
     if one.name == "noise":
         values = np.vstack([values[:1], np.sqrt((values[1:] ** 2).sum(axis=0))[None]])
-    return Link(one.effect, values)
+    return FittedEffect(one.effect, values)
 
 
-def _dropped(judge: Judge, chain: Chain) -> Link:
+def _dropped(judge: Judge, chain: Chain) -> FittedEffect:
     """What does not answer is found by looking, at no cost."""
     features = chain.features(judge.state)
     effect = Dropout(find_dropped(judge.state, judge.sessions, features))
-    return Link(effect, effect.found_values(judge.state))
+    return FittedEffect(effect, effect.found_values(judge.state))
 
 
 def _confounded(report: CheckedReport, reported: ReportedGap) -> Mapping[str, list[str]]:
@@ -110,7 +110,7 @@ def _confounded(report: CheckedReport, reported: ReportedGap) -> Mapping[str, li
     return named
 
 
-def _starts(state: State, report: CheckedReport, name: str) -> list[Link]:
+def _starts(state: State, report: CheckedReport, name: str) -> list[FittedEffect]:
     """An effect in the form that the report has of it; in all forms if it has none."""
     forms = [form for form in catalogue.all_effects()[name] if not form.unavailable(state)]
     entry: ReportValue | None = next((one for one in report.effects if one.text("name") == name), None)

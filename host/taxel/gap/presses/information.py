@@ -36,7 +36,7 @@ class Added:
     index: [q], which. weight: f64[F, n], 1 / counts^2. columns: of the press alone, with these values' blocks.
     """
 
-    known: Known
+    known: ChainInformation
     index: NDArray[np.intp]
     weight: FloatArray
     columns: tuple[Column, ...]
@@ -73,7 +73,7 @@ class Added:
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class ChainInformation:
     """What the recorded presses tell of a chain's free values.
 
     features: f64[C, F, n]. columns: of each parameter. covariance: f64[p, p], of all blocks of all parameters.
@@ -86,7 +86,7 @@ class Known:
     covariance: FloatArray
 
     @classmethod
-    def of(cls, judge: Judge, chain: Chain) -> Known:
+    def of(cls, judge: Judge, chain: Chain) -> ChainInformation:
         """chain: with fitted values; those of `FIXED` effects are not free."""
         start = start_of(judge.state, chain, FIXED)
         columns = tuple(_bounded(start.columns, chain))
@@ -116,7 +116,7 @@ class Left:
     d'Wd on the recorded presses.
     """
 
-    known: Known
+    known: ChainInformation
     pull: FloatArray
     length2: float
 
@@ -146,13 +146,13 @@ class Felt:
     each block is; -1 for none.
     """
 
-    known: Known
+    known: ChainInformation
     features: FloatArray
     columns: tuple[Column, ...]
     numbers: tuple[NDArray[np.intp], ...]
 
     @classmethod
-    def of(cls, known: Known, state: State) -> Felt:
+    def of(cls, known: ChainInformation, state: State) -> Felt:
         """state: of the same hand; objects that the recorded presses lack have neutral values."""
         old = known.judge.state.pair
         chain = carried(known.chain, old, state)

@@ -18,7 +18,7 @@ from taxel.gap.cores import in_copies
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.presses.candidates import Batch, Press, batches
 from taxel.gap.presses.findings import Findings, values_of
-from taxel.gap.presses.information import Added, Felt, Known, Left
+from taxel.gap.presses.information import Added, ChainInformation, Felt, Left
 from taxel.gap.presses.scatter import Scatter
 from taxel.gap.state import State
 from taxel.types import FloatArray
@@ -82,7 +82,7 @@ class _Pair:
     """A found effect and one that looks like it. left: what either's values leave of the difference of the two."""
 
     names: tuple[str, str]
-    other: Known
+    other: ChainInformation
     left: tuple[Left, Left]
 
     @property
@@ -96,7 +96,7 @@ class _Questions:
 
     def __init__(self, findings: Findings) -> None:
         self._judge, self._scatter = findings.judge, Scatter.of(findings.judge)
-        self._found = Known.of(findings.judge, findings.chain)
+        self._found = ChainInformation.of(findings.judge, findings.chain)
         self._values = values = values_of(findings)
         expected = np.sqrt(np.diag(self._found.covariance)[values.place])
         self._error2 = np.where(np.isnan(values.error), expected, values.error) ** 2
@@ -104,7 +104,7 @@ class _Questions:
         self._all_known = bool((self._error2 <= enough2).all())
         self._pairs = []
         for names, chain in findings.rivals.items():
-            other = Known.of(findings.judge, chain)
+            other = ChainInformation.of(findings.judge, chain)
             difference = np.nan_to_num(other.features - self._found.features)
             self._pairs.append(_Pair(names, other, (self._found.left(difference), other.left(difference))))
         # Where nothing else is open, what is known well may be known better.

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from taxel.gap.attribution import Attribution
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.chances import chi2_quantile
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
@@ -43,7 +43,7 @@ def effect_entry(
     gap: Gap,
     told: Attribution,
     identifiable: str,
-    draws: Sequence[Link],
+    draws: Sequence[FittedEffect],
 ) -> dict[str, Any]:
     """One effect that was tried. selection: of what the verdict names. draws: its link as it may be as well, none of
     one that was not found.
@@ -57,8 +57,8 @@ def effect_entry(
         link = first.link
     if link is None:
         return {**entry, "identifiability": identifiable, **_nothing(gap)}
-    inside: list[Link] = []
-    parts: list[Link] = []
+    inside: list[FittedEffect] = []
+    parts: list[FittedEffect] = []
     if in_verdict:
         inside = [one for links in held.links for one in links if one.effect.name == name]
         parts = [one for chain in selection.parts for one in chain.links if one.effect.name == name]
@@ -97,7 +97,11 @@ def _nothing(gap: Gap) -> dict[str, Any]:
 
 
 def parameters_of(
-    pair: Pair, link: Link, inside: Sequence[Link] = (), parts: Sequence[Link] = (), draws: Sequence[Link] = ()
+    pair: Pair,
+    link: FittedEffect,
+    inside: Sequence[FittedEffect] = (),
+    parts: Sequence[FittedEffect] = (),
+    draws: Sequence[FittedEffect] = (),
 ) -> dict[str, Any]:
     """Values, intervals and units; per board "name@address".
 
@@ -122,12 +126,12 @@ def parameters_of(
     return entries
 
 
-def _values(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
+def _values(pair: Pair, link: FittedEffect) -> dict[str, tuple[float, str]]:
     """Values and units by label: the effect's own parameters, and what is worked out from them."""
     if link.effect.name == "noise":
         return _noises(pair, link)
     if isinstance(link.effect, PoseError):
-        link = Link(link.effect, link.effect.told(link.values))
+        link = FittedEffect(link.effect, link.effect.told(link.values))
     values: dict[str, tuple[float, str]] = _gains(pair, link) if link.effect.name == "gain_mismatch" else {}
     for row, parameter in enumerate(link.effect.parameters()):
         shown = _shown(pair, link, row)
@@ -143,14 +147,14 @@ def _values(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
     return values
 
 
-def _drifted(link: Link) -> float:
+def _drifted(link: FittedEffect) -> float:
     """Counts by which the board that wanders most does so in a grasp; below 0 where drops fall rather than scatter."""
     slope, scatter = link.values[:, np.hypot(link.values[0], link.values[1]).argmax()]
     size = float(np.hypot(slope, scatter))
     return -size if slope < -scatter else size
 
 
-def _shown(pair: Pair, link: Link, row: int) -> FloatArray:
+def _shown(pair: Pair, link: FittedEffect, row: int) -> FloatArray:
     """Values of a parameter. Delays are those behind the earliest boards: what all share is how clocks were aligned."""
     values: FloatArray = link.values[row]
     if not is_delay(link.effect) or len(values) < 2:
@@ -159,11 +163,11 @@ def _shown(pair: Pair, link: Link, row: int) -> FloatArray:
     return np.asarray(values - earliest.mean())
 
 
-def _shown_blocks(link: Link) -> range:
+def _shown_blocks(link: FittedEffect) -> range:
     return range(0) if link.effect.scope == TAXEL else range(link.values.shape[1])
 
 
-def _label(pair: Pair, link: Link, name: str, block: int) -> str:
+def _label(pair: Pair, link: FittedEffect, name: str, block: int) -> str:
     if link.effect.scope == HAND:
         return name
     if link.effect.scope == BOARD:
@@ -173,7 +177,7 @@ def _label(pair: Pair, link: Link, name: str, block: int) -> str:
     return f"{name}@{block}"
 
 
-def _gains(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
+def _gains(pair: Pair, link: FittedEffect) -> dict[str, tuple[float, str]]:
     """Scale of each board and spread of the taxels' gains about it."""
     logs = link.values[0][link.effect.blocks_of(pair)[0]]
     touched = logs != 0.0
@@ -189,7 +193,7 @@ def _gains(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
     return {"log_std": (spread, "1"), **scales}
 
 
-def _spread_of_gains(judge: Judge, link: Link) -> Interval:
+def _spread_of_gains(judge: Judge, link: FittedEffect) -> Interval:
     """Standard deviation of the taxels' gains about their boards', by restricted maximum likelihood with its profile
     interval: a fitted gain is drawn towards 1 the more, the less is known of its taxel, and few taxels of a board
     scatter about their own mean less than about the true one.
@@ -225,7 +229,7 @@ def _spread_of_gains(judge: Judge, link: Link) -> Interval:
     return Interval(best, low, high, None)
 
 
-def _noises(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
+def _noises(pair: Pair, link: FittedEffect) -> dict[str, tuple[float, str]]:
     """White and common parts of the added variance; covariances of taxels on a line or board tell the common one."""
     white, *common = noise_parts(pair, link)
     values = {"common_counts": (float(np.sqrt((np.array(common) ** 2).sum(axis=0)).max()), "counts")}
@@ -234,7 +238,7 @@ def _noises(pair: Pair, link: Link) -> dict[str, tuple[float, str]]:
     return values
 
 
-def _displacement(link: Link) -> dict[str, tuple[float, str]]:
+def _displacement(link: FittedEffect) -> dict[str, tuple[float, str]]:
     move, turn = (np.linalg.norm(link.values[part], axis=0) for part in (slice(0, 3), slice(3, 6)))
     return {"translation_mm": (float(move.max()), "mm"), "rotation_deg": (float(turn.max()), "deg")}
 
@@ -259,7 +263,7 @@ def _dropped(pair: Pair, effect: Dropout) -> dict[str, Any]:
     }
 
 
-def _acts(pair: Pair, link: Link) -> dict[str, Any]:
+def _acts(pair: Pair, link: FittedEffect) -> dict[str, Any]:
     """Where an effect acts, if locally."""
     if isinstance(link.effect, Dropout):
         found = _dropped(pair, link.effect)

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from taxel.gap.chain import Link
+from taxel.gap.chain import FittedEffect
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT
 from taxel.gap.features import known_mean
@@ -21,7 +21,7 @@ COMMON_LEAST: Final = 0.01
 """Share of the added variance below which a common part is chance."""
 
 
-def model_of(state: State, link: Link) -> dict[str, Any]:
+def model_of(state: State, link: FittedEffect) -> dict[str, Any]:
     """An effect as the field `model` of its entry.
 
     until_s: seconds from the beginning of closing over which it was fitted; a drift's counts are reached then. shift_s:
@@ -61,7 +61,7 @@ def block_names(pair: Pair, scope: str) -> list[int | str]:
     return [*range(pair.n)]
 
 
-def noise_parts(pair: Pair, link: Link) -> FloatArray:
+def noise_parts(pair: Pair, link: FittedEffect) -> FloatArray:
     """The variance that noise adds, parted as the covariances of successive frames tell: deviations f64[4, G].
 
     Taxels on a common line share what the line and what the board has; others of the board only the latter.

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from taxel.gap.chain import Chain, Link
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.effects.baseline_drift import BaselineDrift
 from taxel.gap.effects.noise import Noise
 from taxel.gap.equations import system_of
@@ -30,7 +30,7 @@ JITTER: Final = 1e-9
 """Relative, on the diagonal: nothing is known better."""
 
 
-def draws_of(judge: Judge, chain: Chain, fixed: Sequence[str]) -> dict[str, list[Link]]:
+def draws_of(judge: Judge, chain: Chain, fixed: Sequence[str]) -> dict[str, list[FittedEffect]]:
     """Links as they may be as well, by the names of the effects but those in `fixed`. chain: fitted.
 
     Sessions scatter and a good simulator errs by so much as the judge's weights say, each feature for itself; a value
