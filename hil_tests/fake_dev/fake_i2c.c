@@ -117,7 +117,8 @@ static int smbus(int fd, const struct i2c_smbus_ioctl_data *request_data)
         errno = EOPNOTSUPP;
         return -1;
     }
-    uint8_t *const data = request_data->size == I2C_SMBUS_I2C_BLOCK_DATA ? request_data->data->block + 1 : request_data->data->block;
+    uint8_t *const data =
+        request_data->size == I2C_SMBUS_I2C_BLOCK_DATA ? request_data->data->block + 1 : request_data->data->block;
     if (size > I2C_SMBUS_BLOCK_MAX) {
         errno = EINVAL;
         return -1;
@@ -126,7 +127,7 @@ static int smbus(int fd, const struct i2c_smbus_ioctl_data *request_data)
         memcpy(bytes + 1, data, size);
     }
     struct i2c_msg write_read[2] = {{.addr = fds[fd].address, .len = (uint16_t)(is_read ? 1 : 1 + size), .buf = bytes},
-                              {.addr = fds[fd].address, .flags = I2C_M_RD, .len = (uint16_t)size, .buf = data}};
+                                    {.addr = fds[fd].address, .flags = I2C_M_RD, .len = (uint16_t)size, .buf = data}};
     return transfer(fd, write_read, is_read ? 2 : 1);
 }
 
