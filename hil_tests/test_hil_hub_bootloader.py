@@ -28,6 +28,7 @@ class HubBootloader:
         self._link = link
 
     def request(self, command: BootCommand, data: bytes = b"") -> bytes:
+        """Send a packet and return the data of its reply; fails without a reply in 1 s or with an error status."""
         self._link.write(bootloader.build_packet(command, data))
         received = b""
         for _ in range(200):

@@ -85,6 +85,7 @@ class FakeBench:
             stream.close()
 
     def _serve_transfer(self, stream: socket.socket) -> None:
+        """Read one request from the shim, run its transfer on the emulated bus, and send the reply."""
         messages = []
         for _ in range(struct.unpack("<I", _receive_exactly(stream, 4))[0]):
             address, flags, length = _MESSAGE_HEADER.unpack(_receive_exactly(stream, _MESSAGE_HEADER.size))

@@ -105,6 +105,7 @@ def _methods_of(interface: type) -> list[str]:
 
 
 def _read_options(where: str, driver_class: type[Any]) -> tuple[DriverOption, ...]:
+    """Options of a driver from the signature of its constructor, without `self` and the context."""
     constructor = driver_class.__init__
     types = get_type_hints(constructor)
     options = []

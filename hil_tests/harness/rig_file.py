@@ -63,6 +63,7 @@ def load_rig(name: str) -> RigDescription:
 
 
 def _read_description(path: Path, table: dict[str, Any]) -> RigDescription:
+    """Check the table of a rig file and build its description."""
     hand_name = _read_field(path, table, "hand", str)
     keys = {"name", "hand", "world", "executed"} | INTERFACES.keys()
     for key in table:
@@ -120,6 +121,7 @@ def _read_executed(path: Path, entries: Any, board_addresses: set[int]) -> tuple
 
 
 def _read_device(path: Path, device: str, table: Any) -> Device:
+    """Check the table of one device: driver name, and names and types of the options."""
     if not isinstance(table, dict):
         raise RigError(f"rig {path}: {device} is not a table; expected [{device}] with 'driver' and its options")
     name = _read_field(path, table, "driver", str, device)

@@ -122,6 +122,7 @@ class Soak:
         return self.report
 
     def _run_until(self, until_s: float) -> None:
+        """Run the world to a time; receive frames, inject scheduled fault steps, and change the raw counts when due."""
         while True:
             next_s = min(until_s, self._next_fault_s, self._next_count_step_s, *(step[0] for step in self._scheduled))
             self.world.run(max(next_s - self.world.now_s, 0.0))
@@ -140,6 +141,7 @@ class Soak:
                 return
 
     def _start_fault(self) -> None:
+        """Sample a fault, schedule its steps, and sample the time of the next fault."""
         kind = self._random.choice(KINDS)
         address = self._random.choice([board.address for board in self._hand.boards])
         start_s, steps = self.world.now_s, kind.sample_steps(self._random)
@@ -211,6 +213,7 @@ class Soak:
             self.report.wrong += len(np.unique(np.searchsorted(ends, np.flatnonzero(is_wrong), side="right")))
 
     def _check_gap(self, address: int, cycle: int, sequence: int, hub_time_us: int) -> None:
+        """Compare a frame with the previous frame of its board and explain the missing frames between them."""
         time_s = self._convert_hub_time(hub_time_us)
         before = self._last.get(address)
         self._last[address] = (cycle, sequence, time_s)

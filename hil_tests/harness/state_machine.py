@@ -187,6 +187,7 @@ class SkinMachine(RuleBasedStateMachine):
             self.world.close()
 
     def _recover(self) -> None:
+        """End all faults, flush armed faults, and check that all boards stream with correct counts."""
         assert self.world is not None
         for address in ADDRESSES:
             for fault in ("plug", "corrupt", "nack", "hold_sda", "hold_scl", "stretch"):

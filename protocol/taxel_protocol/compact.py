@@ -211,6 +211,7 @@ def decode_counts(taxels: Sequence[Taxel], data: bytes) -> list[int]:
 
 
 def _decode_count(taxel: Taxel, coder: RangeDecoder) -> int:
+    """Decode the next count of a delta frame with the prediction of its taxel. Raises `CompactError`."""
     target = coder.peek(t.COMPACT_TOTAL_BITS)
     if target < t.COMPACT_ESCAPE:
         coder.take(0, t.COMPACT_ESCAPE, t.COMPACT_TOTAL_BITS)

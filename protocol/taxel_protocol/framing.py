@@ -202,6 +202,7 @@ class ReferenceDecoder:
         return frames
 
     def _search(self, chunk: bytes, until: int) -> tuple[int, list[tuple[int, int, bytes]]]:
+        """Frames that start before `until` in `chunk`, and the position at which the search ended."""
         frames = []
         start = 0
         while start < until:

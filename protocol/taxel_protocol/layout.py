@@ -42,6 +42,7 @@ def fields_of(definition: Struct) -> tuple[Field, ...]:
 
 
 def _walk(definition: Struct, prefix: str) -> Iterator[tuple[str, str, int, int | None]]:
+    """(flat name, struct code, size, constant) of the fixed fields of a definition, nested structs included."""
     for renamed in definition.subcons:
         assert isinstance(renamed, Renamed)
         inner: Any = renamed.subcon

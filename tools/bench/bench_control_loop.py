@@ -26,6 +26,7 @@ _CHANNEL = "bench_control_loop"
 
 
 def _control(hand: AllegroHand, seconds: float) -> dict[str, float]:
+    """Run the joint controller for `seconds` and return statistics of its periods."""
     loop = ControlLoop(PERIOD_S)
     while not np.isfinite(hand.read_joint_angles().angles).all():
         hand.update(PERIOD_S)
@@ -71,6 +72,7 @@ def count_periods(seconds: float = 5.0) -> dict[str, float]:
 
 
 def _run_loop(seconds: float) -> dict[str, float]:
+    """Run the controller against a virtual hand in a second thread."""
     host_end, hand_end = can.Bus(_CHANNEL, "virtual"), can.Bus(_CHANNEL, "virtual")
     stop = threading.Event()
     thread = threading.Thread(target=VirtualAllegro(hand_end, FreeJoints()).run, args=(stop,))

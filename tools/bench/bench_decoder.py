@@ -56,6 +56,7 @@ def measure() -> list[Figure]:
 
 
 def _compare_decoders(capture: Path) -> list[Figure]:
+    """Figures of the decoders for one capture of the emulated hand."""
     data, file = _stream(capture), np.fromfile(capture, dtype=np.uint8)
     bodies = [whiten(cobs_decode(chunk)) for chunk in data.split(b"\0")[:-1] if chunk]  # the last frame is truncated
     bodies = [body for body in bodies if body[0] == FrameType.TAXELS]

@@ -20,6 +20,7 @@ GRASPS = 2
 
 
 def _frame_by_frame(capture: Path) -> None:
+    """Compute the activation of every frame of a capture with one call per frame."""
     baselines: dict[int, Baseline] = {}
     activations: dict[int, Activation] = {}
     with open_skin(f"file:{capture}") as skin:

@@ -102,6 +102,7 @@ def measure_rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
 
 
 def _figure(scl_hz: float, baud: float, name: str) -> Figure:
+    """Figure of one combination of bus clock, baud rate and scan settings."""
     scan, rates = SCANS[name], measure_rates(scl_hz, baud, SCANS[name])
     has_enough_signal = rates.threshold >= SIGMAS * rates.sigma
     target = {"I2C": I2C_SHARE, "UART": UART_SHARE}.get(rates.limit)

@@ -35,6 +35,7 @@ def _format_rows(results: Sequence[Result]) -> list[tuple[str, int, int, int, in
 
 
 def _format_totals(results: Sequence[Result]) -> list[str]:
+    """Lines with the totals of faults, healthy boards and durations."""
     faults = _select_faults(results)
     count, caught, named = _counts(faults)
     healthy = [result for result in results if result.case.family == "healthy"]

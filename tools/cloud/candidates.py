@@ -48,6 +48,7 @@ class Candidate:
 
 
 def _load_taxel() -> Operations:
+    """Operations of taxel.cloud."""
     from taxel.cloud.mesh import TriangleMesh
     from taxel.cloud.registration import PointTarget, align_to_mesh, align_to_points
 
@@ -110,6 +111,7 @@ def compute_exact_distances(points: FloatArray, vertices: FloatArray, faces: Int
 
 
 def _load_small_gicp() -> Operations:
+    """Operations of small_gicp: alignment only."""
     import small_gicp
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:
@@ -131,6 +133,7 @@ def _load_small_gicp() -> Operations:
 
 
 def _load_open3d() -> Operations:
+    """Operations of Open3D."""
     import open3d  # type: ignore[import-not-found,unused-ignore]
 
     registration = open3d.pipelines.registration
@@ -155,6 +158,7 @@ def _load_open3d() -> Operations:
 
 
 def _load_trimesh() -> Operations:
+    """Operations of trimesh."""
     import trimesh  # type: ignore[import-not-found,unused-ignore]
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:

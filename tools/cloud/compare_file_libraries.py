@@ -102,6 +102,7 @@ def print_tables(results: dict[str, Result]) -> None:
 
 
 def _print_files(results: dict[str, Result]) -> None:
+    """Print the table of valid, malformed and changed files."""
     headings = (
         "library",
         "valid files correct",

@@ -134,6 +134,7 @@ def measure_size_mb(package: str) -> tuple[float, float]:
 
 
 def _dependencies(package: str) -> set[str]:
+    """Names of a distribution and of all its installed dependencies."""
     names: set[str] = set()
     pending = [package]
     while pending:
@@ -187,6 +188,7 @@ def main() -> int:
 
 
 def _measure_in_process(candidate: Candidate, data: Path) -> dict[str, Any] | None:
+    """Results of one candidate, measured in a process with one thread; None if the process fails."""
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     command = [sys.executable, __file__, str(data), str(data), "--only", candidate.name]
     run = subprocess.run(command, env={**os.environ, **threads}, capture_output=True, text=True, timeout=TIME_LIMIT_S)

@@ -63,6 +63,7 @@ PAYLOAD_PARTS: dict[FrameType, tuple[tuple[str, str, Struct], ...]] = {
 
 
 def _layout_lines(name: str, definition: Struct) -> list[str]:
+    """C lines with the field table of a struct and its pack and unpack functions."""
     rows = []
     for field in fields_of(definition):
         member = f"offsetof(struct taxel_{name}, {field.name})"

@@ -47,6 +47,7 @@ def _settings(name: str, address: int, numbers: Sequence[int]) -> dict[str, Any]
 
 
 def _snapshot(name: str, address: int, header: tuple[int, int], counts: Sequence[int]) -> dict[str, Any]:
+    """Vector of a snapshot with these header values (sequence, timestamp in us) and raw counts."""
     flat: dict[str, Any] = {"header_sequence": header[0], "header_timestamp_us": header[1]}
     flat |= {"raw_counts": list(counts), "crc32": 0}
     definition = registers.snapshot(len(counts))

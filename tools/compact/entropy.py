@@ -148,6 +148,7 @@ class Skin:
 
     @staticmethod
     def _count(tally: Tally, frame: bytes, has_acknowledgement: bool) -> None:
+        """Add one poll and its frame to the tally; `frame` is empty if there was no new snapshot."""
         tally.acknowledgements += has_acknowledgement
         tally.snapshots += 1
         if not frame:

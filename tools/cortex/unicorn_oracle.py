@@ -44,6 +44,7 @@ class _Constants(NamedTuple):
 
 
 def _load_unicorn() -> _Constants:
+    """Constants and library of the package unicorn. Raises `UnicornMissingError` with the installation command."""
     try:
         package = importlib.import_module("unicorn")
         unicorn = importlib.import_module("unicorn.unicorn_const")
@@ -153,6 +154,7 @@ class UnicornOracle:
         return self._classify(int(error), begin, state)
 
     def _classify(self, error: int, begin: int, state: NDArray[np.void]) -> Verdict:
+        """Verdict on one instruction from Unicorn's error code, the interrupt and the program counter."""
         u, moved = self._u, int(state["r"][0, 15]) != begin
         if self._interrupt != NO_INTERRUPT:
             verdicts = {

@@ -120,6 +120,7 @@ def _flash(path: str, data: bytes, header: tuple[int, ...]) -> tuple[int, bytes]
 
 
 def _symbols(data: bytes, tables: list[tuple[int, ...]]) -> tuple[dict[str, int], tuple[Function, ...]]:
+    """Values of all symbols by name, and the functions in the order of their addresses."""
     values: dict[str, int] = {}
     functions: list[Function] = []
     for table in tables:

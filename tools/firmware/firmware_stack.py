@@ -105,6 +105,7 @@ def read_disassembly(text: str) -> dict[int, Routine]:
 
 
 def _read_instruction(routine: Routine, begin: int, mnemonic: str, operands: str, previous: str) -> None:
+    """Add the effect of one instruction to its routine: frame size, calls, calls by pointer."""
     if mnemonic == "push":
         routine.frame += 4 * _register_count(operands)
     elif mnemonic == "sub" and operands.startswith("sp, #"):

@@ -105,6 +105,7 @@ class _Provision:
         self.recorded_count = 0
 
     def run(self) -> None:
+        """Run the provisioning command until the configuration is written; the planned cuts interrupt it."""
         for cut in self.sequence.cuts:
             self.world.plan_power_cut(self.board, cut.operation, cut.after_s, OFF_S)
         for runs in range(1, RUNS_MAX + 1):
@@ -123,6 +124,7 @@ class _Provision:
         raise CampaignError(f"{RUNS_MAX} runs of the command did not finish; the last ended with: {failure}")
 
     def _record_outcomes(self) -> str:
+        """Record the cuts since the last call with the configuration that is valid now; returns that outcome."""
         cuts = self.world.read_power_cuts(self.board, self.cuts_before)
         configuration = decode_configuration(self.world.read_flash(self.board).data)
         outcome = self._classify_outcome(configuration)

@@ -99,6 +99,7 @@ class _Update:
         return flash[begin : begin + self.layout.slot_size]
 
     def run(self) -> None:
+        """Run the update command until the image is confirmed; the planned cuts interrupt it."""
         for cut in self.sequence.cuts:
             self.world.plan_power_cut(self.route.address, cut.operation, cut.after_s, OFF_S)
         for runs in range(1, RUNS_MAX + 1):

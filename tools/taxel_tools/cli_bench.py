@@ -164,6 +164,7 @@ def _read_login_name() -> str:
 
 
 def _run_test(plan: Plan, arguments: _BenchArguments, operator: Operator, console: Console) -> TestRecord:
+    """Open bench, board and probe, run the plan, and close the probe."""
     address = parse_address(arguments.board, "--board") if arguments.board else None
     with open_bench(arguments.url) as (wire, emulated):
         hand = emulated.hand if emulated else load_hand(arguments.hand)
@@ -182,6 +183,7 @@ def _run_test(plan: Plan, arguments: _BenchArguments, operator: Operator, consol
 def _run_with_bars(
     plan: Plan, board: BoardUnderTest, labels: RecordLabels, operator: Operator, console: Console
 ) -> TestRecord:
+    """Run the plan with one progress bar for each phase."""
     titles = {phase.name: phase.title for phase in load_plan_phases(plan)}
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with Bars(*columns, console=console) as bars:
@@ -198,6 +200,7 @@ def _run_with_bars(
 
 
 def _print_record(record: TestRecord, folder: Path) -> None:
+    """Print the phases, the findings and the outcome of a test."""
     rows = [
         (
             phase.title,

@@ -111,6 +111,7 @@ def _select_boards(firmware: Firmware, devices: dict[int, BusDevice], board: lis
 def _announce(
     console: Console, firmware: Firmware, addresses: list[int], devices: dict[int, BusDevice], dry_run: bool
 ) -> None:
+    """Print which rows will be written, and the old and new version of each board."""
     slots = " and ".join(slot_name(image.slot) for image in firmware.images)
     rows = max(len(image.rows()) for image in firmware.images)
     version = format_version(firmware.version)
@@ -126,6 +127,7 @@ def _announce(
 def _run_updates(
     wire: BoardWire, firmware: Firmware, addresses: list[int], force: bool, console: Console
 ) -> dict[int, Outcome | TaxelError]:
+    """Update all boards at once with progress bars; the outcome or the error of each board, by address."""
     with progress_bars(console) as bars:
         tasks: dict[int, TaskID] = {
             address: bars.add_task(f"0x{address:02X} waiting", total=None) for address in addresses
@@ -141,6 +143,7 @@ def _run_updates(
 
 
 def _print_outcomes(outcomes: list[Outcome]) -> None:
+    """Print one row for each updated board."""
     rows = [
         (
             f"0x{outcome.address:02X}",

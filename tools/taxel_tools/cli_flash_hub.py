@@ -74,6 +74,7 @@ def _announce(console: Console, firmware: Firmware, old_version: str, board_coun
 
 
 def _print_outcome(outcome: Outcome, board_count: int) -> None:
+    """Print the row of the updated hub."""
     assert outcome.address == HUB
     row = (
         "hub",

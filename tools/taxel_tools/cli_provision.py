@@ -63,6 +63,7 @@ def _build_entries(
     idac: str | None,
     plan: Path | None,
 ) -> list[Entry]:
+    """Entries of the plan file, or one entry from the options; empty without values. Raises `TaxelError`."""
     values = (new_address, kind, serial, idac)
     if plan is not None:
         if unique_id is not None or any(value is not None for value in values):
@@ -94,6 +95,7 @@ def _describe_change(change: Change) -> str:
 def _print_result(
     candidates: list[Candidate], changes: list[Change], search: bool, dry_run: bool, as_json: bool
 ) -> None:
+    """Print the boards with their new configurations, as a table or as JSON."""
     if as_json:
         print_json({"found": candidates, "changes": changes, "written": not (search or dry_run)})
         return

@@ -76,6 +76,7 @@ class _Update:
         self.kept_rows = self.written_rows = 0
 
     def run(self) -> Procedure[Outcome]:
+        """Update the device: check, program, start and confirm the image. Raises `BoardError`."""
         start_s = self.now_s()
         before = yield from self.target.read_version()
         self.report(Progress(self.address, "entering"))
@@ -107,6 +108,7 @@ class _Update:
         return Outcome(self.address, before, after, slot, self.written_rows, self.kept_rows, is_written, seconds)
 
     def _check_device(self, info: BootInfo) -> None:
+        """Check that the file is for this kind of device. Raises `BoardError`."""
         firmware = self.firmware
         if info.device != firmware.device:
             names = {BootDevice.BOARD: "a sensor board", BootDevice.HUB: "the hub"}
@@ -170,6 +172,7 @@ class _Update:
         return len(rows)
 
     def _start_image(self, image: FirmwareImage, before: Version | None) -> Procedure[None]:
+        """Restart into the new image and check that it confirms itself and starts again. Raises `BoardError`."""
         total, device_name = self._count_rows(image), self.target.device_name
         self.report(Progress(self.address, "starting", total, total))
         yield from self.session.exit()
@@ -190,6 +193,7 @@ class _Update:
         yield from self.target.check_operation()
 
     def _check_version(self, found: Version | None, before: Version | None) -> None:
+        """Check that the application after the restart has the new version. Raises `BoardError`."""
         device_name = self.target.device_name
         if found is None:
             raise BoardError(

@@ -174,6 +174,7 @@ class HubQueue(HubClient):
         return encode_frame(FrameType.COMMAND, self._sequence, payload)
 
     def _send_frame(self, number: int, transfer: Transfer, frame: bytes, reply_size: int) -> None:
+        """Write a command frame to the link and record it until its reply arrives."""
         tag = self._next_tag()
         self._sequence = (self._sequence + 1) % 65536
         self._replies.pop(tag, None)
@@ -202,6 +203,7 @@ class HubQueue(HubClient):
         return completed
 
     def _outcome(self, sent: _SentCommand) -> bytes | TransferError:
+        """Bytes or error of a command that has ended. Raises `WireError` if the hub refuses transfers."""
         if sent.tag not in self._replies:
             return self._lost_error(sent, "a command was lost")
         reply = self._replies.pop(sent.tag)

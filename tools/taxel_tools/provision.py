@@ -203,6 +203,7 @@ def plan_changes(candidates: Sequence[Candidate], entries: Sequence[Entry], in_u
 
 
 def _candidate_for(entry: Entry, candidates: Sequence[Candidate]) -> Candidate:
+    """The board that an entry selects by unique id, or the only board. Raises `BoardError`."""
     ids = ", ".join(candidate.unique_id.hex() for candidate in candidates)
     if entry.unique_id is None:
         if len(candidates) == 1:
@@ -220,6 +221,7 @@ def _candidate_for(entry: Entry, candidates: Sequence[Candidate]) -> Candidate:
 
 
 def _merge_configuration(candidate: Candidate, entry: Entry) -> dict[str, Any]:
+    """Fields of the new configuration: values of the entry, else those of the old configuration."""
     old = candidate.configuration or {}
     address = entry.address if entry.address is not None else old.get("address")
     if address is None:

@@ -57,6 +57,7 @@ def read_plan(path: Path) -> list[Entry]:
 
 
 def _parse_entry(source: str, field: str, table: dict[str, Any]) -> Entry:
+    """Entry of one table of the plan. Raises `PlanError` with the field."""
     unknown = sorted(set(table) - KEYS)
     if unknown:
         raise PlanError(
@@ -115,6 +116,7 @@ def _is_integer(value: object) -> bool:
 
 
 def _check_unique(source: str, entries: Sequence[Entry]) -> None:
+    """Check that unique ids and addresses occur once. Raises `PlanError`."""
     for name in ("unique_id", "address"):
         first_index: dict[object, int] = {}
         for index, entry in enumerate(entries):

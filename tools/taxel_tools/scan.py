@@ -88,6 +88,7 @@ def _can_be_bootloader(data: bytes, can_be_several: bool) -> bool:
 
 
 def _describe_application(address: int, identity: dict[str, Any]) -> Procedure[BusDevice]:
+    """Description of a running board: identity, counters, and notes on problems."""
     status = yield from read_status(address)
     notes = []
     if identity["address"] != address:

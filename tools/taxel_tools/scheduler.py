@@ -59,6 +59,7 @@ class _Scheduler(Generic[Key, Result]):
         self._count = 0
 
     def run(self) -> None:
+        """Run the procedures until all have ended. Raises `WireError` if no transfer ends in time."""
         while self._ready or self._waiting or self._pauses:
             while self._ready:
                 self._step(*self._ready.popleft())
@@ -90,6 +91,7 @@ class _Scheduler(Generic[Key, Result]):
         self._waiting[self._wire.submit(burst.transfers[index])] = _PendingTransfer(key, burst)
 
     def _step(self, key: Key, outcome: bytes | TransferError | None) -> None:
+        """Resume a procedure with the outcome of its last request, and start its next request."""
         procedure = self._procedures[key]
         try:
             if isinstance(outcome, TransferError):

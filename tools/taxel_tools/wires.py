@@ -95,6 +95,7 @@ class SmbusWire:
         return self._number
 
     def _run_transfer(self, transfer: Transfer) -> bytes | TransferError:
+        """Run a transfer on the adapter: bytes read, or the error of the device. Raises `WireError`."""
         with optional_import("smbus2", f"the I2C adapter {self.name}"):
             from smbus2 import i2c_msg
         messages = [i2c_msg.write(transfer.address, transfer.write)] if transfer.write or not transfer.read_size else []

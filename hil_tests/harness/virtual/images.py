@@ -40,6 +40,7 @@ def build_images() -> Path:
 
 
 def _run_build() -> None:
+    """Configure and run the cross build. Raises `RigError` with the last line of its output."""
     cmake, ninja = _find_program("cmake"), _find_program("ninja")
     configure = [f"-DCMAKE_TOOLCHAIN_FILE={PORT / 'toolchain.cmake'}", f"-DTAXEL_PYTHON={sys.executable}"]
     for arguments in (

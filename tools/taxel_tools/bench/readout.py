@@ -163,6 +163,7 @@ class AdapterReadout:
         return self._failed_reads, self._reads
 
     def _read(self) -> Procedure[bytes | None]:
+        """Read one snapshot; None if the transfer or the CRC fails."""
         self._reads += 1
         try:
             data = yield Transfer(self._address, bytes([REGISTER_SNAPSHOT]), self._size)

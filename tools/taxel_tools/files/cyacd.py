@@ -58,6 +58,7 @@ def _parse_hex(digits: str, location: str, source: str) -> bytes:
 
 
 def _check_header(line: str, source: str) -> None:
+    """Check silicon id and checksum kind in the first line. Raises `FirmwareFileError`."""
     header = _parse_hex(line.strip(), "line 1", source)
     if len(header) != HEADER_BYTES:
         _fail(source, "line 1", "a header of 12 digits", f"{2 * len(header)}", "is this a .cyacd file?")
@@ -75,6 +76,7 @@ def _check_header(line: str, source: str) -> None:
 
 
 def _parse_row(line: str, location: str, source: str) -> tuple[int, bytes]:
+    """Row number and data of one line. Raises `FirmwareFileError` for a damaged or foreign row."""
     if not line.startswith(":"):
         _fail(source, location, "a row that begins with ':'", repr(line[:1]))
     record = _parse_hex(line[1:], location, source)

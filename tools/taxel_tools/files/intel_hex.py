@@ -104,6 +104,7 @@ def _store_data(
     location: str,
     source: str,
 ) -> None:
+    """Store a data record in the flash image; note the first location of each row. Raises `FirmwareFileError`."""
     end = address + len(data)
     if end > FLASH_SIZE:
         _fail(

@@ -62,6 +62,7 @@ def _read_bytes(path: Path) -> bytes:
 
 
 def _read_one(path: Path, data: bytes) -> FirmwareImage:
+    """Image of one file, read by the reader of its extension. Raises `FirmwareFileError`."""
     if path.suffix == ".bin":
         return parse_image(data, str(path))
     readers = {".cyacd": read_cyacd, ".hex": read_intel_hex, ".ihex": read_intel_hex}

@@ -63,6 +63,7 @@ def _fail(path: Path, field: str, expected: str, found: str, remedy: str) -> NoR
 
 
 def _read_image(path: Path, field: str, entry: dict[str, Any], read_one: ReadOne) -> FirmwareImage:
+    """Image of one manifest entry, after checks of its hash and of its claims. Raises `FirmwareFileError`."""
     unknown = sorted(set(entry) - KEYS)
     if unknown:
         _fail(path, f"{field}.{unknown[0]}", f"one of {', '.join(sorted(KEYS))}", "an unknown key", "correct its name")
@@ -101,6 +102,7 @@ def _add_header(path: Path, field: str, entry: dict[str, Any], file: Path, data:
 
 
 def _parse_claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, Any]:
+    """Device, kind, slot and version that an entry states. Raises `FirmwareFileError` for an invalid value."""
     claims: dict[str, Any] = {}
     if "device" in entry:
         if entry["device"] not in DEVICE_NAMES:
@@ -124,6 +126,7 @@ def _parse_claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, An
 
 
 def _check_claims(path: Path, field: str, entry: dict[str, Any], loaded_image: FirmwareImage) -> None:
+    """Compare the claims of an entry with the image. Raises `FirmwareFileError` for a difference."""
     formatters: dict[str, Callable[[Any], str]] = {
         "slot": slot_name,
         "version": lambda version: ".".join(map(str, version)),

@@ -67,6 +67,7 @@ def compare_value(phase: str, measurement: Measurement, earlier: list[float]) ->
 
 
 def _shift(value: float | None, centre: float, earlier: list[float], limit: Limit | None) -> float:
+    """Distance of a value from the earlier median, relative to the permitted distance; infinite for no value."""
     if value is None or not math.isfinite(value):
         return math.inf
     permitted: float | None

@@ -166,6 +166,7 @@ def run_test(
 def _run_phases(
     plan: Plan, kind: str, phases: Mapping[str, Phase], context: Any, now_s: Callable[[], float], report: Report
 ) -> list[PhaseRecord]:
+    """Run the enabled phases of the plan in order; phases after a final failure are recorded as skipped."""
     records: list[PhaseRecord] = []
     end_reason = ""  # Reason why no further phase runs.
     for planned in plan.enabled_phases(kind):

@@ -165,6 +165,7 @@ class History:
         return [f"{fault}, {place}" if place else fault for fault, place in rows]
 
     def _add_details(self, run: int | None, record: TestRecord) -> None:
+        """Insert the measurements and findings of a test."""
         self._connection.executemany(
             "INSERT INTO measurement VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
             [
@@ -192,6 +193,7 @@ class History:
         )
 
     def _open(self) -> None:
+        """Create the tables in a new file, and check the identity and version of the database."""
         with self._translated_errors():
             if self._is_new():
                 with self._transaction():

@@ -47,6 +47,7 @@ def junit_bytes(record: TestRecord) -> bytes:
 
 
 def _properties(record: TestRecord) -> dict[str, str]:
+    """Properties of the JUnit suite: labels of the test and fields of the device."""
     return {
         "serial_number": record.serial_number,
         "operator": record.operator,
@@ -61,6 +62,7 @@ def _properties(record: TestRecord) -> dict[str, str]:
 
 
 def _build_cases(record: TestRecord, phase: PhaseRecord) -> list[ET.Element]:
+    """JUnit cases of a phase: measurements with limits, findings, or the phase itself."""
     kind = f"{record.plan_name}.{phase.name}".replace(" ", "_")
     cases = [
         _measurement_case(kind, measurement) for measurement in phase.measurements if measurement.limit is not None

@@ -100,6 +100,7 @@ class Plan:
                 )
 
     def _merge(self, table: PhaseTable, kind_table: PhaseTable | None) -> tuple[bool, PhasePlan]:
+        """(is enabled, plan of the phase) from the table of the phase and the table for the kind of board."""
         layers = [table] if kind_table is None else [table, kind_table]
         is_enabled = True
         options: dict[str, Any] = {}

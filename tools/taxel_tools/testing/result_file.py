@@ -106,6 +106,8 @@ def parse_json(data: bytes, source: str) -> TestRecord:
 
 
 def _parse_document(data: bytes, top: Field) -> object:
+    """JSON value of a result file. Raises `ResultFileError` with the reason and the position."""
+
     def fail(expected: str, found: str) -> NoReturn:
         top.fail(expected, "is this a complete result file?", found)
 
@@ -136,6 +138,7 @@ def _parse_document(data: bytes, top: Field) -> object:
 
 
 def _parse_phase(field: Field) -> PhaseRecord:
+    """Record of one phase; its outcome must agree with its measurements and findings."""
     fields = field.table(_PHASE_KEYS)
     measurements = [_parse_measurement(item) for item in fields["measurements"].items()]
     _check_unique(
@@ -161,6 +164,7 @@ def _parse_phase(field: Field) -> PhaseRecord:
 
 
 def _parse_measurement(field: Field) -> Measurement:
+    """One measurement; its outcome must agree with value and limit."""
     fields = field.table(_MEASUREMENT_KEYS)
     value = _parse_value(fields["value"])
     limit = _parse_limit(fields["limit"])

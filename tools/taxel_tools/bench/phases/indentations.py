@@ -71,6 +71,7 @@ class EachTaxel:
     def _measure_response(
         self, board: BoardUnderTest, force_n: float, diameter_m: float, frames: int, log: PhaseLog
     ) -> FloatArray:
+        """Response matrix f64[taxels, taxels], counts: row p is the signal of all taxels while taxel p is indented."""
         count = board.kind.taxel_count
         response = np.full((count, count), np.nan)
         for taxel in range(count):
@@ -91,6 +92,7 @@ class EachTaxel:
     def _write_results(
         self, board: BoardUnderTest, indentations: Indentations, sigma: FloatArray, log: PhaseLog
     ) -> None:
+        """Write measurements, faults and the picture of the response matrix to the log."""
         limit = log.get_limit("weakest")
         minimum = limit.minimum if limit is not None and limit.minimum is not None else WEAKEST_MIN
         faults = find_response_faults(indentations, minimum)

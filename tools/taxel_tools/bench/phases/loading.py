@@ -62,6 +62,7 @@ class Loading:
         self._write_results(board, Curve(forces, loading, unloading), taxels, log)
 
     def _write_results(self, board: BoardUnderTest, curve: Curve, taxels: list[int], log: PhaseLog) -> None:
+        """Write measurements, notes and the picture of the loading curve to the log."""
         log.measure("hysteresis", curve.hysteresis, "of the range")
         log.measure("hysteresis_area", curve.area, "of the area")
         log.measure("fall", 1.0 - float(curve.loading.mean(axis=0)[-1]), "of the count at rest")

@@ -51,6 +51,7 @@ class Noise:
         self._attach_pictures(board, parts, capture.rate_hz, log)
 
     def _attach_pictures(self, board: BoardUnderTest, parts: NoiseParts, rate_hz: float, log: PhaseLog) -> None:
+        """Attach the spectrum and the map of the white noise."""
         board.attach_picture(
             log,
             "spectrum.png",

@@ -106,6 +106,7 @@ class Soak:
         board.attach_picture(log, "soak.png", lambda: draw_time_course(times, mean, slope), "Mean raw count")
 
     def _record(self, board: BoardUnderTest, seconds: float, log: PhaseLog) -> SoakLog:
+        """Record frames and clock readings for `seconds`; interruptions are counted."""
         soak = SoakLog()
         soak.add_clock(board.wire.now_s(), board.read_status()["clock_us"])
         start_s = board.wire.now_s()

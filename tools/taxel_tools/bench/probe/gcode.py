@@ -198,6 +198,7 @@ def open_gcode_probe(request: ProbeRequest) -> GcodeProbe:
 
 
 def _parse_gantry(url: str, options: dict[str, str]) -> Gantry:
+    """The gantry that the options of the URL describe. Raises `ProbeError` with the URL and the option."""
     is_required = {field.name: field.default is MISSING for field in fields(Gantry)}
     unknown = sorted(set(options) - set(is_required))
     if unknown:

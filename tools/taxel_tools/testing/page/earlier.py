@@ -48,6 +48,7 @@ def earlier_section(
 
 
 def _table(changes: Sequence[Change], titles: dict[str, str], caption: str) -> str:
+    """HTML table of measurements compared with earlier tests."""
     rows = (
         (
             f"{escaped_name(change.measurement)} "
@@ -65,6 +66,7 @@ def _table(changes: Sequence[Change], titles: dict[str, str], caption: str) -> s
 
 
 def _runs(earlier: Sequence[Summary]) -> str:
+    """HTML table of the earlier tests of the board."""
     rows = (
         (
             format_time(run.started_utc),

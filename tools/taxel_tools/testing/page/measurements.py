@@ -92,6 +92,7 @@ def _table(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Ax
 
 
 def _row(measurement: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple[str, ...]:
+    """HTML cells of one measurement."""
     bar, verdict = "", ""
     if measurement.limit is not None:
         bar = value_bar(
@@ -119,6 +120,7 @@ def _summary(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], 
 def _summary_row(
     name: str, unit: str, limit: Limit | None, group: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis]
 ) -> tuple[str, ...]:
+    """HTML cells of all measurements with one name: count, failures, range and picture."""
     failed = sum(measurement.outcome is Outcome.FAIL for measurement in group)
     values = [
         measurement.value

@@ -52,6 +52,7 @@ def _format_finding(finding: Finding) -> str:
 
 
 def _row(number: int, phase: PhaseRecord) -> tuple[str, ...]:
+    """HTML cells of one phase: outcome, numbers of limits, failures and findings, duration."""
     limited = [measurement for measurement in phase.measurements if measurement.limit is not None]
     failed = sum(measurement.outcome is Outcome.FAIL for measurement in limited)
     is_skipped = phase.outcome is Outcome.SKIP

@@ -97,6 +97,7 @@ def _format_finding(finding: Finding, number: int) -> str:
 
 
 def _violated_limits(phase: PhaseRecord, number: int) -> Iterator[str]:
+    """One HTML sentence for each measurement of a phase beyond its limit, with the worst value."""
     groups: dict[str, list[Measurement]] = {}
     for measurement in phase.measurements:
         if measurement.outcome is Outcome.FAIL:
@@ -119,6 +120,7 @@ def _link(title: str, number: int) -> str:
 
 
 def _identity_list(record: TestRecord) -> str:
+    """HTML list that identifies board, test and plan."""
     entries = {
         "serial number": escaped(record.serial_number) or "none",
         **{escaped_name(key): escaped(value) for key, value in record.device.items()},
