@@ -41,7 +41,8 @@ def _resistive(ohm: float, rng: Rng) -> tuple[str, dict[str, float]]:
     return f"tx_ohm={tx:.0f} rx_ohm={rx:.0f}", {}
 
 
-def _traces(picofarad: float, rng: Rng) -> tuple[str, dict[str, float]]:
+def _trace_arguments(picofarad: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Arguments of an effect line of the traces' coupling; no parameters that the score compares."""
     return (
         f"picofarad={picofarad} tx_ohm={log_uniform(rng, 600, 1500):.0f} rx_ohm={log_uniform(rng, 600, 1500):.0f}",
         {},
@@ -69,6 +70,8 @@ def _board_factor(name: str, emulator_effect: str, max_factor: float = np.inf) -
 
 
 def _dead_taxels(variant: str) -> CauseType:
+    """Cause type: a patch of dead taxels on one board. variant: "rest" (no signal) or "stuck" (constant count)."""
+
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
         (board,) = sample_boards(rng, hand)
         taxels = taxels_of(hand, board)
@@ -86,6 +89,8 @@ def _dead_taxels(variant: str) -> CauseType:
 
 
 def _broken_line(variant: str) -> CauseType:
+    """Cause type: one broken line of a board. variant: "open", or "short" to the next line."""
+
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
         (board,) = sample_boards(rng, hand)
         axis = int(rng.integers(2))
@@ -136,6 +141,8 @@ def _offset(keyword: str, low_mm: float, high_mm: float) -> CauseType:
 
 
 def _late_board(variant: str) -> CauseType:
+    """Cause type: the signals of two boards are late. variant: "delay", or "lag" (a first-order low-pass filter)."""
+
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
         lines, parameters = [], {}
         for board in sample_boards(rng, hand, 2):
@@ -159,7 +166,8 @@ def _log_std(std: float, rng: Rng) -> tuple[str, dict[str, float]]:
     return f"log_std={std}", {"log_std": std}
 
 
-def _play(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
+def _play_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Arguments of an effect line of hysteresis with play; no parameters that the score compares."""
     width, creep, seconds = (
         log_uniform(rng, 1e-4, 4e-4),
         log_uniform(rng, 0.05, 0.25),
@@ -190,7 +198,7 @@ CATALOGUE_CAUSES: Final = (
     whole_hand_cause("contact_propagation", "spread film", 0.35, 2.0, _film),
     whole_hand_cause("contact_propagation", "spread pillars", 0.28, 0.12, lambda slope, rng: (f"slope={slope}", {})),
     whole_hand_cause("electrode_crosstalk", "coupling resistive", 450, 1700, _resistive),
-    whole_hand_cause("electrode_crosstalk", "coupling traces", 3.0, 25.0, _traces),
+    whole_hand_cause("electrode_crosstalk", "coupling traces", 3.0, 25.0, _trace_arguments),
     whole_hand_cause("noise", "noise white", 12, 200, _counts("white_counts")),
     whole_hand_cause("noise", "noise line", 8, 180, _noise_line),
     whole_hand_cause("noise", "noise pink", 40, 400, _noise_pink),
@@ -201,7 +209,7 @@ CATALOGUE_CAUSES: Final = (
     whole_hand_cause("baseline_drift", "drift warm_up", 100, 2500, _drifting(60, 400)),
     whole_hand_cause("baseline_drift", "drift wander", 100, 1000, _drifting(20, 120)),
     whole_hand_cause("hysteresis", "rheology solid", 0.05, 0.5, _solid),
-    whole_hand_cause("hysteresis", "rheology play", 0.1, 0.6, _play),
+    whole_hand_cause("hysteresis", "rheology play", 0.1, 0.6, _play_arguments),
     whole_hand_cause("saturation", "saturation clip", 1300, 600, _counts("counts")),
     whole_hand_cause("saturation", "saturation soft", 15000, 2500, _counts("counts")),
     whole_hand_cause("proximity", "proximity image", 0.005, 0.065, _proximity),

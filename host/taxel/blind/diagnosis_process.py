@@ -23,6 +23,10 @@ def main(folder: str, *hidden: str) -> int:
 
 
 def _diagnose(job: dict[str, Any], fields: dict[str, str]) -> dict[str, str]:
+    """Diagnose the datasets of a job and write the report; returns the error, if any, under the key "error".
+
+    fields: added to the report.
+    """
     from taxel.blind.baselines import baseline_verdicts
     from taxel.gap.diagnosis import diagnose
 

@@ -62,6 +62,7 @@ def restrict(readable: Iterable[Path], writable: Iterable[Path]) -> bool:
 
 
 def _grant(rules: int, path: Path, rights: int) -> bool:
+    """Permit `rights` on a path and everything below it; false if the kernel refuses. An absent path is ignored."""
     if not path.exists():
         return True
     beneath = os.open(path, os.O_PATH | os.O_CLOEXEC)

@@ -16,6 +16,7 @@ from taxel.hand import Hand
 
 
 def _sample_exchanged_lines(rng: Rng, hand: Hand, strength: float) -> Cause:
+    """A cause: two lines of a board are exchanged; a stronger cause exchanges lines that are farther apart."""
     (board,) = sample_boards(rng, hand)
     axis = int(rng.integers(2))
     count = (board.kind.tx_count, board.kind.rx_count)[axis]
@@ -28,6 +29,7 @@ def _sample_exchanged_lines(rng: Rng, hand: Hand, strength: float) -> Cause:
 
 
 def _sample_stuck_bit(rng: Rng, hand: Hand, strength: float) -> Cause:
+    """A cause: one bit of all counts of a board is stuck; a stronger cause has a higher bit."""
     board = sample_boards(rng, hand)[0]
     bit = 7 + round(3 * strength)
     level = str(rng.choice(["low", "high"]))
@@ -36,6 +38,8 @@ def _sample_stuck_bit(rng: Rng, hand: Hand, strength: float) -> Cause:
 
 
 def _moisture(variant: str) -> CauseType:
+    """Cause type: a wet spot on a board. variant: as in the world file; "drying" has a time constant."""
+
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
         (board,) = sample_boards(rng, hand)
         tx, rx = rng.uniform(1, board.kind.tx_count - 2), rng.uniform(1, board.kind.rx_count - 2)
@@ -53,7 +57,8 @@ def _reference(ohms: float, rng: Rng) -> tuple[str, dict[str, float]]:
     return f"ohms={ohms:.0f} seconds={log_uniform(rng, 0.05, 2.0)}", {}
 
 
-def _indent(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
+def _indent_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Arguments of an effect line of the compression set of the layer; no parameters that the score compares."""
     return (
         f"fraction={fraction} threshold_m={log_uniform(rng, 1e-4, 3e-4)} recovery_s={log_uniform(rng, 20, 500)}",
         {},
@@ -81,7 +86,7 @@ OUT_OF_CATALOGUE: Final = (
 
 LOOKALIKES: Final = (
     whole_hand_cause(UNKNOWN, "nonlinear bow", 100, 800, _bow),
-    whole_hand_cause(UNKNOWN, "indent set", 0.2, 0.85, _indent),
+    whole_hand_cause(UNKNOWN, "indent set", 0.2, 0.85, _indent_arguments),
     whole_hand_cause(UNKNOWN, "indent bedding", 0.2, 0.85, _bedding),
 )  # fmt: skip
 """Cause types whose signature resembles that of an effect of the catalogue; naming this effect is accepted."""

@@ -59,6 +59,7 @@ def require_version(versions: set[str], results: Sequence[WorldResult], source: 
 
 
 def _round(value: Any) -> Any:
+    """The value with all floating-point numbers rounded to six digits."""
     if isinstance(value, float):
         return float(f"{value:.6g}")
     if isinstance(value, dict):
@@ -67,6 +68,7 @@ def _round(value: Any) -> Any:
 
 
 def _result_to_json(result: WorldResult) -> dict[str, Any]:
+    """The record of a world; the keys are those of the file format."""
     comparison = {
         "named": _verdict_to_json(result.verdict),
         "gap": result.gap,
@@ -89,6 +91,7 @@ def _result_to_json(result: WorldResult) -> dict[str, Any]:
 
 
 def _result_from_json(data: dict[str, Any]) -> WorldResult:
+    """The inverse of `_result_to_json`."""
     return WorldResult(
         World.from_json(data["world"]),
         _verdict_from_json(data["named"]),
@@ -111,6 +114,7 @@ def _result_from_json(data: dict[str, Any]) -> WorldResult:
 
 
 def _verdict_to_json(verdict: ReportedVerdict) -> dict[str, Any]:
+    """A verdict as JSON values; the keys are those of the file format."""
     return {
         "status": verdict.status,
         "effects": verdict.effects,

@@ -141,21 +141,24 @@ def read_results(out: Path, worlds: list[World]) -> list[WorldResult]:
         if not (folder / "done").exists() or not (folder / "report.json").exists():
             continue
         reference = reference_path(out, world)
-        results.append(_result(world, folder, json.loads(reference.read_text()) if reference.exists() else {}))
+        results.append(_make_result(world, folder, json.loads(reference.read_text()) if reference.exists() else {}))
     return results
 
 
-def _result(world: World, folder: Path, reference: dict[str, dict[str, float]]) -> WorldResult:
+def _make_result(world: World, folder: Path, reference: dict[str, dict[str, float]]) -> WorldResult:
+    """The result of a world from the reports in its folder. reference: reference parameters by model key."""
     report = json.loads((folder / "report.json").read_text())
     result = WorldResult(
         world,
-        _verdict(report),
+        _parse_verdict(report),
         is_location_found=is_location_found(world, report.get("effects", []), folder),
         unobservable_causes=_unobservable_causes(world, folder),
         verdict_withheld=_read_verdict(folder / "without.json"),
         verdict_shuffled=_read_verdict(folder / "shuffled.json"),
         verdict_decoy=_read_verdict(folder / "decoy.json"),
-        verdicts_by_seed=tuple(_verdict(json.loads(path.read_text())) for path in sorted(folder.glob("seed*.json"))),
+        verdicts_by_seed=tuple(
+            _parse_verdict(json.loads(path.read_text())) for path in sorted(folder.glob("seed*.json"))
+        ),
         error=str(report.get("error", "")),
         diagnosis_version=str(report.get("diagnosis", "")),
     )
@@ -175,7 +178,8 @@ def _result(world: World, folder: Path, reference: dict[str, dict[str, float]]) 
     )
 
 
-def _verdict(report: dict[str, Any]) -> ReportedVerdict:
+def _parse_verdict(report: dict[str, Any]) -> ReportedVerdict:
+    """The verdict of a report; status "error" for a world without a diagnosis."""
     if "error" in report:
         return ReportedVerdict("error", ())
     verdict = report["verdict"]
@@ -185,7 +189,7 @@ def _verdict(report: dict[str, Any]) -> ReportedVerdict:
 
 
 def _read_verdict(path: Path) -> ReportedVerdict | None:
-    return _verdict(json.loads(path.read_text())) if path.exists() else None
+    return _parse_verdict(json.loads(path.read_text())) if path.exists() else None
 
 
 def _compare_parameters(

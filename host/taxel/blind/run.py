@@ -87,6 +87,10 @@ def _interleave_hands(worlds: Sequence[World]) -> list[World]:
 
 
 def _run_world(out: Path, world: World, makers: ProcessPoolExecutor, runner: SandboxedRunner) -> None:
+    """Make the datasets of a world, diagnose them in all required ways, and mark the world as finished.
+
+    makers: processes that make datasets, outside of the sandbox. runner: the sandboxed diagnosing process.
+    """
     folder = world_folder(out, world)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)

@@ -133,6 +133,7 @@ def _sample_combination(rng: np.random.Generator) -> tuple[CauseType, ...]:
 
 
 def _sample_world(rng: np.random.Generator, number: int, hand: Hand, plan: WorldPlan, is_sealed: bool) -> World:
+    """One world of the plan. is_sealed: whether the salt is secret; otherwise the seed determines the salt."""
     causes = _sample_causes(rng, hand, plan)
     while _is_any_masked(causes):
         causes = _sample_causes(rng, hand, plan)
@@ -173,6 +174,7 @@ def _sample_cause(rng: np.random.Generator, hand: Hand, cause_type: CauseType, p
 
 
 def _sample_size(rng: np.random.Generator) -> CampaignSize:
+    """A random size of a campaign whose number of indentations is within the limits."""
     while True:
         size = CampaignSize(*(int(rng.integers(low, high + 1)) for low, high in (APPROACHES, SESSIONS, REPEATS)))
         if INDENTATIONS[0] <= size.indentations <= INDENTATIONS[1]:

@@ -54,6 +54,7 @@ class SandboxedRunner:
             shutil.copyfile(self._folder / "report.json", out)
 
     def _request(self, line: str) -> str:
+        """The answer of the diagnosing process to one line. Raises BlindRunError if the process has ended."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         try:

@@ -59,6 +59,7 @@ def score(results: Sequence[WorldResult]) -> dict[str, Any]:
 
 
 def _score_part(results: Sequence[WorldResult]) -> dict[str, Any]:
+    """All figures of the score for one group of worlds: the rig or the whole hand."""
     by_kind = {kind: [result for result in results if result.world.hidden.kind == kind] for kind in KINDS}
     clear = {kind: [result for result in of_kind if result.is_clear] for kind, of_kind in by_kind.items()}
     single = clear["single"]
@@ -178,6 +179,7 @@ def _micro_f1(results: Sequence[WorldResult]) -> dict[str, Any]:
 
 
 def _parameter_errors(results: Sequence[WorldResult]) -> dict[str, Any]:
+    """Median relative errors of the parameters, in total and for each parameter of each emulator effect."""
     groups: dict[tuple[str, str, str, str, bool], list[float]] = {}
     for parameter in (parameter for result in results if result.is_clear for parameter in result.parameters):
         name = parameter.name.split("@")[0]
@@ -204,6 +206,7 @@ def _median(values: Sequence[float]) -> float | None:
 
 
 def _shrink_error(results: Sequence[WorldResult]) -> dict[str, Any]:
+    """Mean absolute difference of predicted and measured shrink, percentage points, and the number of worlds."""
     points = [
         100 * abs(result.shrink[0] - result.shrink[1])
         for result in results

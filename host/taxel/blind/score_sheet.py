@@ -59,11 +59,12 @@ def score_sheet(score: Mapping[str, Any], provenance: str) -> str:
     for title, key in (("A rig of four boards", "rig4"), ("The whole hand", "full_hand")):
         part = score.get(key)
         if part:
-            lines += [f"## {title}", "", *_part(part)]
+            lines += [f"## {title}", "", *_format_part(part)]
     return "\n".join(lines)
 
 
-def _part(part: Mapping[str, Any]) -> list[str]:
+def _format_part(part: Mapping[str, Any]) -> list[str]:
+    """The lines of the score sheet for one group of worlds. part: a value of the score."""
     counts = (f"{count['worlds']} {kind} ({count['clear']} clear)" for kind, count in part["counts"].items())
     isolation = (f"{mechanism}, {number} worlds" for mechanism, number in part["blindfold"].items())
     lines = [f"Worlds: {', '.join(counts)}.", f"Isolation of the diagnosing process: {'; '.join(isolation)}.", ""]
@@ -86,6 +87,7 @@ def _part(part: Mapping[str, Any]) -> list[str]:
 
 
 def _main_table(part: Mapping[str, Any]) -> list[str]:
+    """The table of all figures with a limit, and the figures without a limit."""
     lines = ["| figure | limit | measured | of | interval | |", "|---|---|---|---|---|---|"]
     for title, key, limit_text, limit, is_lower in LIMITS:
         figure = part[key]
@@ -141,6 +143,7 @@ def _bounds(row: Mapping[str, Any]) -> str:
 
 
 def _parameter_table(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Markdown table of the relative errors of parameters; no lines without rows."""
     head = [
         "| emulator effect: parameter | unit | compared with | of | median relative error |",
         "|---|---|---|---|---|",
@@ -160,6 +163,7 @@ def _interval(figure: Mapping[str, Any]) -> str:
 
 
 def _share_table(rows: Mapping[str, Mapping[str, Any]], heading: str) -> list[str]:
+    """Markdown table of shares with their intervals; no lines without rows. heading: of the first column."""
     lines = [f"| {heading} | correct | of | interval |", "|---|---|---|---|"] if rows else []
     return lines + [
         f"| {name} | {_percent(row['share'])} | {row['of']} | {_interval(row)} |" for name, row in rows.items()
@@ -167,6 +171,7 @@ def _share_table(rows: Mapping[str, Mapping[str, Any]], heading: str) -> list[st
 
 
 def _confusion_table(table: Mapping[str, Mapping[str, int]]) -> list[str]:
+    """Markdown table with the number of worlds for each true effect (rows) and effect named first (columns)."""
     columns = sorted({column for row in table.values() for column in row})
     lines = [f"| truth | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
     for truth in sorted(table):
@@ -186,6 +191,7 @@ _BASELINES: Final = (
 
 
 def _baseline_list(part: Mapping[str, Any]) -> list[str]:
+    """Markdown list of the shares of correct answers of the reference diagnosers."""
     return [
         f"- {title}: {_percent(part['simpler'][key]['share'])} of {part['simpler'][key]['of']}."
         for key, title in _BASELINES

@@ -85,6 +85,7 @@ def effect_lines(world: World, plan: IndentationPlan) -> list[str]:
 
 
 def _sample_plan(world: World, size: CampaignSize, rng: np.random.Generator) -> IndentationPlan:
+    """A plan of indentations on the hand of a world, with a seed from `rng`."""
     return sample_indentation_plan(
         load_hand(world.hand),
         _sample_seed(rng),

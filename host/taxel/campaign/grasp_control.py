@@ -63,6 +63,7 @@ def _run_control_loop(
     wait_for_period: Callable[[], int],
     on_period: Callable[[float], object],
 ) -> JointLog:
+    """The loop of `control_grasp`; the torques of the last period stay set."""
     first, angles = _wait_for_first_report(hand, wait_for_period)
     period, speeds = first, np.zeros_like(angles)
     times, angle_log = [], []

@@ -78,6 +78,7 @@ class HandInContact:
         self.touched_count = 0
 
     def _inertias(self) -> tuple[FloatArray, FloatArray]:
+        """Diagonal mass and damping of joints and mount, f64[j + 6] each."""
         mount = np.repeat([self._mount.n_per_m, self._mount.nm_per_rad], 3)
         mass = np.repeat([OBJECT_MASS_KG, OBJECT_INERTIA_KG_M2], 3)
         joints = np.ones(self._joints)

@@ -110,6 +110,7 @@ def _placement(planned: PlannedGrasp) -> tuple[str, int]:
 def _perform_grasp(
     setup: Setup, planned: PlannedGrasp, station: Workstation, timeline: Timeline, collector: _FrameCollector
 ) -> GraspRecord:
+    """Perform one grasp and return its record. After an error the arm is stopped."""
     grasping, withdrawn = setup.arm_path(planned)
     schedule = _ArmSchedule(station, timeline, grasping, withdrawn)
     try:
@@ -127,7 +128,7 @@ def _perform_grasp(
         raise
     start_s = schedule.start_s
     cycles = group_by_poll_cycle(setup.hand, frames).between(start_s, start_s + timeline.duration_s)
-    return _record(setup, planned, timeline, cycles, start_s, schedule.log(), joints)
+    return _make_record(setup, planned, timeline, cycles, start_s, schedule.log(), joints)
 
 
 class _ArmSchedule:
@@ -174,7 +175,7 @@ class _ArmSchedule:
         return JointLog(np.array(self._times), np.stack(self._angles))
 
 
-def _record(
+def _make_record(
     setup: Setup,
     planned: PlannedGrasp,
     timeline: Timeline,
@@ -183,6 +184,10 @@ def _record(
     arm: JointLog,
     joints: JointLog,
 ) -> GraspRecord:
+    """The record of a grasp. cycles: frames of the skin. arm, joints: measured joint angles of arm and hand.
+
+    Raises TaxelError if there are no frames.
+    """
     elapsed = cycles.time_s - start_s
     phase = timeline.find_phases(elapsed)
     angles = np.hstack([arm.interpolate(elapsed), joints.interpolate(elapsed)])
@@ -215,6 +220,7 @@ def _move_arm(station: Workstation, target: NDArray[np.float64]) -> None:
 
 
 def _wait_for_arm(station: Workstation) -> None:
+    """Wait until the arm is at rest. Raises ArmTimeoutError."""
     end = time.monotonic() + ARM_TIMEOUT_S
     while station.arm.is_moving:
         station.hand.update()  # keeps the hand's reports flowing and detects its faults during the wait
@@ -250,6 +256,7 @@ class _FrameCollector:
         self._thread = threading.Thread(target=self._read, daemon=True)
 
     def _read(self) -> None:
+        """Collect frames until the collector stops; runs in the thread of the collector."""
         try:
             for frame in self._skin:
                 with self._lock:

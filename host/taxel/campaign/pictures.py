@@ -85,6 +85,7 @@ def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[s
 
 
 def _draw_object(axis: Any, data: GraspDataset, name: str, pose: FloatArray) -> None:
+    """Draw the visible edges of an object, in millimetres. pose: f64[4, 4] of the object in the picture."""
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     mesh = data.objects[name]
@@ -115,6 +116,7 @@ def _outline(vertices: FloatArray, faces: NDArray[np.int32]) -> NDArray[np.intp]
 
 
 def _set_axes(axis: Any, points: FloatArray) -> None:
+    """Set equal scales, limits, view and labels of a 3-D axis. points: f64[n, 3], millimetres."""
     from matplotlib.ticker import MultipleLocator
 
     low, high = points.min(axis=0), points.max(axis=0)
@@ -131,6 +133,7 @@ def _set_axes(axis: Any, points: FloatArray) -> None:
 
 
 def _pyplot() -> Any:
+    """Matplotlib's pyplot with a backend that needs no display."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -79,6 +79,10 @@ def _signed_steps(values: NDArray[np.int64], modulus: int) -> NDArray[np.int64]:
 def _fill_board(
     cycles: PollCycles, column: int, taxels: slice, frames: list[TaxelFrame], index: NDArray[np.intp]
 ) -> None:
+    """Write the frames of one board into the poll cycles.
+
+    column: number of the board. taxels: its columns. index: the poll cycle of each frame.
+    """
     clock = np.array([frame.board_time_us for frame in frames], dtype=np.int64)
     ticks = _signed_steps(clock, CLOCK_MODULUS_US)  # signed: the clock of a board that restarts steps back
     cycles.time_s[index] = np.minimum(cycles.time_s[index], [frame.time_s for frame in frames])

@@ -64,7 +64,7 @@ def run_session(setup: Setup, plan: Sequence[PlannedGrasp], settings: EmulatedSe
     with SkinContact(text) as contact:
         grasps = [_perform_grasp(setup, planned, settings, contact) for planned in plan]
     cycles = _run_session_skin(setup, grasps, text, settings)
-    return [_record(setup, grasp, cycles, index, settings) for index, grasp in enumerate(grasps)]
+    return [_make_record(setup, grasp, cycles, index, settings) for index, grasp in enumerate(grasps)]
 
 
 def check_world(setup: Setup, settings: EmulatedSettings) -> None:
@@ -106,6 +106,7 @@ def _sample_motion(rng: np.random.Generator, metres: float, radians: float) -> N
 def _perform_grasp(
     setup: Setup, planned: PlannedGrasp, settings: EmulatedSettings, contact: SkinContact
 ) -> _PerformedGrasp:
+    """The true motion of one grasp: the hand closes on the object, which is displaced from its nominal pose."""
     approach, item = setup.approach(planned), setup.objects[planned.object]
     variation = settings.variation.for_object(planned.object)
     offset, grip = variation.apply(sample_grasp_variation(settings.seed, planned.id))
@@ -166,9 +167,10 @@ def run_emulated_skin(hand: Hand, world: str, motions: Sequence[SceneMotion], du
             return group_by_poll_cycle(hand, skin)
 
 
-def _record(
+def _make_record(
     setup: Setup, grasp: _PerformedGrasp, cycles: PollCycles, index: int, settings: EmulatedSettings
 ) -> GraspRecord:
+    """The record of a grasp. cycles: of the whole session. index: number of the grasp in the session."""
     timeline = settings.timeline
     begin, end = _grasp_interval(settings, index)
     recorded = cycles.between(begin, end)

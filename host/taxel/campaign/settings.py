@@ -87,6 +87,7 @@ class EmulatedSettings:
 
 
 def _parse_offset(line: str, numbers: Sequence[str]) -> NDArray[np.float64]:
+    """The offset f64[4, 4] of an effect line. numbers: x, y, z and a rotation vector. Raises OffsetLineError."""
     try:
         x, y, z, *rotation = map(float, numbers)
         offset = from_rotation_vector(np.array(rotation))

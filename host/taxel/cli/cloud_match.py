@@ -138,6 +138,7 @@ def _count_correct(matches: list[CloudMatch]) -> dict[str, dict[str, int]]:
 
 
 def _print_matches(matches: list[CloudMatch]) -> None:
+    """Print a table of the best models, and the number of identified shapes of known objects."""
     console = Console(markup=False)
     table = Table(title="best model of each cloud")
     for heading in ("cloud", "best", "mean mm", "margin", "lead", "confidence"):

@@ -116,6 +116,7 @@ def sweep(
 
 
 def _read_cloud_and_target(path: Path, target: str, unit: str) -> tuple[ContactCloud, TriangleMesh | ContactCloud]:
+    """The cloud of a file and its target. Raises TaxelError for an empty cloud or a mesh in another unit."""
     cloud = read_cloud(path)
     require_nonempty(cloud)
     reference = load_target(target, unit)
@@ -133,6 +134,7 @@ def _compute_distances(cloud: ContactCloud, reference: TriangleMesh | ContactClo
 def _align_cloud(
     cloud: ContactCloud, reference: TriangleMesh | ContactCloud, *, is_global: bool, samples_mesh: bool
 ) -> Alignment:
+    """The alignment of a cloud to a mesh, to points sampled on a mesh, or to another cloud."""
     if isinstance(reference, TriangleMesh) and not samples_mesh:
         align_mesh = align_to_mesh_globally if is_global else align_to_mesh
         return align_mesh(cloud.points, reference, name=cloud.name)
@@ -153,6 +155,7 @@ def _format_stats(stats: DistanceStats) -> str:
 
 
 def _print_rows(force: list[ForceRow], sor: list[SorRow]) -> None:
+    """Print the tables of both parameter sweeps."""
     console = Console(markup=False)
     for title, settings, rows in (
         ("force filter", ("counts",), [((f"{row.threshold_counts:g}",), row) for row in force]),

@@ -64,6 +64,7 @@ def demo(
 
 
 def _make_grasps(console: Console, world: GraspWorld, real: Path, sim: Path, jobs: int | None) -> None:
+    """Make both datasets, with progress bars."""
     counts = [len(plan) for plan in small_plans(world.seed)]
     console.print(f"[bold]2. {counts[0]} grasps of the emulated hand, {counts[1]} of the simulator[/bold]")
     with stage_bars(console) as show:
@@ -72,6 +73,7 @@ def _make_grasps(console: Console, world: GraspWorld, real: Path, sim: Path, job
 
 
 def _diagnose(console: Console, out: Path, real: Path, sim: Path, report_file: Path) -> None:
+    """Diagnose the datasets in a sandboxed process, and write the report."""
     columns = (SpinnerColumn(), TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console) as progress:
         progress.add_task("diagnosing", total=None)

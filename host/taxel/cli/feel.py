@@ -40,6 +40,7 @@ def feel(
 
 
 def _scripted_contacts(console: Console, out: Path, seed: int) -> None:
+    """Apply the scripted contacts; print and draw the response."""
     hand = load_hand("allegro")
     console.print(
         f"[bold]1. The emulated skin[/bold]: {len(hand.boards)} boards, {hand.n_taxels} taxels, "
@@ -85,6 +86,7 @@ def _scripted_contacts(console: Console, out: Path, seed: int) -> None:
 
 
 def _contact_table(outcomes: list[ContactOutcome]) -> Table:
+    """A table with the response to each contact."""
     table = Table(title="contacts")
     for heading in ("board", "probe", "active after", "active", "signal"):
         table.add_column(heading, justify="left" if heading in {"board", "probe"} else "right", no_wrap=True)
@@ -99,6 +101,7 @@ def _contact_table(outcomes: list[ContactOutcome]) -> Table:
 
 
 def _measured_touches(console: Console, out: Path, seconds: float) -> None:
+    """Replay measured touches through the emulated skin; print and draw the response."""
     hand = load_hand("allegro")
     console.print(
         f"[bold]2. Measured touches[/bold] (CapFingerId recordings, MIT licence), {seconds:g} s each, "

@@ -39,6 +39,7 @@ def apply(
 
 
 def _print_result(result: Applied, as_json: bool) -> None:
+    """Print the dataset, its effects and notes."""
     if as_json:
         print(json.dumps({"file": str(result.path), "effects": result.effects, "notes": result.notes}))
         return

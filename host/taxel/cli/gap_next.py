@@ -71,6 +71,7 @@ def _further_states(state: State, candidates: Sequence[Path], show: Show) -> tup
 
 
 def _print_contacts(ranking: NextPresses, notes: Sequence[str]) -> None:
+    """Print the ranked contacts with their information gain and its reason."""
     print(ranking.line)
     for rank, candidate in enumerate(ranking.presses, 1):
         print(f"{rank:3}. {candidate.press.words}: {candidate.gain:.2f} bits")

@@ -54,6 +54,7 @@ def nested_agreement(effect_sets: Sequence[Sequence[str]], effects: Sequence[str
 
 
 def _gap_table(report: Mapping[str, Any]) -> Table:
+    """Gap and floor in counts and millimetres."""
     table = Table(box=None, pad_edge=False)
     for heading in ("", "counts", "mm"):
         table.add_column(heading, justify="left" if not heading else "right")

@@ -64,7 +64,7 @@ def generate(
 
     Example: taxel generate --grasps 100000 --gap-report out/gap/report.json --out out/synthetic
     """
-    plan = _recipe(recipe, grasps, seed, grasps_per_shard, fidelity)
+    plan = _make_recipe(recipe, grasps, seed, grasps_per_shard, fidelity)
     if unit not in UNITS:
         raise TaxelError(f"--unit: expected {', '.join(UNITS)}, found '{unit}'")
     for path in mesh or ():
@@ -74,11 +74,11 @@ def generate(
     check_recipe(plan, "recipe" if recipe is None else str(recipe))
     start_s = time.monotonic()
     with stage_bars(hidden=as_json) as show:
-        run = generate_all(plan, out, _workers(jobs, scheduler), show)
+        run = generate_all(plan, out, _make_workers(jobs, scheduler), show)
     _print_run(out, plan, run.made, time.monotonic() - start_s, as_json)
 
 
-def _recipe(
+def _make_recipe(
     path: Path | None, grasps: int | None, seed: int | None, grasps_per_shard: int | None, fidelity: str | None
 ) -> Recipe:
     """The recipe of a file, or the default one, with the values of the options that were given."""
@@ -89,13 +89,14 @@ def _recipe(
     return replace(Recipe() if path is None else read_recipe(path), **given_values)  # type: ignore[arg-type]
 
 
-def _workers(jobs: int | None, scheduler: str | None) -> Workers:
+def _make_workers(jobs: int | None, scheduler: str | None) -> Workers:
     if scheduler is not None and jobs is not None:
         raise TaxelError("--jobs and --scheduler: expected one of them, since the cluster has its own workers")
     return Cluster(scheduler) if scheduler is not None else Processes(jobs or os.cpu_count() or 1)
 
 
 def _print_run(out: Path, recipe: Recipe, new_grasps: int, seconds: float, as_json: bool) -> None:
+    """Print the folder, the number of grasps and the rate of this run."""
     if as_json:
         result: dict[str, Any] = {
             "folder": str(out),

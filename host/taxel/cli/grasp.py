@@ -61,12 +61,12 @@ def grasp(
 
     Examples: taxel grasp --source both --out out/campaign; taxel grasp --source sim --grasps 10 --out sim.h5
     """
-    plan = _plan(seed, sessions, grasps, objects or ())
+    plan = _select_plan(seed, sessions, grasps, objects or ())
     setup = Setup(calibration=load_calibration(calibration) if calibration is not None else None)
     emulated = EmulatedSettings(seed=seed, effects=_parse_effects(effects or (), no_effects))
-    sim = SimSettings(seed=seed, sensing=Sensing(_level(sensing)))
+    sim = SimSettings(seed=seed, sensing=Sensing(_parse_level(sensing)))
     console = Console(stderr=as_json, markup=False)
-    paths = _paths(source, out, overwrite or resume)
+    paths = _output_files(source, out, overwrite or resume)
     if "emulated" in paths:
         path = paths["emulated"]
         with count_bar(console, f"emulated hand to {path}", "grasps") as show:
@@ -89,7 +89,7 @@ def grasp(
     _print_contact_points(console, list(paths.values()), as_json)
 
 
-def _paths(source: str, out: Path, may_exist: bool) -> dict[str, Path]:
+def _output_files(source: str, out: Path, may_exist: bool) -> dict[str, Path]:
     """The files to write, by source. Raises `TaxelError` for an unknown source and for an existing file."""
     if source not in SOURCES:
         raise TaxelError(f"--source: expected {', '.join(SOURCES)}, found '{source}'")
@@ -105,7 +105,8 @@ def _paths(source: str, out: Path, may_exist: bool) -> dict[str, Path]:
     return paths
 
 
-def _plan(seed: int, sessions: int, grasps: int | None, objects: Sequence[str]) -> tuple[PlannedGrasp, ...]:
+def _select_plan(seed: int, sessions: int, grasps: int | None, objects: Sequence[str]) -> tuple[PlannedGrasp, ...]:
+    """The planned grasps of the selected objects. Raises `TaxelError` for a wrong option."""
     try:
         plan = make_thesis_plan(seed, sessions)
     except ValueError as error:
@@ -129,7 +130,8 @@ def _parse_effects(texts: Sequence[str], no_effects: bool) -> list[str]:
     return [line for text in texts or ("thesis",) for line in parse_effects(text)]
 
 
-def _level(name: str) -> Level:
+def _parse_level(name: str) -> Level:
+    """The sensing level of a name. Raises `TaxelError`."""
     for level in LEVELS:
         if level == name:
             return level
@@ -137,6 +139,7 @@ def _level(name: str) -> Level:
 
 
 def _wait_for_operator(planned: PlannedGrasp) -> None:
+    """Prompt the operator to place the object of a grasp, and wait for Enter."""
     typer.prompt(
         f"session {planned.session}: put the {planned.object} in its position, then press Enter",
         default="",
@@ -145,6 +148,7 @@ def _wait_for_operator(planned: PlannedGrasp) -> None:
 
 
 def _print_contact_points(console: Console, paths: list[Path], as_json: bool) -> None:
+    """Print the number of grasps and contact points by file and object."""
     counts_by_file = {str(path): count_contact_points(path) for path in paths}
     if as_json:
         content = {

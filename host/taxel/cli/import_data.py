@@ -110,7 +110,7 @@ def gazebo(
         raise TaxelError(f"--distance-mm: expected a number above 0, found {distance_mm:g}; the thesis uses 2.35")
     threshold = None if distance_mm is None else distance_mm * 1e-3
     with _progress_bar(as_json) as show:
-        options = _options(calibration, wrist, baseline_frames, hand, seed, noise, overwrite, show)
+        options = _make_options(calibration, wrist, baseline_frames, hand, seed, noise, overwrite, show)
         report = import_contacts(contacts, out, joints=joints, poses=poses, threshold_m=threshold, options=options)
     _print_report(report, out, as_json)
 
@@ -136,7 +136,7 @@ def active(
     """
     _require_one(joints, poses)
     with _progress_bar(as_json) as show:
-        options = _options(calibration, wrist, baseline_frames, hand, seed, noise, overwrite, show)
+        options = _make_options(calibration, wrist, baseline_frames, hand, seed, noise, overwrite, show)
         report = import_active(points, out, joints=joints, poses=poses, options=options)
     _print_report(report, out, as_json)
 
@@ -170,7 +170,7 @@ def rollout(
         raise TaxelError(f"--sensing: expected {', '.join(LEVELS)}, found {format_value(sensing)}")
     model_map, map_location = load_map(map_file) if map_file is not None else ({}, None)
     with _progress_bar(as_json) as show:
-        options = _options(calibration, None, baseline_frames, hand, seed, noise, overwrite, show)
+        options = _make_options(calibration, None, baseline_frames, hand, seed, noise, overwrite, show)
         report = import_rollout(
             model,
             states,
@@ -190,7 +190,7 @@ def _require_one(joints: Path | None, poses: Path | None) -> None:
         raise TaxelError(f"--joint-file and --pose-file: expected one of them, found {found}")
 
 
-def _options(
+def _make_options(
     calibration: Path | None,
     wrist: str | None,
     baseline_frames: int | None,
@@ -200,6 +200,7 @@ def _options(
     overwrite: bool,
     show: Progress,
 ) -> ImportOptions:
+    """The import options of the command line. calibration: file with poses of objects. wrist: text of the option."""
     objects = load_calibration(calibration).objects if calibration is not None else {}
     return ImportOptions(
         hand=load_hand(hand),
@@ -214,6 +215,7 @@ def _options(
 
 
 def _parse_wrist_pose(text: str | None) -> FloatArray | None:
+    """The pose f64[4, 4] of the option `--wrist-pose`; None without the option. Raises `TaxelError`."""
     if text is None:
         return None
     try:
@@ -240,6 +242,7 @@ def _progress_bar(hidden: bool) -> Iterator[Progress]:
 
 
 def _print_report(report: ImportReport, out: Path, as_json: bool) -> None:
+    """Print the numbers of imported grasps, frames and contacts."""
     if as_json:
         print(json.dumps({"file": str(out), **vars(report)}))
         return

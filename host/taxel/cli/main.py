@@ -54,6 +54,7 @@ def build_app(name: str = "", *, loads_all: bool = False) -> typer.Typer:
 
 
 def _add_loaded(app: typer.Typer, name: str, entry: CommandEntry | None) -> None:
+    """Import a command and add it to the application."""
     target = load_command(COMMANDS_GROUP, name, _TARGETS, entry.extra if entry is not None else None)
     panel = entry.panel if entry is not None else OTHER
     if isinstance(target, typer.Typer):

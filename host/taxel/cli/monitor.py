@@ -73,6 +73,7 @@ def _opening_status(console: Console, url: str) -> AbstractContextManager[object
 
 
 def _on_terminal(skin: Skin, model: SkinMonitor, console: Console, title: str, seconds: float | None) -> None:
+    """Show the skin in the terminal until the end; then print one line."""
     view = TerminalView(console, model, title)
     try:
         with view:
@@ -101,6 +102,7 @@ def _print_once(
 
 
 def _in_browser(skin: Skin, model: SkinMonitor, title: str, port: int, seconds: float | None) -> None:
+    """Show the skin in a browser until the end or Ctrl-C."""
     from taxel.monitor.web import WebView
 
     with WebView(model, title, port) as view:

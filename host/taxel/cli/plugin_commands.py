@@ -60,6 +60,7 @@ class _UnusableCommand(TyperCommand):
 
 
 def _check_command(group: str, name: str, target: Any) -> None:
+    """Raise `PluginError` for an object that cannot become a command."""
     try:
         if not (isinstance(target, typer.Typer) or callable(target)):
             raise TypeError(f"expected a function or a typer.Typer, found an object of type {type(target).__name__}")
@@ -69,6 +70,7 @@ def _check_command(group: str, name: str, target: Any) -> None:
 
 
 def _as_command(name: str, target: Any) -> Any:
+    """The click command of a typer function or group."""
     if not isinstance(target, typer.Typer):
         app = typer.Typer()
         app.command(name)(target)

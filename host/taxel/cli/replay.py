@@ -60,6 +60,7 @@ def replay(
 
 
 def _summarise(recording: str, hand: str | None, grasp: str | None, speed: float | None, as_json: bool) -> None:
+    """Play a recording and print the counts of its frames, losses and bytes."""
     link, description = open_recording(recording, hand, grasp)
     pace = Pace(speed)
     with Skin(link, description) as skin:
@@ -76,6 +77,7 @@ def _summarise(recording: str, hand: str | None, grasp: str | None, speed: float
 
 
 def _play_into_port(recording: str, hand: str | None, grasp: str | None, speed: float | None) -> None:
+    """Play a recording into a virtual serial port, whose name is printed first."""
     link, description = open_recording(recording, hand, grasp)
     link.close()
     with VirtualPort(lambda: open_recording(recording, hand, grasp)[0], description, speed) as port:

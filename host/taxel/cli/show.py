@@ -26,7 +26,7 @@ def show(
     Example: taxel show out/campaign/real.h5 out/campaign/sim.h5 --out out/show
     """
     console = Console(markup=False)
-    common = _common_ids(datasets)
+    common = _find_common_ids(datasets)
     if not common and grasp is None:
         raise TaxelError(
             f"{', '.join(map(str, datasets))}: the datasets have no grasp id in common; give one with --grasp"
@@ -38,7 +38,8 @@ def show(
     console.print(f"pictures: {out / 'clouds.png'}, {out / 'grasp.png'}")
 
 
-def _common_ids(paths: list[Path]) -> list[str]:
+def _find_common_ids(paths: list[Path]) -> list[str]:
+    """Ids of the grasps that all datasets contain, sorted."""
     ids: list[set[str]] = []
     for path in paths:
         with GraspDataset(path) as data:

@@ -78,6 +78,11 @@ class DistanceGrid:
     def _count_batch(
         self, points: Float32Array, active_count: int, rotations: FloatArray, shifts: FloatArray
     ) -> npt.NDArray[np.int64]:
+        """Number of active and inactive points in each distance bin, i64[poses, 2 * BIN_COUNT].
+
+        points: f32[N, 3], the first `active_count` of them active. rotations, shifts: poses f64[poses, 3, 3],
+        f64[poses, 3].
+        """
         scaled = (rotations / self.cell_m).astype(np.float32)
         offset = ((shifts - self.origin) / self.cell_m).astype(np.float32)
         cell = np.zeros((len(rotations), len(points)), np.float32)

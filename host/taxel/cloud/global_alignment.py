@@ -68,6 +68,7 @@ def align_to_points_globally(points: FloatArray, target: PointTarget, name: str 
 def _refine_best(
     points: FloatArray, guesses: list[FloatArray], align: Callable[[FloatArray, FloatArray, int], Alignment]
 ) -> Alignment:
+    """The best alignment over all guesses: a coarse alignment from each, then a full one from the best of them."""
     subset = points[:: max(1, len(points) // COARSE_POINTS)]
     coarse = sorted(
         (align(subset, guess, COARSE_ITERATIONS) for guess in guesses), key=lambda alignment: alignment.rms_m

@@ -105,6 +105,7 @@ class TriangleMesh:
 
     @cached_property
     def _tree(self) -> Any:
+        """Search tree of the triangles, built at the first use."""
         tree = igl.AABB()
         tree.init(self.vertices, self.faces)
         _MESHES_WITH_TREE.add(self)
@@ -172,6 +173,7 @@ def _compute_barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _check_arrays(name: str, vertices: FloatArray, faces: IntArray) -> None:
+    """Raise MeshError for wrong shapes, infinite coordinates, or faces with vertices that do not exist."""
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         found = f"{list(vertices.shape)} and {list(faces.shape)}"
         raise MeshError(name, "mesh", "vertices [v, 3] and faces [f, 3]", found, "correct it")

@@ -154,6 +154,7 @@ def _copy_or_identity(start: FloatArray | None) -> FloatArray:
 
 
 def _check_result(transform: FloatArray, rms: float, iterations: int, converged: bool, name: str) -> Alignment:
+    """The alignment with its rotation made exact. Raises RegistrationError for numbers that are not finite."""
     if not (np.isfinite(transform).all() and np.isfinite(rms)):
         expected, remedy = "convergence", "give a better first guess"
         raise RegistrationError(name, "alignment", expected, "divergence", remedy)

@@ -85,6 +85,10 @@ class SurfaceAlignment:
     def _accept(
         self, transform: FloatArray, points: FloatArray, closest: ClosestPoints, decrease: float, predicted: float
     ) -> None:
+        """Take a step that decreased the cost, and adapt damping and step factor.
+
+        decrease, predicted: actual and predicted decrease of the cost.
+        """
         is_small = decrease < SMALL_DECREASE * self.cost
         self.is_finished = decrease < self.tolerance * self.cost and self.step_factor <= 1.0 and self.damping < 0.5
         if self.step_factor > 1.0:

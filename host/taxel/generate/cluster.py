@@ -76,6 +76,8 @@ def check_releases(where: str, local: Mapping[str, str], worker_versions: Mappin
 def _as_completed(
     distributed: Any, client: Any, recipe: Any, shards: Iterator[int], pending: int
 ) -> Iterator[tuple[int, bytes]]:
+    """Number and bytes of each shard in the order of completion, with at most `pending` shards on the cluster."""
+
     def submit(shard: int) -> Any:
         return client.submit(_numbered_shard, recipe, shard, pure=False)
 

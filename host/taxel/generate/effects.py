@@ -107,17 +107,22 @@ def plan_report_effects(report: ReportedGap, hand: Hand, widen: float, share: fl
 
 
 def _plan_reported(reported: ReportedEffect, widen: float, share: float, source: str) -> PlannedEffect:
+    """A reported effect whose values vary within their intervals. widen: factor of the standard deviations."""
     std = np.zeros(reported.values.shape)
     for row, name in enumerate(reported.parameters):
         for column, block in enumerate(reported.blocks if reported.effect.scope != TAXEL else ()):
-            std[row, column] = widen * _std(
+            std[row, column] = widen * _standard_deviation(
                 reported, name, _label(reported, name, block), float(reported.values[row, column])
             )
     low, high = _bounds(reported)
     return PlannedEffect(reported, share, std, low, high, source=source)
 
 
-def _std(reported: ReportedEffect, name: str, label: str, value: float) -> float:
+def _standard_deviation(reported: ReportedEffect, name: str, label: str, value: float) -> float:
+    """Standard deviation of a parameter from its 95 % interval in the report; 0 without an interval.
+
+    label: of the interval. value: of the parameter.
+    """
     if reported.name == "noise" and name != NOISE_PARTS[0]:
         # The report gives one interval for all noise that taxels share.
         bounds = reported.intervals.get(label.replace(name, COMMON))

@@ -24,7 +24,7 @@ def open_folder(out: Path, recipe: Recipe) -> list[int]:
 
     Raises FolderError for a folder with other content, with another recipe, or started with other releases; OSError.
     """
-    expected = _recipe_record(recipe)
+    expected = _make_record(recipe)
     if not out.exists():
         out.mkdir(parents=True)
     if not out.is_dir():
@@ -41,6 +41,7 @@ def open_folder(out: Path, recipe: Recipe) -> list[int]:
 
 
 def _has_shard(out: Path, recipe: Recipe, shard: int) -> bool:
+    """Whether the folder contains a shard. Raises FolderError for a shard of another recipe."""
     path = out / shard_name(shard, recipe.shards)
     if not path.exists():
         return False
@@ -73,7 +74,8 @@ def rename_durably(part: Path, path: Path) -> None:
         os.close(folder)
 
 
-def _recipe_record(recipe: Recipe) -> dict[str, Any]:
+def _make_record(recipe: Recipe) -> dict[str, Any]:
+    """The record of a run: recipe, versions and creation time."""
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -89,6 +91,7 @@ def _to_text(content: dict[str, Any]) -> bytes:
 
 
 def _read_record(path: Path) -> dict[str, Any]:
+    """The record of the run in a folder. Raises FolderError for another file."""
     try:
         content = json.loads(path.read_bytes())
     except ValueError:
@@ -99,6 +102,7 @@ def _read_record(path: Path) -> dict[str, Any]:
 
 
 def _check_same_recipe(path: Path, content: dict[str, Any], expected: dict[str, Any]) -> None:
+    """Raise FolderError if the record in the folder differs from the requested recipe or releases."""
     difference = first_difference(content, expected)
     if difference is not None:
         field, in_folder, requested = difference
@@ -122,6 +126,7 @@ def first_difference(a: Any, b: Any, path: str = "") -> tuple[str, Any, Any] | N
 
 
 def _check_empty(out: Path) -> None:
+    """Raise FolderError for a folder that contains anything except unfinished files."""
     names = sorted(path.name for path in out.iterdir() if not path.name.endswith(".part"))
     if names:
         _fail(

@@ -161,6 +161,7 @@ class ShardGenerator:
     def _add_effects(
         self, sample: SampledGrasp, record: GraspRecord, mesh: ObjectMesh
     ) -> tuple[GraspRecord, dict[str, float]]:
+        """The record with the sampled effects in its counts, and the sampled values by label."""
         effects, values = sample_effects(self.recipe, sample.number)
         if not effects:
             return record, values

@@ -52,16 +52,17 @@ def read_generated_grasps(folder: Path) -> Iterator[tuple[Grasp, str]]:
 
 def read_generated_holds(folder: Path) -> Holds:
     """Hold signals and labels of a generated folder."""
-    return _holds_of(read_generated_grasps(folder))
+    return _collect_holds(read_generated_grasps(folder))
 
 
 def read_dataset_holds(path: Path) -> Holds:
     """Hold signals of any grasp dataset, such as one of the emulated hand; the labels are the names of the objects."""
     with GraspDataset(path) as data:
-        return _holds_of((grasp, grasp.object) for grasp in data)
+        return _collect_holds((grasp, grasp.object) for grasp in data)
 
 
-def _holds_of(grasps: Iterator[tuple[Grasp, str]]) -> Holds:
+def _collect_holds(grasps: Iterator[tuple[Grasp, str]]) -> Holds:
+    """The hold phases of grasps with their labels."""
     signals, labels = [], []
     for grasp, label in grasps:
         signals.append(np.nan_to_num(grasp.mean_hold_signal(max(count_baseline_frames(grasp), 1))))

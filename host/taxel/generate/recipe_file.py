@@ -209,6 +209,7 @@ def _bounds(name: str) -> tuple[float, float]:
 
 
 def _read_objects(table: Key, folder: Path) -> tuple[ObjectKind, ...]:
+    """The kinds of objects of a recipe. folder: for relative paths of meshes. Raises RecipeError."""
     items = table.items()
     if not 1 <= len(items) <= MAX_OBJECTS:
         table.fail(f"1 to {MAX_OBJECTS} kinds of objects", found=str(len(items)))
@@ -216,6 +217,7 @@ def _read_objects(table: Key, folder: Path) -> tuple[ObjectKind, ...]:
 
 
 def _read_object(table: Key, folder: Path) -> ObjectKind:
+    """One kind of object. Raises RecipeError for missing, unknown or unsuitable keys."""
     all_sizes = sorted({size for sizes in SIZES.values() for size in sizes})
     keys = table.keys(("name", "shape", "share", "approaches", "file", "unit", *all_sizes))
     for required in ("name", "shape"):
@@ -253,6 +255,7 @@ def _read_object(table: Key, folder: Path) -> ObjectKind:
 
 
 def _add_report_table(recipe: Recipe, table: Key, folder: Path) -> Recipe:
+    """The recipe with the effects of the gap report that the table names. Raises RecipeError."""
     keys = table.keys(("file", "widen", "share"))
     if "file" not in keys:
         table.fail("a key file", "name a report.json of taxel gap diagnose", "none")
@@ -262,6 +265,7 @@ def _add_report_table(recipe: Recipe, table: Key, folder: Path) -> Recipe:
 
 
 def _read_effect(table: Key, fidelity: Fidelity) -> PlannedEffect:
+    """An effect with the ranges of the table. Raises RecipeError."""
     if not isinstance(table.value, dict):
         table.fail("a table")
     fixed_keys = ("name", "form", "scope", "share")

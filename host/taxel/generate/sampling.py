@@ -65,6 +65,7 @@ def sample_grasp(recipe: Recipe, number: int, first_attempt: int = 0) -> Sampled
 
 
 def _sample_attempt(recipe: Recipe, number: int, attempt: int, rng: np.random.Generator) -> SampledGrasp:
+    """One sample of all random quantities of a grasp. Raises ShapeError for sizes that bound no solid."""
     shares = np.cumsum([kind.share for kind in recipe.objects])
     kind = recipe.objects[int(np.searchsorted(shares, float(rng.random()) * shares[-1], side="right"))]
     values = kind.sample(rng)

@@ -62,7 +62,7 @@ def generate_shard(recipe: Recipe, shard: int) -> bytes:
     """The bytes of the file of a shard. They depend only on the recipe and the number of the shard."""
     with single_thread(), tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         path = Path(folder) / shard_name(shard, recipe.shards)
-        _write(recipe, shard, path)
+        _write_shard(recipe, shard, path)
         return path.read_bytes()
 
 
@@ -71,7 +71,8 @@ def _setup() -> Setup:
     return Setup(load_hand(HAND))
 
 
-def _write(recipe: Recipe, shard: int, path: Path) -> None:
+def _write_shard(recipe: Recipe, shard: int, path: Path) -> None:
+    """Generate the grasps of a shard and write them to `path`, which may be left unfinished by an error."""
     generator = ShardGenerator(recipe, shard, _setup())
     rows: list[tuple[str, str, str, dict[str, float]]] = []
     header = DatasetHeader(
@@ -93,7 +94,7 @@ def _write(recipe: Recipe, shard: int, path: Path) -> None:
                 out.add_object(grasp.record.object, grasp.mesh)
             out.add(grasp.record, grasp_id(number))
             rows.append((grasp.label, grasp.record.object, grasp.record.approach, grasp.values))
-    _add_table(path, recipe, shard, rows)
+    _add_sample_table(path, recipe, shard, rows)
 
 
 def creation_time() -> str:
@@ -102,7 +103,10 @@ def creation_time() -> str:
     return datetime.fromtimestamp(int(epoch), UTC).isoformat() if epoch.isdecimal() else EPOCH
 
 
-def _add_table(path: Path, recipe: Recipe, shard: int, rows: list[tuple[str, str, str, dict[str, float]]]) -> None:
+def _add_sample_table(
+    path: Path, recipe: Recipe, shard: int, rows: list[tuple[str, str, str, dict[str, float]]]
+) -> None:
+    """Add the table of sampled values to a shard. rows: label, object, approach and values of each grasp."""
     *texts, sampled = zip(*rows, strict=True)
     names = tuple(sorted({name for values in sampled for name in values}))
     table = np.array([[values.get(name, np.nan) for name in names] for values in sampled])

@@ -75,6 +75,7 @@ class ObjectKind:
         return GraspObject(name, self._shape(sizes), f"{self.shape}, sampled")
 
     def _shape(self, sizes: Mapping[str, float]) -> Shape:
+        """The shape for sizes in millimetres by name; a mesh has the factor "scale" only."""
         if self.shape == "mesh":
             return ConvexPolytope(self._unscaled.normals, sizes["scale"] * self._unscaled.offsets)
         metres = [1e-3 * sizes[name] for name in SIZES[self.shape]]

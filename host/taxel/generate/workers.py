@@ -87,6 +87,7 @@ def _exit_with_parent() -> None:
 def _run_in_pool(
     pool: ProcessPoolExecutor, task: partial[tuple[int, bytes]], shards: list[int], pending: int
 ) -> Iterator[tuple[int, bytes]]:
+    """Number and bytes of each shard in the order of completion, with at most `pending` running tasks."""
     remaining = iter(shards)
     running: set[Future[tuple[int, bytes]]] = {pool.submit(task, shard) for shard in islice(remaining, pending)}
     while running:

@@ -84,7 +84,7 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration:
     other suspicious points are reported by `Calibration.warnings()`.
     """
     file = format_path(os.fspath(path))
-    document = parse_calibration(_read(Path(path), file), file)
+    document = parse_calibration(_read_bytes(Path(path), file), file)
     poses: dict[str, dict[str, PoseEstimate]] = {}
     for kind, key in KINDS.items():
         places = [CalibrationField(file).key(kind).item(index) for index in range(len(document[kind]))]
@@ -93,7 +93,8 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration:
     return Calibration(**poses)
 
 
-def _read(path: Path, file: str) -> bytes:
+def _read_bytes(path: Path, file: str) -> bytes:
+    """The content of a calibration file of limited size. Raises CalibrationError."""
     top = CalibrationField(file)
     try:
         if not path.exists():
@@ -108,6 +109,7 @@ def _read(path: Path, file: str) -> bytes:
 
 
 def _build_estimate(entry: Mapping[str, Any], place: CalibrationField) -> PoseEstimate:
+    """The pose of a checked entry: given, or fitted to its points. place: location of the entry, for errors."""
     if "pose" in entry:
         pose = entry["pose"]
         estimate = make_pose_estimate(pose["position_m"], pose["quaternion_wxyz"], str(place.key("pose")))

@@ -104,6 +104,7 @@ def check_coordinate(value: Any, place: CalibrationField) -> None:
 
 
 def _check_header(document: dict[str, Any], top: CalibrationField) -> None:
+    """Raise CalibrationError for a missing or different format or version."""
     for key, expected in (("format", FORMAT), ("version", VERSION)):
         value = document.get(key)
         if value is None:
@@ -119,6 +120,7 @@ def _check_header(document: dict[str, Any], top: CalibrationField) -> None:
 
 
 def _check_table(table: Any, keys: Mapping[str, _Types], place: CalibrationField, required: Iterable[str]) -> None:
+    """Raise CalibrationError for unknown keys, missing keys and values of another type."""
     _check_type(table, _TABLE, place)
     for key, value in table.items():
         if key not in keys:
@@ -137,6 +139,7 @@ def _check_type(value: Any, types: _Types, place: CalibrationField) -> None:
 
 
 def _check_entry(entry: Any, key: str, names: dict[str, str], place: CalibrationField) -> None:
+    """Check an object or a bracket. key: the key of its name. names: locations of the names found before."""
     _check_table(entry, {key: _TEXT, **_ENTRY}, place, required=(key,))
     check_name(entry[key], names, place.key(key))
     if ("pose" in entry) == ("points" in entry):
@@ -162,6 +165,7 @@ def _check_text(text: str, place: CalibrationField) -> None:
 
 
 def _check_pose(pose: Any, place: CalibrationField) -> None:
+    """Check position and quaternion of a pose."""
     _check_table(pose, _POSE, place, required=_POSE)
     for key, size in (("position_m", 3), ("quaternion_wxyz", 4)):
         if len(pose[key]) != size:
@@ -174,6 +178,7 @@ def _check_pose(pose: Any, place: CalibrationField) -> None:
 
 
 def _check_rows(rows: list[Any], place: CalibrationField) -> None:
+    """Check the points of an entry: name, body coordinates and measured coordinates in each row."""
     names: dict[str, str] = {}
     for index, row in enumerate(rows):
         here = place.item(index)
@@ -190,6 +195,7 @@ def _check_rows(rows: list[Any], place: CalibrationField) -> None:
 
 
 def _check_weights(entry: Mapping[str, Any], place: CalibrationField) -> None:
+    """Check that each point has a weight above 0."""
     weights = entry.get("weights", [1] * len(entry["points"]))
     if len(weights) != len(entry["points"]):
         place.fail(f"{len(entry['points'])} weights, one per point", str(len(weights)), "correct the list")

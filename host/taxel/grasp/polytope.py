@@ -206,6 +206,7 @@ class ConvexPolytope:
         return np.asarray(height.max(axis=0).reshape(p.shape[:-1]))
 
     def _compute_outside_distance(self, points: FloatArray, height: FloatArray) -> FloatArray:
+        """Distance of outside points f64[m, 3] to the surface, f64[m]. height: f64[m, faces], above each face."""
         distance = np.full(len(points), np.inf)
         tolerance = _MERGE * np.ptp(self.vertices, axis=0).max()
         for face, normal in enumerate(self.normals):
@@ -233,6 +234,7 @@ class ConvexPolytope:
 
     @cached_property
     def _edges(self) -> list[tuple[int, int]]:
+        """The edges as pairs of vertex indices, the smaller index first."""
         pairs = {
             (int(min(a, b)), int(max(a, b)))
             for face in self._faces

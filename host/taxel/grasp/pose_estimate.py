@@ -143,6 +143,7 @@ class PoseEstimate:
         }
 
     def _studentise_residuals(self) -> tuple[FloatArray, FloatArray]:
+        """Studentised residuals of the points and their degrees of freedom; empty without points."""
         if self.points is None:
             return np.zeros(0), np.zeros((0, 2))
         _, cofactors = compute_cofactors(self.transform, self.points.body_m, self.points.weights)

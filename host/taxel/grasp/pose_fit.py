@@ -73,7 +73,7 @@ def compute_cofactors(transform: FloatArray, points: FloatArray, weights: FloatA
 def studentise(
     residuals: FloatArray, cofactors: FloatArray, weights: FloatArray, sigma_m: float | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute studentise residuals f64[n] and their degrees of freedom f64[n, 2].
+    """Compute the studentised residuals f64[n] and their degrees of freedom f64[n, 2].
 
     residuals: f64[n, 3], metres; cofactors: f64[n, 3, 3]; sigma_m: of weight 1, None: estimated from the residuals. The
     value of a point is the square root of F = (r^T C^+ r / k) / s^2, with k the rank of its block C and s^2 the
@@ -115,6 +115,7 @@ def check_points(points: FloatArray, measured: FloatArray, weights: FloatArray, 
 
 
 def _check_spread(points: FloatArray, label: str, place: CalibrationField) -> None:
+    """Raise CalibrationError for points that do not span a plane. label: phrase for the message, such as "as measured"."""
     length, width, _ = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)[1][:3]
     if not length > 0:
         place.fail("distinct points", f"identical points {label}", "measure different points")
@@ -123,6 +124,7 @@ def _check_spread(points: FloatArray, label: str, place: CalibrationField) -> No
 
 
 def _check_unit(points: FloatArray, measured: FloatArray, weights: FloatArray, place: CalibrationField) -> None:
+    """Raise CalibrationError if a scale by a common unit, such as millimetres, makes the points fit."""
     ratio = _compute_extent(measured) / _compute_extent(points)
     for unit, per_metre in UNITS.items():
         for factor, label in ((per_metre, "measured"), (1 / per_metre, "body")):

@@ -147,6 +147,7 @@ class ArmReach:
 
 
 def _find_chain(robot: Robot, link_name: str) -> _Chain:
+    """The joints from the base of a robot to a link."""
     parents = {joint.child: index for index, joint in enumerate(robot.joints)}
     path: list[int] = []
     while link_name in parents:

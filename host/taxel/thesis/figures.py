@@ -66,6 +66,7 @@ def _new_figure(width: float, height: float) -> Any:
 def _draw_clouds(
     axis: Any, clouds: Mapping[str, tuple[FloatArray, str]], mesh: TriangleMesh | None, title: str
 ) -> None:
+    """Draw clouds, and the sharp edges of a mesh, on a 3-D axis in millimetres. clouds: points and colour by label."""
     all_points = [points for points, _ in clouds.values()] + ([mesh.vertices] if mesh is not None else [])
     low, high = (1e3 * f(np.concatenate(all_points), axis=0) for f in (np.min, np.max))
     centre, half = 0.5 * (low + high), 0.5 * float((high - low).max())
@@ -99,6 +100,7 @@ def _find_sharp_edges(mesh: TriangleMesh) -> list[FloatArray]:
 
 
 def _draw_accumulated(items: Sequence[ObjectClouds]) -> Any:
+    """Figure 5.6: real and simulated cloud of each object."""
     figure = _new_figure(4.0 * len(items), 7.6)
     for column, item in enumerate(items):
         for row, name in enumerate((REAL, SIM)):
@@ -110,6 +112,7 @@ def _draw_accumulated(items: Sequence[ObjectClouds]) -> Any:
 
 
 def _draw_on_cad(items: Sequence[ObjectClouds]) -> Any:
+    """Figure 5.7: both clouds of each object, aligned to its CAD model."""
     figure = _new_figure(4.0 * len(items), 4.1)
     for column, item in enumerate(items):
         aligned = {
@@ -126,6 +129,7 @@ def _draw_on_cad(items: Sequence[ObjectClouds]) -> Any:
 
 
 def _draw_on_sim(items: Sequence[ObjectClouds]) -> Any:
+    """Figure 5.8: the real cloud of each object, aligned to the simulated cloud."""
     figure = _new_figure(4.0 * len(items), 4.1)
     for column, item in enumerate(items):
         target = item.clouds[SIM].points
@@ -142,6 +146,7 @@ def _transform(cloud: ContactCloud, transform: FloatArray) -> FloatArray:
 
 
 def _draw_treatment(results: Sequence[ObjectResult]) -> Any:
+    """Figure 5.9: number of points at each step of the treatment."""
     figure = _new_figure(9.0, 3.4)
     axis = figure.add_subplot()
     steps = (REAL, FILTERED, CLEANED, SIM, SPREAD)
@@ -169,6 +174,7 @@ def _choose_shade(position: int) -> str:
 
 
 def _draw_force_filter(results: Sequence[ObjectResult]) -> Any:
+    """Figure 5.10: distances to the CAD model against the threshold of the force filter."""
     figure = _new_figure(4.0 * len(results), 3.6)
     for column, result in enumerate(results):
         axis = figure.add_subplot(1, len(results), column + 1)
@@ -196,6 +202,7 @@ def _draw_force_filter(results: Sequence[ObjectResult]) -> Any:
 
 
 def _draw_progress(item: ObjectClouds) -> Any:
+    """Figure 5.11: clouds of one object at each stage of the treatment."""
     steps = ((REAL, SIM), (FILTERED, SIM), (CLEANED, SIM), (CLEANED, SPREAD))
     figure = _new_figure(4.0 * len(steps), 4.1)
     for column, (real, sim) in enumerate(steps):
@@ -207,6 +214,7 @@ def _draw_progress(item: ObjectClouds) -> Any:
 
 
 def _draw_stages(results: Sequence[ObjectResult]) -> Any:
+    """Figure 5.12: distances between real and simulated clouds at each stage."""
     figure = _new_figure(4.0 * len(results), 3.6)
     for column, result in enumerate(results):
         axis = figure.add_subplot(1, len(results), column + 1)
@@ -226,6 +234,7 @@ def _draw_stages(results: Sequence[ObjectResult]) -> Any:
 
 
 def _draw_shares(results: Sequence[ObjectResult]) -> Any:
+    """Figure 5.13: share of each step in the decrease of the mean distance."""
     figure = _new_figure(9.0, 3.4)
     axis = figure.add_subplot()
     labels, at = [], []
@@ -256,6 +265,7 @@ def _draw_shares(results: Sequence[ObjectResult]) -> Any:
 
 
 def _draw_cross_match(results: Sequence[ObjectResult]) -> Any:
+    """Figure 5.14: mean distance of each treated cloud to all CAD models."""
     figure = _new_figure(4.0 * len(results), 6.0)
     for column, result in enumerate(results):
         for row, side in enumerate((REAL, SIM)):

@@ -191,6 +191,7 @@ _CRITERIA: Final = (
 
 
 def _evaluate_propagation(results: Results) -> Finding:
+    """Finding 8: effect of contact propagation on the distance to the CAD model."""
     numbers = {result.printed_name: result.cad[SPREAD].mean_m / result.cad[SIM].mean_m for result in results}
     smallest = min(numbers.values())
     holds = {name: value >= 1.15 and (name == "triangular") == (value == smallest) for name, value in numbers.items()}
@@ -201,6 +202,7 @@ def _evaluate_propagation(results: Results) -> Finding:
 
 
 def _evaluate_stages(results: Results) -> Finding:
+    """Finding 10: decrease of the distance between real and simulated clouds at every stage."""
     numbers = {
         result.printed_name: _decrease(result.to_sim[STAGES[0]].mean_m, result.to_sim[STAGES[-1]].mean_m)
         for result in results
@@ -223,6 +225,7 @@ def _evaluate_stages(results: Results) -> Finding:
 
 
 def _evaluate_cross_match(results: Results) -> Finding:
+    """Finding 12: each cloud is nearest to its own CAD model."""
     numbers, holds = {}, {}
     for result in results:
         name = result.printed_name

@@ -74,6 +74,7 @@ def _build_context(content: PageContent) -> dict[str, Any]:
 
 
 def _finding_context(finding: Finding) -> dict[str, Any]:
+    """Variables of the template for one finding."""
     unit = "" if finding.unit == "1" else f" {finding.unit}"
     entries = [
         {"text": f"{number(value)}{unit} ({number(printed)})", "holds": finding.holds[name]}
@@ -88,6 +89,7 @@ def _finding_context(finding: Finding) -> dict[str, Any]:
 
 
 def _gap_context(gap: GapSummary) -> dict[str, Any]:
+    """Variables of the template for the gap diagnosis."""
     return {
         "headline": gap.headline,
         "is_largest_cause_found": gap.is_largest_cause_found,
@@ -102,6 +104,7 @@ def _figure_context(figure_number: str, path: Path) -> dict[str, str]:
 
 
 def _table_context(table: Table) -> dict[str, Any]:
+    """Variables of the template for one table."""
     return {
         "number": table.number,
         "title": table.title,

@@ -86,7 +86,9 @@ def run_indentation_session(
             for indentation, begin, end in zip(indentations, begins[:-1], begins[1:], strict=True)
         ]
     cycles = run_emulated_skin(plan.hand, world, motions, begins[-1] + 0.1)
-    return [_record(plan, indentation, cycles, begin) for indentation, begin in zip(indentations, begins, strict=False)]
+    return [
+        _make_record(plan, indentation, cycles, begin) for indentation, begin in zip(indentations, begins, strict=False)
+    ]
 
 
 def _solve(
@@ -129,7 +131,10 @@ def _scene_motion(
     return SceneMotion(times, number, poses[rows], brackets)
 
 
-def _record(plan: IndentationPlan, indentation: PlannedIndentation, cycles: PollCycles, begin_s: float) -> GraspRecord:
+def _make_record(
+    plan: IndentationPlan, indentation: PlannedIndentation, cycles: PollCycles, begin_s: float
+) -> GraspRecord:
+    """The record of one indentation. cycles: of its session. begin_s: start of the indentation in the session."""
     recorded = cycles.between(begin_s, begin_s + plan.timeline.duration_s)
     return GraspRecord(
         object=indentation.approach.object,

@@ -145,6 +145,10 @@ class EmulatedEquilibrium:
         return residual, stiffness + self._springs
 
     def _solve(self, state: FloatArray, force: float) -> FloatArray:
+        """The equilibrium under a force, newtons, by Newton steps with secant updates; state: first guess.
+
+        Raises EquilibriumError.
+        """
         residual, system = self._balance(state, force)
         norm = _norm(residual)
         best_state, best_norm = state, norm
@@ -180,6 +184,7 @@ def _norm(residual: FloatArray) -> float:
 
 
 def _solve_scaled(system: FloatArray, residual: FloatArray) -> FloatArray:
+    """The Newton step for a residual of forces and moments, f64[6]. Raises EquilibriumError for a singular system."""
     # Forces and moments have different units; the scaling improves the condition of the system.
     scale = np.array([1.0] * 3 + [ARM_M] * 3)
     scaled = system / scale[:, None] / scale

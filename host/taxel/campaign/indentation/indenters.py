@@ -82,6 +82,7 @@ def _wedge(rng: np.random.Generator, name: str) -> Indenter:
 
 
 def _cylinder(rng: np.random.Generator, name: str) -> Indenter:
+    """A cylinder of random size with eight contact features on its side."""
     radius, height = float(rng.uniform(0.5 * SIZE_M[0], 0.5 * SIZE_M[1])), float(rng.uniform(0.030, SIZE_M[1]))
     up = np.array([0.0, 0.0, 1.0])
     around = [
@@ -135,6 +136,7 @@ def _faces(sharp: ConvexPolytope) -> list[Feature]:
 
 
 def _edges(sharp: ConvexPolytope) -> list[Feature]:
+    """The edges of a polytope as contact features."""
     incidence, features = _corners_on_faces(sharp), []
     for first in range(len(incidence)):
         for second in range(first + 1, len(incidence)):

@@ -198,6 +198,10 @@ class PlacementSampler:
     def _check(
         self, indenter: Indenter, pose: FloatArray, direction: FloatArray, boards: tuple[int, ...], force_n: float
     ) -> IndentationApproach | None:
+        """The approach along `direction` (unit vector) to a pose, or None if the approach is unsuitable.
+
+        boards: the boards that the object must load, and no others.
+        """
         shape, surface = indenter.item.shape, self.surface
         travel = travel_to(surface, shape, pose, direction)
         first = float(travel.min())
@@ -222,6 +226,7 @@ class PlacementSampler:
         return IndentationApproach(indenter.item.name, "", names, direction, touch, checked.pose, force_n)
 
     def _equilibrium(self, shape: Shape, touch: FloatArray, direction: FloatArray, force_n: float) -> _Checked | None:
+        """Depth, pose and taxel forces in equilibrium; None without equilibrium or for an object that moves too far."""
         equilibrium = SimulatedEquilibrium(self._layer, shape, self._mount, touch, direction)
         try:
             motion = equilibrium.solve_path(force_n, CHECKED_LEVELS).motion
@@ -236,6 +241,7 @@ class PlacementSampler:
     def _is_too_sensitive(
         self, checked: _Checked, shape: Shape, touch: FloatArray, direction: FloatArray, force_n: float
     ) -> bool:
+        """Whether a typical variation of pose and force changes the signals too much for repeats to be comparable."""
         signs = self._rng.choice([-1.0, 1.0], FACTORS)
         offset, force_factor = RIG_VARIATION.apply(signs)
         varied = self._equilibrium(shape, touch @ offset, direction, force_factor * force_n)
@@ -252,6 +258,7 @@ class PlacementSampler:
         return layer.taxel_forces(layer.near(shape, pose), shape, pose)
 
     def _is_load_suitable(self, force: FloatArray, boards: tuple[int, ...]) -> bool:
+        """Whether the number of loaded taxels and the largest force are within the limits. force: f64[n], newtons."""
         loaded = force > LOADED_N
         per_board = [int(loaded[self.surface.taxels_of(board)].sum()) for board in boards]
         return (

@@ -86,6 +86,7 @@ def sample_indentation_plan(hand: Hand, seed: int, design: IndentationDesign | N
 
 
 def _bracket_poses(hand: Hand, joints: ArrayLike | None) -> NDArray[np.float64]:
+    """Poses of the brackets, f64[s, 4, 4], for joint angles f64[j]; None: the angles nearest to zero."""
     kinematics = build_kinematics(hand)
     robot = kinematics.robot
     angles = np.clip(np.zeros(len(robot.joint_names)), robot.lower, robot.upper) if joints is None else joints
@@ -136,6 +137,7 @@ class _ApproachSampler:
         )
 
     def _add(self, boards: tuple[int, ...]) -> bool:
+        """Sample an approach that loads `boards`, and add it; false if no suitable approach was found."""
         used = [approach.object for approach in self._approaches]
         for attempt in range(MAX_ATTEMPTS if len(boards) == 1 else MAX_ATTEMPTS_PAIR):
             # The least used object comes first; the next one is tried if ten samples of an object are unsuitable.

@@ -86,6 +86,7 @@ def require_new_file(path: PathLike, overwrite: bool) -> None:
 
 
 def _select_handler(path: PathLike, table: Mapping[str, Handler], content: str) -> Handler:
+    """The reader or writer for the suffix of a path. content: "a cloud" or "a mesh". Raises CloudFileError."""
     suffix = Path(path).suffix.lower()
     if suffix not in table:
         suffixes = ", ".join(table)

@@ -80,6 +80,7 @@ def _read_header(source: Source) -> tuple[dict[str, list[str]], list[str], int]:
 
 
 def _read_point_count(source: Source, header: dict[str, list[str]]) -> int:
+    """Number of points in the header, checked against the size of the file. Raises CloudFileError."""
     words = header.get("POINTS") or header.get("WIDTH") or ["nothing"]
     count = parse_natural(words[0])
     if count is None or count > len(source.data):
@@ -90,6 +91,7 @@ def _read_point_count(source: Source, header: dict[str, list[str]]) -> int:
 def _read_binary(
     source: Source, header: dict[str, list[str]], fields: list[str], count: int, start: int
 ) -> dict[str, npt.NDArray[np.float64]]:
+    """The fields of binary points by name, f64[count] each. start: first byte. Raises CloudFileError."""
     sizes, kinds = header.get("SIZE", []), header.get("TYPE", [])
     if len(sizes) != len(fields) or len(kinds) != len(fields) or len(set(fields)) != len(fields):
         source.fail("FIELDS", "different names, each with a SIZE and a TYPE", quote(" ".join(fields)), "correct it")

@@ -157,6 +157,7 @@ def read_header(source: Source) -> Header:
 
 
 def _parse_header_line(source: Source, header: Header, words: list[str], line: str) -> None:
+    """Add one line of the header to `header`. words: of the line. Raises CloudFileError."""
     match words:
         case ["ply" | "end_header"] | ["obj_info", *_] | []:
             pass
@@ -179,6 +180,7 @@ def _parse_header_line(source: Source, header: Header, words: list[str], line: s
 
 
 def _add_property(source: Source, header: Header, added: Property, line: str) -> None:
+    """Add a property to the last element of the header. Raises an error for too many or equal names."""
     properties = header.elements[-1].properties
     if len(properties) >= MAX_PROPERTIES or added.name in (item.name for item in properties):
         source.fail("header", f"at most {MAX_PROPERTIES} properties of different names", quote(line), "correct it")
@@ -228,6 +230,7 @@ def _text_reader(source: Source, header: Header) -> Callable[[Element], Columns]
 
 
 def _split_columns(source: Source, element: Element, widths: list[tuple[Property, int]], rows: FloatArray) -> Columns:
+    """The columns of an element by property. widths: number of columns of each property. rows: f64[r, columns]."""
     columns: Columns = {}
     start = 0
     for item, length in widths:

@@ -110,6 +110,10 @@ def arrange_views(boards: Sequence[Board]) -> tuple[View, ...]:
 def _arrange_as_hand(
     title: str, grid: Sequence[Sequence[str]], fingers: Sequence[str], by_name: dict[str, Board]
 ) -> View:
+    """One side of the default hand. grid: names of the boards by row and column, "" for an empty place.
+
+    fingers: names of the columns. by_name: the boards of the report.
+    """
     columns = [[by_name[name] for name in column if name in by_name] for column in zip(*grid, strict=True)]
     widths = [max((board.columns for board in column), default=0) for column in columns]
     right_edge, x_of_columns = EDGE, []
@@ -137,6 +141,7 @@ def _arrange_as_hand(
 
 
 def _arrange_in_rows(boards: Sequence[Board]) -> View:
+    """A view with the boards side by side, in rows of limited width."""
     placed: list[PlacedBoard] = []
     row: list[PlacedBoard] = []
     x, top, right_edge = EDGE, LABEL, 0.0

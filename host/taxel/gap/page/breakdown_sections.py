@@ -41,11 +41,14 @@ def parts_section(report: CheckedReport) -> SectionData | None:
     root = report.root
     objects = [(readable(entry.text("name")), entry) for entry in root.optional_list("by_object")]
     boards = [(board_text(report, address_of(entry)), entry) for entry in root.optional_list("by_sensor")]
-    tables = [table for table in (_part_table("Object", objects), _part_table("Board", boards)) if table]
+    tables = [
+        table for table in (_before_after_table("Object", objects), _before_after_table("Board", boards)) if table
+    ]
     return SectionData("parts", "By object and by board", "parts", {"tables": tables}) if tables else None
 
 
-def _part_table(title: str, entries: list[tuple[str, ReportValue]]) -> TableData | None:
+def _before_after_table(title: str, entries: list[tuple[str, ReportValue]]) -> TableData | None:
+    """Gap before and after, and floor, of objects or boards; None without entries. entries: by name."""
     if not entries:
         return None
     keys = ("before", "after", "floor")

@@ -82,6 +82,7 @@ def page_text(report: Mapping[str, Any]) -> str:
 
 @cache
 def _style() -> str:
+    """The style sheet of the page, with the colours of the pictures."""
     dark = f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {ramp_css(DARK)} }} }}"
     return (
         f":root {{ {ramp_css(LIGHT)} }}\n{dark}\n{step_css()}\n{read_resource('hand.css')}{read_resource('page.css')}"

@@ -102,6 +102,7 @@ def _unit(parameter: ReportValue) -> str:
 
 
 def _row(report: CheckedReport, base: str, board: str, parameter: ReportValue) -> tuple[str, str, str]:
+    """Label, value and interval of a parameter as text. base: name without the board. board: address or name, or ""."""
     unit = _unit(parameter)
     label = readable(base.removesuffix(f"_{unit}") if unit else base)
     if board:
@@ -138,6 +139,7 @@ def _item(report: CheckedReport, item: ReportValue, unit: str) -> str:
 
 
 def _range_text(base: str, members: list[tuple[str, ReportValue]]) -> str:
+    """The smallest and the largest value of a parameter of several boards as text."""
     values = [parameter.optional_number("value") for _, parameter in members]
     known = [value for value in values if value is not None]
     unit = _unit(members[0][1])

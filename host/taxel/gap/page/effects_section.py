@@ -48,6 +48,7 @@ def _axis_of_cards(named: list[ReportValue]) -> Axis:
 
 
 def _candidate_table(report: CheckedReport, effects: list[ReportValue]) -> TableData:
+    """Table of all candidate effects, each added alone."""
     intervals = [effect.optional_interval("shrink_alone_ci95") or (0.0, 0.0) for effect in effects]
     ends = [end for pair in intervals for end in pair]
     axis = Axis.over([*(effect.optional_number("shrink_alone") for effect in effects), *ends])
@@ -56,6 +57,7 @@ def _candidate_table(report: CheckedReport, effects: list[ReportValue]) -> Table
 
 
 def _candidate_row(report: CheckedReport, effect: ReportValue, axis: Axis) -> tuple[CellContent, ...]:
+    """The row of one candidate effect. axis: of the shrinks, common to all rows."""
     in_verdict = effect.flag("in_verdict")
     shrink = effect.optional_number("shrink_alone")
     bounds = effect.optional_interval("shrink_alone_ci95")

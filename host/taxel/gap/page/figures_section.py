@@ -29,6 +29,7 @@ def figures_section(report: CheckedReport) -> SectionData:
 
 
 def _gap_rows(report: CheckedReport) -> list[Row]:
+    """Rows on the gap over all grasps, in counts."""
     gap = report.gap
     significance = "above the floor" if gap.flag("significant") else "not above the floor"
     excess = f"gap² minus floor²; {p_equation(gap.optional_number('p_value'))}, {significance}"
@@ -45,6 +46,7 @@ def _gap_rows(report: CheckedReport) -> list[Row]:
 
 
 def _after_rows(report: CheckedReport) -> list[Row]:
+    """Rows on the gap of held-out grasps, before and after the effects of the verdict are added."""
     after, effects = report.after, _effect_count(report)
     predicted = after.optional_number("predicted_shrink")
     prediction = "" if predicted is None or not effects else f"; predicted before this evaluation: {percent(predicted)}"
@@ -84,6 +86,7 @@ def _effect_count(report: CheckedReport) -> int:
 
 
 def _mm_rows(report: CheckedReport) -> list[Row]:
+    """Rows on the gap in millimetres; none if the report has no such gap."""
     mm = report.gap.optional("mm")
     if mm is None or mm.optional_number("value") is None:
         return []
@@ -101,6 +104,7 @@ def _mm_rows(report: CheckedReport) -> list[Row]:
 
 
 def _row(entry: ReportValue, key: str, label: str, unit: str, note: str) -> Row:
+    """Label and value of a number of the report, with its 95 % interval if the key is "value"."""
     content = entry.field(key)
     value = None if content.content is None else content.as_number()
     bounds = entry.optional_interval("ci95") if key == "value" else None

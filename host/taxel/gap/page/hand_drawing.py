@@ -142,6 +142,7 @@ class UnrolledHand:
         return ViewDrawing(view.title, view.width, view.height, headings, boards, _describe(view, excess))
 
     def _draw_board(self, placed: PlacedBoard, excess: Sequence[float], marks: Marks) -> BoardDrawing:
+        """Frame, taxels, label and arrows of a board. excess: counts squared, [n], of all taxels."""
         board = placed.board
         frame = Rectangle(-FRAME, -FRAME, board.columns + 2 * FRAME, board.rows + 2 * FRAME)
         share = marks.boards.get(board.address)
@@ -153,6 +154,7 @@ class UnrolledHand:
         )
 
     def _draw_squares(self, board: Board, excess: Sequence[float]) -> list[Square]:
+        """The taxels of a board as coloured squares with their values as titles."""
         squares, margin, name = [], (1.0 - SQUARE) / 2, readable(board.name)
         for index, tx, rx in zip(board.index, board.tx, board.rx, strict=True):
             before, after = (values[index] for values in self.excess)
@@ -205,6 +207,7 @@ def unrolled_svg(report: Mapping[str, Any], stage: str = "before") -> str:
 
 
 def _marks_before(report: CheckedReport) -> Marks:
+    """Boards and lines with a small p-value, which the picture before marks."""
     where = report.where
     entries = [entry for entry in where.optional_list("sensors") if _is_marked(entry)]
     boards = {address_of(entry): entry.number("share") for entry in entries}
@@ -221,6 +224,7 @@ def _is_marked(entry: ReportValue) -> bool:
 
 
 def _marks_after(report: CheckedReport) -> Marks:
+    """Boards and lines with an unexplained part, which the picture after marks; none if the part is not significant."""
     unexplained = report.root.field("unexplained")
     if not is_small(unexplained.optional_number("p_value")):
         return Marks()
@@ -239,6 +243,7 @@ def _marks_after(report: CheckedReport) -> Marks:
 
 
 def _draw_arrows(board: Board, marks: Marks) -> tuple[Arrow, ...]:
+    """Arrows at the marked lines of a board."""
     arrows = []
     for address, axis, index in sorted(marks.lines):
         if address == board.address and index < (board.rows if axis == "tx" else board.columns):
@@ -249,6 +254,7 @@ def _draw_arrows(board: Board, marks: Marks) -> tuple[Arrow, ...]:
 
 
 def _describe(view: View, excess: Sequence[float]) -> str:
+    """The boards with the largest mean excess as text, for screen readers."""
     means = []
     for placed in view.boards:
         known = [excess[index] for index in placed.board.index if not math.isnan(excess[index])]

@@ -72,6 +72,7 @@ def unrolled_png(report: Mapping[str, Any], path: str | os.PathLike[str]) -> Non
 
 
 def _draw_view(axis: Any, view: ViewDrawing, x: float, y: float) -> None:
+    """Draw a view on a matplotlib axis. x, y: its upper left corner, taxel pitches."""
     _write(axis, x + view.title_x, y + view.title_y, view.title, fontsize=7, color=_MUTED)
     for heading in view.headings:
         style = {"fontsize": 7, "fontweight": "bold", "horizontalalignment": "center"}
@@ -81,6 +82,7 @@ def _draw_view(axis: Any, view: ViewDrawing, x: float, y: float) -> None:
 
 
 def _draw_board(axis: Any, board: BoardDrawing, x: float, y: float) -> None:
+    """Draw a board on a matplotlib axis. x, y: upper left corner of its taxels."""
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Polygon, Rectangle
 
@@ -100,6 +102,7 @@ def _draw_board(axis: Any, board: BoardDrawing, x: float, y: float) -> None:
 
 
 def _draw_scale(axis: Any, top: float, y: float) -> None:
+    """Draw the colour scale up to `top` counts, and the meaning of the marks. y: upper edge."""
     from matplotlib.patches import Rectangle
 
     step = _RAMP / STEPS

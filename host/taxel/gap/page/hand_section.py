@@ -36,6 +36,7 @@ def hand_section(report: CheckedReport) -> SectionData | None:
 
 
 def _legend(hand: UnrolledHand) -> dict[str, Any]:
+    """Variables of the template for the colour scale and the meaning of the marks."""
     width = 100.0 / STEPS
     before, after = hand.marks
     return {

@@ -45,6 +45,7 @@ def file_name(path: str) -> str:
 
 
 def _counts_text(report: CheckedReport) -> str:
+    """Numbers of grasps, sessions and common conditions as a sentence; empty if the report has none."""
     counts = report.root.optional("counts")
     if counts is None or not counts.table():
         return ""

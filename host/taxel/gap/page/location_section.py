@@ -37,6 +37,7 @@ def location_section(report: CheckedReport) -> SectionData | None:
 
 
 def _panels(report: CheckedReport) -> list[Panel]:
+    """All lists of shares, also those without entries."""
     where = report.where
     lines = where.optional_list("lines")
     by_axis = [(axis, [entry for entry in lines if axis_of(entry) == axis]) for axis in ("tx", "rx")]
@@ -62,6 +63,7 @@ def _index_of(entry: ReportValue) -> int:
 
 
 def _panel_context(panel: Panel) -> dict[str, Any]:
+    """Variables of the template for a list: the table of the largest shares, and a summary of the hidden ones."""
     shares = [entry.number("share") for entry in panel.entries]
     p_values = [entry.optional_number("p_value") for entry in panel.entries]
     axis = Axis.over(shares)

@@ -87,6 +87,7 @@ def _sensor_text(report: CheckedReport, item: ReportValue) -> str:
 
 
 def _line_text(report: CheckedReport, item: ReportValue) -> str:
+    """A line as text. item: a table, or a list of address, axis and index."""
     content = item.content
     if isinstance(content, list) and len(content) == 3:
         keys = ("address", "axis", "index")

@@ -126,6 +126,7 @@ def _bank(entries: list[ReportValue]) -> dict[str, Any] | None:
 
 
 def _distortion(entry: ReportValue) -> Cell:
+    """Name and meaning of a generic distortion."""
     name, scope = entry.text("name"), entry.optional_text("scope")
     meaning = _MEANINGS.get(name, "")
     if scope != name and meaning:

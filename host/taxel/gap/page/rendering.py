@@ -27,6 +27,7 @@ def read_resource(name: str, package: str = __package__) -> str:
 
 @cache
 def _environment(package: str) -> jinja2.Environment:
+    """The Jinja2 environment for the templates of a package."""
     return jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: read_resource(f"templates/{name}", package)),
         autoescape=True,

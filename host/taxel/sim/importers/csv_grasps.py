@@ -98,6 +98,7 @@ def make_meshes(objects: Iterable[GraspObject]) -> dict[str, ObjectMesh]:
 
 
 def _import_grasp(name: str, grasp: PosedGrasp, forces: FloatArray, options: ImportOptions) -> ImportedGrasp:
+    """The grasp with its forces f64[T, n], newtons. name: id in the dataset."""
     rows, sensors = grasp.rows, grasp.hand_track.sensor_pose
     return ImportedGrasp(
         name,
@@ -116,6 +117,7 @@ def _import_grasp(name: str, grasp: PosedGrasp, forces: FloatArray, options: Imp
 
 
 def _pose_grasp(table: CsvTable, rows: GraspRows, motion: HandMotion, options: ImportOptions) -> PosedGrasp:
+    """The frames of a grasp with the poses of hand and object. Raises ImportDataError for an unknown object or pose."""
     if rows.object not in options.objects:
         suggestion = suggest_names(rows.object, options.objects)
         table.at(rows.rows[0], "object").fail("an object whose shape is known", format_value(rows.object), suggestion)

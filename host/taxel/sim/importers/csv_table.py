@@ -112,7 +112,7 @@ def read_csv(path: str | os.PathLike[str], columns: Sequence[Column], progress: 
     try:
         with file.open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.reader(_with_progress(stream, size, f"reading {file.name}", progress), strict=True)
-            return _read(reader, columns, source)
+            return _read_table(reader, columns, source)
     except UnicodeDecodeError:
         source.fail("UTF-8 text", "other bytes", "save the file as UTF-8")
     except csv.Error as error:
@@ -132,7 +132,8 @@ def _with_progress(stream: Iterator[str], size: int, step: str, progress: Progre
     progress(step, size, size)
 
 
-def _read(reader: Any, columns: Sequence[Column], source: FileLocation) -> CsvTable:
+def _read_table(reader: Any, columns: Sequence[Column], source: FileLocation) -> CsvTable:
+    """The rows of a CSV reader. Raises ImportDataError for the first error."""
     order = _read_header(next(reader, []), columns, source)
     values: list[list[Any]] = [[] for _ in order]
     lines: list[int] = []
@@ -178,6 +179,7 @@ def _read_header(cells: list[str], columns: Sequence[Column], source: FileLocati
 
 
 def _parse_value(cell: str, column: Column, source: FileLocation, line: int) -> str | float:
+    """The value of a cell; NaN for a permitted empty cell. Raises ImportDataError."""
     if column.kind == "text":
         if not cell:
             source.at(line, column.name).fail("a name", "nothing", "add the name")

@@ -208,6 +208,7 @@ def _normal_forces(table: CsvTable, is_contact: NDArray[np.bool_]) -> FloatArray
 
 
 def _unit_normals(table: CsvTable, is_contact: NDArray[np.bool_]) -> FloatArray | None:
+    """Unit normals f64[r, 3]; None without the columns. Raises ImportDataError for a contact with a zero normal."""
     normal = table.vectors(NORMAL)
     if normal is None:
         return None

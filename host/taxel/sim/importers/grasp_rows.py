@@ -72,6 +72,7 @@ def group_grasps(table: CsvTable) -> list[GraspRows]:
 
 
 def _require_equal(table: CsvTable, rows: list[int], column: str, grasp: str) -> None:
+    """Raise ImportDataError if a column differs between the rows of a grasp."""
     if not table.has(column):
         return
     values = table.texts[column] if column in table.texts else table.numbers[column]

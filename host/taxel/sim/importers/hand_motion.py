@@ -69,6 +69,7 @@ class GraspTrack:
     def _interpolate(
         self, time_s: FloatArray, before: NDArray[np.intp], after: NDArray[np.intp], fraction: FloatArray
     ) -> GraspTrack:
+        """The track between the poses with the indices `before` and `after`, i64[T]; fraction: f64[T], 0 to 1."""
         is_recorded = fraction == 1.0  # a recorded pose is used without interpolation, which would round it
         before, fraction = np.where(is_recorded, after, before), np.where(is_recorded, 0.0, fraction)
         joints = None

@@ -112,6 +112,7 @@ def import_rollout(
 
 
 def _count_contacts(contacts: ContactPoints, report: ImportReport) -> None:
+    """Add the contacts of a grasp to the report."""
     is_far = contacts.board < 0
     report.contacts += len(is_far)
     report.far_contacts += int(is_far.sum())
@@ -225,6 +226,7 @@ class _Run:
             states.source.key(f"qpos[{row}, {index}]").fail(expected, found, remedy)
 
     def _take_snapshot(self) -> _Snapshot:
+        """Poses and contacts of the present state of the model."""
         mujoco.mj_forward(self.model, self.data)
         body = self.parts.board_body
         sensors = _poses(self.data.xmat[body], self.data.xpos[body]) @ self.parts.board_pose

@@ -170,6 +170,7 @@ def _count_missing_baseline(grasp: ImportedGrasp, required_frames: int | None, s
 
 
 def _taxel_table(hand: Hand) -> TaxelTable:
+    """The taxel table of a dataset. Raises HandGeometryError for a hand without taxel positions."""
     if hand.position is None or hand.normal is None:
         raise HandGeometryError(hand.name)
     size = np.full(hand.n_taxels, hand.size_m)
@@ -177,6 +178,7 @@ def _taxel_table(hand: Hand) -> TaxelTable:
 
 
 def _sensor_table(hand: Hand, rate_hz: float) -> SensorTable:
+    """The sensor table of a dataset, with one rate for all boards."""
     boards = hand.boards
     return SensorTable(
         np.array([board.address for board in boards], np.uint8),

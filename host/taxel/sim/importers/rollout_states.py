@@ -116,6 +116,7 @@ def read_states(path: str | os.PathLike[str], sizes: dict[str, tuple[int, ...]],
 
 
 def _load_arrays(path: Path, source: FileLocation) -> dict[str, NDArray[Any]]:
+    """The arrays of an .npz file by name. Raises ImportDataError."""
     if not path.is_file():
         source.fail("an .npz file", "a folder" if path.is_dir() else "no such file", "check the path")
     try:
@@ -155,6 +156,7 @@ def _broadcast_labels(value: Any, frames: int, location: FileLocation) -> list[s
 
 
 def _parse_integers(values: list[str], location: FileLocation) -> NDArray[np.int64]:
+    """The labels as integers, i64[T]. Raises ImportDataError for other texts and negative numbers."""
     for row, value in enumerate(values):
         if not (value.isascii() and value.isdigit()):
             field = FileLocation(location.file, f"{location.field}[{row}]")
