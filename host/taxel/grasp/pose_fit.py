@@ -115,7 +115,7 @@ def check_points(points: FloatArray, measured: FloatArray, weights: FloatArray, 
 
 
 def _check_spread(points: FloatArray, label: str, place: CalibrationField) -> None:
-    """Raise CalibrationError for points that do not span a plane. label: phrase for the message, such as "as measured"."""
+    """Raise CalibrationError for points that do not span a plane. label: phrase for the message."""
     length, width, _ = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)[1][:3]
     if not length > 0:
         place.fail("distinct points", f"identical points {label}", "measure different points")
