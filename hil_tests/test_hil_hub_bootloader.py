@@ -10,8 +10,10 @@ from hil_tests.harness.virtual.images import build_images
 from taxel.link import Link
 from taxel.skin import Skin
 from taxel.stream import HubError
-from taxel_protocol import Command, bootloader
+from taxel_protocol import Command
 from taxel_protocol.bootloader import BootCommand, BootDevice, BootStatus
+from taxel_protocol.bootloader_images import build_image
+from taxel_protocol.bootloader_packets import build_packet, compute_row_sum, parse_packet
 from taxel_protocol.limits import BOOTLOADER_KEY
 from taxel_tools.files.firmware import HEADER_SIZE
 
@@ -29,7 +31,7 @@ class HubBootloader:
 
     def request(self, command: BootCommand, data: bytes = b"") -> bytes:
         """Send a packet and return the data of its reply; fails without a reply in 1 s or with an error status."""
-        self._link.write(bootloader.build_packet(command, data))
+        self._link.write(build_packet(command, data))
         received = b""
         for _ in range(200):
             chunk = self._link.read(0.005)
@@ -38,7 +40,7 @@ class HubBootloader:
             if start >= 0 and len(received) >= start + 4:
                 size = 7 + struct.unpack_from("<H", received, start + 2)[0]
                 if len(received) >= start + size:
-                    status, reply = bootloader.parse_packet(received[start : start + size])
+                    status, reply = parse_packet(received[start : start + size])
                     assert status == BootStatus.OK, f"{command.name}: {BootStatus(status).name}"
                     return reply
         raise AssertionError(f"{command.name}: no reply")
@@ -51,7 +53,7 @@ class HubBootloader:
             self.request(BootCommand.SEND_DATA, row[:CHUNK])
             self.request(BootCommand.SEND_DATA, row[CHUNK : 2 * CHUNK])
             self.request(BootCommand.PROGRAM_ROW, row_number + row[2 * CHUNK :])
-            assert self.request(BootCommand.VERIFY_ROW, row_number)[0] == bootloader.row_sum(row)
+            assert self.request(BootCommand.VERIFY_ROW, row_number)[0] == compute_row_sum(row)
 
 
 def enter_bootloader(rig: Rig, skin: Skin) -> HubBootloader:
@@ -73,14 +75,14 @@ def program_image(rig: Rig, skin: Skin, content: bytes) -> HubBootloader:
     boot = enter_bootloader(rig, skin)
     boot.request(BootCommand.ENTER)
     first_row, _ = struct.unpack("<HH", boot.request(BootCommand.GET_FLASH_SIZE, b"\x00"))
-    image = bootloader.image(BootDevice.HUB, 1, 0, NEW_VERSION, content)
+    image = build_image(BootDevice.HUB, 1, 0, NEW_VERSION, content)
     boot.program(image, first_row)
     assert boot.request(BootCommand.VERIFY_APPLICATION) == b"\x01"
     return boot
 
 
 def restart(rig: Rig, skin: Skin) -> None:
-    skin.link.write(bootloader.build_packet(BootCommand.EXIT))
+    skin.link.write(build_packet(BootCommand.EXIT))
     rig.clock.wait(0.1)
 
 
@@ -122,7 +124,7 @@ def test_hub_boots_the_old_image_after_a_power_cut_during_programming(rig: Rig, 
         boot.request(BootCommand.SEND_DATA, bytes(CHUNK))
         boot.request(BootCommand.SEND_DATA, bytes(CHUNK))
         data = struct.pack("<BH", 0, first_row) + bytes(ROW - 2 * CHUNK)
-        skin_before.link.write(bootloader.build_packet(BootCommand.PROGRAM_ROW, data))
+        skin_before.link.write(build_packet(BootCommand.PROGRAM_ROW, data))
         rig.clock.wait(1e-3 * cut_ms)
         rig.power.switch(False)
         rig.clock.wait(0.1)

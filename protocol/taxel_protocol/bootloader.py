@@ -1,19 +1,17 @@
-"""Byte formats of the bootloader: packets, image header, flash map, metadata and configuration records. All
-little-endian.
+"""Definitions of the bootloader: packets, image header, flash map, metadata and configuration records.
+
+All numbers are little-endian. `bootloader_packets` builds and parses packets; `bootloader_images` builds images and
+records.
 
 A packet is ``01 | command or status | length u16 | data | checksum u16 | 17``, as in the Cypress bootloader, and at
 most 64 bytes long. Commands 31 to 3C are those of Cypress; 50 to 53 are extensions of this project, outside the range
 of Cypress's later protocol. `firmware/bootloader/SPEC.md` explains every byte.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
 from construct import Bytes, Int8ul, Int16ul, Int32ul, Struct
-
-from taxel_protocol.framing import crc32
-from taxel_protocol.layout import pack, unpack
 
 BOOT_VERSION = 1
 """Version of the records, the image header and commands 50 to 53."""
@@ -266,130 +264,3 @@ LAYOUTS = {
     BootDevice.HUB: FlashLayout(BootDevice.HUB, (32, 136), 104),
 }
 """Flash layout of each device: 12 KiB slots on a board, 13 KiB on the hub."""
-
-
-def checksum_of(kind: BootChecksum, data: bytes) -> int:
-    """Checksum of a packet from its start byte to its last data byte.
-
-    SUM: two's complement of the 16-bit sum. CRC: CRC-16/X-25 (polynomial 0x1021 reflected), its two bytes swapped.
-    """
-    if kind == BootChecksum.SUM:
-        return -sum(data) & 0xFFFF
-    crc = 0xFFFF
-    for byte in data:
-        crc ^= byte
-        for _ in range(8):
-            crc = crc >> 1 ^ (0x8408 if crc & 1 else 0)
-    crc ^= 0xFFFF
-    return (crc & 0xFF) << 8 | crc >> 8
-
-
-def build_packet(command: int, data: bytes = b"", kind: BootChecksum = BootChecksum.SUM) -> bytes:
-    """A packet; for a response, `command` is its status. Raises ValueError if it would be longer than 64 bytes."""
-    if len(data) > BOOT_PACKET_MAX - BOOT_PACKET_OVERHEAD:
-        raise ValueError(f"a bootloader packet has at most 57 bytes of data, not {len(data)}")
-    body = bytes([BOOT_PACKET_START, command]) + len(data).to_bytes(2, "little") + data
-    return body + checksum_of(kind, body).to_bytes(2, "little") + bytes([BOOT_PACKET_END])
-
-
-def parse_packet(packet: bytes, kind: BootChecksum = BootChecksum.SUM) -> tuple[int, bytes]:
-    """(command or status, data) of one packet; bytes after the packet are ignored, because a read is often too long.
-
-    Raises ValueError for a packet that is too short or whose start byte, end byte, length or checksum is wrong.
-    """
-    if len(packet) < BOOT_PACKET_OVERHEAD:
-        raise ValueError(f"a bootloader packet has at least 7 bytes, not {len(packet)}")
-    if packet[0] != BOOT_PACKET_START:
-        raise ValueError(f"a bootloader packet begins with 01, not {packet[0]:02X}")
-    length = int.from_bytes(packet[2:4], "little")
-    if length > len(packet) - BOOT_PACKET_OVERHEAD:
-        raise ValueError(f"a bootloader packet of {len(packet)} bytes claims {length} bytes of data")
-    if packet[length + 6] != BOOT_PACKET_END:
-        raise ValueError(f"a bootloader packet ends with 17, not {packet[length + 6]:02X}")
-    stored, expected = (
-        int.from_bytes(packet[length + 4 : length + 6], "little"),
-        checksum_of(kind, packet[: length + 4]),
-    )
-    if stored != expected:
-        raise ValueError(f"the checksum of a bootloader packet should be {expected:04X}, not {stored:04X}")
-    return packet[1], packet[4 : 4 + length]
-
-
-def row_sum(row: bytes) -> int:
-    """Answer of VERIFY_ROW: two's complement of the sum of the row's bytes, modulo 256."""
-    return -sum(row) & 0xFF
-
-
-def image(device: BootDevice, slot: int, kind: int, version: tuple[int, int, int], content: bytes) -> bytes:
-    """An image with its header: `content` begins with the vector table and is padded with zeros to a multiple of 4.
-
-    Raises ValueError if it does not fit the slot.
-    """
-    layout = LAYOUTS[device]
-    header_size = 32
-    padded = content + bytes(-len(content) % 4)
-    if len(padded) < 8 or header_size + len(padded) > layout.slot_size:
-        raise ValueError(f"an image for this slot has 40 to {layout.slot_size} bytes, not {header_size + len(padded)}")
-    values = {
-        "magic": BOOT_IMAGE_MAGIC,
-        "header_version": BOOT_VERSION,
-        "device": device,
-        "kind": kind,
-        "slot": slot,
-        "version_major": version[0],
-        "version_minor": version[1],
-        "version_patch": version[2],
-        "reserved_a": 0,
-        "length": header_size + len(padded),
-        "vectors": layout.slot_address(slot) + header_size,
-        "reserved_b": bytes(8),
-        "crc32": 0,
-    }
-    front = pack(ImageHeader, values)[:28]
-    return front + crc32(front + padded).to_bytes(4, "little") + padded
-
-
-def record(magic: int, sequence: int, content: bytes) -> bytes:
-    """The 128 bytes of a record's row. Raises ValueError for more than 112 bytes of content."""
-    if len(content) > 112:
-        raise ValueError(f"a record holds 112 bytes, not {len(content)}")
-    front = magic.to_bytes(4, "little") + sequence.to_bytes(4, "little") + content + bytes(112 - len(content))
-    row = front + crc32(front).to_bytes(4, "little")
-    words = sum(int.from_bytes(row[i : i + 4], "little") for i in range(0, 124, 4))
-    return row + int(words % 2**32 == 0).to_bytes(4, "little")
-
-
-def search_ids(send_search: Callable[[int, bytes], bytes | None]) -> list[bytes]:
-    """Unique ids of all boards that share one address, by a binary search over id prefixes.
-
-    `send_search(bits, prefix)` sends a SEARCH and returns the 16 data bytes of its reply without checking its checksum,
-    or None if no board acknowledged the read. Where two boards differ, the bus carries 0 in both id and complement: the
-    set of boards is split at the first such bit. n boards take 2 n - 1 searches, and one more each as a confirmation.
-    Raises ValueError if a reply is inconsistent.
-    """
-    unique_ids: list[bytes] = []
-    open_prefixes = [(0, bytes(8))]
-    while open_prefixes:
-        bits, prefix = open_prefixes.pop()
-        reply = send_search(bits, prefix)
-        if reply is None:
-            continue
-        fields, _ = unpack(SearchReply, reply)
-        ones, zeros = (int.from_bytes(fields[name], "big") for name in ("unique_id", "complement"))
-        if ones & zeros:
-            raise ValueError(f"the reply to a search sets the same bit in id and complement: {reply.hex()}")
-        differing = ~(ones | zeros) & (2**64 - 1)
-        if not differing:
-            if bits < 64:
-                open_prefixes.append((64, fields["unique_id"]))
-                continue
-            unique_ids.append(prefix)
-            continue
-        split = 64 - differing.bit_length()
-        if split < bits:
-            raise ValueError(
-                f"boards differ in bit {split} although they agree in the first {bits} bits: {reply.hex()}"
-            )
-        common = ones & ~(2 ** (64 - split) - 1)
-        open_prefixes += [(split + 1, (common | half).to_bytes(8, "big")) for half in (1 << (63 - split), 0)]
-    return unique_ids

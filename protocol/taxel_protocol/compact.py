@@ -75,7 +75,7 @@ class Taxel:
         first = self.cumulative(edge)
         return first, self.cumulative(edge + (64 << self.raw_bits)) - first
 
-    def updated(self, count: int, gain: int) -> "Taxel":
+    def update(self, count: int, gain: int) -> "Taxel":
         """The prediction after the `count` of an acknowledged key frame; `gain` in 256ths."""
         difference = 64 * (self.centre + quantise(count - self.centre)) - self.mean
         size = abs(self.distance(difference))
@@ -113,16 +113,16 @@ class KeyFrame:
     taxels: tuple[Taxel, ...]
 
 
-def key_frame_of_packed(key_frame_id: int, timestamp_us: int, counts: Sequence[int], start: int = 0) -> KeyFrame:
+def start_key_frame(key_frame_id: int, timestamp_us: int, counts: Sequence[int], start: int = 0) -> KeyFrame:
     """The key frame that a marked packed frame produces; `start`: bits 5 and 6 of its `format`."""
     level = t.COMPACT_LEVEL_START + start * t.COMPACT_LEVEL_START_STEP
     return KeyFrame(key_frame_id, timestamp_us, 1, tuple(Taxel(64 * count, level) for count in counts))
 
 
-def key_frame_of_delta(previous: KeyFrame, key_frame_id: int, timestamp_us: int, counts: Sequence[int]) -> KeyFrame:
+def update_key_frame(previous: KeyFrame, key_frame_id: int, timestamp_us: int, counts: Sequence[int]) -> KeyFrame:
     """The key frame that a marked delta frame produces; `previous`: the key frame against which it is coded."""
     gain = t.COMPACT_GAINS[previous.updates - 1]
-    taxels = tuple(taxel.updated(count, gain) for taxel, count in zip(previous.taxels, counts, strict=True))
+    taxels = tuple(taxel.update(count, gain) for taxel, count in zip(previous.taxels, counts, strict=True))
     return replace(
         previous,
         id=key_frame_id,
@@ -238,7 +238,7 @@ def pack_counts(counts: Sequence[int], width: int) -> bytes:
     return number.to_bytes((width * len(counts) + 7) // 8, "little")
 
 
-def length_of(size: int) -> int:
+def encode_length(size: int) -> int:
     """The length byte for a compact snapshot of at least `size` bytes."""
     if size < COMPACT_LENGTH_FINE:
         return size
@@ -318,7 +318,7 @@ def decode(address: int, taxel_count: int, data: bytes, key_frames: Sequence[Key
         number = int.from_bytes(tail[:size], "little")
         counts = [number >> (width * i) & ((1 << width) - 1) for i in range(taxel_count)]
         time = head["timestamp_us"]
-        key_frame = key_frame_of_packed(own_id, time, counts, start) if is_key_frame else None
+        key_frame = start_key_frame(own_id, time, counts, start) if is_key_frame else None
         return Decoded(head["sequence"], time, counts, key_frame)
     head, tail = unpack(CompactDelta, data[:-4])
     matching = [k for k in key_frames if k.id == head["key_frame"] and len(k.taxels) == taxel_count]
@@ -332,5 +332,5 @@ def decode(address: int, taxel_count: int, data: bytes, key_frames: Sequence[Key
         head["sequence"],
         time,
         counts,
-        key_frame_of_delta(previous, own_id, time, counts) if is_key_frame else None,
+        update_key_frame(previous, own_id, time, counts) if is_key_frame else None,
     )

@@ -101,12 +101,12 @@ def encode_frame(frame_type: int, sequence: int, payload: bytes) -> bytes:
     """
     header = bytes([frame_type]) + sequence.to_bytes(2, "little") + len(payload).to_bytes(2, "little")
     body = header + payload
-    if not header_is_plausible(body):
+    if not is_plausible_header(body):
         raise ValueError(f"frame type 0x{frame_type:02X} does not allow a payload of {len(payload)} bytes")
     return encode_body(body + crc32(body).to_bytes(4, "little"))
 
 
-def header_is_plausible(body: bytes) -> bool:
+def is_plausible_header(body: bytes) -> bool:
     """Whether type and length agree (5 bytes given), and also address and taxel count (7 bytes given)."""
     try:
         spec = FRAMES[FrameType(body[0])]
@@ -124,7 +124,7 @@ def header_is_plausible(body: bytes) -> bool:
 
 def decode_body(body: bytes) -> tuple[int, int, bytes] | None:
     """(type, sequence, payload) of an unstuffed, unwhitened frame, or None if it is not valid."""
-    if len(body) < FRAME_HEADER_SIZE + FRAME_CRC_SIZE or not header_is_plausible(body):
+    if len(body) < FRAME_HEADER_SIZE + FRAME_CRC_SIZE or not is_plausible_header(body):
         return None
     length = int.from_bytes(body[3:5], "little")
     if len(body) != FRAME_HEADER_SIZE + length + FRAME_CRC_SIZE:
@@ -152,7 +152,7 @@ def decode_prefix(chunk: bytes) -> tuple[int, tuple[int, int, bytes]] | None:
         if len(out) >= FRAME_HEADER_SIZE:
             head = whiten(bytes(out[:7]))
             expected = FRAME_HEADER_SIZE + int.from_bytes(head[3:5], "little") + FRAME_CRC_SIZE
-            if not header_is_plausible(head) or len(out) > expected:
+            if not is_plausible_header(head) or len(out) > expected:
                 return None
             if len(out) == expected:
                 frame = decode_body(whiten(bytes(out)))

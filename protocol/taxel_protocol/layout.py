@@ -28,7 +28,7 @@ class Field:
 
 
 @cache
-def fields_of(definition: Struct) -> tuple[Field, ...]:
+def list_fields(definition: Struct) -> tuple[Field, ...]:
     """The fixed fields at the front of `definition`, in order; nested structs are flattened as `outer_inner`.
 
     Ends before the first part without a fixed size (a tail).
@@ -62,26 +62,26 @@ def _walk(definition: Struct, prefix: str) -> Iterator[tuple[str, str, int, int 
 
 
 @cache
-def packer_of(definition: Struct) -> struct.Struct:
+def get_packer(definition: Struct) -> struct.Struct:
     """`struct.Struct` of the fixed fields of `definition`."""
-    return struct.Struct("<" + "".join(field.code for field in fields_of(definition)))
+    return struct.Struct("<" + "".join(field.code for field in list_fields(definition)))
 
 
 @cache
 def _names_of(definition: Struct) -> tuple[str, ...]:
-    return tuple(field.name for field in fields_of(definition))
+    return tuple(field.name for field in list_fields(definition))
 
 
 def pack(definition: Struct, values: Mapping[str, Any], tail: bytes = b"") -> bytes:
     """Bytes of the fixed fields (flat names), then `tail`. Raises struct.error for a value out of range."""
-    fields = fields_of(definition)
+    fields = list_fields(definition)
     flat = [values[f.name] if f.constant is None else f.constant for f in fields]
-    return packer_of(definition).pack(*flat) + tail
+    return get_packer(definition).pack(*flat) + tail
 
 
 def unpack(definition: Struct, data: bytes) -> tuple[dict[str, Any], bytes]:
     """(fixed fields by flat name, tail) of `data`. Raises struct.error if `data` is shorter than the fixed fields."""
-    packer = packer_of(definition)
+    packer = get_packer(definition)
     return dict(zip(_names_of(definition), packer.unpack_from(data), strict=True)), data[packer.size :]
 
 

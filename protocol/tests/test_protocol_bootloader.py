@@ -11,9 +11,17 @@ import pytest
 from construct import Struct
 
 from taxel_protocol import bootloader as boot
-from taxel_protocol.bootloader import BootChecksum, BootCommand, BootDevice, build_packet, parse_packet
+from taxel_protocol.bootloader import BootChecksum, BootCommand, BootDevice
+from taxel_protocol.bootloader_images import build_image, build_record
+from taxel_protocol.bootloader_packets import (
+    build_packet,
+    compute_checksum,
+    compute_row_sum,
+    find_unique_ids,
+    parse_packet,
+)
 from taxel_protocol.framing import crc32
-from taxel_protocol.layout import fields_of, pack, unpack
+from taxel_protocol.layout import list_fields, pack, unpack
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SPEC = (REPOSITORY / "firmware" / "bootloader" / "SPEC.md").read_text()
@@ -34,7 +42,7 @@ def table_after(mark: str) -> list[list[str]]:
 @pytest.mark.parametrize("name", sorted(set(STRUCTS) - {"WriteConfigurationArguments"}))
 def test_layout_tables_of_the_spec_equal_the_definitions(name: str) -> None:
     rows = [(int(offset), int(size), field) for offset, size, field, *_ in table_after(f"layout: bootloader.{name}")]
-    assert rows == [(field.offset, field.size, field.name) for field in fields_of(STRUCTS[name])]
+    assert rows == [(field.offset, field.size, field.name) for field in list_fields(STRUCTS[name])]
 
 
 @pytest.mark.parametrize("name", sorted(ENUMS))
@@ -67,8 +75,8 @@ def test_generated_files_are_not_stale() -> None:
 
 
 def test_checksums_have_their_published_values() -> None:
-    assert boot.checksum_of(BootChecksum.CRC, b"123456789") == 0x6E90  # CRC-16/X-25 is 0x906E; its bytes are swapped
-    assert boot.checksum_of(BootChecksum.SUM, b"123456789") == 0x10000 - 0x01DD
+    assert compute_checksum(BootChecksum.CRC, b"123456789") == 0x6E90  # CRC-16/X-25 is 0x906E; its bytes are swapped
+    assert compute_checksum(BootChecksum.SUM, b"123456789") == 0x10000 - 0x01DD
     assert build_packet(BootCommand.ENTER) == bytes.fromhex("01 38 00 00 C7 FF 17")
 
 
@@ -119,7 +127,7 @@ def test_a_packet_holds_at_most_57_data_bytes() -> None:
 @pytest.mark.parametrize("slot", [0, 1])
 def test_an_image_has_a_matching_header(device: BootDevice, slot: int) -> None:
     content = random.Random(SEED).randbytes(333)
-    data = boot.image(device, slot, 5, (1, 2, 3), content)
+    data = build_image(device, slot, 5, (1, 2, 3), content)
     header, tail = unpack(boot.ImageHeader, data)
     assert tail == content + bytes(3)
     assert header["length"] == len(data) == 368
@@ -131,15 +139,15 @@ def test_an_image_has_a_matching_header(device: BootDevice, slot: int) -> None:
 
 
 def test_an_image_that_does_not_fit_its_slot_is_rejected() -> None:
-    assert len(boot.image(BootDevice.BOARD, 0, 0, (1, 0, 0), bytes(12288 - 32))) == 12288
+    assert len(build_image(BootDevice.BOARD, 0, 0, (1, 0, 0), bytes(12288 - 32))) == 12288
     for size in (0, 4, 12288 - 31):
         with pytest.raises(ValueError, match="an image for this slot has 40 to 12288 bytes"):
-            boot.image(BootDevice.BOARD, 0, 0, (1, 0, 0), bytes(size))
+            build_image(BootDevice.BOARD, 0, 0, (1, 0, 0), bytes(size))
 
 
 def test_a_record_whose_words_add_up_to_zero_is_balanced() -> None:
     content = b"\x02" + bytes(107) + (0xEFAAAE75).to_bytes(4, "little")  # found by search: its words add up to zero
-    row = boot.record(boot.BOOT_CONFIGURATION_MAGIC, 0, content)
+    row = build_record(boot.BOOT_CONFIGURATION_MAGIC, 0, content)
     fields, tail = unpack(boot.Record, row)
     assert len(row) == boot.BOOT_ROW_SIZE
     assert not tail
@@ -147,9 +155,9 @@ def test_a_record_whose_words_add_up_to_zero_is_balanced() -> None:
     assert fields["balance"] == 1
     assert sum(int.from_bytes(row[i : i + 4], "little") for i in range(0, 124, 4)) % 2**32 == 0
     metadata = pack(boot.Metadata, {"confirmed": 0, "pending": 1, "tries": bytes([3, 2])})
-    assert unpack(boot.Record, boot.record(boot.BOOT_METADATA_MAGIC, 9, metadata))[0]["balance"] == 0
-    with pytest.raises(ValueError, match="112 bytes, not 113"):
-        boot.record(boot.BOOT_METADATA_MAGIC, 0, bytes(113))
+    assert unpack(boot.Record, build_record(boot.BOOT_METADATA_MAGIC, 9, metadata))[0]["balance"] == 0
+    with pytest.raises(ValueError, match="at most 112 bytes of content, not 113"):
+        build_record(boot.BOOT_METADATA_MAGIC, 0, bytes(113))
 
 
 def test_row_sum_equals_the_checksum_of_a_cyacd_line() -> None:
@@ -157,7 +165,7 @@ def test_row_sum_equals_the_checksum_of_a_cyacd_line() -> None:
     array, number = 0, 0x0123
     line = bytes([array]) + number.to_bytes(2, "big") + len(row).to_bytes(2, "big") + row
     line_sum = -sum(line) & 0xFF
-    assert boot.row_sum(row) == (line_sum + array + number + (number >> 8) + len(row) + (len(row) >> 8)) & 0xFF
+    assert compute_row_sum(row) == (line_sum + array + number + (number >> 8) + len(row) + (len(row) >> 8)) & 0xFF
 
 
 class Bus:
@@ -196,11 +204,11 @@ def id_sets() -> dict[str, list[int]]:
 def test_every_board_at_a_shared_address_is_found(name: str) -> None:
     ids = id_sets()[name]
     bus = Bus(ids)
-    unique_ids = boot.search_ids(bus.send_search)
+    unique_ids = find_unique_ids(bus.send_search)
     assert [int.from_bytes(identity, "big") for identity in unique_ids] == sorted(ids)
     assert bus.searches <= max(1, 3 * len(ids) - 1)
 
 
 def test_an_inconsistent_reply_ends_the_search() -> None:
     with pytest.raises(ValueError, match="same bit in id and complement"):
-        boot.search_ids(lambda bits, prefix: b"\xff" * 16)
+        find_unique_ids(lambda bits, prefix: b"\xff" * 16)

@@ -141,7 +141,7 @@ def test_c_updates_a_state_as_the_definition_does(library: Any, taxel: Taxel, co
     count = min(max(taxel.centre + count, 0), 0xFFFF) if count < 301 else count
     state = taxel.mean << 10 | taxel.level
     residual = library.taxel_compact_residual(state, count)
-    expected = taxel.updated(count, compact_tables.COMPACT_GAINS[updates - 1])
+    expected = taxel.update(count, compact_tables.COMPACT_GAINS[updates - 1])
     assert library.taxel_compact_update(state, residual, updates) == expected.mean << 10 | expected.level
 
 
@@ -291,6 +291,6 @@ def test_arbitrary_snapshots_are_rejected_or_decoded_as_by_the_definition(
 
 def test_a_length_byte_covers_every_size_with_at_most_three_bytes_of_padding() -> None:
     for size in range(489):
-        length = compact.length_of(size)
+        length = compact.encode_length(size)
         assert 0 <= compact_size(length) - size < 4
         assert size >= 128 or compact_size(length) == size

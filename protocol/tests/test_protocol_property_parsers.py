@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from taxel_protocol import ReferenceDecoder, encode_frame, frames, registers
 from taxel_protocol.frames import FRAMES
-from taxel_protocol.layout import fields_of, flatten, pack, unpack
+from taxel_protocol.layout import flatten, list_fields, pack, unpack
 from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN, TAXELS_MAX, WHO_AM_I
 from taxel_protocol.names import FrameType
 from taxel_protocol.wire import WireFrame
@@ -75,7 +75,7 @@ def oracle() -> Iterator[ModuleType]:
 def with_constants(definition: Struct, data: bytes) -> bytes:
     """The bytes with every constant field set to its value: construct rejects other values."""
     out = bytearray(data)
-    for field in fields_of(definition):
+    for field in list_fields(definition):
         if field.constant is not None:
             out[field.offset : field.offset + field.size] = field.constant.to_bytes(field.size, "little")
     return bytes(out)
@@ -89,7 +89,7 @@ def without_io(value: Any) -> Any:
 @bounded
 @given(data=st.data())
 def test_construct_and_layout_unpack_any_bytes_to_the_same_fields(definition: Struct, data: st.DataObject) -> None:
-    size = sum(field.size for field in fields_of(definition))
+    size = sum(field.size for field in list_fields(definition))
     has_tail = any(part.subcon is GreedyBytes for part in definition.subcons)
     tail = data.draw(st.binary(max_size=40)) if has_tail else b""
     wire = with_constants(definition, data.draw(st.binary(min_size=size, max_size=size))) + tail

@@ -8,7 +8,7 @@ from construct import Struct
 
 from taxel_protocol import frames, names, registers
 from taxel_protocol.framing import crc32, encode_frame, whiten
-from taxel_protocol.layout import fields_of
+from taxel_protocol.layout import list_fields
 
 SPEC = (Path(__file__).resolve().parents[1] / "SPEC.md").read_text()
 MODULES = {"frames": frames, "registers": registers}
@@ -41,7 +41,7 @@ def expanded(definition: Struct, rows: list[list[str]]) -> list[tuple[int, int, 
     fields: list[tuple[int, int, str]] = []
     for offset, size, name, *_ in rows:
         if name in nested:
-            inner = fields_of(nested[name])
+            inner = list_fields(nested[name])
             assert sum(field.size for field in inner) == int(size), name
             fields += [(int(offset) + field.offset, field.size, f"{name}_{field.name}") for field in inner]
         else:
@@ -52,7 +52,7 @@ def expanded(definition: Struct, rows: list[list[str]]) -> list[tuple[int, int, 
 @pytest.mark.parametrize("name", structs())
 def test_layout_tables_of_the_spec_equal_the_definitions(name: str) -> None:
     definition = structs()[name]
-    expected = [(field.offset, field.size, field.name) for field in fields_of(definition)]
+    expected = [(field.offset, field.size, field.name) for field in list_fields(definition)]
     assert expanded(definition, table_after(f"layout: {name}")) == expected
 
 

@@ -11,6 +11,8 @@ from pathlib import Path
 from c_header import enumeration, structure
 
 from taxel_protocol import bootloader as boot
+from taxel_protocol.bootloader_images import build_image, build_record
+from taxel_protocol.bootloader_packets import build_packet
 from taxel_protocol.layout import pack
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware"
@@ -70,11 +72,11 @@ def vectors() -> str:
     commands += [(boot.BootCommand.SEND_DATA, draw.randbytes(size)) for size in (1, 56, 57)]
     for kind in (boot.BootChecksum.SUM, boot.BootChecksum.CRC):
         for i, (command, data) in enumerate(commands):
-            lines += _array(f"packet_{kind.name.lower()}_{i}", boot.build_packet(command, data, kind))
-    lines += _array("image_a", boot.image(boot.BootDevice.BOARD, 0, 3, (1, 2, 3), draw.randbytes(301)))
-    lines += _array("image_b", boot.image(boot.BootDevice.HUB, 1, 0, (4, 5, 6), draw.randbytes(96)))
+            lines += _array(f"packet_{kind.name.lower()}_{i}", build_packet(command, data, kind))
+    lines += _array("image_a", build_image(boot.BootDevice.BOARD, 0, 3, (1, 2, 3), draw.randbytes(301)))
+    lines += _array("image_b", build_image(boot.BootDevice.HUB, 1, 0, (4, 5, 6), draw.randbytes(96)))
     metadata = pack(boot.Metadata, {"confirmed": 1, "pending": 0, "tries": bytes([2, 3])})
-    lines += _array("metadata_row", boot.record(boot.BOOT_METADATA_MAGIC, 7, metadata))
+    lines += _array("metadata_row", build_record(boot.BOOT_METADATA_MAGIC, 7, metadata))
     configuration = pack(
         boot.Configuration,
         {
@@ -87,7 +89,7 @@ def vectors() -> str:
         },
     )
     lines += _array("configuration", configuration)
-    lines += _array("configuration_row", boot.record(boot.BOOT_CONFIGURATION_MAGIC, 0xFFFFFFFF, configuration))
+    lines += _array("configuration_row", build_record(boot.BOOT_CONFIGURATION_MAGIC, 0xFFFFFFFF, configuration))
     return "\n".join([*lines, "", "#endif", ""])
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from construct import Struct
 
 from taxel_protocol import compact_tables, frames, limits, names, registers
-from taxel_protocol.layout import Field, fields_of
+from taxel_protocol.layout import Field, list_fields
 
 HEADER = Path(__file__).resolve().parents[2] / "firmware" / "generated" / "taxel_protocol.h"
 
@@ -110,7 +110,7 @@ def _unpack_line(field: Field) -> str:
 
 def structure(name: str, definition: Struct) -> list[str]:
     """One C struct with its size, its offsets, and its pack and unpack functions."""
-    fields = fields_of(definition)
+    fields = list_fields(definition)
     size = sum(field.size for field in fields)
     upper = name.upper()
     offsets = [f"#define TAXEL_{upper}_OFFSET_{field.name.upper()} {field.offset}u" for field in fields]

@@ -10,7 +10,7 @@ from pathlib import Path
 from construct import Struct
 
 from taxel_protocol import frames, registers
-from taxel_protocol.layout import fields_of
+from taxel_protocol.layout import list_fields
 from taxel_protocol.names import FrameType
 
 HEADER = Path(__file__).resolve().parents[2] / "firmware" / "tests" / "generated_fields.h"
@@ -65,7 +65,7 @@ PAYLOAD_PARTS: dict[FrameType, tuple[tuple[str, str, Struct], ...]] = {
 def _layout_lines(name: str, definition: Struct) -> list[str]:
     """C lines with the field table of a struct and its pack and unpack functions."""
     rows = []
-    for field in fields_of(definition):
+    for field in list_fields(definition):
         member = f"offsetof(struct taxel_{name}, {field.name})"
         rows.append(f'    {{"{field.name}", {member}, {field.size}, {int(field.is_bytes)}}},')
     return [

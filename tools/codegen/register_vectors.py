@@ -9,7 +9,7 @@ from field_values import SEED, board_crc, filled, json_values, nest
 
 from taxel_protocol import limits, registers
 from taxel_protocol.framing import crc32
-from taxel_protocol.layout import fields_of
+from taxel_protocol.layout import list_fields
 from taxel_protocol.names import BoardCommand
 
 REGISTERS: dict[str, Struct] = {
@@ -28,7 +28,7 @@ def register_vector(name: str, struct: str, start: int, values: Mapping[str, Any
     """Vector of a register block without a CRC over the address."""
     definition = REGISTERS[struct]
     data = definition.build(nest(definition, values))
-    shown = json_values(fields_of(definition), values)
+    shown = json_values(list_fields(definition), values)
     return {"name": name, "struct": struct, "register": start, "fields": shown, "bytes": data.hex()}
 
 
@@ -38,7 +38,7 @@ def _identity(name: str, values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _settings(name: str, address: int, numbers: Sequence[int]) -> dict[str, Any]:
-    fields = [field.name for field in fields_of(registers.SettingsRegister)][:-1]
+    fields = [field.name for field in list_fields(registers.SettingsRegister)][:-1]
     values = dict(zip(fields, numbers, strict=True))
     without_crc = registers.SettingsRegister.build(nest(registers.SettingsRegister, values | {"crc32": 0}))[:-4]
     values["crc32"] = board_crc(address, without_crc)
@@ -68,7 +68,7 @@ def _compact() -> list[dict[str, Any]]:
     rng = random.Random(SEED + 1)  # a separate generator: the vectors of version 1 do not change
     vectors = []
     for name in ("compact_packed", "compact_delta", "compact_acknowledge"):
-        fields = fields_of(REGISTERS[name])
+        fields = list_fields(REGISTERS[name])
         values = {
             field.name: rng.randbytes(3) if field.is_bytes else rng.getrandbits(8 * field.size) for field in fields
         }
@@ -76,7 +76,7 @@ def _compact() -> list[dict[str, Any]]:
     return vectors
 
 
-def all_registers() -> list[dict[str, Any]]:
+def build_register_vectors() -> list[dict[str, Any]]:
     """Content of registers.json."""
     rng = random.Random(SEED)
     board: dict[str, Any] = {"map_version": 1, "firmware_major": 1, "firmware_minor": 2, "firmware_patch": 3}
@@ -89,10 +89,10 @@ def all_registers() -> list[dict[str, Any]]:
         "columns": 7,
     }
     board |= {"taxel_count": 63, "snapshot_size": 136, "crossing_map": b"\xff" * 7 + b"\x7f" + bytes(24)}
-    status_fields = fields_of(registers.Status)
+    status_fields = list_fields(registers.Status)
     vectors = [
         _identity("identity", board),
-        _identity("identity_zeros", filled(fields_of(registers.Identity), lambda field: 0, False)),
+        _identity("identity_zeros", filled(list_fields(registers.Identity), lambda field: 0, False)),
         register_vector("status_zeros", "status", 0x40, filled(status_fields, lambda field: 0, False)),
         register_vector("status", "status", 0x40, filled(status_fields, lambda f: rng.getrandbits(8 * f.size), False)),
         _settings("settings", 0x20, (100, 40, 1, 96, 240)),

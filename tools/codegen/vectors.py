@@ -19,12 +19,12 @@ from typing import Any
 
 from construct import Struct
 from field_values import SEED, board_crc, filled, json_values, nest, tail_name
-from register_vectors import all_registers
+from register_vectors import build_register_vectors
 
 from taxel_protocol import frames, limits, registers
 from taxel_protocol.frames import FRAMES
 from taxel_protocol.framing import whiten
-from taxel_protocol.layout import Field, fields_of
+from taxel_protocol.layout import Field, list_fields
 from taxel_protocol.limits import BOOTLOADER_KEY
 from taxel_protocol.names import Command, FrameType, StartFlag
 from taxel_protocol.wire import Body, WireFrame
@@ -76,7 +76,7 @@ def sample(
         "type_name": frame_type.name,
         "sequence": sequence,
     }
-    vector["fields"] = json_values(fields_of(definition), flat)
+    vector["fields"] = json_values(list_fields(definition), flat)
     vector["tail"] = tail.hex()
     if inner:
         vector["inner"] = inner
@@ -114,7 +114,7 @@ def taxels(
     without_crc = definition.build(nest(definition, flat, "snapshot_"))[:-4]
     flat["snapshot_crc32"] = board_crc(address, without_crc) ^ crc_error
     payload = FRAMES[FrameType.TAXELS].payload
-    fields = json_values(fields_of(payload), flat) | {"snapshot_crc32": flat["snapshot_crc32"]}
+    fields = json_values(list_fields(payload), flat) | {"snapshot_crc32": flat["snapshot_crc32"]}
     vector = {
         "name": name,
         "type": int(FrameType.TAXELS),
@@ -143,7 +143,7 @@ def every_type(rng: random.Random, types: Sequence[FrameType]) -> list[Sample]:
         if frame_type == FrameType.TAXELS:
             continue
         spec = FRAMES[frame_type]
-        fields = fields_of(spec.payload)
+        fields = list_fields(spec.payload)
         fixed = sum(field.size for field in fields)
         shortest, longest = spec.minimum - fixed, spec.maximum - fixed
         for filling, value, sequence in fillings:
@@ -162,7 +162,7 @@ def _inner(name: str, values: Mapping[str, Any], tail: bytes = b"") -> tuple[byt
     if tail_name(definition):
         flat[str(tail_name(definition))] = tail
     data = definition.build(nest(definition, flat))
-    return data, {"struct": name, "fields": json_values(fields_of(definition), flat), "tail": tail.hex()}
+    return data, {"struct": name, "fields": json_values(list_fields(definition), flat), "tail": tail.hex()}
 
 
 def every_command() -> list[Sample]:
@@ -288,7 +288,7 @@ def main() -> int:
     """Write or check the files, then run the other generators."""
     texts = {
         "frames.json": json_text("frames", "UART frames: fields and bytes", [frame.vector for frame in all_frames()]),
-        "registers.json": json_text("registers", "I2C registers: fields and bytes", all_registers()),
+        "registers.json": json_text("registers", "I2C registers: fields and bytes", build_register_vectors()),
     }
     for name, text in texts.items():
         path = VECTORS / name

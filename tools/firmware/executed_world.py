@@ -10,7 +10,8 @@ from taxel.hand import Hand
 from taxel.hand.description import Board
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualWorld
-from taxel_protocol.bootloader import BOOT_ROW_SIZE, BootDevice, image
+from taxel_protocol.bootloader import BOOT_ROW_SIZE, BootDevice
+from taxel_protocol.bootloader_images import build_image
 from taxel_tools.files import Firmware
 from taxel_tools.files.firmware import HEADER_SIZE, parse_image
 
@@ -57,6 +58,6 @@ def firmware_with(version: tuple[int, int, int], images: Path = IMAGES, *, rows:
         content = (images / f"board-{name}.bin").read_bytes()[HEADER_SIZE:]
         content += random.Random(f"{version} {slot}").randbytes(rows * BOOT_ROW_SIZE)
         images_of_slots.append(
-            parse_image(image(BootDevice.BOARD, slot, 0, version, content), f"board-{name} {version}")
+            parse_image(build_image(BootDevice.BOARD, slot, 0, version, content), f"board-{name} {version}")
         )
     return Firmware(tuple(images_of_slots))

@@ -16,7 +16,8 @@ from typing import Final, NoReturn
 from firmware_elf import LinkedImage, read_linked_image
 
 from taxel.errors import TaxelError
-from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS, BOOT_ROW_SIZE, LAYOUTS, BootDevice, image
+from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS, BOOT_ROW_SIZE, LAYOUTS, BootDevice
+from taxel_protocol.bootloader_images import build_image
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.cyacd import write_cyacd
 from taxel_tools.files.firmware import HEADER_SIZE, FirmwareImage, parse_image, slot_name
@@ -77,7 +78,7 @@ def build_slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, in
         _fail(linked.path, "header", "32 zeros to fill in", linked.content[:HEADER_SIZE].hex(), "link it again")
     _check_vectors(linked, HEADER_SIZE)
     try:
-        data = image(device, slot, ANY_KIND, version, linked.content[HEADER_SIZE:])
+        data = build_image(device, slot, ANY_KIND, version, linked.content[HEADER_SIZE:])
     except ValueError as error:
         _fail(linked.path, "size", f"at most {layout.slot_size} bytes", str(error), "reduce its size")
     return parse_image(data, linked.path)

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, format_world
-from taxel_protocol.bootloader import BOOT_ROW_SIZE, BootDevice, image
+from taxel_protocol.bootloader import BOOT_ROW_SIZE, BootDevice
+from taxel_protocol.bootloader_images import build_image
 from taxel_tools.files import Firmware
 from taxel_tools.files.firmware import parse_image
 
@@ -18,7 +19,7 @@ def make_firmware_images(device: BootDevice, rows: int, version: tuple[int, int,
     images = []
     for slot in (0, 1):
         content = random.Random(f"{seed} {slot} {version}").randbytes(max(size, HEADER + 8) - HEADER)
-        images.append(parse_image(image(device, slot, 0, version, content), f"{rows}-rows-{'ab'[slot]}"))
+        images.append(parse_image(build_image(device, slot, 0, version, content), f"{rows}-rows-{'ab'[slot]}"))
     return Firmware(tuple(images))
 
 

@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from taxel_protocol.framing import crc32
-from taxel_protocol.layout import packer_of, unpack
+from taxel_protocol.layout import get_packer, unpack
 from taxel_protocol.limits import REGISTER_IDENTITY, REGISTER_SNAPSHOT, REGISTER_STATUS, WHO_AM_I
 from taxel_protocol.registers import Identity, Status
 from taxel_tools.errors import BoardError, LostError, NackError, TransferError
@@ -14,7 +14,7 @@ RETRY_PAUSE_S: Final = 0.01
 SCANS_TO_CONFIRM: Final = 10
 """Number of scans that an image completes before it may confirm itself (firmware/bootloader/DESIGN.md)."""
 
-_SIZE: Final = packer_of(Identity).size
+_SIZE: Final = get_packer(Identity).size
 _CRC: Final = _SIZE - 4
 
 
@@ -44,7 +44,7 @@ def read_identity(address: int) -> Procedure[dict[str, Any] | None]:
 
 def read_status(address: int) -> Procedure[dict[str, Any]]:
     """Read the fields of `Status`. Raises `TransferError`."""
-    return unpack(Status, (yield Transfer(address, bytes([REGISTER_STATUS]), packer_of(Status).size)))[0]
+    return unpack(Status, (yield Transfer(address, bytes([REGISTER_STATUS]), get_packer(Status).size)))[0]
 
 
 def firmware_version(identity: dict[str, Any]) -> tuple[int, int, int]:

@@ -4,7 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from taxel_protocol.bootloader import LAYOUTS, BootDevice, row_sum
+from taxel_protocol.bootloader import LAYOUTS, BootDevice
+from taxel_protocol.bootloader_packets import compute_row_sum
 from taxel_tools.errors import BoardError
 from taxel_tools.files.firmware import Firmware, FirmwareImage, slot_name
 from taxel_tools.procedure import Clock, Pause, Procedure, Version
@@ -166,7 +167,7 @@ class _Update:
     def _count_valid_rows(self, first: int, rows: list[bytes]) -> Procedure[int]:
         """Number of rows, from the first row of the slot, that an interrupted update has already written."""
         for index, row in enumerate(rows):
-            if (yield from self.session.read_row_sum(first + index)) != row_sum(row):
+            if (yield from self.session.read_row_sum(first + index)) != compute_row_sum(row):
                 return index
             self.report(Progress(self.address, "comparing", index, len(rows)))
         return len(rows)

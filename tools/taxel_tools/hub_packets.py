@@ -8,13 +8,8 @@ from typing import Final
 
 from taxel.link import Link, get_clock
 from taxel.stream import HubClient
-from taxel_protocol.bootloader import (
-    BOOT_PACKET_MAX,
-    BOOT_PACKET_OVERHEAD,
-    BOOT_PACKET_START,
-    BootCommand,
-    parse_packet,
-)
+from taxel_protocol.bootloader import BOOT_PACKET_MAX, BOOT_PACKET_OVERHEAD, BOOT_PACKET_START, BootCommand
+from taxel_protocol.bootloader_packets import parse_packet
 from taxel_tools.errors import LostError, TransferError
 from taxel_tools.procedure import Transfer
 from taxel_tools.wires import WAIT_MIN_S, CompletedTransfer

@@ -16,7 +16,7 @@ from taxel.link import Link, get_clock
 from taxel.stream import HubClient, HubMessage
 from taxel_protocol import Command, FrameType, ReplyStatus, encode_frame
 from taxel_protocol.frames import CommandPayload, GetTimeReply, TransferArguments
-from taxel_protocol.layout import pack, packer_of
+from taxel_protocol.layout import get_packer, pack
 from taxel_protocol.names import LogCode
 from taxel_tools.errors import LostError, NackError, TransferError, WireError
 from taxel_tools.procedure import Transfer
@@ -52,7 +52,7 @@ def _frame_size(payload: bytes) -> int:
 
 
 REPLY_SIZE: Final = _frame_size(bytes(3))
-FLUSH_REPLY_SIZE: Final = _frame_size(bytes(3 + packer_of(GetTimeReply).size))
+FLUSH_REPLY_SIZE: Final = _frame_size(bytes(3 + get_packer(GetTimeReply).size))
 TRANSFER_SIZE: Final = len(encode_frame(FrameType.COMMAND, 0, bytes(4)))
 FLUSH_SIZE: Final = len(encode_frame(FrameType.COMMAND, 0, bytes(2)))
 

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from taxel.errors import TaxelError
-from taxel_protocol.bootloader import BOOT_DEFAULT_ADDRESS, BOOT_VERSION, search_ids
+from taxel_protocol.bootloader import BOOT_DEFAULT_ADDRESS, BOOT_VERSION
+from taxel_protocol.bootloader_packets import find_unique_ids
 from taxel_protocol.limits import REGISTER_COMMAND
 from taxel_protocol.names import BoardCommand
 from taxel_tools.errors import BoardError, TransferError
@@ -103,7 +104,7 @@ def find_boards(wire: BoardWire, address: int = BOOT_DEFAULT_ADDRESS) -> list[Ca
     """
     session = BootSession(address, wire.now_s)
     try:
-        ids = search_ids(lambda bits, prefix: run(wire, session.search(bits, prefix)))
+        ids = find_unique_ids(lambda bits, prefix: run(wire, session.search(bits, prefix)))
         boards = [
             Candidate(address, unique_id, _read_configuration(wire, session, unique_id)) for unique_id in sorted(ids)
         ]

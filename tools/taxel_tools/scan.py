@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from taxel.errors import TaxelError
-from taxel_protocol.bootloader import BOOT_DEFAULT_ADDRESS, BOOT_PACKET_START, BOOT_SLOT_NONE, BootStay, parse_packet
+from taxel_protocol.bootloader import BOOT_DEFAULT_ADDRESS, BOOT_PACKET_START, BOOT_SLOT_NONE, BootStay
+from taxel_protocol.bootloader_packets import parse_packet
 from taxel_protocol.layout import unpack
 from taxel_protocol.limits import REGISTER_IDENTITY, WHO_AM_I
 from taxel_protocol.names import BoardErrorFlag, ResetCause

@@ -20,11 +20,9 @@ from taxel_protocol.bootloader import (
     SearchArguments,
     SearchReply,
     StockMetadata,
-    build_packet,
-    parse_packet,
-    row_sum,
 )
-from taxel_protocol.layout import pack, packer_of, unpack
+from taxel_protocol.bootloader_packets import build_packet, compute_row_sum, parse_packet
+from taxel_protocol.layout import get_packer, pack, unpack
 from taxel_protocol.limits import REGISTER_COMMAND
 from taxel_protocol.names import BoardCommand
 from taxel_tools.errors import BoardError, LostError, NackError, StatusError, TransferError
@@ -145,7 +143,7 @@ class BootSession:
                 if attempt:
                     yield from self.send_without_response(BootCommand.SYNC)
                 yield from self._send_row(row, data)
-                if (yield from self._row_written(row)) == row_sum(data):
+                if (yield from self._row_written(row)) == compute_row_sum(data):
                     return
             except (StatusError, LostError) as error:
                 if isinstance(error, StatusError) and error.status not in (BootStatus.LENGTH, BootStatus.CHECKSUM):
@@ -249,7 +247,7 @@ class BootSession:
         except NackError:
             return None
         yield Pause(0.01)
-        size = BOOT_PACKET_OVERHEAD + packer_of(SearchReply).size
+        size = BOOT_PACKET_OVERHEAD + get_packer(SearchReply).size
         deadline = self.now_s() + RESPONSE_TIMEOUT_S
         pauses = _retry_pauses()
         while True:
@@ -276,7 +274,7 @@ class BootSession:
 
         A lost or damaged packet is sent again, because every request may be repeated without harm.
         """
-        size = reply if isinstance(reply, int) else packer_of(reply).size
+        size = reply if isinstance(reply, int) else get_packer(reply).size
         for attempt in range(1, attempts + 1):
             try:
                 yield from self._write(build_packet(command, data))

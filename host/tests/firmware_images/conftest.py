@@ -20,8 +20,8 @@ from taxel_protocol.bootloader import (
     BOOT_ROW_SIZE,
     LAYOUTS,
     BootDevice,
-    record,
 )
+from taxel_protocol.bootloader_images import build_record
 
 DEVICES = {"board": BootDevice.BOARD, "hub": BootDevice.HUB}
 ROOT = Path(__file__).resolve().parents[3]
@@ -95,7 +95,7 @@ def flash_with(build_folder, tools) -> Callable[..., bytes]:
             (BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_MAGIC, configuration),
         ):
             if content:
-                flash[row * BOOT_ROW_SIZE : (row + 1) * BOOT_ROW_SIZE] = record(magic, 1, content)
+                flash[row * BOOT_ROW_SIZE : (row + 1) * BOOT_ROW_SIZE] = build_record(magic, 1, content)
         return bytes(flash)
 
     return build_flash

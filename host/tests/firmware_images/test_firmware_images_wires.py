@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from taxel.hand import BoardKind, load_hand
-from taxel_protocol.bootloader import BootCommand, BootStatus, build_packet, parse_packet
+from taxel_protocol.bootloader import BootCommand, BootStatus
+from taxel_protocol.bootloader_packets import build_packet, parse_packet
 from taxel_protocol.framing import ReferenceDecoder, crc32, encode_frame
 from taxel_protocol.layout import unpack
 from taxel_protocol.limits import BOOTLOADER_KEY

@@ -8,7 +8,8 @@ import pytest
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualMemoryLink, VirtualSMBus, VirtualWorld
-from taxel_protocol.bootloader import BootDevice, image
+from taxel_protocol.bootloader import BootDevice
+from taxel_protocol.bootloader_images import build_image
 from taxel_tools.files import Firmware, FirmwareImage
 from taxel_tools.files.firmware import parse_image
 from taxel_tools.wires import BoardWire, HubWire, SmbusWire
@@ -22,7 +23,7 @@ def make_image() -> Callable[..., FirmwareImage]:
 
     def make(slot: int, version=(1, 2, 3), size=1000, kind=0, device=BootDevice.BOARD, content=None) -> FirmwareImage:
         random_bytes = random.Random(f"{slot} {version}").randbytes(size - 32)
-        return parse_image(image(device, slot, kind, version, content or random_bytes), f"slot-{'ab'[slot]}.bin")
+        return parse_image(build_image(device, slot, kind, version, content or random_bytes), f"slot-{'ab'[slot]}.bin")
 
     return make
 

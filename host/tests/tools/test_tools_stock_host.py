@@ -10,7 +10,8 @@ import pytest
 from smbus2 import i2c_msg
 
 from taxel.link.virtual import VirtualSMBus
-from taxel_protocol.bootloader import BootChecksum, build_packet, parse_packet
+from taxel_protocol.bootloader import BootChecksum
+from taxel_protocol.bootloader_packets import build_packet, parse_packet
 from taxel_tools.application import firmware_version, read_identity
 from taxel_tools.files.cyacd import write_cyacd
 from taxel_tools.scheduler import run

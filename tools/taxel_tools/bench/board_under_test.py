@@ -9,7 +9,7 @@ import numpy as np
 
 from taxel.hand import BoardKind, Hand
 from taxel.types import BoolArray
-from taxel_protocol.layout import packer_of, unpack
+from taxel_protocol.layout import get_packer, unpack
 from taxel_protocol.limits import REGISTER_SETTINGS
 from taxel_protocol.registers import ScanSettings
 from taxel_tools.application import read_identity, read_status
@@ -147,7 +147,7 @@ def open_board(wire: BoardWire, address: int, hand: Hand | None) -> BoardUnderTe
 
 
 def _read_settings(address: int) -> Procedure[bytes]:
-    return (yield Transfer(address, bytes([REGISTER_SETTINGS]), packer_of(ScanSettings).size))
+    return (yield Transfer(address, bytes([REGISTER_SETTINGS]), get_packer(ScanSettings).size))
 
 
 def _read_registers(wire: BoardWire, build_procedure: Callable[[], Procedure[T]]) -> T:

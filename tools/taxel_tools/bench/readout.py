@@ -7,7 +7,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from taxel.stream import TaxelFrame
-from taxel_protocol.layout import packer_of, unpack
+from taxel_protocol.layout import get_packer, unpack
 from taxel_protocol.limits import REGISTER_SNAPSHOT, SNAPSHOT_OVERHEAD
 from taxel_protocol.registers import SnapshotHeader
 from taxel_tools.application import RETRY_PAUSE_S
@@ -28,7 +28,7 @@ BUS_COUNTERS: Final = ("retries", "nacks", "timeouts", "crc_errors", "bus_errors
 """Counters of the hub for failed reads of a board, at the first or second attempt."""
 US_PER_S: Final = 1e6
 
-_HEADER: Final = packer_of(SnapshotHeader).size
+_HEADER: Final = get_packer(SnapshotHeader).size
 
 Row = tuple[int, float, int, np.ndarray]  # Sequence, host time in seconds, clock of the board in us, counts.
 

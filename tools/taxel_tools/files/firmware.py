@@ -12,10 +12,10 @@ from taxel_protocol.bootloader import (
     ImageHeader,
 )
 from taxel_protocol.framing import crc32
-from taxel_protocol.layout import packer_of, unpack
+from taxel_protocol.layout import get_packer, unpack
 from taxel_tools.errors import FirmwareFileError
 
-HEADER_SIZE: Final = packer_of(ImageHeader).size
+HEADER_SIZE: Final = get_packer(ImageHeader).size
 CRC_OFFSET: Final = 28
 IMAGE_SIZE_MIN: Final = HEADER_SIZE + 8
 

@@ -25,7 +25,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
-from taxel_protocol.bootloader import BOOT_IMAGE_MAGIC, BootDevice, image
+from taxel_protocol.bootloader import BOOT_IMAGE_MAGIC, BootDevice
+from taxel_protocol.bootloader_images import build_image
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.firmware import FirmwareImage, parse_image, slot_name
 
@@ -94,7 +95,9 @@ def _add_header(path: Path, field: str, entry: dict[str, Any], file: Path, data:
             _fail(path, f"{field}.{key}", "a value, as the raw image has no header", "none", f"add {key}")
     claims = _parse_claims(path, field, entry)
     try:
-        return parse_image(image(claims["device"], claims["slot"], claims["kind"], claims["version"], data), str(file))
+        return parse_image(
+            build_image(claims["device"], claims["slot"], claims["kind"], claims["version"], data), str(file)
+        )
     except ValueError as error:
         if isinstance(error, FirmwareFileError):
             raise

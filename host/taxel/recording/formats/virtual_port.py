@@ -18,7 +18,7 @@ from taxel.stream.encoder import encode_on_wire
 from taxel.stream.timed import StreamStart, find_stream_start, read_timed_bytes
 from taxel_protocol import PROTOCOL_VERSION, PROTOCOL_VERSION_MIN, Command, FrameType, ReferenceDecoder
 from taxel_protocol.frames import FRAMES, BoardInfo, HubHandshake, Log, Reply
-from taxel_protocol.layout import fields_of, pack, unpack
+from taxel_protocol.layout import list_fields, pack, unpack
 from taxel_protocol.limits import REGISTER_MAP_VERSION, SNAPSHOT_OVERHEAD
 from taxel_protocol.registers import Identity
 
@@ -117,7 +117,7 @@ class VirtualPort:
 
     def _answer(self, kind: FrameType, payload: bytes) -> None:
         if kind is FrameType.HOST_HANDSHAKE:
-            fields: dict[str, Any] = {field.name: 0 for field in fields_of(HubHandshake)}
+            fields: dict[str, Any] = {field.name: 0 for field in list_fields(HubHandshake)}
             fields |= {"tag": payload[0], "unique_id": bytes(8), "version_chosen": PROTOCOL_VERSION}
             fields |= {"version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION}
             self._send(FrameType.HUB_HANDSHAKE, pack(HubHandshake, fields))
@@ -132,7 +132,7 @@ class VirtualPort:
 
     def _send_padding(self) -> None:
         """Send empty log frames up to the sequence number before the first recorded frame."""
-        empty = pack(Log, {field.name: 0 for field in fields_of(Log)})
+        empty = pack(Log, {field.name: 0 for field in list_fields(Log)})
         while 0 < (self._start.sequence - self._sequence) % _SEQUENCE_MODULUS <= RESERVED_SEQUENCES:
             self._send(FrameType.LOG, empty)
 
@@ -193,10 +193,10 @@ class VirtualPort:
 def _board_info(board: Board) -> dict[str, Any]:
     """The BOARD_INFO fields of a board that the hub would report."""
     kind = board.kind
-    fields: dict[str, Any] = {field.name: field.constant or 0 for field in fields_of(Identity)}
+    fields: dict[str, Any] = {field.name: field.constant or 0 for field in list_fields(Identity)}
     fields |= {"map_version": REGISTER_MAP_VERSION, "kind": kind.code, "address": board.address, "unique_id": bytes(8)}
     fields |= {"rows": kind.tx_count, "columns": kind.rx_count, "taxel_count": kind.taxel_count}
     fields |= {"snapshot_size": SNAPSHOT_OVERHEAD + 2 * kind.taxel_count, "crossing_map": kind.crossing_bitmap()}
     fields["crc32"] = zlib.crc32(pack(Identity, fields)[:-4])
-    info: dict[str, Any] = {field.name: 0 for field in fields_of(BoardInfo)}
+    info: dict[str, Any] = {field.name: 0 for field in list_fields(BoardInfo)}
     return info | {f"identity_{name}": value for name, value in fields.items()}

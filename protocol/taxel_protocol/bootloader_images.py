@@ -1,0 +1,47 @@
+"""Images with their headers, and the flash rows of metadata and configuration records.
+
+`firmware/bootloader/SPEC.md` explains every byte.
+"""
+
+from taxel_protocol.bootloader import BOOT_IMAGE_MAGIC, BOOT_VERSION, LAYOUTS, BootDevice, ImageHeader
+from taxel_protocol.framing import crc32
+from taxel_protocol.layout import pack
+
+
+def build_image(device: BootDevice, slot: int, kind: int, version: tuple[int, int, int], content: bytes) -> bytes:
+    """An image with its header: `content` begins with the vector table and is padded with zeros to a multiple of 4.
+
+    Raises ValueError if it does not fit the slot.
+    """
+    layout = LAYOUTS[device]
+    header_size = 32
+    padded = content + bytes(-len(content) % 4)
+    if len(padded) < 8 or header_size + len(padded) > layout.slot_size:
+        raise ValueError(f"an image for this slot has 40 to {layout.slot_size} bytes, not {header_size + len(padded)}")
+    values = {
+        "magic": BOOT_IMAGE_MAGIC,
+        "header_version": BOOT_VERSION,
+        "device": device,
+        "kind": kind,
+        "slot": slot,
+        "version_major": version[0],
+        "version_minor": version[1],
+        "version_patch": version[2],
+        "reserved_a": 0,
+        "length": header_size + len(padded),
+        "vectors": layout.slot_address(slot) + header_size,
+        "reserved_b": bytes(8),
+        "crc32": 0,
+    }
+    front = pack(ImageHeader, values)[:28]
+    return front + crc32(front + padded).to_bytes(4, "little") + padded
+
+
+def build_record(magic: int, sequence: int, content: bytes) -> bytes:
+    """The 128 bytes of a record's row. Raises ValueError for more than 112 bytes of content."""
+    if len(content) > 112:
+        raise ValueError(f"a record has at most 112 bytes of content, not {len(content)}")
+    front = magic.to_bytes(4, "little") + sequence.to_bytes(4, "little") + content + bytes(112 - len(content))
+    row = front + crc32(front).to_bytes(4, "little")
+    words = sum(int.from_bytes(row[i : i + 4], "little") for i in range(0, 124, 4))
+    return row + int(words % 2**32 == 0).to_bytes(4, "little")
