@@ -107,12 +107,14 @@ def _broken_line(variant: str) -> CauseType:
 
 
 def _sample_silent_board(rng: Rng, hand: Hand, strength: float) -> Cause:
+    """A cause: one board never sends frames."""
     (board,) = sample_boards(rng, hand)
     line = f"{SILENT} {board_argument(board)} seconds=0"
     return Cause("dropout", SILENT, (line,), (FaultLocation(board.address),))
 
 
 def _sample_flaky_board(rng: Rng, hand: Hand, strength: float) -> Cause:
+    """A cause: one board loses frames at random; a stronger cause loses more."""
     (board,) = sample_boards(rng, hand)
     line = f"silent flaky p={log_interpolate(0.08, 0.7, strength)} {board_argument(board)}"
     return Cause("dropout", "silent flaky", (line,), (FaultLocation(board.address),))

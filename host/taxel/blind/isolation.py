@@ -78,7 +78,7 @@ def isolate_process(folder: Path, hidden: Sequence[Path] = ()) -> str:
     import_module("taxel.recording")  # its dependency taxel.link imports the emulator, which is removed below
     own_folder = Path(os.path.realpath(folder))
     sealed = (*_sealed_sources(), *(Path(os.path.realpath(path)) for path in hidden))
-    readable = [path for root in _installation() for path in _paths_without(root, sealed)]
+    readable = [path for root in _installation_folders() for path in _paths_without(root, sealed)]
     _remove_forbidden_modules()
     sys.meta_path.insert(0, _ImportGuard())
     has_landlock = landlock.restrict([*readable, own_folder], [own_folder])
@@ -141,7 +141,8 @@ def _is_write(mode: str | None, flags: int) -> bool:
     return bool(flags & _WRITE_FLAGS) or bool(mode and set(mode) & set("wax+"))
 
 
-def _installation() -> list[Path]:
+def _installation_folders() -> list[Path]:
+    """Folders of Python, of its packages and of the system that the diagnosis may read."""
     paths = sysconfig.get_paths()
     roots = [sys.prefix, sys.base_prefix, *(paths[key] for key in ("stdlib", "platstdlib", "purelib", "platlib"))]
     return sorted({*(Path(os.path.realpath(root)) for root in (*roots, *SYSTEM_PATHS)), *_package_folders()})

@@ -1,4 +1,7 @@
-"""Reference parameters: the best fit to noise-free indentations, used where no definition fixes the true value."""
+"""Reference parameters: the best fit to noise-free indentations.
+
+The score uses them as the truth for effects whose model in the diagnosis differs from the model in the emulator.
+"""
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -22,9 +25,9 @@ from taxel.gap.report.effects import parameters_of
 
 
 def models_to_fit(cause: Cause, report: Mapping[str, Any]) -> set[str]:
-    """Model keys of the cause's effect that the report names and whose parameters no definition fixes.
+    """Keys of the models that the report names for the effect of the cause, if they need a reference fit.
 
-    Empty if the gap is not clear.
+    Empty if the true parameters are known from the cause, and if the gap is not clear.
     """
     if cause.parameters or not is_clear(report):
         return set()

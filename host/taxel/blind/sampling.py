@@ -167,6 +167,7 @@ def _is_any_masked(causes: Sequence[Cause]) -> bool:
 
 
 def _sample_cause(rng: np.random.Generator, hand: Hand, cause_type: CauseType, plan: WorldPlan) -> Cause:
+    """One cause of the type. plan: gives the strength of a single cause."""
     # Each of several causes has its own strength, and none is so weak that the others mask it.
     is_several = plan.kind == "several"
     strength = _strength_of(float(rng.uniform(*FLOORS_OF_SEVERAL))) if is_several else plan.strength

@@ -25,13 +25,14 @@ _Z: Final = 1.959964
 """97.5 % quantile of the standard normal distribution."""
 
 
-def wilson(right: int, of: int) -> list[float]:
-    """95 % interval of a proportion (Wilson 1927)."""
-    if of == 0:
+def wilson_interval(successes: int, count: int) -> list[float]:
+    """95 % interval of a proportion (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
+    if count == 0:
         return [0.0, 1.0]
-    proportion = right / of
-    middle = (proportion + _Z**2 / (2 * of)) / (1 + _Z**2 / of)
-    half = _Z / (1 + _Z**2 / of) * float(np.sqrt(proportion * (1 - proportion) / of + _Z**2 / (4 * of**2)))
+    proportion = successes / count
+    middle = (proportion + _Z**2 / (2 * count)) / (1 + _Z**2 / count)
+    variance = proportion * (1 - proportion) / count + _Z**2 / (4 * count**2)
+    half = _Z / (1 + _Z**2 / count) * float(np.sqrt(variance))
     return [max(0.0, middle - half), min(1.0, middle + half)]
 
 
@@ -43,7 +44,7 @@ def share(flags: Iterable[bool]) -> dict[str, Any]:
         "right": right,
         "of": len(values),
         "share": right / len(values) if values else None,
-        "ci95": wilson(right, len(values)),
+        "ci95": wilson_interval(right, len(values)),
     }
 
 
@@ -216,6 +217,7 @@ def _shrink_error(results: Sequence[WorldResult]) -> dict[str, Any]:
 
 
 def _runtime_quantiles(values: Sequence[float]) -> dict[str, Any]:
+    """Median, 90 % quantile and maximum of run times, seconds."""
     if not values:
         return {"median": None, "p90": None, "max": None}
     return {"median": float(np.median(values)), "p90": float(np.quantile(values, 0.9)), "max": max(values)}

@@ -121,6 +121,7 @@ class HandInContact:
         return self.angles
 
     def _substep(self, torque_nm: FloatArray, dt: float) -> None:
+        """Integrate over `dt` seconds, not longer than `SUBSTEP_S` in contact."""
         joints = self._joints
         links = self._wrist @ self._kinematics.compute_link_poses(self._position[:joints])
         brackets = links[self._axes.board_links] @ self._axes.bracket_poses
@@ -141,6 +142,7 @@ class HandInContact:
         self._move(np.linalg.solve(system, self._mass * self._velocity / dt + force), dt)
 
     def _move(self, velocity: FloatArray, dt: float) -> None:
+        """Move joints and mount with a velocity f64[j + 6]; a joint at its limit stops."""
         unlimited = self._position + dt * velocity
         joints = self._joints
         self._position = unlimited.copy()

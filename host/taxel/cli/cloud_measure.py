@@ -126,6 +126,7 @@ def _read_cloud_and_target(path: Path, target: str, unit: str) -> tuple[ContactC
 
 
 def _compute_distances(cloud: ContactCloud, reference: TriangleMesh | ContactCloud) -> FloatArray:
+    """Distance of each point of a cloud to the target, f64[N], metres."""
     if isinstance(reference, TriangleMesh):
         return compute_distances_to_mesh(cloud.points, reference, cloud.name)
     return compute_distances_to_cloud(cloud.points, reference.points, cloud.name, reference.name)
@@ -149,6 +150,7 @@ def _align_cloud(
 
 
 def _format_stats(stats: DistanceStats) -> str:
+    """Number of points and distances in millimetres as text."""
     values = (("mean", stats.mean_m), ("standard deviation", stats.std_m), ("largest", stats.max_m))
     text = ", ".join(f"{name} {1e3 * value:.3f}" for name, value in (*values, ("RMS", stats.rms_m)))
     return f"{stats.points} points, {text} mm"

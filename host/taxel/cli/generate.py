@@ -75,7 +75,7 @@ def generate(
     start_s = time.monotonic()
     with stage_bars(hidden=as_json) as show:
         run = generate_all(plan, out, _make_workers(jobs, scheduler), show)
-    _print_run(out, plan, run.made, time.monotonic() - start_s, as_json)
+    _print_run(out, plan, run.generated_grasps, time.monotonic() - start_s, as_json)
 
 
 def _make_recipe(
@@ -90,6 +90,7 @@ def _make_recipe(
 
 
 def _make_workers(jobs: int | None, scheduler: str | None) -> Workers:
+    """The processes or the cluster that generate the shards. Raises `TaxelError` for both options."""
     if scheduler is not None and jobs is not None:
         raise TaxelError("--jobs and --scheduler: expected one of them, since the cluster has its own workers")
     return Cluster(scheduler) if scheduler is not None else Processes(jobs or os.cpu_count() or 1)

@@ -185,6 +185,7 @@ def rollout(
 
 
 def _require_one(joints: Path | None, poses: Path | None) -> None:
+    """Raise `TaxelError` unless exactly one of the two options is given."""
     if (joints is None) == (poses is None):
         found = "neither" if joints is None else "both"
         raise TaxelError(f"--joint-file and --pose-file: expected one of them, found {found}")

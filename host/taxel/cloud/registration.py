@@ -144,6 +144,7 @@ def check_alignable(points: FloatArray, name: str) -> None:
 
 
 def _are_on_a_line(points: FloatArray) -> bool:
+    """Whether points f64[n, 3] lie on a line, within `LINE_TOLERANCE` of their extent."""
     arms = points - points.mean(axis=0)
     extent = np.sqrt(np.maximum(np.linalg.eigvalsh(arms.T @ arms), 0.0))
     return bool(extent[1] <= LINE_TOLERANCE * extent[2])

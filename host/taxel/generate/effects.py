@@ -114,7 +114,7 @@ def _plan_reported(reported: ReportedEffect, widen: float, share: float, source:
             std[row, column] = widen * _standard_deviation(
                 reported, name, _label(reported, name, block), float(reported.values[row, column])
             )
-    low, high = _bounds(reported)
+    low, high = _parameter_bounds(reported)
     return PlannedEffect(reported, share, std, low, high, source=source)
 
 
@@ -133,7 +133,8 @@ def _standard_deviation(reported: ReportedEffect, name: str, label: str, value: 
     return 0.0 if bounds is None else (bounds[1] - bounds[0]) / (2.0 * NORMAL_95)
 
 
-def _bounds(reported: ReportedEffect) -> tuple[FloatArray, FloatArray]:
+def _parameter_bounds(reported: ReportedEffect) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper bounds of the parameters of an effect, f64[P] each."""
     by_name = {parameter.name: parameter for parameter in _parameters(reported)}
     rows = [by_name[name] for name in reported.parameters]
     return np.array([row.low for row in rows], np.float64), np.array([row.high for row in rows], np.float64)
@@ -185,15 +186,16 @@ def plan_effect(
         if not parameter.low <= bounds.low <= bounds.high <= parameter.high:
             expected = f"a range within {parameter.low:g} to {parameter.high:g} {parameter.unit}"
             raise RecipeError(where, key, expected, f"{bounds.low:g} to {bounds.high:g}", "correct it")
-    blocks = _blocks(effect.scope, hand)
+    blocks = _blocks_of_scope(effect.scope, hand)
     values = np.repeat([[each.neutral] for each in parameters], len(blocks), axis=1)
     parameter_names = tuple(each.name for each in parameters)
     nominal = ReportedEffect(name, effect, effect.order, moving_s, 0.0, blocks, parameter_names, values, {})
-    low, high = _bounds(nominal)
+    low, high = _parameter_bounds(nominal)
     return PlannedEffect(nominal, share, np.zeros(values.shape), low, high, dict(ranges), "recipe")
 
 
-def _blocks(scope: str, hand: Hand) -> tuple[int | str, ...]:
+def _blocks_of_scope(scope: str, hand: Hand) -> tuple[int | str, ...]:
+    """The blocks of a scope: the hand, the addresses of the boards, or the indices of the taxels."""
     if scope == HAND:
         return (HAND,)
     return tuple(board.address for board in hand.boards) if scope == BOARD else tuple(range(hand.n_taxels))

@@ -16,11 +16,14 @@ StageProgress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class GenerationResult:
-    """Result of a run. index: the index file. grasps: grasps of the folder. made: grasps generated in this run."""
+    """Result of a run. index: the index file. grasps: number of grasps in the folder.
+
+    generated_grasps: number of grasps that this run generated.
+    """
 
     index: Path
     grasps: int
-    made: int
+    generated_grasps: int
 
 
 def show_nothing(stage: str, done: int, total: int) -> None:
@@ -34,15 +37,15 @@ def generate(recipe: Recipe, out: Path, workers: Workers, progress: StageProgres
     OSError; completed shards are kept.
     """
     missing = open_folder(out, recipe)
-    made = 0
+    generated = 0
     done = recipe.grasps - sum(len(recipe.numbers_of(shard)) for shard in missing)
     if missing:
         (out / INDEX).unlink(missing_ok=True)
         progress("grasps", done, recipe.grasps)
         for shard, content in workers.generate_shards(recipe, missing):
             write_file(out / shard_name(shard, recipe.shards), content)
-            made += len(recipe.numbers_of(shard))
-            progress("grasps", done + made, recipe.grasps)
+            generated += len(recipe.numbers_of(shard))
+            progress("grasps", done + generated, recipe.grasps)
     if missing or not (out / INDEX).exists():
         write_index(out, recipe, lambda shards, total: progress("index", shards, total))
-    return GenerationResult(out / INDEX, recipe.grasps, made)
+    return GenerationResult(out / INDEX, recipe.grasps, generated)

@@ -58,6 +58,7 @@ def save_figures(items: Sequence[ObjectClouds], results: Sequence[ObjectResult],
 
 
 def _new_figure(width: float, height: float) -> Any:
+    """An empty matplotlib figure. width, height: inches."""
     from matplotlib.figure import Figure  # the import takes a second, which other commands need not wait for
 
     return Figure(figsize=(width, height), layout="constrained")

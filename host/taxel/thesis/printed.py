@@ -71,6 +71,7 @@ def get_distances(row: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _parse_value(text: str) -> Any:
+    """A cell of a printed table as a number if possible, else as text with the spelling of `STAGES`."""
     try:
         return float(text)
     except ValueError:

@@ -101,8 +101,8 @@ def reproduce(
 ) -> tuple[list[Finding], DistanceAgreement, GapSummary | None]:
     """Write tables, figures, findings and the page of a campaign to the folder `out`. Raises TaxelError."""
     with closing(GraspDataset(campaign.real)) as real, closing(GraspDataset(campaign.sim)) as sim:
-        items = _accumulate_all(real, sim, show)
-    results = _measure_all(items, show)
+        items = _accumulate_objects(real, sim, show)
+    results = _measure_objects(items, show)
     tables = build_tables(results)
     (out / "tables").mkdir(parents=True, exist_ok=True)
     for table in tables:
@@ -132,7 +132,8 @@ def use_existing_campaign(real: Path, sim: Path) -> Campaign:
     return Campaign(real, sim, (f"Real side: {real.name}. Simulated side: {sim.name}.",))
 
 
-def _accumulate_all(real: GraspDataset, sim: GraspDataset, show: ShowStage) -> list[ObjectClouds]:
+def _accumulate_objects(real: GraspDataset, sim: GraspDataset, show: ShowStage) -> list[ObjectClouds]:
+    """The clouds of the objects of the thesis, in its order. Raises CloudError for a missing object."""
     names = [name for name in real.objects if name in sim.objects]
     items = {}
     for done, name in enumerate(names):
@@ -147,7 +148,8 @@ def _accumulate_all(real: GraspDataset, sim: GraspDataset, show: ShowStage) -> l
     return [items[name] for name in OBJECTS]
 
 
-def _measure_all(items: Sequence[ObjectClouds], show: ShowStage) -> list[ObjectResult]:
+def _measure_objects(items: Sequence[ObjectClouds], show: ShowStage) -> list[ObjectResult]:
+    """The distances of all clouds of each object."""
     meshes = {item.printed_name: item.mesh for item in items}
     advance = _step_counter("matching", STEPS * len(items), show)
     return [measure(item, meshes, advance) for item in items]

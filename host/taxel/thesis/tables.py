@@ -87,6 +87,7 @@ def _number(results: Sequence[ObjectResult], first: int) -> Iterable[tuple[int, 
 
 
 def _build_points(results: Sequence[ObjectResult]) -> Table:
+    """Table 5.2: contact points of all grasps."""
     columns = ("grasps", "real_points", "sim_points", "real_over_sim")
     rows = []
     for result in results:
@@ -107,6 +108,7 @@ def _add_ratio(points: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def _build_untreated(results: Sequence[ObjectResult]) -> Table:
+    """Table 5.3: distances of the untreated clouds to the CAD models."""
     rows = []
     for result in results:
         force = select_rows("I_1_to_3_force_filter", result.printed_name)[0]
@@ -124,6 +126,7 @@ def _rms_and_mean(stats: DistanceStats) -> dict[str, float]:
 
 
 def _build_force(result: ObjectResult, number: int) -> Table:
+    """Tables I-1 to I-3: effect of the force filter on the real cloud of an object."""
     rows = []
     for row in select_rows("I_1_to_3_force_filter", result.printed_name):
         stats = result.force[int(row["threshold_counts"])]
@@ -134,6 +137,7 @@ def _build_force(result: ObjectResult, number: int) -> Table:
 
 
 def _build_sor(result: ObjectResult, number: int) -> Table:
+    """Tables I-4 to I-6: effect of the outlier filter on the real cloud of an object."""
     rows = []
     for row in select_rows("I_4_to_6_sor", result.printed_name):
         n, sigma = int(row["n_neighbors"]), float(row["n_sigma"])
@@ -149,6 +153,7 @@ def _add_removed(stats: DistanceStats, points_before: int) -> dict[str, float | 
 
 
 def _build_best_sor(results: Sequence[ObjectResult]) -> Table:
+    """Table 5.4: the best settings of the outlier filter."""
     rows = [
         Row(
             (result.printed_name,),
@@ -167,6 +172,7 @@ def find_best_sor(result: ObjectResult) -> tuple[int, float]:
 
 
 def _build_simulation(result: ObjectResult, number: int) -> Table:
+    """Tables I-7 to I-9: simulated cloud of an object before and after contact propagation."""
     printed = {row["stage"]: row for row in select_rows("I_7_to_9_simulation_cad", result.printed_name)}
     rows = tuple(
         Row((stage,), asdict(result.cad[cloud]), {"points": printed[stage]["points"], **get_distances(printed[stage])})
@@ -176,6 +182,7 @@ def _build_simulation(result: ObjectResult, number: int) -> Table:
 
 
 def _build_propagation(results: Sequence[ObjectResult]) -> Table:
+    """Table 5.5: effect of contact propagation on all objects."""
     rows = []
     for result in results:
         printed = select_rows("I_7_to_9_simulation_cad", result.printed_name)
@@ -187,6 +194,7 @@ def _build_propagation(results: Sequence[ObjectResult]) -> Table:
 
 
 def _build_to_sim(result: ObjectResult, number: int) -> Table:
+    """Tables I-10 to I-12: distances from the real to the simulated cloud of an object."""
     rows = []
     for row in select_rows("I_10_to_12_sim_to_real", result.printed_name):
         stats = result.to_sim[row["stage"]]
@@ -198,6 +206,7 @@ def _build_to_sim(result: ObjectResult, number: int) -> Table:
 
 
 def _build_contributions(results: Sequence[ObjectResult]) -> Table:
+    """Figure 5.13 as a table: share of each step in the decrease of the mean distance."""
     rows = []
     for result in results:
         printed_rows = select_rows("I_10_to_12_sim_to_real", result.printed_name)
@@ -221,6 +230,7 @@ def compute_contributions(by_stage: Mapping[str, float]) -> list[float]:
 
 
 def _build_cross(result: ObjectResult, side: str, cloud: str, number: int) -> Table:
+    """Tables I-13 to I-18: a cloud of an object on all CAD models."""
     rows = []
     for row in select_rows("I_13_to_18_cross_shape", result.printed_name, "cloud_object"):
         key = (side, row["cad_object"])

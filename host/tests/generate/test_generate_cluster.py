@@ -27,7 +27,7 @@ def scheduler():
 
 def test_cluster_generates_the_same_bytes(generated, read_files, scheduler, tmp_path):
     out = tmp_path / "cluster"
-    assert generate(generated.recipe, out, Cluster(scheduler.scheduler_address)).made == 5
+    assert generate(generated.recipe, out, Cluster(scheduler.scheduler_address)).generated_grasps == 5
     assert read_files(out) == read_files(generated.folder)
 
 

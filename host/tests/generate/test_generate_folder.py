@@ -101,7 +101,7 @@ def test_continued_run_gives_the_same_bytes_as_an_uninterrupted_one(generated, r
         generate(generated.recipe, out, InterruptedWorkers(1))
     assert sorted(read_files(out)) == ["recipe.json", "shard-00000.h5"]
     (out / ".shard-00001.h5.4711.part").write_bytes(b"incomplete")
-    assert generate(generated.recipe, out, Processes(1)).made == 3
+    assert generate(generated.recipe, out, Processes(1)).generated_grasps == 3
     assert read_files(out) == read_files(generated.folder)
 
 
@@ -134,7 +134,7 @@ def test_killed_run_of_two_processes_continues_to_the_same_bytes(generated, read
 
 def test_complete_folder_is_not_changed(generated, read_files):
     before = read_files(generated.folder)
-    assert generate(generated.recipe, generated.folder, NoWorkers()).made == 0
+    assert generate(generated.recipe, generated.folder, NoWorkers()).generated_grasps == 0
     assert read_files(generated.folder) == before
 
 

@@ -97,6 +97,7 @@ class EmulatedEquilibrium:
         return pose
 
     def _is_touching(self, travel: float) -> bool:
+        """Whether the object touches the skin after a travel of the mount, metres."""
         pose = self._rest.copy()
         pose[:3, 3] += travel * self._direction
         return self._contact.compute_load(self._index, pose, self._brackets).touched_board_count > 0

@@ -111,6 +111,7 @@ def _millimetres(*sizes: float) -> str:
 
 
 def _polytope(rng: np.random.Generator, name: str, sharp: ConvexPolytope, text: str) -> Indenter:
+    """An indenter with rounded edges. sharp: the solid without rounding. text: its description."""
     side = float(np.ptp(sharp.bounds, axis=0).min())
     shape = sharp.rounded(min(float(rng.uniform(*ROUNDING_M)), MAX_ROUNDING_SHARE * side), ROUNDING_STEP_RAD)
     return Indenter(GraspObject(name, shape, text), (*_faces(sharp), *_edges(sharp)))

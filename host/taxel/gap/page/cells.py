@@ -76,6 +76,7 @@ def make_table(
 
 
 def _as_cell(item: CellContent) -> Cell:
+    """A table cell for a text, a diagram or a cell; None becomes an empty cell."""
     if isinstance(item, Cell):
         return item
     if isinstance(item, Bar):

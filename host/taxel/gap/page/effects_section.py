@@ -42,6 +42,7 @@ def effects_section(report: CheckedReport) -> SectionData | None:
 
 
 def _axis_of_cards(named: list[ReportValue]) -> Axis:
+    """The common axis of the shrinks of all cards."""
     shrinks = [effect.optional_number(key) for effect in named for key in _SHRINKS]
     bounds = [effect.optional_interval("measured_shrink_ci95") or (0.0, 0.0) for effect in named]
     return Axis.over([*shrinks, *(end for pair in bounds for end in pair)])

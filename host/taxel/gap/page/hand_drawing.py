@@ -137,6 +137,7 @@ class UnrolledHand:
         return tuple(self._draw_view(view, self.excess[index], self.marks[index]) for view in self.views)
 
     def _draw_view(self, view: View, excess: Sequence[float], marks: Marks) -> ViewDrawing:
+        """The drawing of one view. excess: counts squared, [n]."""
         headings = tuple(Label(heading.x, heading.y, heading.label) for heading in view.headings)
         boards = tuple(self._draw_board(placed, excess, marks) for placed in view.boards)
         return ViewDrawing(view.title, view.width, view.height, headings, boards, _describe(view, excess))

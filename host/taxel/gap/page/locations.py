@@ -81,6 +81,7 @@ def effect_locations(report: CheckedReport, effect: ReportValue) -> str:
 
 
 def _sensor_text(report: CheckedReport, item: ReportValue) -> str:
+    """A board as text. item: an address or a table."""
     if isinstance(item.content, int):
         return board_text(report, item.as_integer(0, 255))
     return location_text(report, item)
@@ -96,6 +97,7 @@ def _line_text(report: CheckedReport, item: ReportValue) -> str:
 
 
 def _taxel_text(report: CheckedReport, item: ReportValue) -> str:
+    """A taxel as text. item: an index or a table."""
     if isinstance(item.content, int):
         return taxel_text(report, item.as_integer(0, 2**20))
     return location_text(report, item)

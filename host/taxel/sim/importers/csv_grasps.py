@@ -135,6 +135,7 @@ def _pose_grasp(table: CsvTable, rows: GraspRows, motion: HandMotion, options: I
 
 
 def _fail_without_object_pose(source: FileLocation, name: str) -> NoReturn:
+    """Raise ImportDataError for an object without a pose."""
     found = "no columns object_x ... object_qz and no calibrated pose"
     remedy = "add object_x, object_y, object_z, object_qw, object_qx, object_qy, object_qz, or give a calibration file"
     source.fail(f"the pose of {format_value(name)}", found, remedy)

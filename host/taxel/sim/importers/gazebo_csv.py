@@ -116,6 +116,7 @@ class _ContactPoints:
 
 
 def _make_contact_points(table: CsvTable, hand: Hand) -> _ContactPoints:
+    """The contact points of a table. Raises ImportDataError for the first error."""
     is_contact = _find_contact_rows(table)
     position = np.column_stack([table.numbers[name] for name in POSITION])
     return _ContactPoints(table, is_contact, position, _normal_forces(table, is_contact), _board_indices(table, hand))
@@ -233,6 +234,7 @@ def _board_indices(table: CsvTable, hand: Hand) -> NDArray[np.int64]:
 
 
 def _fail_for_distance(table: CsvTable, row: int, smallest_distance_m: float) -> NoReturn:
+    """Raise ImportDataError for a grasp whose contacts are all far from the hand."""
     expected = f"contacts of a grasp on the hand, at least one within {FAR_M * 1000:g} mm of a taxel"
     remedy = "give metres, in the frame of the hand's poses (the base of the robot)"
     table.at(row, "x").fail(expected, f"the nearest {smallest_distance_m:.3g} m away", remedy)

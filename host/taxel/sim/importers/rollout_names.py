@@ -105,6 +105,7 @@ def find_parts(model: mujoco.MjModel, hand: Hand, model_map: Mapping[str, Any], 
 
 
 def _require_table(value: Any, location: FileLocation) -> dict[str, Any]:
+    """The value as a dictionary. Raises ImportDataError for another type."""
     if not isinstance(value, Mapping):
         location.fail("a table", format_value(value), "write it as in docs/how-to-import.md")
     return dict(value)
@@ -136,6 +137,7 @@ class _PartFinder:
         return kind, self.names[kind].index(name)
 
     def _fail_for_unknown_name(self, name: str, kinds: Sequence[str], location: FileLocation) -> None:
+        """Raise ImportDataError for a name that the model lacks."""
         known_names = dict.fromkeys(name for kind in kinds for name in self.names[kind] if name)
         found = f"{format_value(name)}, which the model lacks"
         location.fail(f"a {' or '.join(kinds)} of the model", found, suggest_names(name, known_names))
