@@ -16,7 +16,7 @@ from typing import Any, Final, get_type_hints
 from hil_tests.harness.errors import RigError
 from hil_tests.harness.interfaces import INTERFACES
 from taxel.errors import TaxelError
-from taxel.plugins import HIL_DRIVERS, load_plugin, plugin_names
+from taxel.plugins import HIL_DRIVERS, list_plugin_names, load_plugin
 
 DRIVERS: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -65,7 +65,7 @@ class RegisteredDriver:
 def driver_names(device: str) -> tuple[str, ...]:
     """Names of all drivers of a device, in alphabetical order. Raises `PluginError` if two packages use one name."""
     prefix = f"{device}."
-    names = plugin_names(HIL_DRIVERS, DRIVERS)
+    names = list_plugin_names(HIL_DRIVERS, DRIVERS)
     return tuple(sorted(name.removeprefix(prefix) for name in names if name.startswith(prefix)))
 
 

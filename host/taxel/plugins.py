@@ -39,12 +39,12 @@ class PluginError(TaxelError):
     """An entry point cannot be used. The text names the group, the entry point and the distribution."""
 
 
-def plugin_names(group: str, built_in: Mapping[str, str] = NO_NAMES) -> tuple[str, ...]:
+def list_plugin_names(group: str, built_in: Mapping[str, str] = NO_NAMES) -> tuple[str, ...]:
     """All names of a group: the project's own in their order, then those of other packages in alphabetical order.
 
     Raises `PluginError` if two distributions use one name.
     """
-    return (*built_in, *sorted(_added(group, built_in)))
+    return (*built_in, *sorted(_list_added_points(group, built_in)))
 
 
 def load_plugin(group: str, name: str, built_in: Mapping[str, str] = NO_NAMES) -> Any:
@@ -56,7 +56,7 @@ def load_plugin(group: str, name: str, built_in: Mapping[str, str] = NO_NAMES) -
     if name in built_in:
         module, _, attribute = built_in[name].partition(":")
         return getattr(import_module(module), attribute)
-    point = _added(group, built_in)[name]
+    point = _list_added_points(group, built_in)[name]
     try:
         return point.load()
     except Exception as error:  # a plug-in may raise anything while it is imported
@@ -79,15 +79,17 @@ def unusable_plugin(group: str, name: str, problem: str) -> PluginError:
 
 def plugin_distribution(group: str, name: str) -> str:
     """Name of the installed package that adds an entry point; the project's own for a name that no entry point has."""
-    return next((_distribution_name(point) for point in _entry_points(group) if point.name == name), OWN_DISTRIBUTION)
+    return next(
+        (_distribution_name(point) for point in _list_entry_points(group) if point.name == name), OWN_DISTRIBUTION
+    )
 
 
-def _added(group: str, built_in: Mapping[str, str]) -> dict[str, EntryPoint]:
+def _list_added_points(group: str, built_in: Mapping[str, str]) -> dict[str, EntryPoint]:
     """Entry points of other packages, by name. The project's own entry points that repeat a built-in name are left
     out.
     """
     added: dict[str, EntryPoint] = {}
-    for point in _entry_points(group):
+    for point in _list_entry_points(group):
         if built_in.get(point.name) == point.value:
             continue
         if point.name in built_in or (point.name in added and added[point.name].value != point.value):
@@ -102,11 +104,11 @@ def _added(group: str, built_in: Mapping[str, str]) -> dict[str, EntryPoint]:
 
 def refresh_plugins() -> None:
     """Read the installed entry points again, after a package was installed or removed while the program runs."""
-    _entry_points.cache_clear()
+    _list_entry_points.cache_clear()
 
 
 @cache
-def _entry_points(group: str) -> tuple[EntryPoint, ...]:
+def _list_entry_points(group: str) -> tuple[EntryPoint, ...]:
     return tuple(entry_points(group=group))
 
 

@@ -27,7 +27,7 @@ from construct_oracle import TO_HOST, Frame, count_losses, parse_stream
 from taxel.stream import StreamDecoder
 from taxel.stream.decoder import Batch
 from taxel.stream.deframer import Deframer
-from taxel.stream.native import codec_library
+from taxel.stream.native import load_codec_library
 from taxel_protocol import FrameType, ReferenceDecoder, crc32, encode_frame
 from taxel_protocol.frames import FRAMES
 from taxel_protocol.limits import ADDRESS_MIN, WHO_AM_I
@@ -47,7 +47,7 @@ class Decoders:
     """The decoders under test; each method decodes a complete stream."""
 
     def __init__(self) -> None:
-        self._library = codec_library()
+        self._library = load_codec_library()
         self._deframer = Deframer(self._library)
         self._decoder = StreamDecoder()
 

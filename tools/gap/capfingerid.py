@@ -46,8 +46,8 @@ from taxel.recording import (
     SensorTable,
     TaxelTable,
     TouchRecording,
+    list_recordings,
     load_recording,
-    recordings,
 )
 from taxel.recording.capfingerid import COLUMNS, ROWS
 from taxel.types import FloatArray
@@ -266,7 +266,7 @@ def run(folder: Path, recorded: list[Frames], splits: int, seed: int, show: Call
 def read_recordings(data: Path | None) -> list[Frames]:
     """Recordings of a folder of text files; None: those of the library. Raises `TaxelError`."""
     if data is None:
-        return [Frames.from_recording(load_recording(name)) for name in recordings()]
+        return [Frames.from_recording(load_recording(name)) for name in list_recordings()]
     importer = runpy.run_path(str(Path(__file__).resolve().parents[1] / "import_capfingerid.py"))
     paths = sorted(data.glob("CapMatrix_*.txt"))
     if not paths:

@@ -15,7 +15,7 @@ from taxel.demonstration import DEMO_CONTACTS, ContactOutcome, run_demonstration
 from taxel.hand import load_hand
 from taxel.hand.heat_map import save_heat_map
 from taxel.optional import require_packages
-from taxel.recording import load_recording, recordings
+from taxel.recording import list_recordings, load_recording
 from taxel.recording.replay import ReplayOptions, replay_touches
 
 
@@ -107,7 +107,7 @@ def _measured_touches(console: Console, out: Path, seconds: float) -> None:
         f"[bold]2. Measured touches[/bold] (CapFingerId recordings, MIT licence), {seconds:g} s each, "
         "through the same path"
     )
-    for name in recordings():
+    for name in list_recordings():
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder, console.status(f"replaying {name}"):
             score = replay_touches(load_recording(name), hand, ReplayOptions(seconds=seconds), Path(folder))
         console.print(f"{name}: {score}")

@@ -16,7 +16,7 @@ from taxel.cli.renamed_options import refuse_renamed
 from taxel.errors import TaxelError
 from taxel.optional import missing_package
 from taxel.plugins import COMMANDS as COMMANDS_GROUP
-from taxel.plugins import plugin_distribution, plugin_names
+from taxel.plugins import list_plugin_names, plugin_distribution
 from taxel.version import VERSION
 
 COMPLETION_VARIABLE: Final = "_TAXEL_COMPLETE"
@@ -39,7 +39,7 @@ def build_app(name: str = "", *, loads_all: bool = False) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_options)
-    available = plugin_names(COMMANDS_GROUP, _TARGETS)
+    available = list_plugin_names(COMMANDS_GROUP, _TARGETS)
     in_order = [command for command in COMMANDS if command in available]
     for command in [*in_order, *(command for command in available if command not in COMMANDS)]:
         entry = COMMANDS.get(command)

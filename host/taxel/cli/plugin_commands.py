@@ -8,7 +8,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from taxel.errors import TaxelError
 from taxel.optional import missing_package
-from taxel.plugins import IMPORTERS, PluginError, load_plugin, plugin_names, unusable_plugin
+from taxel.plugins import IMPORTERS, PluginError, list_plugin_names, load_plugin, unusable_plugin
 
 
 def load_command(group: str, name: str, built_in: Mapping[str, str], extra: str | None = None) -> Any:
@@ -35,7 +35,7 @@ class ImporterGroup(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names of all importers. Raises `PluginError` if two packages use one name."""
-        return [*plugin_names(IMPORTERS, dict.fromkeys(self.commands, ""))]
+        return [*list_plugin_names(IMPORTERS, dict.fromkeys(self.commands, ""))]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """One importer, imported now if another package adds it; None for an unknown name."""

@@ -11,7 +11,7 @@ from taxel.ros.node import JointListener, Node, open_node
 from taxel.ros.pace import Pace
 from taxel.ros.topics import NS_PER_S, SkinTopics
 from taxel.skin import Skin, open_skin
-from taxel.skin.recorder import joint_source
+from taxel.skin.recorder import make_joint_source
 from taxel.stream.frame_stream import has_arrivals
 from taxel.types import FloatArray
 
@@ -60,7 +60,7 @@ def publish_skin(
     """
     publisher = open_node() if node is None else node
     try:
-        joints = joint_source(angles)
+        joints = make_joint_source(angles)
         if joint_topic is not None:
             joints = JointListener(publisher, joint_topic, build_kinematics(skin.hand).robot.joint_names)
         first_s: float | None = None

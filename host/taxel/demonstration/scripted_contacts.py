@@ -82,11 +82,11 @@ def run_demonstration(hand: Hand, seed: int, advance: Callable[[str, float], Non
         with open_skin(f"emulator:?speed=max&seed={seed}&stimulus={stimulus}", hand) as skin:
             advance("booting", 1.0)
             baseline = skin.take_baseline(progress=lambda fraction: advance("baseline, 100 samples", fraction))
-            scans = _scans_until(skin, end, advance)
-            return _report(skin, scans, baseline)
+            scans = _collect_scans_until(skin, end, advance)
+            return _summarise(skin, scans, baseline)
 
 
-def _scans_until(skin: Skin, end_s: float, advance: Callable[[str, float], None]) -> list[SkinFrame]:
+def _collect_scans_until(skin: Skin, end_s: float, advance: Callable[[str, float], None]) -> list[SkinFrame]:
     scans = []
     for scan in skin.scans():
         scans.append(scan)
@@ -96,7 +96,7 @@ def _scans_until(skin: Skin, end_s: float, advance: Callable[[str, float], None]
     return scans
 
 
-def _report(skin: Skin, scans: list[SkinFrame], baseline: BaselineResult) -> DemonstrationResult:
+def _summarise(skin: Skin, scans: list[SkinFrame], baseline: BaselineResult) -> DemonstrationResult:
     activation = Activation(baseline.mean)
     times = np.array([scan.time_s for scan in scans])
     frames = activation(np.stack([scan.raw_counts for scan in scans]), np.stack([scan.valid for scan in scans]))

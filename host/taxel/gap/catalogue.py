@@ -21,7 +21,7 @@ from taxel.gap.effects.saturation import Saturation
 from taxel.gap.effects.sticking import Sticking
 from taxel.gap.effects.stiffness import Sinking, Stiffness
 from taxel.gap.errors import GapInputError
-from taxel.plugins import EFFECTS, PluginError, load_plugin, plugin_names
+from taxel.plugins import EFFECTS, PluginError, list_plugin_names, load_plugin
 
 DROPOUT = "dropout"
 
@@ -61,7 +61,7 @@ def all_effects() -> Mapping[str, tuple[Effect, ...]]:
     An entry point of the group `taxel.effects` names a sequence of `Effect` objects whose `name` is the entry point's
     name. Raises `PluginError` for an entry point that cannot be loaded or names something else.
     """
-    added = plugin_names(EFFECTS, dict.fromkeys(OWN_EFFECTS, ""))[len(OWN_EFFECTS) :]
+    added = list_plugin_names(EFFECTS, dict.fromkeys(OWN_EFFECTS, ""))[len(OWN_EFFECTS) :]
     return MappingProxyType({**OWN_EFFECTS, **{name: _plugin_effect(name) for name in added}})
 
 

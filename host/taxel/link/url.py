@@ -8,7 +8,7 @@ from urllib.parse import SplitResult, parse_qs, urlsplit
 from taxel.link.base import Link
 from taxel.link.errors import LinkError
 from taxel.link.serial_port import SerialLink
-from taxel.plugins import LINKS, load_plugin, plugin_names
+from taxel.plugins import LINKS, list_plugin_names, load_plugin
 
 LOWEST_BAUD, HIGHEST_BAUD = 1e3, 1e8
 
@@ -27,13 +27,13 @@ def open_link(url: str, hand: Any = None) -> Link:
     with one line that states what to do.
     """
     scheme, colon, _ = url.partition(":")
-    if colon and scheme in plugin_names(LINKS, OWN_SCHEMES):
+    if colon and scheme in list_plugin_names(LINKS, OWN_SCHEMES):
         opener = load_plugin(LINKS, scheme, OWN_SCHEMES)
         link: Link = opener(url, hand)
         return link
     if url.startswith("/dev/") or "://" in url:
         return SerialLink(url)
-    expected = ", ".join(f"{name}:" for name in plugin_names(LINKS, OWN_SCHEMES))
+    expected = ", ".join(f"{name}:" for name in list_plugin_names(LINKS, OWN_SCHEMES))
     raise LinkError(url, f"is not a URL that can be opened; expected a serial port (/dev/...) or one of {expected}")
 
 

@@ -13,13 +13,13 @@ MAX_NAMED_BOARDS = 3
 """Largest number of boards that one line names."""
 
 
-def advice_for(reading: SkinReading, skin: Skin) -> str | None:
+def make_advice(reading: SkinReading, skin: Skin) -> str | None:
     """Advice for a reading of `skin`; None if there is no problem."""
     name, is_recorded = skin.link.name, skin.link.is_recorded
     if reading.is_ended:
         return f"{name} has ended" if reading.frames else f"{name} has ended without a frame: is it a stream of a hub?"
     if not reading.frames:
-        return _no_frame_advice(reading, skin) if reading.watched_s > GRACE_S and not is_recorded else None
+        return _advise_without_frames(reading, skin) if reading.watched_s > GRACE_S and not is_recorded else None
     if not reading.boards_streaming and not is_recorded:
         silent_s = min(board.silent_s for board in reading.boards if board.silent_s is not None)
         return f"no frames for {silent_s:.0f} s: check the hub's power and its cable to this computer"
@@ -40,7 +40,7 @@ def advice_for(reading: SkinReading, skin: Skin) -> str | None:
     return None
 
 
-def _no_frame_advice(reading: SkinReading, skin: Skin) -> str:
+def _advise_without_frames(reading: SkinReading, skin: Skin) -> str:
     if skin.hub.boards:
         count = len(skin.hub.boards)
         return f"the hub reports {count} boards, but no frame arrives: does another program read {skin.link.name}?"

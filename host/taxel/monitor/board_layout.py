@@ -22,7 +22,7 @@ LONGEST_LABEL = 12
 
 @dataclass(frozen=True)
 class PlacedBoard:
-    """A board. (x, y): start upper corner of its block. label_x: start of the label in the row above the block."""
+    """A board. (x, y): upper left corner of its block. label_x: start of the label in the row above the block."""
 
     board: Board
     label: str
@@ -51,7 +51,7 @@ class BoardLayout:
     headings: tuple[Heading, ...] = ()
 
 
-def _block_height(board: Board, scale: int) -> int:
+def _compute_block_height(board: Board, scale: int) -> int:
     """Height of the block of a board, characters."""
     return -(-board.kind.tx_count * scale // 2)
 
@@ -79,18 +79,20 @@ def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
         boards = [(column, by_name[name]) for column, name in enumerate(row) if name in by_name]
         if not boards:
             continue
-        tallest = max(_block_height(board, scale) for _, board in boards)
+        tallest = max(_compute_block_height(board, scale) for _, board in boards)
         for column, board in boards:
             x = column_starts[column] + (widths[column] - scale * board.kind.rx_count) // 2
-            y = top + 1 + tallest - _block_height(board, scale)
+            y = top + 1 + tallest - _compute_block_height(board, scale)
             label = get_short_name(board.name)
             placed.append(
-                PlacedBoard(board, label, x, y, column_starts[column] + _centre_offset(label, widths[column]))
+                PlacedBoard(board, label, x, y, column_starts[column] + _compute_centre_offset(label, widths[column]))
             )
             finger = fingers[column]
             if column not in headed_columns and board.name.endswith(finger):
                 headed_columns.add(column)
-                headings.append(Heading(finger, column_starts[column] + _centre_offset(finger, widths[column]), y - 2))
+                headings.append(
+                    Heading(finger, column_starts[column] + _compute_centre_offset(finger, widths[column]), y - 2)
+                )
         top += tallest + 1
     if any(name in by_name for row in BACK for name in row):
         headings.append(Heading("back of the hand", column_starts[len(FINGERS)], 0))
@@ -103,15 +105,15 @@ def layout_rows(hand: Hand, width: int, scale: int = 1) -> BoardLayout:
     placed: list[PlacedBoard] = []
     top = widest = 0
     for row in rows:
-        tallest = max(_block_height(board, scale) for board in row)
+        tallest = max(_compute_block_height(board, scale) for board in row)
         start = 0
         for board in row:
-            label = _label(board.name)
+            label = _shorten_name(board.name)
             block = scale * board.kind.rx_count
             column = max(block, len(label))
-            y = top + 1 + tallest - _block_height(board, scale)
+            y = top + 1 + tallest - _compute_block_height(board, scale)
             x = start + (column - block) // 2
-            placed.append(PlacedBoard(board, label, x, y, start + _centre_offset(label, column)))
+            placed.append(PlacedBoard(board, label, x, y, start + _compute_centre_offset(label, column)))
             start += column + 1
         widest = max(widest, start - 1)
         top += tallest + 1
@@ -122,9 +124,9 @@ def _split_rows(hand: Hand, width: int, scale: int) -> list[list[Board]]:
     """The boards in rows of at most `width` characters; each group of boards starts a row."""
     rows: list[list[Board]] = []
     used = 0
-    for group in _groups(hand.boards):
+    for group in _group_by_height(hand.boards):
         for number, board in enumerate(group):
-            column = max(scale * board.kind.rx_count, len(_label(board.name)))
+            column = max(scale * board.kind.rx_count, len(_shorten_name(board.name)))
             if number == 0 or used + 1 + column > width:
                 rows.append([])
                 used = 0
@@ -133,7 +135,7 @@ def _split_rows(hand: Hand, width: int, scale: int) -> list[list[Board]]:
     return rows
 
 
-def _groups(boards: Sequence[Board]) -> list[list[Board]]:
+def _group_by_height(boards: Sequence[Board]) -> list[list[Board]]:
     """Boards of similar height: the default hand's tips and plates, proximal and medial boards; else one group."""
     prefixes = tuple(prefix for prefix, _ in _SHORT_PREFIXES)
     groups: dict[str, list[Board]] = {}
@@ -147,7 +149,7 @@ def _groups(boards: Sequence[Board]) -> list[list[Board]]:
     return list(groups.values())
 
 
-def _label(name: str) -> str:
+def _shorten_name(name: str) -> str:
     for prefix, short in _SHORT_PREFIXES:
         if name.startswith(prefix):
             return name.replace(prefix, short)
@@ -155,5 +157,5 @@ def _label(name: str) -> str:
     return label if len(label) <= LONGEST_LABEL else label[: LONGEST_LABEL - 1] + "…"
 
 
-def _centre_offset(text: str, width: int) -> int:
+def _compute_centre_offset(text: str, width: int) -> int:
     return max(0, (width - len(text)) // 2)

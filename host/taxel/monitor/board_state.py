@@ -104,10 +104,10 @@ class BoardState:
             active=int(activation.active.sum()) if activation else 0,
             largest_signal=float(activation.signal_counts.max()) if activation else float("nan"),
             baseline=self.progress,
-            state="streaming" if is_sending else self._state_name(status, is_expected),
+            state="streaming" if is_sending else self._get_state_name(status, is_expected),
         )
 
-    def _state_name(self, status: Mapping[str, Any] | None, is_expected: bool) -> str:
+    def _get_state_name(self, status: Mapping[str, Any] | None, is_expected: bool) -> str:
         name = _STATE_NAMES.get(status["state"]) if status is not None else None
         if name is not None:
             return name

@@ -73,24 +73,24 @@ class Canvas:
             borders = [0, *(np.flatnonzero(np.diff(styles)) + 1).tolist(), self.width]
             text = "".join(glyphs.tolist())
             for start, end in pairwise(borders):
-                yield Segment(text[start:end], self._style(int(styles[start])))
+                yield Segment(text[start:end], self._get_style(int(styles[start])))
             if number < self.height - 1:
                 yield Segment.line()
 
-    def _style(self, number: int) -> Style:
+    def _get_style(self, number: int) -> Style:
         if number < _FIRST_PAIR:
-            return _text_style(self._style_names[number])
+            return _parse_style(self._style_names[number])
         upper, lower = divmod(number - _FIRST_PAIR, _STEP_VALUES)
-        return _pair_style(upper - 1, lower - 1)
+        return _make_pair_style(upper - 1, lower - 1)
 
 
 @lru_cache(maxsize=256)
-def _text_style(style: str) -> Style:
+def _parse_style(style: str) -> Style:
     return Style.parse(style)
 
 
 @lru_cache(maxsize=4096)
-def _pair_style(upper: int, lower: int) -> Style:
+def _make_pair_style(upper: int, lower: int) -> Style:
     """Style of a half block: `▀` with the upper taxel as foreground, or `▄` if there is no upper taxel."""
     if upper == NOTHING:
         return Style(color=_colour(lower))

@@ -43,7 +43,7 @@ class History:
         """Signals of the taxels `index` [k], f32[t, k], counts; NaN where unknown."""
         return np.asarray(self._signals[np.ix_(self._rows(), index)])
 
-    def most_active(self, count: int) -> IndexArray:
+    def find_most_active(self, count: int) -> IndexArray:
         """The taxels with the largest signals of all stored readings, largest first, taxels without a signal last."""
         signals = self._signals[self._rows()]
         largest = np.nan_to_num(signals, nan=-np.inf).max(axis=0, initial=-np.inf)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from taxel.monitor.advice import advice_for
+from taxel.monitor.advice import make_advice
 from taxel.monitor.board_state import BoardState
 from taxel.monitor.rates import RecentRate
 from taxel.monitor.reading import BoardReading, SkinReading
@@ -98,18 +98,18 @@ class SkinMonitor:
             boards=tuple(boards),
             time_s=self._newest_s,
             watched_s=now_s - self._started_s,
-            age_s=self._ages(),
+            age_s=self._compute_ages(),
             disturbed=sum(state.disturbed for state in states),
             suspect=suspect,
             baseline=sum(progress) / len(progress) if progress else 0.0,
             cpu_share=float(self._cpu.update([now_s], [time.process_time()])[0]),
             is_ended=is_ended,
             advice=None,
-            **self._counts(boards),
+            **self._read_counters(boards),
         )
-        return replace(reading, advice=advice_for(reading, self.skin))
+        return replace(reading, advice=make_advice(reading, self.skin))
 
-    def _counts(self, boards: list[BoardReading]) -> dict[str, Any]:
+    def _read_counters(self, boards: list[BoardReading]) -> dict[str, Any]:
         """Counters of the stream and the hub, by the names of `SkinReading`."""
         losses, status = self.skin.losses, self.skin.hub.status
         return {
@@ -127,7 +127,7 @@ class SkinMonitor:
             "cycle_s": status["cycle_time_us"] * 1e-6 if status else None,
         }
 
-    def _ages(self) -> tuple[float, float] | None:
+    def _compute_ages(self) -> tuple[float, float] | None:
         if not self._ages_s:
             return None
         ages = np.array(self._ages_s)

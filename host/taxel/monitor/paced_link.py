@@ -40,7 +40,7 @@ class PacedLink:
             self._next = self._link.read(timeout_s)
             if self._next is None:
                 return None
-        wait_s = self._due_s(self._next) - time.monotonic()
+        wait_s = self._compute_due_s(self._next) - time.monotonic()
         if wait_s > 0.0:
             if self._has_returned_chunk:
                 self._has_returned_chunk = False
@@ -51,7 +51,7 @@ class PacedLink:
         chunk, self._next, self._has_returned_chunk = self._next, None, True
         return chunk
 
-    def _due_s(self, chunk: Chunk) -> float:
+    def _compute_due_s(self, chunk: Chunk) -> float:
         if self._first_ns is None:
             self._first_ns, self._started_s = chunk.arrival_ns, time.monotonic()
         return self._started_s + (chunk.arrival_ns - self._first_ns) * 1e-9 / self._speed

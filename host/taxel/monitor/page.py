@@ -5,7 +5,7 @@ from html import escape
 
 from taxel.monitor.colours import INACTIVE_STEPS, STEPS, TABLE
 from taxel.monitor.reading import BoardReading, SkinReading
-from taxel.monitor.summary_text import Part, error_parts, load_parts, rate_parts
+from taxel.monitor.summary_text import Part, format_errors, format_load, format_rates
 
 _HEADINGS = (
     ("board", "the address is shown over the name"),
@@ -22,10 +22,10 @@ _NUMBER_STYLE = "padding:0.05em 0.3em;text-align:right;white-space:nowrap"
 _NAME_STYLE = "padding:0.05em 0.3em;text-align:left;white-space:nowrap"
 
 
-def status_html(reading: SkinReading, title: str) -> str:
+def format_status_html(reading: SkinReading, title: str) -> str:
     """Rates, errors, load and advice."""
-    load = f'<span style="{_MUTED_STYLE}">{_join_parts(load_parts(reading))}</span>'
-    rows = [_join_parts(rate_parts(reading)), _join_parts(error_parts(reading)), load]
+    load = f'<span style="{_MUTED_STYLE}">{_join_parts(format_load(reading))}</span>'
+    rows = [_join_parts(format_rates(reading)), _join_parts(format_errors(reading)), load]
     advice = f'<div style="color:#b9770e;font-weight:600">{escape(reading.advice)}</div>' if reading.advice else ""
     body = "".join(f"<div>{row}</div>" for row in rows)
     return f'<div style="padding:0.2em 1em;font-size:0.85em"><b>{escape(title)}</b>{body}{advice}</div>'
@@ -35,41 +35,41 @@ def _join_parts(parts: list[Part]) -> str:
     return " &middot; ".join(f'<span style="{_BAD_STYLE}">{text}</span>' if is_bad else text for text, is_bad in parts)
 
 
-def legend_html(threshold: float, top: float) -> str:
+def format_legend_html(threshold: float, top: float) -> str:
     """The colour scale. threshold, top: activation threshold and end of the scale, counts."""
     return (
         f'<div style="padding:0.2em 1em;font-size:0.8em;{_MUTED_STYLE}">signal (counts below the baseline)</div>'
         '<div style="padding:0 1em 0.3em;font-size:0.8em;display:flex;align-items:center;gap:0.4em">0'
-        f'<span style="flex:1;height:0.9em;background:{_gradient(0, INACTIVE_STEPS - 1)}"></span>{threshold:g}'
-        f'<span style="flex:3;height:0.9em;background:{_gradient(INACTIVE_STEPS, STEPS - 1)}"></span>{top:g}'
-        f'<span style="width:0.9em;height:0.9em;background:{_rgb(STEPS)}"></span>no data</div>'
+        f'<span style="flex:1;height:0.9em;background:{_format_gradient(0, INACTIVE_STEPS - 1)}"></span>{threshold:g}'
+        f'<span style="flex:3;height:0.9em;background:{_format_gradient(INACTIVE_STEPS, STEPS - 1)}"></span>{top:g}'
+        f'<span style="width:0.9em;height:0.9em;background:{_format_rgb(STEPS)}"></span>no data</div>'
     )
 
 
-def _gradient(first: int, last: int) -> str:
+def _format_gradient(first: int, last: int) -> str:
     stops = [first + (last - first) * i // 6 for i in range(7)]
-    return f"linear-gradient(to right,{','.join(_rgb(step) for step in stops)})"
+    return f"linear-gradient(to right,{','.join(_format_rgb(step) for step in stops)})"
 
 
-def _rgb(step: int) -> str:
+def _format_rgb(step: int) -> str:
     red, green, blue = TABLE[step].tolist()
     return f"rgb({red},{green},{blue})"
 
 
-def table_html(reading: SkinReading) -> str:
+def format_table_html(reading: SkinReading) -> str:
     """A table with one row for each board."""
     head = "".join(
         f'<th style="{_NAME_STYLE if name == "board" else _NUMBER_STYLE}" title="{text}">{name}</th>'
         for name, text in _HEADINGS
     )
-    rows = "".join(_row(board) for board in reading.boards)
+    rows = "".join(_format_row(board) for board in reading.boards)
     return (
         '<div style="padding:0.2em 0.6em;overflow-x:auto"><table style="font-size:0.72em;border-collapse:collapse;'
         f'font-variant-numeric:tabular-nums"><tr>{head}</tr>{rows}</table></div>'
     )
 
 
-def _row(board: BoardReading) -> str:
+def _format_row(board: BoardReading) -> str:
     style = _BAD_STYLE if not board.is_streaming else "font-weight:600" if board.active else ""
     active = str(board.active) if board.baseline >= 1.0 else f"{100 * board.baseline:.0f} %"
     values = [

@@ -135,11 +135,11 @@ class SkinReading:
             "age_s": None if self.age_s is None else [round(age, 4) for age in self.age_s],
             "cpu_share": round(self.cpu_share, 3),
             "advice": self.advice,
-            "boards": [_board_dict(board) for board in self.boards],
+            "boards": [_make_board_dict(board) for board in self.boards],
         }
 
 
-def _board_dict(reading: BoardReading) -> dict[str, Any]:
+def _make_board_dict(reading: BoardReading) -> dict[str, Any]:
     return {
         "address": reading.board.address,
         "name": reading.board.name,

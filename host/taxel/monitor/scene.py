@@ -62,7 +62,7 @@ def build_scene(hand: Hand) -> HandScene:
     if ROOT in robot.link_names:
         robot = robot.get_subtree(ROOT)
     kinematics = Kinematics(robot, hand)
-    angles = _drawn_angles(robot)
+    angles = _compute_drawn_angles(robot)
     links, brackets = kinematics.compute_link_poses(angles), kinematics.compute_sensor_poses(angles)
     position, normal = compute_taxel_positions(hand, brackets), compute_taxel_normals(hand, brackets)
     distal = np.einsum("nij,nj->ni", brackets[hand.board_index, :3, :3], hand.distal)
@@ -74,16 +74,16 @@ def build_scene(hand: Hand) -> HandScene:
         size_m=hand.size_m,
         links=tuple((shape, links[robot.get_link_index(shape.link_name)] @ shape.origin) for shape in robot.shapes),
         board_position=np.array(centres),
-        outwards=_unit(normal[first].mean(axis=0)),
-        up=_unit(distal[first].mean(axis=0)),
+        outwards=_normalise(normal[first].mean(axis=0)),
+        up=_normalise(distal[first].mean(axis=0)),
     )
 
 
-def _drawn_angles(robot: Robot) -> FloatArray:
+def _compute_drawn_angles(robot: Robot) -> FloatArray:
     angles = np.array([OPEN_HAND.get(name, 0.0) for name in robot.joint_names])
     return np.asarray(np.clip(angles, robot.lower, robot.upper))
 
 
-def _unit(vector: FloatArray) -> FloatArray:
+def _normalise(vector: FloatArray) -> FloatArray:
     length = float(np.linalg.norm(vector))
     return vector / length if length > 0.0 else np.array([0.0, 0.0, 1.0])

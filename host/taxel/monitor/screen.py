@@ -11,7 +11,7 @@ from taxel.monitor.board_layout import BoardLayout, PlacedBoard, layout_rows, la
 from taxel.monitor.canvas import NOTHING, Canvas
 from taxel.monitor.colours import INACTIVE_STEPS, STEPS, ColourScale, colour_steps
 from taxel.monitor.reading import BoardReading, SkinReading
-from taxel.monitor.summary_text import Part, error_parts, load_parts, rate_parts
+from taxel.monitor.summary_text import Part, format_errors, format_load, format_rates
 from taxel.types import IndexArray
 
 HEADER_ROWS = 4
@@ -32,7 +32,7 @@ _COLUMNS: tuple[tuple[str, int, Callable[[BoardReading], str]], ...] = (
     ("bus", 5, lambda b: "-" if b.bus_faults is None else str(b.bus_faults)),
     ("state", -12, lambda b: b.state),
 )
-"""Heading, width (negative: aligned to the first_column) and text of each column of the table."""
+"""Heading, width (negative: aligned to the left) and text of each column of the table."""
 
 TABLE_WIDTH = sum(abs(width) for _, width, _ in _COLUMNS) + len(_COLUMNS) - 1
 
@@ -72,8 +72,8 @@ class Screen:
         space = canvas.width - column - len(clock) - 1
         canvas.write(0, column + 1, _truncate(self._title, space), "bold")
         canvas.write(0, canvas.width - len(clock), clock, DIM)
-        _write_parts(canvas, 1, rate_parts(reading))
-        end = _write_parts(canvas, 2, [*error_parts(reading), *load_parts(reading)])
+        _write_parts(canvas, 1, format_rates(reading))
+        end = _write_parts(canvas, 2, [*format_errors(reading), *format_load(reading)])
         top_text = f" {top:g} counts"
         legend_column = canvas.width - len(top_text) - LEGEND_WIDTH - 7
         if has_colour and legend_column > end + 1:
@@ -101,7 +101,7 @@ class Screen:
 
     def _draw_map(self, canvas: Canvas, reading: SkinReading, layout: BoardLayout, top: float) -> None:
         steps = colour_steps(reading.signal_counts, self._scale.threshold, top)
-        scale, rows, columns = layout.scale, *_taxel_positions(self._hand, layout)
+        scale, rows, columns = layout.scale, *_locate_taxels(self._hand, layout)
         picture = np.full((2 * layout.height, layout.width), NOTHING, dtype=np.intp)
         active = np.zeros_like(picture, dtype=bool)
         for down in range(scale):
@@ -130,7 +130,7 @@ def _arrange(
     hand: Hand, width: int, height: int, table_height: int
 ) -> tuple[BoardLayout | None, tuple[int, int] | None]:
     """The largest layout that fits, and the corner (row, column) of the table beside or below it, if the table fits."""
-    layouts = [layout for layout in _layouts(hand, width) if layout.width <= width and layout.height <= height]
+    layouts = [layout for layout in _list_layouts(hand, width) if layout.width <= width and layout.height <= height]
     for layout in layouts:
         if layout.width + TABLE_GAP + TABLE_WIDTH <= width and table_height <= height:
             return layout, (0, layout.width + TABLE_GAP)
@@ -140,7 +140,7 @@ def _arrange(
 
 
 @lru_cache(maxsize=8)
-def _layouts(hand: Hand, width: int) -> Sequence[BoardLayout]:
+def _list_layouts(hand: Hand, width: int) -> Sequence[BoardLayout]:
     """Layouts of a hand, the best first."""
     unrolled = [layout_unrolled(hand, 2), layout_unrolled(hand, 1)]
     layouts = [layout for layout in unrolled if layout is not None]
@@ -150,8 +150,8 @@ def _layouts(hand: Hand, width: int) -> Sequence[BoardLayout]:
 
 
 @lru_cache(maxsize=8)
-def _taxel_positions(hand: Hand, layout: BoardLayout) -> tuple[IndexArray, IndexArray]:
-    """Row (in half characters) and column of each taxel's first_column upper corner, [n] each."""
+def _locate_taxels(hand: Hand, layout: BoardLayout) -> tuple[IndexArray, IndexArray]:
+    """Row (in half characters) and column of each taxel's upper left corner, [n] each."""
     rows = np.zeros(hand.n_taxels, dtype=np.intp)
     columns = np.zeros(hand.n_taxels, dtype=np.intp)
     for placed in layout.boards:

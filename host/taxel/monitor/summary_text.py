@@ -13,7 +13,7 @@ that are not in real time wait for the reader.
 Part = tuple[str, bool]
 
 
-def rate_parts(reading: SkinReading) -> list[Part]:
+def format_rates(reading: SkinReading) -> list[Part]:
     """Rates, boards, and active taxels or the progress of the baseline."""
     total = len(reading.boards)
     parts = [
@@ -31,7 +31,7 @@ def rate_parts(reading: SkinReading) -> list[Part]:
     return parts
 
 
-def error_parts(reading: SkinReading) -> list[Part]:
+def format_errors(reading: SkinReading) -> list[Part]:
     """All error counters above 0; "no errors" if there is none."""
     counts = [
         ("lost on the wire", reading.lost_on_wire),
@@ -45,7 +45,7 @@ def error_parts(reading: SkinReading) -> list[Part]:
     return [(f"{count} {name}", True) for name, count in counts if count] or [("no errors", False)]
 
 
-def load_parts(reading: SkinReading) -> list[Part]:
+def format_load(reading: SkinReading) -> list[Part]:
     """Age of the frames, waiting bytes, and processor load of this program."""
     parts = []
     if reading.age_s is not None:
@@ -59,7 +59,7 @@ def load_parts(reading: SkinReading) -> list[Part]:
 
 def format_line(reading: SkinReading) -> str:
     """All parts and the advice in one line."""
-    texts = [text for text, _ in (*rate_parts(reading), *error_parts(reading), *load_parts(reading))]
+    texts = [text for text, _ in (*format_rates(reading), *format_errors(reading), *format_load(reading))]
     line = f"{reading.watched_s:7.1f} s  " + ", ".join(texts)
     return f"{line}; {reading.advice}" if reading.advice else line
 

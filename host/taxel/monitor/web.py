@@ -14,7 +14,7 @@ from taxel.errors import TaxelError
 from taxel.monitor.colours import TABLE, UNKNOWN, ColourScale, colour_steps
 from taxel.monitor.history import History
 from taxel.monitor.model import SkinMonitor
-from taxel.monitor.page import legend_html, status_html, table_html
+from taxel.monitor.page import format_legend_html, format_status_html, format_table_html
 from taxel.monitor.reading import SkinReading
 from taxel.monitor.scene import HandScene, build_scene
 from taxel.optional import optional_import
@@ -60,7 +60,7 @@ class WebView:
         self._scale = ColourScale(monitor.threshold)
         self._history = History(monitor.hand.n_taxels)
         self._drawings = 0
-        self._server = _serve(port)
+        self._server = _start_server(port)
         self._draw_hand()
         self._create_panel()
 
@@ -103,11 +103,11 @@ class WebView:
             )
             for board, position in zip(self._monitor.hand.boards, hand.board_position, strict=True)
         ]
-        server.initial_camera.position = self._camera_position(PALM)
+        server.initial_camera.position = self._get_camera_position(PALM)
         server.initial_camera.look_at = tuple(hand.centre)
         server.initial_camera.up = tuple(hand.up)
 
-    def _camera_position(self, side: str) -> tuple[float, float, float]:
+    def _get_camera_position(self, side: str) -> tuple[float, float, float]:
         sign = 1.0 if side == PALM else -1.0
         sideways = np.cross(self._scene.up, self._scene.outwards)
         direction = sign * (self._scene.outwards + 0.35 * sideways) + 0.15 * self._scene.up
@@ -127,8 +127,8 @@ class WebView:
         self._choice = gui.add_dropdown("signal over time of", options, initial_value=BOARDS)
         self._plotted, self._plotted_top = tuple(f"line {number}" for number in range(LINES)), self._scale.top
         self._plot = gui.add_uplot(
-            (np.array([-1.0, 0.0]), *([np.full(2, np.nan)] * LINES)), _line_styles(self._plotted),
-            scales=_scales(self._plotted_top), axes=({"label": "seconds before now"}, {"label": "signal, counts"}),
+            (np.array([-1.0, 0.0]), *([np.full(2, np.nan)] * LINES)), _make_line_styles(self._plotted),
+            scales=_make_scales(self._plotted_top), axes=({"label": "seconds before now"}, {"label": "signal, counts"}),
             legend={"live": False}, height=200, padding=(10, 24, 0, 0),
         )  # fmt: skip
         self._table = gui.add_html("")
@@ -138,7 +138,7 @@ class WebView:
             if event.client is not None:
                 with event.client.atomic():
                     event.client.camera.up_direction = tuple(self._scene.up)
-                    event.client.camera.position = self._camera_position(side.value)
+                    event.client.camera.position = self._get_camera_position(side.value)
                     event.client.camera.look_at = tuple(self._scene.centre)
 
         @names.on_update
@@ -162,36 +162,38 @@ class WebView:
             if not np.array_equal(steps, self._steps):  # a browser draws the whole hand again for each change
                 self._taxels.colors, self._steps = TABLE[steps], steps
             if self._drawings % PANEL_EVERY == 0 or reading.is_ended:
-                self._status.content = status_html(reading, self._title)
-                self._legend.content = legend_html(self._scale.threshold, top)
-                self._table.content = table_html(reading)
+                self._status.content = format_status_html(reading, self._title)
+                self._legend.content = format_legend_html(self._scale.threshold, top)
+                self._table.content = format_table_html(reading)
                 self._draw_series(top)
 
     def _draw_series(self, top: float) -> None:
         times = self._history.times_s
         if len(times) < 2:
             return
-        names, values = self._series()
+        names, values = self._select_series()
         if names != self._plotted:
-            self._plot.series, self._plotted = _line_styles(names), names
+            self._plot.series, self._plotted = _make_line_styles(names), names
         if top != self._plotted_top:
-            self._plot.scales, self._plotted_top = _scales(top), top
+            self._plot.scales, self._plotted_top = _make_scales(top), top
         self._plot.data = (times, *(column.astype(np.float64) for column in values.T))
 
-    def _series(self) -> tuple[tuple[str, ...], Float32Array]:
+    def _select_series(self) -> tuple[tuple[str, ...], Float32Array]:
         """Names and signals f32[t, k] of the selected time series."""
         hand, selection = self._monitor.hand, self._choice.value
         if selection == BOARDS:
             signals = self._history.taxels(np.arange(hand.n_taxels))
-            boards = np.stack([_row_maximum(part) for part in hand.split(signals).values()], axis=1)
+            boards = np.stack([_compute_row_maximum(part) for part in hand.split(signals).values()], axis=1)
             order = np.argsort(-np.nan_to_num(boards, nan=-np.inf).max(axis=0, initial=-np.inf), kind="stable")[:LINES]
-            return tuple(_title(hand.boards[i].name) for i in order), boards[:, order]
-        index = self._history.most_active(hand.n_taxels)
+            return tuple(_format_title(hand.boards[i].name) for i in order), boards[:, order]
+        index = self._history.find_most_active(hand.n_taxels)
         if selection != MOST_ACTIVE:
             index = index[hand.sensor[index] == hand.find_board(selection).address]
         # In the hand's order, so that the colours of two taxels do not change when their signals cross.
         index = np.sort(index[:LINES])
-        names = tuple(f"{_title(hand.boards[hand.board_index[i]].name)} TX {hand.tx[i]} RX {hand.rx[i]}" for i in index)
+        names = tuple(
+            f"{_format_title(hand.boards[hand.board_index[i]].name)} TX {hand.tx[i]} RX {hand.rx[i]}" for i in index
+        )
         return names, self._history.taxels(index)
 
     def is_done(self, reading: SkinReading) -> bool:
@@ -199,27 +201,27 @@ class WebView:
         return False
 
 
-def _title(name: str) -> str:
+def _format_title(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _row_maximum(signals: Float32Array) -> Float32Array:
+def _compute_row_maximum(signals: Float32Array) -> Float32Array:
     """Largest known signal of each row of [t, k]; NaN where all are unknown."""
     largest = np.nan_to_num(signals, nan=-np.inf).max(axis=1, initial=-np.inf)
     return np.where(np.isfinite(largest), largest, np.nan).astype(np.float32)
 
 
-def _line_styles(names: tuple[str, ...]) -> tuple[Any, ...]:
+def _make_line_styles(names: tuple[str, ...]) -> tuple[Any, ...]:
     """Styles of the time and of each named series for uPlot."""
     lines = [{"label": name, "stroke": colour, "width": 1.5} for name, colour in zip(names, LINE_COLOURS, strict=False)]
     return ({"label": "time"}, *lines)
 
 
-def _scales(top: float) -> dict[str, Any]:
+def _make_scales(top: float) -> dict[str, Any]:
     return {"x": {"time": False, "range": (-SHOWN_S, 0.0)}, "y": {"range": (-0.05 * top, top)}}
 
 
-def _serve(port: int) -> viser.ViserServer:
+def _start_server(port: int) -> viser.ViserServer:
     with optional_import("viser", "--web"):
         import viser
     # A browser may open a connection in advance and close it unused, for which websockets logs a traceback.
@@ -232,11 +234,11 @@ def _serve(port: int) -> viser.ViserServer:
             f"port {port} of {HOST} is not available ({error.strerror or error}); choose another --port"
         ) from None
     # A page can request a public address through a relay of viser. The page must stay on this computer.
-    server.request_share_url = _no_sharing  # type: ignore[method-assign]
+    server.request_share_url = _disable_sharing  # type: ignore[method-assign]
     return server
 
 
-def _no_sharing(verbose: bool = True) -> None:
+def _disable_sharing(verbose: bool = True) -> None:
     return None
 
 

@@ -11,7 +11,7 @@ The names that read or write HDF5 files are imported on first use, because they 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from taxel.recording.capfingerid import TouchRecording, load_recording, recordings
+from taxel.recording.capfingerid import TouchRecording, list_recordings, load_recording
 from taxel.recording.capture_boards import BoardActivity, BoardFrames, read_activity, read_boards
 from taxel.recording.errors import DatasetError, RecordingError
 from taxel.recording.grasp_format import Phase
@@ -43,10 +43,10 @@ __all__ = [
     "TaxelTable",
     "Tiling",
     "TouchRecording",
+    "list_recordings",
     "load_recording",
     "read_activity",
     "read_boards",
-    "recordings",
     "write_from_arrays",
 ]
 

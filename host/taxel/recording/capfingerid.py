@@ -56,7 +56,7 @@ class TouchRecording:
         return TouchRecording(self.name, self.time_s[frames], self.values[frames], self.task[frames])
 
 
-def recordings() -> list[str]:
+def list_recordings() -> list[str]:
     """Names of the recordings in the package, sorted."""
     with _open_archive() as archive:
         return sorted(name.removesuffix(_VALUES) for name in archive.files if name.endswith(_VALUES))
@@ -64,7 +64,7 @@ def recordings() -> list[str]:
 
 def load_recording(name: str) -> TouchRecording:
     """Load a recording of the package by its name. Raises `RecordingError` for an unknown name."""
-    available = recordings()
+    available = list_recordings()
     if name not in available:
         raise RecordingError(f"recording {name!r}: expected one of {', '.join(available)}")
     with _open_archive() as archive:

@@ -39,7 +39,7 @@ from taxel.recording.grasp_format import (
 )
 from taxel.recording.grasp_record import GraspRecord
 from taxel.recording.grasp_sensor_model import OPTIONAL, REQUIRED, SensorModel
-from taxel.recording.grasp_storage import check_target, put_in_place, writing_errors
+from taxel.recording.grasp_storage import check_target, convert_writing_errors, put_in_place
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
 
@@ -81,7 +81,7 @@ class _Values:
         checked: set[str] = set()
         for name in self._names:
             if name not in checked and not _is_format_name(name):
-                self.location.key(name).fail("a name of the format", "an unknown one", _suggestion(name))
+                self.location.key(name).fail("a name of the format", "an unknown one", _suggest_names(name))
             checked.add(name)
 
     def ids(self, group: str) -> list[str]:
@@ -155,7 +155,7 @@ def _write(path: str | PathLike[str], values: _Values, overwrite: bool) -> None:
     temporary = target.with_name(f".{target.name}.import")
     try:
         _write_dataset(temporary, values)
-        with writing_errors(location):
+        with convert_writing_errors(location):
             put_in_place(temporary, target, overwrite, location)
     except DatasetError as error:
         if error.file != format_path(temporary):
@@ -207,7 +207,7 @@ def _is_format_name(name: str) -> bool:
     return len(parts) == 3 and bool(parts[1]) and parts[2] in _GROUPS_OF_GROUPS.get(parts[0], ())
 
 
-def _suggestion(name: str) -> str:
+def _suggest_names(name: str) -> str:
     group, _, leaf = name.rpartition("/")
     kind = group.split("/")[0]
     leaves = _GROUPS.get(kind) or _GROUPS_OF_GROUPS.get(kind) or ROOT_ATTRIBUTES

@@ -42,7 +42,7 @@ class Grasp:
             if is_present or is_required(spec, source):
                 node.check_array(name, spec, self._sizes)
 
-    def without_arrays(self) -> Grasp:
+    def copy_without_arrays(self) -> Grasp:
         """A copy that has read no array yet. The attributes are not checked again."""
         other = copy(self)
         other._arrays = {}
@@ -56,62 +56,62 @@ class Grasp:
     @property
     def timestamp(self) -> FloatArray:
         """f64[T], seconds, not decreasing."""
-        return self._required_array("timestamp")
+        return self._get_required_array("timestamp")
 
     @property
     def phase(self) -> ByteArray:
         """u8[T], the commanded phase, see `Phase`."""
-        return self._required_array("phase")
+        return self._get_required_array("phase")
 
     @property
     def raw_counts(self) -> CountArray:
         """u16[T, n]; contact lowers the count."""
-        return self._required_array("raw_counts")
+        return self._get_required_array("raw_counts")
 
     @property
     def valid(self) -> BoolArray:
         """bool[T, s]; False where the frame of the sensor did not arrive."""
-        return self._required_array("valid")
+        return self._get_required_array("valid")
 
     @property
     def sensor_pose(self) -> FloatArray:
         """f64[s, 4, 4], bracket frames in the world during hold, from the kinematics, metres."""
-        return self._required_array("sensor_pose")
+        return self._get_required_array("sensor_pose")
 
     @property
     def object_pose(self) -> FloatArray:
         """f64[4, 4], nominal object frame in the world, metres."""
-        return self._required_array("object_pose")
+        return self._get_required_array("object_pose")
 
     @property
     def sensor_time(self) -> FloatArray | None:
         """f64[T, s], seconds on the clock of each board."""
-        return self._array("sensor_time")
+        return self._get_array("sensor_time")
 
     @property
     def sensor_pose_t(self) -> FloatArray | None:
         """f64[T, s, 4, 4], bracket frames over time, metres."""
-        return self._array("sensor_pose_t")
+        return self._get_array("sensor_pose_t")
 
     @property
     def joint_position(self) -> FloatArray | None:
         """f64[T, j], radians."""
-        return self._array("joint_position")
+        return self._get_array("joint_position")
 
     @property
     def contact_force(self) -> FloatArray | None:
         """f64[T, n], newtons, normal to the taxel, before any sensor effect; only in simulation."""
-        return self._array("contact_force")
+        return self._get_array("contact_force")
 
     @property
     def separation(self) -> FloatArray | None:
         """f64[T, n], metres along the normal, negative inside the object, 0.05 for no hit; only in simulation."""
-        return self._array("separation")
+        return self._get_array("separation")
 
     @property
     def distance(self) -> FloatArray | None:
         """f64[T, n], Euclidean distance to the object, metres; only in simulation."""
-        return self._array("distance")
+        return self._get_array("distance")
 
     def check(self) -> None:
         """Read and check every array without keeping it; raises DatasetError for the first error."""
@@ -125,8 +125,8 @@ class Grasp:
         another sensor has fewer than n frames.
         """
         is_present: BoolArray = np.any(self.valid, axis=0)
-        self._check_baseline_frames(_positive(n), is_present)
-        total, count = self._sum_counts(self._frames_of_phase(Phase.BASELINE, n), is_present)
+        self._check_baseline_frames(_check_positive(n), is_present)
+        total, count = self._sum_counts(self._find_frames_of_phase(Phase.BASELINE, n), is_present)
         return np.where(is_present[self._sensor_index], total / count, np.nan)
 
     def mean_hold_signal(self, baseline_frames: int = BASELINE_FRAMES) -> FloatArray:
@@ -134,10 +134,10 @@ class Grasp:
 
         Raises DatasetError if a sensor has valid hold frames but too few baseline frames.
         """
-        hold = self._frames_of_phase(Phase.HOLD)
+        hold = self._find_frames_of_phase(Phase.HOLD)
         has_hold: BoolArray = np.any(hold, axis=0)
-        self._check_baseline_frames(_positive(baseline_frames), has_hold)
-        rest_sum, rest_count = self._sum_counts(self._frames_of_phase(Phase.BASELINE, baseline_frames), has_hold)
+        self._check_baseline_frames(_check_positive(baseline_frames), has_hold)
+        rest_sum, rest_count = self._sum_counts(self._find_frames_of_phase(Phase.BASELINE, baseline_frames), has_hold)
         hold_sum, hold_count = self._sum_counts(hold, has_hold)
         # Exact integers up to the one division: a signal equal to the threshold must not be rounded above it.
         signal = (rest_sum * hold_count - hold_sum * rest_count) / (rest_count * hold_count)
@@ -166,13 +166,13 @@ class Grasp:
         commanded = int((self.phase == Phase.BASELINE).sum())
         if commanded < frames:
             self._node.location.key("phase").fail(expected, str(commanded), remedy)
-        valid = self._frames_of_phase(Phase.BASELINE).sum(axis=0)
+        valid = self._find_frames_of_phase(Phase.BASELINE).sum(axis=0)
         short = np.flatnonzero(sensors & (valid < frames))
         if short.size:
             found = f"{valid[short[0]]} valid ones of the sensor in column {short[0]}"
             self._node.location.key("valid").fail(expected, found, remedy)
 
-    def _frames_of_phase(self, phase: Phase, first: int | None = None) -> BoolArray:
+    def _find_frames_of_phase(self, phase: Phase, first: int | None = None) -> BoolArray:
         """bool[T, s]: the valid frames of a phase; for each sensor only the `first` ones, None for all."""
         frames: BoolArray = self.valid & (self.phase == phase)[:, None]
         return frames if first is None else frames & (np.cumsum(frames, axis=0) <= first)
@@ -188,12 +188,12 @@ class Grasp:
             count[taxels] = rows.size
         return total, count
 
-    def _required_array(self, name: str) -> NDArray[Any]:
-        array = self._array(name)
+    def _get_required_array(self, name: str) -> NDArray[Any]:
+        array = self._get_array(name)
         assert array is not None  # __init__ has checked its presence
         return array
 
-    def _array(self, name: str) -> NDArray[Any] | None:
+    def _get_array(self, name: str) -> NDArray[Any] | None:
         if name not in self._arrays:
             self._arrays[name] = self._read(name)
         return self._arrays[name]
@@ -207,7 +207,7 @@ class Grasp:
         return set_read_only(array)
 
 
-def _positive(frames: int) -> int:
+def _check_positive(frames: int) -> int:
     if frames < 1:
         raise ValueError(f"baseline frames: expected 1 or more, found {frames}")
     return frames

@@ -95,10 +95,10 @@ def convert_type(array: NDArray[Any], spec: ArraySpec, location: Location) -> ND
         with np.errstate(over="ignore"):
             result = np.ascontiguousarray(array, dtype=dtype)
         if not np.isfinite(result).all():
-            at = first_index(~np.isfinite(result))
+            at = find_first(~np.isfinite(result))
             location.fail("finite numbers", f"{result[at]} at {format_index(at)}", "remove or correct that value")
         if array.dtype.itemsize > dtype.itemsize and (result != array).any():
-            at = first_index(result != array)
+            at = find_first(result != array)
             found = f"{array[at]} at {format_index(at)}"
             location.fail("numbers that float64 represents exactly", found, "store float64")
         return result
@@ -106,7 +106,7 @@ def convert_type(array: NDArray[Any], spec: ArraySpec, location: Location) -> ND
     numbers = array.view(np.uint8) if array.dtype == np.bool_ else array
     low, high = (0, 1) if dtype.kind == "b" else (np.iinfo(dtype).min, np.iinfo(dtype).max)
     if numbers.size and (int(numbers.min()) < low or int(numbers.max()) > high):
-        at = first_index((numbers < low) | (numbers > high))
+        at = find_first((numbers < low) | (numbers > high))
         location.fail(f"values from {low} to {high}", f"{numbers[at]} at {format_index(at)}", "correct that value")
     return np.ascontiguousarray(array, dtype=dtype)
 
@@ -126,12 +126,12 @@ def check_content(name: str, array: NDArray[Any], location: Location) -> None:
     if name == "timestamp":
         _check_times(array, location)
     elif name == "phase" and array.max() > max(Phase):
-        at = first_index(array > max(Phase))
+        at = find_first(array > max(Phase))
         location.fail("phases from 0 to 4", f"{array[at]} at {format_index(at)}", "correct that frame's phase")
     elif name in ("sensor_pose", "sensor_pose_t", "object_pose"):
         check_poses(array, location)
     elif name == "contact_force" and array.min() < 0.0:
-        at = first_index(array < 0.0)
+        at = find_first(array < 0.0)
         remedy = "correct the sign: a contact cannot pull a taxel"
         location.fail("forces of 0 N or more", f"{array[at]} at {format_index(at)}", remedy)
 
@@ -139,7 +139,7 @@ def check_content(name: str, array: NDArray[Any], location: Location) -> None:
 def _check_times(times: FloatArray, location: Location) -> None:
     decreases = times[1:] < times[:-1]
     if decreases.any():
-        frame = first_index(decreases)[0] + 1
+        frame = find_first(decreases)[0] + 1
         found = f"{times[frame]} after {times[frame - 1]} at [{frame}]"
         location.fail("times that do not decrease", found, "put the frames in order of time")
 
@@ -154,19 +154,19 @@ def check_poses(poses: FloatArray, location: Location) -> None:
         is_skewed = ~(error <= POSE_TOLERANCE)
         is_mirrored = ~(np.linalg.det(rotation) > 0.0)
     if (poses[..., 3, :] != (0.0, 0.0, 0.0, 1.0)).any():
-        at = first_index((poses[..., 3, :] != (0.0, 0.0, 0.0, 1.0)).any(axis=-1))
+        at = find_first((poses[..., 3, :] != (0.0, 0.0, 0.0, 1.0)).any(axis=-1))
         location.fail("a last row 0 0 0 1", f"{poses[at][3].tolist()} at {format_index(at)}", remedy)
     if is_skewed.any():
-        at = first_index(is_skewed)
+        at = find_first(is_skewed)
         found = f"columns off by {error[at]:.2g} at {format_index(at)}"
         location.fail(f"an orthonormal rotation (to {POSE_TOLERANCE:g})", found, remedy)
     if is_mirrored.any():
         location.fail(
-            "a rotation of determinant +1", f"a reflection at {format_index(first_index(is_mirrored))}", remedy
+            "a rotation of determinant +1", f"a reflection at {format_index(find_first(is_mirrored))}", remedy
         )
 
 
-def first_index(mask: BoolArray | np.bool_) -> tuple[int, ...]:
+def find_first(mask: BoolArray | np.bool_) -> tuple[int, ...]:
     """The index of the first True."""
     return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), np.shape(mask)))
 

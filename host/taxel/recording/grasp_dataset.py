@@ -75,7 +75,7 @@ class GraspDataset:
         # These grasps never read their arrays: callers get copies, so that the arrays are freed with the copies.
         index = self.sensors.index_of(self.taxels)
         self._grasps = {
-            grasp_id: self._open_grasp(grasp_id, node, index) for grasp_id, node in _grasp_nodes(root).items()
+            grasp_id: self._open_grasp(grasp_id, node, index) for grasp_id, node in _list_grasp_nodes(root).items()
         }
 
     def _open_grasp(self, grasp_id: str, node: Node, sensor_index: IntArray) -> Grasp:
@@ -116,7 +116,7 @@ class GraspDataset:
             self._location.fail("an open dataset", "a closed one", "use it inside its with block")
         if grasp_id not in self._grasps:
             location.key(str(grasp_id)).fail("a grasp of this file", "nothing", f"use one of its {len(self)} ids")
-        return self._grasps[grasp_id].without_arrays()
+        return self._grasps[grasp_id].copy_without_arrays()
 
     def require_baseline(self, frames: int) -> None:
         """Raise DatasetError if a sensor of a grasp has fewer than `frames` valid phase-0 frames.
@@ -170,6 +170,6 @@ def _read_objects(root: Node) -> dict[str, ObjectMesh]:
     return meshes
 
 
-def _grasp_nodes(root: Node) -> dict[str, Node]:
+def _list_grasp_nodes(root: Node) -> dict[str, Node]:
     group = root.group("grasps")
     return {name: group.group(name) for name in group.names()}

@@ -26,7 +26,7 @@ _DAMAGED = "the file is damaged or truncated; copy it again or record it again"
 
 
 @contextmanager
-def hdf5_errors(location: Location) -> Iterator[None]:
+def convert_hdf5_errors(location: Location) -> Iterator[None]:
     """Convert the exceptions of the HDF5 library for a damaged file into a DatasetError for this location."""
     try:
         yield
@@ -65,29 +65,29 @@ class Node:
 
     def names(self) -> list[str]:
         """Names of all members of the group, sorted."""
-        with hdf5_errors(self.location):
+        with convert_hdf5_errors(self.location):
             return sorted(self._group)
 
     def has(self, name: str) -> bool:
         """Whether the group has a member of that name."""
-        with hdf5_errors(self.location.key(name)):
+        with convert_hdf5_errors(self.location.key(name)):
             return bool(self._group.id.links.exists(_encode_name(name)))
 
     def group(self, name: str) -> Node:
         """The subgroup of that name."""
-        return Node(self._child(name, h5py.Group, "group"), self.location.key(name))
+        return Node(self._get_member(name, h5py.Group, "group"), self.location.key(name))
 
     def check_array(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> None:
         """Check the type and shape of an array without reading it. sizes: as in `check_header`."""
         # Opening and checking one of hundreds of datasets takes as long as reading it, so it stays open until then.
-        self._open_datasets[name, spec] = self._checked_dataset(name, spec, sizes)
+        self._open_datasets[name, spec] = self._get_checked_dataset(name, spec, sizes)
 
     def array(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> Any:
         """Read an array in its documented type; texts as a list of str. sizes: as in `check_header`."""
         dataset, location = self._open_datasets.pop((name, spec), None), self.location.key(name)
         if dataset is None:
-            dataset = self._checked_dataset(name, spec, sizes)
-        with hdf5_errors(location):
+            dataset = self._get_checked_dataset(name, spec, sizes)
+        with convert_hdf5_errors(location):
             values = dataset[()]
         return list(values) if spec.dtype == STRING else convert_type(values, spec, location)
 
@@ -101,7 +101,7 @@ class Node:
     def optional_attribute(self, name: str) -> Any:
         """The value of an attribute, or None if the attribute is absent."""
         location = self.location.key(name)
-        with hdf5_errors(location):
+        with convert_hdf5_errors(location):
             if name not in self._group.attrs:
                 return None
             header = self._group.attrs.get_id(name)
@@ -112,30 +112,30 @@ class Node:
             location.fail("a number or a text", found, "store a number or a text")
         if prod(shape) > _LARGEST_ATTRIBUTE or len(shape) > 1:
             location.fail("one value, or one for each taxel", f"shape {list(shape)}", "correct it")
-        with hdf5_errors(location):
+        with convert_hdf5_errors(location):
             return self._group.attrs[name]
 
     def attributes(self, names: tuple[str, ...]) -> Mapping[str, Any]:
         """Values of the existing attributes among `names`."""
         return {name: value for name in names if (value := self.optional_attribute(name)) is not None}
 
-    def _child(self, name: str, kind: type, kind_name: str) -> Any:
+    def _get_member(self, name: str, kind: type, kind_name: str) -> Any:
         location = self.location.key(name)
         if not self.has(name):
             location.fail(f"a {kind_name}", "nothing", "add it")
-        with hdf5_errors(location):
+        with convert_hdf5_errors(location):
             link = self._group.id.links.get_info(_encode_name(name))
         if link.type != h5py.h5l.TYPE_HARD:
             location.fail(f"a {kind_name} of this file", "a link", "store the data itself; links are not followed")
-        with hdf5_errors(location):
+        with convert_hdf5_errors(location):
             child = self._group[name]
         if not isinstance(child, kind):
             location.fail(f"a {kind_name}", f"a {type(child).__name__.lower()}", f"store a {kind_name} there")
         return child
 
-    def _checked_dataset(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> Any:
-        dataset, location = self._child(name, h5py.Dataset, "dataset"), self.location.key(name)
-        with hdf5_errors(location):
+    def _get_checked_dataset(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> Any:
+        dataset, location = self._get_member(name, h5py.Dataset, "dataset"), self.location.key(name)
+        with convert_hdf5_errors(location):
             shape, dtype, chunks = dataset.shape, dataset.dtype, dataset.chunks
             is_external = dataset.is_virtual or dataset.external is not None
             text = h5py.check_string_dtype(dtype)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from taxel.recording.grasp_checks import Location, check_array, check_choice, check_number, first_index, format_index
+from taxel.recording.grasp_checks import Location, check_array, check_choice, check_number, find_first, format_index
 from taxel.recording.grasp_format import LAYERS, ArraySpec
 from taxel.recording.grasp_tables import copy_read_only
 from taxel.types import CountArray, FloatArray, IntArray
@@ -93,6 +93,6 @@ def _check_baseline(value: Any, location: Location, n: int) -> float | FloatArra
         value = value.astype(np.float64)  # many programs store counts as integers
     counts = copy_read_only(check_array(value, ArraySpec("f8", ("n",)), {"n": n}, location))
     if (counts <= 0.0).any():
-        at = first_index(counts <= 0.0)
+        at = find_first(counts <= 0.0)
         location.fail("counts above 0", f"{counts[at]} at {format_index(at)}", "correct it")
     return counts

@@ -50,7 +50,7 @@ _GZIP_LEVEL = 1
 
 
 @contextmanager
-def writing_errors(location: Location) -> Iterator[None]:
+def convert_writing_errors(location: Location) -> Iterator[None]:
     """Convert exceptions of the system and the HDF5 library during writing into a DatasetError for this location."""
     try:
         yield
@@ -67,7 +67,7 @@ def check_target(target: Path, overwrite: bool, location: Location) -> None:
         location.fail("a folder to write in", "none", "create the folder first")
 
 
-def part_path(target: Path) -> Path:
+def get_part_path(target: Path) -> Path:
     """Path of a file until it is complete. A file that a killed program left there can be deleted."""
     return target.with_name(f".{target.name}.part")
 

@@ -13,7 +13,7 @@ from taxel.recording.grasp_checks import (
     Location,
     check_array,
     check_text,
-    first_index,
+    find_first,
     format_index,
 )
 from taxel.recording.grasp_format import MESH, SENSORS, TAXELS
@@ -103,17 +103,17 @@ def check_taxels(arrays: Mapping[str, Any], location: Location, sizes: dict[str,
         length = np.linalg.norm(table.normal, axis=1)
     is_not_unit = ~(np.abs(length - 1.0) <= NORMAL_TOLERANCE)
     if is_not_unit.any():
-        at = first_index(is_not_unit)
+        at = find_first(is_not_unit)
         found = f"{length[at]:.6g} at {format_index(at)}"
         location.key("normal").fail("normals of length 1", found, "divide them by their length")
     if (table.size <= 0.0).any():
-        at = first_index(table.size <= 0.0)
+        at = find_first(table.size <= 0.0)
         location.key("size").fail("metres above 0", f"{table.size[at]} at {format_index(at)}", "correct it")
     crossing = (table.sensor.astype(np.int64) * 256 + table.tx) * 256 + table.rx
     _, first_row, number = np.unique(crossing, return_index=True, return_inverse=True)
     is_repeated = first_row[number.reshape(-1)] != np.arange(table.n)
     if is_repeated.any():
-        at = first_index(is_repeated)
+        at = find_first(is_repeated)
         address = format_address(int(table.sensor[at]))
         found = f"{address} tx {table.tx[at]} rx {table.rx[at]} again at {format_index(at)}"
         location.key("sensor").fail("each (sensor, tx, rx) once", found, "remove or renumber that taxel")
@@ -131,7 +131,7 @@ def check_sensors(arrays: Mapping[str, Any], location: Location, sizes: dict[str
         found = f"{format_address(int(values[counts > 1][0]))} twice"
         location.key("address").fail("each address once", found, "give each sensor its own address")
     if (rate <= 0.0).any():
-        at = first_index(rate <= 0.0)
+        at = find_first(rate <= 0.0)
         location.key("rate_hz").fail("rates above 0", f"{rate[at]} at {format_index(at)}", "correct it")
     return SensorTable(address, name, kind, rate)
 
@@ -147,7 +147,7 @@ def check_addresses(taxels: TaxelTable, sensors: SensorTable, location: Location
     """Raise DatasetError if the sensor table lacks the sensor of a taxel. location: the location of the file."""
     is_unknown = ~np.isin(taxels.sensor, sensors.address)
     if is_unknown.any():
-        at = first_index(is_unknown)
+        at = find_first(is_unknown)
         found = f"{format_address(int(taxels.sensor[at]))} at {format_index(at)}"
         location.key("taxels").key("sensor").fail("an address in /sensors/address", found, "add that sensor")
 
@@ -160,7 +160,7 @@ def check_mesh(arrays: Mapping[str, Any], location: Location) -> ObjectMesh:
     )
     is_outside = (faces < 0) | (faces >= len(vertices))
     if is_outside.any():
-        at = first_index(is_outside)
+        at = find_first(is_outside)
         found = f"{faces[at]} at {format_index(at)}"
         location.key("faces").fail(f"vertex numbers from 0 to {len(vertices) - 1}", found, "correct that face")
     return ObjectMesh(vertices, faces)

@@ -20,15 +20,15 @@ from taxel.recording.grasp_sensor_model import SensorModel, check_sensor_model
 from taxel.recording.grasp_storage import (
     LIBVER,
     check_target,
+    convert_writing_errors,
     create_file,
     create_grasps_group,
     create_group,
+    get_part_path,
     link_grasp,
-    part_path,
     put_in_place,
     write_array,
     write_attributes,
-    writing_errors,
 )
 from taxel.recording.grasp_tables import (
     ObjectMesh,
@@ -95,8 +95,8 @@ class GraspDatasetWriter:
         sizes: dict[str, int] = {}
         tables = _check_tables(header, location, sizes)
         model = _check_model(header.sensor_model, header.source, location.key("sensor_model"), sizes["n"])
-        part = part_path(target)
-        with writing_errors(location):
+        part = get_part_path(target)
+        with convert_writing_errors(location):
             _write_new(part, attributes, tables, model)
             put_in_place(part, target, overwrite, location)
         return cls(target)
@@ -108,7 +108,7 @@ class GraspDatasetWriter:
         Raises DatasetError for a file that the reader refuses.
         """
         target = Path(path)
-        part_path(target).unlink(missing_ok=True)
+        get_part_path(target).unlink(missing_ok=True)
         return cls(target)
 
     @property
@@ -127,7 +127,7 @@ class GraspDatasetWriter:
         if name in self._objects:
             object_location.fail("a new name", "an existing one", "leave the object out, or choose another name")
         table = check_mesh(vars(mesh), object_location)
-        with writing_errors(object_location):
+        with convert_writing_errors(object_location):
             group = create_group(self._file["objects"], name)
             for key in MESH:
                 write_array(group, key, getattr(table, key))
@@ -150,7 +150,7 @@ class GraspDatasetWriter:
         location = grasps.key(name)
         attributes = check_attributes(grasp, self._objects, location)
         arrays = check_arrays(grasp, self._source, self._sizes, location)
-        with writing_errors(location):
+        with convert_writing_errors(location):
             group = create_group(self._file, None)
             write_attributes(group, attributes)
             for key, array in arrays.items():

@@ -80,17 +80,17 @@ def replay_touches(
         text = f"no frame from {options.start_s:g} s to {stop_s:g} s"
         raise RecordingError(f"recording {recording.name!r}: {text}; it lasts {recording.duration_s:.1f} s")
     tiling = Tiling.for_hand(hand)
-    lead_in_s = lead_in(hand, options.settings)
+    lead_in_s = compute_lead_in_s(hand, options.settings)
     with ExitStack() as stack:
         path = Path(folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="taxel-")))
         time_s = frames.time_s - frames.time_s[0]
         counts = tiling.to_counts(frames.values, options.untouched_counts)
-        capture = _emulate(path, hand, options, lead_in_s + time_s, counts)
+        capture = _emulate_capture(path, hand, options, lead_in_s + time_s, counts)
         boards = decode_capture(capture, hand, lead_in_s, options.threshold)
     return score_replay(SourceTouches(time_s, tiling.to_taxels(frames.values), options.threshold), boards)
 
 
-def lead_in(hand: Hand, settings: WorldSettings) -> float:
+def compute_lead_in_s(hand: Hand, settings: WorldSettings) -> float:
     """Emulated seconds without contact, long enough for the baseline of every board."""
     bus_bytes = sum(2 * board.kind.taxel_count + BOARD_OVERHEAD_BYTES for board in hand.boards)
     scan_s = CONVERSION_S * max(board.kind.taxel_count for board in hand.boards)
@@ -98,7 +98,7 @@ def lead_in(hand: Hand, settings: WorldSettings) -> float:
     return max(LEAD_IN_MIN_S, START_S + BASELINE_SAMPLES * cycle_s)
 
 
-def _emulate(folder: Path, hand: Hand, options: ReplayOptions, time_s: FloatArray, counts: CountArray) -> Path:
+def _emulate_capture(folder: Path, hand: Hand, options: ReplayOptions, time_s: FloatArray, counts: CountArray) -> Path:
     """The capture of a skin with raw counts `counts` [T, n] from the times `time_s` [T] on, emulated seconds."""
     stimulus, script, capture = folder / "touches.stimulus", folder / "host.capture", folder / "touches.capture"
     if capture.exists():
@@ -145,12 +145,12 @@ def _decode_board(
         baseline.update(counts)
     baseline.result().require_undisturbed()
     activation = Activation(baseline.result().mean, threshold)(raw[before:])
-    sampled_s = time_s[before:, None] + _taxel_offsets(frames[before:], time_s[before:], raw.shape[1]) - start_s
+    sampled_s = time_s[before:, None] + _compute_taxel_offsets(frames[before:], time_s[before:], raw.shape[1]) - start_s
     cycle = _unwrap(np.array([first_cycle, *(frame.cycle for frame in frames)]))[1 + before :]
     return DecodedBoard(hand.get_slice(board.address), cycle, sampled_s, activation.signal_counts, activation.active)
 
 
-def _taxel_offsets(frames: list[TaxelFrame], time_s: FloatArray, n_taxels: int) -> FloatArray:
+def _compute_taxel_offsets(frames: list[TaxelFrame], time_s: FloatArray, n_taxels: int) -> FloatArray:
     """Time from the start of a scan to the middle of each taxel's conversion, seconds, f64[n].
 
     A board scans without a pause, so that the time of one taxel is the time between two scans divided by the number of

@@ -52,7 +52,7 @@ class SourceTouches:
         """Number of touches. They are numbered from 0 in the order of their onsets `onset_s` f64[n_touches]."""
         return len(self.onset_s)
 
-    def row_at(self, time_s: FloatArray) -> IntArray:
+    def find_rows_at(self, time_s: FloatArray) -> IntArray:
         """Row of `values` and `active` that is valid at each time; row 0 is the time before the first frame."""
         return np.searchsorted(self.time_s, time_s, side="right")
 
@@ -115,17 +115,17 @@ class ReplayScore:
     @property
     def precision(self) -> float:
         """Share of the active samples that are correct; 1 without active samples."""
-        return _share(self.true_positives, self.false_positives)
+        return _compute_ratio(self.true_positives, self.false_positives)
 
     @property
     def recall(self) -> float:
         """Share of the touched samples that are active; 1 without touched samples."""
-        return _share(self.true_positives, self.false_negatives)
+        return _compute_ratio(self.true_positives, self.false_negatives)
 
     @property
     def f1(self) -> float:
         """Harmonic mean of precision and recall; 1 without touched and active samples."""
-        return _share(2 * self.true_positives, self.false_positives + self.false_negatives)
+        return _compute_ratio(2 * self.true_positives, self.false_positives + self.false_negatives)
 
     @property
     def touches_found(self) -> int:
@@ -149,7 +149,7 @@ class ReplayScore:
         )
 
 
-def _share(right: int, wrong: int) -> float:
+def _compute_ratio(right: int, wrong: int) -> float:
     return right / (right + wrong) if right + wrong else 1.0
 
 
@@ -160,8 +160,8 @@ class _BoardComparison:
         self.board = board
         self._source = source
         self._taxel = np.arange(source.values.shape[1])[board.taxels]
-        self._row_before = source.row_at(board.sampled_s - tolerance_s)
-        self._row_after = source.row_at(board.sampled_s + tolerance_s)
+        self._row_before = source.find_rows_at(board.sampled_s - tolerance_s)
+        self._row_after = source.find_rows_at(board.sampled_s + tolerance_s)
         self._active_before = source.active[self._row_before, self._taxel]
         self._active_after = source.active[self._row_after, self._taxel]
 
@@ -188,7 +188,7 @@ class _BoardComparison:
         differs_after = np.abs(values[self._row_after, self._taxel] - signal) > EXACT_COUNTS
         return int((differs_before & differs_after).sum())
 
-    def touch_of(self, samples: BoolArray) -> IntArray:
+    def find_touches(self, samples: BoolArray) -> IntArray:
         """The touch of each of these samples."""
         row = np.where(self._active_before, self._row_before, self._row_after)
         touches: IntArray = self._source.touch_of_row[row[samples]]
@@ -206,9 +206,9 @@ def score_replay(
     if not boards or not any(len(board.cycle) for board in boards):
         raise ValueError("expected at least one board frame to score, found none")
     parts = [_BoardComparison(source, board, tolerance_s) for board in boards if len(board.cycle)]
-    is_sampled, first_s = _first_samples(source, parts)
+    is_sampled, first_s = _find_first_samples(source, parts)
     is_found = np.isfinite(first_s)
-    signal, active = _fullest_map(source.values.shape[1], boards)
+    signal, active = _find_fullest_map(source.values.shape[1], boards)
     return ReplayScore(
         true_positives=sum(int((part.is_touched & part.board.active).sum()) for part in parts),
         false_positives=sum(int((part.board.active & ~part.is_right).sum()) for part in parts),
@@ -228,14 +228,14 @@ def score_replay(
     )
 
 
-def _first_samples(source: SourceTouches, parts: Sequence[_BoardComparison]) -> tuple[BoolArray, FloatArray]:
+def _find_first_samples(source: SourceTouches, parts: Sequence[_BoardComparison]) -> tuple[BoolArray, FloatArray]:
     """For each touch: whether a sample of it exists, and the time of its first correct sample (infinity: none)."""
     is_sampled = np.zeros(source.n_touches, dtype=bool)
     first_s = np.full(source.n_touches, np.inf)
     for part in parts:
-        is_sampled[part.touch_of(part.is_touched)] = True
-        is_sampled[part.touch_of(part.is_right)] = True
-        np.minimum.at(first_s, part.touch_of(part.is_right), part.board.sampled_s[part.is_right])
+        is_sampled[part.find_touches(part.is_touched)] = True
+        is_sampled[part.find_touches(part.is_right)] = True
+        np.minimum.at(first_s, part.find_touches(part.is_right), part.board.sampled_s[part.is_right])
     return is_sampled, first_s
 
 
@@ -251,7 +251,7 @@ def _count_spurious_runs(parts: Sequence[_BoardComparison]) -> int:
     return len(set(run[is_active].tolist()) - set(run[is_right].tolist()))
 
 
-def _fullest_map(n_taxels: int, boards: Sequence[DecodedBoard]) -> tuple[FloatArray, BoolArray]:
+def _find_fullest_map(n_taxels: int, boards: Sequence[DecodedBoard]) -> tuple[FloatArray, BoolArray]:
     """Signal and activity of the whole skin in the poll cycle with the most active taxels."""
     cycles = np.concatenate([board.cycle for board in boards])
     counts = np.concatenate([board.active.sum(axis=1) for board in boards])

@@ -56,9 +56,9 @@ class Tiling:
     @classmethod
     def for_hand(cls, hand: Hand) -> "Tiling":
         """The tiling of `hand`. Raises `RecordingError` if the hand is too small."""
-        for shape in _tile_shapes():
+        for shape in _list_tile_shapes():
             n_tiles = (ROWS // shape[0]) * (COLUMNS // shape[1])
-            tiles = [tile for board in hand.boards for tile in _tiles_on(hand, board, shape, n_tiles // BOARDS_MIN)]
+            tiles = [tile for board in hand.boards for tile in _find_tiles(hand, board, shape, n_tiles // BOARDS_MIN)]
             if len(tiles) >= n_tiles:
                 return cls(hand.n_taxels, _join_tiles(np.stack(tiles[:n_tiles]), shape), shape)
         raise RecordingError(
@@ -88,7 +88,7 @@ class Tiling:
         return counts
 
 
-def _tile_shapes() -> list[tuple[int, int]]:
+def _list_tile_shapes() -> list[tuple[int, int]]:
     """Rectangles that divide the panel into at least `BOARDS_MIN` tiles: largest first, then most nearly square."""
     shapes = product(
         [rows for rows in range(1, ROWS + 1) if ROWS % rows == 0],
@@ -98,7 +98,7 @@ def _tile_shapes() -> list[tuple[int, int]]:
     return sorted(usable, key=lambda shape: (-shape[0] * shape[1], abs(shape[0] - shape[1])))
 
 
-def _tiles_on(hand: Hand, board: Board, shape: tuple[int, int], most: int) -> Iterator[IntArray]:
+def _find_tiles(hand: Hand, board: Board, shape: tuple[int, int], most: int) -> Iterator[IntArray]:
     """At most `most` windows of a board that do not overlap, each as its taxels, int64[rows, columns]."""
     free = board.kind.crossings.copy()
     if shape[0] > free.shape[0] or shape[1] > free.shape[1]:

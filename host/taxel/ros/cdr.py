@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from taxel.optional import optional_import
-from taxel.ros.definitions import PRIMITIVES, MessageField, definition, fields, message_types
+from taxel.ros.definitions import PRIMITIVES, MessageField, fields, get_definition, list_message_types
 
 with optional_import("rosbags", "an MCAP file (.mcap)"):
     from rosbags.serde import SerdeError
@@ -26,37 +26,37 @@ class CdrError(ValueError):
 
 def encode(name: str, message: Mapping[str, Any]) -> bytes:
     """Encode a message of type `name` ("package/Name"). Raises KeyError for a missing field."""
-    return bytes(_STORE.serialize_cdr(_message_builder(name)(message), _ros2_name(name)))
+    return bytes(_STORE.serialize_cdr(_make_message_builder(name)(message), _make_ros2_name(name)))
 
 
 def decode(name: str, data: bytes) -> Any:
     """The message of type `name` in `data`. Raises CdrError for truncated or malformed data."""
     _register(name)
     try:
-        return _STORE.deserialize_cdr(data, _ros2_name(name))
+        return _STORE.deserialize_cdr(data, _make_ros2_name(name))
     except SerdeError as error:
         raise CdrError(f"{name}: {error}") from None
 
 
-def _ros2_name(name: str) -> str:
+def _make_ros2_name(name: str) -> str:
     return name.replace("/", "/msg/")
 
 
 @cache
 def _register(name: str) -> None:
     types: dict[str, Any] = {}
-    for part in message_types(name):
-        if _ros2_name(part) not in _STORE.fielddefs:
-            types |= get_types_from_msg(definition(part), _ros2_name(part))
+    for part in list_message_types(name):
+        if _make_ros2_name(part) not in _STORE.fielddefs:
+            types |= get_types_from_msg(get_definition(part), _make_ros2_name(part))
     _STORE.register(types)
 
 
 @cache
-def _message_builder(name: str) -> Callable[[Mapping[str, Any]], Any]:
+def _make_message_builder(name: str) -> Callable[[Mapping[str, Any]], Any]:
     """A function that converts a dict into the message object that rosbags encodes."""
     _register(name)
-    message_class = _STORE.types[_ros2_name(name)]
-    converters = [(field.name, _converter(field)) for field in fields(name)]
+    message_class = _STORE.types[_make_ros2_name(name)]
+    converters = [(field.name, _make_converter(field)) for field in fields(name)]
 
     def build(message: Mapping[str, Any]) -> Any:
         return message_class(*[convert(message[key]) if convert else message[key] for key, convert in converters])
@@ -64,10 +64,10 @@ def _message_builder(name: str) -> Callable[[Mapping[str, Any]], Any]:
     return build
 
 
-def _converter(field: MessageField) -> Callable[[Any], Any] | None:
+def _make_converter(field: MessageField) -> Callable[[Any], Any] | None:
     """A function that converts the value of a field; None where rosbags takes the value as it is."""
     if "/" in field.type:
-        build = _message_builder(field.type)
+        build = _make_message_builder(field.type)
         return (lambda values: [build(value) for value in values]) if field.is_array else build
     if not field.is_array or field.type not in PRIMITIVES:
         return None

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from taxel.hand import Hand
-from taxel.ros.tf_tree import header
+from taxel.ros.tf_tree import make_header
 from taxel.signal import ActivationFrame, BaselineResult
 from taxel.types import FloatArray
 
@@ -23,7 +23,7 @@ unit normal. drop: signal, counts. taxel: index on the hand's taxel axis. addres
 _TYPES = {"f": _FLOAT32, "u": _UINT32}
 
 
-def point_fields() -> list[dict[str, Any]]:
+def make_point_fields() -> list[dict[str, Any]]:
     """The fields of `POINT` as sensor_msgs/PointField messages."""
     messages = []
     for name, (dtype, offset, *_) in (POINT.fields or {}).items():
@@ -32,17 +32,17 @@ def point_fields() -> list[dict[str, Any]]:
     return messages
 
 
-_POINT_FIELDS = point_fields()
+_POINT_FIELDS = make_point_fields()
 
 
-def activations_message(
+def make_activations_message(
     hand: Hand, activation: ActivationFrame, cycle: int, threshold: float, time_ns: int
 ) -> dict[str, Any]:
     """A taxel_msgs/Activations message of one poll cycle. threshold: counts."""
     taxels = np.flatnonzero(activation.active)
     measured = activation.signal_counts[~activation.missing]
     return {
-        "header": header(time_ns, ""),
+        "header": make_header(time_ns, ""),
         "cycle": cycle,
         "threshold_counts": threshold,
         "active_count": len(taxels),
@@ -54,7 +54,7 @@ def activations_message(
     }
 
 
-def contact_cloud_message(
+def make_contact_cloud_message(
     hand: Hand, activation: ActivationFrame, positions: FloatArray, normals: FloatArray, head: dict[str, Any]
 ) -> dict[str, Any]:
     """A sensor_msgs/PointCloud2 message of the active taxels.
@@ -82,10 +82,10 @@ def contact_cloud_message(
     }
 
 
-def baseline_message(baseline: BaselineResult, samples: int, time_ns: int) -> dict[str, Any]:
+def make_baseline_message(baseline: BaselineResult, samples: int, time_ns: int) -> dict[str, Any]:
     """A taxel_msgs/Baseline message. samples: number of scans that the baseline averages."""
     return {
-        "header": header(time_ns, ""),
+        "header": make_header(time_ns, ""),
         "samples": samples,
         "mean": baseline.mean,
         "noise": baseline.noise,

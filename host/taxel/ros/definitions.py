@@ -65,7 +65,7 @@ class MessageField(NamedTuple):
 
 
 @cache
-def definition(name: str) -> str:
+def get_definition(name: str) -> str:
     """The definition text of a message. Raises KeyError for a message that the project does not use."""
     package, _, leaf = name.partition("/")
     if package != OWN_PACKAGE:
@@ -90,11 +90,11 @@ def parse_fields(text: str) -> tuple[MessageField, ...]:
 @cache
 def fields(name: str) -> tuple[MessageField, ...]:
     """The fields of a message."""
-    return parse_fields(definition(name))
+    return parse_fields(get_definition(name))
 
 
 @cache
-def message_types(name: str) -> tuple[str, ...]:
+def list_message_types(name: str) -> tuple[str, ...]:
     """A message type and all message types that its fields use, directly or indirectly; each once, `name` first."""
     names = [name]
     for part in names:
@@ -104,20 +104,20 @@ def message_types(name: str) -> tuple[str, ...]:
 
 
 @cache
-def ros2_schema(name: str) -> str:
+def make_ros2_schema(name: str) -> str:
     """The definition text with the definitions of all used messages, in the MCAP schema encoding ros2msg."""
-    first, *used = message_types(name)
-    return "\n".join([definition(first), *(f"{SEPARATOR}\nMSG: {part}\n{definition(part)}" for part in used)])
+    first, *used = list_message_types(name)
+    return "\n".join([get_definition(first), *(f"{SEPARATOR}\nMSG: {part}\n{get_definition(part)}" for part in used)])
 
 
 @cache
-def ros1_schema(name: str) -> str:
+def make_ros1_schema(name: str) -> str:
     """The definition text with the definitions of all used messages, as the message generator of ROS 1 reads it."""
-    first, *used = [part for part in message_types(name) if part != "builtin_interfaces/Time"]
-    appended = (f"{SEPARATOR}\nMSG: {part}\n{_ros1_definition(part)}" for part in used)
-    return "\n".join([_ros1_definition(first), *appended])
+    first, *used = [part for part in list_message_types(name) if part != "builtin_interfaces/Time"]
+    appended = (f"{SEPARATOR}\nMSG: {part}\n{_make_ros1_definition(part)}" for part in used)
+    return "\n".join([_make_ros1_definition(first), *appended])
 
 
-def _ros1_definition(name: str) -> str:
-    text = definition(name).replace("builtin_interfaces/Time", "time")
+def _make_ros1_definition(name: str) -> str:
+    text = get_definition(name).replace("builtin_interfaces/Time", "time")
     return f"uint32 seq\n{text}" if name == "std_msgs/Header" else text

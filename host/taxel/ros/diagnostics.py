@@ -3,7 +3,7 @@
 from typing import Any
 
 from taxel.hand import Hand
-from taxel.ros.tf_tree import header
+from taxel.ros.tf_tree import make_header
 from taxel.stream import HubClient
 
 OK, WARN, STALE = 0, 1, 3  # constants of diagnostic_msgs/DiagnosticStatus
@@ -12,14 +12,14 @@ _HUB_COUNTERS = ("frames_dropped", "cycle_time_us", "bus_recoveries")
 _BOARD_COUNTERS = ("nacks", "timeouts", "crc_errors", "retries")
 
 
-def diagnostics_message(hand: Hand, hub: HubClient, time_ns: int) -> dict[str, Any]:
+def make_diagnostics_message(hand: Hand, hub: HubClient, time_ns: int) -> dict[str, Any]:
     """A diagnostic_msgs/DiagnosticArray message: the losses of the stream, and one status for each board."""
-    statuses = [_hub_status(hub)]
-    statuses += [_board_status(hub, board.address, board.name) for board in hand.boards]
-    return {"header": header(time_ns, ""), "status": statuses}
+    statuses = [_make_hub_status(hub)]
+    statuses += [_make_board_status(hub, board.address, board.name) for board in hand.boards]
+    return {"header": make_header(time_ns, ""), "status": statuses}
 
 
-def _hub_status(hub: HubClient) -> dict[str, Any]:
+def _make_hub_status(hub: HubClient) -> dict[str, Any]:
     losses, stream = hub.stream.losses, hub.stream
     lost = losses.lost_on_wire
     values = {
@@ -31,22 +31,22 @@ def _hub_status(hub: HubClient) -> dict[str, Any]:
     }
     values |= {f"hub_{name}": int(hub.status[name]) for name in _HUB_COUNTERS} if hub.status else {}
     text = f"{lost} frames lost on the wire" if lost else "no frame lost on the wire"
-    return _status(WARN if lost else OK, "taxel: hub", text, stream.link.name, values)
+    return _make_status(WARN if lost else OK, "taxel: hub", text, stream.link.name, values)
 
 
-def _board_status(hub: HubClient, address: int, name: str) -> dict[str, Any]:
+def _make_board_status(hub: HubClient, address: int, name: str) -> dict[str, Any]:
     title, hardware_id = f"taxel: {name}", f"0x{address:02X}"
     count = hub.stream.losses.boards.get(address)
     if count is None:
-        return _status(STALE, title, "has sent nothing", hardware_id, {})
+        return _make_status(STALE, title, "has sent nothing", hardware_id, {})
     faulty = count.missing + count.damaged
     text = f"{count.missing} frames missing, {count.damaged} damaged" if faulty else "complete"
     values = {"received": count.received, "missing": count.missing, "damaged": count.damaged}
     reported = hub.board_status.get(address, {})
     values |= {counter: int(reported[counter]) for counter in _BOARD_COUNTERS if counter in reported}
-    return _status(WARN if faulty else OK, title, text, hardware_id, values)
+    return _make_status(WARN if faulty else OK, title, text, hardware_id, values)
 
 
-def _status(level: int, name: str, message: str, hardware_id: str, values: dict[str, int]) -> dict[str, Any]:
+def _make_status(level: int, name: str, message: str, hardware_id: str, values: dict[str, int]) -> dict[str, Any]:
     pairs = [{"key": key, "value": str(value)} for key, value in values.items()]
     return {"level": level, "name": name, "message": message, "hardware_id": hardware_id, "values": pairs}

@@ -14,8 +14,8 @@ from taxel.link import CaptureError
 from taxel.link.capture import EXISTS
 from taxel.optional import optional_import
 from taxel.ros.cdr import encode
-from taxel.ros.definitions import ros2_schema
-from taxel.ros.tf_tree import header
+from taxel.ros.definitions import make_ros2_schema
+from taxel.ros.tf_tree import make_header
 from taxel.ros.topics import TopicMessage
 
 with optional_import("mcap", "an MCAP file (.mcap)"):
@@ -77,7 +77,7 @@ class McapFile:
 
     def write_bytes(self, data: bytes, arrival_ns: int, time_ns: int) -> None:
         """Append bytes of the hub. arrival_ns: on the clock of the link. time_ns: the same moment as Unix time."""
-        message = {"header": header(time_ns, ""), "arrival_ns": arrival_ns, "data": data}
+        message = {"header": make_header(time_ns, ""), "arrival_ns": arrival_ns, "data": data}
         with self._lock, self._errors():
             self._append(BYTES_TOPIC, BYTES_TYPE, time_ns, encode(BYTES_TYPE, message))
             self._flush_if_due()
@@ -99,7 +99,7 @@ class McapFile:
         schema = self._schemas.get(type_name)
         if schema is None:
             name = type_name.replace("/", "/msg/")
-            schema = self._writer.register_schema(name, SchemaEncoding.ROS2, ros2_schema(type_name).encode())
+            schema = self._writer.register_schema(name, SchemaEncoding.ROS2, make_ros2_schema(type_name).encode())
             self._schemas[type_name] = schema
         return self._writer.register_channel(topic, MessageEncoding.CDR, schema)
 
@@ -111,7 +111,7 @@ class McapFile:
             self._has_unflushed = False
 
     def _errors(self) -> contextlib.AbstractContextManager[None]:
-        return _writing_errors(self.path)
+        return _convert_writing_errors(self.path)
 
     @property
     def is_closed(self) -> bool:
@@ -137,7 +137,7 @@ class McapFile:
 
 
 @contextlib.contextmanager
-def _writing_errors(path: Path) -> Iterator[None]:
+def _convert_writing_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:

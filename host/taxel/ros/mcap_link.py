@@ -76,12 +76,12 @@ class McapReader:
         if self._damage is not None:
             raise self._damage
         if self._first is not None:
-            yield self._decoded(*self._first)
+            yield self._decode_message(*self._first)
             self._first = None
         for type_name, message in self._records:
-            yield self._decoded(type_name, message)
+            yield self._decode_message(type_name, message)
 
-    def _decoded(self, type_name: str, message: Message) -> tuple[str, Any, int]:
+    def _decode_message(self, type_name: str, message: Message) -> tuple[str, Any, int]:
         try:
             return type_name, decode(type_name, message.data), message.log_time
         except CdrError as error:
@@ -94,7 +94,7 @@ class McapReader:
                 if isinstance(record, Footer):
                     return
                 if isinstance(record, McapChunk):
-                    for part in breakup_chunk(_unpacked(record), validate_crc=True):
+                    for part in breakup_chunk(_decompress(record), validate_crc=True):
                         yield from self._process(part)
                 else:
                     yield from self._process(record)
@@ -111,7 +111,7 @@ class McapReader:
             if channel is not None:
                 yield channel[0], record
         elif isinstance(record, Schema):
-            self._schemas[record.id] = self._checked_schema(record)
+            self._schemas[record.id] = self._check_schema(record)
         elif isinstance(record, Channel):
             name = self._schemas.get(record.schema_id, "")
             if name in (BYTES_TYPE, SCAN_TYPE) and record.message_encoding == "cdr":
@@ -119,7 +119,7 @@ class McapReader:
         elif isinstance(record, Metadata) and record.name == METADATA:
             self.header |= {key: json.loads(value) for key, value in record.metadata.items()}
 
-    def _checked_schema(self, schema: Schema) -> str:
+    def _check_schema(self, schema: Schema) -> str:
         name = schema.name.replace("/msg/", "/")
         if name not in (BYTES_TYPE, SCAN_TYPE):
             return name
@@ -134,7 +134,7 @@ class McapReader:
         self._file.close()
 
 
-def _unpacked(chunk: McapChunk) -> McapChunk:
+def _decompress(chunk: McapChunk) -> McapChunk:
     """The chunk without its compression. Raises ValueError if its data do not have the size that the chunk states.
 
     The size is checked before the data are unpacked completely, because a compressed frame may state a false size.
@@ -193,12 +193,12 @@ def open_mcap(path: str | os.PathLike[str]) -> Link:
     reader = McapReader(path)
     if reader.has_bytes:
         return McapLink(reader)
-    link = FramesLink(reader.name, _frames(reader))
+    link = FramesLink(reader.name, _read_frames(reader))
     link.header = reader.header
     return link
 
 
-def _frames(reader: McapReader) -> Iterator[TaxelFrame]:
+def _read_frames(reader: McapReader) -> Iterator[TaxelFrame]:
     try:
         for type_name, message, _ in reader.messages():
             if type_name == SCAN_TYPE and message.valid:

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from taxel.ros.ros_import import RosError, ros_version
+from taxel.ros.ros_import import RosError, find_ros_version
 from taxel.ros.topics import TopicMessage
 from taxel.types import FloatArray
 
@@ -39,7 +39,7 @@ def open_node(version: int | None = None, name: str = "taxel") -> Node:
 
     if version not in (None, 1, 2):
         raise RosError(f"ROS version: expected 1 or 2, found {version}; correct --ros")
-    selected = ros_version() if version is None else version
+    selected = find_ros_version() if version is None else version
     return Ros2Node(name) if selected == 2 else Ros1Node(name)
 
 

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable
 from typing import Any
 
-from taxel.ros.definitions import fields, ros1_schema
+from taxel.ros.definitions import fields, make_ros1_schema
 from taxel.ros.ros_import import RosError, import_ros1
 from taxel.ros.topics import TopicMessage
 
@@ -39,23 +39,23 @@ class Ros1Node:
         """False after ROS has shut the node down."""
         return not self._rospy.is_shutdown()
 
-    def _classes_of(self, type_name: str) -> dict[str, Any]:
+    def _load_classes(self, type_name: str) -> dict[str, Any]:
         if type_name not in self._classes:
-            self._classes[type_name] = self._generate(type_name, ros1_schema(type_name))
+            self._classes[type_name] = self._generate(type_name, make_ros1_schema(type_name))
         return self._classes[type_name]
 
     def publish(self, message: TopicMessage) -> None:
         """Publish a message. The first message of a topic advertises the topic."""
-        classes = self._classes_of(message.type)
+        classes = self._load_classes(message.type)
         publisher = self._publishers.get(message.topic)
         if publisher is None:
             publisher = self._rospy.Publisher(
                 message.topic, classes[message.type], queue_size=QUEUE_LENGTH, latch=message.is_latched
             )
             self._publishers[message.topic] = publisher
-        publisher.publish(self._ros_message(classes, message.type, message.message))
+        publisher.publish(self._make_ros_message(classes, message.type, message.message))
 
-    def _ros_message(self, classes: dict[str, Any], type_name: str, values: dict[str, Any]) -> Any:
+    def _make_ros_message(self, classes: dict[str, Any], type_name: str, values: dict[str, Any]) -> Any:
         if type_name == "builtin_interfaces/Time":
             return self._time(values["sec"], values["nanosec"])
         message = classes[type_name]()
@@ -63,14 +63,14 @@ class Ros1Node:
             value = values[field.name]
             if "/" in field.type:
                 is_array = field.is_array
-                parts = [self._ros_message(classes, field.type, each) for each in (value if is_array else [value])]
+                parts = [self._make_ros_message(classes, field.type, each) for each in (value if is_array else [value])]
                 value = parts if is_array else parts[0]
             setattr(message, field.name, value)
         return message
 
     def listen_to_joints(self, topic: str, callback: Callable[[list[str], list[float]], None]) -> None:
         """Call `callback(names, angles)` for each sensor_msgs/JointState message of a topic. Angles in radians."""
-        message_class = self._classes_of("sensor_msgs/JointState")["sensor_msgs/JointState"]
+        message_class = self._load_classes("sensor_msgs/JointState")["sensor_msgs/JointState"]
         self._rospy.Subscriber(
             topic, message_class, lambda message: callback(list(message.name), list(message.position))
         )

@@ -39,7 +39,7 @@ class Ros2Node:
         """False after ROS has shut the node down."""
         return bool(self._rclpy.ok())
 
-    def _class_of(self, type_name: str) -> Any:
+    def _load_class(self, type_name: str) -> Any:
         if type_name not in self._classes:
             package, _, leaf = type_name.partition("/")
             try:
@@ -62,20 +62,20 @@ class Ros2Node:
                 depth=1 if message.is_latched else QUEUE_LENGTH,
                 durability=durability.TRANSIENT_LOCAL if message.is_latched else durability.VOLATILE,
             )
-            publisher = self._node.create_publisher(self._class_of(message.type), message.topic, profile)
+            publisher = self._node.create_publisher(self._load_class(message.type), message.topic, profile)
             self._publishers[message.topic] = publisher
-        publisher.publish(self._ros_message(message.type, message.message))
+        publisher.publish(self._make_ros_message(message.type, message.message))
         self._rclpy.spin_once(self._node, timeout_sec=0.0)
 
-    def _ros_message(self, type_name: str, values: dict[str, Any]) -> Any:
-        message = self._class_of(type_name)()
+    def _make_ros_message(self, type_name: str, values: dict[str, Any]) -> Any:
+        message = self._load_class(type_name)()
         for field in fields(type_name):
-            setattr(message, field.name, self._ros_value(field, values[field.name]))
+            setattr(message, field.name, self._convert_value(field, values[field.name]))
         return message
 
-    def _ros_value(self, field: MessageField, value: Any) -> Any:
+    def _convert_value(self, field: MessageField, value: Any) -> Any:
         if "/" in field.type:
-            parts = [self._ros_message(field.type, each) for each in (value if field.is_array else [value])]
+            parts = [self._make_ros_message(field.type, each) for each in (value if field.is_array else [value])]
             return parts if field.is_array else parts[0]
         if field.type == "byte" and not field.is_array:
             return bytes([value])  # rclpy represents an octet as bytes of length 1
@@ -85,7 +85,7 @@ class Ros2Node:
 
     def listen_to_joints(self, topic: str, callback: Callable[[list[str], list[float]], None]) -> None:
         """Call `callback(names, angles)` for each sensor_msgs/JointState message of a topic. Angles in radians."""
-        message_class = self._class_of("sensor_msgs/JointState")
+        message_class = self._load_class("sensor_msgs/JointState")
         self._node.create_subscription(
             message_class,
             topic,

@@ -54,7 +54,7 @@ def import_ros2() -> Any:
         raise RosError(NO_ROS) from None
 
 
-def ros_version() -> int:
+def find_ros_version() -> int:
     """2 if rclpy can be imported, else 1 if rospy can be imported. Raises RosError if neither can."""
     try:
         import_ros2()

@@ -14,15 +14,15 @@ from taxel.hand.urdf import format_urdf
 from taxel.types import FloatArray
 
 
-def stamp_of(time_ns: int) -> dict[str, int]:
+def make_stamp(time_ns: int) -> dict[str, int]:
     """Nanoseconds since the Unix epoch as a ROS time; a negative time becomes 0, because ROS times are unsigned."""
     sec, nanosec = divmod(max(time_ns, 0), 1_000_000_000)
     return {"sec": sec, "nanosec": nanosec}
 
 
-def header(time_ns: int, frame: str) -> dict[str, Any]:
+def make_header(time_ns: int, frame: str) -> dict[str, Any]:
     """A std_msgs/Header message."""
-    return {"stamp": stamp_of(time_ns), "frame_id": frame}
+    return {"stamp": make_stamp(time_ns), "frame_id": frame}
 
 
 class FrameTree:
@@ -35,7 +35,7 @@ class FrameTree:
     def __init__(self, hand: Hand, joints: Callable[[], npt.ArrayLike] | None = None) -> None:
         self._hand = hand
         self._kinematics = _kinematics(hand)
-        self._names = _bracket_names(hand, self._kinematics)
+        self._names = _make_bracket_names(hand, self._kinematics)
         self._joints = joints
         self._angles: FloatArray = np.zeros(0)
         self._poses: FloatArray = np.zeros((0, 4, 4))
@@ -59,7 +59,7 @@ class FrameTree:
         """The robot and its brackets as URDF text."""
         return format_urdf(self._require_kinematics().robot, self._hand)
 
-    def bracket_frame(self, address: int) -> str:
+    def get_bracket_frame(self, address: int) -> str:
         """Name of the frame of a board's bracket."""
         return self._names[address]
 
@@ -75,37 +75,43 @@ class FrameTree:
         if not len(self._poses) or not np.array_equal(angles, self._angles):
             self._poses = kinematics.compute_link_poses(angles)
             self._angles = angles.copy()
-            self._moving = list(self._joint_transforms())
+            self._moving = list(self._make_joint_transforms())
             self._taxels = None
 
-    def _joint_transforms(self) -> Iterator[dict[str, Any]]:
+    def _make_joint_transforms(self) -> Iterator[dict[str, Any]]:
         robot = self._require_kinematics().robot
         for index, joint in enumerate(robot.joints):
             if joint.axis is not None:
                 parent = self._poses[robot.get_link_index(joint.parent)]
-                yield _transform(joint.parent, joint.child, inverse(parent) @ self._poses[index + 1])
+                yield _make_transform(joint.parent, joint.child, inverse(parent) @ self._poses[index + 1])
 
-    def static_transforms(self, time_ns: int) -> dict[str, Any]:
+    def make_static_transforms(self, time_ns: int) -> dict[str, Any]:
         """A tf2_msgs/TFMessage message of the transforms that never change: fixed joints and brackets."""
         robot = self._require_kinematics().robot
         edges = [(joint.parent, joint.child, joint.origin) for joint in robot.joints if joint.axis is None]
         for board in self._hand.boards:
             if board.link_name is not None and board.pose is not None:
                 edges.append((board.link_name, self._names[board.address], board.pose))
-        return _stamped([_transform(*edge) for edge in edges], time_ns)
+        return _stamp_transforms([_make_transform(*edge) for edge in edges], time_ns)
 
-    def moving_transforms(self, time_ns: int) -> dict[str, Any]:
+    def make_moving_transforms(self, time_ns: int) -> dict[str, Any]:
         """A tf2_msgs/TFMessage message of the links behind moving joints, at the current angles."""
         self._update()
-        return _stamped(self._moving, time_ns)
+        return _stamp_transforms(self._moving, time_ns)
 
     def joint_states(self, time_ns: int) -> dict[str, Any]:
         """A sensor_msgs/JointState message of the current angles."""
         self._update()
         names = list(self._require_kinematics().robot.joint_names)
-        return {"header": header(time_ns, ""), "name": names, "position": self._angles, "velocity": [], "effort": []}
+        return {
+            "header": make_header(time_ns, ""),
+            "name": names,
+            "position": self._angles,
+            "velocity": [],
+            "effort": [],
+        }
 
-    def taxel_centres_and_normals(self) -> tuple[FloatArray, FloatArray]:
+    def compute_taxel_centres_and_normals(self) -> tuple[FloatArray, FloatArray]:
         """Centres (metres) and outward unit normals of all taxels at the current angles, root frame, f64[n, 3]."""
         self._update()
         if self._taxels is None:
@@ -117,16 +123,18 @@ class FrameTree:
         return self._taxels
 
 
-def _transform(parent: str, child: str, matrix: FloatArray) -> dict[str, Any]:
-    """A geometry_msgs/TransformStamped whose header is replaced by the name of the parent frame (see `_stamped`)."""
+def _make_transform(parent: str, child: str, matrix: FloatArray) -> dict[str, Any]:
+    """A geometry_msgs/TransformStamped whose header is replaced by the name of the parent frame (see
+    `_stamp_transforms`).
+    """
     w, x, y, z = to_quaternion(matrix).tolist()
     translation = dict(zip("xyz", matrix[:3, 3].tolist(), strict=True))
     pose = {"translation": translation, "rotation": {"x": x, "y": y, "z": z, "w": w}}
     return {"header": parent, "child_frame_id": child, "transform": pose}
 
 
-def _stamped(transforms: list[dict[str, Any]], time_ns: int) -> dict[str, Any]:
-    return {"transforms": [each | {"header": header(time_ns, each["header"])} for each in transforms]}
+def _stamp_transforms(transforms: list[dict[str, Any]], time_ns: int) -> dict[str, Any]:
+    return {"transforms": [each | {"header": make_header(time_ns, each["header"])} for each in transforms]}
 
 
 def _kinematics(hand: Hand) -> Kinematics | None:
@@ -136,7 +144,7 @@ def _kinematics(hand: Hand) -> Kinematics | None:
         return None
 
 
-def _bracket_names(hand: Hand, kinematics: Kinematics | None) -> dict[int, str]:
+def _make_bracket_names(hand: Hand, kinematics: Kinematics | None) -> dict[int, str]:
     """Frame names by address, as in `Kinematics.publish` and the URDF: a board with a link's name is NAME_bracket."""
     used = set(kinematics.robot.link_names) if kinematics is not None else set()
     names = {}

@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.hand import Hand
-from taxel.ros.contacts import activations_message, baseline_message, contact_cloud_message
-from taxel.ros.diagnostics import diagnostics_message
-from taxel.ros.tf_tree import FrameTree, header
+from taxel.ros.contacts import make_activations_message, make_baseline_message, make_contact_cloud_message
+from taxel.ros.diagnostics import make_diagnostics_message
+from taxel.ros.tf_tree import FrameTree, make_header
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES, Activation, Baseline, BaselineResult
 from taxel.stream import HubClient, TaxelFrame
 from taxel.stream.cycles import CycleSorter
@@ -83,27 +83,27 @@ class SkinTopics:
         """The messages of a frame. Exhaust the iterator before the next call."""
         if not self._is_started:
             self._is_started = True
-            yield from self._static_messages(self.time_ns(frame.time_s))
-        yield self._scan_message(frame)
+            yield from self._make_static_messages(self.time_ns(frame.time_s))
+        yield self._make_scan_message(frame)
         self._sorter.add(frame)
-        yield from self._completed_cycles(is_end=False)
+        yield from self._make_completed_cycle_messages(is_end=False)
 
     def finish(self) -> Iterator[TopicMessage]:
         """The remaining messages after the last frame."""
-        yield from self._completed_cycles(is_end=True)
+        yield from self._make_completed_cycle_messages(is_end=True)
 
-    def _static_messages(self, time_ns: int) -> Iterator[TopicMessage]:
+    def _make_static_messages(self, time_ns: int) -> Iterator[TopicMessage]:
         if self.tree.has_geometry:
             yield TopicMessage("/robot_description", "std_msgs/String", time_ns, {"data": self.tree.urdf}, True)
-            static = self.tree.static_transforms(time_ns)
+            static = self.tree.make_static_transforms(time_ns)
             yield TopicMessage("/tf_static", "tf2_msgs/TFMessage", time_ns, static, True)
 
-    def _scan_message(self, frame: TaxelFrame) -> TopicMessage:
+    def _make_scan_message(self, frame: TaxelFrame) -> TopicMessage:
         time_ns = self.time_ns(frame.time_s)
         name = self._names[frame.address]
         self._last_sequence[frame.address] = frame.sequence
         message = {
-            "header": header(time_ns, self.tree.bracket_frame(frame.address)),
+            "header": make_header(time_ns, self.tree.get_bracket_frame(frame.address)),
             "address": frame.address,
             "name": name,
             "sequence": frame.sequence,
@@ -115,36 +115,36 @@ class SkinTopics:
         }
         return TopicMessage(f"/taxel/{name}/scan", "taxel_msgs/TaxelScan", time_ns, message)
 
-    def _completed_cycles(self, is_end: bool) -> Iterator[TopicMessage]:
+    def _make_completed_cycle_messages(self, is_end: bool) -> Iterator[TopicMessage]:
         while (frames := self._sorter.pop(is_end)) is not None:
-            yield from self._cycle_messages(frames, is_end)
+            yield from self._make_cycle_messages(frames, is_end)
 
-    def _cycle_messages(self, frames: list[TaxelFrame], is_end: bool) -> Iterator[TopicMessage]:
+    def _make_cycle_messages(self, frames: list[TaxelFrame], is_end: bool) -> Iterator[TopicMessage]:
         time_s = min(frame.time_s for frame in frames)
         time_ns = self.time_ns(time_s)
         if not is_end:  # the end of the stream truncates the last cycle; its missing boards are no fault
-            yield from self._missing_scans(frames, time_ns)
+            yield from self._make_missing_scan_messages(frames, time_ns)
         if self.tree.has_geometry and time_s >= self._tree_s + TREE_PERIOD_S:
             self._tree_s = time_s
             yield TopicMessage("/joint_states", "sensor_msgs/JointState", time_ns, self.tree.joint_states(time_ns))
-            yield TopicMessage("/tf", "tf2_msgs/TFMessage", time_ns, self.tree.moving_transforms(time_ns))
-        yield from self._contact_messages(frames, time_ns)
+            yield TopicMessage("/tf", "tf2_msgs/TFMessage", time_ns, self.tree.make_moving_transforms(time_ns))
+        yield from self._make_contact_messages(frames, time_ns)
         if time_s >= self._diagnostics_s + DIAGNOSTICS_PERIOD_S:
             self._diagnostics_s = time_s
-            message = diagnostics_message(self._hand, self._hub, time_ns)
+            message = make_diagnostics_message(self._hand, self._hub, time_ns)
             yield TopicMessage("/diagnostics", "diagnostic_msgs/DiagnosticArray", time_ns, message)
 
-    def _missing_scans(self, frames: list[TaxelFrame], time_ns: int) -> Iterator[TopicMessage]:
+    def _make_missing_scan_messages(self, frames: list[TaxelFrame], time_ns: int) -> Iterator[TopicMessage]:
         """A scan message with `valid` False for each board that has sent frames before but none in this cycle."""
         for address in self._last_sequence.keys() - {frame.address for frame in frames}:
             empty = TaxelFrame(
                 address, frames[0].cycle, self._last_sequence[address], 0.0, 0, 0, np.zeros(0, dtype=np.uint16)
             )
-            message = self._scan_message(empty)
-            head = header(time_ns, self.tree.bracket_frame(address))
+            message = self._make_scan_message(empty)
+            head = make_header(time_ns, self.tree.get_bracket_frame(address))
             yield message._replace(time_ns=time_ns, message=message.message | {"valid": False, "header": head})
 
-    def _contact_messages(self, frames: list[TaxelFrame], time_ns: int) -> Iterator[TopicMessage]:
+    def _make_contact_messages(self, frames: list[TaxelFrame], time_ns: int) -> Iterator[TopicMessage]:
         counts = np.zeros(self._hand.n_taxels, dtype=np.uint16)
         valid = np.zeros(self._hand.n_taxels, dtype=bool)
         for frame in frames:
@@ -153,16 +153,16 @@ class SkinTopics:
             valid[taxels] = True
         if self._activation is None:
             if self._update_baseline(counts, valid) and self.baseline is not None:
-                message = baseline_message(self.baseline, self._baseline.samples, time_ns)
+                message = make_baseline_message(self.baseline, self._baseline.samples, time_ns)
                 yield TopicMessage("/taxel/baseline", "taxel_msgs/Baseline", time_ns, message, True)
             return
         activation = self._activation(counts, valid & self._has_baseline)
-        message = activations_message(self._hand, activation, frames[0].cycle, self._threshold, time_ns)
+        message = make_activations_message(self._hand, activation, frames[0].cycle, self._threshold, time_ns)
         yield TopicMessage("/taxel/activations", "taxel_msgs/Activations", time_ns, message)
         if self.tree.has_geometry:
-            positions, normals = self.tree.taxel_centres_and_normals()
-            head = header(time_ns, self.tree.root)
-            cloud = contact_cloud_message(self._hand, activation, positions, normals, head)
+            positions, normals = self.tree.compute_taxel_centres_and_normals()
+            head = make_header(time_ns, self.tree.root)
+            cloud = make_contact_cloud_message(self._hand, activation, positions, normals, head)
             yield TopicMessage("/taxel/contact_cloud", "sensor_msgs/PointCloud2", time_ns, cloud)
 
     def _update_baseline(self, counts: CountArray, valid: BoolArray) -> bool:

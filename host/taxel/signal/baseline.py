@@ -107,12 +107,12 @@ class Baseline:
     @property
     def mean(self) -> FloatArray:
         """Mean of the samples, f64[n], counts; NaN where not complete."""
-        return self._where_ready(_compute_mean_and_noise(self._stored)[0])
+        return self._mask_unready(_compute_mean_and_noise(self._stored)[0])
 
     @property
     def noise(self) -> FloatArray:
         """Standard deviation of the samples, f64[n], counts; NaN where not complete."""
-        return self._where_ready(_compute_mean_and_noise(self._stored)[1])
+        return self._mask_unready(_compute_mean_and_noise(self._stored)[1])
 
     @property
     def disturbed(self) -> BoolArray:
@@ -127,7 +127,7 @@ class Baseline:
         """Raise DisturbedBaselineError if a taxel was disturbed, TooFewSamplesError before `is_ready`."""
         self.result().require_undisturbed()
 
-    def _where_ready(self, values: FloatArray) -> FloatArray:
+    def _mask_unready(self, values: FloatArray) -> FloatArray:
         return np.where(self.ready_mask, values, np.nan)
 
 

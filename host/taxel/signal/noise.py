@@ -67,7 +67,7 @@ def measure_noise(
     labels = None if line_of is None else _check_labels(line_of, raw.shape[1])
     count = mask.sum(axis=0, dtype=np.int64)
     has_enough = count >= MIN_SAMPLES
-    centred = _centre(raw.astype(np.float64), mask)
+    centred = _subtract_mean(raw.astype(np.float64), mask)
     slope, residual = _fit_line(centred, mask)
     lines = None if labels is None else np.unique(labels)
     total_std = np.sqrt((centred**2).sum(axis=0) / np.maximum(count - 1, 1))
@@ -112,7 +112,7 @@ def _check_labels(line_of: npt.ArrayLike, n_taxels: int) -> IntArray:
     return labels.astype(np.int64)
 
 
-def _centre(values: FloatArray, mask: BoolArray) -> FloatArray:
+def _subtract_mean(values: FloatArray, mask: BoolArray) -> FloatArray:
     """Subtract the mean over the mask; 0 outside the mask."""
     mean = np.where(mask, values, 0.0).sum(axis=0) / np.maximum(mask.sum(axis=0), 1)
     return np.where(mask, values - mean, 0.0)
@@ -120,7 +120,7 @@ def _centre(values: FloatArray, mask: BoolArray) -> FloatArray:
 
 def _fit_line(centred: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArray]:
     frames = np.arange(centred.shape[0], dtype=np.float64)[:, np.newaxis]
-    time = _centre(np.broadcast_to(frames, centred.shape), mask)
+    time = _subtract_mean(np.broadcast_to(frames, centred.shape), mask)
     squares = (time**2).sum(axis=0)
     slope = (time * centred).sum(axis=0) / np.where(squares > 0, squares, 1.0)
     return slope, centred - slope * time

@@ -74,11 +74,11 @@ class McapSkin(Skin):
         try:
             for message in self._topics.finish():
                 self._file.publish(message)
-            boards = {f"0x{address:02X}": _json_fields(fields) for address, fields in self.hub.boards.items()}
+            boards = {f"0x{address:02X}": _encode_json_fields(fields) for address, fields in self.hub.boards.items()}
             self._file.add_metadata(BOARDS_METADATA, boards)
         finally:
             self._file.close()
 
 
-def _json_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
+def _encode_json_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value.hex() if isinstance(value, bytes) else value for name, value in fields.items()}

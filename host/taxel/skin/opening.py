@@ -35,18 +35,18 @@ def open_skin(
 
 def open_source(url: str, hand: Hand | str | os.PathLike[str] | None = None) -> tuple[Link, Hand]:
     """The link of a URL and the hand at its other end; arguments and errors as in `open_skin`."""
-    description = _loaded_hand(hand or DEFAULT_HAND)
+    description = _resolve_hand(hand or DEFAULT_HAND)
     link = open_link(url, description)
     if hand is not None or not link.is_recorded:
         return link, description
     try:
-        return link, recorded_hand(link)
+        return link, load_recorded_hand(link)
     except BaseException:
         link.close()
         raise
 
 
-def recorded_hand(link: Link) -> Hand:
+def load_recorded_hand(link: Link) -> Hand:
     """The hand that a recording contains; else the packaged hand that the recording names; else the default hand."""
     header = getattr(link, "header", {})
     text = header.get("hand_description")
@@ -56,7 +56,7 @@ def recorded_hand(link: Link) -> Hand:
     return load_hand(name if isinstance(name, str) and name in list_packaged_hands() else DEFAULT_HAND)
 
 
-def _loaded_hand(hand: Hand | str | os.PathLike[str]) -> Hand:
+def _resolve_hand(hand: Hand | str | os.PathLike[str]) -> Hand:
     return hand if isinstance(hand, Hand) else load_hand(hand)
 
 

@@ -12,7 +12,7 @@ from taxel.link.capture import EXISTS
 from taxel.ros.topics import JointSource
 from taxel.skin.mcap_skin import McapSkin
 from taxel.skin.opening import open_source
-from taxel.skin.recording_link import RecordingLink, recording_header
+from taxel.skin.recording_link import RecordingLink, make_recording_header
 from taxel.skin.skin import Skin
 
 MCAP_SUFFIX = ".mcap"
@@ -36,7 +36,7 @@ def open_recorded(
         raise CaptureError(os.fspath(path), EXISTS)
     link, description = open_source(url, hand)
     try:
-        header = recording_header(url, link, description, hand)
+        header = make_recording_header(url, link, description, hand)
     except BaseException:
         link.close()
         raise
@@ -71,7 +71,7 @@ def record_link(
         raise
 
 
-def joint_source(joint_position: npt.ArrayLike | JointSource | None) -> JointSource | None:
+def make_joint_source(joint_position: npt.ArrayLike | JointSource | None) -> JointSource | None:
     """A function that returns the joint angles: the given function, or one that returns fixed angles; None for None."""
     if joint_position is None or callable(joint_position):
         return joint_position
@@ -95,7 +95,7 @@ def _record_mcap(
         link.close()
         raise
     try:
-        return McapSkin(link, hand, file, header, joint_source(joint_position))
+        return McapSkin(link, hand, file, header, make_joint_source(joint_position))
     except BaseException:
         file.close()
         if file.messages == 0:

@@ -61,7 +61,7 @@ class RecordingLink:
         self._writer.close()
 
 
-def recording_header(
+def make_recording_header(
     url: str, link: Link, hand: Hand, hand_source: Hand | str | os.PathLike[str] | None
 ) -> dict[str, Any]:
     """Header of a recording as JSON values, complete enough to read the file without any other.

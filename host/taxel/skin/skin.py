@@ -68,7 +68,7 @@ class Skin:
 
     def _start(self) -> None:
         self.hub.handshake()
-        self._discover()
+        self._discover_boards()
         for address, fields in sorted(self.hub.boards.items()):
             self._check_board(address, fields)
         self.hub.set_rate(self._rate_hz)
@@ -80,7 +80,7 @@ class Skin:
         self.hub.set_rate(self._rate_hz)
         self.hub.start(self._compact)
 
-    def _discover(self) -> None:
+    def _discover_boards(self) -> None:
         now_s = get_clock(self._stream.link)
         deadline = now_s() + DISCOVERY_TIMEOUT_S
         while True:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from taxel.link import CaptureLink
 from taxel.link.capture import RECORD_HEAD, RECORD_MAX
 from taxel.stream.decoder import Batch, StreamDecoder
-from taxel.stream.native import codec_library
+from taxel.stream.native import load_codec_library
 
 BLOCK = 1 << 18
 """Block size, bytes: small enough for the cache of one core, large enough that the call overhead is negligible."""
@@ -40,7 +40,7 @@ class CaptureDecoder:
         self._link = CaptureLink(path)
         self.header, self.baud, self.has_arrivals = self._link.header, self._link.baud, self._link.has_arrivals
         self.decoder = StreamDecoder()
-        self._gather = codec_library().taxel_capture_gather
+        self._gather = load_codec_library().taxel_capture_gather
         self._block_values = np.zeros(_BLOCK_VALUES, dtype=np.uint64)
         self._allocate(BLOCK)
 

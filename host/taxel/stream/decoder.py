@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.stream.native import ROW_SIZE, BatchOutput, codec_library
+from taxel.stream.native import ROW_SIZE, BatchOutput, load_codec_library
 from taxel_protocol.limits import ACKNOWLEDGE_MAX
 
 ROW = np.dtype(
@@ -67,7 +67,7 @@ class StreamDecoder:
     """Decoder of a stream of hub frames; a damaged frame never hides a valid frame next to it."""
 
     def __init__(self) -> None:
-        self._library = codec_library()
+        self._library = load_codec_library()
         assert ROW.itemsize == ROW_SIZE
         self._state = ctypes.create_string_buffer(self._library.taxel_batch_struct_size())
         self._taxel_rows = np.zeros(_ROWS, dtype=ROW)

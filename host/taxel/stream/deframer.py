@@ -7,7 +7,7 @@ import ctypes
 from collections.abc import Iterable
 from typing import Any
 
-from taxel.stream.native import codec_library
+from taxel.stream.native import load_codec_library
 from taxel_protocol.limits import BODY_MAX, ENCODED_MAX, PAYLOAD_MAX
 
 TO_HOST = 1
@@ -47,7 +47,7 @@ class Deframer:
     """Decoder of complete hub-to-host streams. library: the codec library; None: the library of the package."""
 
     def __init__(self, library: ctypes.CDLL | None = None) -> None:
-        self._library = codec_library() if library is None else library
+        self._library = load_codec_library() if library is None else library
         self._state = ctypes.create_string_buffer(_STATE_SIZE)
         self._chunk = ctypes.create_string_buffer(2 * (ENCODED_MAX + 2))
         self._body = ctypes.create_string_buffer(BODY_MAX)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from taxel.link import Chunk, LinkError
 from taxel.stream.frames import TaxelFrame
-from taxel.stream.native import codec_library
+from taxel.stream.native import load_codec_library
 from taxel_protocol import FrameType
 from taxel_protocol.frames import HubStatus
 from taxel_protocol.layout import pack
@@ -26,7 +26,7 @@ _WIRE_MAX = 2 * PAYLOAD_MAX + 64
 def encode_on_wire(frame_type: FrameType, sequence: int, payload: bytes) -> bytes:
     """Encode one frame for the wire with the C encoder; the result equals `taxel_protocol.encode_frame`."""
     out = ctypes.create_string_buffer(_WIRE_MAX)
-    encode = codec_library().taxel_batch_encode
+    encode = load_codec_library().taxel_batch_encode
     encode.restype = ctypes.c_size_t
     size = encode(
         ctypes.c_uint8(frame_type), ctypes.c_uint16(sequence), payload, ctypes.c_uint16(len(payload)), out,

@@ -34,7 +34,7 @@ class BatchOutput(ctypes.Structure):
 
 
 @cache
-def codec_library() -> ctypes.CDLL:
+def load_codec_library() -> ctypes.CDLL:
     """Load and return the codec library. Raises `NativeLibraryError` if it is missing or does not match."""
     library = load_library("taxel_codec", "the compiled codec", NativeLibraryError)
     size, pointer = ctypes.c_size_t, ctypes.c_void_p

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taxel.recording import GraspDataset, TouchRecording, load_recording, recordings
+from taxel.recording import GraspDataset, TouchRecording, list_recordings, load_recording
 
 pytestmark = pytest.mark.slow
 
@@ -33,7 +33,7 @@ def tool():
 
 @pytest.fixture(scope="module")
 def frames(tool):
-    return [tool.measured_touches.Frames.from_recording(load_recording(name)) for name in recordings()]
+    return [tool.measured_touches.Frames.from_recording(load_recording(name)) for name in list_recordings()]
 
 
 @pytest.fixture(scope="module")

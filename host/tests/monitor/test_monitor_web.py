@@ -8,7 +8,7 @@ import pytest
 from host.tests.chromium import Page
 from taxel.hand import load_hand
 from taxel.monitor.colours import TABLE, colour_steps
-from taxel.monitor.page import status_html, table_html
+from taxel.monitor.page import format_status_html, format_table_html
 from taxel.monitor.scene import build_scene
 
 TIMEOUT_S = 200.0
@@ -101,15 +101,15 @@ def test_time_series_are_those_of_the_selection(fake_skin):
             skin.pass_time(0.1)
             view.draw(skin.read())
         view._choice.value = web.MOST_ACTIVE
-        names, values = view._series()
+        names, values = view._select_series()
         assert "fingertip thumb TX 3 RX 3" in names
         assert values[:, names.index("fingertip thumb TX 3 RX 3")].tolist() == [0.0, 300.0, 900.0]
         view._choice.value = web.BOARDS
-        names, values = view._series()
+        names, values = view._select_series()
         assert names[0] == "fingertip thumb"
         assert values.shape == (3, 5)
         view._choice.value = "palm"
-        names, values = view._series()
+        names, values = view._select_series()
         assert len(names) == 5
         assert all(name.startswith("palm TX ") for name in names)
         assert (values == 0.0).all()
@@ -118,8 +118,8 @@ def test_time_series_are_those_of_the_selection(fake_skin):
 def test_html_in_names_is_escaped(fake_skin):
     skin = fake_skin()
     skin.pass_time(1.0)
-    assert "<script>" not in status_html(skin.read(), "file:<script>")
-    assert "proximal front middle" in table_html(skin.read())
+    assert "<script>" not in format_status_html(skin.read(), "file:<script>")
+    assert "proximal front middle" in format_table_html(skin.read())
 
 
 @pytest.mark.parametrize("name", ["allegro", "flat8", "rig4"])

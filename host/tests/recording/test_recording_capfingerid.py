@@ -9,7 +9,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from taxel.recording import RecordingError, TouchRecording, load_recording, recordings
+from taxel.recording import RecordingError, TouchRecording, list_recordings, load_recording
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 
@@ -32,7 +32,7 @@ def format_line(task="TAP", seconds="1508925142", nanoseconds="30093394", values
 
 
 def test_package_contains_two_recordings():
-    assert recordings() == ["P20_thumb_right", "P2_index_right"]
+    assert list_recordings() == ["P20_thumb_right", "P2_index_right"]
 
 
 @pytest.mark.parametrize(("name", "frames"), [("P2_index_right", 4232), ("P20_thumb_right", 3728)])

@@ -6,8 +6,8 @@ import pytest
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings
 from taxel.link import CaptureError
-from taxel.recording import RecordingError, Tiling, TouchRecording, load_recording, recordings
-from taxel.recording.replay import ReplayOptions, decode_capture, lead_in, replay_touches
+from taxel.recording import RecordingError, Tiling, TouchRecording, list_recordings, load_recording
+from taxel.recording.replay import ReplayOptions, compute_lead_in_s, decode_capture, replay_touches
 from taxel.recording.scoring import SourceTouches, score_replay
 
 ALLEGRO = load_hand("allegro")
@@ -20,7 +20,7 @@ def make_touch_recording(touched_frames, frames=40, period_s=0.1):
     return TouchRecording("synthetic", period_s * np.arange(frames), values, np.full(frames, "TAP"))
 
 
-@pytest.mark.parametrize("name", recordings())
+@pytest.mark.parametrize("name", list_recordings())
 def test_measured_touches_are_decoded_without_error(name):
     score = replay_touches(load_recording(name), ALLEGRO, ReplayOptions(start_s=30.0, seconds=10.0))
     assert score.boards == 17
@@ -61,7 +61,7 @@ def test_recording_without_touch_gives_no_activity():
 def test_kept_capture_gives_the_same_score_and_a_lower_one_for_another_source(tmp_path):
     recording = make_touch_recording(range(5, 20))
     score = replay_touches(recording, ALLEGRO, folder=tmp_path)
-    boards = decode_capture(tmp_path / "touches.capture", ALLEGRO, lead_in(ALLEGRO, WorldSettings()))
+    boards = decode_capture(tmp_path / "touches.capture", ALLEGRO, compute_lead_in_s(ALLEGRO, WorldSettings()))
     tiling = Tiling.for_hand(ALLEGRO)
     repeated = score_replay(SourceTouches(recording.time_s, tiling.to_taxels(recording.values), 150.0), boards)
     assert str(repeated) == str(score)

@@ -23,7 +23,7 @@ def decode_exactly(source, delay_s=0.0, taxels=slice(0, TAXELS), first_s=0.0101,
     n = taxels.stop - taxels.start
     start_s = np.arange(first_s, source.time_s[-1] + FRAME_S, sample_s)
     sampled_s = start_s[:, None] + 1e-3 * np.arange(n)
-    signal = source.values[source.row_at(sampled_s - delay_s), np.arange(taxels.start, taxels.stop)].astype(float)
+    signal = source.values[source.find_rows_at(sampled_s - delay_s), np.arange(taxels.start, taxels.stop)].astype(float)
     return DecodedBoard(taxels, np.arange(len(start_s)), sampled_s, signal, signal > 150.0)
 
 
@@ -50,7 +50,7 @@ def test_value_at_the_threshold_is_no_touch():
 def test_touch_in_the_first_frame_has_its_onset_there():
     source = make_source([[200], [0]])
     assert source.onset_s.tolist() == [0.0]
-    assert not source.active[source.row_at(np.array([-0.01]))].any()
+    assert not source.active[source.find_rows_at(np.array([-0.01]))].any()
 
 
 def test_last_of_several_frames_with_the_same_time_is_used():

@@ -11,8 +11,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_typestore
 
 from taxel.ros.cdr import CdrError, decode, encode
-from taxel.ros.contacts import POINT, point_fields
-from taxel.ros.definitions import definition, fields, parse_fields, ros1_schema, ros2_schema
+from taxel.ros.contacts import POINT, make_point_fields
+from taxel.ros.definitions import fields, get_definition, make_ros1_schema, make_ros2_schema, parse_fields
 from taxel.ros.ros_import import RosError, import_ros1
 
 STANDARD = (
@@ -34,7 +34,7 @@ MESSAGES = {
         "header": HEADER, "name": ["a", "", "joint"], "position": [0.25], "velocity": [], "effort": np.zeros(2),
     },
     "sensor_msgs/PointCloud2": {
-        "header": HEADER, "height": 1, "width": 2, "fields": point_fields(), "is_bigendian": False,
+        "header": HEADER, "height": 1, "width": 2, "fields": make_point_fields(), "is_bigendian": False,
         "point_step": 36, "row_step": 72, "data": bytes(range(72)), "is_dense": True,
     },
 }  # fmt: skip
@@ -60,7 +60,7 @@ def test_encoded_message_is_read_back_and_by_the_reference_decoder(name):
     data = encode(name, MESSAGES[name])
     expected = repr(to_builtin(MESSAGES[name]))
     assert repr(to_builtin(decode(name, data))) == expected
-    schema = Schema(1, ros2_schema(name).encode(), "ros2msg", name.replace("/", "/msg/"))
+    schema = Schema(1, make_ros2_schema(name).encode(), "ros2msg", name.replace("/", "/msg/"))
     reference = DecoderFactory().decoder_for("cdr", schema)
     assert reference is not None
     assert repr(to_builtin(reference(data))) == expected
@@ -83,7 +83,7 @@ def test_standard_message_has_the_checksum_of_ros_1(name):
     from genpy.dynamic import generate_dynamic
     from roslib.message import get_message_class
 
-    generated = generate_dynamic(name, ros1_schema(name))[name]
+    generated = generate_dynamic(name, make_ros1_schema(name))[name]
     reference = get_message_class(name)
     assert generated._md5sum == (reference._md5sum if reference is not None else CHECKSUMS[name])
 
@@ -99,7 +99,7 @@ def test_cmake_list_of_the_ros_package_has_every_message_file():
 
 @pytest.mark.parametrize("name", OWN)
 def test_every_field_of_the_own_messages_has_a_comment(name):
-    text = definition(f"taxel_msgs/{name}")
+    text = get_definition(f"taxel_msgs/{name}")
     assert text.startswith("# ")
     self_explanatory = {"data", "threshold_counts", "active_count"}
     for line in filter(parse_fields, text.splitlines()):
@@ -107,7 +107,7 @@ def test_every_field_of_the_own_messages_has_a_comment(name):
 
 
 def test_point_fields_have_the_offsets_of_the_point_type():
-    offsets = {field["name"]: field["offset"] for field in point_fields()}
+    offsets = {field["name"]: field["offset"] for field in make_point_fields()}
     assert offsets == {name: POINT.fields[name][1] for name in POINT.names}
 
 

@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import Final
 
 from taxel.errors import TaxelError
-from taxel.plugins import BENCH_PHASES, BENCH_PROBES, load_plugin, plugin_names, unusable_plugin
+from taxel.plugins import BENCH_PHASES, BENCH_PROBES, list_plugin_names, load_plugin, unusable_plugin
 from taxel_tools.bench.probe.base import Probe, ProbeError, ProbeRequest
 from taxel_tools.testing.engine import Phase
 
@@ -48,7 +48,7 @@ PROBES: Final[Mapping[str, str]] = MappingProxyType(
 
 def phase_names() -> tuple[str, ...]:
     """Names of all phases. Raises `PluginError` if two packages use one name."""
-    return plugin_names(BENCH_PHASES, PHASES)
+    return list_plugin_names(BENCH_PHASES, PHASES)
 
 
 def load_phases(names: Collection[str]) -> tuple[Phase, ...]:
@@ -75,7 +75,7 @@ def _load_phase(name: str) -> Phase:
 def open_probe(request: ProbeRequest) -> Probe:
     """Open the probe that `request.url` names. Raises `TaxelError` as one line."""
     name = request.url.partition(":")[0]
-    names = plugin_names(BENCH_PROBES, PROBES)
+    names = list_plugin_names(BENCH_PROBES, PROBES)
     if name not in names:
         raise ProbeError(f"--probe: expected one of {', '.join(names)}, found '{request.url}'")
     factory = load_plugin(BENCH_PROBES, name, PROBES)

@@ -19,7 +19,7 @@ from taxel.hand.errors import format_path
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_hdf5 import open_hdf5
-from taxel.recording.grasp_storage import check_target, put_in_place, write_array, writing_errors
+from taxel.recording.grasp_storage import check_target, convert_writing_errors, put_in_place, write_array
 
 NOTE: Final = "gap_applied"
 """Attribute of the file that says what was added; a second one is called gap_applied_2, and so on."""
@@ -37,12 +37,12 @@ def made_beside(target: Path, inputs: tuple[Path, ...], overwrite: bool) -> Iter
         if target.exists() and path.exists() and target.samefile(path):
             raise GapInputError("--out", "another file than the inputs", format_path(target), "choose another name")
     check_target(target, overwrite, place)
-    with writing_errors(place):
+    with convert_writing_errors(place):
         folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
     whole = folder / target.name
     try:
         yield whole
-        with writing_errors(place):
+        with convert_writing_errors(place):
             put_in_place(whole, target, overwrite, place)
     except DatasetError as error:
         if error.file != format_path(whole):
@@ -54,7 +54,7 @@ def made_beside(target: Path, inputs: tuple[Path, ...], overwrite: bool) -> Iter
 
 def copied(source: str | PathLike[str], target: Path) -> None:
     """Copy a file, bit for bit. Raises DatasetError where the disk refuses."""
-    with writing_errors(Location(str(target))):
+    with convert_writing_errors(Location(str(target))):
         shutil.copyfile(source, target)
 
 
@@ -67,7 +67,7 @@ class Rewriting:
 
     def put(self, grasp_id: str, name: str, array: NDArray[Any]) -> None:
         """Replace an array of a grasp; its attributes stay. Raises DatasetError where the disk refuses."""
-        with writing_errors(self._place.key("grasps").key(grasp_id).key(name)):
+        with convert_writing_errors(self._place.key("grasps").key(grasp_id).key(name)):
             group = self._file["grasps"][grasp_id]
             node = group[name]
             if h5py.h5o.get_info(node.id).rc == 1 and np.can_cast(array.dtype, node.dtype):
@@ -81,7 +81,7 @@ class Rewriting:
 
     def note(self, text: str) -> None:
         """Say in the file's attributes what was done to it."""
-        with writing_errors(self._place):
+        with convert_writing_errors(self._place):
             number = 1
             while self._name(number) in self._file.attrs:
                 number += 1
@@ -94,7 +94,7 @@ class Rewriting:
         return self
 
     def __exit__(self, *_: object) -> None:
-        with writing_errors(self._place):
+        with convert_writing_errors(self._place):
             self._file.close()
 
 

@@ -92,7 +92,7 @@ class _FaultEventStruct(ctypes.Structure):
 
 
 @cache
-def _library() -> ctypes.CDLL:
+def _load_library() -> ctypes.CDLL:
     library = load_library("taxel_bench", "the compiled emulator library", _LibraryMissingError)
     pointer, size, byte, text = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_uint8, ctypes.c_char_p
     time, number, integer = ctypes.c_uint64, ctypes.c_double, ctypes.c_int
@@ -144,7 +144,7 @@ class VirtualWorld:
         counts: bool = False,
         files: Mapping[str, Path] | None = None,
     ) -> None:
-        self._library = _library()
+        self._library = _load_library()
         self._handle: int | None = self._open(world, uart, counts, files or {})
         self.taxels = int(self._library.taxel_bench_taxel_count(self._handle))
         self.pty_name = str(self._library.taxel_bench_pty_name(self._handle).decode())

@@ -19,9 +19,9 @@ from taxel.recording.formats.csv_format import CsvSink, open_csv
 from taxel.recording.formats.frame_table import FrameSink, check_free
 from taxel.recording.formats.grasp_options import GraspOptions
 from taxel.ros.topics import SkinTopics
-from taxel.skin import Skin, open_source, recorded_hand
+from taxel.skin import Skin, load_recorded_hand, open_source
 from taxel.skin.recorder import record_link
-from taxel.skin.recording_link import recording_header
+from taxel.skin.recording_link import make_recording_header
 from taxel.stream.encoder import FramesLink
 from taxel.types import FloatArray
 
@@ -94,7 +94,7 @@ def open_recording(
         raise CaptureError(text, "cannot be read (No such file or directory)")
     link = _open_frames(Path(text), format_name, grasp)
     if hand is None:
-        return link, recorded_hand(link)
+        return link, load_recorded_hand(link)
     return link, hand if isinstance(hand, Hand) else load_hand(hand)
 
 
@@ -133,7 +133,7 @@ def convert(
     check_free(path, overwrite)
     link, description = open_recording(source, hand, grasp)
     try:
-        header = recording_header(f"file:{os.fspath(source)}", link, description, hand)
+        header = make_recording_header(f"file:{os.fspath(source)}", link, description, hand)
     except BaseException:
         link.close()
         raise

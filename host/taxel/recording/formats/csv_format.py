@@ -17,7 +17,7 @@ import numpy as np
 
 from taxel.hand import Hand
 from taxel.link import CaptureError
-from taxel.recording.formats.frame_table import HEADER_MAX, checked_frame, fail, header_text, parse_header
+from taxel.recording.formats.frame_table import HEADER_MAX, check_frame, fail, format_header, parse_header
 from taxel.ros.contacts import POINT
 from taxel.ros.topics import SkinTopics
 from taxel.stream import TaxelFrame
@@ -51,7 +51,7 @@ class CsvSink:
         self._part = path.with_name(f".{path.name}.part")
         shutil.rmtree(self._part, ignore_errors=True)
         self._part.mkdir()
-        (self._part / HEADER_FILE).write_text(header_text(header))
+        (self._part / HEADER_FILE).write_text(format_header(header))
         self._names = {board.address: board.name for board in hand.boards}
         self._files: dict[int, TextIO] = {}
         self._frames = 0
@@ -128,7 +128,7 @@ def _read_rows(path: Path) -> Iterator[tuple[int, TaxelFrame]]:
                                             if name != "time_s"}  # fmt: skip
                 values["time_s"] = float(line[2])
                 counts = list(map(int, line[len(COLUMNS) :]))
-                frame = checked_frame(values, counts, path, f"line {number}")
+                frame = check_frame(values, counts, path, f"line {number}")
             except (ValueError, OverflowError) as error:
                 fail(path, f"line {number}", "numbers", str(error)[:60], "correct the line")
             yield int(values["frame"]), frame

@@ -57,13 +57,13 @@ def check_free(path: Path, overwrite: bool) -> None:
         raise CaptureError(os.fspath(path), "cannot be written (its folder is missing)")
 
 
-def header_text(header: Mapping[str, Any]) -> str:
+def format_header(header: Mapping[str, Any]) -> str:
     """The header of a recording as JSON, with the name and the version of the format."""
     return json.dumps({"format": FORMAT, "version": VERSION, **header}, indent=1)
 
 
 def parse_header(text: str | bytes, file: str | os.PathLike[str]) -> dict[str, Any]:
-    """The header in a text that `header_text` wrote. Raises RecordingFormatError for another format or version."""
+    """The header in a text that `format_header` wrote. Raises RecordingFormatError for another format or version."""
     try:
         header = json.loads(text)
     except (ValueError, RecursionError):
@@ -74,7 +74,7 @@ def parse_header(text: str | bytes, file: str | os.PathLike[str]) -> dict[str, A
     return header
 
 
-def checked_frame(values: Mapping[str, Any], counts: Any, file: str | os.PathLike[str], row: str) -> TaxelFrame:
+def check_frame(values: Mapping[str, Any], counts: Any, file: str | os.PathLike[str], row: str) -> TaxelFrame:
     """The frame of a row; raises RecordingFormatError for a value outside its range.
 
     values: numbers by column, including `time_s`. counts: sequence of integers. row: the row in messages, "line 7".

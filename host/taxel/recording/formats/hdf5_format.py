@@ -20,12 +20,12 @@ from taxel.recording.grasp_format import REAL
 from taxel.recording.grasp_hdf5 import open_hdf5
 from taxel.recording.grasp_storage import (
     LIBVER,
+    convert_writing_errors,
     create_group,
     link_grasp,
     put_in_place,
     write_array,
     write_attributes,
-    writing_errors,
 )
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
@@ -64,7 +64,7 @@ class Hdf5Sink:
         kinematics = build_kinematics(hand)
         self._joints = np.zeros(len(kinematics.robot.joint_names)) if joint_position is None else joint_position
         self._pose = kinematics.compute_sensor_poses(self._joints)
-        _create_dataset(self._part, hand, generator, _objects(options.object, self._location))
+        _create_dataset(self._part, hand, generator, _make_objects(options.object, self._location))
         self._file = open_hdf5(self._part, "r+", LIBVER)
         self._group = create_group(self._file, None)
         self._columns = {board.address: column for column, board in enumerate(hand.boards)}
@@ -92,7 +92,7 @@ class Hdf5Sink:
             column = self._columns[frame.address]
             valid[column] = True
             self._counts[self._hand.get_slice(frame.address)] = frame.raw_counts
-            self._clock[column] += self._elapsed_us(frame) * 1e-6
+            self._clock[column] += self._compute_elapsed_us(frame) * 1e-6
         time_s = max(min(frame.time_s for frame in frames), self._span[1] if self._count else 0.0)
         self._span = [time_s if not self._count else self._span[0], time_s]
         phase = Phase.BASELINE if self._count < self._options.baseline_frames else Phase.HOLD
@@ -111,7 +111,7 @@ class Hdf5Sink:
         if len(self._rows) >= BLOCK_ROWS:
             self._write_block()
 
-    def _elapsed_us(self, frame: TaxelFrame) -> int:
+    def _compute_elapsed_us(self, frame: TaxelFrame) -> int:
         """Time on the board's clock since its last frame, microseconds; the clock's reading for the first frame."""
         last = self._last_us.get(frame.address)
         self._last_us[frame.address] = frame.board_time_us
@@ -120,7 +120,7 @@ class Hdf5Sink:
         return (frame.board_time_us - last + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
 
     def _write_block(self) -> None:
-        with writing_errors(self._location):
+        with convert_writing_errors(self._location):
             for name, dtype in _TYPES.items():
                 block = np.stack([row[name] for row in self._rows]).astype(dtype)
                 if name not in self._group:
@@ -159,7 +159,7 @@ class Hdf5Sink:
             self._location.fail("at least one frame", "none", "give a recording with frames")
         if self._rows:
             self._write_block()
-        with writing_errors(self._location):
+        with convert_writing_errors(self._location):
             write_array(self._group, "sensor_pose", self._pose)
             write_array(self._group, "object_pose", np.eye(4))
             options = self._options
@@ -185,7 +185,7 @@ def _create_dataset(path: Path, hand: Hand, generator: str, objects: dict[str, O
     GraspDatasetWriter.create(path, header, overwrite=True).close()
 
 
-def _objects(name: str, location: Location) -> dict[str, ObjectMesh]:
+def _make_objects(name: str, location: Location) -> dict[str, ObjectMesh]:
     if name == UNKNOWN_OBJECT:
         vertices = np.array([[0.0, 0.0, 0.0], [1e-6, 0.0, 0.0], [0.0, 1e-6, 0.0]])
         return {UNKNOWN_OBJECT: ObjectMesh(vertices, np.array([[0, 1, 2]], np.int32))}
@@ -208,13 +208,13 @@ def open_hdf5_recording(path: Path, grasp: str | None = None) -> FramesLink:
             fail(path, "/grasps", "one grasp", f"{len(data)}", "select one with --grasp ID")
         selected = data[data.ids[0] if grasp is None else grasp]
         link = FramesLink(
-            os.fspath(path), _read_frames(path, selected.id, data.sensors.address, _taxels_of_sensors(data))
+            os.fspath(path), _read_frames(path, selected.id, data.sensors.address, _group_taxels_by_sensor(data))
         )
         link.header = {"hand": data.hand}
         return link
 
 
-def _taxels_of_sensors(data: GraspDataset) -> list[IndexArray]:
+def _group_taxels_by_sensor(data: GraspDataset) -> list[IndexArray]:
     """For each sensor, the indices of its taxels on the taxel axis."""
     return [np.flatnonzero(data.taxels.sensor == address) for address in data.sensors.address]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from taxel.hand import Hand
 from taxel.optional import optional_import
-from taxel.recording.formats.frame_table import checked_frame, fail, header_text, parse_header
+from taxel.recording.formats.frame_table import check_frame, fail, format_header, parse_header
 from taxel.stream import TaxelFrame
 from taxel.stream.encoder import FramesLink
 
@@ -24,7 +24,7 @@ def _import_pyarrow() -> tuple[Any, Any]:
     return pyarrow, pyarrow.parquet
 
 
-def _schema(arrow: Any) -> Any:
+def _make_schema(arrow: Any) -> Any:
     return arrow.schema(
         [
             ("time_s", arrow.float64()),
@@ -46,8 +46,8 @@ class ParquetSink:
         self._arrow, parquet = _import_pyarrow()
         self._path = path
         self._part = path.with_name(f".{path.name}.part")
-        self._schema = _schema(self._arrow)
-        text = header_text(header).encode()
+        self._schema = _make_schema(self._arrow)
+        text = format_header(header).encode()
         self._writer = parquet.ParquetWriter(self._part, self._schema.with_metadata({METADATA_KEY: text}))
         self._names = {board.address: board.name for board in hand.boards}
         self._rows: list[TaxelFrame] = []
@@ -88,9 +88,11 @@ def open_parquet(path: Path) -> FramesLink:
     metadata = file.schema_arrow.metadata or {}
     if METADATA_KEY not in metadata:
         fail(path, "metadata", "the header that taxel convert writes", "none", "give a file from taxel convert")
-    missing = set(_schema(arrow).names) - set(file.schema_arrow.names)
+    missing = set(_make_schema(arrow).names) - set(file.schema_arrow.names)
     if missing:
-        fail(path, "columns", ", ".join(_schema(arrow).names), f"no {min(missing)}", "restore the original columns")
+        fail(
+            path, "columns", ", ".join(_make_schema(arrow).names), f"no {min(missing)}", "restore the original columns"
+        )
     link = FramesLink(os.fspath(path), _read_frames(path, file))
     link.header = parse_header(metadata[METADATA_KEY], path)
     return link
@@ -105,4 +107,4 @@ def _read_frames(path: Path, file: Any) -> Iterator[TaxelFrame]:
                 empty = [name for name, value in row.items() if value is None]
                 if empty:
                     fail(path, f"row {number}, {empty[0]}", "a value", "none", "correct the row")
-                yield checked_frame(row, row["raw_counts"], path, f"row {number}")
+                yield check_frame(row, row["raw_counts"], path, f"row {number}")

@@ -125,7 +125,7 @@ class VirtualPort:
             request, _ = unpack(FRAMES[kind].payload, payload)
             if request["command"] == Command.GET_BOARD_INFO:
                 for board in self._hand.boards:
-                    self._send(FrameType.BOARD_INFO, pack(BoardInfo, _board_info(board)))
+                    self._send(FrameType.BOARD_INFO, pack(BoardInfo, _make_board_info(board)))
             self._is_started = request["command"] == Command.START
             fields = {"tag": request["tag"], "command": request["command"], "status": 0}
             self._send(FrameType.REPLY, pack(Reply, fields))
@@ -190,7 +190,7 @@ class VirtualPort:
         self.close()
 
 
-def _board_info(board: Board) -> dict[str, Any]:
+def _make_board_info(board: Board) -> dict[str, Any]:
     """The BOARD_INFO fields of a board that the hub would report."""
     kind = board.kind
     fields: dict[str, Any] = {field.name: field.constant or 0 for field in list_fields(Identity)}

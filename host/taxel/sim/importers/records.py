@@ -18,7 +18,7 @@ from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_format import BASELINE_FRAMES
 from taxel.recording.grasp_record import GraspRecord
 from taxel.recording.grasp_sensor_model import SensorModel
-from taxel.recording.grasp_storage import check_target, part_path, put_in_place, writing_errors
+from taxel.recording.grasp_storage import check_target, convert_writing_errors, get_part_path, put_in_place
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
 from taxel.sim.importers.errors import FileLocation
@@ -103,7 +103,7 @@ def open_new_dataset(
             overwrite=True,
         ) as out:
             yield out
-        with writing_errors(location):
+        with convert_writing_errors(location):
             put_in_place(temporary, target, options.overwrite, location)
     except DatasetError as error:
         if error.file != format_path(temporary):
@@ -111,7 +111,7 @@ def open_new_dataset(
         raise DatasetError(format_path(path), *error.args[1:]) from None
     finally:
         temporary.unlink(missing_ok=True)
-        part_path(temporary).unlink(missing_ok=True)
+        get_part_path(temporary).unlink(missing_ok=True)
 
 
 def make_record(
