@@ -87,6 +87,7 @@ def run_demonstration(hand: Hand, seed: int, advance: Callable[[str, float], Non
 
 
 def _collect_scans_until(skin: Skin, end_s: float, advance: Callable[[str, float], None]) -> list[SkinFrame]:
+    """Collect the frames of the skin up to a time of the stream, seconds."""
     scans = []
     for scan in skin.scans():
         scans.append(scan)
@@ -97,6 +98,7 @@ def _collect_scans_until(skin: Skin, end_s: float, advance: Callable[[str, float
 
 
 def _summarise(skin: Skin, scans: list[SkinFrame], baseline: BaselineResult) -> DemonstrationResult:
+    """Compare the active taxels with the scripted contacts."""
     activation = Activation(baseline.mean)
     times = np.array([scan.time_s for scan in scans])
     frames = activation(np.stack([scan.raw_counts for scan in scans]), np.stack([scan.valid for scan in scans]))

@@ -74,6 +74,7 @@ class SkinContact:
         self._force = np.zeros(self.taxel_count)
 
     def _open(self, world: str) -> int:
+        """Handle of a world in the library. Raises `ContactLibraryError` if the library rejects the world."""
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
             path, stderr_path = Path(folder) / "world.txt", Path(folder) / "stderr.txt"
             path.write_text(world)
@@ -92,6 +93,10 @@ class SkinContact:
         return self._get_offset("taxel_contact_object_offset", index, self._object_count)
 
     def _get_offset(self, function: str, index: int, count: int) -> FloatArray:
+        """True pose in the nominal frame, f64[4, 4], from a function of the library.
+
+        count: number of brackets or objects.
+        """
         self._check(0 <= index < count, f"an index from 0 to {count - 1}, found {index}")
         offset = np.eye(4)
         rows = np.zeros((3, 4))
@@ -114,6 +119,9 @@ class SkinContact:
         return self._force.copy()
 
     def _evaluate(self, index: int, object_pose: FloatArray, bracket_poses: FloatArray, force: int | None) -> int:
+        """Compute the load of all boards and, at the address `force`, the taxel forces; returns the number of boards in
+        contact.
+        """
         poses = np.ascontiguousarray(bracket_poses[:, :3, :], dtype=np.float64)
         pose = np.ascontiguousarray(object_pose[:3], dtype=np.float64)
         self._check(-1 <= index < self._object_count, f"an object from -1 to {self._object_count - 1}, found {index}")

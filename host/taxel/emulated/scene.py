@@ -53,6 +53,7 @@ def format_scene(hand: Hand, scene: EmulatedScene, settings: WorldSettings | Non
 
 
 def _format_margins(hand: Hand) -> list[str]:
+    """Lines of the sheet's squares without a taxel."""
     sheet = build_sheet(hand)
     margin = slice(hand.n_taxels, None)
     rows = np.hstack([sheet.position[margin], sheet.normal[margin], sheet.distal[margin]])
@@ -61,6 +62,7 @@ def _format_margins(hand: Hand) -> list[str]:
 
 
 def _format_object(name: str, shape: Shape) -> list[str]:
+    """Lines of an object: bounding sphere and shape. Raises TypeError for an unsupported shape."""
     low, high = shape.bounds
     centre = 0.5 * (low + high)
     lines = [f"object {name} {_format_numbers(centre)} {float(0.5 * np.linalg.norm(high - low))!r}"]

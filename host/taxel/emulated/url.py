@@ -79,6 +79,7 @@ def _check_choices(url: str, options: dict[str, str]) -> None:
 
 
 def _parse_effects(url: str, query: str) -> list[str]:
+    """The effect lines of a URL. Raises `LinkError` for text that is not one line."""
     lines = parse_qs(query).get("effect", [])
     for line in lines:
         if not line.isprintable() or "#" in line:  # the text becomes one line of the world file
@@ -87,6 +88,7 @@ def _parse_effects(url: str, query: str) -> list[str]:
 
 
 def _parse_number(url: str, name: str, text: str, low: float, high: float) -> float:
+    """The number of an option. Raises `LinkError` for other text or a value out of range."""
     try:
         value = float(text)
     except ValueError:
@@ -97,6 +99,7 @@ def _parse_number(url: str, name: str, text: str, low: float, high: float) -> fl
 
 
 def _parse_integer(url: str, name: str, text: str, low: float, high: float) -> int:
+    """The integer of an option. Raises `LinkError` for other text or a value out of range."""
     value = _parse_number(url, name, text, low, high)
     if value % 1.0:
         raise LinkError(url, f"option '{name}' must be a whole number, found '{text}'")

@@ -91,6 +91,7 @@ class ControlLoop:
         return period
 
     def _record(self, lateness_s: float, missed: int) -> None:
+        """Add one period to the statistics. lateness_s: delay of its start; missed: number of periods skipped."""
         self._lateness[self._periods % LATENESS_HISTORY] = lateness_s
         self._periods += 1
         self._missed += missed

@@ -55,6 +55,7 @@ def _split_rows(text: str) -> list[str]:
 
 
 def _check_characters(rows: list[str], field: Field) -> None:
+    """Raise an error for a character other than '#' and '.' in the crossing map."""
     for tx, row in enumerate(rows):
         for rx, character in enumerate(row):
             if character not in (TAXEL, UNUSED):
@@ -66,6 +67,7 @@ def _check_characters(rows: list[str], field: Field) -> None:
 
 
 def _check_size(rows: list[str], tx: int, rx: int, field: Field) -> None:
+    """Raise an error unless the crossing map has `tx` rows of `rx` characters."""
     for line, row in enumerate(rows):
         if len(row) != len(rows[0]):
             field.fail(

@@ -212,6 +212,7 @@ class Hand:
         )
 
     def _get_surfaces(self) -> list[Surface]:
+        """Taxel positions of all boards. Raises HandGeometryError for a description without geometry."""
         surfaces = [board.kind.surface for board in self.boards if board.kind.surface is not None]
         if len(surfaces) != len(self.boards):
             raise HandGeometryError(self.name)
@@ -324,6 +325,7 @@ def _build_hand(document: HandDocument) -> Hand:
 
 
 def _build_board(table: BoardTable, kind: BoardKind) -> Board:
+    """A board from its checked table."""
     if "link" not in table:
         return Board(table["name"], kind, table["address"])
     bracket_pose = make_pose(np.array(table["position_m"], float), np.array(table["quaternion_wxyz"], float))

@@ -78,6 +78,7 @@ def _compute_distal(
 
 
 def _normalise(vectors: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+    """Unit vectors f64[n, 3]. Raises ValueError for a zero vector; name: of the array, for the error."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     if not np.all(length > _DEGENERATE):
         raise ValueError(f"{name}: expected vectors longer than 0, found a zero vector")

@@ -40,36 +40,41 @@ def check_geometry(document: Mapping[str, Any], top: Field) -> None:
                 "the name of a [kinds] table", format_value(name), suggest_name(name, kinds)
             )
     for name, kind in kinds.items():
-        here = top.key("geometry").key(name)
+        item_field = top.key("geometry").key(name)
         if name not in geometry:
-            here.fail("a table", "nothing", f"add [geometry.{name}]")
-        check_table(geometry[name], _GEOMETRY, here)
-        _check_taxels(geometry[name]["taxels"], kind["taxels"], here.key("taxels"))
+            item_field.fail("a table", "nothing", f"add [geometry.{name}]")
+        check_table(geometry[name], _GEOMETRY, item_field)
+        _check_taxels(geometry[name]["taxels"], kind["taxels"], item_field.key("taxels"))
     for index, board in enumerate(document["boards"]):
         _check_pose(board, top.key("boards").item(index))
 
 
 def _check_absent(document: Mapping[str, Any], top: Field) -> None:
+    """Raise an error for geometry or poses in a description without a robot."""
     if "geometry" in document:
         top.key("robot").fail("the name of a robot", "nothing", "add robot, or remove [geometry]")
     for index, board in enumerate(document["boards"]):
         for key in _POSE_KEYS:
             if key in board:
-                here = top.key("boards").item(index).key(key)
-                here.fail("no pose without a robot", format_value(board[key]), "add robot and [geometry], or remove it")
+                item_field = top.key("boards").item(index).key(key)
+                item_field.fail(
+                    "no pose without a robot", format_value(board[key]), "add robot and [geometry], or remove it"
+                )
 
 
 def _check_taxels(rows: list[Any], count: int, field: Field) -> None:
+    """Check the rows of taxel positions and normals of one kind of board."""
     if len(rows) != count:
         field.fail(f"{count} rows, one per taxel in the order of the map", f"{len(rows)}", "write one row per taxel")
     for index, row in enumerate(rows):
-        here = field.item(index)
-        check_numbers(row, 6, here, "x, y, z, nx, ny, nz")
-        _check_reach(row[:3], here)
-        check_unit(row[3:], here, "a normal")
+        item_field = field.item(index)
+        check_numbers(row, 6, item_field, "x, y, z, nx, ny, nz")
+        _check_reach(row[:3], item_field)
+        check_unit(row[3:], item_field, "a normal")
 
 
 def _check_reach(position: list[float], field: Field) -> None:
+    """Raise an error for a coordinate above `MAX_REACH_M`."""
     if any(abs(value) > MAX_REACH_M for value in position):
         field.fail(
             f"metres, at most {MAX_REACH_M:g} from the origin",
@@ -79,6 +84,7 @@ def _check_reach(position: list[float], field: Field) -> None:
 
 
 def _check_pose(board: Mapping[str, Any], field: Field) -> None:
+    """Check link, position and quaternion of a board."""
     for key in _POSE_KEYS:
         if key not in board:
             field.key(key).fail("the pose of the bracket on its link", "nothing", f"add {key}")

@@ -50,6 +50,10 @@ def save_heat_map(
 
 
 def _draw_board(axis: Any, board: Board, values: NDArray[np.float64], active: NDArray[np.bool_], limit: float) -> Any:
+    """Draw the taxels of a board on an axis of matplotlib.
+
+    values: f64[n], counts; active: bool[n], drawn with a border; limit: end of the colour scale, counts.
+    """
     from matplotlib.collections import PatchCollection
     from matplotlib.colors import Normalize
     from matplotlib.patches import Rectangle

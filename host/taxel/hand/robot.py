@@ -135,6 +135,7 @@ def _build_origin(table: dict[str, Any]) -> NDArray[np.float64]:
 
 
 def _build_robot(document: dict[str, Any]) -> Robot:
+    """A robot from its checked description; each joint follows the joint of its parent link."""
     by_parent: dict[str, list[dict[str, Any]]] = {}
     for table in document["joints"]:
         by_parent.setdefault(table["parent"], []).append(table)
@@ -159,6 +160,7 @@ def _order_joints(link: str, by_parent: dict[str, list[dict[str, Any]]]) -> list
 
 
 def _build_joint(table: dict[str, Any]) -> Joint:
+    """A joint from its checked table of the robot description."""
     origin = _build_origin(table)
     if table["type"] == "fixed":
         return Joint(table["name"], table["parent"], table["child"], origin)
@@ -168,6 +170,7 @@ def _build_joint(table: dict[str, Any]) -> Joint:
 
 
 def _build_shape(table: dict[str, Any]) -> Shape:
+    """A collision shape from its checked table of the robot description."""
     if table["type"] == "box":
         return Shape(table["link"], "box", tuple(map(float, table["half_size_m"])), _build_origin(table))
     return Shape(

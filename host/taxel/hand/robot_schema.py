@@ -71,15 +71,16 @@ def parse_robot(data: bytes, file: str) -> dict[str, Any]:
 
 
 def _check_joints(document: Mapping[str, Any], field: Field) -> None:
+    """Check the joints of a robot description: unique names, one parent for each link, and a tree below the root."""
     parents: dict[str, str] = {}
     names: set[str] = set()
     for index, joint in enumerate(document["joints"]):
-        here = field.item(index)
-        _check_joint(joint, here)
+        item_field = field.item(index)
+        _check_joint(joint, item_field)
         if joint["name"] in names:
-            here.key("name").fail("a unique joint name", format_value(joint["name"]), "rename one of them")
+            item_field.key("name").fail("a unique joint name", format_value(joint["name"]), "rename one of them")
         if joint["child"] in parents or joint["child"] == document["root"]:
-            here.key("child").fail(
+            item_field.key("child").fail(
                 "a link moved by a single joint", format_value(joint["child"]), "remove one of the joints"
             )
         names.add(joint["name"])
@@ -87,31 +88,35 @@ def _check_joints(document: Mapping[str, Any], field: Field) -> None:
     links = [document["root"], *parents]
     for index, joint in enumerate(document["joints"]):
         if joint["parent"] not in links:
-            here = field.item(index).key("parent")
-            here.fail("a link of this robot", format_value(joint["parent"]), suggest_name(joint["parent"], links))
+            item_field = field.item(index).key("parent")
+            item_field.fail("a link of this robot", format_value(joint["parent"]), suggest_name(joint["parent"], links))
     for index, joint in enumerate(document["joints"]):
         _check_leads_to_root(joint["parent"], parents, document["root"], field.item(index).key("parent"))
 
 
-def _check_joint(joint: Any, here: Field) -> None:
-    check_type(joint, dict, here)
+def _check_joint(joint: Any, item_field: Field) -> None:
+    """Check the keys, types and numbers of one joint."""
+    check_type(joint, dict, item_field)
     kind = joint.get("type")
     if kind not in ("fixed", "revolute"):
-        here.key("type").fail("'fixed' or 'revolute'", format_value(kind), "correct it")
-    check_table(joint, _REVOLUTE if kind == "revolute" else _FIXED, here, _ORIGIN)
+        item_field.key("type").fail("'fixed' or 'revolute'", format_value(kind), "correct it")
+    check_table(joint, _REVOLUTE if kind == "revolute" else _FIXED, item_field, _ORIGIN)
     for key in ("name", "parent", "child"):
-        check_identifier(joint[key], here.key(key))
-    _check_origin(joint, here)
+        check_identifier(joint[key], item_field.key(key))
+    _check_origin(joint, item_field)
     if kind == "revolute":
-        check_numbers(joint["axis"], 3, here.key("axis"), "x, y, z")
-        check_unit(joint["axis"], here.key("axis"), "an axis")
-        check_numbers(joint["range_rad"], 2, here.key("range_rad"), "lower, upper")
+        check_numbers(joint["axis"], 3, item_field.key("axis"), "x, y, z")
+        check_unit(joint["axis"], item_field.key("axis"), "an axis")
+        check_numbers(joint["range_rad"], 2, item_field.key("range_rad"), "lower, upper")
         lower, upper = joint["range_rad"]
         if not -MAX_ANGLE_RAD < lower < upper < MAX_ANGLE_RAD:
-            here.key("range_rad").fail("lower below upper, in radians", f"{lower:g} and {upper:g}", "correct them")
+            item_field.key("range_rad").fail(
+                "lower below upper, in radians", f"{lower:g} and {upper:g}", "correct them"
+            )
 
 
 def _check_leads_to_root(link: str, parents: Mapping[str, str], root: str, field: Field) -> None:
+    """Raise an error if the chain of parents of a link does not end at the root. parents: by child link."""
     start = link
     for _ in range(len(parents) + 1):
         if link == root:
@@ -125,11 +130,12 @@ def _check_leads_to_root(link: str, parents: Mapping[str, str], root: str, field
 
 
 def _check_origin(table: Mapping[str, Any], field: Field) -> None:
+    """Check the optional position and quaternion of a joint or shape."""
     if "position_m" in table:
-        here = field.key("position_m")
-        check_numbers(table["position_m"], 3, here, "x, y, z")
+        item_field = field.key("position_m")
+        check_numbers(table["position_m"], 3, item_field, "x, y, z")
         if any(abs(value) > MAX_REACH_M for value in table["position_m"]):
-            here.fail(
+            item_field.fail(
                 f"metres, at most {MAX_REACH_M:g}", format_value(max(table["position_m"], key=abs)), "convert to metres"
             )
     if "quaternion_wxyz" in table:
@@ -137,19 +143,22 @@ def _check_origin(table: Mapping[str, Any], field: Field) -> None:
         check_unit(table["quaternion_wxyz"], field.key("quaternion_wxyz"), "a quaternion")
 
 
-def _check_shape(shape: Any, document: Mapping[str, Any], here: Field) -> None:
-    check_type(shape, dict, here)
+def _check_shape(shape: Any, document: Mapping[str, Any], item_field: Field) -> None:
+    """Check the keys, types and sizes of one collision shape."""
+    check_type(shape, dict, item_field)
     kind = shape.get("type")
     if not isinstance(kind, str) or kind not in _SHAPES:
-        here.key("type").fail("'box' or 'capsule'", format_value(kind), "correct it")
-    check_table(shape, _SHAPES[kind], here, _ORIGIN)
-    _check_origin(shape, here)
+        item_field.key("type").fail("'box' or 'capsule'", format_value(kind), "correct it")
+    check_table(shape, _SHAPES[kind], item_field, _ORIGIN)
+    _check_origin(shape, item_field)
     links = [document["root"], *(joint["child"] for joint in document["joints"])]
     if shape["link"] not in links:
-        here.key("link").fail("a link of this robot", format_value(shape["link"]), suggest_name(shape["link"], links))
+        item_field.key("link").fail(
+            "a link of this robot", format_value(shape["link"]), suggest_name(shape["link"], links)
+        )
     if kind == "box":
-        check_numbers(shape["half_size_m"], 3, here.key("half_size_m"), "x, y, z")
+        check_numbers(shape["half_size_m"], 3, item_field.key("half_size_m"), "x, y, z")
     sizes = shape["half_size_m"] if kind == "box" else [shape["radius_m"], shape["half_length_m"]]
     for size in sizes:
         if not 0 < size < MAX_REACH_M:  # also false for nan and inf
-            here.fail("sizes above 0 m", format_value(size), "correct it")
+            item_field.fail("sizes above 0 m", format_value(size), "correct it")

@@ -129,6 +129,7 @@ def check_hand(document: dict[str, Any], file: str) -> HandDocument:
 
 
 def _check_header(document: dict[str, Any], top: Field) -> None:
+    """Check format and version of a hand description."""
     for key, expected in (("format", FORMAT), ("version", VERSION)):
         if key not in document:
             top.key(key).fail(
@@ -148,6 +149,7 @@ def _format_toml(value: str | int) -> str:
 
 
 def _check_taxel(taxel: Any, field: Field) -> None:
+    """Check the lengths of the table [taxel], metres."""
     check_table(taxel, _TAXEL, field, _TAXEL_OPTIONAL)
     for key in taxel:
         if not 0 < taxel[key] < MAX_LENGTH_M:  # also false for nan and inf
@@ -165,40 +167,42 @@ def _check_taxel(taxel: Any, field: Field) -> None:
 
 
 def _check_kinds(kinds: Mapping[str, Any], field: Field) -> None:
+    """Check the tables [kinds.<name>]: names, unique codes, line counts and crossings."""
     names_by_code: dict[int, str] = {}
     for name, kind in kinds.items():
-        here = field.key(name)
-        check_identifier(name, here)
-        check_table(kind, _KIND, here)
+        item_field = field.key(name)
+        check_identifier(name, item_field)
+        check_table(kind, _KIND, item_field)
         code = kind["code"]
-        check_range(code, 1, MAX_CODE, "a kind code (0 is a blank board)", here.key("code"))
+        check_range(code, 1, MAX_CODE, "a kind code (0 is a blank board)", item_field.key("code"))
         if code in names_by_code:
-            here.key("code").fail(
+            item_field.key("code").fail(
                 "a unique code",
                 f"{code}, also used by {names_by_code[code]}",
                 "choose an unused code",
             )
         names_by_code[code] = name
-        check_range(kind["tx"], 1, LINES_MAX, "a number of TX lines", here.key("tx"))
-        check_range(kind["rx"], 1, LINES_MAX, "a number of RX lines", here.key("rx"))
-        check_range(kind["taxels"], 1, TAXELS_MAX, "a number of taxels", here.key("taxels"))
-        check_crossings(kind["crossings"], kind["tx"], kind["rx"], kind["taxels"], here.key("crossings"))
+        check_range(kind["tx"], 1, LINES_MAX, "a number of TX lines", item_field.key("tx"))
+        check_range(kind["rx"], 1, LINES_MAX, "a number of RX lines", item_field.key("rx"))
+        check_range(kind["taxels"], 1, TAXELS_MAX, "a number of taxels", item_field.key("taxels"))
+        check_crossings(kind["crossings"], kind["tx"], kind["rx"], kind["taxels"], item_field.key("crossings"))
 
 
 def _check_boards(boards: list[Any], kinds: Mapping[str, Any], field: Field) -> None:
+    """Check the tables [[boards]]: kinds, and unique names and addresses."""
     if not boards:
         field.fail("at least one board", "none", "add a [[boards]] table")
     owners: dict[str, dict[Any, str]] = {"name": {}, "address": {}}
     for index, board in enumerate(boards):
-        here = field.item(index)
-        check_table(board, _BOARD, here, _BOARD_OPTIONAL)
-        check_identifier(board["name"], here.key("name"))
+        item_field = field.item(index)
+        check_table(board, _BOARD, item_field, _BOARD_OPTIONAL)
+        check_identifier(board["name"], item_field.key("name"))
         if board["kind"] not in kinds:
-            here.key("kind").fail(
+            item_field.key("kind").fail(
                 "the name of a [kinds] table", format_value(board["kind"]), suggest_name(board["kind"], kinds)
             )
         if not ADDRESS_MIN <= board["address"] <= ADDRESS_MAX:
-            here.key("address").fail(
+            item_field.key("address").fail(
                 f"a 7-bit I2C address from {format_address(ADDRESS_MIN)} to {format_address(ADDRESS_MAX)}",
                 format_address(board["address"]),
                 "choose an unused address in this range (without the read/write bit)",
@@ -206,9 +210,9 @@ def _check_boards(boards: list[Any], kinds: Mapping[str, Any], field: Field) -> 
         for key, owner in owners.items():
             if board[key] in owner:
                 value = format_address(board[key]) if key == "address" else format_value(board[key])
-                here.key(key).fail(
+                item_field.key(key).fail(
                     f"a unique board {key}",
                     f"{value}, also in {owner[board[key]]}",
                     f"choose an unused {key} for one of them",
                 )
-            owner[board[key]] = here.path
+            owner[board[key]] = item_field.path

@@ -83,6 +83,9 @@ def _compute_curvatures(kind: BoardKind, surface: Surface) -> FloatArray:
 
 
 def _divide_squares(table: FloatArray, curvatures: FloatArray, parts: int, pitch_m: float) -> FloatArray:
+    """Divide each square f64[m, 9] (centre, normal, distal direction) into parts x parts pieces that follow the
+    curvature. curvatures: f64[m, 2], 1/m. Returns f64[m parts^2, 9].
+    """
     if parts == 1:
         return table
     offsets = (np.arange(parts) + 0.5) * pitch_m / parts - 0.5 * pitch_m

@@ -176,6 +176,7 @@ def check_rigid(transform: npt.ArrayLike, tolerance: float = RIGID_TOLERANCE) ->
 
 
 def _stack_rotation(rows: tuple[tuple[FloatArray, FloatArray, FloatArray], ...]) -> FloatArray:
+    """Transforms f64[..., 4, 4] with the rotation whose 3 x 3 entries are arrays f64[...]."""
     result = np.zeros((*np.shape(rows[0][0]), 4, 4))
     for i, row in enumerate(rows):
         for j, entry in enumerate(row):
@@ -185,6 +186,7 @@ def _stack_rotation(rows: tuple[tuple[FloatArray, FloatArray, FloatArray], ...])
 
 
 def _check_vectors(name: str, values: npt.ArrayLike, size: int) -> FloatArray:
+    """The values as f64[..., size]. Raises ValueError for another shape."""
     array = np.asarray(values, dtype=np.float64)
     if array.shape[-1:] != (size,):
         raise ValueError(f"{name}: expected {size} numbers in the last axis, found shape {array.shape}")
@@ -192,6 +194,7 @@ def _check_vectors(name: str, values: npt.ArrayLike, size: int) -> FloatArray:
 
 
 def _check_matrices(transform: npt.ArrayLike) -> FloatArray:
+    """The transforms as f64[..., 4, 4]. Raises ValueError for another shape."""
     array = np.asarray(transform, dtype=np.float64)
     if array.shape[-2:] != (4, 4):
         raise ValueError(f"transform: expected shape [..., 4, 4], found {array.shape}")

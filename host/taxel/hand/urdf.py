@@ -56,6 +56,7 @@ def format_urdf(robot: Robot, hand: Hand | None = None) -> str:
 
 
 def _add_brackets(root: ET.Element, robot: Robot, hand: Hand) -> None:
+    """Add a link and a fixed joint for the bracket of each board."""
     links, joints = set(robot.link_names), {joint.name for joint in robot.joints}
     for board in hand.boards:
         carrier, origin = _get_mounting(hand, board)
@@ -80,6 +81,7 @@ def _make_unique(name: str, used_names: set[str]) -> str:
 
 
 def _add_joint(root: ET.Element, joint: Joint) -> None:
+    """Add a fixed or revolute joint."""
     element = ET.SubElement(root, "joint", name=joint.name, type="fixed" if joint.axis is None else "revolute")
     _add_origin(element, joint.origin)
     ET.SubElement(element, "parent", link=joint.parent)
@@ -91,6 +93,10 @@ def _add_joint(root: ET.Element, joint: Joint) -> None:
 
 
 def _add_link(root: ET.Element, name: str, shapes: list[Shape], *, is_moving: bool) -> None:
+    """Add a link with inertia, visual and collision shapes.
+
+    A moving link without shapes has the inertia of a small sphere.
+    """
     element = ET.SubElement(root, "link", name=name)
     if shapes:
         _add_inertial(element, _combine_bodies([_build_body(shape) for shape in shapes]))
@@ -103,6 +109,7 @@ def _add_link(root: ET.Element, name: str, shapes: list[Shape], *, is_moving: bo
 
 
 def _add_shape(element: ET.Element, role: str, shape: Shape) -> None:
+    """Add a box, or a capsule as a cylinder with two spheres. role: "visual" or "collision"."""
     if shape.type == "box":
         size = _format_numbers(2.0 * np.array(shape.size))
         ET.SubElement(_add_geometry(element, role, shape.origin), "box", size=size)
@@ -127,6 +134,7 @@ def _add_origin(element: ET.Element, origin: NDArray[np.float64]) -> None:
 
 
 def _add_inertial(element: ET.Element, body: _Body) -> None:
+    """Add mass, centre and inertia tensor of a link."""
     mass, centre, inertia = body
     inertial = ET.SubElement(element, "inertial")
     ET.SubElement(inertial, "origin", xyz=_format_numbers(centre), rpy=_format_numbers(np.zeros(3)))

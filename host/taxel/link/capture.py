@@ -53,6 +53,7 @@ class CaptureWriter:
         self.records += 1
 
     def _append(self, data: bytes, time_ns: int) -> None:
+        """Write one record; after a failure the file is truncated to the complete records. Raises `CaptureError`."""
         record = _RECORD.pack(time_ns, len(data)) + data
         end = self._file.tell()
         try:
@@ -109,6 +110,7 @@ class CaptureLink:
         self.baud = float(baud) if isinstance(baud, int | float) and 1e3 <= baud <= 1e9 else 1e6
 
     def _read_header(self) -> dict[str, object]:
+        """The JSON object at the start of the file. Raises `CaptureError` for a file that is not a capture."""
         start = self._file.read(_START.size)
         if len(start) < _START.size or start[:8] != MAGIC:
             raise CaptureError(self.name, "is not a taxel capture (it does not begin with TAXELCAP)")

@@ -48,6 +48,7 @@ class SerialLink:
         self._prepare(rtscts, low_latency)
 
     def _prepare(self, rtscts: bool | None, low_latency: bool) -> None:
+        """Apply the settings of flow control and latency; see `SerialLink`."""
         # A pseudo-terminal has no modem lines, and many drivers have no low-latency mode: both settings may fail.
         unsupported = (serial.SerialException, OSError, ValueError, NotImplementedError)
         try:
@@ -83,6 +84,7 @@ class SerialLink:
         return Chunk(data, arrival) if data else None
 
     def _read_waiting(self) -> bytes:
+        """The bytes that the operating system has received, without waiting for more."""
         waiting = self._port.in_waiting
         if not waiting:
             return b""

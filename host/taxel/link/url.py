@@ -75,6 +75,7 @@ def split_url(url: str) -> SplitResult:
 
 
 def _parse_options(url: str, query: str, allowed: set[str]) -> dict[str, str]:
+    """The options of a URL's query, by name. Raises `LinkError` for an option that is not in `allowed`."""
     options = {name: values[-1] for name, values in parse_qs(query, keep_blank_values=True).items()}
     unknown = sorted(set(options) - allowed)
     if unknown:
@@ -83,6 +84,7 @@ def _parse_options(url: str, query: str, allowed: set[str]) -> dict[str, str]:
 
 
 def _parse_baud(url: str, text: str) -> float:
+    """The bit rate of option 'baud', bit/s. Raises `LinkError` for other text or a value out of range."""
     try:
         value = float(text)
     except ValueError:

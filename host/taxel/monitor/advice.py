@@ -41,6 +41,7 @@ def make_advice(reading: SkinReading, skin: Skin) -> str | None:
 
 
 def _advise_without_frames(reading: SkinReading, skin: Skin) -> str:
+    """Advice for a hub that responds while no frame arrives."""
     if skin.hub.boards:
         count = len(skin.hub.boards)
         return f"the hub reports {count} boards, but no frame arrives: does another program read {skin.link.name}?"

@@ -150,6 +150,7 @@ def _group_by_height(boards: Sequence[Board]) -> list[list[Board]]:
 
 
 def _shorten_name(name: str) -> str:
+    """Label of a board, at most `LONGEST_LABEL` characters."""
     for prefix, short in _SHORT_PREFIXES:
         if name.startswith(prefix):
             return name.replace(prefix, short)

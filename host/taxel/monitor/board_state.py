@@ -108,6 +108,10 @@ class BoardState:
         )
 
     def _get_state_name(self, status: Mapping[str, Any] | None, is_expected: bool) -> str:
+        """State of the board for the user; status: its latest BOARD_STATUS.
+
+        is_expected: the hub has found the board.
+        """
         name = _STATE_NAMES.get(status["state"]) if status is not None else None
         if name is not None:
             return name

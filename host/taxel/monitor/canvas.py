@@ -78,6 +78,7 @@ class Canvas:
                 yield Segment.line()
 
     def _get_style(self, number: int) -> Style:
+        """Style of a character of the canvas from its number: a text style, or the colours of two half blocks."""
         if number < _FIRST_PAIR:
             return _parse_style(self._style_names[number])
         upper, lower = divmod(number - _FIRST_PAIR, _STEP_VALUES)

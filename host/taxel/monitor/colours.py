@@ -27,6 +27,7 @@ SMALLEST_TOP = 2.0
 
 
 def _build_table() -> ByteArray:
+    """The colour table u8[STEPS + 1, 3], sRGB: inactive steps, active steps, grey for an unknown signal."""
     anchors = np.array([[int(code[i : i + 2], 16) for i in (0, 2, 4)] for code in VIRIDIS], dtype=float)
     position = np.concatenate(
         [np.linspace(0.0, _INACTIVE_END, INACTIVE_STEPS), np.linspace(_ACTIVE_START, 1.0, STEPS - INACTIVE_STEPS)]

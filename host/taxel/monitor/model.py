@@ -128,6 +128,7 @@ class SkinMonitor:
         }
 
     def _compute_ages(self) -> tuple[float, float] | None:
+        """Median and largest of the stored ages of frames, seconds; None without frames in real time."""
         if not self._ages_s:
             return None
         ages = np.array(self._ages_s)

@@ -70,6 +70,7 @@ def format_table_html(reading: SkinReading) -> str:
 
 
 def _format_row(board: BoardReading) -> str:
+    """HTML row of the table for one board."""
     style = _BAD_STYLE if not board.is_streaming else "font-weight:600" if board.active else ""
     active = str(board.active) if board.baseline >= 1.0 else f"{100 * board.baseline:.0f} %"
     values = [

@@ -140,6 +140,7 @@ class SkinReading:
 
 
 def _make_board_dict(reading: BoardReading) -> dict[str, Any]:
+    """The reading of a board with the JSON keys of `taxel monitor --json`."""
     return {
         "address": reading.board.address,
         "name": reading.board.name,

@@ -66,6 +66,7 @@ class Screen:
         return canvas
 
     def _draw_header(self, canvas: Canvas, reading: SkinReading, top: float, has_colour: bool) -> None:
+        """Draw title, duration, rates, errors, legend and advice. top: end of the colour scale, counts."""
         minutes, seconds = divmod(int(reading.watched_s), 60)
         clock = f" {minutes:02d}:{seconds:02d}"
         column = canvas.write(0, 0, " taxel monitor ", "reverse")
@@ -84,6 +85,7 @@ class Screen:
             canvas.write(3, 0, KEYS, DIM)
 
     def _draw_legend(self, canvas: Canvas, first_column: int, top_text: str) -> None:
+        """Draw the colour scale from 0 through the threshold to `top_text`, beginning at a column of line 2."""
         inactive_width = LEGEND_WIDTH // 4
         bar = np.concatenate(
             [
@@ -100,6 +102,7 @@ class Screen:
         canvas.write(2, column + LEGEND_WIDTH - inactive_width, top_text, DIM)
 
     def _draw_map(self, canvas: Canvas, reading: SkinReading, layout: BoardLayout, top: float) -> None:
+        """Draw the taxels in their colours, with headings and labels of the boards. top: end of the scale, counts."""
         steps = colour_steps(reading.signal_counts, self._scale.threshold, top)
         scale, rows, columns = layout.scale, *_locate_taxels(self._hand, layout)
         picture = np.full((2 * layout.height, layout.width), NOTHING, dtype=np.intp)
@@ -120,6 +123,7 @@ class Screen:
         canvas.write(HEADER_ROWS + placed.y - 1, placed.label_x, placed.label, style)
 
     def _draw_table(self, canvas: Canvas, reading: SkinReading, row: int, column: int) -> None:
+        """Draw the table of boards with its upper left corner at (row, column)."""
         _write_row(canvas, row, column, [heading for heading, _, _ in _COLUMNS], "bold")
         for number, board in enumerate(reading.boards):
             style = BAD if not board.is_streaming else "bold green" if board.active else ""
@@ -163,6 +167,7 @@ def _locate_taxels(hand: Hand, layout: BoardLayout) -> tuple[IndexArray, IndexAr
 
 
 def _write_parts(canvas: Canvas, row: int, parts: Sequence[Part]) -> int:
+    """Write parts of a status line, separated by dots; returns the column after the last part."""
     column = 0
     for number, (text, is_bad) in enumerate(parts):
         column = canvas.write(row, column, " · " if number else "", DIM)
@@ -171,6 +176,7 @@ def _write_parts(canvas: Canvas, row: int, parts: Sequence[Part]) -> int:
 
 
 def _write_row(canvas: Canvas, row: int, column: int, texts: Sequence[str], style: str) -> None:
+    """Write one row of the table, padded to the widths of its columns."""
     for (_, width, _), full_text in zip(_COLUMNS, texts, strict=True):
         text = _truncate(full_text, abs(width))
         canvas.write(row, column, text.ljust(-width) if width < 0 else text.rjust(width), style)

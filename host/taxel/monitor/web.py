@@ -88,6 +88,7 @@ class WebView:
             self._server.stop()
 
     def _draw_hand(self) -> None:
+        """Add links, taxels and board names to the scene, and set the camera."""
         server, hand = self._server, self._scene
         server.scene.set_up_direction(tuple(hand.up))
         server.scene.world_axes.visible = False
@@ -108,6 +109,7 @@ class WebView:
         server.initial_camera.up = tuple(hand.up)
 
     def _get_camera_position(self, side: str) -> tuple[float, float, float]:
+        """Camera position from which one side of the hand is visible, metres."""
         sign = 1.0 if side == PALM else -1.0
         sideways = np.cross(self._scene.up, self._scene.outwards)
         direction = sign * (self._scene.outwards + 0.35 * sideways) + 0.15 * self._scene.up
@@ -115,6 +117,7 @@ class WebView:
         return float(x), float(y), float(z)
 
     def _create_panel(self) -> None:
+        """Create the control panel: status, view buttons, baseline button, plot and table."""
         gui = self._server.gui
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
@@ -168,6 +171,7 @@ class WebView:
                 self._draw_series(top)
 
     def _draw_series(self, top: float) -> None:
+        """Update the plot of signals over time. top: end of the scale, counts."""
         times = self._history.times_s
         if len(times) < 2:
             return
@@ -222,6 +226,7 @@ def _make_scales(top: float) -> dict[str, Any]:
 
 
 def _start_server(port: int) -> viser.ViserServer:
+    """Start the web server on this computer. Raises `WebError` if the port is not available."""
     with optional_import("viser", "--web"):
         import viser
     # A browser may open a connection in advance and close it unused, for which websockets logs a traceback.
@@ -243,6 +248,7 @@ def _disable_sharing(verbose: bool = True) -> None:
 
 
 def _draw_links(server: viser.ViserServer, hand: HandScene) -> None:
+    """Add the links of the hand to the scene, as boxes and capsules."""
     from taxel.hand.transforms import to_quaternion
 
     for number, (shape, pose) in enumerate(hand.links):

@@ -68,6 +68,11 @@ def read_boards(path: str | os.PathLike[str]) -> Iterator[dict[int, BoardFrames]
 
 
 def _split_by_board(rows: NDArray[np.void], time_s: FloatArray, counts: CountArray) -> Iterator[dict[int, BoardFrames]]:
+    """Frames of each address as arrays.
+
+    Frames of one address with different sizes are in different blocks. rows: dtype `ROW`; time_s: f64[k]; counts: the
+    concatenated raw counts.
+    """
     key = rows["address"].astype(np.uint32) << 16 | rows["size"]
     order = np.argsort(key, kind="stable")
     borders = np.flatnonzero(np.diff(key[order])) + 1

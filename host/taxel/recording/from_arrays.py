@@ -126,6 +126,7 @@ class _Npz:
         self._zip.close()
 
     def _read_array(self, name: str) -> Any:
+        """One array of an .npz file. Raises DatasetError for a damaged, truncated or too large array."""
         location = self._location.key(name)
         try:
             member = self._zip.getinfo(f"{name}.npy")
@@ -148,6 +149,7 @@ class _Npz:
 
 
 def _write(path: str | PathLike[str], values: _Values, overwrite: bool) -> None:
+    """Write the dataset to a temporary file, then replace `path`. Raises DatasetError."""
     target, location = Path(path), Location(str(path))
     check_target(target, overwrite, location)
     # The dataset is written beside the target, so that an error in a late grasp neither leaves an incomplete dataset
@@ -166,6 +168,7 @@ def _write(path: str | PathLike[str], values: _Values, overwrite: bool) -> None:
 
 
 def _write_dataset(path: Path, values: _Values) -> None:
+    """Write header, tables and grasps of a dataset from the named values."""
     attributes = {name: values.get(name, required=name in ("source", "hand")) for name in ROOT_ATTRIBUTES}
     if attributes["generator"] is None:
         attributes["generator"] = GENERATOR
@@ -191,6 +194,7 @@ def _write_dataset(path: Path, values: _Values) -> None:
 
 
 def _flatten(arrays: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    """(path, value) of all values of nested mappings; the keys of a path are joined by "/"."""
     for name, value in arrays.items():
         if isinstance(value, Mapping):
             yield from _flatten(value, f"{prefix}{name}/")
@@ -199,6 +203,7 @@ def _flatten(arrays: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]
 
 
 def _is_format_name(name: str) -> bool:
+    """True for a name that the dataset format defines, such as "taxels/position" or "grasps/0001/phase"."""
     parts = name.split("/")
     if len(parts) == 1:
         return name in ROOT_ATTRIBUTES
@@ -208,6 +213,7 @@ def _is_format_name(name: str) -> bool:
 
 
 def _suggest_names(name: str) -> str:
+    """Remedy for an unknown name: the most similar name of the format, or all names of its group."""
     group, _, leaf = name.rpartition("/")
     kind = group.split("/")[0]
     leaves = _GROUPS.get(kind) or _GROUPS_OF_GROUPS.get(kind) or ROOT_ATTRIBUTES

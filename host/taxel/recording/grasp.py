@@ -161,6 +161,7 @@ class Grasp:
         self._check_baseline_frames(frames, is_present)
 
     def _check_baseline_frames(self, frames: int, sensors: BoolArray) -> None:
+        """Raise DatasetError if one of the sensors bool[s] has fewer than `frames` valid baseline frames."""
         expected = f"{frames} baseline frames (phase 0)"
         remedy = "request fewer baseline frames, or leave this grasp out"
         commanded = int((self.phase == Phase.BASELINE).sum())
@@ -199,6 +200,7 @@ class Grasp:
         return self._arrays[name]
 
     def _read(self, name: str) -> NDArray[Any] | None:
+        """Read and check an array of the grasp; None if an optional array is absent. The array is read-only."""
         spec = GRASP[name]
         if not is_required(spec, self._source) and not self._node.has(name):
             return None

@@ -79,6 +79,7 @@ def _format_sizes(spec: ArraySpec, sizes: Mapping[str, int]) -> str:
 
 
 def _check_kind(dtype: Any, spec: ArraySpec, location: Location) -> None:
+    """Raise DatasetError if a stored type cannot represent the type of the format."""
     if spec.dtype == STRING:
         return  # HDF5 and NumPy store strings in several types; the readers of strings check them
     expected = np.dtype(spec.dtype).kind
@@ -137,6 +138,7 @@ def check_content(name: str, array: NDArray[Any], location: Location) -> None:
 
 
 def _check_times(times: FloatArray, location: Location) -> None:
+    """Raise DatasetError if times f64[T] decrease."""
     decreases = times[1:] < times[:-1]
     if decreases.any():
         frame = find_first(decreases)[0] + 1

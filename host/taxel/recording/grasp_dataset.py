@@ -53,6 +53,7 @@ class GraspDataset:
             raise
 
     def _read_header(self, root: Node) -> None:
+        """Read and check everything except the arrays of the grasps."""
         check_format(root)
         location = self._location
         text = {name: scalar(root.attribute(name), location.key(name)) for name in ("source", "hand", "generator")}
@@ -79,6 +80,7 @@ class GraspDataset:
         }
 
     def _open_grasp(self, grasp_id: str, node: Node, sensor_index: IntArray) -> Grasp:
+        """The grasp of a group of the file; its arrays are read at their first use."""
         grasp = Grasp(node, grasp_id, self.source, self.sensors.s, sensor_index)
         if grasp.object not in self.objects:
             self._location.key("grasps").key(grasp_id).key("object").fail(
@@ -87,6 +89,7 @@ class GraspDataset:
         return grasp
 
     def _read_sensor_model(self, root: Node) -> SensorModel | None:
+        """The sensor model of a simulated dataset; None for a real one, which must not have a sensor model."""
         location = self._location.key("sensor_model")
         if self.source == REAL:
             if root.has("sensor_model"):
@@ -162,6 +165,7 @@ def _read_arrays(root: Node, name: str, specs: Mapping[str, Any], sizes: dict[st
 
 
 def _read_objects(root: Node) -> dict[str, ObjectMesh]:
+    """Meshes of all objects, by name."""
     group = root.group("objects")
     meshes = {}
     for name in group.names():

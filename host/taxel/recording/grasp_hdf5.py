@@ -120,6 +120,7 @@ class Node:
         return {name: value for name in names if (value := self.optional_attribute(name)) is not None}
 
     def _get_member(self, name: str, kind: type, kind_name: str) -> Any:
+        """A group or dataset below this group. Raises DatasetError for a missing member, a link or another kind."""
         location = self.location.key(name)
         if not self.has(name):
             location.fail(f"a {kind_name}", "nothing", "add it")
@@ -134,6 +135,7 @@ class Node:
         return child
 
     def _get_checked_dataset(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> Any:
+        """A dataset whose type, shape and storage are checked before its data are read."""
         dataset, location = self._get_member(name, h5py.Dataset, "dataset"), self.location.key(name)
         with convert_hdf5_errors(location):
             shape, dtype, chunks = dataset.shape, dataset.dtype, dataset.chunks

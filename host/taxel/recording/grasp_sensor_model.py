@@ -87,6 +87,7 @@ def check_sensor_model(values: Mapping[str, Any], location: Location, n: int) ->
 
 
 def _check_baseline(value: Any, location: Location, n: int) -> float | FloatArray:
+    """The baseline counts: one number, or f64[n], read-only. Raises DatasetError for counts of 0 or below."""
     if np.ndim(value) == 0:
         return check_number(value[()] if isinstance(value, np.ndarray) else value, location)
     if isinstance(value, np.ndarray) and value.dtype.kind in "ui":

@@ -158,6 +158,7 @@ def link_grasp(file: Any, grasp: Any, grasp_id: str) -> None:
 
 
 def _flush(file: Any) -> None:
+    """Write all buffered data to the file; a program killed during this call leaves a readable file."""
     # HDF5 writes the end address before it extends the file; a kill between these writes would leave a truncated file.
     size = file.id.get_filesize()
     if os.path.getsize(file.filename) < size:

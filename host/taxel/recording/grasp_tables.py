@@ -137,6 +137,7 @@ def check_sensors(arrays: Mapping[str, Any], location: Location, sizes: dict[str
 
 
 def _check_texts(values: Any, count: int, location: Location) -> tuple[str, ...]:
+    """The texts of a column, `count` of them. Raises DatasetError for another shape or type."""
     if isinstance(values, str | bytes) or np.ndim(values) != 1 or len(values) != count:
         location.fail(f"{count} texts (s = {count})", f"shape {list(np.shape(values))}", "give one for each sensor")
     items = values.tolist() if isinstance(values, np.ndarray) else values

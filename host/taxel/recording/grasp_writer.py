@@ -173,6 +173,7 @@ class GraspDatasetWriter:
 
 
 def _check_attributes(header: DatasetHeader, location: Location) -> dict[str, Any]:
+    """The attributes of the root group. Raises DatasetError for an invalid value of the header."""
     created = datetime.now(UTC).isoformat(timespec="seconds") if header.created is None else header.created
     return {
         **header.notes,
@@ -201,6 +202,7 @@ def _check_tables(
 
 
 def _check_model(model: SensorModel | None, source: str, location: Location, n: int) -> SensorModel | None:
+    """The checked sensor model, which only a simulated dataset has. n: number of taxels."""
     if (model is None) == (source == SIM):
         if model is None:
             location.fail("a sensor model", "none", "a simulated dataset states how force became counts")
@@ -209,6 +211,7 @@ def _check_model(model: SensorModel | None, source: str, location: Location, n: 
 
 
 def _write_new(path: Path, attributes: Mapping[str, Any], tables: Mapping[str, Any], model: SensorModel | None) -> None:
+    """Create a dataset file without grasps. tables: (table, specification of its arrays) by path."""
     with create_file(path) as file:
         create_grasps_group(file)
         write_attributes(file, attributes)

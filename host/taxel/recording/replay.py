@@ -131,6 +131,10 @@ def decode_capture(
 def _decode_board(
     hand: Hand, board: Board, frames: list[TaxelFrame], first_cycle: int, start_s: float, threshold: float
 ) -> DecodedBoard:
+    """Signal and activity of one board after `start_s`; the frames before that time give the baseline.
+
+    Raises RecordingError for too few frames. first_cycle: poll cycle of the first frame of the skin.
+    """
     time_s = np.array([frame.time_s for frame in frames])
     before = int((time_s < start_s).sum())
     if before < BASELINE_SAMPLES or len(frames) - before < 2:

@@ -44,6 +44,7 @@ def _make_ros2_name(name: str) -> str:
 
 @cache
 def _register(name: str) -> None:
+    """Register a message type and all types of its fields with rosbags."""
     types: dict[str, Any] = {}
     for part in list_message_types(name):
         if _make_ros2_name(part) not in _STORE.fielddefs:

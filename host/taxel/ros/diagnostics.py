@@ -20,6 +20,7 @@ def make_diagnostics_message(hand: Hand, hub: HubClient, time_ns: int) -> dict[s
 
 
 def _make_hub_status(hub: HubClient) -> dict[str, Any]:
+    """DiagnosticStatus of the hub: frames and bytes received and lost, and the hub's own counters."""
     losses, stream = hub.stream.losses, hub.stream
     lost = losses.lost_on_wire
     values = {
@@ -35,6 +36,7 @@ def _make_hub_status(hub: HubClient) -> dict[str, Any]:
 
 
 def _make_board_status(hub: HubClient, address: int, name: str) -> dict[str, Any]:
+    """DiagnosticStatus of one board: frames received, missing and damaged, and its counters in the hub."""
     title, hardware_id = f"taxel: {name}", f"0x{address:02X}"
     count = hub.stream.losses.boards.get(address)
     if count is None:

@@ -88,6 +88,7 @@ class McapFile:
             self._flush_if_due()
 
     def _append(self, topic: str, type_name: str, time_ns: int, data: bytes) -> None:
+        """Append an encoded message of type `type_name` ("package/Name"). time_ns: Unix time."""
         channel = self._channels.get(topic)
         if channel is None:
             channel = self._channels[topic] = self._new_channel(topic, type_name)
@@ -96,6 +97,7 @@ class McapFile:
         self._has_unflushed = True
 
     def _new_channel(self, topic: str, type_name: str) -> int:
+        """Register a channel for a topic, with the schema of its type; returns the number of the channel."""
         schema = self._schemas.get(type_name)
         if schema is None:
             name = type_name.replace("/", "/msg/")
@@ -104,6 +106,7 @@ class McapFile:
         return self._writer.register_channel(topic, MessageEncoding.CDR, schema)
 
     def _flush_if_due(self) -> None:
+        """Write the current chunk if `FLUSH_S` seconds have elapsed since the last chunk."""
         now_s = time.monotonic()
         if self._has_unflushed and now_s - self._flushed_s >= FLUSH_S:
             self._writer.flush()  # type: ignore[no-untyped-call]
@@ -138,6 +141,7 @@ class McapFile:
 
 @contextlib.contextmanager
 def _convert_writing_errors(path: Path) -> Iterator[None]:
+    """Convert an OSError in the block into a `CaptureError` that names the file."""
     try:
         yield
     except OSError as error:

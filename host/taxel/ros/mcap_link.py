@@ -82,12 +82,17 @@ class McapReader:
             yield self._decode_message(type_name, message)
 
     def _decode_message(self, type_name: str, message: Message) -> tuple[str, Any, int]:
+        """(type, message, log time in nanoseconds) of a message. Raises `CaptureError` if its data are malformed."""
         try:
             return type_name, decode(type_name, message.data), message.log_time
         except CdrError as error:
             raise CaptureError(self.name, f"has a message that cannot be decoded ({error})") from None
 
     def _read_records(self) -> Iterator[tuple[str, Message]]:
+        """(type, message) of all messages of the skin, up to the end of the data section.
+
+        Raises `CaptureError` at a damaged record.
+        """
         try:
             reader = StreamReader(self._file, emit_chunks=True, record_size_limit=RECORD_MAX)
             for record in reader.records:
@@ -120,6 +125,7 @@ class McapReader:
             self.header |= {key: json.loads(value) for key, value in record.metadata.items()}
 
     def _check_schema(self, schema: Schema) -> str:
+        """Type of a schema, "package/Name". Raises `CaptureError` if a type of this package has other fields."""
         name = schema.name.replace("/msg/", "/")
         if name not in (BYTES_TYPE, SCAN_TYPE):
             return name
@@ -199,6 +205,7 @@ def open_mcap(path: str | os.PathLike[str]) -> Link:
 
 
 def _read_frames(reader: McapReader) -> Iterator[TaxelFrame]:
+    """The valid scan messages of an MCAP file as taxel frames; closes the reader at the end."""
     try:
         for type_name, message, _ in reader.messages():
             if type_name == SCAN_TYPE and message.valid:

@@ -56,6 +56,7 @@ class JointListener:
         node.listen_to_joints(topic, self._update)
 
     def _update(self, names: list[str], angles: list[float]) -> None:
+        """Store the finite angles of the known joints, radians; runs in the thread of the subscription."""
         with self._lock:
             for name, angle in zip(names, angles, strict=False):
                 if name in self._index and np.isfinite(angle):

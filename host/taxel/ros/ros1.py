@@ -56,6 +56,7 @@ class Ros1Node:
         publisher.publish(self._make_ros_message(classes, message.type, message.message))
 
     def _make_ros_message(self, classes: dict[str, Any], type_name: str, values: dict[str, Any]) -> Any:
+        """Message object of ROS 1 from the fields of a message as a dict."""
         if type_name == "builtin_interfaces/Time":
             return self._time(values["sec"], values["nanosec"])
         message = classes[type_name]()

@@ -69,6 +69,7 @@ class FrameTree:
         return self._kinematics
 
     def _update(self) -> None:
+        """Compute link poses and transforms again if the joint angles have changed."""
         kinematics = self._require_kinematics()
         count = len(kinematics.robot.joint_names)
         angles = np.zeros(count) if self._joints is None else np.asarray(self._joints(), dtype=np.float64)
@@ -79,6 +80,7 @@ class FrameTree:
             self._taxels = None
 
     def _make_joint_transforms(self) -> Iterator[dict[str, Any]]:
+        """Transforms of the links behind moving joints, from the current link poses."""
         robot = self._require_kinematics().robot
         for index, joint in enumerate(robot.joints):
             if joint.axis is not None:
@@ -138,6 +140,7 @@ def _stamp_transforms(transforms: list[dict[str, Any]], time_ns: int) -> dict[st
 
 
 def _kinematics(hand: Hand) -> Kinematics | None:
+    """Kinematics of a hand; None if the description has no geometry."""
     try:
         return build_kinematics(hand)
     except HandGeometryError:

@@ -93,12 +93,14 @@ class SkinTopics:
         yield from self._make_completed_cycle_messages(is_end=True)
 
     def _make_static_messages(self, time_ns: int) -> Iterator[TopicMessage]:
+        """Messages that are sent once: robot description and static transforms."""
         if self.tree.has_geometry:
             yield TopicMessage("/robot_description", "std_msgs/String", time_ns, {"data": self.tree.urdf}, True)
             static = self.tree.make_static_transforms(time_ns)
             yield TopicMessage("/tf_static", "tf2_msgs/TFMessage", time_ns, static, True)
 
     def _make_scan_message(self, frame: TaxelFrame) -> TopicMessage:
+        """The TaxelScan message of one board's frame, stamped with the start of the scan."""
         time_ns = self.time_ns(frame.time_s)
         name = self._names[frame.address]
         self._last_sequence[frame.address] = frame.sequence
@@ -120,6 +122,10 @@ class SkinTopics:
             yield from self._make_cycle_messages(frames, is_end)
 
     def _make_cycle_messages(self, frames: list[TaxelFrame], is_end: bool) -> Iterator[TopicMessage]:
+        """Messages of a complete poll cycle: missing scans, joint states, TF, activations, diagnostics.
+
+        is_end: the cycle may be truncated by the end of the stream.
+        """
         time_s = min(frame.time_s for frame in frames)
         time_ns = self.time_ns(time_s)
         if not is_end:  # the end of the stream truncates the last cycle; its missing boards are no fault
@@ -145,6 +151,7 @@ class SkinTopics:
             yield message._replace(time_ns=time_ns, message=message.message | {"valid": False, "header": head})
 
     def _make_contact_messages(self, frames: list[TaxelFrame], time_ns: int) -> Iterator[TopicMessage]:
+        """The baseline message once, then activations and contact cloud of each poll cycle."""
         counts = np.zeros(self._hand.n_taxels, dtype=np.uint16)
         valid = np.zeros(self._hand.n_taxels, dtype=bool)
         for frame in frames:

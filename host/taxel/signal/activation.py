@@ -108,6 +108,7 @@ class Activation:
         return is_saturated
 
     def _evaluate(self, counts: FloatArray, saturated: BoolArray) -> ActivationFrame:
+        """Activation of one scan or of many; counts: f64[..., n], NaN for a missing taxel. saturated: bool[..., n]."""
         signal = self.baseline_mean - counts
         # A comparison with NaN is False, so a missing taxel is neither active nor suspect.
         return ActivationFrame(
@@ -120,6 +121,7 @@ class Activation:
 
 
 def _expand_floor(floor: npt.ArrayLike | None, n_taxels: int) -> FloatArray:
+    """The saturation floor of each taxel, counts, f64[n]; None: 0. Raises ValueError for another shape."""
     if floor is None:
         return np.zeros(n_taxels)
     values = np.asarray(floor, dtype=np.float64)

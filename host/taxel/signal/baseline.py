@@ -158,6 +158,10 @@ def compute_baseline(
 
 
 def _build_result(stored: CountArray, count: IntArray, limit: float) -> BaselineResult:
+    """The baseline from K stored scans u16[K, n]; count: i64[n], stored samples of each taxel.
+
+    limit: of `find_disturbed_taxels`. Raises TooFewSamplesError for a taxel with fewer than K samples.
+    """
     worst = int(np.argmin(count))
     if count[worst] < stored.shape[0]:
         raise TooFewSamplesError(worst, needed=stored.shape[0], found=int(count[worst]))
@@ -166,6 +170,7 @@ def _build_result(stored: CountArray, count: IntArray, limit: float) -> Baseline
 
 
 def _compute_mean_and_noise(stored: CountArray) -> tuple[FloatArray, FloatArray]:
+    """Mean and sample standard deviation of each taxel over K stored scans u16[K, n]: f64[n] each, counts."""
     k = stored.shape[0]
     counts = stored.astype(np.int64)
     total = counts.sum(axis=0)

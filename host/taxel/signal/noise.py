@@ -106,6 +106,7 @@ def snr_db(signal_mean: npt.ArrayLike, noise_sigma: npt.ArrayLike) -> FloatArray
 
 
 def _check_labels(line_of: npt.ArrayLike, n_taxels: int) -> IntArray:
+    """The RX line of each taxel as i64[n]. Raises ValueError for another shape or type."""
     labels = np.asarray(line_of)
     if labels.shape != (n_taxels,) or labels.dtype.kind not in "iu":
         raise ValueError(f"line_of: expected {n_taxels} integers, found {labels.dtype} of shape {labels.shape}")
@@ -119,6 +120,10 @@ def _subtract_mean(values: FloatArray, mask: BoolArray) -> FloatArray:
 
 
 def _fit_line(centred: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Slope per frame f64[n] and residual f64[T, n] of a line through each column of `centred` f64[T, n].
+
+    The mean of each column over the mask bool[T, n] is 0.
+    """
     frames = np.arange(centred.shape[0], dtype=np.float64)[:, np.newaxis]
     time = _subtract_mean(np.broadcast_to(frames, centred.shape), mask)
     squares = (time**2).sum(axis=0)
@@ -127,6 +132,10 @@ def _fit_line(centred: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatAr
 
 
 def _compute_white_sigma(raw: npt.NDArray[np.uint16], mask: BoolArray) -> FloatArray:
+    """Standard deviation of the white noise of each taxel, f64[n], counts, from the differences of successive frames.
+
+    Drift and slow disturbances cancel in these differences.
+    """
     steps = np.abs(np.diff(raw.astype(np.int64), axis=0))
     are_valid = mask[1:] & mask[:-1]
     columns = (_compute_interpolated_median(steps[are_valid[:, taxel], taxel]) for taxel in range(raw.shape[1]))
@@ -147,6 +156,9 @@ def _compute_interpolated_median(counts: IntArray) -> float:
 
 
 def _compute_common_mode(residual: FloatArray, mask: BoolArray) -> float:
+    """Standard deviation of the noise that all taxels of a group share, counts: root of the mean covariance of all
+    pairs. residual: f64[T, k]; NaN for fewer than two taxels or too few complete frames.
+    """
     is_complete = mask.all(axis=1)
     taxels, frames = residual.shape[1], int(is_complete.sum())
     if taxels < 2 or frames < MIN_SAMPLES:

@@ -130,6 +130,7 @@ def simulate_grasp(
 
 
 def _check_arguments(scene: Scene, approach: Approach, rate_hz: float) -> None:
+    """Raise ValueError unless approach, scene and rate fit together; see `simulate_grasp`."""
     joints = len(scene.joint_names)
     if approach.torque.shape != (joints,):
         raise ValueError(f"approach {approach.name!r}: expected {joints} joints, found {approach.torque.shape}")
@@ -175,6 +176,7 @@ class _Run:
         self.data.mocap_quat[index] = to_quaternion(pose)
 
     def _move_palm(self, time_s: float) -> None:
+        """Set the palm to its pose at a time of the grasp, seconds; called before each step."""
         withdrawal = self.controller.timeline.get_withdrawal(time_s)
         if withdrawal != self._withdrawal:
             index = self.scene.model.body_mocapid[self.scene.link_bodies[0]]
@@ -200,6 +202,7 @@ class _Run:
         return self._join_samples(times, timeline.find_phases(times), samples)
 
     def _step(self, time_s: float, record_wrench: bool = False) -> None:
+        """Advance the scene by one time step with the joint torques of a time of the grasp, seconds."""
         scene, data = self.scene, self.data
         self._move_palm(time_s)
         angles, velocities = data.qpos[scene.joint_addresses], data.qvel[scene.joint_dofs]
@@ -243,6 +246,7 @@ class _Run:
         )
 
     def _join_samples(self, times: FloatArray, phase: ByteArray, samples: list[_Sample]) -> GraspMotion:
+        """The motion of the grasp; times: f64[T], seconds, and phase: u8[T], one sample for each."""
         return GraspMotion(
             times,
             phase,

@@ -95,6 +95,7 @@ class _PieceTable(NamedTuple):
 
 @cache
 def _build_table(hand: Hand) -> _PieceTable:
+    """The pieces of a hand's sheet, sorted by board. Cached: all grasps of a hand use the same table."""
     sheet = build_sheet(hand, SPRINGS_PER_SIDE)
     order = np.argsort(sheet.board_index, kind="stable")  # the bare squares of a sheet follow after all taxels
     position, normal = (np.ascontiguousarray(part[order], dtype=np.float64) for part in (sheet.position, sheet.normal))

@@ -225,6 +225,7 @@ def _write_object_mesh(item: GraspObject) -> str:
 
 
 def _write_object_body(item: GraspObject) -> str:
+    """MJCF of the mount and of the object, which is attached to the mount by springs and dampers."""
     middle = f"0 0 {item.shape.height / 2!r}"
     if isinstance(item.shape, Cylinder):
         geom = f'type="cylinder" size="{item.shape.radius!r} {item.shape.height / 2!r}" pos="{middle}"'
@@ -266,6 +267,7 @@ def _write_shape_geom(shape: Shape) -> str:
 
 
 def _write_board_geom(board: Board) -> str:
+    """MJCF of the rigid solid of a board, placed on its link."""
     assert board.pose is not None  # build_scene has checked the boards
     name = quoteattr(_make_board_name(board))
     mass = f'mass="{BOARD_MASS_KG}" rgba="0.2 0.5 0.3 1"'

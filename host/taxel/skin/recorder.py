@@ -87,6 +87,7 @@ def _record_mcap(
     overwrite: bool,
     joint_position: npt.ArrayLike | JointSource | None,
 ) -> Skin:
+    """Open a skin that is recorded to an MCAP file. After an error the link is closed and an empty file is deleted."""
     try:
         from taxel.ros.mcap_file import McapFile  # needs the extra `ros`, which the core does not install
 

@@ -67,6 +67,7 @@ class Skin:
             raise
 
     def _start(self) -> None:
+        """Handshake, check of the boards, poll rate and start of the stream."""
         self.hub.handshake()
         self._discover_boards()
         for address, fields in sorted(self.hub.boards.items()):
@@ -81,6 +82,7 @@ class Skin:
         self.hub.start(self._compact)
 
     def _discover_boards(self) -> None:
+        """Read the boards of the bus, and compare each with the hand's board at its address."""
         now_s = get_clock(self._stream.link)
         deadline = now_s() + DISCOVERY_TIMEOUT_S
         while True:
@@ -90,6 +92,10 @@ class Skin:
             self.hub.wait(0.05)
 
     def _check_board(self, address: int, fields: dict[str, Any]) -> None:
+        """Raise `BoardMismatchError` if a board has other taxels than the hand's board at its address.
+
+        fields: its BOARD_INFO.
+        """
         board = self.hand.get_board(address)  # raises UnknownBoardError
         found = (fields["identity_rows"], fields["identity_columns"], fields["identity_taxel_count"])
         expected = (board.kind.tx_count, board.kind.rx_count, board.kind.taxel_count)
@@ -169,6 +175,7 @@ class Skin:
         return frame
 
     def _raise_mismatch(self, frame: TaxelFrame) -> None:
+        """Raise `BoardMismatchError` for a frame with another number of taxels than the hand's board."""
         board = self.hand.get_board(frame.address)  # raises UnknownBoardError
         raise BoardMismatchError(
             f"a frame of board 0x{frame.address:02X} has {len(frame.raw_counts)} taxels, but hand '{self.hand.name}' "
@@ -188,6 +195,7 @@ class Skin:
             yield self._assemble(frames)
 
     def _assemble(self, frames: list[TaxelFrame]) -> SkinFrame:
+        """The frame of the whole skin from the frames of one poll cycle; taxels of missing boards are not valid."""
         counts = np.zeros(self.hand.n_taxels, dtype=np.uint16)
         valid = np.zeros(self.hand.n_taxels, dtype=bool)
         for frame in frames:

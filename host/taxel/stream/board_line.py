@@ -38,6 +38,7 @@ class BoardLine:
             self._update_sums(*self._readings.popleft(), -1)
 
     def _update_sums(self, x: int, y: int, sign: int) -> None:
+        """Add a reading (sign 1) to the sums of the fit, or remove it (sign -1)."""
         self._x += sign * x
         self._y += sign * y
         self._xx += sign * x * x

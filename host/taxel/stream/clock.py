@@ -76,6 +76,10 @@ class LowerEnvelope:
 
     @staticmethod
     def _fit_envelope(points: list[tuple[float, float]]) -> tuple[float, float, float]:
+        """The line through the edge of the lower convex hull at the middle of the span; see `line`.
+
+        points: (x, y) with ascending x, microseconds and seconds.
+        """
         x0, y0 = points[0]
         offsets = [(x - x0, y - y0) for x, y in points]
         hull: list[tuple[float, float]] = []
@@ -134,6 +138,7 @@ class ClockMap:
             self._take_sync(message.fields["address"], message.fields["board_time_us"], message.fields["hub_time_us"])
 
     def _take_uptime(self, uptime_us: int) -> None:
+        """Update the latest hub time; a decrease by more than `RESTART_US` is a restart and discards the mapping."""
         if uptime_us < self._hub_us - RESTART_US:  # the hub has restarted, and its clock with it
             self._envelope = LowerEnvelope()
             self._last_read = None
@@ -144,6 +149,7 @@ class ClockMap:
         self._hub_us = max(self._hub_us, uptime_us)
 
     def _take_sync(self, address: int, board_us: int, hub_us: int) -> None:
+        """Add a reading of a board's clock, modulo 2^32 microseconds, at an unwrapped hub time."""
         self._hub_us = max(self._hub_us, hub_us)
         line = self._lines.setdefault(address, BoardLine())
         if line:
@@ -158,6 +164,7 @@ class ClockMap:
         self._update_line(address, line)
 
     def _handle_implausible_sync(self, address: int, board_us: int, hub_us: int) -> None:
+        """Decide between a damaged reading of a board's clock and a restart of the board."""
         # A single implausible reading was damaged on the bus (it has no CRC); two consistent ones are a board restart.
         earlier = self._implausible.get(address)
         self._implausible[address] = (board_us, hub_us)
@@ -169,6 +176,7 @@ class ClockMap:
             self._take_sync(address, board_us, hub_us)
 
     def _update_line(self, address: int, line: BoardLine) -> None:
+        """Store the fitted line of a board for `hub_times_us`."""
         fit = line.fit()
         if fit is None:
             return
@@ -232,6 +240,10 @@ class ClockMap:
         syncs: NDArray[np.void],
         sync_us: NDArray[np.int64],
     ) -> None:
+        """Update the estimated read time of each board from the times between successive transfers, microseconds.
+
+        taxels, syncs: rows of dtype `ROW`; read_start, sync_us: their unwrapped hub times.
+        """
         sequence, times, address = taxels["sequence"], read_start, taxels["address"]
         if len(syncs):
             order = np.argsort(np.concatenate([taxels["stream_position"], syncs["stream_position"]]), kind="stable")

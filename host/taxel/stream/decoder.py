@@ -133,6 +133,7 @@ class StreamDecoder:
         return batches
 
     def _append_batch(self, batches: list[Batch]) -> None:
+        """Append a copy of the decoder's output buffers, unless they are empty."""
         taxels, messages, counts, payloads = self._output_sizes.tolist()
         if taxels or messages:
             batches.append(

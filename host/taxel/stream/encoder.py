@@ -81,6 +81,7 @@ class FramesLink:
         return Chunk(b"".join(self._encode(frame)), max(0, round(frame.time_s * 1e9)))
 
     def _encode(self, frame: TaxelFrame) -> Iterator[bytes]:
+        """The bytes of a frame; a HUB_STATUS frame precedes the frame every `STATUS_PERIOD_S` seconds."""
         time_us = max(0, round(frame.time_s * 1e6))
         if frame.time_s >= self._status_s + STATUS_PERIOD_S:
             self._status_s = frame.time_s

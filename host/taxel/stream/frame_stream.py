@@ -100,6 +100,10 @@ class FrameStream:
         return True
 
     def _read(self, timeout_s: float) -> list[Chunk]:
+        """The chunks received within `timeout_s` seconds; of a recording at least `RECORDED_BYTES_AT_ONCE` bytes.
+
+        Raises the end of the link, EOFError or `LinkError`, after all chunks before it are returned.
+        """
         if self._ring is not None:
             return self._ring.read(timeout_s)
         if self._is_stepped:
@@ -124,6 +128,7 @@ class FrameStream:
         return chunks
 
     def _note_arrivals(self, chunks: list[Chunk]) -> bytes:
+        """Join the chunks, and store the end of each chunk in the stream with its arrival time."""
         self._arrival_ends.clear()
         self._arrival_ns.clear()
         for chunk in chunks:

@@ -71,6 +71,7 @@ class HubClient:
         self._tag = 0
 
     def _take(self, message: HubMessage) -> None:
+        """Store a hub message where requests and the caller find it."""
         fields = message.fields
         if message.type is FrameType.HUB_HANDSHAKE:
             self.last_handshake = fields
@@ -101,6 +102,11 @@ class HubClient:
         return self._tag
 
     def _request(self, frame_type: FrameType, payload: bytes, key: int) -> HubMessage:
+        """Send a frame, repeat it until its reply arrives, and return the reply.
+
+        key: index of the reply in `_replies`, the tag of a command or the negative tag of a handshake. Raises
+        `HubError` after `ATTEMPTS` attempts.
+        """
         self._replies.pop(key, None)
         for _ in range(ATTEMPTS):
             self._send(frame_type, payload)

@@ -22,6 +22,7 @@ class Pump:
         self._thread.start()
 
     def _run(self) -> None:
+        """Body of the reader thread."""
         try:
             while not self._stopping.is_set():
                 chunk = self._link.read(_READ_TIMEOUT_S)

@@ -50,6 +50,7 @@ class RingBuffer:
                 self._condition.notify_all()
 
     def _overwrite_oldest(self, size: int) -> None:
+        """Discard the oldest bytes so that `size` bytes fit into the buffer, and count them as lost."""
         excess = len(self) + size - self._capacity
         if excess > 0:
             self._read += excess
@@ -57,6 +58,7 @@ class RingBuffer:
             self._remove_read_arrivals()
 
     def _store(self, data: bytes) -> None:
+        """Copy bytes to the write position, across the end of the buffer if needed."""
         start = self._written % self._capacity
         first = min(len(data), self._capacity - start)
         self._buffer[start : start + first] = data[:first]
@@ -82,6 +84,7 @@ class RingBuffer:
             return chunks
 
     def _load(self, end: int) -> bytes:
+        """Remove and return the bytes from the read position up to `end`, a position in the stream."""
         start, size = self._read % self._capacity, end - self._read
         first = min(size, self._capacity - start)
         self._read = end

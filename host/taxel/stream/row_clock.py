@@ -46,6 +46,9 @@ class RowClock:
         message_rows: NDArray[np.void],
         messages: list[HubMessage],
     ) -> NDArray[np.void]:
+        """Update the clock mapping with taxel frames and hub messages in stream order, and return the usable taxel
+        rows. Rows with a wrong board CRC or without a key frame are omitted.
+        """
         for message in messages:
             self.clock.take_message(message)
             self._on_message(message)
@@ -64,6 +67,10 @@ def _count_rows_before(rows: NDArray[np.void], position: np.uint64 | None) -> in
 def _find_arrivals_s(
     taxel_rows: NDArray[np.void], ends: Sequence[int] | NDArray[np.uint64], times_ns: Sequence[int] | NDArray[np.uint64]
 ) -> NDArray[np.float64]:
+    """Arrival time, seconds, of the chunk in which each taxel frame ends, f64[k].
+
+    ends: ascending ends of the chunks in the stream, bytes. times_ns: their arrival times.
+    """
     if not len(ends):
         return np.zeros(len(taxel_rows))
     index = np.searchsorted(ends, taxel_rows["stream_position"], side="left")

@@ -48,6 +48,7 @@ def open_bus(url: str) -> can.BusABC:
 
 
 def _parse_group_and_port(url: str, text: str) -> tuple[str, int]:
+    """Multicast group and port of a can:udp: URL; the port is optional. Raises CanUrlError."""
     group, bracket, port_suffix = text.removeprefix("[").partition("]") if text.startswith("[") else ("", "", "")
     if not bracket:
         group, colon, port = text.partition(":")

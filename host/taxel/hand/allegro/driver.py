@@ -242,6 +242,7 @@ class AllegroHand:
         self._send(Request(_IDS[kind]))
 
     def _switch_on(self) -> None:
+        """Switch the motors on with zero torque, and check the state of the hand."""
         self.set_torque(np.zeros(JOINT_COUNT))  # otherwise the torques of an earlier program could take effect
         self._is_on = True  # set before sending, so that the motors are switched off again after any error
         self._send(SystemOn())
@@ -252,6 +253,7 @@ class AllegroHand:
         self._check(self.get_info())
 
     def _check(self, info: HandInfo) -> None:
+        """Raise an error for a left hand, high temperature, a communication fault or motors that are off."""
         where = self.channel, self.device_id
         if info.hand_type != 0:
             raise AllegroLeftHandError(
@@ -271,6 +273,7 @@ class AllegroHand:
             )
 
     def _check_silence(self, now_s: float) -> None:
+        """Raise an error if a finger has sent no pose for longer than the limit. now_s: clock of the driver."""
         if not self._position_ms:
             return
         limit_s = max(self._silence_limit_s, _MIN_PERIODS_OF_SILENCE * self._position_ms / 1000)
@@ -290,6 +293,7 @@ class AllegroHand:
         return value
 
     def _switch_off(self) -> None:
+        """Switch the motors off after a command of zero torque. A second call has no effect."""
         was_on, self._is_on = self._is_on, False
         if not was_on:
             return
@@ -299,6 +303,7 @@ class AllegroHand:
             self._send(SystemOff())
 
     def _send(self, message: Message) -> None:
+        """Send a message. Raises AllegroBusError."""
         frame = encode(message, self.device_id)
         try:
             self._bus.send(frame, timeout=_SEND_TIMEOUT_S)
@@ -306,12 +311,14 @@ class AllegroHand:
             raise self._make_bus_error("send", error) from error
 
     def _receive(self, timeout_s: float) -> can.Message | None:
+        """The next frame, or None after `timeout_s` seconds. Raises AllegroBusError."""
         try:
             return self._bus.recv(timeout_s)
         except (can.CanError, OSError) as error:
             raise self._make_bus_error("receive", error) from error
 
     def _make_bus_error(self, operation: str, error: Exception) -> AllegroBusError:
+        """The error for a failed operation ("send" or "receive") of the CAN adapter."""
         reason = " ".join(str(error).split()) or type(error).__name__
         return AllegroBusError(
             self.channel,

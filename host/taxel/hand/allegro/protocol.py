@@ -102,6 +102,7 @@ def decode(frame: can.Message) -> Message | None:
 
 
 def _encode_payload(message: Message) -> tuple[MessageId, int, bytes]:
+    """Message id, finger or sensor index, and data bytes of a message. Raises ValueError for values out of range."""
     match message:
         case SetTorque(finger, torque):
             return (
@@ -132,6 +133,7 @@ def _encode_payload(message: Message) -> tuple[MessageId, int, bytes]:
 def _encode_rare_payload(
     message: SetPeriod | Config | HandInfo | Serial | Imu | Temperature,
 ) -> tuple[MessageId, int, bytes]:
+    """`_encode_payload` for the messages that a control loop does not send."""
     try:
         match message:
             case SetPeriod(position_ms, imu_ms, temperature_ms):
@@ -151,6 +153,7 @@ def _encode_rare_payload(
 
 
 def _decode_payload(kind: MessageId, index: int, frame: can.Message) -> Message:
+    """The message of a CAN frame. Raises AllegroFrameError for data of another length or invalid content."""
     match kind:
         case MessageId.FINGER_POSE:
             return FingerPose(index, _decode_angles(frame))
@@ -188,6 +191,7 @@ def _to_pwm(fraction: float) -> int:
 
 
 def _to_counts(angle: float) -> int:
+    """An angle, radians, in the unit of the hand (`RAD_PER_COUNT`). Raises ValueError beyond 16 bits."""
     counts = round(angle / RAD_PER_COUNT)
     if not -0x8000 <= counts <= 0x7FFF:
         raise ValueError(f"angle: expected at most {0x7FFF * RAD_PER_COUNT:.3f} rad from 0, found {angle}")
@@ -229,6 +233,7 @@ def _encode_serial(text: str) -> bytes:
 
 
 def _decode_serial(frame: can.Message) -> Serial:
+    """The serial number in a frame. Raises AllegroFrameError for text that is not printable ASCII."""
     _check_length(SERIAL_LENGTH, frame)
     content = bytes(frame.data).rstrip(b"\0")
     text = content.decode("ascii", errors="replace")
@@ -238,6 +243,7 @@ def _decode_serial(frame: can.Message) -> Serial:
 
 
 def _encode_config(config: Config) -> bytes:
+    """Data bytes of a Config message; the mask states which of its values are set."""
     if config.device_id is not None and not 0 <= config.device_id <= MAX_DEVICE_ID:
         raise ValueError(f"device_id: expected 0 to {MAX_DEVICE_ID}, found {config.device_id}")
     mask = _SET_DEVICE_ID * (config.device_id is not None) | _SET_BAUD * (config.rs485_baud is not None)
@@ -245,6 +251,7 @@ def _encode_config(config: Config) -> bytes:
 
 
 def _decode_config(frame: can.Message) -> Config:
+    """The Config message of a frame. Raises AllegroFrameError for an unknown mask or a device id out of range."""
     mask, device_id, baud = _unpack(_CONFIG, frame)
     if device_id > MAX_DEVICE_ID or mask & ~(_SET_DEVICE_ID | _SET_BAUD):
         raise AllegroFrameError(

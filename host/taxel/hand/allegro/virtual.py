@@ -138,6 +138,7 @@ class VirtualAllegro:
             self.step(max(0.0, loop.clock() - start_s - (self._time_ns - start_ns) / _NS))
 
     def _process_frames(self) -> None:
+        """Execute all received frames for this device; malformed frames are counted and ignored."""
         while (frame := self._bus.recv(0.0)) is not None:
             if self.faults.is_silent or get_device_id(frame) != self.device_id:
                 continue
@@ -150,6 +151,7 @@ class VirtualAllegro:
                 self._execute(message)
 
     def _execute(self, message: Message) -> None:
+        """Execute a command of the host."""
         match message:
             case SetTorque(finger, torque):
                 self._torque_command[_get_joint_slice(finger)] = torque
@@ -174,6 +176,7 @@ class VirtualAllegro:
                 self.ignored_frames += 1
 
     def _advance(self, duration_ns: int) -> None:
+        """Advance the dynamics of the joints by a duration, nanoseconds."""
         if duration_ns <= 0:
             return
         before = self.dynamics.angles
@@ -181,6 +184,7 @@ class VirtualAllegro:
         self._velocities = (after - before) * (_NS / duration_ns)
 
     def _compute_torque(self, angles: FloatArray) -> FloatArray:
+        """Joint torques f64[16], N m, at angles f64[16]: the commands, or position control where a target is set."""
         if not self.servo_on:
             return np.zeros(JOINT_COUNT)
         position_torque = _STIFFNESS_NM * (self._target - angles) - _DAMPING_NM_S * self._velocities
@@ -188,6 +192,7 @@ class VirtualAllegro:
         return np.clip(torque, -self.max_torque_nm, self.max_torque_nm)
 
     def _send_due_reports(self) -> None:
+        """Send the periodic reports whose time has come, and schedule the next ones."""
         for report in _REPORTS:
             if self._period_ns[report] and self._time_ns >= self._due_ns[report]:
                 self._due_ns[report] += self._period_ns[report]
@@ -200,6 +205,7 @@ class VirtualAllegro:
         self._bus.send(encode(self._make_report(kind, index), self.device_id))
 
     def _make_report(self, kind: MessageId, index: int) -> Message:
+        """The report `kind` of a finger or temperature sensor `index`."""
         match kind:
             case MessageId.FINGER_POSE:
                 a, b, c, d = self.dynamics.angles[_get_joint_slice(index)].tolist()

@@ -98,12 +98,14 @@ class Ur5eArm:
             self._receive.disconnect()
 
     def _call(self, function: Any, *arguments: object) -> Any:
+        """Call a function of ur_rtde. Raises ArmConnectionError if the function fails."""
         try:
             return function(*arguments)
         except RuntimeError as error:
             raise self._make_error("does not respond", error) from error
 
     def _make_error(self, problem: str, error: Exception) -> ArmConnectionError:
+        """The error for a failed call of ur_rtde, with the library's reason."""
         reason = " ".join(str(error).split()) or type(error).__name__
         return ArmConnectionError(
             self.name, f"{problem} ({reason}); check power, network, remote control mode and emergency stop"

@@ -115,6 +115,7 @@ class SimulatedArm:
             self._profile = None
 
     def _brake(self, dt_s: float, profile: TrapezoidalProfile) -> None:
+        """Decelerate along the profile for `dt_s` seconds."""
         braking_s = min(dt_s, self._speed / self._acceleration)
         distance = self._speed * braking_s - self._acceleration * braking_s**2 / 2
         self._travelled = min(profile.distance, self._travelled + distance)

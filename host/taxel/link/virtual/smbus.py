@@ -52,6 +52,10 @@ class VirtualSMBus:
             i2c_msgs[-1].buf[index] = bytes([value])
 
     def _transfer(self, address: int, write: bytes, read_size: int) -> bytes:
+        """Write bytes, then read `read_size` bytes, in one transfer.
+
+        Raises OSError with Linux's number of the error.
+        """
         result, data = self._world.transfer(address, write, read_size)
         if result:
             number = _ERRORS[result]

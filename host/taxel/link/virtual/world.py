@@ -93,6 +93,7 @@ class _FaultEventStruct(ctypes.Structure):
 
 @cache
 def _load_library() -> ctypes.CDLL:
+    """The compiled emulator library with the signatures of firmware/emulator/bench.h."""
     library = load_library("taxel_bench", "the compiled emulator library", _LibraryMissingError)
     pointer, size, byte, text = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_uint8, ctypes.c_char_p
     time, number, integer = ctypes.c_uint64, ctypes.c_double, ctypes.c_int
@@ -151,6 +152,7 @@ class VirtualWorld:
         self._buffer = ctypes.create_string_buffer(RECEIVE_SIZE)
 
     def _open(self, world: str, uart: str, counts: bool, files: Mapping[str, Path]) -> int:
+        """Handle of a new world. Raises `LinkError` with the emulator's message if the emulator rejects the world."""
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
             path, complaint = Path(folder) / "world.txt", Path(folder) / "stderr.txt"
             path.write_text(world)

@@ -99,6 +99,7 @@ def open_recording(
 
 
 def _open_frames(path: Path, format_name: str, grasp: str | None) -> FramesLink:
+    """The link that reads a recording in format `format_name`; grasp: id of the grasp of a dataset."""
     if format_name == "csv":
         return open_csv(path)
     if format_name == "parquet":
@@ -163,6 +164,7 @@ def _open_sink(
     angles: FloatArray | None,
     overwrite: bool,
 ) -> FrameSink:
+    """The writer of a recording in format `format_name`. angles: f64[j], joint angles, radians, or None."""
     if format_name == "csv":
         topics = SkinTopics(skin.hand, skin.hub, 0, None if angles is None else lambda: angles)
         return CsvSink(path, skin.hand, header, topics, (options.object, options.approach))

@@ -115,6 +115,7 @@ def open_csv(path: Path) -> FramesLink:
 
 
 def _read_rows(path: Path) -> Iterator[tuple[int, TaxelFrame]]:
+    """(number, frame) of each row of a CSV recording. Raises RecordingFormatError for the first malformed row."""
     with path.open(newline="") as file:
         lines = csv.reader(iter(lambda: file.readline(_LINE_MAX), ""))
         heading = tuple(next(lines, ()))

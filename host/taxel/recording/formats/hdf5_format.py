@@ -87,6 +87,7 @@ class Hdf5Sink:
             self._add_row(frames)
 
     def _add_row(self, frames: list[TaxelFrame]) -> None:
+        """Add one poll cycle as a row of the grasp."""
         valid = np.zeros(len(self._columns), dtype=bool)
         for frame in frames:
             column = self._columns[frame.address]
@@ -120,6 +121,7 @@ class Hdf5Sink:
         return (frame.board_time_us - last + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
 
     def _write_block(self) -> None:
+        """Append the collected rows to the arrays of the file."""
         with convert_writing_errors(self._location):
             for name, dtype in _TYPES.items():
                 block = np.stack([row[name] for row in self._rows]).astype(dtype)
@@ -154,6 +156,7 @@ class Hdf5Sink:
             self._part.unlink(missing_ok=True)
 
     def _finish(self) -> None:
+        """Write the last rows and the attributes, and link the complete grasp. Raises DatasetError without frames."""
         self._write_cycles(is_end=True)
         if not self._count:
             self._location.fail("at least one frame", "none", "give a recording with frames")
@@ -186,6 +189,7 @@ def _create_dataset(path: Path, hand: Hand, generator: str, objects: dict[str, O
 
 
 def _make_objects(name: str, location: Location) -> dict[str, ObjectMesh]:
+    """Mesh of the object `name`; a microscopic triangle for an unknown object, since the format requires a mesh."""
     if name == UNKNOWN_OBJECT:
         vertices = np.array([[0.0, 0.0, 0.0], [1e-6, 0.0, 0.0], [0.0, 1e-6, 0.0]])
         return {UNKNOWN_OBJECT: ObjectMesh(vertices, np.array([[0, 1, 2]], np.int32))}
@@ -220,6 +224,10 @@ def _group_taxels_by_sensor(data: GraspDataset) -> list[IndexArray]:
 
 
 def _read_frames(path: Path, grasp: str, addresses: ByteArray, taxels: list[IndexArray]) -> Iterator[TaxelFrame]:
+    """Frames of a grasp of a dataset, read in blocks.
+
+    addresses: u8[s]; taxels: for each sensor the indices of its taxels.
+    """
     with open_hdf5(path, "r") as file:
         group: Mapping[str, Any] = file["grasps"][grasp]
         for start in range(0, len(group["timestamp"]), BLOCK_ROWS):

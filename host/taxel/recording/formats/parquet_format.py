@@ -18,6 +18,7 @@ METADATA_KEY = b"taxel"
 
 
 def _import_pyarrow() -> tuple[Any, Any]:
+    """The modules pyarrow and pyarrow.parquet. Raises MissingPackageError if pyarrow is not installed."""
     with optional_import("pyarrow", "a Parquet recording"):
         import pyarrow
         import pyarrow.parquet
@@ -25,6 +26,7 @@ def _import_pyarrow() -> tuple[Any, Any]:
 
 
 def _make_schema(arrow: Any) -> Any:
+    """Schema of the columns; one row is one frame of a board."""
     return arrow.schema(
         [
             ("time_s", arrow.float64()),
@@ -59,6 +61,7 @@ class ParquetSink:
             self._write_block()
 
     def _write_block(self) -> None:
+        """Append the collected frames to the file."""
         columns: dict[str, Any] = {name: [getattr(frame, name) for frame in self._rows] for name in self._schema.names
                                    if name != "name"}  # fmt: skip
         columns["name"] = [self._names[frame.address] for frame in self._rows]
@@ -99,6 +102,7 @@ def open_parquet(path: Path) -> FramesLink:
 
 
 def _read_frames(path: Path, file: Any) -> Iterator[TaxelFrame]:
+    """Frames of all rows, read in blocks. Raises RecordingFormatError for a row with a missing value."""
     number = 0
     with file:
         for batch in file.iter_batches(batch_size=BLOCK_ROWS):

@@ -104,6 +104,7 @@ class VirtualPort:
                 self._answer(FrameType(kind), payload)
 
     def _read(self, timeout_s: float) -> bytes:
+        """Bytes from the host; empty after `timeout_s` seconds without a byte. Raises PortClosedError."""
         if not select.select([self._master], [], [], timeout_s)[0]:
             return b""
         try:
@@ -116,6 +117,7 @@ class VirtualPort:
             raise
 
     def _answer(self, kind: FrameType, payload: bytes) -> None:
+        """Reply to a frame of the host as a hub does."""
         if kind is FrameType.HOST_HANDSHAKE:
             fields: dict[str, Any] = {field.name: 0 for field in list_fields(HubHandshake)}
             fields |= {"tag": payload[0], "unique_id": bytes(8), "version_chosen": PROTOCOL_VERSION}
@@ -141,6 +143,7 @@ class VirtualPort:
         self._sequence = (self._sequence + 1) % _SEQUENCE_MODULUS
 
     def _write(self, data: bytes) -> None:
+        """Send bytes to the host. Raises PortClosedError if the host has closed the port."""
         while data:
             if not self._is_open():
                 raise PortClosedError
@@ -151,6 +154,7 @@ class VirtualPort:
                 select.select([], [self._master], [], _POLL_PERIOD_S)
 
     def _play(self) -> None:
+        """Send the recorded bytes to the host at the recorded times, divided by the speed."""
         skip = self._start.skip
         origin: tuple[float, float] | None = None
         with closing(self._open_link()) as link:
@@ -165,6 +169,7 @@ class VirtualPort:
                 self._write(data_to_send)
 
     def _wait_until(self, due_s: float) -> None:
+        """Wait for a time of the monotonic clock, seconds. Raises PortClosedError if the host closes the port."""
         while (remaining_s := due_s - time.monotonic()) > 0.0:
             self._read(min(remaining_s, _POLL_PERIOD_S))
             if not self._is_open():
