@@ -97,10 +97,10 @@ def press_with(kind, probe):
     """Callback for `on_press` that applies the force with a probe on an emulated board."""
     taxel_at = {(int(tx), int(rx)): taxel for taxel, (tx, rx) in enumerate(zip(kind.tx, kind.rx, strict=True))}
 
-    def press(x, y, force):
+    def apply_force(x, y, force):
         if force > 0.0:
             probe.press(taxel_at[round((x - X) / PITCH_MM), round((y - Y) / PITCH_MM)], force, 3e-3)
         else:
             probe.release()
 
-    return press
+    return apply_force

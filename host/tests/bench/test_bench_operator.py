@@ -11,7 +11,7 @@ from taxel_tools.testing.operator import NoOperator
 from taxel_tools.testing.record import Outcome
 
 BOARD = f"board=0x{ADDRESS:02X}"
-PRESS = re.compile(
+INDENTATION = re.compile(
     r"(once more: )?press taxel (\d+) \(TX \d+, RX \d+\) with the ([\d.]+) mm probe at ([\d.]+) N and hold"
 )
 
@@ -30,7 +30,7 @@ class FollowingOperator:
         if text == "release the probe":
             self.probe.release()
             return
-        repetition, taxel, diameter_mm, force_n = PRESS.match(text).groups()
+        repetition, taxel, diameter_mm, force_n = INDENTATION.match(text).groups()
         self.requests.append((bool(repetition), int(taxel), float(force_n)))
         pressed_taxel = int(taxel)
         if pressed_taxel in self.missed_taxels:

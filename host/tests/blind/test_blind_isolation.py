@@ -102,22 +102,33 @@ def report(request, tmp_path_factory):
     if request.param == "landlock" and not landlock.version():
         pytest.skip("the kernel has no Landlock")
     base = tmp_path_factory.mktemp("isolation")
-    own, out = base / "own", base / "check"
-    for folder in (own, out / "sealed", out / "worlds"):
+    own_folder, out = base / "own", base / "check"
+    for folder in (own_folder, out / "sealed", out / "worlds"):
         folder.mkdir(parents=True)
-    (own / "here.txt").write_text("mine")
+    (own_folder / "here.txt").write_text("own text")
     (base / "neighbour.txt").write_text("")
     (out / "sealed" / "keys.json").write_text("[]")
     h5py.File(out / "worlds" / "other.h5", "w").close()
-    arguments = [str(own), str(out), request.param, json.dumps(SEALED_MODULES), json.dumps(str(contact_library()))]
-    done = subprocess.run(
-        [sys.executable, "-c", ISOLATED_PROGRAM, *arguments], cwd=own, capture_output=True, text=True, check=False
+    arguments = [
+        str(own_folder),
+        str(out),
+        request.param,
+        json.dumps(SEALED_MODULES),
+        json.dumps(str(find_contact_library())),
+    ]
+    result = subprocess.run(
+        [sys.executable, "-c", ISOLATED_PROGRAM, *arguments],
+        cwd=own_folder,
+        capture_output=True,
+        text=True,
+        check=False,
     )
-    assert done.returncode == 0, done.stderr
-    return {**json.loads(done.stdout), "requested": request.param}
+    assert result.returncode == 0, result.stderr
+    return {**json.loads(result.stdout), "requested": request.param}
 
 
-def contact_library() -> Path:
+def find_contact_library() -> Path:
+    """Path of the shared library of the emulated contact."""
     folders = (Path(path).parent / "native" for path in taxel.emulated.__path__)
     packaged = [Path(path) / "native" for path in taxel.__path__]
     return next(path / "libtaxel_contact.so" for path in (*packaged, *folders) if path.exists())
@@ -139,7 +150,7 @@ def test_no_sealed_module_stays_loaded(report):
 
 
 def test_the_folder_of_the_process_is_readable_and_writable(report):
-    assert report["allowed"][:2] == ["mine", "mine"]
+    assert report["allowed"][:2] == ["own text", "own text"]
     assert report["allowed"][2] == ["here.txt", "link", "written.txt"]
 
 
@@ -154,7 +165,7 @@ def test_module_names_are_compared_by_whole_components():
 
 def test_the_process_answers_a_failed_diagnosis_with_an_error_and_continues(tmp_path):
     job = json.dumps({"real": "no.h5", "sim": "no.h5", "without": [], "seed": 0, "out": "report.json"})
-    done = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-m", "taxel.blind.diagnosis_process", str(tmp_path)],
         cwd=tmp_path,
         input=f"{job}\n{job}\n",
@@ -162,6 +173,6 @@ def test_the_process_answers_a_failed_diagnosis_with_an_error_and_continues(tmp_
         text=True,
         check=True,
     )
-    first, second = done.stdout.splitlines()
-    assert json.loads(first)["error"].startswith("DatasetError: no.h5")
-    assert first == second
+    first_answer, second_answer = result.stdout.splitlines()
+    assert json.loads(first_answer)["error"].startswith("DatasetError: no.h5")
+    assert first_answer == second_answer

@@ -48,16 +48,16 @@ def folders(tmp_path_factory):
     return folders
 
 
-def content(path: Path) -> Iterator[tuple[str, Any]]:
+def read_content(path: Path) -> Iterator[tuple[str, Any]]:
     """Everything in a file except the counts, but including their type and shape."""
 
-    def attributes(name: str, item: Any) -> Iterator[tuple[str, Any]]:
+    def read_attributes(name: str, item: Any) -> Iterator[tuple[str, Any]]:
         for key, value in item.attrs.items():
             kind = item.attrs.get_id(key)
             yield f"{name}@{key}", (value if isinstance(value, str) else np.asarray(value).tolist(), kind.dtype.str)
 
-    def datasets(name: str, item: Any) -> Iterator[tuple[str, Any]]:
-        yield from attributes(name, item)
+    def read_datasets(name: str, item: Any) -> Iterator[tuple[str, Any]]:
+        yield from read_attributes(name, item)
         if isinstance(item, h5py.Dataset):
             yield name, (item.shape, item.dtype.str, item.chunks, item.compression, item.compression_opts)
             if not name.endswith("raw_counts"):
@@ -65,13 +65,14 @@ def content(path: Path) -> Iterator[tuple[str, Any]]:
         else:
             yield f"{name}/", list(item)  # in the order of creation
             for key in item:
-                yield from datasets(f"{name}/{key}", item[key])
+                yield from read_datasets(f"{name}/{key}", item[key])
 
     with h5py.File(path) as file:
-        yield from datasets("", file)
+        yield from read_datasets("", file)
 
 
-def counts(path: Path) -> np.ndarray:
+def read_counts(path: Path) -> np.ndarray:
+    """Raw counts of all grasps of a file, u16[T, n]."""
     with h5py.File(path) as file:
         return np.concatenate([grasp["raw_counts"][()] for grasp in file["grasps"].values()])
 
@@ -88,11 +89,11 @@ def test_the_simulated_datasets_are_bit_identical(folders):
 
 def test_the_real_datasets_differ_only_in_counts(folders):
     for (key, value), (other_key, other) in zip(
-        content(folders["none"] / "real.h5"), content(folders["several"] / "real.h5"), strict=True
+        read_content(folders["none"] / "real.h5"), read_content(folders["several"] / "real.h5"), strict=True
     ):
         assert key == other_key
         assert value == other, key
-    assert (counts(folders["none"] / "real.h5") != counts(folders["several"] / "real.h5")).any()
+    assert (read_counts(folders["none"] / "real.h5") != read_counts(folders["several"] / "real.h5")).any()
 
 
 def test_a_silent_board_changes_only_lost_frames_and_times_of_polls(folders):
@@ -100,7 +101,7 @@ def test_a_silent_board_changes_only_lost_frames_and_times_of_polls(folders):
     different = [
         key.rpartition("/")[2]
         for (key, value), (other_key, other) in zip(
-            content(folders["none"] / "real.h5"), content(folders["single"] / "real.h5"), strict=False
+            read_content(folders["none"] / "real.h5"), read_content(folders["single"] / "real.h5"), strict=False
         )
         if key != other_key or value != other
     ]
@@ -109,18 +110,20 @@ def test_a_silent_board_changes_only_lost_frames_and_times_of_polls(folders):
 
 
 def test_no_text_of_a_file_contains_a_name_or_a_digest_of_the_causes(folders):
-    words = {
-        word
-        for own in (*CATALOGUE_CAUSES, *OUT_OF_CATALOGUE)
-        for word in (own.emulator_effect, own.name, own.emulator_effect.split()[0])
+    sealed_words = {
+        sealed_word
+        for cause_type in (*CATALOGUE_CAUSES, *OUT_OF_CATALOGUE)
+        for sealed_word in (cause_type.emulator_effect, cause_type.name, cause_type.emulator_effect.split()[0])
     }
-    words |= {"effect", "settings", "none", "several", "single", "outside", "withheld"}
+    sealed_words |= {"effect", "settings", "none", "several", "single", "outside", "withheld"}
     for folder in folders.values():
         with h5py.File(folder / "real.h5") as file:
             generator = file.attrs["generator"]
         assert re.fullmatch(r"taxel [\w.+]+; emulated hand, indentation plan [0-9a-f]{12}", generator)
-        texts = [str(value[0]) for key, value in content(folder / "real.h5") if "@" in key]
-        assert not [word for word in words for text in texts if re.search(rf"\b{word}\b", text)]
+        texts = [str(value[0]) for key, value in read_content(folder / "real.h5") if "@" in key]
+        assert not [
+            sealed_word for sealed_word in sealed_words for text in texts if re.search(rf"\b{sealed_word}\b", text)
+        ]
 
 
 def test_without_counts_the_file_sizes_are_equal(folders, tmp_path):
@@ -144,6 +147,8 @@ def test_without_counts_the_file_sizes_are_equal(folders, tmp_path):
 def test_counts_of_boards_without_a_cause_are_equal(folders):
     """Causes on other boards take no numbers from the noise streams of these boards."""
     with h5py.File(folders["none"] / "real.h5") as file:
-        others = np.asarray(file["taxels"]["sensor"]) != 0x53
-    first, second = (counts(folders[name] / "real.h5")[:, others] for name in ("none", "several"))
-    assert (first == second).all()
+        is_unaffected = np.asarray(file["taxels"]["sensor"]) != 0x53
+    counts_without_cause, counts_with_causes = (
+        read_counts(folders[name] / "real.h5")[:, is_unaffected] for name in ("none", "several")
+    )
+    assert (counts_without_cause == counts_with_causes).all()

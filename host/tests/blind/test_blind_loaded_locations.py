@@ -18,8 +18,8 @@ from taxel.recording import (
 )
 
 ROWS, COLUMNS, FRAMES = 3, 2, 30
-N = ROWS * COLUMNS
-LOADED = 3
+TAXELS = ROWS * COLUMNS
+LOADED_TAXEL = 3
 """The taxel at TX 1, RX 1."""
 
 
@@ -29,19 +29,19 @@ def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("check")
     world_folder = out / WORLDS / "0000"
     world_folder.mkdir(parents=True)
-    number = np.arange(N)
-    place = np.column_stack([0.005 * (number // COLUMNS), 0.005 * (number % COLUMNS), np.zeros(N)])
+    number = np.arange(TAXELS)
+    position = np.column_stack([0.005 * (number // COLUMNS), 0.005 * (number % COLUMNS), np.zeros(TAXELS)])
     table = TaxelTable(
-        np.full(N, 0x50, np.uint8),
+        np.full(TAXELS, 0x50, np.uint8),
         (number // COLUMNS).astype(np.uint8),
         (number % COLUMNS).astype(np.uint8),
-        place,
-        np.tile([0.0, 0.0, 1.0], (N, 1)),
-        np.full(N, 0.003),
+        position,
+        np.tile([0.0, 0.0, 1.0], (TAXELS, 1)),
+        np.full(TAXELS, 0.003),
     )
     phase = np.repeat([0, 1, 2, 3, 4], FRAMES // 5).astype(np.uint8)
-    raw = np.full((FRAMES, N), 30_000, np.uint16)
-    raw[phase == 2, LOADED] -= 400
+    raw = np.full((FRAMES, TAXELS), 30_000, np.uint16)
+    raw[phase == 2, LOADED_TAXEL] -= 400
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float) * 0.02
     mesh = ObjectMesh(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32))
     with GraspDatasetWriter.create(
@@ -67,8 +67,8 @@ def folder(tmp_path_factory):
             valid=np.ones((FRAMES, 1), bool),
             sensor_pose=np.eye(4)[None],
             object_pose=np.eye(4),
-            contact_force=np.zeros((FRAMES, N)),
-            separation=np.zeros((FRAMES, N)),
+            contact_force=np.zeros((FRAMES, TAXELS)),
+            separation=np.zeros((FRAMES, TAXELS)),
         )
         data.add(record, "0000")
     (world_folder / "report.json").write_text('{"error": "no report"}')
@@ -76,7 +76,8 @@ def folder(tmp_path_factory):
     return out
 
 
-def unobservable_causes(folder, *locations: FaultLocation) -> tuple[str, ...]:
+def find_unobservable_causes(folder, *locations: FaultLocation) -> tuple[str, ...]:
+    """Unobservable causes of a world with a dropout at the given locations and white noise."""
     causes = (Cause("dropout", "line open", (), locations), Cause("noise", "noise white", ()))
     (result,) = read_results(folder, [World(0, "rig4", 1, HiddenCauses("several", causes, ()), "00")])
     return result.unobservable_causes
@@ -88,12 +89,12 @@ def unobservable_causes(folder, *locations: FaultLocation) -> tuple[str, ...]:
     ((FaultLocation(0x50, "tx", 0),), False),
     ((FaultLocation(0x51, "tx", 1),), False),
     ((FaultLocation(0x50, "tx", 0), FaultLocation(0x50, "tx", 1)), True),
-    ((FaultLocation(0x50, "taxel", LOADED),), True),
+    ((FaultLocation(0x50, "taxel", LOADED_TAXEL),), True),
     ((FaultLocation(0x50, "taxel", 1),), False),
     ((FaultLocation(0x51),), True),  # a board that stops responding is observable without a load
 ])  # fmt: skip
 def test_one_of_several_causes_is_unobservable_if_no_location_is_loaded(folder, locations, is_loaded):
-    assert unobservable_causes(folder, *locations) == (() if is_loaded else ("dropout",))
+    assert find_unobservable_causes(folder, *locations) == (() if is_loaded else ("dropout",))
 
 
 def test_the_location_of_a_single_unloaded_cause_is_not_expected(folder):
@@ -105,14 +106,14 @@ def test_the_location_of_a_single_unloaded_cause_is_not_expected(folder):
 
 @pytest.mark.parametrize(("lines", "taxels", "is_found"), [
     ([[0x50, "rx", 1]], [], True),
-    ([], [LOADED], True),  # the only loaded taxel of the line: a broken line is indistinguishable from a dead taxel
+    ([], [LOADED_TAXEL], True),  # the only loaded taxel of the line: a dead taxel looks like a broken line
     ([], [1], False),
     ([[0x50, "rx", 0]], [], False),
 ])  # fmt: skip
 def test_the_only_observable_taxel_of_a_line_is_accepted_as_its_location(folder, lines, taxels, is_found):
     causes = (Cause("dropout", "line open", (), (FaultLocation(0x50, "rx", 1),)),)
     world = World(0, "rig4", 1, HiddenCauses("single", causes, ()), "00")
-    where = {"sensors": [], "lines": lines, "taxels": taxels}
+    location = {"sensors": [], "lines": lines, "taxels": taxels}
     for in_verdict in (True, False):
-        effects = [{"name": "dropout", "in_verdict": in_verdict, "where": where}]
+        effects = [{"name": "dropout", "in_verdict": in_verdict, "where": location}]
         assert is_location_found(world, effects, folder / WORLDS / "0000") is (is_found and in_verdict)

@@ -42,9 +42,9 @@ def test_written_results_are_read_back_unchanged(tmp_path):
     write_records(path, make_results())
     assert read_records(path) == make_results()
     assert score(read_records(path)) == score(make_results())
-    before = path.read_bytes()
+    content = path.read_bytes()
     write_records(path, read_records(path))
-    assert path.read_bytes() == before
+    assert path.read_bytes() == content
 
 
 def test_two_runs_of_one_version_are_scored_together():

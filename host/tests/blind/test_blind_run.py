@@ -26,17 +26,17 @@ SHORT_CATALOGUE = {"noise", "gain_mismatch", "baseline_drift", "latency"}
 """Effects in the catalogue of these diagnoses."""
 
 
-def read(path) -> dict:
+def read_json(path) -> dict:
     return json.loads(path.read_text())
 
 
-def reproducible_part(report: dict) -> dict:
+def remove_paths_and_run_time(report: dict) -> dict:
     """The report without paths and run time."""
     return {key: value for key, value in report.items() if key not in ("inputs", "runtime_s")}
 
 
 @pytest.fixture(scope="module")
-def small():
+def small_worlds():
     """Worlds of 32 indentations, one further analysis seed and a few effects."""
     with pytest.MonkeyPatch.context() as patch:
         for name, value in (
@@ -68,25 +68,31 @@ class InterruptedRunner(FastRunner):
 
 
 @pytest.fixture(scope="module")
-def interrupted(small, tmp_path_factory):
+def interrupted(small_worlds, tmp_path_factory):
     """A check of two worlds, interrupted after the first report of the first world."""
     out = tmp_path_factory.mktemp("blind") / "check"
-    first, second = seal_worlds(out, 2, 0, SEED)
-    assert (first.hidden.names, first.is_withheld, first.is_repeated) == (("latency",), True, True)
-    assert (second.hidden.kind, bool(second.decoy)) == ("none", True)
+    withheld_world, world_without_cause = seal_worlds(out, 2, 0, SEED)
+    assert (withheld_world.hidden.names, withheld_world.is_withheld, withheld_world.is_repeated) == (
+        ("latency",),
+        True,
+        True,
+    )
+    assert (world_without_cause.hidden.kind, bool(world_without_cause.decoy)) == ("none", True)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run, "SandboxedRunner", InterruptedRunner)
         with pytest.raises(KeyboardInterrupt):
-            run.run_worlds(out, [first], 1)
+            run.run_worlds(out, [withheld_world], 1)
     shutil.copytree(out, out.parent / "interrupted")
     return out.parent / "interrupted"
 
 
 @pytest.fixture(scope="module")
-def check(small, interrupted):
+def check(small_worlds, interrupted):
     """The same check after the command has resumed it."""
-    small.setenv("SOURCE_DATE_EPOCH", "")  # restored afterwards: threads instead of processes set it in this process
-    small.setattr(run, "ProcessPoolExecutor", lambda count, *context, **options: ThreadPoolExecutor(count))
+    small_worlds.setenv(
+        "SOURCE_DATE_EPOCH", ""
+    )  # restored afterwards: threads instead of processes set it in this process
+    small_worlds.setattr(run, "ProcessPoolExecutor", lambda count, *context, **options: ThreadPoolExecutor(count))
     out = interrupted.parent / "check"
     options = ("--jobs", 1, "--page", out.parent / "page" / "score.md")  # one job avoids the start of a second process
     assert run_taxel("gap", "blind", "--worlds", 2, "--out", out, *options) == 0
@@ -105,13 +111,15 @@ def test_each_world_has_the_diagnoses_that_it_was_sampled_with(check):
         "0000": {"report.json", "without.json", "seed1.json", "shuffled.json"},
         "0001": {"report.json", "decoy.json"},
     }
-    assert "latency" in {entry["name"] for entry in read(check / "worlds" / "0000" / "report.json")["effects"]}
-    assert "latency" not in {entry["name"] for entry in read(check / "worlds" / "0000" / "without.json")["effects"]}
+    assert "latency" in {entry["name"] for entry in read_json(check / "worlds" / "0000" / "report.json")["effects"]}
+    assert "latency" not in {
+        entry["name"] for entry in read_json(check / "worlds" / "0000" / "without.json")["effects"]
+    }
 
 
 def test_reports_state_the_isolation_and_the_baseline_verdicts(check):
     for path in check.glob("worlds/*/report.json"):
-        report = read(path)
+        report = read_json(path)
         assert report["blindfold"] in ("landlock and audit hook", "audit hook")
         assert set(report["simpler"]) == {"rules", "effect_blind"}
         assert set(report["simpler"].values()) <= {*OWN_EFFECTS, "no_gap"}
@@ -133,7 +141,7 @@ def test_all_datasets_state_the_same_creation_time(check):
 
 
 def test_the_score_and_its_sheet_are_written(check):
-    score = read(check / "score.json")
+    score = read_json(check / "score.json")
     assert (score["worlds"], score["full_hand"], score["rig4"]["errors"]) == (2, None, [])
     assert score["rig4"]["false_alarms"] == {
         "right": 0,
@@ -153,7 +161,7 @@ def test_the_score_and_its_sheet_are_written(check):
 def test_a_finished_check_is_only_scored_again(check, monkeypatch, capsys):
     monkeypatch.setattr(run, "SandboxedRunner", None)
     assert run_taxel("gap", "blind", "--worlds", 2, "--out", check, "--json") == 0
-    assert json.loads(capsys.readouterr().out) == read(check / "score.json")
+    assert json.loads(capsys.readouterr().out) == read_json(check / "score.json")
 
 
 def test_the_results_of_a_check_are_rejected_as_a_further_run_of_itself(check, capsys):
@@ -165,19 +173,21 @@ def test_the_results_of_a_check_are_rejected_as_a_further_run_of_itself(check, c
 
 
 def test_results_of_another_version_are_rejected_before_a_world_is_made(check, tmp_path, capsys):
-    other = tmp_path / RECORDS
-    write_records(other, [replace(result, diagnosis_version="cd") for result in read_records(check / RECORDS)])
-    assert run_taxel("gap", "blind", "--worlds", 2, "--out", tmp_path / "new", "--add-answers", other) == 1
+    other_results = tmp_path / RECORDS
+    write_records(other_results, [replace(result, diagnosis_version="cd") for result in read_records(check / RECORDS)])
+    assert run_taxel("gap", "blind", "--worlds", 2, "--out", tmp_path / "new", "--add-answers", other_results) == 1
     assert "expected results of the same version of the diagnosis" in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "new").exists()
 
 
 def test_an_interrupted_world_is_repeated_with_the_same_datasets_and_report(check, interrupted):
-    before, after = (folder / "worlds" / "0000" for folder in (interrupted, check))
-    assert {path.name for path in before.iterdir()} == {"real.h5", "sim.h5", "report.json"}
+    interrupted_world, resumed_world = (folder / "worlds" / "0000" for folder in (interrupted, check))
+    assert {path.name for path in interrupted_world.iterdir()} == {"real.h5", "sim.h5", "report.json"}
     for name in ("real.h5", "sim.h5"):
-        assert (before / name).read_bytes() == (after / name).read_bytes()
-    assert reproducible_part(read(before / "report.json")) == reproducible_part(read(after / "report.json"))
+        assert (interrupted_world / name).read_bytes() == (resumed_world / name).read_bytes()
+    assert remove_paths_and_run_time(read_json(interrupted_world / "report.json")) == remove_paths_and_run_time(
+        read_json(resumed_world / "report.json")
+    )
 
 
 class FakeRunner:
@@ -245,7 +255,7 @@ def test_a_changed_key_and_another_number_of_worlds_are_rejected_in_one_line(che
     assert capsys.readouterr().err.strip().endswith("choose another --out")
     copy = tmp_path / "check"
     shutil.copytree(check, copy)
-    keys = read(copy / "sealed" / "keys.json")
+    keys = read_json(copy / "sealed" / "keys.json")
     keys[0]["hidden"]["kind"] = "outside"
     (copy / "sealed" / "keys.json").write_text(json.dumps(keys))
     assert run_taxel("gap", "blind", "--worlds", 2, "--out", copy) == 1
@@ -266,7 +276,7 @@ def test_an_invalid_number_is_rejected_in_one_line(option, value, capsys, tmp_pa
 def test_a_check_without_time_scores_no_world(tmp_path, capsys):
     out = tmp_path / "check"
     assert run_taxel("gap", "blind", "--worlds", 3, "--minutes", 0, "--jobs", 1, "--out", out) == 0
-    assert read(out / "score.json")["worlds"] == 0
+    assert read_json(out / "score.json")["worlds"] == 0
     assert "0 worlds gave a report" in capsys.readouterr().out
     assert run_taxel("gap", "blind", "--worlds", 3, "--minutes", -1, "--out", out) == 2
     assert "'--minutes': -1" in capsys.readouterr().err

@@ -18,60 +18,61 @@ from taxel.emulated.contact import SkinContact
 from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.hand import load_hand
 
-FULL = sum(KIND_COUNTS.values())
+WORLD_COUNT = sum(KIND_COUNTS.values())
 
 
 @pytest.fixture(scope="module")
-def full():
+def all_worlds():
     """The worlds of the full score on the rig."""
-    return sample_worlds(FULL, 0, seed=3)
+    return sample_worlds(WORLD_COUNT, 0, seed=3)
 
 
-def hidden_of(worlds, kind):
+def select_hidden(worlds, kind):
+    """Hidden causes of the worlds of a kind."""
     return [world.hidden for world in worlds if world.hidden.kind == kind]
 
 
-def test_kinds_have_the_configured_counts(full):
-    assert Counter(world.hidden.kind for world in full) == KIND_COUNTS
+def test_kinds_have_the_configured_counts(all_worlds):
+    assert Counter(world.hidden.kind for world in all_worlds) == KIND_COUNTS
 
 
 @pytest.mark.parametrize("count", range(1, 30))
 def test_fewer_worlds_keep_the_proportions(count):
     kinds = Counter(world.hidden.kind for world in sample_worlds(count, 0, seed=count))
     assert sum(kinds.values()) == count
-    assert all(abs(kinds[kind] - count * number / FULL) <= 2.5 for kind, number in KIND_COUNTS.items())
+    assert all(abs(kinds[kind] - count * number / WORLD_COUNT) <= 2.5 for kind, number in KIND_COUNTS.items())
 
 
-def test_every_effect_and_every_cause_type_of_the_catalogue_occurs_equally_often(full):
+def test_every_effect_and_every_cause_type_of_the_catalogue_occurs_equally_often(all_worlds):
     assert set(EFFECT_NAMES) == set(OWN_EFFECTS)
-    causes = [hidden.causes[0] for hidden in hidden_of(full, "single")]
+    causes = [hidden.causes[0] for hidden in select_hidden(all_worlds, "single")]
     assert Counter(cause.name for cause in causes) == dict.fromkeys(EFFECT_NAMES, 20)
     occurrences = Counter(cause.emulator_effect for cause in causes)
     for name in EFFECT_NAMES:
-        counts = [occurrences[own.emulator_effect] for own in CATALOGUE_CAUSES if own.name == name]
+        counts = [occurrences[cause_type.emulator_effect] for cause_type in CATALOGUE_CAUSES if cause_type.name == name]
         assert len(counts) >= 2
         assert max(counts) - min(counts) <= 1
 
 
-def test_every_out_of_catalogue_cause_occurs_equally_often(full):
-    occurrences = Counter(hidden.causes[0].emulator_effect for hidden in hidden_of(full, "outside"))
+def test_every_out_of_catalogue_cause_occurs_equally_often(all_worlds):
+    occurrences = Counter(hidden.causes[0].emulator_effect for hidden in select_hidden(all_worlds, "outside"))
     assert set(occurrences) == {cause_type.emulator_effect for cause_type in OUT_OF_CATALOGUE}
     assert max(occurrences.values()) - min(occurrences.values()) <= 1
-    assert all(hidden.names == (UNKNOWN,) for hidden in hidden_of(full, "outside"))
+    assert all(hidden.names == (UNKNOWN,) for hidden in select_hidden(all_worlds, "outside"))
 
 
-def test_two_or_three_causes_have_different_effects(full):
-    several = hidden_of(full, "several")
+def test_two_or_three_causes_have_different_effects(all_worlds):
+    several = select_hidden(all_worlds, "several")
     assert {len(hidden.causes) for hidden in several} == {2, 3}
     for hidden in several:
         assert len(set(hidden.names)) == len(hidden.causes)
         assert len({line.split()[0] for cause in hidden.causes for line in cause.lines}) == len(hidden.causes)
 
 
-def test_each_effect_is_withheld_equally_often_and_there_are_as_many_decoys(full):
-    withheld = Counter(world.hidden.names[0] for world in full if world.is_withheld)
+def test_each_effect_is_withheld_equally_often_and_there_are_as_many_decoys(all_worlds):
+    withheld = Counter(world.hidden.names[0] for world in all_worlds if world.is_withheld)
     assert withheld == dict.fromkeys(EFFECT_NAMES, WITHHELD_PER_EFFECT)
-    decoys = [world for world in full if world.decoy]
+    decoys = [world for world in all_worlds if world.decoy]
     assert len(decoys) == sum(withheld.values())
     assert {world.hidden.kind for world in decoys} == set(KIND_COUNTS)
     assert not any(world.is_withheld or world.decoy in world.hidden.names for world in decoys)
@@ -85,7 +86,7 @@ def test_strengths_are_stratified_within_each_effect(monkeypatch):
 
     cause_type = CauseType("noise", "noise white", sample)
     monkeypatch.setattr("taxel.blind.sampling.cause_types_of", lambda name: (cause_type,))
-    hidden = hidden_of(sample_worlds(FULL, 0, seed=4), "single")
+    hidden = select_hidden(sample_worlds(WORLD_COUNT, 0, seed=4), "single")
     strengths = np.array([float(causes.causes[0].lines[0]) for causes in hidden])
     low, high = FLOORS
     floors = low * (high / low) ** strengths
@@ -104,10 +105,10 @@ def test_a_cause_type_depends_on_the_strength_and_samples_its_own_effect():
             assert weak.lines != strong.lines
 
 
-def test_no_cause_acts_only_on_boards_that_another_cause_silences(full):
+def test_no_cause_acts_only_on_boards_that_another_cause_silences(all_worlds):
     """Five samples of sixty worlds with several causes, so that such a combination would occur."""
     silenced = 0
-    for world in [*full, *(world for seed in range(4) for world in sample_worlds(FULL, 0, seed=seed))]:
+    for world in [*all_worlds, *(world for seed in range(4) for world in sample_worlds(WORLD_COUNT, 0, seed=seed))]:
         silent = [cause for cause in world.hidden.causes if cause.emulator_effect == "silent from"]
         arguments = {f"board=0x{location.address:02X}" for cause in silent for location in cause.locations}
         audible = [cause for cause in world.hidden.causes if cause not in silent]
@@ -120,7 +121,7 @@ def test_no_cause_acts_only_on_boards_that_another_cause_silences(full):
 
 def test_the_largest_gain_of_a_board_does_not_saturate_its_counter():
     """Above a factor of 1.35 the counter reads 0, like that of a board that does not respond."""
-    (cause_type,) = [own for own in CATALOGUE_CAUSES if own.emulator_effect == "gain idac"]
+    (cause_type,) = [cause_type for cause_type in CATALOGUE_CAUSES if cause_type.emulator_effect == "gain idac"]
     hand = load_hand("rig4")
     causes = [cause_type.sample(np.random.default_rng(seed), hand, 1.0) for seed in range(20)]
     factors = [float(line.split("factor=")[1].split()[0]) for cause in causes for line in cause.lines]
@@ -128,45 +129,47 @@ def test_the_largest_gain_of_a_board_does_not_saturate_its_counter():
     assert min(factors) == pytest.approx(np.exp(-0.6), abs=1e-4)
 
 
-def test_the_emulator_accepts_every_effect_line(full):
+def test_the_emulator_accepts_every_effect_line(all_worlds):
     setup = Setup(load_hand("rig4"), {})
-    for line in {tuple(line.split()[:2]): line for world in full for line in world.hidden.lines}.values():
+    for line in {tuple(line.split()[:2]): line for world in all_worlds for line in world.hidden.lines}.values():
         effects = () if line.split()[0].endswith("_offset") else (line,)
         with SkinContact(session_world_text(setup, indentation_settings(setup.hand, effects=effects), 0)):
             pass
 
 
-def test_every_world_has_the_same_kinds_of_nuisances(full):
-    for world in full:
+def test_every_world_has_the_same_kinds_of_nuisances(all_worlds):
+    for world in all_worlds:
         assert [line.split()[:2] for line in world.hidden.nuisances] == [["gain", "electrode"], ["drift", "wander"]]
         assert set(world.hidden.nuisances) < {*world.hidden.lines, ""}
 
 
 def test_the_true_gain_variation_includes_the_nuisance_of_the_same_emulator_effect():
     cause = Cause("gain_mismatch", "gain electrode", ("gain electrode log_std=0.3",), (), {"log_std": 0.3})
-    other = Cause("gain_mismatch", "gain idac", ("gain idac factor=1.2 board=0x20",), (), {"scale@32": 1.2})
-    hidden = HiddenCauses("several", (cause, other), ("gain electrode log_std=0.4", "drift wander counts=1 seconds=60"))
+    board_gain = Cause("gain_mismatch", "gain idac", ("gain idac factor=1.2 board=0x20",), (), {"scale@32": 1.2})
+    hidden = HiddenCauses(
+        "several", (cause, board_gain), ("gain electrode log_std=0.4", "drift wander counts=1 seconds=60")
+    )
     assert hidden.true_parameters(cause) == {"log_std": pytest.approx(0.5)}
-    assert hidden.true_parameters(other) == {"scale@32": 1.2}
+    assert hidden.true_parameters(board_gain) == {"scale@32": 1.2}
 
 
-def test_campaign_sizes_are_within_limits_and_independent_of_the_kind(full):
-    assert all(INDENTATIONS[0] <= world.size.indentations <= INDENTATIONS[1] for world in full)
-    assert len({world.size for world in full}) > 8
-    counts = [[world.size.indentations for world in full if world.hidden.kind == kind] for kind in KIND_COUNTS]
+def test_campaign_sizes_are_within_limits_and_independent_of_the_kind(all_worlds):
+    assert all(INDENTATIONS[0] <= world.size.indentations <= INDENTATIONS[1] for world in all_worlds)
+    assert len({world.size for world in all_worlds}) > 8
+    counts = [[world.size.indentations for world in all_worlds if world.hidden.kind == kind] for kind in KIND_COUNTS]
     means = [np.mean(of_kind) for of_kind in counts]
     errors = [np.std(of_kind) / np.sqrt(len(of_kind)) for of_kind in counts]
     assert np.ptp(means) < 4 * max(errors)
 
 
-def test_order_and_seeds_are_independent_of_the_kind(full):
+def test_order_and_seeds_are_independent_of_the_kind(all_worlds):
     """Position in the order, upper half and lowest bit of the seeds, within 4 standard errors."""
-    assert len({world.seed for world in full}) == FULL
-    single = np.array([world.hidden.kind == "single" for world in full])
+    assert len({world.seed for world in all_worlds}) == WORLD_COUNT
+    single = np.array([world.hidden.kind == "single" for world in all_worlds])
     for flags in (
-        np.arange(FULL) < FULL / 2,
-        np.array([world.seed >= 2**61 for world in full]),
-        np.array([world.seed % 2 == 1 for world in full]),
+        np.arange(WORLD_COUNT) < WORLD_COUNT / 2,
+        np.array([world.seed >= 2**61 for world in all_worlds]),
+        np.array([world.seed % 2 == 1 for world in all_worlds]),
     ):
         standard_error = np.sqrt(0.25 * (1 / single.sum() + 1 / (~single).sum()))
         assert abs(flags[single].mean() - flags[~single].mean()) < 4 * standard_error
@@ -175,9 +178,9 @@ def test_order_and_seeds_are_independent_of_the_kind(full):
 def test_a_seed_determines_the_worlds_and_unseeded_samples_differ():
     assert sample_worlds(12, 1, seed=5) == sample_worlds(12, 1, seed=5)
     assert sample_worlds(12, 0, seed=5) != sample_worlds(12, 0, seed=6)
-    first, second = sample_worlds(12), sample_worlds(12)
-    assert {world.seed for world in first}.isdisjoint(world.seed for world in second)
-    assert [world.hidden for world in first] != [world.hidden for world in second]
+    first_sample, second_sample = sample_worlds(12), sample_worlds(12)
+    assert {world.seed for world in first_sample}.isdisjoint(world.seed for world in second_sample)
+    assert [world.hidden for world in first_sample] != [world.hidden for world in second_sample]
 
 
 def test_worlds_of_the_whole_hand_follow_those_of_the_rig():
@@ -187,7 +190,7 @@ def test_worlds_of_the_whole_hand_follow_those_of_the_rig():
     assert {world.size.approaches for world in worlds[5:]} == {24}
 
 
-def test_every_fortieth_world_is_diagnosed_with_further_seeds(full):
-    numbers = [world.number for world in full if world.is_repeated]
+def test_every_fortieth_world_is_diagnosed_with_further_seeds(all_worlds):
+    numbers = [world.number for world in all_worlds if world.is_repeated]
     assert numbers[0] == 0
     assert {later - earlier for earlier, later in pairwise(numbers)} == {40}

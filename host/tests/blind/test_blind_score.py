@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from taxel.blind.hidden import Cause, HiddenCauses
@@ -12,21 +11,21 @@ from taxel.blind.score_sheet import score_sheet
 from taxel.blind.world import World
 
 
-def world(number: int, kind: str, *names: str, effect: str = "some effect", hand: str = "rig4") -> World:
+def make_world(number: int, kind: str, *names: str, effect: str = "some effect", hand: str = "rig4") -> World:
     causes = tuple(Cause(name, effect, (f"{effect} counts=1",)) for name in names)
     return World(number, hand, 1, HiddenCauses(kind, causes, ()), "00")
 
 
-def result(own: World, *effects: str, status: str = "explained", ratio: float = 3.0, **fields) -> WorldResult:
+def make_result(world: World, *effects: str, status: str = "explained", ratio: float = 3.0, **fields) -> WorldResult:
     verdict = ReportedVerdict(status, effects, fields.pop("confounded", ()))
-    return WorldResult(own, verdict, gap=10.0 * ratio, floor=10.0, **fields)
+    return WorldResult(world, verdict, gap=10.0 * ratio, floor=10.0, **fields)
 
 
-def single(name: str, *effects: str, **fields) -> WorldResult:
-    return result(world(0, "single", name), *effects, **fields)
+def make_single_result(name: str, *effects: str, **fields) -> WorldResult:
+    return make_result(make_world(0, "single", name), *effects, **fields)
 
 
-def parameter(
+def make_parameter(
     estimate: float, truth: float = 1.0, low: float | None = None, high: float | None = None, **fields
 ) -> ParameterComparison:
     values = {
@@ -40,6 +39,7 @@ def parameter(
 
 
 def score_on_rig(*results: WorldResult) -> dict:
+    """Figures of the worlds of the test rig."""
     return score(results)["rig4"]
 
 
@@ -62,118 +62,120 @@ def test_a_share_counts_true_values():
 
 
 def test_a_single_cause_is_correct_if_it_is_first_or_confounded_with_the_first():
-    found = score_on_rig(
-        single("noise", "noise"),
-        single("noise", "noise", "latency"),
-        single("noise", "latency", "noise"),
-        single("noise", "latency", confounded=("noise",)),
-        single("noise", "unknown", status="unknown"),
-        single("noise", status="no_gap"),
+    figures = score_on_rig(
+        make_single_result("noise", "noise"),
+        make_single_result("noise", "noise", "latency"),
+        make_single_result("noise", "latency", "noise"),
+        make_single_result("noise", "latency", confounded=("noise",)),
+        make_single_result("noise", "unknown", status="unknown"),
+        make_single_result("noise", status="no_gap"),
     )
-    assert (found["single_first"]["right"], found["single_first"]["of"]) == (3, 6)
-    assert found["single_each"]["noise"]["of"] == 6
-    assert found["single_each"]["latency"]["of"] == 0
+    assert (figures["single_first"]["right"], figures["single_first"]["of"]) == (3, 6)
+    assert figures["single_each"]["noise"]["of"] == 6
+    assert figures["single_each"]["latency"]["of"] == 0
 
 
 def test_accuracy_refers_to_clear_gaps_and_is_grouped_by_gap_over_floor():
-    found = score_on_rig(single("noise", "noise", ratio=2.0), single("noise", status="no_gap", ratio=1.9))
-    assert found["single_first"]["of"] == 1
-    assert found["counts"]["single"] == {"worlds": 2, "clear": 1}
-    by_ratio = {own["from"]: (own["right"], own["of"]) for own in found["single_by_ratio"]}
+    figures = score_on_rig(
+        make_single_result("noise", "noise", ratio=2.0), make_single_result("noise", status="no_gap", ratio=1.9)
+    )
+    assert figures["single_first"]["of"] == 1
+    assert figures["counts"]["single"] == {"worlds": 2, "clear": 1}
+    by_ratio = {entry["from"]: (entry["right"], entry["of"]) for entry in figures["single_by_ratio"]}
     assert by_ratio == {0.0: (0, 0), 1.0: (0, 1), 2.0: (1, 1), 3.0: (0, 0), 4.0: (0, 0), 6.0: (0, 0)}
 
 
 def test_a_world_without_a_report_is_wrong_in_every_figure():
     failed = ReportedVerdict("error", ())
     results = [
-        replace(result(world(number, kind, *names)), verdict=failed, gap=0.0, floor=1.0, error="KeyError: 3")
+        replace(make_result(make_world(number, kind, *names)), verdict=failed, gap=0.0, floor=1.0, error="KeyError: 3")
         for number, (kind, names) in enumerate(
             [("none", ()), ("single", ("noise",)), ("outside", ("unknown",)), ("several", ("noise", "latency"))]
         )
     ]
-    first = replace(results[0], verdict_shuffled=failed, verdicts_by_seed=(failed,) * 3)
-    found = score_on_rig(first, *results[1:])
-    assert found["false_alarms"]["share"] == 1.0
-    assert found["single_first"]["share"] == 0.0
-    assert found["unknown"]["share"] == 0.0
-    assert found["seeds"]["share"] == 0.0
-    assert found["simpler"]["shuffled_says_unknown_or_no_gap"]["share"] == 0.0
-    assert found["several_f1"]["f1"] == 0.0
-    assert found["errors"][1] == "1: KeyError: 3"
-    assert found["single_by_ratio"][0]["of"] == 0
+    first_result = replace(results[0], verdict_shuffled=failed, verdicts_by_seed=(failed,) * 3)
+    figures = score_on_rig(first_result, *results[1:])
+    assert figures["false_alarms"]["share"] == 1.0
+    assert figures["single_first"]["share"] == 0.0
+    assert figures["unknown"]["share"] == 0.0
+    assert figures["seeds"]["share"] == 0.0
+    assert figures["simpler"]["shuffled_says_unknown_or_no_gap"]["share"] == 0.0
+    assert figures["several_f1"]["f1"] == 0.0
+    assert figures["errors"][1] == "1: KeyError: 3"
+    assert figures["single_by_ratio"][0]["of"] == 0
 
 
 def test_false_alarms_refer_to_worlds_without_a_cause_for_any_gap():
-    calm = world(0, "none")
-    found = score_on_rig(
-        result(calm, status="no_gap", ratio=0.5),
-        result(calm, status="no_gap", ratio=5.0),
-        result(calm, "noise", ratio=0.5),
-        result(calm, "unknown", status="unknown", ratio=0.5),
+    world_without_cause = make_world(0, "none")
+    figures = score_on_rig(
+        make_result(world_without_cause, status="no_gap", ratio=0.5),
+        make_result(world_without_cause, status="no_gap", ratio=5.0),
+        make_result(world_without_cause, "noise", ratio=0.5),
+        make_result(world_without_cause, "unknown", status="unknown", ratio=0.5),
     )
-    assert (found["false_alarms"]["right"], found["false_alarms"]["of"]) == (2, 4)
+    assert (figures["false_alarms"]["right"], figures["false_alarms"]["of"]) == (2, 4)
 
 
 def test_causes_outside_or_removed_from_the_catalogue_must_be_unknown():
-    outside = world(0, "outside", "unknown", effect="stuck_bit")
-    found = score_on_rig(
-        result(outside, "unknown", status="unknown"),
-        result(outside, "noise", "unknown", status="partly_explained"),
-        result(outside, "noise"),
-        result(outside, status="no_gap"),
-        single("noise", "noise", verdict_withheld=ReportedVerdict("unknown", ("unknown",))),
-        single("latency", "latency", verdict_withheld=ReportedVerdict("explained", ("noise",))),
-        single("latency", "latency", ratio=1.0, verdict_withheld=ReportedVerdict("explained", ("noise",))),
+    outside = make_world(0, "outside", "unknown", effect="stuck_bit")
+    figures = score_on_rig(
+        make_result(outside, "unknown", status="unknown"),
+        make_result(outside, "noise", "unknown", status="partly_explained"),
+        make_result(outside, "noise"),
+        make_result(outside, status="no_gap"),
+        make_single_result("noise", "noise", verdict_withheld=ReportedVerdict("unknown", ("unknown",))),
+        make_single_result("latency", "latency", verdict_withheld=ReportedVerdict("explained", ("noise",))),
+        make_single_result("latency", "latency", ratio=1.0, verdict_withheld=ReportedVerdict("explained", ("noise",))),
     )
-    assert (found["unknown"]["right"], found["unknown"]["of"]) == (3, 6)
-    assert (found["misnamed"]["right"], found["misnamed"]["of"]) == (2, 6)
-    assert found["unknown_outside_each"]["stuck_bit"]["of"] == 4
-    assert {name: own["share"] for name, own in found["unknown_withheld_each"].items()} == {
+    assert (figures["unknown"]["right"], figures["unknown"]["of"]) == (3, 6)
+    assert (figures["misnamed"]["right"], figures["misnamed"]["of"]) == (2, 6)
+    assert figures["unknown_outside_each"]["stuck_bit"]["of"] == 4
+    assert {name: entry["share"] for name, entry in figures["unknown_withheld_each"].items()} == {
         "noise": 1.0,
         "latency": 0.0,
     }
 
 
 def test_a_decoy_must_not_change_the_first_effect():
-    found = score_on_rig(
-        single("noise", "noise", verdict_decoy=ReportedVerdict("explained", ("noise",))),
-        single("noise", "noise", verdict_decoy=ReportedVerdict("explained", ("latency",))),
+    figures = score_on_rig(
+        make_single_result("noise", "noise", verdict_decoy=ReportedVerdict("explained", ("noise",))),
+        make_single_result("noise", "noise", verdict_decoy=ReportedVerdict("explained", ("latency",))),
     )
-    assert (found["decoy_first"]["right"], found["decoy_first"]["of"]) == (1, 2)
+    assert (figures["decoy_first"]["right"], figures["decoy_first"]["of"]) == (1, 2)
 
 
 def test_micro_f1_pools_the_names_of_all_worlds():
-    pair = world(0, "several", "noise", "latency")
-    triple = world(1, "several", "noise", "latency", "hysteresis")
-    found = score_on_rig(
-        result(pair, "noise", "latency"),
-        result(triple, "noise", "stiffness", "unknown"),
-        result(triple, "noise", ratio=1.0),
+    pair = make_world(0, "several", "noise", "latency")
+    triple = make_world(1, "several", "noise", "latency", "hysteresis")
+    figures = score_on_rig(
+        make_result(pair, "noise", "latency"),
+        make_result(triple, "noise", "stiffness", "unknown"),
+        make_result(triple, "noise", ratio=1.0),
     )["several_f1"]
     # named: noise, latency, noise, stiffness, of which 3 are true; true causes: 5
-    assert (found["precision"], found["recall"], found["worlds"]) == (3 / 4, 3 / 5, 2)
-    assert found["f1"] == pytest.approx(2 * 0.75 * 0.6 / 1.35)
+    assert (figures["precision"], figures["recall"], figures["worlds"]) == (3 / 4, 3 / 5, 2)
+    assert figures["f1"] == pytest.approx(2 * 0.75 * 0.6 / 1.35)
 
 
 def test_unobservable_causes_are_neither_required_nor_wrong():
-    pair = world(0, "several", "dropout", "latency")
-    observable = score_on_rig(result(pair, "latency"))["several_f1"]
+    pair = make_world(0, "several", "dropout", "latency")
+    observable = score_on_rig(make_result(pair, "latency"))["several_f1"]
     assert (observable["precision"], observable["recall"]) == (1.0, 0.5)
     for effects in (("latency",), ("latency", "dropout")):
-        unobservable = score_on_rig(result(pair, *effects, unobservable_causes=("dropout",)))["several_f1"]
+        unobservable = score_on_rig(make_result(pair, *effects, unobservable_causes=("dropout",)))["several_f1"]
         assert (unobservable["precision"], unobservable["recall"]) == (1.0, 1.0)
 
 
 def test_the_confusion_table_counts_the_first_effect():
-    found = score_on_rig(
-        single("noise", "noise"),
-        single("noise", "latency", "noise"),
-        single("noise", status="no_gap", ratio=1.0),
-        result(world(1, "none"), status="no_gap", ratio=0.3),
-        result(world(2, "outside", "unknown"), "unknown", status="unknown"),
-        result(world(3, "several", "noise", "latency"), "noise"),
+    figures = score_on_rig(
+        make_single_result("noise", "noise"),
+        make_single_result("noise", "latency", "noise"),
+        make_single_result("noise", status="no_gap", ratio=1.0),
+        make_result(make_world(1, "none"), status="no_gap", ratio=0.3),
+        make_result(make_world(2, "outside", "unknown"), "unknown", status="unknown"),
+        make_result(make_world(3, "several", "noise", "latency"), "noise"),
     )
-    assert found["confusion"] == {
+    assert figures["confusion"] == {
         "noise": {"noise": 1, "latency": 1},
         "no_gap": {"no_gap": 1},
         "unknown": {"unknown": 1},
@@ -181,38 +183,39 @@ def test_the_confusion_table_counts_the_first_effect():
 
 
 def test_parameter_errors_are_grouped_by_emulator_effect_and_limited_for_defined_units():
-    found = score_on_rig(
-        single("noise", "noise", parameters=(parameter(1.1), parameter(0.7))),
-        single(
+    figures = score_on_rig(
+        make_single_result("noise", "noise", parameters=(make_parameter(1.1), make_parameter(0.7))),
+        make_single_result(
             "noise",
             "noise",
-            parameters=(parameter(2.0, unit="1", name="slope@32"), parameter(1.5, unit="1", name="slope@48")),
+            parameters=(make_parameter(2.0, unit="1", name="slope@32"), make_parameter(1.5, unit="1", name="slope@48")),
         ),
-        single("noise", "noise", ratio=1.0, parameters=(parameter(100.0),)),
+        make_single_result("noise", "noise", ratio=1.0, parameters=(make_parameter(100.0),)),
     )["parameters"]
-    assert found["each"]["noise white: white_counts"]["of"] == 2
-    assert found["each"]["noise white: white_counts"]["median_relative_error"] == pytest.approx(0.2)
-    assert found["each"]["noise white: slope"]["of"] == 2
-    assert found["asked"] == pytest.approx(0.2)
-    assert found["others"] == pytest.approx(0.75)
+    assert figures["each"]["noise white: white_counts"]["of"] == 2
+    assert figures["each"]["noise white: white_counts"]["median_relative_error"] == pytest.approx(0.2)
+    assert figures["each"]["noise white: slope"]["of"] == 2
+    assert figures["asked"] == pytest.approx(0.2)
+    assert figures["others"] == pytest.approx(0.75)
 
 
 def test_coverage_refers_to_parameters_with_an_interval():
     rows = (
-        parameter(1.0, low=0.9, high=1.1),
-        parameter(2.0, low=1.5, high=2.5),
-        parameter(1.0),
-        parameter(-1.0, truth=-1.0, low=-2.0, high=0.0),
+        make_parameter(1.0, low=0.9, high=1.1),
+        make_parameter(2.0, low=1.5, high=2.5),
+        make_parameter(1.0),
+        make_parameter(-1.0, truth=-1.0, low=-2.0, high=0.0),
     )
-    found = score_on_rig(single("noise", "noise", parameters=rows))["coverage"]
-    assert (found["right"], found["of"]) == (2, 3)
+    figures = score_on_rig(make_single_result("noise", "noise", parameters=rows))["coverage"]
+    assert (figures["right"], figures["of"]) == (2, 3)
 
 
 def test_the_error_of_the_shrink_is_in_percentage_points():
-    found = score_on_rig(single("noise", "noise", shrink=(0.80, 0.74)), single("noise", "noise", shrink=(0.5, 0.52)))[
-        "shrink"
-    ]
-    assert (found["of"], found["mean_points"]) == (2, pytest.approx(4.0))
+    figures = score_on_rig(
+        make_single_result("noise", "noise", shrink=(0.80, 0.74)),
+        make_single_result("noise", "noise", shrink=(0.5, 0.52)),
+    )["shrink"]
+    assert (figures["of"], figures["mean_points"]) == (2, pytest.approx(4.0))
 
 
 def test_verdicts_of_seeds_agree_if_status_and_effects_are_equal():
@@ -221,44 +224,48 @@ def test_verdicts_of_seeds_agree_if_status_and_effects_are_equal():
         ReportedVerdict("partly_explained", ("noise",)),
         ReportedVerdict("explained", ("latency",)),
     )
-    found = score_on_rig(single("noise", "noise", verdicts_by_seed=seeds))["seeds"]
-    assert (found["right"], found["of"]) == (1, 3)
+    figures = score_on_rig(make_single_result("noise", "noise", verdicts_by_seed=seeds))["seeds"]
+    assert (figures["right"], figures["of"]) == (1, 3)
 
 
 def test_reference_diagnosers_and_exchanged_simulations_are_scored():
-    found = score_on_rig(
-        single("noise", "noise", baseline_verdicts={"rules": "noise", "effect_blind": "latency"}),
-        result(world(1, "none"), status="no_gap", verdict_shuffled=ReportedVerdict("unknown", ("unknown",))),
-        result(world(2, "none"), status="no_gap", verdict_shuffled=ReportedVerdict("no_gap", ())),
-        result(world(3, "none"), status="no_gap", verdict_shuffled=ReportedVerdict("explained", ("noise",))),
+    figures = score_on_rig(
+        make_single_result("noise", "noise", baseline_verdicts={"rules": "noise", "effect_blind": "latency"}),
+        make_result(make_world(1, "none"), status="no_gap", verdict_shuffled=ReportedVerdict("unknown", ("unknown",))),
+        make_result(make_world(2, "none"), status="no_gap", verdict_shuffled=ReportedVerdict("no_gap", ())),
+        make_result(make_world(3, "none"), status="no_gap", verdict_shuffled=ReportedVerdict("explained", ("noise",))),
     )["simpler"]
-    assert (found["rules"]["share"], found["effect_blind"]["share"]) == (1.0, 0.0)
-    assert found["shuffled_says_unknown_or_no_gap"]["right"] == 2
+    assert (figures["rules"]["share"], figures["effect_blind"]["share"]) == (1.0, 0.0)
+    assert figures["shuffled_says_unknown_or_no_gap"]["right"] == 2
 
 
 def test_the_whole_hand_is_scored_separately():
-    found = score([single("noise", "noise"), result(world(1, "single", "noise", hand="allegro"), "latency")])
-    assert found["rig4"]["single_first"]["share"] == 1.0
-    assert found["full_hand"]["single_first"]["share"] == 0.0
-    assert score([single("noise", "noise")])["full_hand"] is None
+    figures = score(
+        [make_single_result("noise", "noise"), make_result(make_world(1, "single", "noise", hand="allegro"), "latency")]
+    )
+    assert figures["rig4"]["single_first"]["share"] == 1.0
+    assert figures["full_hand"]["single_first"]["share"] == 0.0
+    assert score([make_single_result("noise", "noise")])["full_hand"] is None
 
 
-def full_score() -> dict:
+def compute_full_score() -> dict:
     shrink, landlock = (0.8, 0.7), "landlock and audit hook"
-    parameters = (parameter(1.0, low=0.9, high=1.1),)
+    parameters = (make_parameter(1.0, low=0.9, high=1.1),)
     seeds = (ReportedVerdict("no_gap", ()),) * 9
     return score([
-        single("noise", "noise", shrink=shrink, parameters=parameters, isolation=landlock, runtime_s=2.0),
-        single("latency", "noise", isolation="audit hook", is_location_found=True),
-        result(world(2, "none"), status="no_gap", ratio=0.4, isolation=landlock, verdicts_by_seed=seeds),
-        result(world(3, "several", "noise", "latency"), "noise", "latency", isolation=landlock),
-        result(world(4, "outside", "unknown", effect="stuck_bit"), "noise", isolation=landlock),
-        replace(result(world(5, "single", "noise")), verdict=ReportedVerdict("error", ()), error="KeyError: 3"),
+        make_single_result("noise", "noise", shrink=shrink, parameters=parameters, isolation=landlock, runtime_s=2.0),
+        make_single_result("latency", "noise", isolation="audit hook", is_location_found=True),
+        make_result(make_world(2, "none"), status="no_gap", ratio=0.4, isolation=landlock, verdicts_by_seed=seeds),
+        make_result(make_world(3, "several", "noise", "latency"), "noise", "latency", isolation=landlock),
+        make_result(make_world(4, "outside", "unknown", effect="stuck_bit"), "noise", isolation=landlock),
+        replace(
+            make_result(make_world(5, "single", "noise")), verdict=ReportedVerdict("error", ()), error="KeyError: 3"
+        ),
     ])  # fmt: skip
 
 
 def test_the_sheet_marks_met_and_missed_limits():
-    text = score_sheet(full_score(), "Made by `taxel gap blind --worlds 6`.")
+    text = score_sheet(compute_full_score(), "Made by `taxel gap blind --worlds 6`.")
     rows = {line.split(" | ")[0].removeprefix("| "): line for line in text.splitlines() if line.startswith("| ")}
     assert rows["single effect named first"] == (
         "| single effect named first | at least 95 % | 33.3 % | 3 | 6 to 79 % | **missed** |"
@@ -272,15 +279,15 @@ def test_the_sheet_marks_met_and_missed_limits():
 
 @pytest.mark.parametrize(("right", "of", "mark"), [(8, 8, ""), (7, 8, ""), (10, 10, "**missed**"), (9, 10, "met")])
 def test_the_coverage_of_few_intervals_is_not_judged(right, of, mark):
-    figures = full_score()
-    part = figures["rig4"]["coverage"]
-    figures["rig4"]["coverage"] = {**part, "right": right, "of": of, "share": right / of, "ci95": (0.5, 1.0)}
+    figures = compute_full_score()
+    coverage = figures["rig4"]["coverage"]
+    figures["rig4"]["coverage"] = {**coverage, "right": right, "of": of, "share": right / of, "ci95": (0.5, 1.0)}
     (line,) = [line for line in score_sheet(figures, "").splitlines() if line.startswith("| coverage")]
     assert line.split("|")[-2].strip() == mark
 
 
 def test_the_sheet_states_command_isolation_and_errors():
-    text = score_sheet(full_score(), "Made by `taxel gap blind --worlds 6`.")
+    text = score_sheet(compute_full_score(), "Made by `taxel gap blind --worlds 6`.")
     assert text.startswith("# Blind check: score sheet\n\nMade by `taxel gap blind --worlds 6`.\n")
     assert "landlock and audit hook, 4 worlds; audit hook, 1 worlds" in text
     assert "- 5: KeyError: 3" in text
@@ -289,8 +296,8 @@ def test_the_sheet_states_command_isolation_and_errors():
 
 
 def test_every_line_of_a_table_has_the_same_number_of_columns():
-    text = score_sheet(full_score(), "")
-    for table in (part for part in text.split("\n\n") if part.startswith("|")):
+    text = score_sheet(compute_full_score(), "")
+    for table in (paragraph for paragraph in text.split("\n\n") if paragraph.startswith("|")):
         assert len({line.count("|") for line in table.splitlines()}) == 1, table
 
 
@@ -298,4 +305,4 @@ def test_a_sheet_without_worlds_has_no_missing_values():
     text = score_sheet(score([]), "")
     assert "missed" not in text
     assert "nan" not in text
-    assert not np.any(["None" in text])
+    assert "None" not in text

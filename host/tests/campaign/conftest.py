@@ -28,5 +28,6 @@ def plan() -> tuple[PlannedGrasp, ...]:
 
 @pytest.fixture(scope="session")
 def two_of_one_session() -> tuple[PlannedGrasp, ...]:
+    """The first two grasps of the cylinder in session 0."""
     grasps = [planned for planned in make_thesis_plan(1) if planned.object == "cylinder" and planned.session == 0]
     return tuple(grasps[:2])

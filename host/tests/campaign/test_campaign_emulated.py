@@ -22,7 +22,7 @@ from taxel.recording.grasp_dataset import GraspDataset
 
 TIMEOUT_S = 60.0
 
-INTERRUPTED = """
+INTERRUPTED_PROGRAM = """
 import os, signal, sys
 from taxel.campaign.emulated import run_emulated
 from taxel.campaign.settings import EmulatedSettings
@@ -38,7 +38,7 @@ run_emulated(sys.argv[1], {plan}, EmulatedSettings(timeline={timeline}), jobs=1,
 """
 
 
-def content(path) -> dict[str, object]:
+def read_content(path) -> dict[str, object]:
     """All datasets and attributes of a file except the creation time."""
     items: dict[str, object] = {}
 
@@ -59,15 +59,15 @@ def settings(timeline):
 
 
 @pytest.fixture(scope="module")
-def complete(setup, plan, settings, tmp_path_factory):
+def complete_campaign(setup, plan, settings, tmp_path_factory):
     """(the dataset of both sessions, made in one process; the reported progress)."""
     path, progress = tmp_path_factory.mktemp("complete") / "real.h5", []
     run_emulated(path, plan, settings, setup, jobs=1, progress=lambda *counts: progress.append(counts))
     return path, progress
 
 
-def test_the_file_is_a_real_dataset_of_the_plan(complete, plan, setup):
-    path, progress = complete
+def test_the_file_is_a_real_dataset_of_the_plan(complete_campaign, plan, setup):
+    path, progress = complete_campaign
     with GraspDataset(path) as data:
         data.check()
         assert (data.source, data.hand) == ("real", "allegro")
@@ -77,8 +77,8 @@ def test_the_file_is_a_real_dataset_of_the_plan(complete, plan, setup):
     assert progress == [(0, 2), (1, 2), (2, 2)]
 
 
-def test_only_the_grasped_object_has_contact_points(complete):
-    counted = count_contact_points(complete[0])
+def test_only_the_grasped_object_has_contact_points(complete_campaign):
+    counted = count_contact_points(complete_campaign[0])
     assert counted["cylinder"].grasps == 2
     assert counted["cylinder"].points > 20
     assert counted["rectangular_prism"] == counted["triangular_prism"]
@@ -86,50 +86,53 @@ def test_only_the_grasped_object_has_contact_points(complete):
 
 
 @pytest.mark.slow
-def test_one_and_two_processes_make_the_same_content(complete, plan, settings, tmp_path):
+def test_one_and_two_processes_make_the_same_content(complete_campaign, plan, settings, tmp_path):
     run_emulated(tmp_path / "real.h5", plan, settings, jobs=2)
-    assert content(tmp_path / "real.h5") == content(complete[0])
+    assert read_content(tmp_path / "real.h5") == read_content(complete_campaign[0])
 
 
 def test_a_killed_campaign_leaves_a_valid_file_and_resumes_to_the_same_content(
-    complete, plan, settings, setup, timeline, tmp_path
+    complete_campaign, plan, settings, setup, timeline, tmp_path
 ):
     path, progress = tmp_path / "real.h5", []
-    code = "from taxel.grasp.timeline import Timeline\n" + INTERRUPTED.format(
-        plan=f"({_source(plan)})", timeline=repr(timeline)
+    code = "from taxel.grasp.timeline import Timeline\n" + INTERRUPTED_PROGRAM.format(
+        plan=f"({format_plan(plan)})", timeline=repr(timeline)
     )
-    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, timeout=TIMEOUT_S, check=False)
-    assert done.stdout == b"first grasp\n"
-    assert done.returncode != 0
+    result = subprocess.run(
+        [sys.executable, "-c", code, str(path)], capture_output=True, timeout=TIMEOUT_S, check=False
+    )
+    assert result.stdout == b"first grasp\n"
+    assert result.returncode != 0
     with GraspDataset(path) as data:
         data.check()
         assert data.ids == (plan[0].id,)
     run_emulated(path, plan, settings, setup, jobs=1, resume=True, progress=lambda *counts: progress.append(counts))
-    assert content(path) == content(complete[0])
+    assert read_content(path) == read_content(complete_campaign[0])
     assert progress == [(1, 2), (2, 2)]
-    before = path.read_bytes()
+    resumed_content = path.read_bytes()
     run_emulated(path, plan, settings, setup, resume=True)
-    assert path.read_bytes() == before
+    assert path.read_bytes() == resumed_content
 
 
-def _source(plan) -> str:
+def format_plan(plan) -> str:
+    """Python source of the grasps of a plan."""
     return "".join(
         f"PlannedGrasp({item.id!r}, {item.object!r}, {item.approach!r}, {item.iteration}, {item.session}), "
         for item in plan
     )
 
 
-def test_an_existing_file_is_rejected_before_the_campaign_starts(complete, plan, settings, setup):
-    before = complete[0].read_bytes()
+def test_an_existing_file_is_rejected_before_the_campaign_starts(complete_campaign, plan, settings, setup):
+    earlier_content = complete_campaign[0].read_bytes()
     with pytest.raises(DatasetError, match=r"real\.h5"):
-        run_emulated(complete[0], plan, settings, setup, progress=_fail_on_progress)
-    assert complete[0].read_bytes() == before
+        run_emulated(complete_campaign[0], plan, settings, setup, progress=_fail_on_progress)
+    assert complete_campaign[0].read_bytes() == earlier_content
 
 
-def test_a_file_made_with_other_settings_is_not_resumed(complete, plan, timeline, setup):
+def test_a_file_made_with_other_settings_is_not_resumed(complete_campaign, plan, timeline, setup):
     settings = EmulatedSettings(seed=2, timeline=timeline)
     with pytest.raises(DatasetError, match="another campaign") as caught:
-        run_emulated(complete[0], plan, settings, setup, resume=True, progress=_fail_on_progress)
+        run_emulated(complete_campaign[0], plan, settings, setup, resume=True, progress=_fail_on_progress)
     assert "\n" not in str(caught.value)
 
 

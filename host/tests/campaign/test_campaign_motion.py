@@ -36,7 +36,7 @@ class RecordingDynamics:
     def __getattr__(self, name: str):
         return getattr(self._inner, name)
 
-    def steps_in(self, begin_s: float, log: JointLog) -> slice:
+    def select_steps(self, begin_s: float, log: JointLog) -> slice:
         """Steps in the period that begins at `begin_s` of the grasp; the last step ends the last period of the log."""
         offset_s = self.ends[-1] - (log.time_s[-1] + PERIOD_S)
         ends = np.array(self.ends) - offset_s
@@ -69,18 +69,18 @@ def grasp_motion(setup, plan, timeline):
     pose, approach = setup.object_pose("cylinder"), setup.approach(plan[0])
     with SkinContact(format_scene(setup.hand, EmulatedScene({"cylinder": setup.objects["cylinder"].shape}))) as contact:
 
-        def wrist_at(times_s: np.ndarray) -> np.ndarray:
+        def compute_wrist_poses(times_s: np.ndarray) -> np.ndarray:
             return np.stack(
                 [pose @ approach.compute_palm_pose_at(timeline.get_withdrawal(time)) for time in times_s.tolist()]
             )
 
-        wrist = wrist_at(np.zeros(1))[0]
+        wrist = compute_wrist_poses(np.zeros(1))[0]
         hand = HandInContact(
             setup.hand, setup.wrist_robot, contact, 0, pose, Mount(2e3, 20.0, 0.065), wrist, approach.open_angles
         )
         dynamics, controller = RecordingDynamics(hand), RecordingController(approach, timeline)
         controller.commanded = []
-        return dynamics, simulate_grasp_motion(dynamics, controller, timeline, wrist_at), controller
+        return dynamics, simulate_grasp_motion(dynamics, controller, timeline, compute_wrist_poses), controller
 
 
 def test_the_record_starts_before_closing_and_ends_with_the_release(grasp_motion, timeline):
@@ -97,8 +97,8 @@ def test_encoder_angles_match_the_true_angles_within_one_count_and_one_period(gr
     dynamics, motion, _ = grasp_motion
     log = motion.joints
     for time_s, angles in zip(log.time_s[1:].tolist(), log.angles[1:], strict=True):
-        true = np.array(dynamics.angle_log[dynamics.steps_in(time_s - PERIOD_S, log)])
-        assert np.abs(true - angles).max(axis=1).min() < 0.51 * RAD_PER_COUNT
+        true_angles = np.array(dynamics.angle_log[dynamics.select_steps(time_s - PERIOD_S, log)])
+        assert np.abs(true_angles - angles).max(axis=1).min() < 0.51 * RAD_PER_COUNT
 
 
 def test_torques_are_quantised_to_pwm_counts(grasp_motion):
@@ -106,7 +106,7 @@ def test_torques_are_quantised_to_pwm_counts(grasp_motion):
     log = motion.joints
     assert len(controller.commanded) == len(log.time_s)
     for time_s, commanded in zip(log.time_s.tolist(), controller.commanded, strict=True):
-        for torque in dynamics.torques[dynamics.steps_in(time_s, log)]:
+        for torque in dynamics.torques[dynamics.select_steps(time_s, log)]:
             assert torque == pytest.approx(commanded, abs=0.51 * NM_PER_COUNT)
 
 
@@ -120,9 +120,9 @@ def test_the_hold_applies_the_planned_torques(grasp_motion, timeline):
 
 def test_the_object_is_displaced_by_the_grasp_and_returns(grasp_motion, setup):
     _, motion, _ = grasp_motion
-    away = np.linalg.norm(motion.object_poses[:, :3, 3] - setup.object_pose("cylinder")[:3, 3], axis=1)
-    assert 5e-5 < away.max() < 5e-2
-    assert away[-1] < 1e-3
+    displacement_m = np.linalg.norm(motion.object_poses[:, :3, 3] - setup.object_pose("cylinder")[:3, 3], axis=1)
+    assert 5e-5 < displacement_m.max() < 5e-2
+    assert displacement_m[-1] < 1e-3
 
 
 def test_a_joint_log_interpolates_and_is_constant_beyond_its_ends():
@@ -138,7 +138,8 @@ def free_hand() -> Iterator[tuple[VirtualAllegro, AllegroHand]]:
         yield virtual, AllegroHand(host_bus, clock=lambda: virtual.time_s, advance=virtual.step)
 
 
-def periods(virtual: VirtualAllegro, stride: int = 1):
+def count_periods(virtual: VirtualAllegro, stride: int = 1):
+    """A wait function that advances the virtual hand by `stride` periods at each call and returns the period number."""
     number = itertools.count(step=stride)
 
     def wait() -> int:
@@ -157,7 +158,7 @@ def test_a_fault_of_the_hand_is_raised_and_clears_the_torques(free_hand, control
 
     with hand:
         with pytest.raises(AllegroTemperatureError, match="90 C"):
-            control_grasp(hand, controller, 0.0, 3.0, periods(virtual), on_period)
+            control_grasp(hand, controller, 0.0, 3.0, count_periods(virtual), on_period)
         virtual.step(0.001)
         assert not virtual.torque_command.any()
     virtual.step(0.001)
@@ -171,7 +172,7 @@ def test_a_hand_that_stops_responding_raises_the_error_of_the_driver(free_hand, 
         virtual.faults.is_silent = time_s > 0.5
 
     with hand, pytest.raises(AllegroSilentError, match="no pose of"):
-        control_grasp(hand, controller, 0.0, 3.0, periods(virtual), on_period)
+        control_grasp(hand, controller, 0.0, 3.0, count_periods(virtual), on_period)
 
 
 def test_any_exception_in_a_period_clears_the_torques(free_hand, controller):
@@ -183,7 +184,7 @@ def test_any_exception_in_a_period_clears_the_torques(free_hand, controller):
 
     with hand:
         with pytest.raises(KeyboardInterrupt):
-            control_grasp(hand, controller, 0.0, 3.0, periods(virtual), on_period)
+            control_grasp(hand, controller, 0.0, 3.0, count_periods(virtual), on_period)
         assert virtual.torque_command.any()
         virtual.step(0.001)
         assert not virtual.torque_command.any()
@@ -192,7 +193,7 @@ def test_any_exception_in_a_period_clears_the_torques(free_hand, controller):
 def test_the_torques_are_zero_after_a_grasp(free_hand, controller):
     virtual, hand = free_hand
     with hand:
-        control_grasp(hand, controller, 0.9, 1.4, periods(virtual))
+        control_grasp(hand, controller, 0.9, 1.4, count_periods(virtual))
         virtual.step(0.001)
         assert not virtual.torque_command.any()
 
@@ -203,7 +204,7 @@ def test_missed_periods_do_not_lengthen_the_grasp(free_hand, setup, plan):
     times: list[float] = []
     with hand:
         start_s = virtual.time_s
-        log = control_grasp(hand, controller, 0.0, BRIEF.duration_s, periods(virtual, 4), times.append)
+        log = control_grasp(hand, controller, 0.0, BRIEF.duration_s, count_periods(virtual, 4), times.append)
         assert virtual.time_s - start_s == pytest.approx(BRIEF.duration_s, abs=8 * PERIOD_S)
     assert log.time_s.tolist() == times
     assert np.diff(log.time_s) == pytest.approx(4 * PERIOD_S)
@@ -216,7 +217,7 @@ def test_control_starts_when_every_finger_has_reported(free_hand, controller):
 
     def wait() -> int:
         waits.append(len(waits))
-        if len(waits) > 5:  # no time passes before, as in a loop whose first deadline has already passed
+        if len(waits) > 5:  # no time passes before the sixth call
             virtual.step(PERIOD_S)
         return waits[-1]
 

@@ -25,8 +25,8 @@ from taxel.recording.grasp_dataset import GraspDataset
 from taxel.skin import open_skin
 
 CHANNELS = itertools.count()
-LASTING = Timeline(baseline_s=0.5, closing_s=0.5, hold_s=0.6, release_s=0.4, recovery_s=0.2)
-BRIEF = Timeline(baseline_s=0.3, closing_s=0.2, hold_s=0.3, release_s=0.2, recovery_s=0.1)
+LONG_TIMELINE = Timeline(baseline_s=0.5, closing_s=0.5, hold_s=0.6, release_s=0.4, recovery_s=0.2)
+SHORT_TIMELINE = Timeline(baseline_s=0.3, closing_s=0.2, hold_s=0.3, release_s=0.2, recovery_s=0.1)
 SILENCE_LIMIT_S = 1.2
 """Long limit of the driver, because a loaded machine can suspend the thread of the virtual hand."""
 
@@ -41,7 +41,8 @@ class Rig:
 
 
 @contextmanager
-def rig_of(setup) -> Iterator[Rig]:
+def open_rig(setup) -> Iterator[Rig]:
+    """A workstation with a virtual hand in its own thread and an emulated skin in real time."""
     channel, stop = f"physical-test-{next(CHANNELS)}", threading.Event()
     with can.Bus(channel, "virtual") as host_bus, can.Bus(channel, "virtual") as hand_bus:
         virtual = VirtualAllegro(hand_bus, FreeJoints())
@@ -60,6 +61,7 @@ def rig_of(setup) -> Iterator[Rig]:
 
 
 def is_eventually(condition: Callable[[], bool]) -> bool:
+    """True if the condition is fulfilled within 12 s."""
     end = time.monotonic() + 10 * SILENCE_LIMIT_S
     while not condition() and time.monotonic() < end:
         time.sleep(0.005)
@@ -67,35 +69,35 @@ def is_eventually(condition: Callable[[], bool]) -> bool:
 
 
 @pytest.fixture(scope="module")
-def finished(setup, plan, tmp_path_factory):
+def finished_campaign(setup, plan, tmp_path_factory):
     """(file of two grasps, confirmed placements, the rig afterwards)."""
     path, placements = tmp_path_factory.mktemp("physical") / "real.h5", []
-    with rig_of(setup) as rig:
-        run_physical(path, plan, rig.station, PhysicalSettings(LASTING, placements.append), setup)
+    with open_rig(setup) as rig:
+        run_physical(path, plan, rig.station, PhysicalSettings(LONG_TIMELINE, placements.append), setup)
         yield path, placements, rig
 
 
-def test_the_file_has_the_grasps_with_their_phases(finished, plan):
-    with GraspDataset(finished[0]) as data:
+def test_the_file_has_the_grasps_with_their_phases(finished_campaign, plan):
+    with GraspDataset(finished_campaign[0]) as data:
         data.check()
         assert data.source == "real"
         assert data.ids == tuple(planned.id for planned in plan)
         for grasp in data:
             assert set(grasp.phase.tolist()) == set(Phase)
             assert (np.diff(grasp.phase.astype(int)) >= 0).all()
-            assert grasp.timestamp[-1] - grasp.timestamp[0] < LASTING.duration_s
+            assert grasp.timestamp[-1] - grasp.timestamp[0] < LONG_TIMELINE.duration_s
 
 
-def test_frames_of_an_untouched_skin_are_valid_and_at_the_baseline(finished):
-    with GraspDataset(finished[0]) as data:
+def test_frames_of_an_untouched_skin_are_valid_and_at_the_baseline(finished_campaign):
+    with GraspDataset(finished_campaign[0]) as data:
         for grasp in data:
             assert grasp.valid.mean() > 0.9
             assert grasp.raw_counts[grasp.valid.all(axis=1)].min() > 1000
             assert (np.diff(grasp.sensor_time, axis=0) >= 0).all()
 
 
-def test_joint_angles_are_those_of_the_arm_and_the_hand(finished, setup, plan):
-    with GraspDataset(finished[0]) as data:
+def test_joint_angles_are_those_of_the_arm_and_the_hand(finished_campaign, setup, plan):
+    with GraspDataset(finished_campaign[0]) as data:
         for planned, grasp in zip(plan, data, strict=True):
             grasping, withdrawn = setup.arm_path(planned)
             assert grasp.joint_position[grasp.phase == Phase.BASELINE][:, :6] == pytest.approx(
@@ -104,39 +106,39 @@ def test_joint_angles_are_those_of_the_arm_and_the_hand(finished, setup, plan):
             assert grasp.joint_position[grasp.phase == Phase.HOLD][-1, :6] == pytest.approx(grasping, abs=1e-6)
             closing = setup.approach(planned).torque > 0
             hold = grasp.joint_position[grasp.phase == Phase.HOLD][-1, 6:]
-            assert (hold[closing] > 0.3).all()  # nothing stops the fingers
+            assert (hold[closing] > 0.3).all()  # without an object, the fingers close fully
             mean = grasp.joint_position[grasp.phase == Phase.HOLD].mean(axis=0)
             assert grasp.sensor_pose == pytest.approx(setup.kinematics.compute_sensor_poses(mean))
 
 
-def test_the_placement_is_confirmed_before_each_session(finished, plan):
-    assert finished[1] == list(plan)
+def test_the_placement_is_confirmed_before_each_session(finished_campaign, plan):
+    assert finished_campaign[1] == list(plan)
 
 
-def test_the_torques_are_zero_after_the_grasps(finished):
-    assert is_eventually(lambda: not finished[2].virtual.torque_command.any())
+def test_the_torques_are_zero_after_the_grasps(finished_campaign):
+    assert is_eventually(lambda: not finished_campaign[2].virtual.torque_command.any())
 
 
-def test_a_resumed_campaign_does_not_repeat_a_grasp(finished, plan, setup):
-    path, _, rig = finished
+def test_a_resumed_campaign_does_not_repeat_a_grasp(finished_campaign, plan, setup):
+    path, _, rig = finished_campaign
     placements = []
-    run_physical(path, plan, rig.station, PhysicalSettings(LASTING, placements.append), setup, resume=True)
+    run_physical(path, plan, rig.station, PhysicalSettings(LONG_TIMELINE, placements.append), setup, resume=True)
     assert placements == []
     with GraspDataset(path) as data:
         data.check()
         assert data.ids == tuple(planned.id for planned in plan)
     with pytest.raises(DatasetError):
-        run_physical(path, plan, rig.station, PhysicalSettings(LASTING), setup)
+        run_physical(path, plan, rig.station, PhysicalSettings(LONG_TIMELINE), setup)
 
 
 def test_a_hand_that_stops_responding_ends_the_campaign_and_keeps_the_first_grasp(setup, plan, tmp_path):
-    with rig_of(setup) as rig:
+    with open_rig(setup) as rig:
 
         def silence_hand(done: int, total: int) -> None:
             if done == 1:
                 rig.virtual.faults.is_silent = True
 
-        settings = PhysicalSettings(LASTING)
+        settings = PhysicalSettings(LONG_TIMELINE)
         with pytest.raises(AllegroSilentError, match="no pose of") as caught:
             run_physical(tmp_path / "real.h5", plan, rig.station, settings, setup, progress=silence_hand)
         assert "\n" not in str(caught.value)
@@ -149,17 +151,17 @@ def test_a_hand_that_stops_responding_ends_the_campaign_and_keeps_the_first_gras
 
 
 def test_a_hand_that_stops_responding_during_a_grasp_stops_arm_and_torques(setup, plan, tmp_path):
-    with rig_of(setup) as rig:
+    with open_rig(setup) as rig:
         joint_angles = rig.arm.read_joint_angles
 
-        def joint_angles_with_fault() -> np.ndarray:
+        def read_angles_with_fault() -> np.ndarray:
             if rig.virtual.torque_command.any():
                 rig.virtual.faults.dropped_fingers = {2}
             return joint_angles()
 
-        rig.arm.read_joint_angles = joint_angles_with_fault
+        rig.arm.read_joint_angles = read_angles_with_fault
         with pytest.raises(AllegroSilentError, match="no pose of"):
-            run_physical(tmp_path / "real.h5", plan, rig.station, PhysicalSettings(LASTING), setup)
+            run_physical(tmp_path / "real.h5", plan, rig.station, PhysicalSettings(LONG_TIMELINE), setup)
         assert is_eventually(lambda: not rig.virtual.torque_command.any())
         rig.arm.step(60.0)
         assert not rig.arm.is_moving
@@ -169,8 +171,8 @@ def test_a_hand_that_stops_responding_during_a_grasp_stops_arm_and_torques(setup
 
 
 def test_a_lost_skin_ends_the_campaign_with_an_error_of_one_line(setup, plan, tmp_path):
-    with rig_of(setup) as rig:
-        settings = PhysicalSettings(BRIEF, lambda _: rig.station.skin.link._process.kill())
+    with open_rig(setup) as rig:
+        settings = PhysicalSettings(SHORT_TIMELINE, lambda _: rig.station.skin.link._process.kill())
         with pytest.raises(TaxelError) as caught:
             run_physical(tmp_path / "real.h5", plan, rig.station, settings, setup)
         assert "\n" not in str(caught.value)
@@ -181,14 +183,14 @@ def test_an_arm_that_does_not_reach_its_target_ends_the_campaign(setup, plan, tm
     monkeypatch.setattr(physical, "ARM_TIMEOUT_S", 0.2)
     stops = []
 
-    class Stuck(SimulatedArm):
+    class StuckArm(SimulatedArm):
         def stop(self) -> None:
             stops.append(1)
 
-    with rig_of(setup) as rig:
-        station = Workstation(Stuck(), rig.station.hand, rig.station.skin, lambda seconds: time.sleep(0.01))
+    with open_rig(setup) as rig:
+        station = Workstation(StuckArm(), rig.station.hand, rig.station.skin, lambda seconds: time.sleep(0.01))
         with pytest.raises(ArmTimeoutError, match=r"^arm: expected to reach its target within 0.2 s, .*$"):
-            run_physical(tmp_path / "real.h5", plan, station, PhysicalSettings(BRIEF), setup)
+            run_physical(tmp_path / "real.h5", plan, station, PhysicalSettings(SHORT_TIMELINE), setup)
     assert stops
 
 

@@ -11,19 +11,24 @@ from taxel.campaign.variation import NO_VARIATION
 from taxel.emulated.contact import ContactLibraryError
 from taxel.grasp.timeline import Phase
 
-IDEAL = "noise white counts=0", "coupling traces picofarad=0 tx_ohm=0 rx_ohm=0", "spread film length_m=0.003 strength=0"
+EFFECTS_OF_ZERO_STRENGTH = (
+    "noise white counts=0",
+    "coupling traces picofarad=0 tx_ohm=0 rx_ohm=0",
+    "spread film length_m=0.003 strength=0",
+)
 
 
-def arrays(record):
+def select_arrays(record):
+    """The arrays of a record by name."""
     return {name: value for name, value in vars(record).items() if isinstance(value, np.ndarray)}
 
 
-def are_identical(first, second) -> bool:
-    """Whether the records of two sessions are equal, bit for bit."""
+def are_identical(first_records, second_records) -> bool:
+    """True if the records of two sessions are bit-identical."""
     return all(
         value.tobytes() == getattr(b, name).tobytes()
-        for a, b in zip(first, second, strict=True)
-        for name, value in arrays(a).items()
+        for a, b in zip(first_records, second_records, strict=True)
+        for name, value in select_arrays(a).items()
     )
 
 
@@ -38,8 +43,8 @@ def records(setup, two_of_one_session, settings):
 
 
 def test_the_records_are_the_planned_grasps_in_order(records, two_of_one_session):
-    found = [(record.object, record.approach, record.iteration, record.session) for record in records]
-    assert found == [(grasp.object, grasp.approach, grasp.iteration, grasp.session) for grasp in two_of_one_session]
+    recorded = [(record.object, record.approach, record.iteration, record.session) for record in records]
+    assert recorded == [(grasp.object, grasp.approach, grasp.iteration, grasp.session) for grasp in two_of_one_session]
 
 
 @pytest.fixture(scope="module")
@@ -97,16 +102,18 @@ def test_the_record_has_the_nominal_object_pose_while_the_true_pose_varies(
     varied_settings = replace(settings, variation=replace(NO_VARIATION, object_m=2e-3))
     varied = run_session(setup, two_of_one_session[:1], varied_settings)[0]
     assert (varied.object_pose == records[0].object_pose).all()
-    first, second = (record.raw_counts[record.phase == Phase.HOLD].mean(axis=0) for record in (varied, records[0]))
-    assert np.abs(first - second).max() > 100
+    varied_counts, nominal_counts = (
+        record.raw_counts[record.phase == Phase.HOLD].mean(axis=0) for record in (varied, records[0])
+    )
+    assert np.abs(varied_counts - nominal_counts).max() > 100
 
 
 @pytest.mark.slow
 def test_another_seed_gives_another_record(single_grasp_session, setup, two_of_one_session, settings):
     reference = single_grasp_session[0]
-    other = run_session(setup, two_of_one_session[:1], replace(settings, seed=2))[0]
-    assert (other.raw_counts != reference.raw_counts[: len(other.raw_counts)]).any()
-    assert not np.array_equal(other.joint_position, reference.joint_position)
+    other_record = run_session(setup, two_of_one_session[:1], replace(settings, seed=2))[0]
+    assert (other_record.raw_counts != reference.raw_counts[: len(other_record.raw_counts)]).any()
+    assert not np.array_equal(other_record.joint_position, reference.joint_position)
 
 
 def test_a_grasp_does_not_depend_on_later_grasps(records, single_grasp_session):
@@ -120,7 +127,7 @@ def test_a_grasp_does_not_depend_on_later_grasps(records, single_grasp_session):
 def test_effects_of_zero_strength_give_records_identical_to_those_without_effects(
     single_grasp_session, setup, two_of_one_session, settings
 ):
-    zero_strength = replace(settings, effects=IDEAL)
+    zero_strength = replace(settings, effects=EFFECTS_OF_ZERO_STRENGTH)
     assert are_identical(single_grasp_session, run_session(setup, two_of_one_session[:1], zero_strength))
 
 
@@ -134,12 +141,12 @@ def test_effects_change_counts_but_not_joint_angles_or_poses(single_grasp_sessio
 
 
 def test_a_board_that_stops_responding_repeats_its_latest_counts(setup, two_of_one_session, settings):
-    begin = LEAD_IN_S + 1.0
-    effects = (f"silent from board=0x22 seconds={begin}", "silent flaky p=0.2")
+    silent_from_s = LEAD_IN_S + 1.0
+    effects = (f"silent from board=0x22 seconds={silent_from_s}", "silent flaky p=0.2")
     record = run_session(setup, two_of_one_session[:1], replace(settings, effects=effects))[0]
     column = [board.address for board in setup.hand.boards].index(0x22)
-    is_after = record.timestamp > begin + 0.1
-    assert record.valid[record.timestamp < begin - 0.1, column].any()
+    is_after = record.timestamp > silent_from_s + 0.1
+    assert record.valid[record.timestamp < silent_from_s - 0.1, column].any()
     assert not record.valid[is_after, column].any()
     assert 0.5 < np.delete(record.valid, column, axis=1).mean() < 0.95
     counts = record.raw_counts[is_after][:, setup.hand.get_slice(0x22)]

@@ -15,7 +15,7 @@ from taxel.sim.sensing import LEVELS, Sensing
 from taxel.sim.sensor_model import SimSensor
 
 
-def grasps(path) -> dict[str, bytes]:
+def read_grasps(path) -> dict[str, bytes]:
     """Content of the grasps and of the sensor model of a file."""
     items: dict[str, bytes] = {}
 
@@ -35,14 +35,14 @@ def settings(timeline):
 
 
 @pytest.fixture(scope="module")
-def complete(setup, plan, settings, tmp_path_factory):
+def complete_file(setup, plan, settings, tmp_path_factory):
     path = tmp_path_factory.mktemp("complete") / "sim.h5"
     run_simulated(path, plan, settings, setup, jobs=1)
     return path
 
 
-def test_the_file_is_a_simulated_dataset_of_the_plan(complete, plan, timeline):
-    with GraspDataset(complete) as data:
+def test_the_file_is_a_simulated_dataset_of_the_plan(complete_file, plan, timeline):
+    with GraspDataset(complete_file) as data:
         data.check()
         assert (data.source, data.hand, data.ids) == ("sim", "allegro", tuple(planned.id for planned in plan))
         assert "layer sensing" in data.generator
@@ -50,11 +50,11 @@ def test_the_file_is_a_simulated_dataset_of_the_plan(complete, plan, timeline):
             assert grasp.phase.tolist() == timeline.find_phases(grasp.timestamp).tolist()
             assert grasp.valid.all()
             assert grasp.joint_position.shape == (len(grasp.timestamp), 22)
-    assert count_contact_points(complete)["cylinder"].points > 20
+    assert count_contact_points(complete_file)["cylinder"].points > 20
 
 
-def test_the_dataset_states_the_sensor_model(complete, settings):
-    with GraspDataset(complete) as data:
+def test_the_dataset_states_the_sensor_model(complete_file, settings):
+    with GraspDataset(complete_file) as data:
         model, sensor = data.sensor_model, settings.sensor
     assert model.baseline_counts == sensor.baseline_counts
     assert model.full_scale_drop_counts == sensor.full_scale_drop_counts
@@ -63,8 +63,8 @@ def test_the_dataset_states_the_sensor_model(complete, settings):
     assert model.layer == "uncoupled"
 
 
-def test_counts_agree_with_the_stated_sensor_model_and_noise(complete):
-    with GraspDataset(complete) as data:
+def test_counts_agree_with_the_stated_sensor_model_and_noise(complete_file):
+    with GraspDataset(complete_file) as data:
         grasp, model = data[data.ids[0]], data.sensor_model
         signal = model.full_scale_drop_counts * grasp.contact_force / (grasp.contact_force + model.half_force_n)
         noise = grasp.raw_counts - (model.baseline_counts - signal)
@@ -72,9 +72,9 @@ def test_counts_agree_with_the_stated_sensor_model_and_noise(complete):
     assert noise.std() == pytest.approx(np.hypot(model.noise_counts, 12**-0.5), rel=0.03)
 
 
-def test_loaded_taxels_are_indented(complete):
+def test_loaded_taxels_are_indented(complete_file):
     """Separation is measured at the centre of a taxel, force over its square: they disagree only at edges."""
-    with GraspDataset(complete) as data:
+    with GraspDataset(complete_file) as data:
         for grasp in data:
             assert grasp.contact_force.min() >= 0
             assert not grasp.contact_force[grasp.phase == Phase.BASELINE].any()
@@ -85,13 +85,13 @@ def test_loaded_taxels_are_indented(complete):
             assert force[separation < 2e-4].sum() > 0.85 * force.sum()
 
 
-def test_one_and_two_processes_make_the_same_content(complete, plan, settings, tmp_path):
+def test_one_and_two_processes_make_the_same_content(complete_file, plan, settings, tmp_path):
     run_simulated(tmp_path / "sim.h5", plan, settings, jobs=2)
-    assert grasps(tmp_path / "sim.h5") == grasps(complete)
+    assert read_grasps(tmp_path / "sim.h5") == read_grasps(complete_file)
 
 
 def test_an_interrupted_campaign_leaves_a_valid_file_and_resumes_to_the_same_content(
-    complete, plan, settings, setup, tmp_path
+    complete_file, plan, settings, setup, tmp_path
 ):
     def interrupt(done: int, total: int) -> None:
         if done:
@@ -112,14 +112,14 @@ def test_an_interrupted_campaign_leaves_a_valid_file_and_resumes_to_the_same_con
         resume=True,
         progress=lambda *counts: progress.append(counts),
     )
-    assert grasps(tmp_path / "sim.h5") == grasps(complete)
+    assert read_grasps(tmp_path / "sim.h5") == read_grasps(complete_file)
     assert progress == [(1, 2), (2, 2)]
 
 
-@pytest.mark.parametrize("other", [{"resume": True}, {}])
-def test_an_existing_file_and_a_file_of_other_settings_are_rejected(other, complete, plan, settings, setup):
+@pytest.mark.parametrize("options", [{"resume": True}, {}])
+def test_an_existing_file_and_a_file_of_other_settings_are_rejected(options, complete_file, plan, settings, setup):
     with pytest.raises(DatasetError) as caught:
-        run_simulated(complete, plan, replace(settings, seed=2), setup, **other)
+        run_simulated(complete_file, plan, replace(settings, seed=2), setup, **options)
     assert "\n" not in str(caught.value)
 
 
@@ -139,8 +139,8 @@ def test_noise_depends_only_on_seed_and_grasp(setup, plan, settings):
     counts = [simulate_planned_grasp(setup, planned, settings).raw_counts for planned in (plan[0], plan[1], plan[0])]
     assert (counts[0] == counts[2]).all()
     assert (counts[0][0] != counts[1][0]).any()
-    other = simulate_planned_grasp(setup, plan[0], replace(settings, seed=2))
-    assert (counts[0] != other.raw_counts).any()
+    other_seed = simulate_planned_grasp(setup, plan[0], replace(settings, seed=2))
+    assert (counts[0] != other_seed.raw_counts).any()
     noiseless = replace(settings, sensor=SimSensor(noise_counts=0.0))
     first_frame = simulate_planned_grasp(setup, plan[0], noiseless).raw_counts[0]
     assert (first_frame == round(noiseless.sensor.baseline_counts)).all()

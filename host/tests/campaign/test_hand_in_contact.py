@@ -17,16 +17,16 @@ from taxel.hand.transforms import from_rotation_vector, inverse, to_rotation_vec
 MOUNT = Mount(2000.0, 20.0, 0.065)
 PERIOD_S = 0.003
 CLOSED = Timeline(baseline_s=0.0, closing_s=0.5, hold_s=9.0, release_s=0.0, recovery_s=0.0)
-REMOUNT = from_rotation_vector([0.01, -0.02, 0.015])
-REMOUNT[:3, 3] = 2e-4, -1e-4, 3e-4
+BRACKET_OFFSET = from_rotation_vector([0.01, -0.02, 0.015])
+BRACKET_OFFSET[:3, 3] = 2e-4, -1e-4, 3e-4
 
 
 @pytest.fixture(scope="module")
 def contact(setup) -> Iterator[SkinContact]:
-    brackets = {board.name: REMOUNT for board in setup.hand.boards}
+    brackets = {board.name: BRACKET_OFFSET for board in setup.hand.boards}
     scene = EmulatedScene({"cylinder": setup.objects["cylinder"].shape}, brackets)
-    with SkinContact(format_scene(setup.hand, scene)) as opened:
-        yield opened
+    with SkinContact(format_scene(setup.hand, scene)) as skin_contact:
+        yield skin_contact
 
 
 @pytest.fixture(scope="module")
@@ -56,44 +56,44 @@ def close_hand(dynamics: HandInContact, approach, seconds: float) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def at_rest(open_hand, approach):
+def hand_at_rest(open_hand, approach):
     dynamics = open_hand()
     return dynamics, close_hand(dynamics, approach, 3.5)
 
 
 @pytest.fixture(scope="module")
-def closed(open_hand, approach):
+def closed_hand(open_hand, approach):
     dynamics = open_hand()
     close_hand(dynamics, approach, 1.2)
     return dynamics
 
 
-def forces(contact: SkinContact, dynamics: HandInContact) -> np.ndarray:
+def compute_forces(contact: SkinContact, dynamics: HandInContact) -> np.ndarray:
     return contact.compute_forces(0, dynamics.object_pose(), dynamics.bracket_poses())
 
 
-def test_the_hand_grasps_the_object_and_comes_to_rest(at_rest, contact):
+def test_the_hand_grasps_the_object_and_comes_to_rest(hand_at_rest, contact):
     """The contact has no friction: the fingers slide until joint friction stops them, hence the loose speed limit."""
-    dynamics, _ = at_rest
+    dynamics, _ = hand_at_rest
     assert dynamics.touched_count >= 4
-    assert forces(contact, dynamics).sum() > 5.0
+    assert compute_forces(contact, dynamics).sum() > 5.0
     assert np.abs(dynamics.velocities).max() < 0.03
 
 
-def test_at_rest_contact_and_torques_balance_within_joint_friction(at_rest, contact, setup, approach):
+def test_at_rest_contact_and_torques_balance_within_joint_friction(hand_at_rest, contact, setup, approach):
     """Virtual work of the contact on all boards for a small rotation of each joint."""
-    dynamics, torque = at_rest
+    dynamics, torque = hand_at_rest
     kinematics = Kinematics(setup.wrist_robot, setup.hand)
     wrist = setup.object_pose("cylinder") @ approach.palm_pose
     load = contact.compute_load(0, dynamics.object_pose(), dynamics.bracket_poses())
     step, work = 1e-6, np.zeros(16)
     for joint in range(16):
-        true = []
+        bracket_poses = []
         for sign in (1, -1):
             angles = dynamics.angles
             angles[joint] += sign * step
-            true.append(wrist @ kinematics.compute_sensor_poses(angles) @ REMOUNT)
-        for board, (plus, minus) in enumerate(zip(*true, strict=True)):
+            bracket_poses.append(wrist @ kinematics.compute_sensor_poses(angles) @ BRACKET_OFFSET)
+        for board, (plus, minus) in enumerate(zip(*bracket_poses, strict=True)):
             motion = inverse(minus) @ plus
             twist = np.r_[motion[:3, 3], to_rotation_vector(motion)] / (2 * step)
             work[joint] += twist @ load.wrench[board]
@@ -103,30 +103,30 @@ def test_at_rest_contact_and_torques_balance_within_joint_friction(at_rest, cont
     assert (np.abs(work + torque) < 1.05 * resistance)[is_within_limits].all()
 
 
-def test_at_rest_the_mount_balances_the_net_force(at_rest, contact, setup):
-    dynamics, _ = at_rest
+def test_at_rest_the_mount_balances_the_net_force(hand_at_rest, contact, setup):
+    dynamics, _ = hand_at_rest
     load = contact.compute_load(0, dynamics.object_pose(), dynamics.bracket_poses())
-    true = dynamics.bracket_poses() @ REMOUNT
-    on_object = -np.einsum("sij,sj->i", true[:, :3, :3], load.wrench[:, :3])
+    bracket_poses = dynamics.bracket_poses() @ BRACKET_OFFSET
+    on_object = -np.einsum("sij,sj->i", bracket_poses[:, :3, :3], load.wrench[:, :3])
     mount_point = np.array([0.0, 0.0, MOUNT.height_m, 1.0])
     deflection = ((dynamics.object_pose() - setup.object_pose("cylinder")) @ mount_point)[:3]
     assert np.linalg.norm(on_object) > 0.5
     assert on_object == pytest.approx(MOUNT.n_per_m * deflection, abs=0.05)
 
 
-def test_the_same_torques_give_bit_identical_motion(closed, open_hand, approach):
+def test_the_same_torques_give_bit_identical_motion(closed_hand, open_hand, approach):
     repeated = open_hand()
     close_hand(repeated, approach, 1.2)
-    assert repeated.angles.tobytes() == closed.angles.tobytes()
-    assert repeated.object_pose().tobytes() == closed.object_pose().tobytes()
+    assert repeated.angles.tobytes() == closed_hand.angles.tobytes()
+    assert repeated.object_pose().tobytes() == closed_hand.object_pose().tobytes()
 
 
-def test_halving_the_time_step_hardly_changes_the_final_forces(closed, open_hand, approach, contact, monkeypatch):
-    coarse = forces(contact, closed)
+def test_halving_the_time_step_hardly_changes_the_final_forces(closed_hand, open_hand, approach, contact, monkeypatch):
+    coarse = compute_forces(contact, closed_hand)
     monkeypatch.setattr(hand_in_contact, "SUBSTEP_S", hand_in_contact.SUBSTEP_S / 2)
     dynamics = open_hand()
     close_hand(dynamics, approach, 1.2)
-    fine = forces(contact, dynamics)
+    fine = compute_forces(contact, dynamics)
     assert fine.sum() == pytest.approx(coarse.sum(), rel=0.03)
     assert np.abs(fine - coarse).max() < 0.05 * coarse.max()
 
@@ -146,9 +146,9 @@ def test_a_free_joint_stops_at_its_limit(open_hand, setup, direction):
 
 def test_without_torque_and_contact_the_hand_does_not_move(open_hand, setup):
     dynamics = open_hand(-1)
-    before = dynamics.angles
+    initial_angles = dynamics.angles
     dynamics.step(np.zeros(16), 0.3)
-    assert dynamics.angles == pytest.approx(before, abs=1e-12)
+    assert dynamics.angles == pytest.approx(initial_angles, abs=1e-12)
     assert dynamics.object_pose() == pytest.approx(setup.object_pose("cylinder"))
 
 

@@ -78,9 +78,9 @@ def test_spread_gives_a_signal_on_unloaded_taxels(plan, unloaded):
 
 
 def test_coupling_changes_the_counts_of_unloaded_taxels(plan, ideal, unloaded):
-    found = run_session_with(plan, "coupling traces picofarad=2 tx_ohm=800 rx_ohm=800")
-    assert rms(found.hold[unloaded] - ideal.hold[unloaded]) > 0.5
-    assert rms(found.baseline - ideal.baseline) > 5.0
+    result = run_session_with(plan, "coupling traces picofarad=2 tx_ohm=800 rx_ohm=800")
+    assert rms(result.hold[unloaded] - ideal.hold[unloaded]) > 0.5
+    assert rms(result.baseline - ideal.baseline) > 5.0
 
 
 def test_gain_scales_each_taxel_by_a_random_factor(plan, ideal, loaded):
@@ -89,13 +89,13 @@ def test_gain_scales_each_taxel_by_a_random_factor(plan, ideal, loaded):
 
 
 def test_rheology_leaves_a_signal_after_the_release(plan, ideal, loaded):
-    found = run_session_with(plan, "rheology solid fraction=0.4 seconds=1")
-    assert np.median(found.recovery[loaded]) > 5.0 > np.abs(ideal.recovery[loaded]).max()
+    result = run_session_with(plan, "rheology solid fraction=0.4 seconds=1")
+    assert np.median(result.recovery[loaded]) > 5.0 > np.abs(ideal.recovery[loaded]).max()
 
 
 def test_a_permanent_set_leaves_a_signal_after_the_release(plan, loaded):
-    found = run_session_with(plan, "indent set fraction=0.5 threshold_m=0.0001 recovery_s=1000")
-    assert found.recovery[loaded].max() > 20.0
+    result = run_session_with(plan, "indent set fraction=0.5 threshold_m=0.0001 recovery_s=1000")
+    assert result.recovery[loaded].max() > 20.0
 
 
 def test_a_delay_shifts_the_signal_in_time_but_keeps_its_level(plan, ideal, loaded):
@@ -111,8 +111,8 @@ def test_a_delay_shifts_the_signal_in_time_but_keeps_its_level(plan, ideal, load
 
 
 def test_frames_of_a_board_that_stopped_responding_are_not_valid(plan):
-    found = run_session_with(plan, f"silent from board=0x{SLEEVE:02X} seconds={LEAD_IN_S + TIMELINE.duration_s + 0.5}")
-    valid = [record.valid.all(axis=0).tolist() for record in found.records]
+    result = run_session_with(plan, f"silent from board=0x{SLEEVE:02X} seconds={LEAD_IN_S + TIMELINE.duration_s + 0.5}")
+    valid = [record.valid.all(axis=0).tolist() for record in result.records]
     assert valid[0] == [True] * 4
     assert all(boards == [True, True, True, False] for boards in valid[2:])
 
@@ -123,40 +123,40 @@ def test_drift_changes_the_baseline_between_indentations(plan, ideal):
 
 
 def test_saturation_clips_the_signal(plan, ideal, loaded):
-    found = run_session_with(plan, "saturation clip counts=300")
-    assert ideal.hold.max() > 600.0 > 302.0 > found.hold.max()
+    result = run_session_with(plan, "saturation clip counts=300")
+    assert ideal.hold.max() > 600.0 > 302.0 > result.hold.max()
     low = loaded & (ideal.hold < 250.0)
-    assert found.hold[low] == pytest.approx(ideal.hold[low], abs=2.0)
+    assert result.hold[low] == pytest.approx(ideal.hold[low], abs=2.0)
 
 
 def test_proximity_changes_the_counts_before_contact(plan, ideal):
-    found = run_session_with(plan, "proximity image share=0.3 reach_m=0.01")
-    assert rms(found.baseline - ideal.baseline) < 10.0
-    for index, record in enumerate(found.records):
+    result = run_session_with(plan, "proximity image share=0.3 reach_m=0.01")
+    assert rms(result.baseline - ideal.baseline) < 10.0
+    for index, record in enumerate(result.records):
         start_s = ideal.records[index].timestamp[0]
         is_before_contact = (record.phase == Phase.CLOSING) & (record.timestamp < start_s + 0.6 + 0.22)
-        change = np.abs(record.raw_counts[is_before_contact].astype(float) - found.baseline[index]).max()
+        change = np.abs(record.raw_counts[is_before_contact].astype(float) - result.baseline[index]).max()
         assert change > 20.0
 
 
 def test_an_open_line_has_no_signal(plan, hand, ideal):
-    found = run_session_with(plan, f"line open board=0x{SLEEVE:02X} axis=0 index=2")
+    result = run_session_with(plan, f"line open board=0x{SLEEVE:02X} axis=0 index=2")
     line = (hand.sensor == SLEEVE) & (hand.tx == 2)
-    assert ideal.hold[:, line].max() > 100.0 > 10.0 > found.hold[:, line].max()
-    assert found.hold[:, hand.sensor != SLEEVE] == pytest.approx(ideal.hold[:, hand.sensor != SLEEVE], abs=2.0)
+    assert ideal.hold[:, line].max() > 100.0 > 10.0 > result.hold[:, line].max()
+    assert result.hold[:, hand.sensor != SLEEVE] == pytest.approx(ideal.hold[:, hand.sensor != SLEEVE], abs=2.0)
 
 
 def test_a_displaced_bracket_changes_only_the_indentations_of_its_board(plan, hand, ideal):
-    found = run_session_with(plan, "bracket_offset sleeve 0.002 0 0 0 0 0")
+    result = run_session_with(plan, "bracket_offset sleeve 0.002 0 0 0 0 0")
     is_on_sleeve = np.array([indentation.approach.boards == ("sleeve",) for indentation in plan.indentations])
     sleeve = hand.sensor == SLEEVE
-    assert np.abs(found.hold - ideal.hold)[is_on_sleeve][:, sleeve].max() > 50.0
-    assert found.hold[~is_on_sleeve] == pytest.approx(ideal.hold[~is_on_sleeve], abs=2.0)
+    assert np.abs(result.hold - ideal.hold)[is_on_sleeve][:, sleeve].max() > 50.0
+    assert result.hold[~is_on_sleeve] == pytest.approx(ideal.hold[~is_on_sleeve], abs=2.0)
 
 
 def test_a_displaced_object_changes_only_its_own_indentations(plan, ideal):
     name = plan.indentations[0].approach.object
-    found = run_session_with(plan, f"object_offset {name} 0.001 0.001 0 0.02 0.02 0")
+    result = run_session_with(plan, f"object_offset {name} 0.001 0.001 0 0.02 0.02 0")
     is_displaced = np.array([indentation.approach.object == name for indentation in plan.indentations])
-    assert np.abs(found.hold - ideal.hold)[is_displaced].max() > 50.0
-    assert found.hold[~is_displaced] == pytest.approx(ideal.hold[~is_displaced], abs=2.0)
+    assert np.abs(result.hold - ideal.hold)[is_displaced].max() > 50.0
+    assert result.hold[~is_displaced] == pytest.approx(ideal.hold[~is_displaced], abs=2.0)

@@ -35,13 +35,13 @@ app = typer.Typer()
 def first(): print("first command")
 @app.command()
 def second(): print("second command")
-def greeting(name: str = "world"):
-    "Print a greeting."
-    print("greeting of", name)
+def printname(name: str = "world"):
+    "Print a name."
+    print("name:", name)
 def needs_simulator():
     pass
 """
-TARGETS = {"greeting": "my_commands:greeting", "several": "my_commands:app"}
+TARGETS = {"printname": "my_commands:printname", "several": "my_commands:app"}
 UNUSABLE = {
     "x = 3": "expected a function or a typer.Typer, found an object of type int",
     "def x(value: complex): pass": "complex",
@@ -137,11 +137,20 @@ def test_the_package_of_the_guide_can_be_installed_by_pip(tmp_path, arrays):
     folders = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     environment = {**os.environ, "PYTHONPATH": str(target), "PATH": folders, "COLUMNS": "100"}
     for line in COMMAND_LINES:
-        words = shlex.split(line)
-        if words[0] == "pip":
-            words = [sys.executable, "-m", *words, "--no-build-isolation", "--no-deps", "-q", "--target", str(target)]
-        done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
-        assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
+        arguments = shlex.split(line)
+        if arguments[0] == "pip":
+            arguments = [
+                sys.executable,
+                "-m",
+                *arguments,
+                "--no-build-isolation",
+                "--no-deps",
+                "-q",
+                "--target",
+                str(target),
+            ]
+        result = subprocess.run(arguments, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
+        assert result.returncode == 0, f"{line}\n{result.stdout}{result.stderr}"
     with GraspDataset(tmp_path / "data.h5") as data:
         data.check()
 
@@ -151,11 +160,11 @@ def test_commands_of_another_package_run_and_are_listed_without_being_loaded(tmp
         assert run_taxel("--help") == 0
         help_page = capsys.readouterr().out
         assert "Commands of other packages" in help_page
-        assert re.search(r"greeting +Command of the package 'my_commands'; see its own --help", help_page)
+        assert re.search(r"printname +Command of the package 'my_commands'; see its own --help", help_page)
         assert "my_commands" not in sys.modules
-        assert run_taxel("greeting", "--name", "hand") == 0
+        assert run_taxel("printname", "--name", "hand") == 0
         assert run_taxel("several", "second") == 0
-        assert capsys.readouterr().out == "greeting of hand\nsecond command\n"
+        assert capsys.readouterr().out == "name: hand\nsecond command\n"
 
 
 @pytest.mark.parametrize("source", UNUSABLE)
@@ -190,16 +199,16 @@ def test_a_command_that_needs_an_optional_library_names_its_extra(tmp_path, caps
 
 
 @pytest.mark.parametrize(
-    ("group", "name", "words"),
+    ("group", "name", "arguments"),
     [
         (COMMANDS, "gap", ("gap", "--help")),
         (IMPORTERS, "arrays", ("import", "--help")),
         (LINKS, "serial", ("monitor", "serial:///dev/none", "--once")),
     ],
 )
-def test_a_name_in_two_packages_gives_one_line_with_both(tmp_path, capsys, group, name, words):
+def test_a_name_in_two_packages_gives_one_line_with_both(tmp_path, capsys, group, name, arguments):
     with installed_package(tmp_path, "my_package", "x = None", {group: {name: "my_package:x"}}):
-        line = run_refused_command(capsys, *words)
+        line = run_refused_command(capsys, *arguments)
     assert f"entry point '{name}' of group '{group}' is in two packages, 'taxel' and 'my_package'" in line
 
 

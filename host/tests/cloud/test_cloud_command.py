@@ -13,6 +13,7 @@ from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.models import get_builtin_models
 
 BOARD = 30
+"""Taxels of a board of the dataset."""
 
 
 @pytest.fixture
@@ -94,13 +95,13 @@ def test_distances_to_a_shape_a_mesh_and_a_cloud(run, cylinder_file, tmp_path):
 def test_aligned_cloud_is_written(run, cylinder_file, tmp_path, options):
     out = tmp_path / "aligned.ply"
     cloud = read_cloud(cylinder_file)
-    moved = tmp_path / "moved.ply"
-    write_cloud(replace(cloud, points=cloud.points + np.array([0.003, -0.002, 0.001])), moved)
-    result = json.loads(run("align", moved, "cylinder", "--out", out, "--json", *options))
+    moved_file = tmp_path / "moved.ply"
+    write_cloud(replace(cloud, points=cloud.points + np.array([0.003, -0.002, 0.001])), moved_file)
+    result = json.loads(run("align", moved_file, "cylinder", "--out", out, "--json", *options))
     assert result["rms_m"] < 0.0006
     assert result["converged"]
     transform = np.array(result["transform"])
-    expected = read_cloud(moved).points @ transform[:3, :3].T + transform[:3, 3]
+    expected = read_cloud(moved_file).points @ transform[:3, :3].T + transform[:3, 3]
     assert read_cloud(out).points == pytest.approx(expected)
     assert (read_cloud(out).grasp == cloud.grasp).all()
 
@@ -122,8 +123,8 @@ def test_cloud_file_is_matched_with_a_shape_and_a_mesh_file(run, cylinder_file, 
 
 def test_dataset_is_matched_as_a_whole_and_by_approach(run, dataset_file):
     result = json.loads(run("match", dataset_file, "--each-approach", "--resamples", 20, "--json"))
-    assert [item["approach"] for item in result["matches"]] == [None, "side_1", "top"]
-    assert all(item["object"] == "cylinder" for item in result["matches"])
+    assert [match_result["approach"] for match_result in result["matches"]] == [None, "side_1", "top"]
+    assert all(match_result["object"] == "cylinder" for match_result in result["matches"])
     assert result["told_right"]["clouds"]["total"] == 1
     assert result["told_right"]["single_approaches"]["total"] == 2
     assert "single approaches identified: " in run("match", dataset_file, "--each-approach", "--resamples", 0)
@@ -145,7 +146,7 @@ def test_cloud_and_mesh_are_converted(run, cylinder_file, tmp_path):
 
 
 def test_no_file_is_overwritten_without_the_option(run, refused, dataset_file, cylinder_file, tmp_path):
-    before = cylinder_file.read_bytes()
+    content = cylinder_file.read_bytes()
     for arguments in (
         ("make", dataset_file, "--object", "cylinder", "--out", cylinder_file),
         ("filter", cylinder_file, "--out", cylinder_file, "--threshold-counts", 190),
@@ -153,7 +154,7 @@ def test_no_file_is_overwritten_without_the_option(run, refused, dataset_file, c
         ("convert", cylinder_file, cylinder_file),
     ):
         assert refused(*arguments).endswith("found one that exists; choose another name or --overwrite")
-    assert cylinder_file.read_bytes() == before
+    assert cylinder_file.read_bytes() == content
     (tmp_path / "sor.csv").write_text("cloud")
     assert "sor.csv: file: expected a new file" in refused(
         "sweep", dataset_file, "--object", "cylinder", "--out", tmp_path
@@ -163,6 +164,7 @@ def test_no_file_is_overwritten_without_the_option(run, refused, dataset_file, c
 
 
 def write_open_mesh(tmp_path):
+    """Path of a mesh of the cone without its first face."""
     mesh, path = get_builtin_models()["cone"], tmp_path / "open.obj"
     lines = [f"v {x} {y} {z}" for x, y, z in mesh.vertices.tolist()]
     lines += [f"f {a} {b} {c}" for a, b, c in (mesh.faces[1:] + 1).tolist()]
@@ -177,18 +179,18 @@ def test_invalid_input_is_refused_in_one_line(refused, dataset_file, cylinder_fi
         "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
     )
     line.write_text("".join(f"{0.001 * k} 0 0\n" for k in range(50)))
-    make = ("make", dataset_file, "--out", out, "--object")
-    assert "expected one of cylinder, rectangular_prism, found mug" in refused(*make, "mug")
-    assert "points: expected 1 or more, found none: the cloud is empty" in refused(*make, "rectangular_prism")
-    assert "the cloud is empty" in refused(*make, "cylinder", "--threshold-counts", 4000)
+    make_command = ("make", dataset_file, "--out", out, "--object")
+    assert "expected one of cylinder, rectangular_prism, found mug" in refused(*make_command, "mug")
+    assert "points: expected 1 or more, found none: the cloud is empty" in refused(*make_command, "rectangular_prism")
+    assert "the cloud is empty" in refused(*make_command, "cylinder", "--threshold-counts", 4000)
     assert "the cloud is empty" in refused("distance", empty, "cylinder")
     assert "the cloud is empty" in refused("match", empty)
-    few = ("filter", cylinder_file, "--out", out)
+    filter_command = ("filter", cylinder_file, "--out", out)
     assert "points: expected 700 or more, the N of the outlier filter, found 600" in refused(
-        *few, "--sor-points", 700, "--sor-sigma", 1
+        *filter_command, "--sor-points", 700, "--sor-sigma", 1
     )
-    assert "expected both or none" in refused(*few, "--sor-points", 6)
-    assert "give --threshold-counts, or --sor-points and --sor-sigma" in refused(*few)
+    assert "expected both or none" in refused(*filter_command, "--sor-points", 6)
+    assert "give --threshold-counts, or --sor-points and --sor-sigma" in refused(*filter_command)
     assert "counts: expected a signal for each point, found 50 without" in refused(
         "filter", line, "--out", out, "--threshold-counts", 190
     )
@@ -199,7 +201,9 @@ def test_invalid_input_is_refused_in_one_line(refused, dataset_file, cylinder_fi
     assert "found 50 on one line" in refused("align", cylinder_file, line)
     assert "mug: model: expected a mesh file or one of" in refused("distance", cylinder_file, "mug")
     assert "--unit: expected one of m, cm, mm, in, found 'ft'" in refused("match", cylinder_file, "--unit", "ft")
-    assert "approach: expected one of side_1, top, found under" in refused(*make, "cylinder", "--approach", "under")
+    assert "approach: expected one of side_1, top, found under" in refused(
+        *make_command, "cylinder", "--approach", "under"
+    )
     assert str(tmp_path / "none.ply") in refused("distance", tmp_path / "none.ply", "cylinder")
     assert "none.h5" in refused("match", tmp_path / "none.h5")
     assert not out.exists()

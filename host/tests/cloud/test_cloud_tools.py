@@ -12,7 +12,7 @@ import pytest
 from taxel.cloud.models import get_builtin_models
 
 FOLDER = Path(__file__).resolve().parents[3] / "tools" / "cloud"
-NAMES = (
+MODULES = (
     "candidates",
     "cloudcompare",
     "compare_cloudcompare",
@@ -27,8 +27,8 @@ NAMES = (
 @pytest.fixture(scope="module")
 def tools():
     sys.path.insert(0, str(FOLDER))
-    yield SimpleNamespace(**{name: importlib.import_module(name) for name in NAMES})
-    for name in NAMES:
+    yield SimpleNamespace(**{name: importlib.import_module(name) for name in MODULES})
+    for name in MODULES:
         del sys.modules[name]
     while str(FOLDER) in sys.path:
         sys.path.remove(str(FOLDER))
@@ -76,7 +76,7 @@ def test_every_exceeded_bound_is_listed(tools):
 
 @pytest.mark.parametrize("name", ["taxel.cloud", "reference: SciPy and NumPy", "small_gicp", "libigl"])
 def test_candidates_compute_equal_results(tools, name):
-    operations = next(item for item in tools.candidates.CANDIDATES if item.name == name).load()
+    operations = next(candidate for candidate in tools.candidates.CANDIDATES if candidate.name == name).load()
     mesh = get_builtin_models()["triangular_prism"]
     points = mesh.sample(300, seed=3) + 0.001
     if operations.align is not None:
@@ -87,9 +87,9 @@ def test_candidates_compute_equal_results(tools, name):
         assert operations.measure(points, mesh.vertices, mesh.faces) == pytest.approx(exact, abs=1e-9)
 
 
-def test_size_and_wheel_of_an_installed_package(tools):
-    alone, with_dependencies = tools.compare_libraries.measure_size_mb("small_gicp")
-    assert 0.1 < alone <= with_dependencies < 20.0
+def test_size_and_wheel_of_an_installed_package_are_reported(tools):
+    package_mb, total_mb = tools.compare_libraries.measure_size_mb("small_gicp")
+    assert 0.1 < package_mb <= total_mb < 20.0
     assert "cp311" in tools.compare_libraries.describe_wheel("small_gicp") or sys.version_info[:2] != (3, 11)
 
 

@@ -178,14 +178,14 @@ def test_the_pose_minimises_the_weighted_sum_of_squares(weights: NDArray[np.floa
 def test_the_intervals_contain_the_true_pose_in_95_percent_of_trials() -> None:
     print(f"seed {SEED}")
     rng = np.random.default_rng(SEED)
-    trials = 2000
+    repetitions = 2000
     covered = np.zeros((2, 6))
-    for _ in range(trials):
+    for _ in range(repetitions):
         measured = measure_marks(rng)
         for row, sigma in enumerate((None, SIGMA_M)):
             estimate = fit_pose(MARKS, measured, sigma_m=sigma)
             covered[row] += np.abs(compute_error(estimate)) <= estimate.interval_95
-    coverage = covered / trials
+    coverage = covered / repetitions
     assert (coverage >= 0.93).all(), coverage
     assert (coverage <= 0.97).all(), coverage
 

@@ -94,10 +94,10 @@ def test_a_flat_board_is_flat(kind: str) -> None:
 def test_tx_decreases_to_the_distal_end_and_rx_to_the_left(kind: str) -> None:
     sheet = get_surface(kind)
     assert all(sheet.position[one, 0] > sheet.position[next_, 0] for one, next_ in find_pairs(KINDS[kind], 1, 0))
-    left = [sheet.position[one] - sheet.position[next_] for one, next_ in find_pairs(KINDS[kind], 0, 1)]
+    lateral = [sheet.position[one] - sheet.position[next_] for one, next_ in find_pairs(KINDS[kind], 0, 1)]
     normals = [sheet.normal[one] + sheet.normal[next_] for one, next_ in find_pairs(KINDS[kind], 0, 1)]
     # x distal, y left and the normal are right-handed everywhere, also on the flanks.
-    np.testing.assert_array_less(0.0, np.einsum("ij,ij->i", np.cross(left, normals), np.eye(3)[[0] * len(left)]))
+    np.testing.assert_array_less(0.0, np.einsum("ij,ij->i", np.cross(lateral, normals), np.eye(3)[[0] * len(lateral)]))
 
 
 @pytest.mark.parametrize("kind", WRAPPED)

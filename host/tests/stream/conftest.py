@@ -23,8 +23,8 @@ class Hub:
         self.sequence = (self.sequence + 1) % 65536
         return data
 
-    def message(self, kind: FrameType, tail: bytes = b"", **fields: object) -> bytes:
-        return self.frame(kind, pack(FRAMES[kind].payload, fields, tail))
+    def message(self, kind: FrameType, trailing: bytes = b"", **fields: object) -> bytes:
+        return self.frame(kind, pack(FRAMES[kind].payload, fields, trailing))
 
     def taxels(
         self,

@@ -22,33 +22,33 @@ def parse_page(page):
     return ET.fromstring(page.removeprefix("<!DOCTYPE html>\n"))
 
 
-def text_of(element):
+def read_text(element):
     return " ".join("".join(element.itertext()).replace("\u00a0", " ").split())
 
 
 def find_section(page, title):
-    return next(node for node in parse_page(page).iter("section") if text_of(node.find("h2")).startswith(title))
+    return next(node for node in parse_page(page).iter("section") if read_text(node.find("h2")).startswith(title))
 
 
 def test_the_header_shows_the_verdict_and_the_problems(full_record):
     header = parse_page(page_text(full_record)).find("body/header")
-    assert text_of(header.find("h1")) == "AB-0001 could not be tested completely: 2 faults found"
-    items = [text_of(node) for node in header.find("ol")]
+    assert read_text(header.find("h1")) == "AB-0001 could not be tested completely: 2 faults found"
+    items = [read_text(node) for node in header.find("ol")]
     assert items[0] == "open TX line TX 5 check the trace"
     assert items[1] == "noisy TX line TX 3 lift the solder joint J1.4"
     assert items[2] == "Bus ended with an error: /dev/bus: Input/output error"
-    assert "Touch: cannot run: no operator at the bench" in text_of(header)
+    assert "Touch: cannot run: no operator at the bench" in read_text(header)
 
 
 def test_a_passed_board_has_no_problem_list(make_record):
     page = page_text(make_record(lambda log: log.measure("white", 4.0, "counts")))
-    assert "AB-0001 passed" in text_of(parse_page(page).find("body/header/h1"))
+    assert "AB-0001 passed" in read_text(parse_page(page).find("body/header/h1"))
     assert "What to do" not in page
 
 
 def test_a_single_fault_is_in_the_title(make_record):
     record = make_record(lambda log: log.add_finding("open TX line", "TX 3", "fix it", 2.0))
-    assert text_of(parse_page(page_text(record)).find("head/title")) == "AB-0001 failed: open TX line at TX 3"
+    assert read_text(parse_page(page_text(record)).find("head/title")) == "AB-0001 failed: open TX line at TX 3"
 
 
 def test_a_violated_limit_without_a_finding_is_listed_with_its_worst_place(make_record):
@@ -56,7 +56,7 @@ def test_a_violated_limit_without_a_finding_is_listed_with_its_worst_place(make_
         for line, value in enumerate([9.0, 24.0, 12.0]):
             log.measure("white", value, "counts", f"TX {line}")
 
-    header = text_of(parse_page(page_text(make_record(measure))).find("body/header"))
+    header = read_text(parse_page(page_text(make_record(measure))).find("body/header"))
     assert "Noise, white: 3 places beyond the limit, the worst 24 counts at TX 1 (allowed ≤ 8)" in header
 
 
@@ -67,13 +67,13 @@ def test_a_long_problem_list_is_folded(make_record):
 
     header = parse_page(page_text(make_record(measure))).find("body/header")
     assert len(header.find("ol")) == 10
-    assert text_of(header.find("details/summary")) == "20 more"
+    assert read_text(header.find("details/summary")) == "20 more"
     assert len(header.find("details/ol")) == 20
 
 
 def test_the_header_contains_the_identity(full_record):
     entries = {
-        text_of(node.find("dt")): text_of(node.find("dd"))
+        read_text(node.find("dt")): read_text(node.find("dd"))
         for node in parse_page(page_text(full_record)).find("body/header/dl")
     }
     assert entries["serial number"] == "AB-0001"
@@ -83,14 +83,16 @@ def test_the_header_contains_the_identity(full_record):
 
 
 def test_each_value_is_shown_with_its_limit(full_record):
-    rows = [[text_of(cell) for cell in row] for row in find_section(page_text(full_record), "Noise").find(".//tbody")]
+    rows = [
+        [read_text(entry) for entry in row] for row in find_section(page_text(full_record), "Noise").find(".//tbody")
+    ]
     assert rows[0] == ["white", "TX 3", "9.50 counts", "≤ 8", "", "fail"]
     assert rows[2] == ["white", "TX 5", "NaN", "≤ 8", "", "fail"]
     assert rows[3] == ["white", "TX 6", "no value", "≤ 8", "", "fail"]
 
 
 def test_empty_columns_are_omitted(full_record):
-    headings = [text_of(node) for node in find_section(page_text(full_record), "Identity").find(".//thead/tr")]
+    headings = [read_text(node) for node in find_section(page_text(full_record), "Identity").find(".//thead/tr")]
     assert headings == ["measurement", "value"]
 
 
@@ -102,11 +104,11 @@ def test_many_measurements_are_folded_except_the_failing_ones(make_record):
     page = page_text(make_record(measure))
     noise = find_section(page, "Noise")
     summary, failing = (table for table in noise.findall("div/table"))
-    assert [text_of(cell) for cell in summary.find("tbody/tr")][:7] == [
+    assert [read_text(entry) for entry in summary.find("tbody/tr")][:7] == [
         "white, counts", "300", "2", "4", "4.15", "9", "≤ 8",
     ]  # fmt: skip
-    assert [text_of(row[1]) for row in failing.find("tbody")] == ["taxel 7", "taxel 80"]
-    assert text_of(noise.find("details/summary")) == "All 300 measurements"
+    assert [read_text(row[1]) for row in failing.find("tbody")] == ["taxel 7", "taxel 80"]
+    assert read_text(noise.find("details/summary")) == "All 300 measurements"
     assert len(noise.find("details//tbody")) == 300
     assert len(page) < 300_000
 
@@ -243,7 +245,7 @@ def test_earlier_tests_and_moved_values_are_shown(make_record, tmp_path):
         page = page_text(record, history.compare(record), history.list_earlier("AB-0001"))
     earlier = find_section(page, "Earlier tests")
     changes, runs = earlier.findall("div/table")
-    assert [text_of(cell) for cell in changes.find("tbody/tr")] == [
+    assert [read_text(entry) for entry in changes.find("tbody/tr")] == [
         "white Noise", "TX 3", "7.50 counts", "4.10", "4.05", "2", "moved",
     ]  # fmt: skip
     assert len(runs.find("tbody")) == 2
@@ -261,7 +263,7 @@ def test_moved_values_are_sorted_by_shift(make_record, tmp_path):
         history.add(make_values_record(4.0, 4.0, 4.0))
         page = page_text(make_values_record(5.5, 4.1, 7.5), history.compare(make_values_record(5.5, 4.1, 7.5)))
     rows = find_section(page, "Earlier tests").find("div/table/tbody")
-    assert [text_of(row[1]) for row in rows] == ["TX 2", "TX 0"]
+    assert [read_text(row[1]) for row in rows] == ["TX 2", "TX 0"]
 
 
 def test_without_a_history_the_section_is_missing(full_record):
@@ -270,7 +272,7 @@ def test_without_a_history_the_section_is_missing(full_record):
 
 def test_a_test_without_phases_has_a_page(make_plan, run, phase):
     page = page_text(run(make_plan("[phases.a]\nenabled = false\n"), [phase("a")], serial_number=""))
-    assert "A device without serial number was not tested" in text_of(parse_page(page).find("body/header/h1"))
+    assert "A device without serial number was not tested" in read_text(parse_page(page).find("body/header/h1"))
     assert "The plan has no phase for this kind of device." in page
 
 
@@ -328,9 +330,9 @@ def test_a_value_far_outside_is_shown_as_an_arrow():
     limit = Limit(250.0, 420.0)
     axis = build_axis(limit, [300.0, 1e6])
     assert axis.high < 1000.0
-    for value, inside in ((300.0, True), (1e6, False), (-math.inf, False)):
+    for value, is_within_axis in ((300.0, True), (1e6, False), (-math.inf, False)):
         bar = value_bar(axis, limit, value, Outcome.FAIL)
-        assert ("<circle" in bar, "<path" in bar) == (inside, not inside)
+        assert ("<circle" in bar, "<path" in bar) == (is_within_axis, not is_within_axis)
 
 
 def test_times_and_durations_are_formatted():

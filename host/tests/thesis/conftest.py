@@ -17,7 +17,7 @@ from taxel.recording import (
 )
 
 SIDE = 8
-N = SIDE * SIDE
+TAXELS = SIDE * SIDE
 PHASES = np.repeat([0, 1, 2, 3], [10, 2, 4, 2]).astype(np.uint8)
 REST_COUNTS = 30_000
 OBJECTS = ("cylinder", "rectangular_prism", "triangular_prism")
@@ -25,12 +25,18 @@ MODEL = SensorModel(30_000.0, 2000.0, 1.5, 4.0, layer="uncoupled")
 
 
 def build_board() -> TaxelTable:
-    number = np.arange(N)
+    """A flat board of 8 x 8 taxels at a pitch of 5 mm."""
+    number = np.arange(TAXELS)
     tx, rx = number // SIDE, number % SIDE
-    position = np.column_stack([0.005 * (tx - 3.5), 0.005 * (rx - 3.5), np.zeros(N)])
-    up = np.tile([0.0, 0.0, 1.0], (N, 1))
+    position = np.column_stack([0.005 * (tx - 3.5), 0.005 * (rx - 3.5), np.zeros(TAXELS)])
+    normal = np.tile([0.0, 0.0, 1.0], (TAXELS, 1))
     return TaxelTable(
-        np.full(N, 0x20, np.uint8), tx.astype(np.uint8), rx.astype(np.uint8), position, up, np.full(N, 0.003)
+        np.full(TAXELS, 0x20, np.uint8),
+        tx.astype(np.uint8),
+        rx.astype(np.uint8),
+        position,
+        normal,
+        np.full(TAXELS, 0.003),
     )
 
 
@@ -46,8 +52,12 @@ def sample_surface_pose(mesh, rng) -> np.ndarray:
     return pose
 
 
-def write_campaign(path, source: str, width: float, noise_m: float, grasps: int = 8):
-    """width: of the contact, in taxels. noise_m: standard deviation of the board position in each grasp."""
+def write_campaign(path, source: str, contact_width: float, noise_m: float, grasps: int = 8):
+    """Write a dataset of grasps of the three objects.
+
+    contact_width: standard deviation of the signal over distance, in taxels. noise_m: standard deviation of the board
+    position in each grasp.
+    """
     sensors = SensorTable(np.array([0x20], np.uint8), ("palm",), ("palm",), np.full(1, 6.0))
     shapes = get_builtin_models()
     meshes = {name: ObjectMesh(shapes[name].vertices, shapes[name].faces.astype(np.int32)) for name in OBJECTS}
@@ -72,8 +82,8 @@ def write_campaign(path, source: str, width: float, noise_m: float, grasps: int 
             pose = sample_surface_pose(shapes[name], pose_rng)
             pose[:3, 3] += noise_rng.normal(0.0, noise_m, 3)
             distance = np.linalg.norm(build_board().position, axis=1) / 0.005
-            signal = np.rint(600.0 * np.exp(-0.5 * (distance / width) ** 2)).astype(np.uint16)
-            raw = np.full((len(PHASES), N), REST_COUNTS, np.uint16)
+            signal = np.rint(600.0 * np.exp(-0.5 * (distance / contact_width) ** 2)).astype(np.uint16)
+            raw = np.full((len(PHASES), TAXELS), REST_COUNTS, np.uint16)
             raw[PHASES == 2] -= signal
             record = GraspRecord(
                 object=name,

@@ -41,12 +41,12 @@ def test_findings_are_reported_with_their_numbers(output):
 def test_identified_shapes_are_counted(output):
     summary = json.loads((output / "thesis.json").read_text())
     results = {result["says"]: result["numbers"] for result in summary["besides"]}
-    whole = results["shapes identified among 6 models: whole clouds, real and simulated"]
-    assert all(count.endswith(" of 2") for count in whole.values())
-    single = results["shapes identified among 3 models: single approaches, real and simulated"]
-    assert set(single) == {"rectangular", "cylindrical", "triangular"}
-    assert all(count.endswith(" of 4") for count in single.values())
-    assert sum(int(count.split()[0]) for count in single.values()) >= 8
+    whole_clouds = results["shapes identified among 6 models: whole clouds, real and simulated"]
+    assert all(count.endswith(" of 2") for count in whole_clouds.values())
+    single_approaches = results["shapes identified among 3 models: single approaches, real and simulated"]
+    assert set(single_approaches) == {"rectangular", "cylindrical", "triangular"}
+    assert all(count.endswith(" of 4") for count in single_approaches.values())
+    assert sum(int(count.split()[0]) for count in single_approaches.values()) >= 8
     assert "single approaches, real and simulated" in (output / "thesis.html").read_text()
 
 
@@ -59,7 +59,7 @@ def test_agreement_of_distances_is_reported_with_the_largest_deviation(output):
     assert "largest deviation: Table I-" in (output / "thesis.html").read_text()
 
 
-def test_wide_and_displaced_contacts_are_farther_from_the_model(output):
+def test_wide_and_displaced_contacts_have_larger_distances_to_the_model(output):
     with (output / "tables" / "table_5_3.csv").open() as file:
         rows = {(row["object"], row["side"]): float(row["mean_m_ours"]) for row in csv.DictReader(file)}
     for name in ("rectangular", "cylindrical", "triangular"):

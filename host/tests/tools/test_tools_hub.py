@@ -187,11 +187,11 @@ def test_latency_and_flow_control_change_only_the_duration(worlds, make_hub_firm
 def test_a_lost_reply_to_the_bootloader_command_is_tolerated(worlds, make_hub_firmware, position):
     world = worlds()
 
-    def drop_reply(progress) -> None:
+    def lose_reply(progress) -> None:
         if progress.stage == "entering":
             world.inject("up_drop", 0, position, 1)
 
-    assert try_update(VirtualMemoryLink(world), make_hub_firmware(), drop_reply).after == (1, 2, 3)
+    assert try_update(VirtualMemoryLink(world), make_hub_firmware(), lose_reply).after == (1, 2, 3)
 
 
 def test_a_missing_hub_gives_one_error_line(worlds, make_hub_firmware):
