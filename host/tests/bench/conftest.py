@@ -20,16 +20,16 @@ from taxel_tools.testing.record import PhaseRecord, TestRecord
 
 ADDRESS = 0x2C
 """Kind medial_front with 27 taxels, the smallest board."""
-SHORTER = {"seconds = 13.0": "seconds = 3.0", "steps = 12": "steps = 4", "taxels = 10": "taxels = 2"}
+SHORT_DURATIONS = {"seconds = 13.0": "seconds = 3.0", "steps = 12": "steps = 4", "taxels = 10": "taxels = 2"}
 
 
 @pytest.fixture(autouse=True)
-def slow_polling(monkeypatch):
+def poll_emulated_links_slowly(monkeypatch):
     """Emulated links are read every 30 ms, which saves two thirds of the computing time."""
     monkeypatch.setattr(uart, "STEP_S", 0.03)
 
 
-def bench_url(*lines: str, address: int = ADDRESS, wire: str = "hub", seed: int = 1) -> str:
+def make_bench_url(*lines: str, address: int = ADDRESS, wire: str = "hub", seed: int = 1) -> str:
     """URL of an emulated bench with one board, and additional lines of its world file."""
     return f"emulator:?board=0x{address:02X}&wire={wire}&seed={seed}" + "".join(
         f"&word={quote(line)}" for line in lines
@@ -39,7 +39,7 @@ def bench_url(*lines: str, address: int = ADDRESS, wire: str = "hub", seed: int 
 def make_short_plan(*phases: str, **replacements: str) -> Plan:
     """The default plan with shorter durations; with phases named, only these and the merging phase."""
     text = (resources.files("taxel_tools.bench") / "plans" / "default.toml").read_text()
-    for old, new in (SHORTER | replacements).items():
+    for old, new in (SHORT_DURATIONS | replacements).items():
         assert old in text
         text = text.replace(old, new)
     plan = parse_plan(text.encode(), "short.toml")
@@ -72,7 +72,7 @@ def benches() -> Iterator[Callable[..., Bench]]:
     with ExitStack() as stack:
 
         def make(*lines: str, probe: str | None = None, **options) -> Bench:
-            wire, emulated = stack.enter_context(running.open_bench(bench_url(*lines, **options)))
+            wire, emulated = stack.enter_context(running.open_bench(make_bench_url(*lines, **options)))
             board = open_board(wire, options.get("address", ADDRESS), load_hand("allegro"))
             board.draws_pictures = False
             board.probe = running.open_probe(probe, board, emulated, NoOperator())
@@ -91,10 +91,10 @@ def find_phase(record: TestRecord, name: str) -> PhaseRecord:
     return next(phase for phase in record.phases if phase.name == name)
 
 
-def find_value(record: TestRecord, phase: str, measurement: str, place: str = "") -> float | str | None:
+def find_value(record: TestRecord, phase: str, measurement: str, location: str = "") -> float | str | None:
     """Value of a measurement."""
     return next(
-        found.value
-        for found in find_phase(record, phase).measurements
-        if (found.name, found.place) == (measurement, place or found.place)
+        measurement_record.value
+        for measurement_record in find_phase(record, phase).measurements
+        if (measurement_record.name, measurement_record.place) == (measurement, location or measurement_record.place)
     )

@@ -20,6 +20,7 @@ from taxel_tools.bench.analysis.at_rest import find_line_faults, standard_error_
 from taxel_tools.bench.analysis.fault import Axis, connector_pin, line_name, line_pair_name, lines_of_taxels
 
 LIMIT = 0.6
+"""Lower limit of the relative capacitance of a line."""
 
 property_settings = settings(max_examples=40, deadline=None)
 kinds = st.sampled_from(NAMES).map(KINDS.__getitem__)
@@ -28,10 +29,12 @@ axes = st.sampled_from(list(Axis))
 
 
 def list_faults(kind, hardware, rng):
+    """(fault, location) of the line faults found from hardware counts of the taxels."""
     return [(fault.name, fault.place) for fault in find_line_faults(measure_at_rest(kind, hardware, rng), LIMIT)[0]]
 
 
 def sample_line(data, kind, axis):
+    """A TX or RX line that has taxels, drawn by Hypothesis."""
     return data.draw(st.sampled_from(sorted(set(lines_of_taxels(kind, axis).tolist()))))
 
 
@@ -97,25 +100,29 @@ def test_shorted_lines_at_the_full_scale_count_are_reported():
 @property_settings
 @given(st.data(), kinds, axes, seeds)
 def test_swapped_lines_or_their_missing_crossings_are_reported(data, kind, axis, seed):
-    first = sample_line(data, kind, axis)
-    second = data.draw(st.sampled_from([line for line in range(kind.crossings.shape[axis]) if line != first]))
+    first_line = sample_line(data, kind, axis)
+    second_line = data.draw(st.sampled_from([line for line in range(kind.crossings.shape[axis]) if line != first_line]))
     rng = np.random.default_rng(seed)
-    names = list_faults(kind, with_swapped_lines(kind, sample_capacitances(kind, rng), axis, first, second), rng)
+    names = list_faults(
+        kind, with_swapped_lines(kind, sample_capacitances(kind, rng), axis, first_line, second_line), rng
+    )
     places = {place for name, place in names if name == "swapped lines"}
     table = kind.crossings if axis is Axis.TX else kind.crossings.T
-    if (table[first] == table[second]).all():
+    if (table[first_line] == table[second_line]).all():
         assert names == []  # Only indentations distinguish these lines.
     else:
         assert names
-    assert places <= {line_pair_name(axis, first, second)}
+    assert places <= {line_pair_name(axis, first_line, second_line)}
 
 
 def test_swapped_lines_of_different_length_are_reported():
     kind, rng = KINDS["palm"], np.random.default_rng(1)
     table = kind.crossings
-    first, second = 0, next(line for line in range(1, len(table)) if (table[line] & ~table[0]).any())
-    names = list_faults(kind, with_swapped_lines(kind, sample_capacitances(kind, rng), Axis.TX, first, second), rng)
-    assert names == [("swapped lines", line_pair_name(Axis.TX, first, second))]
+    first_line, second_line = 0, next(line for line in range(1, len(table)) if (table[line] & ~table[0]).any())
+    names = list_faults(
+        kind, with_swapped_lines(kind, sample_capacitances(kind, rng), Axis.TX, first_line, second_line), rng
+    )
+    assert names == [("swapped lines", line_pair_name(Axis.TX, first_line, second_line))]
 
 
 def test_a_crossing_without_capacitance_is_a_missing_crossing():

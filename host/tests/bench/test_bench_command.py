@@ -11,7 +11,7 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from host.tests.bench.conftest import ADDRESS, bench_url
+from host.tests.bench.conftest import ADDRESS, make_bench_url
 from host.tests.command_line import run_taxel
 from taxel.errors import TaxelError
 from taxel_tools import cli_bench
@@ -52,15 +52,15 @@ def run(folder, capsys):
     def call(*arguments, url=None, plan="quick.toml", serial="FT-0001"):
         options = ["--plan", plan] if plan else []
         options += ["--serial", serial] if serial else []
-        status = run_taxel("bench", url or bench_url(), *options, *arguments)
+        status = run_taxel("bench", url or make_bench_url(), *options, *arguments)
         captured = capsys.readouterr()
         return status, captured.out, captured.err
 
     return call
 
 
-def run_refused_command(result):
-    """The single error line of a run_refused_command, before any test."""
+def read_refusal(result):
+    """The single error line of a command that was refused before any test."""
     status, out, err = result
     assert (status, out) == (2, "")
     lines = err.splitlines()
@@ -91,7 +91,7 @@ def test_a_healthy_board_gives_exit_status_0_three_files_and_a_history(run, fold
 
 
 def test_a_faulty_board_gives_exit_status_1_and_junit_failures(run, folder):
-    status, out, _ = run(url=bench_url(f"effect line open {BOARD} axis=0 index=2"))
+    status, out, _ = run(url=make_bench_url(f"effect line open {BOARD} axis=0 index=2"))
     assert status == 1
     assert "open line at TX 2: its crossings have" in out
     assert "check J1 pin 3 and its trace" in out
@@ -102,7 +102,7 @@ def test_a_faulty_board_gives_exit_status_1_and_junit_failures(run, folder):
 
 def test_a_board_that_fails_gives_exit_status_2_and_a_record(run, folder):
     (folder / "longer.toml").write_text(PLAN.replace("seconds = 0.5", "seconds = 1.5"))
-    status, out, _ = run(url=bench_url(f"fault 0.8 unplug 0x{ADDRESS:02X}"), plan="longer.toml")
+    status, out, _ = run(url=make_bench_url(f"fault 0.8 unplug 0x{ADDRESS:02X}"), plan="longer.toml")
     assert status == 2
     assert "board 0x2C: no frame for 1." in out
     assert "FT-0001: ERROR in " in out
@@ -116,7 +116,7 @@ def test_a_test_without_measurements_gives_exit_status_2(run):
 
 
 def test_the_json_output_is_one_document(run, folder):
-    status, out, _ = run("--json", url=bench_url(f"effect line short {BOARD} axis=1 index=1"))
+    status, out, _ = run("--json", url=make_bench_url(f"effect line short {BOARD} axis=1 index=1"))
     document = json.loads(out)
     assert (status, document["outcome"]) == (1, "fail")
     assert [(finding["fault"], finding["place"]) for finding in document["findings"]] == [("short", "RX 1 and RX 2")]
@@ -124,7 +124,7 @@ def test_the_json_output_is_one_document(run, folder):
 
 
 def test_a_single_phase_runs_with_the_merging_phase(run):
-    status, out, _ = run("--phase", "presses", url=bench_url(f"effect dead rest {BOARD} taxel=3"))
+    status, out, _ = run("--phase", "presses", url=make_bench_url(f"effect dead rest {BOARD} taxel=3"))
     assert status == 1
     assert [line.split("  ")[0] for line in out.splitlines()[1:3]] == ["Response of each taxel", "Named faults"]
     assert "dead taxel at taxel 3: " in out
@@ -139,12 +139,12 @@ def test_the_report_contains_the_history_of_the_serial_number(run, folder):
     for _ in range(2):
         run()
     run(serial="FT-0002")
-    run(url=bench_url(f"effect line open {BOARD} axis=0 index=2 stub_pf=0.8"))
+    run(url=make_bench_url(f"effect line open {BOARD} axis=0 index=2 stub_pf=0.8"))
     pages = {path.parent.name: path.read_text() for path in (folder / "out/bench").glob("*/report.html")}
-    first, *_, last = (pages[name] for name in sorted(pages) if name.startswith("FT-0001"))
-    assert "Earlier tests" in last
-    assert "moved" in last.split("Earlier tests")[1]
-    assert "moved" not in first.split("</header>")[1] or "Earlier tests" not in first
+    first_page, *_, last_page = (pages[name] for name in sorted(pages) if name.startswith("FT-0001"))
+    assert "Earlier tests" in last_page
+    assert "moved" in last_page.split("Earlier tests")[1]
+    assert "moved" not in first_page.split("</header>")[1] or "Earlier tests" not in first_page
 
 
 def test_the_history_can_be_in_another_folder(run, folder):
@@ -159,10 +159,7 @@ def test_a_single_board_on_the_bus_needs_no_address(run):
 
 def test_one_of_several_boards_must_be_selected(run):
     url = "emulator:?board=0x2C&board=0x2F"
-    assert (
-        run_refused_command(run(url=url))
-        == "virtual:: expected one board, found 2 (0x2C, 0x2F); select one with --board"
-    )
+    assert read_refusal(run(url=url)) == "virtual:: expected one board, found 2 (0x2C, 0x2F); select one with --board"
     assert run("--board", "0x2F", url=url)[0] == 0
 
 
@@ -171,7 +168,11 @@ def test_one_of_several_boards_must_be_selected(run):
     [
         ([], {"url": "nothing"}, "nothing: is not a URL that can be opened"),
         ([], {"url": "emulator:?board=0x60"}, "hand 'allegro' has no board 0x60"),
-        ([], {"url": f"{bench_url()}&word=blank 0x2C"}, "virtual:: expected a board with an application, found none"),
+        (
+            [],
+            {"url": f"{make_bench_url()}&word=blank 0x2C"},
+            "virtual:: expected a board with an application, found none",
+        ),
         (["--board", "0x60"], {}, "board 0x60: does not answer; run taxel scan to list the boards"),
         (["--board", "x"], {}, "--board: expected an I2C address from 0x08 to 0x77, found 'x'"),
         (
@@ -191,7 +192,7 @@ def test_one_of_several_boards_must_be_selected(run):
     ],
 )
 def test_each_refusal_gives_one_error_line_and_exit_status_2(run, arguments, options, expected):
-    assert run_refused_command(run(*arguments, **options)).startswith(expected)
+    assert read_refusal(run(*arguments, **options)).startswith(expected)
 
 
 @pytest.mark.parametrize(
@@ -211,23 +212,25 @@ def test_each_refusal_gives_one_error_line_and_exit_status_2(run, arguments, opt
 )
 def test_an_invalid_plan_is_refused_before_the_bus_is_opened(run, folder, old, new, expected):
     (folder / "quick.toml").write_text(PLAN.replace(old, new))
-    assert run_refused_command(run(url="serial:///dev/ttyNONE")).startswith(expected)
+    assert read_refusal(run(url="serial:///dev/ttyNONE")).startswith(expected)
     assert not (folder / "out").exists()
 
 
 def test_the_emulated_probe_refuses_a_physical_board(run, monkeypatch):
     @contextmanager
     def open_without_bench(url):
-        with running.open_emulated(bench_url()) as (wire, _):
+        with running.open_emulated(make_bench_url()) as (wire, _):
             yield wire
 
     monkeypatch.setattr(running, "open_wire", open_without_bench)
-    message = run_refused_command(run("--probe", "emulated", url="serial:///dev/ttyNONE"))
+    message = read_refusal(run("--probe", "emulated", url="serial:///dev/ttyNONE"))
     assert message == "--probe: 'emulated' requires an emulated board, found a physical one; choose another probe"
     assert run("--phase", "presses", url="serial:///dev/ttyNONE")[0] == 2  # The default is no probe.
 
 
 class Terminal(io.StringIO):
+    """A text stream that is a terminal."""
+
     def isatty(self):
         return True
 

@@ -14,6 +14,7 @@ FORCE = 50.0 * (np.arange(13) / 12.0) ** 2
 
 
 def make_curve(loading, unloading=None, taxels=10):
+    """A loading curve with equal relative counts of all taxels; by default, unloading equals loading."""
     branch = np.tile(loading, (taxels, 1))
     return Curve(FORCE, branch, branch if unloading is None else np.tile(unloading, (taxels, 1)))
 
@@ -38,11 +39,11 @@ def test_autocorrelation_increases_the_standard_error_of_a_slope():
         steps[i] = 0.9 * steps[i - 1] + rng.normal(0.0, 6.0)
     time = np.arange(0.0, 13.0, 1.0 / 60.0)
 
-    def error(values):
+    def compute_slope_error(values):
         counts = 2400.0 + values[(time / 0.5).astype(int)]
         return fit_drift(np.tile(counts[:, None], (1, 5)).round().astype(np.uint16), time).error
 
-    assert error(steps) > 1.3 * np.median([error(rng.permutation(steps)) for _ in range(9)])
+    assert compute_slope_error(steps) > 1.3 * np.median([compute_slope_error(rng.permutation(steps)) for _ in range(9)])
 
 
 def test_drift_of_less_than_two_seconds_is_refused():
@@ -60,8 +61,8 @@ def test_an_ideal_curve_has_no_hysteresis_and_saturates():
     ideal = make_curve(1.0 - 0.6 * FORCE / (FORCE + 5.0))
     assert (ideal.hysteresis, ideal.area, ideal.spread) == (0.0, 0.0, pytest.approx(0.0, abs=1e-12))
     assert ideal.is_monotonic
-    fall = 0.6 * 50.0 / 55.0
-    assert ideal.saturation_n == pytest.approx(5.0 * 0.95 * fall / (0.6 - 0.95 * fall), rel=0.03)
+    signal_at_50_n = 0.6 * 50.0 / 55.0
+    assert ideal.saturation_n == pytest.approx(5.0 * 0.95 * signal_at_50_n / (0.6 - 0.95 * signal_at_50_n), rel=0.03)
 
 
 def test_hysteresis_is_the_largest_distance_relative_to_the_range():
@@ -73,8 +74,8 @@ def test_hysteresis_is_the_largest_distance_relative_to_the_range():
 
 
 def test_a_constant_taxel_has_no_curve():
-    flat = make_curve(np.ones(13))
-    assert np.isnan([flat.hysteresis, flat.area, flat.saturation_n]).all()
+    constant = make_curve(np.ones(13))
+    assert np.isnan([constant.hysteresis, constant.area, constant.saturation_n]).all()
     assert np.isnan(make_curve(np.ones(13), taxels=1).spread)
 
 

@@ -44,14 +44,14 @@ def pty_gantries():
         gantry.close()
 
 
-def gantry_url(gantry, **options):
+def format_gantry_url(gantry, **options):
     values = {"x": X, "y": Y, "touch_z": TOUCH_Z, "spring_n_mm": SPRING, "tip": 3} | options
     return f"gcode://{gantry.port}?" + "&".join(f"{name}={value}" for name, value in values.items())
 
 
 def open_probe(gantry, operator=None, kind=KIND, **options):
     """A probe on a gantry, by default over the smallest board."""
-    url = gantry_url(gantry, **options)
+    url = format_gantry_url(gantry, **options)
     return open_gcode_probe(ProbeRequest(url, kind, PITCH_MM * 1e-3, operator or NoOperator(), ADDRESS))
 
 

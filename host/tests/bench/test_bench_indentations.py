@@ -18,6 +18,7 @@ from taxel_tools.bench.analysis.fault import Axis, line_name, line_pair_name, li
 from taxel_tools.bench.analysis.indentations import find_gain_fault, find_response_faults, measure_crosstalk
 
 LIMIT = 0.4
+"""Lower limit of the response of a taxel relative to the median."""
 
 property_settings = settings(max_examples=40, deadline=None)
 kinds = st.sampled_from(NAMES).map(KINDS.__getitem__)
@@ -60,15 +61,15 @@ def test_a_dead_taxel_is_reported(data, kind, seed, remaining_share):
 @given(st.data(), kinds, axes, seeds)
 def test_swapped_lines_are_reported(data, kind, axis, seed):
     lines = sorted(set(lines_of_taxels(kind, axis).tolist()))
-    first = data.draw(st.sampled_from(lines))
-    second = data.draw(st.sampled_from([line for line in lines if line != first]))
+    first_line = data.draw(st.sampled_from(lines))
+    second_line = data.draw(st.sampled_from([line for line in lines if line != first_line]))
     table = kind.crossings if axis is Axis.TX else kind.crossings.T
     rng = np.random.default_rng(seed)
     names = list_faults(
-        kind, apply_to_rows(with_swapped_lines, kind, sample_responses(kind, rng), axis, first, second), rng
+        kind, apply_to_rows(with_swapped_lines, kind, sample_responses(kind, rng), axis, first_line, second_line), rng
     )
-    if (table[first] & table[second]).any():
-        assert names == [("swapped lines", line_pair_name(axis, first, second))]
+    if (table[first_line] & table[second_line]).any():
+        assert names == [("swapped lines", line_pair_name(axis, first_line, second_line))]
     else:
         assert names  # Without a common crossing, the taxels of both lines are dead.
 
@@ -131,8 +132,10 @@ def test_crosstalk_is_recovered_along_a_line(along, name):
     kind, rng = KINDS["palm"], np.random.default_rng(1)
     response = sample_responses(kind, rng)
     line = getattr(kind, along)
-    own = np.diagonal(response)
-    response += 0.08 * own[:, None] * ((line[:, None] == line[None, :]) & ~np.eye(kind.taxel_count, dtype=bool))
+    own_response = np.diagonal(response)
+    response += (
+        0.08 * own_response[:, None] * ((line[:, None] == line[None, :]) & ~np.eye(kind.taxel_count, dtype=bool))
+    )
     largest = measure_crosstalk(measure_indentations(kind, response, rng), np.zeros(kind.taxel_count, bool))[0]
     assert (largest.path, largest.is_significant) == (name, True)
     assert largest.share == pytest.approx(0.08, abs=0.004)

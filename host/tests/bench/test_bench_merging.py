@@ -11,15 +11,16 @@ from taxel_tools.bench.analysis.merging import find_taxels, merge_faults
 KIND = KINDS["palm"]
 
 
-def make_fault(name, place, severity=2.0):
-    return Fault(name, place, "", severity)
+def make_fault(name, location, severity=2.0):
+    return Fault(name, location, "", severity)
 
 
-def merge(rest_faults, response_faults):
+def merge_to_pairs(rest_faults, response_faults):
+    """(fault, location) of the merged faults. response_faults: None without indentations."""
     return [(fault.name, fault.place) for fault in merge_faults(KIND, rest_faults, response_faults)]
 
 
-def test_a_place_is_converted_to_its_taxels():
+def test_a_location_is_converted_to_its_taxels():
     assert (find_taxels(KIND, "TX 3") == (KIND.tx == 3)).all()
     assert (find_taxels(KIND, "RX 1 and RX 10") == ((KIND.rx == 1) | (KIND.rx == 10))).all()
     assert np.flatnonzero(find_taxels(KIND, "taxel 17")).tolist() == [17]
@@ -28,41 +29,45 @@ def test_a_place_is_converted_to_its_taxels():
 
 def test_without_indentations_faults_at_rest_are_sorted_by_severity():
     faults = [make_fault("open line", "TX 3", 2.0), make_fault("open line", "RX 1", 5.0)]
-    assert merge(faults, None) == [("open line", "RX 1"), ("open line", "TX 3")]
+    assert merge_to_pairs(faults, None) == [("open line", "RX 1"), ("open line", "TX 3")]
 
 
 def test_an_open_line_detected_twice_is_reported_once():
-    assert merge([make_fault("open line", "TX 3")], [make_fault("open line", "TX 3", 9.0)]) == [("open line", "TX 3")]
+    assert merge_to_pairs([make_fault("open line", "TX 3")], [make_fault("open line", "TX 3", 9.0)]) == [
+        ("open line", "TX 3")
+    ]
 
 
 def test_swapped_lines_explain_missing_crossings():
     taxel = int(np.flatnonzero(KIND.tx == 0)[0])
     response_faults = [make_fault("swapped lines", "TX 0 and TX 7")]
-    assert merge([make_fault("missing crossing", f"taxel {taxel}")], response_faults) == [
+    assert merge_to_pairs([make_fault("missing crossing", f"taxel {taxel}")], response_faults) == [
         ("swapped lines", "TX 0 and TX 7")
     ]
 
 
 def test_a_missing_crossing_is_not_also_a_dead_taxel():
-    assert merge([make_fault("missing crossing", "taxel 5")], [make_fault("dead taxel", "taxel 5")]) == [
+    assert merge_to_pairs([make_fault("missing crossing", "taxel 5")], [make_fault("dead taxel", "taxel 5")]) == [
         ("missing crossing", "taxel 5")
     ]
 
 
 def test_a_constant_taxel_is_dead_regardless_of_its_count():
     faults = [make_fault("missing crossing", "taxel 5"), make_fault("dead taxel", "taxel 5")]
-    assert merge(faults, []) == [("dead taxel", "taxel 5")]
-    assert merge(faults, None) == [("dead taxel", "taxel 5")]
+    assert merge_to_pairs(faults, []) == [("dead taxel", "taxel 5")]
+    assert merge_to_pairs(faults, None) == [("dead taxel", "taxel 5")]
 
 
 def test_low_gain_explains_a_deviating_level_at_rest():
-    assert merge([make_fault("rest level", "board")], [make_fault("low gain", "board")]) == [("low gain", "board")]
-    assert merge([make_fault("rest level", "board")], []) == [("rest level", "board")]
+    assert merge_to_pairs([make_fault("rest level", "board")], [make_fault("low gain", "board")]) == [
+        ("low gain", "board")
+    ]
+    assert merge_to_pairs([make_fault("rest level", "board")], []) == [("rest level", "board")]
 
 
-def test_a_short_without_evidence_from_indentations_is_dropped():
-    assert merge([make_fault("short", "TX 3 and TX 4")], []) == []
-    assert merge([make_fault("short", "TX 3 and TX 4")], [make_fault("open line", "TX 3")])[0] == (
+def test_a_short_without_evidence_from_indentations_is_not_reported():
+    assert merge_to_pairs([make_fault("short", "TX 3 and TX 4")], []) == []
+    assert merge_to_pairs([make_fault("short", "TX 3 and TX 4")], [make_fault("open line", "TX 3")])[0] == (
         "short",
         "TX 3 and TX 4",
     )
@@ -79,7 +84,7 @@ def test_a_board_with_equal_lines_passes_after_indentations():
 
 def test_a_board_without_response_keeps_the_faults_at_rest():
     rest_faults = [make_fault("short", "TX 3 and TX 4"), make_fault("open line", "RX 2")]
-    assert [name for name, _ in merge(rest_faults, [make_fault("no response", "board")])] == [
+    assert [name for name, _ in merge_to_pairs(rest_faults, [make_fault("no response", "board")])] == [
         "short",
         "open line",
         "no response",

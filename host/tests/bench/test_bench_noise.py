@@ -52,87 +52,88 @@ def sample_record(rng: np.random.Generator, kind=KIND, frames: int = FRAMES, **c
     return raw_counts.round().astype(np.uint16)
 
 
-def separate(counts: np.ndarray, kind=KIND) -> NoiseParts:
+def separate_components(counts: np.ndarray, kind=KIND) -> NoiseParts:
     return separate_noise(kind, counts, RATE_HZ, SCAN_S)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_each_white_component_is_recovered(seed):
-    parts = separate(sample_record(np.random.default_rng(seed), white=4.0, tx=3.0, rx=6.0, board=5.0))
-    assert parts.white == pytest.approx(np.hypot(4.0, 0.29), rel=0.03)  # Rounding adds 1/sqrt(12).
-    assert parts.tx == pytest.approx(3.0, rel=0.1)
-    assert parts.rx == pytest.approx(6.0, rel=0.1)
-    assert parts.board == pytest.approx(5.0, rel=0.15)
-    assert np.median(parts.white_by_taxel) == pytest.approx(np.sqrt(16 + 9 + 36 + 25), rel=0.1)
-    assert (parts.impulse, parts.impulses_per_s) == (0.0, 0.0)
+    components = separate_components(sample_record(np.random.default_rng(seed), white=4.0, tx=3.0, rx=6.0, board=5.0))
+    assert components.white == pytest.approx(np.hypot(4.0, 0.29), rel=0.03)  # Rounding adds 1/sqrt(12).
+    assert components.tx == pytest.approx(3.0, rel=0.1)
+    assert components.rx == pytest.approx(6.0, rel=0.1)
+    assert components.board == pytest.approx(5.0, rel=0.15)
+    assert np.median(components.white_by_taxel) == pytest.approx(np.sqrt(16 + 9 + 36 + 25), rel=0.1)
+    assert (components.impulse, components.impulses_per_s) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("kind", ["medial_front", "palm"])
 def test_strong_white_noise_leaks_little_into_other_components(kind):
     rng = np.random.default_rng(1)
-    parts = separate(sample_record(rng, KINDS[kind], white=20.0), KINDS[kind])
-    assert parts.white == pytest.approx(20.0, rel=0.03)
-    assert max(parts.tx, parts.rx, parts.board) < 3.0
+    components = separate_components(sample_record(rng, KINDS[kind], white=20.0), KINDS[kind])
+    assert components.white == pytest.approx(20.0, rel=0.03)
+    assert max(components.tx, components.rx, components.board) < 3.0
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_1_f_noise_is_recovered_and_separated_from_white_noise(seed):
-    parts = separate(sample_record(np.random.default_rng(seed), white=4.0, pink=10.0))
-    assert parts.pink == pytest.approx(10.0, rel=0.15)
-    assert parts.white < 7.5  # 1/f noise extends above the lower limit of the white band.
-    assert parts.pink_board < 2.0
+    components = separate_components(sample_record(np.random.default_rng(seed), white=4.0, pink=10.0))
+    assert components.pink == pytest.approx(10.0, rel=0.15)
+    assert components.white < 7.5  # 1/f noise extends above the lower limit of the white band.
+    assert components.pink_board < 2.0
 
 
 def test_1_f_noise_shared_by_the_board_is_recovered():
     estimates = [
-        separate(sample_record(np.random.default_rng(seed), white=4.0, pink_board=15.0)).pink_board for seed in range(8)
+        separate_components(sample_record(np.random.default_rng(seed), white=4.0, pink_board=15.0)).pink_board
+        for seed in range(8)
     ]
     assert np.mean(estimates) == pytest.approx(15.0, rel=0.25)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_impulses_are_found_and_excluded_from_other_components(seed):
-    parts = separate(sample_record(np.random.default_rng(seed), white=4.0, impulse=60.0))
-    assert parts.impulse == pytest.approx(60.0, rel=0.2)
-    assert parts.impulses_per_s == pytest.approx(40 / (FRAMES / RATE_HZ), rel=0.1)
-    assert parts.white == pytest.approx(4.0, rel=0.05)
+    components = separate_components(sample_record(np.random.default_rng(seed), white=4.0, impulse=60.0))
+    assert components.impulse == pytest.approx(60.0, rel=0.2)
+    assert components.impulses_per_s == pytest.approx(40 / (FRAMES / RATE_HZ), rel=0.1)
+    assert components.white == pytest.approx(4.0, rel=0.05)
 
 
 def test_changes_of_a_random_walk_grow_faster_with_the_lag_than_1_f_noise():
-    drift = separate(sample_record(np.random.default_rng(1), white=4.0, walk=3.0))
+    drift = separate_components(sample_record(np.random.default_rng(1), white=4.0, walk=3.0))
     assert drift.mean_change == pytest.approx(3.0 * np.sqrt(0.25 * RATE_HZ), rel=0.3)
     assert drift.mean_change_exponent > 0.6
-    pink_noise = separate(sample_record(np.random.default_rng(1), white=4.0, pink_board=15.0))
+    pink_noise = separate_components(sample_record(np.random.default_rng(1), white=4.0, pink_board=15.0))
     assert pink_noise.mean_change_exponent < 0.6
 
 
 def test_the_spectrum_integrates_to_the_variance():
-    parts = separate(sample_record(np.random.default_rng(1), white=6.0))
-    assert parts.spectrum.mean() * RATE_HZ / 2.0 == pytest.approx(36.0, rel=0.05)
-    assert parts.frequency_hz[-1] == pytest.approx(RATE_HZ / 2.0)
+    components = separate_components(sample_record(np.random.default_rng(1), white=6.0))
+    assert components.spectrum.mean() * RATE_HZ / 2.0 == pytest.approx(36.0, rel=0.05)
+    assert components.frequency_hz[-1] == pytest.approx(RATE_HZ / 2.0)
 
 
 def test_a_constant_record_has_no_noise():
-    parts = separate(np.full((100, KIND.taxel_count), 2400, np.uint16))
-    assert max(parts.white, parts.tx, parts.pink, parts.mean_change, parts.impulse) < 1e-4
+    components = separate_components(np.full((100, KIND.taxel_count), 2400, np.uint16))
+    assert max(components.white, components.tx, components.pink, components.mean_change, components.impulse) < 1e-4
 
 
 def test_too_few_frames_are_refused():
     with pytest.raises(ValueError, match="expected at least 32 frames, found 31"):
-        separate(sample_record(np.random.default_rng(1), frames=31))
+        separate_components(sample_record(np.random.default_rng(1), frames=31))
 
 
 @pytest.mark.parametrize("rate_hz", [6.0, 12.0])
 def test_components_are_recovered_at_low_frame_rates(rate_hz):
     rng = np.random.default_rng(1)
-    parts = separate_noise(KIND, sample_record(rng, frames=80, white=4.0, rx=3.0), rate_hz, 0.1)
-    assert parts.white == pytest.approx(4.0, rel=0.1)
-    assert parts.rx == pytest.approx(3.0, rel=0.35)
+    components = separate_noise(KIND, sample_record(rng, frames=80, white=4.0, rx=3.0), rate_hz, 0.1)
+    assert components.white == pytest.approx(4.0, rel=0.1)
+    assert components.rx == pytest.approx(3.0, rel=0.35)
 
 
 @pytest.mark.parametrize("factor", [1.5, 10.0])
 @pytest.mark.parametrize(
-    ("part", "limit", "name"),
+    ("component", "limit", "name"),
     [
         ("white", "white", "white noise"),
         ("tx", "tx", "TX line noise"),
@@ -142,15 +143,17 @@ def test_components_are_recovered_at_low_frame_rates(rate_hz):
         ("impulse", "impulse", "impulses"),
     ],
 )
-def test_only_the_component_beyond_its_limit_is_reported(part, limit, name, factor):
-    counts = sample_record(np.random.default_rng(1), **{"white": 4.0, part: factor * LIMITS[limit]})
-    (fault,) = find_noise_faults(separate(counts), LIMITS)
+def test_only_the_component_beyond_its_limit_is_reported(component, limit, name, factor):
+    counts = sample_record(np.random.default_rng(1), **{"white": 4.0, component: factor * LIMITS[limit]})
+    (fault,) = find_noise_faults(separate_components(counts), LIMITS)
     assert (fault.name, fault.place) == (name, "board")
     assert fault.severity == pytest.approx(factor, rel=0.3)
 
 
 def test_a_random_walk_is_reported_as_drift():
-    (fault,) = find_noise_faults(separate(sample_record(np.random.default_rng(1), white=4.0, walk=4.0)), LIMITS)
+    (fault,) = find_noise_faults(
+        separate_components(sample_record(np.random.default_rng(1), white=4.0, walk=4.0)), LIMITS
+    )
     assert fault.name == "drift"
 
 
@@ -159,9 +162,9 @@ def test_a_random_walk_is_reported_as_drift():
 def test_a_quiet_board_has_no_noise_fault(kind, seed):
     rng = np.random.default_rng(seed)
     counts = sample_record(rng, KINDS[kind], white=5.0, tx=2.0, rx=2.0, board=2.0, pink=3.0)
-    assert find_noise_faults(separate(counts, KINDS[kind]), LIMITS) == []
+    assert find_noise_faults(separate_components(counts, KINDS[kind]), LIMITS) == []
 
 
 def test_only_components_with_a_limit_are_reported():
-    parts = separate(sample_record(np.random.default_rng(1), white=40.0))
-    assert find_noise_faults(parts, {"board": 5.0}) == []
+    components = separate_components(sample_record(np.random.default_rng(1), white=40.0))
+    assert find_noise_faults(components, {"board": 5.0}) == []

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from host.tests.bench.conftest import ADDRESS, bench_url, find_phase, find_value, list_faults, make_short_plan
+from host.tests.bench.conftest import ADDRESS, find_phase, find_value, list_faults, make_bench_url, make_short_plan
 from taxel.hand import BoardKind, load_hand
 from taxel_protocol.limits import REGISTER_SETTINGS
 from taxel_tools.bench import running
@@ -69,7 +69,7 @@ def test_the_clock_of_the_board_is_measured_over_an_adapter(benches):
         (f"dead rest {BOARD} taxel=9", ("dead taxel", "taxel 9")),
     ],
 )
-def test_a_fault_is_reported_at_its_place(benches, wire, effect, fault):
+def test_a_fault_is_reported_at_its_location(benches, wire, effect, fault):
     record = benches(f"effect {effect}", wire=wire).run(make_short_plan("electrical", "rest", "presses"))
     assert (record.outcome, list_faults(record)) == (Outcome.FAIL, [fault])
 
@@ -182,7 +182,7 @@ def test_an_address_without_a_board_gives_one_error_line(benches):
 
 def test_a_board_in_its_bootloader_is_refused(benches):
     with (
-        running.open_bench(bench_url(f"blank 0x{ADDRESS:02X}")) as (wire, _),
+        running.open_bench(make_bench_url(f"blank 0x{ADDRESS:02X}")) as (wire, _),
         pytest.raises(BoardError, match="board 0x77: runs no taxel application; identify it with taxel scan"),
     ):
         open_board(wire, 0x77, None)
@@ -213,7 +213,7 @@ version = "1"
 
 
 @pytest.mark.parametrize(
-    ("phases", "found"),
+    ("phases", "found_phase"),
     [
         ("[phases.electrical]", "'electrical'"),
         ("[phases.faults]\n[phases.electrical]", "'electrical'"),
@@ -222,9 +222,9 @@ version = "1"
         ("[phases.rest]\n[phases.faults]\n[kinds.palm.faults]\nenabled = false", "'rest'"),
     ],
 )
-def test_a_plan_without_the_merging_phase_at_its_end_is_refused(phases, found):
+def test_a_plan_without_the_merging_phase_at_its_end_is_refused(phases, found_phase):
     plan = parse_plan(MERGING_PLAN.format(phases=phases).encode(), "plan.toml")
-    expected = f"plan.toml: phases: expected 'faults' as the last phase, found {found}; add"
+    expected = f"plan.toml: phases: expected 'faults' as the last phase, found {found_phase}; add"
     with pytest.raises(PlanError) as error:
         running.load_plan_phases(plan)
     assert str(error.value).startswith(expected)
@@ -241,8 +241,8 @@ def test_a_kind_that_is_not_in_the_hand_description_is_refused():
 def test_a_board_at_the_address_of_another_kind_is_noted(benches):
     bench = benches()
     hand = load_hand("allegro")
-    moved = replace(hand, boards=(replace(hand.get_board(0x22), address=ADDRESS),))
-    bench.board = open_board(bench.board.wire, ADDRESS, moved)
+    changed_hand = replace(hand, boards=(replace(hand.get_board(0x22), address=ADDRESS),))
+    bench.board = open_board(bench.board.wire, ADDRESS, changed_hand)
     record = bench.run(make_short_plan("identify"))
     assert "in hand 'allegro' the board at this address is of kind 'fingertip'" in find_phase(record, "identify").notes
 
@@ -250,12 +250,12 @@ def test_a_board_at_the_address_of_another_kind_is_noted(benches):
 def test_the_end_of_the_link_gives_one_error_line(benches, monkeypatch):
     bench = benches()
 
-    def end(timeout_s):
+    def raise_end_of_file(timeout_s):
         raise EOFError
 
     def report(phase, fraction):
         if phase == "rest":
-            monkeypatch.setattr(bench.board.wire.hub.stream, "poll", end)
+            monkeypatch.setattr(bench.board.wire.hub.stream, "poll", raise_end_of_file)
 
     record = bench.run(make_short_plan("electrical", "rest", "frames"), report)
     assert record.outcome is Outcome.ERROR

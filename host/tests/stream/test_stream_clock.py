@@ -43,11 +43,11 @@ class Delivered(NamedTuple):
 
 def make_chunks(parts, jitter_s, rng):
     """Make chunks of (departure time on the host's clock, bytes); the host reads at intervals of up to `jitter_s`."""
-    chunks, free, read_s = [], 0.0, 0.0
+    chunks, line_free_s, read_s = [], 0.0, 0.0
     for departure, data in parts:
-        free = max(free, departure) + len(data) * BYTE_S
-        while read_s < free:
-            read_s = max(read_s + rng.uniform(0.0, jitter_s), free - jitter_s) if jitter_s else free
+        line_free_s = max(line_free_s, departure) + len(data) * BYTE_S
+        while read_s < line_free_s:
+            read_s = max(read_s + rng.uniform(0.0, jitter_s), line_free_s - jitter_s) if jitter_s else line_free_s
         chunks.append(Chunk(data, round(read_s * 1e9)))
     return chunks
 
@@ -62,33 +62,38 @@ def simulate_stream(
     handshake_s = begin_s - 0.05
     handshake = hub.handshake(tag=1, uptime_us=int(hub_begin_us + handshake_s * rate * 1e6))
     parts = [(handshake_s + host_offset_s, handshake)]
-    now, cycle, sequence = begin_s, 0, 0
+    now_s, cycle, sequence = begin_s, 0, 0
     addresses = sorted(boards)
 
     def hub_us(t):
         return int(hub_begin_us + t * rate * 1e6)
 
-    def board_at(address, t):
+    def find_board(address, t):
         return [board for since, board in boards[address] if since <= t][-1]
 
-    while now < seconds:
+    while now_s < seconds:
         for address in addresses:
-            scan = now - rng.uniform(0.2, 1.0) * SNAPSHOT_AGE_S
-            board = board_at(address, scan)
+            scan = now_s - rng.uniform(0.2, 1.0) * SNAPSHOT_AGE_S
+            board = find_board(address, scan)
             if scan >= board.boot_s:
                 sequence += 1
                 data = hub.taxels(
-                    address, cycle, range(60), board_sequence=sequence, board_us=board.time_us(scan), hub_us=hub_us(now)
+                    address,
+                    cycle,
+                    range(60),
+                    board_sequence=sequence,
+                    board_us=board.time_us(scan),
+                    hub_us=hub_us(now_s),
                 )
                 truth[address, sequence % 65536, cycle % 65536] = scan + host_offset_s
-                parts.append((now + READ_S + host_offset_s, data))
-            now += READ_S + 2e-5
+                parts.append((now_s + READ_S + host_offset_s, data))
+            now_s += READ_S + 2e-5
         address = addresses[cycle % len(addresses)]
-        sync_s = now + 7e-5
-        now += 2.5e-4
-        board = board_at(address, sync_s)
+        sync_s = now_s + 7e-5
+        now_s += 2.5e-4
+        board = find_board(address, sync_s)
         if sync_s >= board.boot_s:
-            parts.append((now + host_offset_s, hub.sync(address, board.time_us(sync_s), hub_us(sync_s))))
+            parts.append((now_s + host_offset_s, hub.sync(address, board.time_us(sync_s), hub_us(sync_s))))
         cycle += 1
     return Delivered(make_chunks(parts, jitter_s, rng), truth)
 
@@ -149,11 +154,14 @@ def test_the_clock_of_a_single_board_is_mapped_to_the_host(hub, make_prepared_li
 
 
 @pytest.mark.parametrize("reads_single_chunks", [False, True], ids=["many chunks at once", "single chunks"])
-@pytest.mark.parametrize("which", ["boards", "hub"])
-def test_times_are_continuous_across_a_32_bit_wrap(hub, make_prepared_link, reads_single_chunks, which):
+@pytest.mark.parametrize("wrapping_clock", ["boards", "hub"])
+def test_times_are_continuous_across_a_32_bit_wrap(hub, make_prepared_link, reads_single_chunks, wrapping_clock):
     begin = 2**32 - 4_000_000
-    boards = {0x20 + i: [(-1.0, Board(ppm, begin_us=begin if which == "boards" else 0))] for i, ppm in enumerate(PPMS)}
-    sent = simulate_stream(hub, boards, 6.0, 2e-3, hub_begin_us=begin if which == "hub" else 0)
+    boards = {
+        0x20 + i: [(-1.0, Board(ppm, begin_us=begin if wrapping_clock == "boards" else 0))]
+        for i, ppm in enumerate(PPMS)
+    }
+    sent = simulate_stream(hub, boards, 6.0, 2e-3, hub_begin_us=begin if wrapping_clock == "hub" else 0)
     link = make_prepared_link(sent.chunks, reads_single_chunks=reads_single_chunks)
     rows = measure_errors(link, lambda f: sent.truth[f.address, f.sequence, f.cycle], 1000.0)
     assert find_largest_error(rows, SETTLED_S) < TOLERANCE_S
@@ -189,22 +197,24 @@ def test_a_restart_inside_a_large_batch_does_not_change_the_times_of_earlier_fra
 @pytest.mark.parametrize("reads_single_chunks", [False, True], ids=["many chunks at once", "single chunks"])
 def test_a_hub_restart_starts_a_new_clock_mapping(make_hub, make_prepared_link, reads_single_chunks):
     boards = {0x20 + i: [(-1.0, Board(ppm, boot_s=-3.0))] for i, ppm in enumerate(PPMS)}
-    first, second = make_hub(100), make_hub(0)
-    before = simulate_stream(first, boards, 4.5, 2e-3, hub_begin_us=50_000_000)
-    restart = Chunk(second.handshake(tag=0, uptime_us=50), before.chunks[-1].arrival_ns + 10_000_000)
+    first_hub, second_hub = make_hub(100), make_hub(0)
+    before_restart = simulate_stream(first_hub, boards, 4.5, 2e-3, hub_begin_us=50_000_000)
+    restart = Chunk(second_hub.handshake(tag=0, uptime_us=50), before_restart.chunks[-1].arrival_ns + 10_000_000)
     boards = {address: [(-1.0, Board(b[0][1].rate * 1e6 - 1e6, boot_s=-10.0))] for address, b in boards.items()}
-    after = simulate_stream(second, boards, 5.0, 2e-3, host_offset_s=1005.0)
-    truth = before.truth | {(a, s, c + 10_000): t for (a, s, c), t in after.truth.items()}
+    after_restart = simulate_stream(second_hub, boards, 5.0, 2e-3, host_offset_s=1005.0)
+    truth = before_restart.truth | {(a, s, c + 10_000): t for (a, s, c), t in after_restart.truth.items()}
     restarted = []
 
-    def true_time(frame):
+    def find_true_time(frame):
         if frame.hub_time_us < 49_000_000:
             restarted.append(True)
         return truth[frame.address, frame.sequence, frame.cycle + (10_000 if restarted else 0)]
 
     rows = measure_errors(
-        make_prepared_link([*before.chunks, restart, *after.chunks], reads_single_chunks=reads_single_chunks),
-        true_time,
+        make_prepared_link(
+            [*before_restart.chunks, restart, *after_restart.chunks], reads_single_chunks=reads_single_chunks
+        ),
+        find_true_time,
         1000.0,
     )
     settled = ((rows[:, 0] > 3.0) & (rows[:, 0] < 4.0)) | (rows[:, 0] > 8.5)

@@ -19,6 +19,8 @@ HAND = load_hand("flat8")
 ADDRESSES = [board.address for board in HAND.boards]
 TAXELS = {board.address: board.kind.taxel_count for board in HAND.boards}
 READ_SIZE = 256
+STOP_SCAN, RESTART = bytes([0x70, 0x02, 0xFD]), bytes([0x70, 0x04, 0xFB])
+"""Writes to the command register: register, command, complement of the command."""
 
 
 class PreparedLink:
@@ -103,7 +105,7 @@ def skin():
 
 def stop_scan(hub: PolledSkin, address: int) -> tuple[int, list[int]]:
     """Stop the scan of a board; return sequence and counts of its last compact frame."""
-    hub.world.transfer(address, bytes([0x70, 0x02, 0xFD]), 0)
+    hub.world.transfer(address, STOP_SCAN, 0)
     hub.world.run(0.02)
     _, data = hub.world.transfer(address, bytes([REGISTER_COMPACT]), READ_SIZE)
     payload = data[1 : 1 + compact_size(data[0])]
@@ -155,8 +157,8 @@ def test_a_restarted_board_starts_with_a_new_key_frame(skin):
     for _ in range(20):
         skin.poll(address)
         skin.world.run(0.016)
-    before = skin.sizes[address]
-    skin.world.transfer(address, bytes([0x70, 0x04, 0xFB]), 0)
+    size_before_restart = skin.sizes[address]
+    skin.world.transfer(address, RESTART, 0)
     skin.world.run(0.4)
     skin.read(address, bytes([REGISTER_COMPACT]))
     skin.world.run(0.05)
@@ -165,17 +167,17 @@ def test_a_restarted_board_starts_with_a_new_key_frame(skin):
         received += skin.poll(address)
         skin.world.run(0.016)
     assert len(received) > 30
-    assert skin.sizes[address] < before + 6
+    assert skin.sizes[address] < size_before_restart + 6
     assert stop_scan(skin, address) == skin.read_stopped_snapshot(address)
 
 
 def test_a_damaged_read_is_repeated_by_writing_the_pointer(skin):
     address = ADDRESSES[0]
-    skin.world.transfer(address, bytes([0x70, 0x02, 0xFD]), 0)
+    skin.world.transfer(address, STOP_SCAN, 0)
     skin.world.run(0.02)
-    first = skin.read(address, bytes([REGISTER_COMPACT]))
-    assert first
-    assert skin.read(address, bytes([REGISTER_COMPACT])) == first
+    first_read = skin.read(address, bytes([REGISTER_COMPACT]))
+    assert first_read
+    assert skin.read(address, bytes([REGISTER_COMPACT])) == first_read
     assert skin.read(address) == b""
 
 

@@ -24,7 +24,7 @@ def make_taxel_payload(address, counts, headers, damage=0):
 
 
 @st.composite
-def frames(draw, kinds=tuple(TO_HOST)):
+def sample_frames(draw, kinds=tuple(TO_HOST)):
     """Strategy for (type, sequence, payload) of a valid frame."""
     kind = draw(st.sampled_from(kinds))
     sequence = draw(st.integers(0, 65535))
@@ -46,7 +46,7 @@ def frames(draw, kinds=tuple(TO_HOST)):
 damages = st.sampled_from(["none", "none", "none", "flip", "lose", "add", "zero", "swap", "cut", "first", "last"])
 
 
-def damage(wire, how, rng):
+def damage(wire, kind_of_damage, rng):
     """Damage the wire bytes of a frame in one way."""
     i = rng.randrange(len(wire))
     return {
@@ -59,22 +59,22 @@ def damage(wire, how, rng):
         "cut": wire[:i],
         "first": wire[1:],
         "last": wire[:-1],
-    }[how]
+    }[kind_of_damage]
 
 
 @st.composite
-def streams(draw):
+def sample_streams(draw):
     """Strategy for wire bytes of frames, some of them damaged, with random bytes between them."""
     rng = random.Random(draw(st.integers(0, 2**32)))
     parts = []
-    for frame in draw(st.lists(frames() | frames(tuple(TO_HUB)), max_size=12)):
+    for frame in draw(st.lists(sample_frames() | sample_frames(tuple(TO_HUB)), max_size=12)):
         parts.append(damage(encode_frame(*frame), draw(damages), rng))
         if draw(st.integers(0, 5)) == 0:
             parts.append(rng.randbytes(rng.choice([1, 10, 700])))
     return b"".join(parts)
 
 
-def divide(data, rng):
+def divide_randomly(data, rng):
     """Divide bytes into pieces of random sizes."""
     pieces = []
     while data:
@@ -123,10 +123,10 @@ def decode_with_reference(data):
 
 
 @settings(max_examples=100, deadline=None)
-@given(st.lists(frames(), max_size=20), st.integers(0, 2**32))
+@given(st.lists(sample_frames(), max_size=20), st.integers(0, 2**32))
 def test_an_undamaged_stream_gives_every_frame(sent, seed):
     data = b"".join(encode_frame(*frame) for frame in sent)
-    taxels, messages, discarded = decode(divide(data, random.Random(seed)))
+    taxels, messages, discarded = decode(divide_randomly(data, random.Random(seed)))
     expected_taxels, expected_messages = decode_with_reference(data)
     assert len(expected_taxels) + len(expected_messages) == len(sent)
     assert taxels == expected_taxels
@@ -135,9 +135,9 @@ def test_an_undamaged_stream_gives_every_frame(sent, seed):
 
 
 @settings(max_examples=150, deadline=None)
-@given(streams(), st.integers(0, 2**32))
+@given(sample_streams(), st.integers(0, 2**32))
 def test_a_damaged_stream_gives_the_frames_of_the_reference_decoder(data, seed):
-    taxels, messages, _ = decode(divide(data, random.Random(seed)))
+    taxels, messages, _ = decode(divide_randomly(data, random.Random(seed)))
     expected_taxels, expected_messages = decode_with_reference(data)
     assert taxels == expected_taxels
     # The only difference: the batch decoder ignores frames addressed to the hub.
@@ -148,15 +148,15 @@ def test_a_damaged_stream_gives_the_frames_of_the_reference_decoder(data, seed):
 @given(st.binary(max_size=3000), st.integers(0, 2**32))
 def test_the_decoded_frames_do_not_depend_on_the_piece_sizes(data, seed):
     expected = decode([data])
-    assert decode(divide(data, random.Random(seed))) == expected
+    assert decode(divide_randomly(data, random.Random(seed))) == expected
     assert decode([data[i : i + 1] for i in range(len(data))]) == expected
     assert expected[2] == len(data) - data.count(0)  # random bytes contain no valid frame
 
 
 def test_discarded_bytes_are_the_bytes_outside_frames(hub):
-    good = [hub.log(b"a"), hub.taxels(0x20, 1), hub.log(b"b")]
+    frames = [hub.log(b"a"), hub.taxels(0x20, 1), hub.log(b"b")]
     noise = b"\x05\x06\x07\x08\x09"
-    assert decode([good[0] + noise + good[1][1:] + good[2]])[2] == len(noise)
+    assert decode([frames[0] + noise + frames[1][1:] + frames[2]])[2] == len(noise)
 
 
 @pytest.mark.parametrize("size", [1, 3, TAXELS_MAX])
@@ -181,10 +181,10 @@ def test_the_decoder_recovers_after_a_long_stream_without_a_delimiter(hub):
 def test_the_stream_position_of_a_row_is_the_end_of_its_frame(hub):
     parts = [hub.log(b"a"), hub.taxels(0x20, 1), hub.taxels(0x21, 1)]
     batches = StreamDecoder().push(b"".join(parts))
-    ends = [int(p) for batch in batches for p in batch.taxel_rows["stream_position"]]
+    end_positions = [int(p) for batch in batches for p in batch.taxel_rows["stream_position"]]
     # Either the last byte of the frame or its delimiter.
-    assert ends[0] in (len(parts[0] + parts[1]) - 1, len(parts[0] + parts[1]))
-    assert ends[1] in (len(b"".join(parts)) - 1, len(b"".join(parts)))
+    assert end_positions[0] in (len(parts[0] + parts[1]) - 1, len(parts[0] + parts[1]))
+    assert end_positions[1] in (len(b"".join(parts)) - 1, len(b"".join(parts)))
 
 
 def test_a_frame_with_a_wrong_board_crc_is_flagged_and_counted(hub):

@@ -116,9 +116,9 @@ def test_a_wrong_board_crc_is_detected_for_every_board_size(count_losses, hub):
     rng = np.random.default_rng(1)
     sizes = [1, 2, 3, 7, 8, 15, 16, 29, 63, 64, 77, 100, 113, 128, 199, 240]
     sent = [
-        (0x20 + place, cycle, hub.taxels(0x20 + place, cycle, rng.integers(0, 65536, size), damage=damage))
+        (0x20 + position, cycle, hub.taxels(0x20 + position, cycle, rng.integers(0, 65536, size), damage=damage))
         for cycle, damages in enumerate(([0] * 16, [1 << int(rng.integers(0, 32)) for _ in sizes], [0] * 16))
-        for place, (size, damage) in enumerate(zip(sizes, damages, strict=True))
+        for position, (size, damage) in enumerate(zip(sizes, damages, strict=True))
     ]
     account = count_losses(b"".join(wire for _, _, wire in sent))
     assert {(count.received, count.damaged) for count in account.boards.values()} == {(2, 1)}
@@ -127,11 +127,13 @@ def test_a_wrong_board_crc_is_detected_for_every_board_size(count_losses, hub):
 
 @pytest.mark.parametrize("size", [1, 50, 10_000], ids=["single bytes", "in pieces", "at once"])
 def test_a_hub_restart_is_counted_and_gives_no_losses(count_losses, make_hub, size):
-    before = make_hub(500)
-    after = make_hub(0)
-    data = b"".join(wire for _, wire in make_cycles(before, 10, first=900))
+    hub_before = make_hub(500)
+    hub_after = make_hub(0)
+    data = b"".join(wire for _, wire in make_cycles(hub_before, 10, first=900))
     data += (
-        after.handshake(tag=0) + after.handshake(tag=1) + b"".join(wire for _, wire in make_cycles(after, 10, first=0))
+        hub_after.handshake(tag=0)
+        + hub_after.handshake(tag=1)
+        + b"".join(wire for _, wire in make_cycles(hub_after, 10, first=0))
     )
     account = count_losses(data, [size])
     assert account.restarts == 1
@@ -140,10 +142,10 @@ def test_a_hub_restart_is_counted_and_gives_no_losses(count_losses, make_hub, si
 
 
 def test_a_restart_is_detected_after_a_lost_frame(count_losses, make_hub):
-    before, after = make_hub(10), make_hub(0)
-    data = before.taxels(0x20, 5)
-    before.log()  # lost together with its sequence number
-    data += after.handshake() + after.taxels(0x20, 0)
+    hub_before, hub_after = make_hub(10), make_hub(0)
+    data = hub_before.taxels(0x20, 5)
+    hub_before.log()  # lost together with its sequence number
+    data += hub_after.handshake() + hub_after.taxels(0x20, 0)
     account = count_losses(data)
     assert (account.restarts, account.lost_on_wire, account.boards[0x20].missing) == (1, 0, 0)
 

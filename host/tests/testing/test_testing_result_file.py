@@ -140,12 +140,12 @@ def test_a_badly_decoded_name_is_stored(make_record, tmp_path):
 def test_an_existing_file_is_overwritten_only_on_request(full_record, make_record, tmp_path):
     path = tmp_path / "r.json"
     write_json(full_record, path)
-    other = make_record()
+    other_record = make_record()
     with pytest.raises(ResultFileError, match=r"r\.json: file: expected a new file, found an existing one; choose"):
-        write_json(other, path)
+        write_json(other_record, path)
     assert comparison_key(read_json(path)) == comparison_key(full_record)
-    write_json(other, path, overwrite=True)
-    assert comparison_key(read_json(path)) == comparison_key(other)
+    write_json(other_record, path, overwrite=True)
+    assert comparison_key(read_json(path)) == comparison_key(other_record)
 
 
 def test_a_file_created_meanwhile_is_not_overwritten(full_record, tmp_path, monkeypatch):
@@ -215,8 +215,8 @@ def damage_document(record, path, value):
     """The document with one changed entry; `...` removes the entry."""
     document = json.loads(json_bytes(record))
     node = document
-    for part in path[:-1]:
-        node = node[part]
+    for section in path[:-1]:
+        node = node[section]
     if value is ...:
         del node[path[-1]]
     else:
