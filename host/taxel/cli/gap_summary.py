@@ -6,8 +6,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from taxel.gap.page.effect_cards import parameters_text
-from taxel.gap.page.text import clean_text, readable
+from taxel.gap.page.effect_cards import format_parameters
+from taxel.gap.page.text import clean_text, make_readable
 from taxel.gap.report.checked_report import CheckedReport
 
 
@@ -26,8 +26,8 @@ def print_summary(console: Console, report: Mapping[str, Any]) -> None:
     checked = CheckedReport(report)
     for effect in checked.effects:
         if effect.flag("in_verdict"):
-            parameters = parameters_text(checked, effect)
-            _print_line(console, readable(effect.text("name")) + (f": {parameters}" if parameters else ""))
+            parameters = format_parameters(checked, effect)
+            _print_line(console, make_readable(effect.text("name")) + (f": {parameters}" if parameters else ""))
     for loss in report["losses"]:
         _print_line(console, f"missing data: {clean_text(loss)}")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from taxel.gap.page.rendering import render
-from taxel.gap.page.text import ABSENT, number, readable
+from taxel.gap.page.text import ABSENT, format_number, make_readable
 from taxel.thesis.distance_agreement import DistanceAgreement
 from taxel.thesis.figures import FIGURES
 from taxel.thesis.findings import Finding, FurtherResult
@@ -77,7 +77,7 @@ def _finding_context(finding: Finding) -> dict[str, Any]:
     """Variables of the template for one finding."""
     unit = "" if finding.unit == "1" else f" {finding.unit}"
     entries = [
-        {"text": f"{number(value)}{unit} ({number(printed)})", "holds": finding.holds[name]}
+        {"text": f"{format_number(value)}{unit} ({format_number(printed)})", "holds": finding.holds[name]}
         for (name, value), printed in zip(finding.numbers.items(), finding.printed, strict=False)
     ]
     return {
@@ -93,8 +93,8 @@ def _gap_context(gap: GapSummary) -> dict[str, Any]:
     return {
         "headline": gap.headline,
         "is_largest_cause_found": gap.is_largest_cause_found,
-        "shares": [(readable(name), number(share)) for name, share in gap.shares.items()],
-        "steps": [(step, number(value), number(printed)) for step, (value, printed) in gap.steps.items()],
+        "shares": [(make_readable(name), format_number(share)) for name, share in gap.shares.items()],
+        "steps": [(step, format_number(value), format_number(printed)) for step, (value, printed) in gap.steps.items()],
     }
 
 
@@ -124,7 +124,7 @@ def _entry_context(row: Row, column: str) -> dict[str, str]:
     )
     ratio = row.ratio(column)
     return {
-        "value": number(value),
-        "printed": number(printed),
+        "value": format_number(value),
+        "printed": format_number(printed),
         "ratio": ABSENT if ratio is None else f"{ratio:.2f}",
     }

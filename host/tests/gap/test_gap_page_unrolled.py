@@ -15,7 +15,7 @@ import pytest
 from taxel.gap.errors import GapInputError
 from taxel.gap.page import unrolled_png, unrolled_svg
 from taxel.gap.page.board_map import View, arrange_views, list_boards
-from taxel.gap.page.colours import DARK, LIGHT, STEPS, step_of, top_of
+from taxel.gap.page.colours import DARK, LIGHT, STEPS, compute_top, select_step
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.hand import load_hand
 
@@ -136,9 +136,9 @@ def test_the_colour_is_linear_in_the_root_of_the_excess_on_a_common_scale() -> N
 
 def test_the_scale_ends_at_three_floors_or_above() -> None:
     noise = ([1.0, 0.0], [0.5, 0.0])
-    assert top_of(noise, FLOOR) == 3 * FLOOR
-    assert step_of(1.0, top_of(noise, FLOOR)) <= 2
-    assert top_of(([-1.0], [-2.0]), 0.0) > 0.0
+    assert compute_top(noise, FLOOR) == 3 * FLOOR
+    assert select_step(1.0, compute_top(noise, FLOOR)) <= 2
+    assert compute_top(([-1.0], [-2.0]), 0.0) > 0.0
 
 
 def test_a_taxel_without_data_is_empty() -> None:

@@ -62,31 +62,31 @@ class Bar:
     height: int = HEIGHT
 
 
-def share_bar(axis: Axis, share: float, is_strong: bool) -> Bar:
+def build_share_bar(axis: Axis, share: float, is_strong: bool) -> Bar:
     """A bar from zero; pale unless `is_strong`."""
     return Bar((_rect(axis, 0.0, share, "mark" if is_strong else "faint", 5, 12), *_zero_line(axis)))
 
 
-def waterfall_bar(axis: Axis, start: float, end: float, kind: str, floor: float | None) -> Bar:
+def build_waterfall_bar(axis: Axis, start: float, end: float, kind: str, floor: float | None) -> Bar:
     """A step from `start` to `end` with the CSS class `kind`, and the floor as a line through all rows."""
     floor_line = () if floor is None else (_vertical_line(axis, floor, "floor", STEP_HEIGHT),)
     return Bar((_rect(axis, start, end, kind, 9, 20), *floor_line), STEP_HEIGHT)
 
 
-def shrink_bar(axis: Axis, shrink: float, bounds: Interval | None, is_strong: bool) -> Bar:
+def build_shrink_bar(axis: Axis, shrink: float, bounds: Interval | None, is_strong: bool) -> Bar:
     """A bar from zero with its interval."""
     bar = _rect(axis, 0.0, shrink, "mark" if is_strong else "faint", 5, 12)
     return Bar((bar, *_zero_line(axis), *_whisker(axis, bounds)))
 
 
-def before_after_bar(axis: Axis, before: float, after: float, floor: float | None) -> Bar:
+def build_before_after_bar(axis: Axis, before: float, after: float, floor: float | None) -> Bar:
     """A ring at the value before, a dot at the value after, and a line at the floor."""
     floor_line = () if floor is None else (_vertical_line(axis, floor, "floor"),)
     connection = Shape("line", "thread", {"x1": axis.at(before), "x2": axis.at(after), **_at_middle()})
     return Bar((*floor_line, connection, _circle(axis, before, "ring"), _circle(axis, after, "dot")))
 
 
-def prediction_bar(axis: Axis, predicted: float | None, measured: float | None, bounds: Interval | None) -> Bar:
+def build_prediction_bar(axis: Axis, predicted: float | None, measured: float | None, bounds: Interval | None) -> Bar:
     """A diamond at the predicted value, and a dot with its interval at the measured value."""
     shapes = [Shape("line", "axis", {"x1": "0", "x2": "100%", **_at_middle()}), *_whisker(axis, bounds)]
     if measured is not None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from taxel.gap.page.text import readable
+from taxel.gap.page.text import make_readable
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.hand.unrolled_layout import SIDES, get_short_name
 
@@ -146,7 +146,7 @@ def _arrange_in_rows(boards: Sequence[Board]) -> View:
     row: list[PlacedBoard] = []
     x, top, right_edge = EDGE, LABEL, 0.0
     for board in boards:
-        label = readable(board.name)
+        label = make_readable(board.name)
         label = label if len(label) <= MAX_NAME else f"{label[: MAX_NAME - 1]}\N{HORIZONTAL ELLIPSIS}"
         width = max(board.columns, LETTER * (len(label) + 6))  # includes space for the board's share after its name
         if row and x + width > ROW_WIDTH:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from taxel.gap.page.bars import Axis, before_after_bar, share_bar
+from taxel.gap.page.bars import Axis, build_before_after_bar, build_share_bar
 from taxel.gap.page.cells import Heading, SectionData, TableData, make_table
-from taxel.gap.page.locations import board_text
-from taxel.gap.page.text import number, readable
+from taxel.gap.page.locations import format_board
+from taxel.gap.page.text import format_number, make_readable
 from taxel.gap.report.checked_report import CheckedReport, address_of
 from taxel.gap.report.report_values import ReportValue
 
@@ -13,7 +13,7 @@ _GAP = Heading("Gap of held-out grasps", "pic")
 _COUNTS = Heading("Counts", "n")
 
 
-def ablation_section(report: CheckedReport) -> SectionData | None:
+def build_ablation_section(report: CheckedReport) -> SectionData | None:
     """The gap without one effect of the verdict; None if the report has no ablation. Raises GapInputError."""
     entries = report.root.optional_list("ablation")
     if not entries:
@@ -21,12 +21,14 @@ def ablation_section(report: CheckedReport) -> SectionData | None:
     complete = report.after.number("value")
     gaps = [entry.number("gap") for entry in entries]
     axis = Axis.over([complete, *gaps])
-    rows = [("all effects of the verdict", share_bar(axis, complete, False), number(complete, axis.high), "")]
+    rows = [
+        ("all effects of the verdict", build_share_bar(axis, complete, False), format_number(complete, axis.high), "")
+    ]
     rows += [
         (
-            f"without {readable(entry.text('without'))}",
-            share_bar(axis, gap, True),
-            number(gap, axis.high),
+            f"without {make_readable(entry.text('without'))}",
+            build_share_bar(axis, gap, True),
+            format_number(gap, axis.high),
             _increase(gap - complete, axis.high),
         )
         for entry, gap in zip(entries, gaps, strict=True)
@@ -36,11 +38,11 @@ def ablation_section(report: CheckedReport) -> SectionData | None:
     return SectionData("ablation", "Without each effect", "table", {"table": table})
 
 
-def parts_section(report: CheckedReport) -> SectionData | None:
+def build_parts_section(report: CheckedReport) -> SectionData | None:
     """Before and after by object and by board; None if the report has neither. Raises GapInputError."""
     root = report.root
-    objects = [(readable(entry.text("name")), entry) for entry in root.optional_list("by_object")]
-    boards = [(board_text(report, address_of(entry)), entry) for entry in root.optional_list("by_sensor")]
+    objects = [(make_readable(entry.text("name")), entry) for entry in root.optional_list("by_object")]
+    boards = [(format_board(report, address_of(entry)), entry) for entry in root.optional_list("by_sensor")]
     tables = [
         table for table in (_before_after_table("Object", objects), _before_after_table("Board", boards)) if table
     ]
@@ -57,12 +59,12 @@ def _before_after_table(title: str, entries: list[tuple[str, ReportValue]]) -> T
     headings = (Heading(title), Heading("", "pic"), *(Heading(key.capitalize(), "n") for key in keys))
     rows = []
     for (name, _), (before, after, floor) in zip(entries, numbers, strict=True):
-        bar = None if before is None or after is None else before_after_bar(axis, before, after, floor)
-        rows.append((name, bar, *(number(value, axis.high) for value in (before, after, floor))))
+        bar = None if before is None or after is None else build_before_after_bar(axis, before, after, floor)
+        rows.append((name, bar, *(format_number(value, axis.high) for value in (before, after, floor))))
     return make_table(headings, rows, f"Before and after by {title.lower()}", "parts")
 
 
-def thesis_section(report: CheckedReport) -> SectionData | None:
+def build_thesis_section(report: CheckedReport) -> SectionData | None:
     """The gap after each processing step of the thesis; None if the report has none. Raises GapInputError."""
     entries = report.root.optional_list("thesis_terms")
     if not entries:
@@ -71,10 +73,10 @@ def thesis_section(report: CheckedReport) -> SectionData | None:
     axis = Axis.over(gaps)
     rows = [
         (
-            readable(entry.text("step")),
-            None if gap is None else share_bar(axis, gap, True),
-            number(gap, axis.high),
-            number(entry.optional_number("mm")),
+            make_readable(entry.text("step")),
+            None if gap is None else build_share_bar(axis, gap, True),
+            format_number(gap, axis.high),
+            format_number(entry.optional_number("mm")),
         )
         for entry, gap in zip(entries, gaps, strict=True)
     ]
@@ -84,4 +86,4 @@ def thesis_section(report: CheckedReport) -> SectionData | None:
 
 
 def _increase(difference: float, beside: float) -> str:
-    return f"+{number(difference, beside)}" if difference > 0 else number(difference, beside)
+    return f"+{format_number(difference, beside)}" if difference > 0 else format_number(difference, beside)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from taxel.gap.page.bars import Bar
-from taxel.gap.page.terms import term_anchor
+from taxel.gap.page.terms import make_anchor
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Cell:
     @property
     def anchor(self) -> str:
         """Anchor of the term; empty without a term."""
-        return term_anchor(self.term) if self.term else ""
+        return make_anchor(self.term) if self.term else ""
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ STEPS = len(LIGHT)
 MIN_TOP_FLOORS = 3.0
 
 
-def top_of(excess: tuple[list[float], list[float]], floor: float) -> float:
+def compute_top(excess: tuple[list[float], list[float]], floor: float) -> float:
     """Upper end of the scale, counts: the root of the largest excess before or after [n] (counts squared).
 
     floor: of the gap, counts; the scale ends at `MIN_TOP_FLOORS` times the floor or above.
@@ -51,16 +51,16 @@ def top_of(excess: tuple[list[float], list[float]], floor: float) -> float:
     return max(math.sqrt(max(largest, 0.0)), MIN_TOP_FLOORS * floor, math.ulp(1.0))
 
 
-def step_of(excess: float, top: float) -> int:
+def select_step(excess: float, top: float) -> int:
     """Step of the ramp, 0 to STEPS - 1, of an excess (counts squared): linear in its root; 0 for an excess up to 0."""
     return min(STEPS - 1, int(STEPS * math.sqrt(max(excess, 0.0)) / top))
 
 
-def ramp_css(colours: tuple[str, ...]) -> str:
+def format_ramp_css(colours: tuple[str, ...]) -> str:
     """The ramp as CSS custom properties."""
     return "".join(f"--q{step}:{colour};" for step, colour in enumerate(colours))
 
 
-def step_css() -> str:
+def format_step_css() -> str:
     """A CSS class for each step."""
     return "".join(f".q{step}{{fill:var(--q{step})}}" for step in range(STEPS))

@@ -8,36 +8,40 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from taxel.gap.page.breakdown_sections import ablation_section, parts_section, thesis_section
+from taxel.gap.page.breakdown_sections import build_ablation_section, build_parts_section, build_thesis_section
 from taxel.gap.page.cells import SectionData
-from taxel.gap.page.colours import DARK, LIGHT, ramp_css, step_css
-from taxel.gap.page.effects_section import effects_section
-from taxel.gap.page.figures_section import figures_section
-from taxel.gap.page.hand_section import hand_section
-from taxel.gap.page.header_section import header_context
-from taxel.gap.page.inputs_section import inputs_section
-from taxel.gap.page.location_section import location_section
-from taxel.gap.page.remainder_sections import confounded_section, recommendation_section, unexplained_section
+from taxel.gap.page.colours import DARK, LIGHT, format_ramp_css, format_step_css
+from taxel.gap.page.effects_section import build_effects_section
+from taxel.gap.page.figures_section import build_figures_section
+from taxel.gap.page.hand_section import build_hand_section
+from taxel.gap.page.header_section import build_header_context
+from taxel.gap.page.inputs_section import build_inputs_section
+from taxel.gap.page.location_section import build_location_section
+from taxel.gap.page.remainder_sections import (
+    build_confounded_section,
+    build_recommendation_section,
+    build_unexplained_section,
+)
 from taxel.gap.page.rendering import read_resource, render
-from taxel.gap.page.terms_section import terms_section
+from taxel.gap.page.terms_section import build_terms_section
 from taxel.gap.page.text import clean_text
-from taxel.gap.page.waterfall_section import waterfall_section
+from taxel.gap.page.waterfall_section import build_waterfall_section
 from taxel.gap.report.checked_report import CheckedReport
 
 _SECTIONS: tuple[Callable[[CheckedReport], SectionData | None], ...] = (
-    figures_section,
-    hand_section,
-    waterfall_section,
-    location_section,
-    effects_section,
-    confounded_section,
-    unexplained_section,
-    recommendation_section,
-    ablation_section,
-    parts_section,
-    thesis_section,
-    terms_section,
-    inputs_section,
+    build_figures_section,
+    build_hand_section,
+    build_waterfall_section,
+    build_location_section,
+    build_effects_section,
+    build_confounded_section,
+    build_unexplained_section,
+    build_recommendation_section,
+    build_ablation_section,
+    build_parts_section,
+    build_thesis_section,
+    build_terms_section,
+    build_inputs_section,
 )
 
 # The browser fetches and executes nothing, regardless of the texts in a report.
@@ -75,7 +79,7 @@ def page_text(report: Mapping[str, Any]) -> str:
         title=clean_text(f"Gap report: {checked.verdict.text('one_line')}"),
         policy=_POLICY,
         style=_style(),
-        header=header_context(checked),
+        header=build_header_context(checked),
         sections=sections,
     )
 
@@ -83,7 +87,6 @@ def page_text(report: Mapping[str, Any]) -> str:
 @cache
 def _style() -> str:
     """The style sheet of the page, with the colours of the pictures."""
-    dark = f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {ramp_css(DARK)} }} }}"
-    return (
-        f":root {{ {ramp_css(LIGHT)} }}\n{dark}\n{step_css()}\n{read_resource('hand.css')}{read_resource('page.css')}"
-    )
+    light = f":root {{ {format_ramp_css(LIGHT)} }}"
+    dark = f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {format_ramp_css(DARK)} }} }}"
+    return f"{light}\n{dark}\n{format_step_css()}\n{read_resource('hand.css')}{read_resource('page.css')}"

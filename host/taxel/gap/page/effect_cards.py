@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from taxel.gap.page.bars import Axis, prediction_bar
+from taxel.gap.page.bars import Axis, build_prediction_bar
 from taxel.gap.page.cells import Heading, make_table
 from taxel.gap.page.glossary import DESCRIPTIONS, IDENTIFIABILITIES
-from taxel.gap.page.locations import board_text, effect_locations
+from taxel.gap.page.locations import format_board, format_effect_locations
 from taxel.gap.page.text import (
     clean_text,
-    interval,
+    format_interval,
+    format_number,
+    format_percent,
+    format_percent_interval,
+    format_with_unit,
     join_words,
-    number,
-    percent,
-    percent_interval,
-    readable,
-    with_unit,
+    make_readable,
 )
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.report_values import ReportValue
@@ -29,35 +29,35 @@ _MIN_FOLDED = 6
 _DIAMOND, _DOT = "\N{WHITE DIAMOND}", "\N{BLACK CIRCLE}"
 
 
-def effect_card(report: CheckedReport, effect: ReportValue, axis: Axis) -> dict[str, Any]:
+def build_effect_card(report: CheckedReport, effect: ReportValue, axis: Axis) -> dict[str, Any]:
     """Variables of the card of an effect. axis: of the shrinks, common to all cards. Raises GapInputError."""
     name = effect.text("name")
     identifiability, meaning = IDENTIFIABILITIES[effect.choice("identifiability", tuple(IDENTIFIABILITIES))]
     predicted, measured = (effect.optional_number(f"{key}_shrink") for key in ("predicted", "measured"))
     bounds = effect.optional_interval("measured_shrink_ci95")
-    measured_interval = f" ({percent_interval(bounds)})" if bounds else ""
+    measured_interval = f" ({format_percent_interval(bounds)})" if bounds else ""
     facts = [
-        ("Location", "", effect_locations(report, effect)),
+        ("Location", "", format_effect_locations(report, effect)),
         ("Identifiability", "", f"{identifiability}: {meaning}"),
-        ("Share of the shrink", "", f"{percent(effect.optional_number('shapley_share'))} (Shapley)"),
-        ("Gap with this effect alone", "", with_unit(effect.optional_number("gap_after_alone"), "counts")),
-        ("Predicted", _DIAMOND, f"{percent(predicted)} of the gap"),
-        ("Measured", _DOT, f"{percent(measured)}{measured_interval}"),
+        ("Share of the shrink", "", f"{format_percent(effect.optional_number('shapley_share'))} (Shapley)"),
+        ("Gap with this effect alone", "", format_with_unit(effect.optional_number("gap_after_alone"), "counts")),
+        ("Predicted", _DIAMOND, f"{format_percent(predicted)} of the gap"),
+        ("Measured", _DOT, f"{format_percent(measured)}{measured_interval}"),
     ]
     rows, groups = _parameter_tables(report, effect)
     return {
-        "name": readable(name),
+        "name": make_readable(name),
         "description": DESCRIPTIONS.get(name, ""),
         "facts": [{"term": term, "symbol": symbol, "text": text} for term, symbol, text in facts if text],
-        "bar": prediction_bar(axis, predicted, measured, bounds),
-        "low": percent(axis.low),
-        "high": percent(axis.high),
+        "bar": build_prediction_bar(axis, predicted, measured, bounds),
+        "low": format_percent(axis.low),
+        "high": format_percent(axis.high),
         "parameters": make_table(_HEADINGS, rows, "Fitted parameters", "parameters") if rows else None,
         "parameter_groups": groups,
     }
 
 
-def parameters_text(report: CheckedReport, effect: ReportValue) -> str:
+def format_parameters(report: CheckedReport, effect: ReportValue) -> str:
     """The fitted parameters in one line of text."""
     texts = []
     for base, members in _parameter_groups(effect).items():
@@ -104,12 +104,12 @@ def _unit(parameter: ReportValue) -> str:
 def _row(report: CheckedReport, base: str, board: str, parameter: ReportValue) -> tuple[str, str, str]:
     """Label, value and interval of a parameter as text. base: name without the board. board: address or name, or ""."""
     unit = _unit(parameter)
-    label = readable(base.removesuffix(f"_{unit}") if unit else base)
+    label = make_readable(base.removesuffix(f"_{unit}") if unit else base)
     if board:
         is_address = board.isascii() and board.isdigit()
-        label += f", {board_text(report, int(board)) if is_address else clean_text(board)}"
+        label += f", {format_board(report, int(board)) if is_address else clean_text(board)}"
     bounds = parameter.optional_interval("ci95")
-    return label, _amount(report, parameter, unit), interval(bounds) if bounds else ""
+    return label, _amount(report, parameter, unit), format_interval(bounds) if bounds else ""
 
 
 def _amount(report: CheckedReport, parameter: ReportValue, unit: str) -> str:
@@ -119,7 +119,7 @@ def _amount(report: CheckedReport, parameter: ReportValue, unit: str) -> str:
         return clean_text(value.content)
     if isinstance(value.content, list):
         return join_words([_item(report, item, unit) for item in value.items()]) or "none"
-    return with_unit(None if value.content is None else value.as_number(), unit)
+    return format_with_unit(None if value.content is None else value.as_number(), unit)
 
 
 def _item(report: CheckedReport, item: ReportValue, unit: str) -> str:
@@ -129,13 +129,13 @@ def _item(report: CheckedReport, item: ReportValue, unit: str) -> str:
         if len(fields) != 3:
             item.reject("an address, an axis and an index")
         address, axis, index = fields
-        board = board_text(report, address.as_integer(0, 255))
+        board = format_board(report, address.as_integer(0, 255))
         return f"{clean_text(axis.as_text().upper())} {index.as_integer(0, 255)} of {board}"
     if isinstance(item.content, str):
         return clean_text(item.content)
     if unit == "index":
         return str(item.as_integer(0, _MAX_INDEX))
-    return board_text(report, item.as_integer(0, 255)) if unit == "address" else number(item.as_number())
+    return format_board(report, item.as_integer(0, 255)) if unit == "address" else format_number(item.as_number())
 
 
 def _range_text(base: str, members: list[tuple[str, ReportValue]]) -> str:
@@ -143,6 +143,6 @@ def _range_text(base: str, members: list[tuple[str, ReportValue]]) -> str:
     values = [parameter.optional_number("value") for _, parameter in members]
     known = [value for value in values if value is not None]
     unit = _unit(members[0][1])
-    label = readable(base.removesuffix(f"_{unit}") if unit else base)
-    value_range = f"{number(min(known))} to {with_unit(max(known), unit)}" if known else "no values"
+    label = make_readable(base.removesuffix(f"_{unit}") if unit else base)
+    value_range = f"{format_number(min(known))} to {format_with_unit(max(known), unit)}" if known else "no values"
     return f"{label} of {len(members)} boards: {value_range}"

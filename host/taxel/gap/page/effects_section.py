@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from taxel.gap.page.bars import Axis, shrink_bar
+from taxel.gap.page.bars import Axis, build_shrink_bar
 from taxel.gap.page.cells import Cell, CellContent, Heading, SectionData, TableData, make_table
-from taxel.gap.page.effect_cards import effect_card, parameters_text
+from taxel.gap.page.effect_cards import build_effect_card, format_parameters
 from taxel.gap.page.glossary import IDENTIFIABILITIES
-from taxel.gap.page.text import number, percent, percent_interval, readable
+from taxel.gap.page.text import format_number, format_percent, format_percent_interval, make_readable
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.report_values import ReportValue
 
@@ -22,7 +22,7 @@ _HEADINGS = (
 _SHRINKS = ("predicted_shrink", "measured_shrink")
 
 
-def effects_section(report: CheckedReport) -> SectionData | None:
+def build_effects_section(report: CheckedReport) -> SectionData | None:
     """The section; None if no effect was tried. Raises GapInputError."""
     effects = report.effects
     if not effects:
@@ -33,7 +33,7 @@ def effects_section(report: CheckedReport) -> SectionData | None:
     shown = [effect.choice("identifiability", tuple(IDENTIFIABILITIES)) for effect in effects]
     context = {
         "axis_of_cards": (axis := _axis_of_cards(named)),
-        "cards": [effect_card(report, effect, axis) for effect in named],
+        "cards": [build_effect_card(report, effect, axis) for effect in named],
         "is_no_gap": report.is_no_gap,
         "candidates": _candidate_table(report, effects),
         "identifiabilities": [texts for key, texts in IDENTIFIABILITIES.items() if key in shown],
@@ -64,11 +64,11 @@ def _candidate_row(report: CheckedReport, effect: ReportValue, axis: Axis) -> tu
     bounds = effect.optional_interval("shrink_alone_ci95")
     identifiability, _ = IDENTIFIABILITIES[effect.choice("identifiability", tuple(IDENTIFIABILITIES))]
     return (
-        Cell(readable(effect.text("name")), is_bold=in_verdict, tag="in the verdict" if in_verdict else ""),
+        Cell(make_readable(effect.text("name")), is_bold=in_verdict, tag="in the verdict" if in_verdict else ""),
         identifiability,
-        None if shrink is None else shrink_bar(axis, shrink, bounds, in_verdict),
-        percent(shrink),
-        percent_interval(bounds) if bounds else "",
-        number(effect.optional_number("gap_after_alone")),
-        Cell(parameters_text(report, effect), is_small=True),
+        None if shrink is None else build_shrink_bar(axis, shrink, bounds, in_verdict),
+        format_percent(shrink),
+        format_percent_interval(bounds) if bounds else "",
+        format_number(effect.optional_number("gap_after_alone")),
+        Cell(format_parameters(report, effect), is_small=True),
     )

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from taxel.gap.page.cells import Cell, Heading, SectionData, make_table
-from taxel.gap.page.text import clean_text, interval, p_equation, percent, plural, with_unit
+from taxel.gap.page.text import (
+    clean_text,
+    format_count,
+    format_interval,
+    format_p_equation,
+    format_percent,
+    format_with_unit,
+)
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.report_values import ReportValue
 
@@ -14,7 +21,7 @@ _TERMS = {"Gap": "gap", "Floor": "floor", "Excess": "excess", "Margin": "margin"
 Row = tuple[Cell, Cell]
 
 
-def figures_section(report: CheckedReport) -> SectionData:
+def build_figures_section(report: CheckedReport) -> SectionData:
     """The section. Raises GapInputError."""
     groups = (
         ("All grasps", _gap_rows(report)),
@@ -32,7 +39,7 @@ def _gap_rows(report: CheckedReport) -> list[Row]:
     """Rows on the gap over all grasps, in counts."""
     gap = report.gap
     significance = "above the floor" if gap.flag("significant") else "not above the floor"
-    excess = f"gap² minus floor²; {p_equation(gap.optional_number('p_value'))}, {significance}"
+    excess = f"gap² minus floor²; {format_p_equation(gap.optional_number('p_value'))}, {significance}"
     rows = [
         _row(gap, "value", "Gap", _COUNTS, "RMS difference of the mean features"),
         _row(gap, "floor", "Floor", _COUNTS, "gap caused by repeats and sessions alone"),
@@ -49,23 +56,25 @@ def _after_rows(report: CheckedReport) -> list[Row]:
     """Rows on the gap of held-out grasps, before and after the effects of the verdict are added."""
     after, effects = report.after, _effect_count(report)
     predicted = after.optional_number("predicted_shrink")
-    prediction = "" if predicted is None or not effects else f"; predicted before this evaluation: {percent(predicted)}"
+    prediction = (
+        "" if predicted is None or not effects else f"; predicted before this evaluation: {format_percent(predicted)}"
+    )
     reducible = after.optional_number("reducible_shrink")
     reducible_note = (
         "not stated, because the excess before is not significantly positive"
         if reducible is None
         else "share of the squared gap above the floor"
     )
-    added = f"the {plural(effects, 'effect')} of the verdict" if effects else "nothing"
+    added = f"the {format_count(effects, 'effect')} of the verdict" if effects else "nothing"
     return [
         _row(after, "before", "Before", _COUNTS, "gap of the grasps that were not used for the fit"),
         _row(after, "value", "After", _COUNTS, f"with {added} added"),
         _row(after, "floor", "Floor", _COUNTS, "of the same grasps"),
         (
             Cell("Shrink", f"share of the gap{prediction}", term="shrink"),
-            Cell(percent(after.optional_number("shrink"))),
+            Cell(format_percent(after.optional_number("shrink"))),
         ),
-        (Cell("Reducible shrink", reducible_note), Cell(percent(reducible))),
+        (Cell("Reducible shrink", reducible_note), Cell(format_percent(reducible))),
         *_repeated_search_rows(report),
     ]
 
@@ -109,5 +118,5 @@ def _row(entry: ReportValue, key: str, label: str, unit: str, note: str) -> Row:
     value = None if content.content is None else content.as_number()
     bounds = entry.optional_interval("ci95") if key == "value" else None
     return Cell(label, note, term=_TERMS.get(label, "")), Cell(
-        with_unit(value, unit), interval(bounds, value or 0.0) if bounds else ""
+        format_with_unit(value, unit), format_interval(bounds, value or 0.0) if bounds else ""
     )

@@ -13,10 +13,10 @@ from typing import Any
 
 from taxel.gap.errors import GapInputError
 from taxel.gap.page.board_map import EDGE, Board, PlacedBoard, View, arrange_views, list_boards
-from taxel.gap.page.colours import DARK, LIGHT, ramp_css, step_css, step_of, top_of
-from taxel.gap.page.locations import line_of
+from taxel.gap.page.colours import DARK, LIGHT, compute_top, format_ramp_css, format_step_css, select_step
+from taxel.gap.page.locations import read_line
 from taxel.gap.page.rendering import read_resource, render
-from taxel.gap.page.text import is_small, join_words, number, percent, plural, readable
+from taxel.gap.page.text import format_count, format_number, format_percent, is_small, join_words, make_readable
 from taxel.gap.report.checked_report import CheckedReport, address_of
 from taxel.gap.report.report_values import REMEDY, ReportValue
 
@@ -33,8 +33,8 @@ STAGES = ("before", "after")
 
 _DESCRIBED_BOARDS = 3
 _SVG_COLOURS = (
-    f":root{{{ramp_css(LIGHT)}--ink:#1b1d22;--muted:#5b606b;--ground:#f7f7f5;--line:#d5d7dc}}"
-    f"@media (prefers-color-scheme:dark){{:root{{{ramp_css(DARK)}--ink:#eceef2;--muted:#a3a9b5;"
+    f":root{{{format_ramp_css(LIGHT)}--ink:#1b1d22;--muted:#5b606b;--ground:#f7f7f5;--line:#d5d7dc}}"
+    f"@media (prefers-color-scheme:dark){{:root{{{format_ramp_css(DARK)}--ink:#eceef2;--muted:#a3a9b5;"
     "--ground:#1b1d22;--line:#3a3e47}}"
     "text{font-family:system-ui,sans-serif}"
 )
@@ -147,7 +147,7 @@ class UnrolledHand:
         board = placed.board
         frame = Rectangle(-FRAME, -FRAME, board.columns + 2 * FRAME, board.rows + 2 * FRAME)
         share = marks.boards.get(board.address)
-        label = placed.label if share is None else f"{placed.label} {percent(share)}"
+        label = placed.label if share is None else f"{placed.label} {format_percent(share)}"
         squares = tuple(self._draw_squares(board, excess))
         is_marked = board.address in marks.boards
         return BoardDrawing(
@@ -156,21 +156,21 @@ class UnrolledHand:
 
     def _draw_squares(self, board: Board, excess: Sequence[float]) -> list[Square]:
         """The taxels of a board as coloured squares with their values as titles."""
-        squares, margin, name = [], (1.0 - SQUARE) / 2, readable(board.name)
+        squares, margin, name = [], (1.0 - SQUARE) / 2, make_readable(board.name)
         for index, tx, rx in zip(board.index, board.tx, board.rx, strict=True):
             before, after = (values[index] for values in self.excess)
-            step = None if math.isnan(excess[index]) else step_of(excess[index], self.top)
+            step = None if math.isnan(excess[index]) else select_step(excess[index], self.top)
             title = f"{name}, TX {tx} RX {rx}: {_counts(before)} before, {_counts(after)} after"
             squares.append(Square(rx + margin, tx + margin, SQUARE, step, title))
         return squares
 
 
-def unrolled_hand_of(report: CheckedReport) -> UnrolledHand | None:
+def read_unrolled_hand(report: CheckedReport) -> UnrolledHand | None:
     """Data of the pictures; None if the report has no excess of taxels. Raises GapInputError."""
     if report.excess is None:
         return None
     floors = [report.gap.optional_number("floor"), report.after.optional_number("floor")]
-    top = top_of(report.excess, max((floor for floor in floors if floor is not None), default=0.0))
+    top = compute_top(report.excess, max((floor for floor in floors if floor is not None), default=0.0))
     return UnrolledHand(
         arrange_views(list_boards(report)), report.excess, top, (_marks_before(report), _marks_after(report))
     )
@@ -178,7 +178,7 @@ def unrolled_hand_of(report: CheckedReport) -> UnrolledHand | None:
 
 def require_unrolled_hand(report: Mapping[str, Any]) -> UnrolledHand:
     """Data of the pictures. Raises GapInputError, also if the report has no excess of taxels."""
-    hand = unrolled_hand_of(CheckedReport(report))
+    hand = read_unrolled_hand(CheckedReport(report))
     if hand is None:
         raise GapInputError("report: taxel_excess", "taxels and the excess of each", "none", REMEDY)
     return hand
@@ -203,7 +203,7 @@ def unrolled_svg(report: Mapping[str, Any], stage: str = "before") -> str:
     for view in drawings:
         views.append((width, height - view.height, view))
         width += view.width
-    style = f"{_SVG_COLOURS}{step_css()}{read_resource('hand.css')}"
+    style = f"{_SVG_COLOURS}{format_step_css()}{read_resource('hand.css')}"
     return render("hand.svg", width=width, height=height, stage=stage, style=style, views=views)
 
 
@@ -212,7 +212,7 @@ def _marks_before(report: CheckedReport) -> Marks:
     where = report.where
     entries = [entry for entry in where.optional_list("sensors") if _is_marked(entry)]
     boards = {address_of(entry): entry.number("share") for entry in entries}
-    lines = {line_of(entry) for entry in where.optional_list("lines") if is_small(entry.optional_number("p_value"))}
+    lines = {read_line(entry) for entry in where.optional_list("lines") if is_small(entry.optional_number("p_value"))}
     return Marks(boards, frozenset(lines))
 
 
@@ -234,7 +234,7 @@ def _marks_after(report: CheckedReport) -> Marks:
         for location in unexplained.optional_list("where")
         if isinstance(location.content, dict) and location.optional("address")
     ]
-    lines = {line_of(location) for location in locations if location.optional("axis")}
+    lines = {read_line(location) for location in locations if location.optional("axis")}
     boards = {
         address_of(location): None
         for location in locations
@@ -262,12 +262,12 @@ def _describe(view: View, excess: Sequence[float]) -> str:
         if known:
             means.append((sum(known) / len(known), placed.board))
     largest = sorted(means, key=lambda item: (-item[0], item[1].address))[:_DESCRIBED_BOARDS]
-    boards = [f"{readable(board.name)} ({_counts(mean)})" for mean, board in largest]
-    return f"{plural(len(view.boards), 'board')}; the mean excess is largest on {join_words(boards) or 'none'}."
+    boards = [f"{make_readable(board.name)} ({_counts(mean)})" for mean, board in largest]
+    return f"{format_count(len(view.boards), 'board')}; the mean excess is largest on {join_words(boards) or 'none'}."
 
 
 def _counts(excess: float) -> str:
     """The root of an excess as text."""
     if math.isnan(excess):
         return "no data"
-    return f"{number(math.sqrt(excess))} counts" if excess > 0 else "at the floor"
+    return f"{format_number(math.sqrt(excess))} counts" if excess > 0 else "at the floor"

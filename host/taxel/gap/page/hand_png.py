@@ -9,7 +9,7 @@ from typing import Any
 
 from taxel.gap.page.colours import LIGHT, STEPS
 from taxel.gap.page.hand_drawing import MIN_SHARE, STAGES, BoardDrawing, ViewDrawing, require_unrolled_hand
-from taxel.gap.page.text import SMALL_P, number
+from taxel.gap.page.text import SMALL_P, format_number
 from taxel.gap.report.checked_report import CheckedReport
 
 # Lengths in taxel pitches of the picture, unless the name states another unit.
@@ -40,8 +40,8 @@ def unrolled_png(report: Mapping[str, Any], path: str | os.PathLike[str]) -> Non
     checked = CheckedReport(report)
     verdict = checked.verdict.text("one_line")
     captions = {
-        "before": f"Before: {number(checked.after.optional_number('before'))} counts",
-        "after": f"After: {number(checked.after.optional_number('value'))} counts",
+        "before": f"Before: {format_number(checked.after.optional_number('before'))} counts",
+        "after": f"After: {format_number(checked.after.optional_number('value'))} counts",
     }
     import matplotlib
 
@@ -109,7 +109,7 @@ def _draw_scale(axis: Any, top: float, y: float) -> None:
     for index, colour in enumerate(LIGHT):
         axis.add_patch(Rectangle((_GAP + index * step, y), step, 1.2, facecolor=colour))
     for share in (0.0, 0.5, 1.0):
-        text = number(share * top)
+        text = format_number(share * top)
         _write(axis, _GAP + share * _RAMP, y + 2.9, text, fontsize=7, color=_MUTED, horizontalalignment="center")
     marks = f"arrow: line with p < {SMALL_P}; bold frame: board with p < {SMALL_P} and {100 * MIN_SHARE:.0f} % or more"
     _write(axis, _GAP + _RAMP + 2.5, y + 1.1, f"root of the excess, counts; {marks}", fontsize=7, color=_MUTED)

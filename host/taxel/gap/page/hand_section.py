@@ -7,25 +7,25 @@ from typing import Any
 
 from taxel.gap.page.cells import SectionData
 from taxel.gap.page.colours import STEPS
-from taxel.gap.page.hand_drawing import MIN_SHARE, STAGES, UnrolledHand, unrolled_hand_of
-from taxel.gap.page.text import SMALL_P, join_words, number, readable, with_unit
+from taxel.gap.page.hand_drawing import MIN_SHARE, STAGES, UnrolledHand, read_unrolled_hand
+from taxel.gap.page.text import SMALL_P, format_number, format_with_unit, join_words, make_readable
 from taxel.gap.report.checked_report import CheckedReport
 
 _TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 
 
-def hand_section(report: CheckedReport) -> SectionData | None:
+def build_hand_section(report: CheckedReport) -> SectionData | None:
     """The section; None if the report has no excess of taxels. Raises GapInputError."""
-    hand = unrolled_hand_of(report)
+    hand = read_unrolled_hand(report)
     if hand is None:
         return None
-    added = [readable(name) for name in report.verdict.texts("effects") if name != "unknown"]
+    added = [make_readable(name) for name in report.verdict.texts("effects") if name != "unknown"]
     values = {stage: report.after.optional_number(key) for stage, key in zip(STAGES, ("before", "value"), strict=True)}
     stages = [
         {
             "name": stage,
             "heading": stage.capitalize(),
-            "value": with_unit(values[stage], "counts"),
+            "value": format_with_unit(values[stage], "counts"),
             "note": f", with {join_words(added) or 'nothing'} added" if stage == "after" else "",
             "views": hand.draw(stage),
         }
@@ -41,7 +41,7 @@ def _legend(hand: UnrolledHand) -> dict[str, Any]:
     before, after = hand.marks
     return {
         "steps": [{"x": f"{step * width:.3f}%", "width": f"{width + 0.05:.3f}%"} for step in range(STEPS)],
-        "ticks": [number(share * hand.top, hand.top) for share in _TICKS],
+        "ticks": [format_number(share * hand.top, hand.top) for share in _TICKS],
         "has_marked_boards": bool(before.boards),
         "has_marked_lines": bool(before.lines),
         "has_marks_after": bool(after.boards or after.lines),

@@ -6,7 +6,7 @@ from pathlib import PureWindowsPath
 from typing import Any
 
 from taxel.gap.page.glossary import STATUSES
-from taxel.gap.page.text import clean_text, plural, readable
+from taxel.gap.page.text import clean_text, format_count, make_readable
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.report_values import ReportValue
 
@@ -21,25 +21,25 @@ SMALL_GAP = (
 )
 
 
-def header_context(report: CheckedReport) -> dict[str, Any]:
+def build_header_context(report: CheckedReport) -> dict[str, Any]:
     """Variables of the header in the template of the page. Raises GapInputError."""
     inputs = report.root.field("inputs")
     note = ""
     if report.is_no_gap:
         note = SMALL_GAP if report.gap.flag("significant") else AGREEMENT
     return {
-        "real": clean_text(file_name(inputs.field("real").text("path"))),
-        "sim": clean_text(file_name(inputs.field("sim").text("path"))),
+        "real": clean_text(get_file_name(inputs.field("real").text("path"))),
+        "sim": clean_text(get_file_name(inputs.field("sim").text("path"))),
         "verdict": clean_text(report.verdict.text("one_line")),
         "status": STATUSES[report.status],
         "status_class": report.status,
-        "effects": [readable(name) for name in report.verdict.texts("effects") if name != report.status],
+        "effects": [make_readable(name) for name in report.verdict.texts("effects") if name != report.status],
         "note": note,
         "counts": _counts_text(report),
     }
 
 
-def file_name(path: str) -> str:
+def get_file_name(path: str) -> str:
     """The last component of a path of any operating system."""
     return PureWindowsPath(path).name or path
 
@@ -62,4 +62,4 @@ def _counts_text(report: CheckedReport) -> str:
 
 
 def _count(entry: ReportValue, key: str, noun: str) -> str:
-    return plural(entry.field(key).as_integer(0, 10**9), noun)
+    return format_count(entry.field(key).as_integer(0, 10**9), noun)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from taxel.gap.page.cells import SectionData
-from taxel.gap.page.text import SPACE, clean_text, number, plural
+from taxel.gap.page.text import SPACE, clean_text, format_count, format_number
 from taxel.gap.report.checked_report import CheckedReport
 
 
-def inputs_section(report: CheckedReport) -> SectionData:
+def build_inputs_section(report: CheckedReport) -> SectionData:
     """The section. Raises GapInputError."""
     inputs = report.root.field("inputs")
     files = [
@@ -21,17 +21,17 @@ def inputs_section(report: CheckedReport) -> SectionData:
     context = {
         "files": files,
         "seed": report.root.field("seed").as_integer(-(2**255), 2**255),
-        "runtime": runtime_text(report.root.optional_number("runtime_s")),
+        "runtime": format_runtime(report.root.optional_number("runtime_s")),
         "losses": [clean_text(text) for text in report.root.texts("losses")],
         "notes": [clean_text(text) for text in report.root.texts("notes")],
     }
     return SectionData("inputs", "Inputs", "inputs", context)
 
 
-def runtime_text(seconds: float | None) -> str:
+def format_runtime(seconds: float | None) -> str:
     """A run time as text."""
     if seconds is None:
         return "run time not stated"
     minutes = int(seconds // 60)
-    text = f"{plural(minutes, 'minute')} {seconds - 60 * minutes:.0f}" if minutes else number(seconds)
+    text = f"{format_count(minutes, 'minute')} {seconds - 60 * minutes:.0f}" if minutes else format_number(seconds)
     return f"run time {text}{SPACE}s"

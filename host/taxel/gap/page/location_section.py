@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from taxel.gap.page.bars import Axis, share_bar
+from taxel.gap.page.bars import Axis, build_share_bar
 from taxel.gap.page.cells import Cell, Heading, SectionData, make_table
-from taxel.gap.page.locations import axis_of, board_text, line_of, line_text, taxel_text
-from taxel.gap.page.text import SMALL_P, is_small, p_value, percent, readable
+from taxel.gap.page.locations import format_board, format_line, format_taxel, read_axis, read_line
+from taxel.gap.page.text import SMALL_P, format_p_value, format_percent, is_small, make_readable
 from taxel.gap.report.checked_report import CheckedReport, address_of
 from taxel.gap.report.report_values import ReportValue
 
@@ -26,7 +26,7 @@ class Panel:
     max_rows: int
 
 
-def location_section(report: CheckedReport) -> SectionData | None:
+def build_location_section(report: CheckedReport) -> SectionData | None:
     """The section; None if the report has no shares. Raises GapInputError."""
     panels = [_panel_context(panel) for panel in _panels(report) if panel.entries]
     if not panels:
@@ -40,22 +40,22 @@ def _panels(report: CheckedReport) -> list[Panel]:
     """All lists of shares, also those without entries."""
     where = report.where
     lines = where.optional_list("lines")
-    by_axis = [(axis, [entry for entry in lines if axis_of(entry) == axis]) for axis in ("tx", "rx")]
+    by_axis = [(axis, [entry for entry in lines if read_axis(entry) == axis]) for axis in ("tx", "rx")]
     return [
-        Panel("Boards", where.optional_list("sensors"), lambda entry: board_text(report, address_of(entry)), 17),
-        Panel("Phases", where.optional_list("phases"), lambda entry: readable(entry.text("phase")), 10),
+        Panel("Boards", where.optional_list("sensors"), lambda entry: format_board(report, address_of(entry)), 17),
+        Panel("Phases", where.optional_list("phases"), lambda entry: make_readable(entry.text("phase")), 10),
         *(
-            Panel(f"{axis.upper()} lines", entries, lambda entry: line_text(report, line_of(entry)), 8)
+            Panel(f"{axis.upper()} lines", entries, lambda entry: format_line(report, read_line(entry)), 8)
             for axis, entries in by_axis
         ),
-        Panel("Objects", where.optional_list("objects"), lambda entry: readable(entry.text("name")), 10),
+        Panel("Objects", where.optional_list("objects"), lambda entry: make_readable(entry.text("name")), 10),
         Panel("Approaches", where.optional_list("approaches"), _condition_text, 15),
-        Panel("Taxels", where.optional_list("taxels"), lambda entry: taxel_text(report, _index_of(entry)), 8),
+        Panel("Taxels", where.optional_list("taxels"), lambda entry: format_taxel(report, _index_of(entry)), 8),
     ]
 
 
 def _condition_text(entry: ReportValue) -> str:
-    return f"{readable(entry.text('object'))}, {readable(entry.text('approach'))}"
+    return f"{make_readable(entry.text('object'))}, {make_readable(entry.text('approach'))}"
 
 
 def _index_of(entry: ReportValue) -> int:
@@ -68,7 +68,12 @@ def _panel_context(panel: Panel) -> dict[str, Any]:
     p_values = [entry.optional_number("p_value") for entry in panel.entries]
     axis = Axis.over(shares)
     rows = [
-        (panel.name(entry), share_bar(axis, share, is_small(p)), percent(share), Cell(p_value(p), has_dot=is_small(p)))
+        (
+            panel.name(entry),
+            build_share_bar(axis, share, is_small(p)),
+            format_percent(share),
+            Cell(format_p_value(p), has_dot=is_small(p)),
+        )
         for entry, share, p in list(zip(panel.entries, shares, p_values, strict=True))[: panel.max_rows]
     ]
     headings = (Heading(panel.title), Heading("Share", "pic"), Heading("", "n"), Heading("p", "n"))
@@ -77,5 +82,5 @@ def _panel_context(panel: Panel) -> dict[str, Any]:
         "table": make_table(headings, rows, f"Shares by {panel.title.lower()}", "shares"),
         "hidden_count": len(hidden),
         "hidden_significant": sum(is_small(p) for p in p_values[panel.max_rows :]),
-        "hidden_share": percent(sum(hidden)),
+        "hidden_share": format_percent(sum(hidden)),
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from taxel.gap.page.text import SPACE, readable
+from taxel.gap.page.text import SPACE, make_readable
 from taxel.gap.report.checked_report import CheckedReport, address_of
 from taxel.gap.report.report_values import ReportValue
 
@@ -11,64 +11,64 @@ _ADDRESS_KEYS = ("address", "sensor")
 _MAX_LISTED = 12
 
 
-def axis_of(entry: ReportValue) -> str:
+def read_axis(entry: ReportValue) -> str:
     """The axis of a line: tx or rx."""
     return entry.choice("axis", ("tx", "rx"))
 
 
-def line_of(entry: ReportValue) -> tuple[int, str, int]:
+def read_line(entry: ReportValue) -> tuple[int, str, int]:
     """Address, axis and index of a line."""
-    return address_of(entry), axis_of(entry), entry.field("index").as_integer(0, _MAX_LINE)
+    return address_of(entry), read_axis(entry), entry.field("index").as_integer(0, _MAX_LINE)
 
 
-def board_text(report: CheckedReport, address: int) -> str:
+def format_board(report: CheckedReport, address: int) -> str:
     """A board by its name, or by its address if the report has no name."""
     name = report.board_names.get(address)
-    return readable(name) if name else f"board {address}"
+    return make_readable(name) if name else f"board {address}"
 
 
-def line_text(report: CheckedReport, line: tuple[int, str, int]) -> str:
+def format_line(report: CheckedReport, line: tuple[int, str, int]) -> str:
     """A line as text."""
     address, axis, index = line
-    return f"{board_text(report, address)}, {axis.upper()}{SPACE}{index}"
+    return f"{format_board(report, address)}, {axis.upper()}{SPACE}{index}"
 
 
-def taxel_text(report: CheckedReport, index: int) -> str:
+def format_taxel(report: CheckedReport, index: int) -> str:
     """A taxel by its board and lines, or by its index if the report has no taxel table."""
     if report.taxels is None or index >= len(report.taxels[0]):
         return f"taxel {index}"
     address, tx, rx = (column[index] for column in report.taxels)
-    return f"{board_text(report, address)}, TX{SPACE}{tx} RX{SPACE}{rx}"
+    return f"{format_board(report, address)}, TX{SPACE}{tx} RX{SPACE}{rx}"
 
 
-def location_text(report: CheckedReport, location: ReportValue) -> str:
+def format_location(report: CheckedReport, location: ReportValue) -> str:
     """Any location as text: a string unchanged; a table by the fields of the lists under `where`."""
     if isinstance(location.content, str):
-        return readable(location.content)
+        return make_readable(location.content)
     texts = []
     table = location.table()
     for key in _ADDRESS_KEYS:
         if isinstance(table.get(key), int):
-            texts.append(board_text(report, location.field(key).as_integer(0, 255)))
+            texts.append(format_board(report, location.field(key).as_integer(0, 255)))
             break
         if isinstance(table.get(key), str):
-            texts.append(readable(location.text(key)))
+            texts.append(make_readable(location.text(key)))
             break
     if "axis" in table:
-        texts.append(f"{axis_of(location).upper()}{SPACE}{location.field('index').as_integer(0, _MAX_LINE)}")
+        texts.append(f"{read_axis(location).upper()}{SPACE}{location.field('index').as_integer(0, _MAX_LINE)}")
     elif "index" in table:
-        texts.append(taxel_text(report, location.field("index").as_integer(0, 2**20)))
+        texts.append(format_taxel(report, location.field("index").as_integer(0, 2**20)))
     elif not texts and "name" in table:
-        texts.append(readable(location.text("name")))
+        texts.append(make_readable(location.text("name")))
     texts += [
-        readable(location.text(key)) for key in ("phase", "object", "approach") if isinstance(table.get(key), str)
+        make_readable(location.text(key)) for key in ("phase", "object", "approach") if isinstance(table.get(key), str)
     ]
     if not texts:
         location.reject("a text, or a table with address, axis and index, phase, object or name")
     return ", ".join(texts)
 
 
-def effect_locations(report: CheckedReport, effect: ReportValue) -> str:
+def format_effect_locations(report: CheckedReport, effect: ReportValue) -> str:
     """Locations of a local effect as text; empty if the effect acts everywhere."""
     where = effect.optional("where")
     if where is None:
@@ -83,8 +83,8 @@ def effect_locations(report: CheckedReport, effect: ReportValue) -> str:
 def _sensor_text(report: CheckedReport, item: ReportValue) -> str:
     """A board as text. item: an address or a table."""
     if isinstance(item.content, int):
-        return board_text(report, item.as_integer(0, 255))
-    return location_text(report, item)
+        return format_board(report, item.as_integer(0, 255))
+    return format_location(report, item)
 
 
 def _line_text(report: CheckedReport, item: ReportValue) -> str:
@@ -93,11 +93,11 @@ def _line_text(report: CheckedReport, item: ReportValue) -> str:
     if isinstance(content, list) and len(content) == 3:
         keys = ("address", "axis", "index")
         item = ReportValue(dict(zip(keys, content, strict=True)), item.path)
-    return location_text(report, item)
+    return format_location(report, item)
 
 
 def _taxel_text(report: CheckedReport, item: ReportValue) -> str:
     """A taxel as text. item: an index or a table."""
     if isinstance(item.content, int):
-        return taxel_text(report, item.as_integer(0, 2**20))
-    return location_text(report, item)
+        return format_taxel(report, item.as_integer(0, 2**20))
+    return format_location(report, item)

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from taxel.gap.page.bars import Axis, share_bar
+from taxel.gap.page.bars import Axis, build_share_bar
 from taxel.gap.page.cells import Cell, Heading, SectionData, make_table
-from taxel.gap.page.locations import location_text
+from taxel.gap.page.locations import format_location
 from taxel.gap.page.text import (
     SMALL_P,
     clean_text,
+    format_number,
+    format_p_equation,
+    format_p_value,
+    format_percent,
     is_small,
     join_words,
-    number,
-    p_equation,
-    p_value,
-    percent,
-    readable,
+    make_readable,
 )
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.report_values import ReportValue
@@ -60,20 +60,22 @@ _RECOMMENDATION_HEADINGS = (
 )
 
 
-def confounded_section(report: CheckedReport) -> SectionData | None:
+def build_confounded_section(report: CheckedReport) -> SectionData | None:
     """Classes of confounded effects; None if there are none. Raises GapInputError."""
     table = report.verdict.optional("confounded_with")
     entries = [] if table is None else [(name, [i.as_text() for i in value.items()]) for name, value in table.entries()]
     classes = [
-        {"first": readable(name), "others": [readable(other) for other in others]} for name, others in entries if others
+        {"first": make_readable(name), "others": [make_readable(other) for other in others]}
+        for name, others in entries
+        if others
     ]
     if not classes:
         return None
-    context = {"classes": classes, "has_recommendation": recommendation_section(report) is not None}
+    context = {"classes": classes, "has_recommendation": build_recommendation_section(report) is not None}
     return SectionData("confounded", "Confounded effects", "confounded", context)
 
 
-def unexplained_section(report: CheckedReport) -> SectionData:
+def build_unexplained_section(report: CheckedReport) -> SectionData:
     """The part of the gap that the effects of the verdict do not explain. Raises GapInputError."""
     unexplained = report.root.field("unexplained")
     p = unexplained.optional_number("p_value")
@@ -81,7 +83,7 @@ def unexplained_section(report: CheckedReport) -> SectionData:
     hidden = len(locations) - _MAX_LOCATIONS
     context = {
         "signature": clean_text(unexplained.optional_text("signature")),
-        "p_value": p_equation(p),
+        "p_value": format_p_equation(p),
         "is_significant": is_small(p),
         "locations": locations[:_MAX_LOCATIONS] + ([f"{hidden} more locations"] if hidden > 0 else []),
         "bank": _bank(unexplained.optional_list("bank")) if is_small(p) else None,
@@ -101,7 +103,7 @@ def _is_shown(location: ReportValue) -> bool:
 
 def _location(report: CheckedReport, location: ReportValue) -> str:
     share = _share_of(location)
-    return location_text(report, location) + ("" if share is None else f": {percent(share)}")
+    return format_location(report, location) + ("" if share is None else f": {format_percent(share)}")
 
 
 def _bank(entries: list[ReportValue]) -> dict[str, Any] | None:
@@ -112,12 +114,14 @@ def _bank(entries: list[ReportValue]) -> dict[str, Any] | None:
     p_values = [entry.optional_number("p_value") for entry in entries]
     axis = Axis.over([1.0, *shares])
     rows = [
-        (_distortion(entry), share_bar(axis, share, is_small(p)), percent(share), p_value(p))
+        (_distortion(entry), build_share_bar(axis, share, is_small(p)), format_percent(share), format_p_value(p))
         for entry, share, p in zip(entries, shares, p_values, strict=True)
         if share >= _MIN_SHOWN_SHARE
     ]
     small = [
-        readable(entry.text("name")) for entry, share in zip(entries, shares, strict=True) if share < _MIN_SHOWN_SHARE
+        make_readable(entry.text("name"))
+        for entry, share in zip(entries, shares, strict=True)
+        if share < _MIN_SHOWN_SHARE
     ]
     return {
         "table": make_table(_BANK_HEADINGS, rows, "Generic distortions", "wide") if rows else None,
@@ -131,10 +135,10 @@ def _distortion(entry: ReportValue) -> Cell:
     meaning = _MEANINGS.get(name, "")
     if scope != name and meaning:
         meaning = ", ".join(part for part in (meaning, _SCOPES.get(scope, "")) if part)
-    return Cell(readable(name), meaning)
+    return Cell(make_readable(name), meaning)
 
 
-def recommendation_section(report: CheckedReport) -> SectionData | None:
+def build_recommendation_section(report: CheckedReport) -> SectionData | None:
     """The recommended measurements; None if the report has none. Raises GapInputError."""
     measurements = report.root.optional_list("next_presses")
     if not measurements:
@@ -144,9 +148,9 @@ def recommendation_section(report: CheckedReport) -> SectionData | None:
     rows = [
         (
             clean_text(measurement.text("press")),
-            join_words([readable(name) for name in measurement.texts("separates")]),
-            None if gain is None else share_bar(axis, gain, True),
-            number(gain, 1.0),
+            join_words([make_readable(name) for name in measurement.texts("separates")]),
+            None if gain is None else build_share_bar(axis, gain, True),
+            format_number(gain, 1.0),
         )
         for measurement, gain in zip(measurements, gains, strict=True)
     ]

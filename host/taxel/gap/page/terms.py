@@ -14,7 +14,7 @@ def read_definitions() -> dict[str, str]:
     return {entry["name"]: entry["definition"] for entry in entries}
 
 
-def term_anchor(name: str) -> str:
+def make_anchor(name: str) -> str:
     """The anchor of a term in the section of terms. Raises KeyError for a term without a definition."""
     if name not in read_definitions():
         raise KeyError(name)

@@ -27,12 +27,12 @@ def clean_text(text: str) -> str:
     return "".join(character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in line)
 
 
-def readable(name: str) -> str:
+def make_readable(name: str) -> str:
     """A name of the report as words: contact_propagation becomes "contact propagation"."""
     return clean_text(name.replace("_", " "))
 
 
-def number(value: float | None, beside: float = 0.0) -> str:
+def format_number(value: float | None, beside: float = 0.0) -> str:
     """Three significant digits: 0.0153, 1.53, 15.3, 1,530.
 
     beside: a number with which the value is compared; if it is larger, it determines the number of decimals.
@@ -48,7 +48,7 @@ def number(value: float | None, beside: float = 0.0) -> str:
     return f"{value:,.{decimals}f}".replace("-", MINUS)
 
 
-def percent(value: float | None) -> str:
+def format_percent(value: float | None) -> str:
     """A share in per cent: 0.4 %, 7.3 %, 63 %."""
     if value is None or math.isnan(value):
         return ABSENT
@@ -60,25 +60,25 @@ def percent(value: float | None) -> str:
     return f"{text.replace('-', MINUS)}{SPACE}%"
 
 
-def with_unit(value: float | None, unit: str, beside: float = 0.0) -> str:
+def format_with_unit(value: float | None, unit: str, beside: float = 0.0) -> str:
     """A number as by `number`, and its unit."""
-    return ABSENT if value is None else f"{number(value, beside)}{SPACE}{clean_text(unit)}".rstrip(SPACE)
+    return ABSENT if value is None else f"{format_number(value, beside)}{SPACE}{clean_text(unit)}".rstrip(SPACE)
 
 
-def interval(bounds: Interval | None, beside: float = 0.0) -> str:
+def format_interval(bounds: Interval | None, beside: float = 0.0) -> str:
     """The bounds of an interval with the same number of decimals: "1.20 to 3.40"."""
     if bounds is None:
         return ABSENT
     largest = max(abs(beside), *(abs(bound) for bound in bounds))
-    return f"{number(bounds[0], largest)} to {number(bounds[1], largest)}"
+    return f"{format_number(bounds[0], largest)} to {format_number(bounds[1], largest)}"
 
 
-def percent_interval(bounds: Interval | None) -> str:
+def format_percent_interval(bounds: Interval | None) -> str:
     """The bounds of an interval of shares: "12 % to 34 %"."""
-    return ABSENT if bounds is None else f"{percent(bounds[0])} to {percent(bounds[1])}"
+    return ABSENT if bounds is None else f"{format_percent(bounds[0])} to {format_percent(bounds[1])}"
 
 
-def p_value(value: float | None) -> str:
+def format_p_value(value: float | None) -> str:
     """A p-value: 0.41, 0.003, or "< 0.001"."""
     if value is None:
         return ABSENT
@@ -87,12 +87,12 @@ def p_value(value: float | None) -> str:
     return f"{value:.3f}" if value < SMALL_P else f"{value:.2f}"
 
 
-def p_equation(value: float | None) -> str:
+def format_p_equation(value: float | None) -> str:
     """A p-value in a sentence: "p = 0.41"."""
     if value is None:
         return "not tested"
     sign = "" if value < _MIN_P else f"={SPACE}"
-    return f"p{SPACE}{sign}{p_value(value)}"
+    return f"p{SPACE}{sign}{format_p_value(value)}"
 
 
 def is_small(value: float | None) -> bool:
@@ -105,6 +105,6 @@ def join_words(names: list[str], last: str = "and") -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {last} {names[-1]}" if names else ""
 
 
-def plural(count: int, noun: str, plural_noun: str = "") -> str:
+def format_count(count: int, noun: str, plural_noun: str = "") -> str:
     """A count and its noun: "1 board", "2 boards"."""
     return f"{count:,}{SPACE}{noun if count == 1 else plural_noun or f'{noun}s'}"

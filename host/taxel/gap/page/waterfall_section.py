@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from taxel.gap.page.bars import Axis, waterfall_bar
+from taxel.gap.page.bars import Axis, build_waterfall_bar
 from taxel.gap.page.cells import Cell, CellContent, Heading, SectionData, make_table
-from taxel.gap.page.text import MINUS, interval, number, percent, readable
+from taxel.gap.page.text import MINUS, format_interval, format_number, format_percent, make_readable
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.report_values import Interval
 
@@ -17,7 +17,7 @@ _HEADINGS = (
 _START_NAMES = ("gap", "before")  # names of a first entry that contains the gap without effects
 
 
-def waterfall_section(report: CheckedReport) -> SectionData | None:
+def build_waterfall_section(report: CheckedReport) -> SectionData | None:
     """The section; None if no effect was added. Raises GapInputError."""
     steps = report.root.optional_list("waterfall")
     if not steps:
@@ -31,27 +31,29 @@ def waterfall_section(report: CheckedReport) -> SectionData | None:
     axis = Axis.over([gap, floor, *(step.number("gap") for step in steps)])
     first = gap
     rows: list[tuple[CellContent, ...]] = [
-        ("Before", waterfall_bar(axis, 0.0, gap, "total", floor), _counts(gap, bounds, first), "")
+        ("Before", build_waterfall_bar(axis, 0.0, gap, "total", floor), _counts(gap, bounds, first), "")
     ]
     for step in steps:
         after = step.number("gap")
         kind = "mark" if after <= gap else "worse"
-        bar = waterfall_bar(axis, gap, after, kind, floor)
+        bar = build_waterfall_bar(axis, gap, after, kind, floor)
         counts = _counts(after, step.optional_interval("ci95"), first)
-        rows.append((f"+ {readable(step.text('effect'))}", bar, counts, _change(after - gap, first)))
+        rows.append((f"+ {make_readable(step.text('effect'))}", bar, counts, _change(after - gap, first)))
         gap = after
-    bar = waterfall_bar(axis, 0.0, gap, "total", floor)
+    bar = build_waterfall_bar(axis, 0.0, gap, "total", floor)
     rows.append((Cell("Remaining gap", is_bold=True), bar, _counts(gap, bounds_after, first, is_bold=True), ""))
     if floor is not None:
-        rows.append(("Floor", waterfall_bar(axis, 0.0, floor, "ground", floor), Cell(number(floor, first)), ""))
+        rows.append(
+            ("Floor", build_waterfall_bar(axis, 0.0, floor, "ground", floor), Cell(format_number(floor, first)), "")
+        )
     table = make_table(_HEADINGS, rows, "The gap after each effect", "waterfall")
     return SectionData("waterfall", "Gap after each effect", "waterfall", {"table": table})
 
 
 def _counts(gap: float, bounds: Interval | None, first: float, is_bold: bool = False) -> Cell:
-    return Cell(number(gap, first), interval(bounds, first) if bounds else "", is_bold=is_bold)
+    return Cell(format_number(gap, first), format_interval(bounds, first) if bounds else "", is_bold=is_bold)
 
 
 def _change(difference: float, first: float) -> str:
-    text = percent(difference / first) if first > 0 else number(difference)
+    text = format_percent(difference / first) if first > 0 else format_number(difference)
     return text if text.startswith(MINUS) or difference == 0 else f"+{text}"

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from taxel.gap.page.text import ABSENT, plural
+from taxel.gap.page.text import ABSENT, format_count
 from taxel_tools.testing.drift import Change
 from taxel_tools.testing.history import Summary
 from taxel_tools.testing.page.elements import format_place, scrolled
@@ -35,13 +35,15 @@ def earlier_section(
     moved = sorted((change for change in changes if change.has_moved), key=lambda change: -change.shift)
     parts = []
     if moved:
-        text = f"{len(moved):,} of {plural(len(changes), 'number')} moved more than expected from the earlier tests."
+        text = (
+            f"{len(moved):,} of {format_count(len(changes), 'number')} moved more than expected from the earlier tests."
+        )
         parts += [paragraph(text), _table(moved[:MOVED_MAX], titles, "Moved values, in order of decreasing shift")]
     elif changes:
-        parts.append(paragraph(f"None of {plural(len(changes), 'number')} moved more than expected."))
+        parts.append(paragraph(f"None of {format_count(len(changes), 'number')} moved more than expected."))
     if len(changes) > min(len(moved), MOVED_MAX):
         full_table = _table(changes, titles, "All numbers, now and before")
-        parts.append(folded(f"All {plural(len(changes), 'number')}, now and before", full_table))
+        parts.append(folded(f"All {format_count(len(changes), 'number')}, now and before", full_table))
     if earlier:
         parts.append(_runs(earlier))
     return Section("earlier", "Earlier tests", "".join(parts))
@@ -78,5 +80,5 @@ def _runs(earlier: Sequence[Summary]) -> str:
         for run in earlier[:RUNS_MAX]
     )
     hidden_count = len(earlier) - RUNS_MAX
-    remark = paragraph(f"{plural(hidden_count, 'older test')} not shown.", "small") if hidden_count > 0 else ""
+    remark = paragraph(f"{format_count(hidden_count, 'older test')} not shown.", "small") if hidden_count > 0 else ""
     return scrolled(table(_RUNS, rows, "Earlier tests", "runs"), "Earlier tests") + remark

@@ -3,7 +3,7 @@
 import math
 from datetime import datetime
 
-from taxel.gap.page.text import ABSENT, MINUS, SPACE, plural
+from taxel.gap.page.text import ABSENT, MINUS, SPACE, format_count
 from taxel_tools.testing.page.html_text import escaped
 from taxel_tools.testing.record import Limit, Value
 
@@ -69,7 +69,7 @@ def format_duration(seconds: float) -> str:
 
 def format_size(size: int) -> str:
     """A number of bytes, such as 512 bytes or 12 kB."""
-    return plural(size, "byte") if size < 1000 else f"{size / 1000:,.0f}{SPACE}kB"
+    return format_count(size, "byte") if size < 1000 else f"{size / 1000:,.0f}{SPACE}kB"
 
 
 def _round(value: float, digits: int) -> str:

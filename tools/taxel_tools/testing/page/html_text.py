@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from taxel.gap.page.bars import HEIGHT
-from taxel.gap.page.text import clean_text, readable
+from taxel.gap.page.text import clean_text, make_readable
 
 
 def escaped(text: str) -> str:
@@ -20,7 +20,7 @@ def escaped(text: str) -> str:
 
 def escaped_name(name: str) -> str:
     """A name with underscores as readable HTML: `dead_taxel` becomes "dead taxel"."""
-    return html.escape(readable(name))
+    return html.escape(make_readable(name))
 
 
 def diagram(shapes: str, height: int = HEIGHT) -> str:

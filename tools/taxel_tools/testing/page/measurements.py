@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from statistics import median
 
 from taxel.gap.page.bars import Axis
-from taxel.gap.page.text import ABSENT, plural
+from taxel.gap.page.text import ABSENT, format_count
 from taxel_tools.testing.page.bars import build_axis, value_bar, value_strip
 from taxel_tools.testing.page.elements import format_place, scrolled
 from taxel_tools.testing.page.figures import format_figure, format_limit, format_with_unit
@@ -55,7 +55,7 @@ def measurements_html(title: str, measurements: Sequence[Measurement]) -> str:
     if len(failing) > FAILING_MAX:
         parts.append(paragraph(f"The worst {FAILING_MAX} are shown; the full table is below.", "small"))
     full_table = _table(measurements, axes, f"{caption}, all")
-    return "".join(parts) + folded(f"All {plural(len(measurements), 'measurement')}", full_table)
+    return "".join(parts) + folded(f"All {format_count(len(measurements), 'measurement')}", full_table)
 
 
 def _severity(limit: Limit | None, measurement: Measurement) -> float:

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 
-from taxel.gap.page.text import plural
+from taxel.gap.page.text import format_count
 from taxel_tools.testing.page.elements import format_inline_place
 from taxel_tools.testing.page.figures import format_duration, format_limit, format_time, format_with_unit
 from taxel_tools.testing.page.html_text import bullets, escaped, escaped_name, folded
@@ -33,7 +33,7 @@ def format_title(record: TestRecord) -> str:
     findings = record.findings()
     fault_text = ""
     if findings:
-        fault_text = f": {plural(len(findings), 'fault')} found"
+        fault_text = f": {format_count(len(findings), 'fault')} found"
     if len(findings) == 1:
         place = escaped(findings[0].place)
         fault_text = f": {escaped(findings[0].fault)}" + (f" at {place}" if place.strip() else "")
@@ -44,7 +44,9 @@ def header(record: TestRecord) -> str:
     """The header as an HTML element."""
     counts = Counter(phase.outcome for phase in record.phases)
     summaries = [
-        f"{plural(count, 'phase')} {text}" for outcome, text in _PHASE_SUMMARIES.items() if (count := counts[outcome])
+        f"{format_count(count, 'phase')} {text}"
+        for outcome, text in _PHASE_SUMMARIES.items()
+        if (count := counts[outcome])
     ]
     chips = [f'<li class="chip status {record.outcome}">{_CHIPS[record.outcome]}</li>']
     chips += [f'<li class="chip">{summary}</li>' for summary in summaries]
@@ -106,7 +108,11 @@ def _violated_limits(phase: PhaseRecord, number: int) -> Iterator[str]:
         worst = max(group, key=_severity)
         place = f" at {escaped(worst.place)}" if worst.place else ""
         value = format_with_unit(worst.value, worst.unit, worst.limit)
-        count = f"{plural(len(group), 'place')} beyond the limit, the worst" if len(group) > 1 else "beyond the limit:"
+        count = (
+            f"{format_count(len(group), 'place')} beyond the limit, the worst"
+            if len(group) > 1
+            else "beyond the limit:"
+        )
         link = f"{_link(phase.title, number)}, <b>{escaped_name(name)}</b>"
         yield f"{link}: {count} {value}{place} (allowed {format_limit(worst.limit)})"
 
