@@ -7,11 +7,11 @@ from contextlib import suppress
 
 import pytest
 
-from taxel_protocol.bootloader import BootChecksum, BootDevice
+from taxel_protocol.bootloader import BOOT_ROW_COUNT, BOOT_ROW_SIZE, BootChecksum, BootDevice
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files import load_firmware
 from taxel_tools.files.cyacd import read_cyacd, write_cyacd
-from taxel_tools.files.intel_hex import read_intel_hex, write_intel_hex
+from taxel_tools.files.intel_hex import read_intel_hex, rows_of_intel_hex, write_intel_hex
 
 FIRST_ROWS = (32, 128)
 
@@ -51,6 +51,18 @@ def test_a_cyacd_file_is_read_back_as_written(make_image, slot, size):
 def test_an_intel_hex_file_is_read_back_as_written(make_image, slot):
     image = make_image(slot)
     assert read_intel_hex(write_intel_hex(image.data, 128 * FIRST_ROWS[slot]), "f").data == image.data
+
+
+def test_blank_lines_of_an_intel_hex_file_are_skipped(make_image):
+    image = make_image(0)
+    lines = write_intel_hex(image.data, 128 * FIRST_ROWS[0]).splitlines()
+    assert read_intel_hex("\n".join([*lines[:3], "", *lines[3:], ""]), "f").data == image.data
+
+
+def test_an_intel_hex_file_may_fill_the_last_row_of_the_flash():
+    row = bytes(range(BOOT_ROW_SIZE))
+    rows = rows_of_intel_hex(write_intel_hex(row, BOOT_ROW_SIZE * (BOOT_ROW_COUNT - 1)), "f")
+    assert {number: data for number, (data, _) in rows.items()} == {BOOT_ROW_COUNT - 1: row}
 
 
 def test_slot_b_of_a_hub_begins_at_another_row(make_image):
