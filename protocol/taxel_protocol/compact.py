@@ -238,13 +238,6 @@ def pack_counts(counts: Sequence[int], width: int) -> bytes:
     return number.to_bytes((width * len(counts) + 7) // 8, "little")
 
 
-def encode_length(size: int) -> int:
-    """The length byte for a compact snapshot of at least `size` bytes."""
-    if size < COMPACT_LENGTH_FINE:
-        return size
-    return COMPACT_LENGTH_FINE + -(-size // COMPACT_LENGTH_STEP)
-
-
 def _with_crc(address: int, body: bytes) -> bytes:
     size = len(body) + 4
     if size >= COMPACT_LENGTH_FINE:

@@ -15,7 +15,6 @@ from taxel_protocol import compact, compact_tables
 from taxel_protocol.compact import CompactError, KeyFrame, Taxel
 from taxel_protocol.framing import crc32
 from taxel_protocol.limits import COMPACT_TAXELS_MAX
-from taxel_protocol.registers import compact_size
 
 ROOT = Path(__file__).resolve().parents[2]
 BOARDS = json.loads((ROOT / "protocol" / "vectors" / "compact.json").read_text())["boards"]
@@ -287,10 +286,3 @@ def test_arbitrary_snapshots_are_rejected_or_decoded_as_by_the_definition(
     if 0 < taxel_count <= COMPACT_TAXELS_MAX:
         assert host.receive(address, taxel_count, data) == OK
         assert host.decoded(taxel_count) == (expected.sequence, expected.timestamp_us, expected.counts)
-
-
-def test_a_length_byte_covers_every_size_with_at_most_three_bytes_of_padding() -> None:
-    for size in range(489):
-        length = compact.encode_length(size)
-        assert 0 <= compact_size(length) - size < 4
-        assert size >= 128 or compact_size(length) == size

@@ -61,11 +61,6 @@ void taxel_contact_bracket_offset(const struct taxel_contact *contact, size_t bo
     memcpy(offset, &contact->description.boards[board].bracket_offset, sizeof(struct frame));
 }
 
-void taxel_contact_object_offset(const struct taxel_contact *contact, size_t object, double *offset)
-{
-    memcpy(offset, &contact->description.objects[object].offset, sizeof(struct frame));
-}
-
 static void write_forces(const struct skin_board *board, bool is_touching, double *force)
 {
     for (size_t taxel = 0; taxel < board->patch.taxel_count; taxel++) {

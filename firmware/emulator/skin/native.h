@@ -14,9 +14,8 @@ void taxel_contact_close(struct taxel_contact *contact);
 size_t taxel_contact_boards(const struct taxel_contact *contact);
 size_t taxel_contact_taxels(const struct taxel_contact *contact);
 
-/* Actual poses of a board's bracket and of an object relative to their nominal frames: 3 rows of 4. */
+/* Actual pose of a board's bracket relative to its nominal frame: 3 rows of 4. */
 void taxel_contact_bracket_offset(const struct taxel_contact *contact, size_t board, double *offset);
-void taxel_contact_object_offset(const struct taxel_contact *contact, size_t object, double *offset);
 
 /* Evaluate the contact. Returns the number of boards that touch the object.
  *

@@ -144,7 +144,7 @@ class _ArmSchedule:
         grasping: NDArray[np.float64],
         withdrawn: NDArray[np.float64],
     ) -> None:
-        self._station, self._timeline = station, timeline
+        self._station = station
         self._moves = [(timeline.get_start_s(Phase.CLOSING), grasping)]
         self._moves += [(timeline.get_start_s(Phase.RELEASE) + WITHDRAW_SHARE * timeline.release_s, withdrawn)]
         self._loop = ControlLoop(PERIOD_S, time.monotonic)

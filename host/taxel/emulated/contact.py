@@ -44,8 +44,8 @@ def load_contact_library() -> ctypes.CDLL:
     library.taxel_contact_close.argtypes, library.taxel_contact_close.restype = [pointer], None
     for name in ("taxel_contact_boards", "taxel_contact_taxels"):
         getattr(library, name).argtypes, getattr(library, name).restype = [pointer], size
-    for name in ("taxel_contact_bracket_offset", "taxel_contact_object_offset"):
-        getattr(library, name).argtypes, getattr(library, name).restype = [pointer, size, pointer], None
+    library.taxel_contact_bracket_offset.argtypes = [pointer, size, pointer]
+    library.taxel_contact_bracket_offset.restype = None
     library.taxel_contact_evaluate.argtypes = [pointer, ctypes.c_int, pointer, pointer, pointer, pointer]
     library.taxel_contact_evaluate.restype = ctypes.c_int
     return library
@@ -86,21 +86,10 @@ class SkinContact:
 
     def get_bracket_offset(self, board: int) -> FloatArray:
         """True pose of a bracket in its nominal frame, f64[4, 4]. board: index in the world file."""
-        return self._get_offset("taxel_contact_bracket_offset", board, self.board_count)
-
-    def get_object_offset(self, index: int) -> FloatArray:
-        """True pose of an object in its nominal frame, f64[4, 4]. index: of the object in the world file."""
-        return self._get_offset("taxel_contact_object_offset", index, self._object_count)
-
-    def _get_offset(self, function: str, index: int, count: int) -> FloatArray:
-        """True pose in the nominal frame, f64[4, 4], from a function of the library.
-
-        count: number of brackets or objects.
-        """
-        self._check(0 <= index < count, f"an index from 0 to {count - 1}, found {index}")
+        self._check(0 <= board < self.board_count, f"an index from 0 to {self.board_count - 1}, found {board}")
         offset = np.eye(4)
         rows = np.zeros((3, 4))
-        getattr(self._library, function)(self._handle, index, rows.ctypes.data)
+        self._library.taxel_contact_bracket_offset(self._handle, board, rows.ctypes.data)
         offset[:3] = rows
         return offset
 

@@ -88,11 +88,6 @@ class PoseEstimate:
         factor = stats.t.ppf((1 + CONFIDENCE) / 2, degrees) if degrees else np.nan
         return np.asarray(factor * np.sqrt(np.diagonal(self.covariance)), dtype=np.float64)
 
-    @property
-    def normalised_residuals(self) -> FloatArray:
-        """Studentised residual of each point, f64[n] (`pose_fit.studentise`); about 1 without outliers."""
-        return self._studentise_residuals()[0]
-
     def warnings(self) -> tuple[str, ...]:
         """Return warnings about the points, one line each: the largest outlier, and residuals above sigma_m."""
         if self.points is None:

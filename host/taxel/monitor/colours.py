@@ -50,11 +50,6 @@ def colour_steps(signal: FloatArray, threshold: float, top: float) -> IndexArray
     return np.where(np.isnan(signal), UNKNOWN, steps)
 
 
-def compute_linear_light(colour: FloatArray) -> FloatArray:
-    """Linear light of sRGB values, each 0 to 1 (IEC 61966-2-1)."""
-    return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
-
-
 class ColourScale:
     """The end of the scale in round numbers. It follows a larger signal at once and a smaller one after `hold_s`."""
 

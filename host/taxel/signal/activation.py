@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from taxel.signal._arrays import RAW_COUNT_MAX, check_positive, check_shape, to_raw_count_array, to_validity_mask
+from taxel.signal._arrays import RAW_COUNT_MAX, check_positive, check_shape, to_validity_mask
 from taxel.types import BoolArray, FloatArray
 
 ACTIVATION_THRESHOLD_COUNTS = 150.0
@@ -89,19 +89,6 @@ class Activation:
             found = f"{np.nanmin(counts):g}..{np.nanmax(counts):g}"
             raise ValueError(f"raw_counts: expected 0..{RAW_COUNT_MAX}, found {found}")
         return self._evaluate(counts, self._is_saturated(counts))
-
-    def evaluate_hold(self, raw_counts: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> ActivationFrame:
-        """Evaluate the mean of the valid frames of a hold phase, per taxel.
-
-        raw_counts: u16[T, n]. valid: a bool, bool[T] or bool[T, n]. Returns an ActivationFrame of shape [n]: missing
-        where no frame is valid, saturated where any valid frame is. Raises ValueError for a wrong shape or dtype.
-        """
-        raw = to_raw_count_array(raw_counts, 2, self.n_taxels)
-        mask = to_validity_mask(valid, raw.shape)
-        count = mask.sum(axis=0, dtype=np.int64)
-        total = np.where(mask, raw, 0).sum(axis=0, dtype=np.int64)
-        mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-        return self._evaluate(mean, np.asarray((self._is_saturated(raw) & mask).any(axis=0)))
 
     def _is_saturated(self, counts: npt.NDArray[np.uint16] | FloatArray) -> BoolArray:
         is_saturated: BoolArray = (counts <= self.saturation_floor_counts) | (counts >= RAW_COUNT_MAX)

@@ -216,7 +216,6 @@ def test_an_outlier_is_named() -> None:
     measured[3] += [0, 2e-3, 0]
     for sigma in (None, SIGMA_M):
         estimate = fit_pose(MARKS, measured, names=list("abcdef"), sigma_m=sigma)
-        assert np.argmax(estimate.normalised_residuals) == 3
         assert "fit_pose: points: point 'd' has a residual" in estimate.warnings()[0]
         assert estimate.warnings()[0].isprintable()
 

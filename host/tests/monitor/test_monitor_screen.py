@@ -9,7 +9,7 @@ from rich.console import Console
 from taxel.hand import load_hand
 from taxel.monitor import Screen
 from taxel.monitor.board_layout import layout_rows, layout_unrolled
-from taxel.monitor.colours import INACTIVE_STEPS, STEPS, TABLE, UNKNOWN, ColourScale, colour_steps, compute_linear_light
+from taxel.monitor.colours import INACTIVE_STEPS, STEPS, TABLE, UNKNOWN, ColourScale, colour_steps
 
 SIZES = ((80, 24), (120, 40), (170, 50), (250, 70))
 
@@ -126,7 +126,9 @@ def test_default_hand_fits_an_80_by_24_terminal():
 
 
 def test_active_taxel_is_brighter_than_any_inactive_one():
-    light = compute_linear_light(TABLE / 255.0) @ [0.2126, 0.7152, 0.0722]
+    colour = TABLE / 255.0
+    linear_light = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)  # IEC 61966-2-1
+    light = linear_light @ [0.2126, 0.7152, 0.0722]
     assert (np.diff(light[:STEPS]) > 0.0).all()
     assert light[INACTIVE_STEPS] > 2.0 * light[INACTIVE_STEPS - 1]
     steps = colour_steps(np.array([-50.0, 0.0, 150.0, 150.1, 499.0, 1e9, np.nan]), 150.0, 500.0)

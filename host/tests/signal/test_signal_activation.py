@@ -94,21 +94,6 @@ def test_a_validity_mask_per_frame_applies_to_all_taxels_of_the_frame():
     assert block.missing.tolist() == [[False] * 2, [True] * 2, [False] * 2]
 
 
-def test_a_hold_is_evaluated_by_the_mean_of_its_valid_frames():
-    raw = np.array([[849, 849, 0], [851, 850, 0], [0, 0, 0]], np.uint16)
-    valid = np.array([[True, True, False], [True, True, False], [False, False, False]])
-    hold = Activation([1000.0] * 3).evaluate_hold(raw, valid)
-    assert hold.signal_counts[:2].tolist() == [150.0, 150.5]
-    assert hold.active.tolist() == [False, True, False]
-    assert hold.missing.tolist() == [False, False, True]
-
-
-def test_a_hold_with_one_saturated_frame_is_saturated():
-    raw = np.array([[900, 900], [0, 0], [900, 900]], np.uint16)
-    valid = np.array([[True, True], [True, False], [True, True]])
-    assert Activation([1000.0] * 2).evaluate_hold(raw, valid).saturated.tolist() == [True, False]
-
-
 def test_the_baseline_array_of_the_caller_is_copied():
     mean = np.array([1000.0])
     activation = Activation(mean)
@@ -134,7 +119,6 @@ def test_the_baseline_array_of_the_caller_is_copied():
         (lambda: Activation([1.0])([65_535.5]), "raw_counts"),
         (lambda: Activation([1.0])([True]), "raw_counts"),
         (lambda: Activation([1.0])([1], valid=[1]), "valid"),
-        (lambda: Activation([1.0]).evaluate_hold([1]), "raw_counts"),
     ],
 )
 def test_an_invalid_input_raises_a_one_line_error(call, message):
