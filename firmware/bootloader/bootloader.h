@@ -1,12 +1,12 @@
 /* The bootloader: two slots, of which one always holds a bootable image; Cypress bootloader packets over I2C or UART.
  *
- * packet.c       checksums, parsing, building          bootloader.c   set-up, pass of the main loop, start of an image
- * record.c       a pair of rows written alternately    commands.c     command table and dispatch metadata.c     image
- * confirmed, pending or on trial  rows.c         writes and checks the free slot config_rows.c  address, kind, serial,
- * calibration    reports.c      reports on images and board image.c        checks the image in a slot            i2c.c,
- * uart.c  one packet from the wire, one response to it choose.c       the slot that boots, the free slot    search.c
- * boards that share an address layout.c       position of the slots                 confirm.c      linked into
- * applications, not into bootloaders
+ *   packet.c       checksums, parsing, building          bootloader.c   set-up, main loop, start of an image
+ *   record.c       a pair of rows written alternately    commands.c     command table and dispatch
+ *   metadata.c     image confirmed, pending or on trial  rows.c         writes and checks the free slot
+ *   config_rows.c  address, kind, serial, calibration    reports.c      reports on images and board
+ *   image.c        checks the image in a slot            i2c.c, uart.c  one packet from the wire, one response to it
+ *   choose.c       the slot that boots, the free slot    search.c       boards that share an address
+ *   layout.c       position of the slots                 confirm.c      linked into applications, not into bootloaders
  *
  * Integration on an I2C slave (`hal`: struct taxel_boot_hal of the port; on a UART, taxel_boot_uart_... in the same
  * way):
@@ -14,7 +14,8 @@
  *     static struct taxel_boot boot;
  *     static struct taxel_boot_i2c slave;
  *     static const struct taxel_boot_config config = {
- *         .flash = {.hal = &hal, .layout = &taxel_boot_layout_board}, .checksum = TAXEL_BOOT_CHECKSUM_ANY, .version = {1, 0, 0},
+ *         .flash = {.hal = &hal, .layout = &taxel_boot_layout_board},
+ *         .checksum = TAXEL_BOOT_CHECKSUM_ANY, .version = {1, 0, 0},
  *     };
  *     taxel_boot_init(&boot, &config);
  *     taxel_boot_i2c_init(&slave, &boot);
@@ -100,6 +101,11 @@ size_t taxel_boot_take_packet(struct taxel_boot *boot, const uint8_t *packet, si
 
 /* config_rows.c. The board's configuration as packed bytes, or NULL if it has none. For applications too. */
 const uint8_t *taxel_boot_configuration(const struct taxel_boot_flash *flash);
+
+/* record.c. Write these bytes as the newest record of the two rows from `first_row` on, unless they are equal to it.
+ * Returns 0 or TAXEL_BOOT_ERROR_FLASH. */
+int taxel_boot_record_write(const struct taxel_boot_flash *flash, uint16_t first_row, uint32_t magic,
+                            const uint8_t *content, uint8_t size);
 
 /* i2c.c: a slave at taxel_boot_i2c_address(). on_address and on_write return whether to acknowledge. */
 struct taxel_boot_i2c {

@@ -22,9 +22,6 @@ uint16_t taxel_boot_packet_checksum(const uint8_t *bytes, size_t size, uint8_t c
 /* record.c: two rows from `first_row` on, written alternately; the valid one with the later sequence is the newest
  * record, NULL if none is valid. */
 const uint8_t *taxel_boot_record_newest(const struct taxel_boot_flash *flash, uint16_t first_row, uint32_t magic);
-/* Write these bytes as the newest record, unless they are equal to it. Returns 0 or TAXEL_BOOT_ERROR_FLASH. */
-int taxel_boot_record_write(const struct taxel_boot_flash *flash, uint16_t first_row, uint32_t magic,
-                            const uint8_t *content, uint8_t size);
 /* Write a row unless it already has this content, and read it back. Returns 0 or TAXEL_BOOT_ERROR_FLASH. */
 int taxel_boot_write_row(const struct taxel_boot_flash *flash, uint16_t row, const uint8_t *bytes);
 const uint8_t *taxel_boot_row(const struct taxel_boot_flash *flash, uint16_t row);

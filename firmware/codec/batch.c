@@ -31,9 +31,9 @@ static uint16_t missing_between(uint16_t cycles, uint16_t scans)
     return steps ? (uint16_t)(steps - 1u) : 0;
 }
 
-/* Fill the members that come from the taxel header, and count missing cycles. A board that is polled while it codes
- * has no snapshot in that cycle and a newer one in the next: `skipped` is the number of skipped scans that are no
- * loss. */
+/* Fill the members that come from the taxel header, and count missing cycles. A board that is polled while it encodes a
+ * compact snapshot delivers nothing in this cycle and a newer snapshot in the next cycle: `skipped` is the number of
+ * such skipped scans, which are no loss. */
 static void account(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_taxel_header *header,
                     uint16_t skipped)
 {

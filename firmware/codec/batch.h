@@ -8,8 +8,11 @@
  *     for (size_t done = 0; done < size;) {  // each piece of the stream
  *         done += taxel_batch_decode(&batch, bytes + done, size - done, &output);
  *         use(output.taxel_rows, output.taxel_count, output.counts);
- * acknowledge_size = taxel_batch_take_acknowledgements(&batch, payload, sizeof payload);  // to the hub, if not 0 }
- * taxel_batch_finish(&batch, &output);  // at the end of the stream / */
+ *         // send this ACKNOWLEDGE payload to the hub if its size is not 0:
+ *         acknowledge_size = taxel_batch_take_acknowledgements(&batch, payload, sizeof payload);
+ *     }
+ *     taxel_batch_finish(&batch, &output);  // at the end of the stream
+ */
 #ifndef TAXEL_BATCH_H
 #define TAXEL_BATCH_H
 

@@ -119,7 +119,7 @@ enum taxel_compact_result taxel_compact_receive(struct taxel_compact_receiver *r
     const enum taxel_compact_result result = head.format & TAXEL_COMPACT_WIDTH_MASK
                                                  ? receive_packed(receiver, taxels, bytes, size, snapshot)
                                                  : receive_delta(receiver, taxels, bytes, size, snapshot);
-    /* no board does that */
+    /* no board marks a snapshot whose id equals that of the current key frame */
     const bool id_is_used = receiver->key_frame.is_valid && receiver->key_frame.id == (uint16_t)crc;
     if (result == TAXEL_COMPACT_OK && head.format & TAXEL_COMPACT_KEY_FRAME && id_is_used) {
         receiver->pending.is_valid = false;

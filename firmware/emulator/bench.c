@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "emulator/layer.h"
+#include "emulator/physics/layer.h"
 #include "emulator/world.h"
 
 #define HUB_ADDRESS 0u     /* selects the hub instead of a board */

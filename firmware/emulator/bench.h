@@ -1,4 +1,4 @@
-/* A world inside the caller's process, advanced by the caller: the library of the virtual test rig
+/* A world inside the caller's process, advanced by the caller: C interface of the library of the virtual test rig
  * (host/taxel/link/virtual).
  *
  * Times are picoseconds since the world started (vtime.h). Nothing happens between two calls. */
@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "emulator/fault_log.h"
+#include "emulator/base/fault_log.h"
 
 struct taxel_bench;
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "emulator/board_internal.h"
-#include "emulator/reset_bits.h"
+#include "emulator/base/reset_bits.h"
 
 /* Apply the settings of this conversion, which the registers contain, to the front end. */
 static void apply_conversion_settings(struct board_node *board, const struct psoc_conversion *conversion)

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "emulator/layer.h"
+#include "emulator/physics/layer.h"
 
 #define CONVERSION_MARGIN (VTIME_SECOND / 10u) /* longer than a conversion */
 #define UNCHANGED_STEPS_MAX 2u                 /* beyond it, the skin does not compute the fields of a board again */

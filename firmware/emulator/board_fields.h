@@ -10,8 +10,8 @@
 
 #include "emulator/effects/late_history.h"
 #include "emulator/skin/skin.h"
-#include "emulator/stimulus.h"
-#include "emulator/vtime.h"
+#include "emulator/skin/stimulus.h"
+#include "emulator/base/vtime.h"
 
 struct board_fields {
     const struct stimulus *stimulus;

@@ -6,7 +6,7 @@
 
 #include "emulator/board_cortex.h"
 #include "emulator/board_internal.h"
-#include "emulator/costs.h"
+#include "emulator/base/costs.h"
 
 static void on_front_end_configure(void *context, const struct taxel_scan_settings *settings)
 {

@@ -12,13 +12,13 @@
 #include "emulator/boot_node.h"
 #include "emulator/effects/droop.h"
 #include "emulator/electronics.h"
-#include "emulator/fault_log.h"
-#include "emulator/front_end.h"
+#include "emulator/base/fault_log.h"
+#include "emulator/physics/front_end.h"
 #include "emulator/psoc4200/psoc.h"
 #include "emulator/skin/skin.h"
-#include "emulator/stimulus.h"
-#include "emulator/vtime.h"
-#include "emulator/world_file.h"
+#include "emulator/skin/stimulus.h"
+#include "emulator/base/vtime.h"
+#include "emulator/world_file/world_file.h"
 #include "sensor/sensor.h"
 
 struct board_node {
@@ -92,7 +92,7 @@ void board_set_power(struct board_node *board, bool on, vtime now, uint8_t reset
 /* Run everything that happens in the board up to `until`. */
 void board_advance(struct board_node *board, vtime until);
 
-/* When the next planned power cut (flash.h) or its end is due, and all of them that are due by `until`. */
+/* The time of the next planned power cut (flash.h) or of its end; and execution of all that are due by `until`. */
 vtime board_next_power_event(const struct board_node *board);
 void board_run_power_events(struct board_node *board, vtime until);
 

@@ -4,7 +4,7 @@
 #include "codec/crc32.h"
 #include "emulator/board_cortex.h"
 #include "emulator/board_internal.h"
-#include "emulator/costs.h"
+#include "emulator/base/costs.h"
 
 #define CONFIRM_SCANS 10u /* an image on trial is confirmed after these scans and one snapshot that was read */
 

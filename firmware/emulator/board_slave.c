@@ -1,7 +1,7 @@
 /* The I2C slave of a board: passes the events of the bus to the application, the bootloader or the executed image. */
 #include "emulator/board_cortex.h"
 #include "emulator/board_internal.h"
-#include "emulator/costs.h"
+#include "emulator/base/costs.h"
 
 #define CORRUPTED_BIT 0x10u
 

@@ -3,7 +3,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "bootloader/internal.h"
 #include "codec/crc32.h"
 
 #define VECTORS_SIZE 8u /* stack pointer and reset vector; the factory image contains no more */

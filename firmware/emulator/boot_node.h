@@ -7,8 +7,8 @@
 #define EMULATOR_BOOT_NODE_H
 
 #include "bootloader/bootloader.h"
-#include "emulator/flash.h"
-#include "emulator/world_file.h"
+#include "emulator/base/flash.h"
+#include "emulator/world_file/world_file.h"
 
 /* estimate: reset to the bootloader's first response; at most half of boot_ms */
 #define BOOT_NODE_INIT_TIME (2u * VTIME_MS)

@@ -60,7 +60,7 @@ struct bus {
     bool is_waiting[BUS_MASTERS]; /* for the stop condition of the other master */
     struct taxel_i2c_transfer waiting_transfer[BUS_MASTERS];
     bool is_bytewise;        /* the present master commands single bytes */
-    bool hub_waits_bytewise; /* the waiting hub does */
+    bool hub_waits_bytewise; /* the waiting hub commands single bytes */
     enum bus_event event;
     uint8_t byte;                 /* of the command, or the byte read */
     uint8_t waiting_address_byte; /* of the waiting hub */

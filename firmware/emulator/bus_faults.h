@@ -3,7 +3,7 @@
 #ifndef EMULATOR_BUS_FAULTS_H
 #define EMULATOR_BUS_FAULTS_H
 
-#include "emulator/fault_log.h"
+#include "emulator/base/fault_log.h"
 
 #define BUS_FAULTS_MAX 64u
 

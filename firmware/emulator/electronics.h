@@ -1,8 +1,8 @@
 /* The electronics of a board that is not ideal: the path from capacitance to raw count, with each effect at its
  * position.
  *
- *   rises -> capacitances (drift, dead, exchanged, broken and joined lines) -> network of the lines -> supply and reference
- *   -> low pass -> noise -> saturation -> converter -> quantisation -> stuck bits
+ *   rises -> capacitances (drift, dead, exchanged, broken and joined lines) -> network of the lines
+ *   -> supply and reference -> low pass -> noise -> saturation -> converter -> quantisation -> stuck bits
  *
  * A board without any of these effects has no `struct electronics`: front_end_convert() computes its counts. */
 #ifndef EMULATOR_ELECTRONICS_H
@@ -12,8 +12,8 @@
 #include "emulator/effects/drift.h"
 #include "emulator/effects/droop.h"
 #include "emulator/effects/noise.h"
-#include "emulator/front_end.h"
-#include "emulator/world_file.h"
+#include "emulator/physics/front_end.h"
+#include "emulator/world_file/world_file.h"
 
 #define ELECTRONICS_NO_TAXEL 0xFFu /* a crossing without taxel */
 
@@ -58,8 +58,8 @@ struct electronics_conversion {
     double (*get_rise)(const void *context, size_t taxel, vtime time);
     void (*get_all_rises)(const void *context, vtime time, double *rise); /* of all taxels of the board */
     const void *rise_context;
-    bool fields_are_constant; /* around this time, and ... */
-    unsigned change_count;    /* ... since this counter of changes had this value */
+    bool fields_are_constant; /* no field changes around this time */
+    unsigned change_count;    /* of the fields: equal to an earlier value if no field has changed since then */
 };
 
 /* Whether any effect of the world requires a `struct electronics` for the board. */

@@ -8,7 +8,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "emulator/vtime.h"
+#include "emulator/base/vtime.h"
 
 enum endpoint_kind {
     ENDPOINT_NONE,

@@ -5,7 +5,7 @@
 #include <stdint.h>
 #include <stdio.h>
 
-#include "emulator/vtime.h"
+#include "emulator/base/vtime.h"
 
 #define HOST_SCRIPT_RECORD_MAX 4096u
 

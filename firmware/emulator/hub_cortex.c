@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "emulator/reset_bits.h"
+#include "emulator/base/reset_bits.h"
 
 static void on_i2c_start(void *context, uint8_t address_byte, vtime clock, vtime now)
 {

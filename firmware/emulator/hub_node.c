@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "emulator/costs.h"
+#include "emulator/base/costs.h"
 #include "emulator/hub_cortex.h"
 
 static const uint8_t unique_id[8] = {'T', 'A', 'X', 'E', 'L', 'H', 'U', 'B'};

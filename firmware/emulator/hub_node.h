@@ -7,7 +7,7 @@
 #include "emulator/bus.h"
 #include "emulator/psoc4200/psoc.h"
 #include "emulator/uart.h"
-#include "emulator/vtime.h"
+#include "emulator/base/vtime.h"
 #include "hub/hub.h"
 
 #define HUB_SLOTS 32u

@@ -9,7 +9,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "emulator/layer.h"
+#include "emulator/physics/layer.h"
 #include "emulator/world.h"
 
 #define REAL_TIME_STEP_MS 1

@@ -12,8 +12,8 @@
 
 #include "emulator/endpoint.h"
 #include "emulator/uart_faults.h"
-#include "emulator/vtime.h"
-#include "emulator/world_file.h"
+#include "emulator/base/vtime.h"
+#include "emulator/world_file/world_file.h"
 #include "hub/hub.h"
 
 #define UART_FIFO_SIZE 8u

@@ -2,7 +2,7 @@
 #ifndef EMULATOR_UART_FAULTS_H
 #define EMULATOR_UART_FAULTS_H
 
-#include "emulator/fault_log.h"
+#include "emulator/base/fault_log.h"
 
 #define UART_FAULTS_MAX 64u
 

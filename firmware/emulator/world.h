@@ -7,13 +7,13 @@
 #include "emulator/board_node.h"
 #include "emulator/bus.h"
 #include "emulator/endpoint.h"
-#include "emulator/fault_log.h"
+#include "emulator/base/fault_log.h"
 #include "emulator/host_script.h"
 #include "emulator/hub_node.h"
-#include "emulator/stimulus.h"
-#include "emulator/thread_pool.h"
+#include "emulator/skin/stimulus.h"
+#include "emulator/base/thread_pool.h"
 #include "emulator/uart.h"
-#include "emulator/world_file.h"
+#include "emulator/world_file/world_file.h"
 
 /* The second master of the bus: the I2C adapter of a test rig. */
 struct bus_adapter {

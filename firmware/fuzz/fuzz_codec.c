@@ -3,12 +3,13 @@
  * The input is either a stream, or a script that builds a stream from frames of any type and payload, random bytes,
  * and damage (flip, insert, delete, duplicate, truncate, lost delimiters), so that mutations need not guess a CRC.
  * Invariants:
- * - the deframer, given the stream in pieces of sizes from the input (or at once), delivers the oracle's frames in
- * the same order and discards the same number of bytes (codec_oracle.h); - the batch decoder, with arrays of the
- * smallest allowed size, delivers the same frames and counts the same losses; - each decoded frame, encoded again
- * into a ring that wraps at any position, decodes to itself; - any payload is encoded without a zero byte, into no
- * more bytes than the stated maximum; - the CRC and whitening of the boards (small) equal those of the PC (fast); -
- * every fixed layout packs the values that it has unpacked. */
+ *   - the deframer, given the stream in pieces of sizes from the input (or at once), delivers the oracle's frames in
+ *     the same order and discards the same number of bytes (codec_oracle.h);
+ *   - the batch decoder, with arrays of the smallest allowed size, delivers the same frames and counts the same losses;
+ *   - each decoded frame, encoded again into a ring that wraps at any position, decodes to itself;
+ *   - any payload is encoded without a zero byte, into no more bytes than the stated maximum;
+ *   - the CRC and whitening of the boards (small) equal those of the PC (fast);
+ *   - every fixed layout packs the values that it has unpacked. */
 #include "codec/crc32.h"
 #include "codec/encoder.h"
 #include "codec/whitening.h"

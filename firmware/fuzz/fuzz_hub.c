@@ -6,11 +6,13 @@
  * Invariants, after each pass of the main loop:
  *   - each board's polls equal the sum of its outcomes, plus one for a poll in progress;
  *   - slots are sorted, unique and within the configured number; taxel counts fit the buffers;
- * - the transmit queue holds the bytes sent and not yet pulled; the bytes pulled are complete frames in sequence
- * with valid CRCs; - one transfer at a time, into an unused buffer, and its bytes to write do not change until its
- * end; - the main loop returns, and always requests its next call. At the end: every frame sent was pulled; each
- * command has one reply, or is in progress, or (only after concatenated frames or lost bytes) its reply is among the
- * dropped frames; after the faults are removed, a command in progress ends. */
+ *   - the transmit queue holds the bytes sent and not yet pulled; the bytes pulled are complete frames in
+ *     sequence with valid CRCs;
+ *   - one transfer at a time, into an unused buffer, and its bytes to write do not change until its end;
+ *   - the main loop returns, and always requests its next call.
+ * At the end: every frame sent was pulled; each command has one reply, or is in progress, or (only after
+ * concatenated frames or lost bytes) its reply is among the dropped frames; after the faults are removed, a command
+ * in progress ends. */
 #include "fuzz/hub_bench.h"
 
 #define EVENTS_MAX 48u

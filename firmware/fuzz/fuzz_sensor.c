@@ -3,12 +3,13 @@
  * The first bytes of the input configure the board (lines, crossing map, settings, initial counters); the other
  * bytes are events: single bus events in any order, also impossible ones, and complete transfers with a valid CRC,
  * so that deep states are reached. Invariants, after each event:
- * - every byte read equals the model's (board_model.h): identity, status, settings, snapshots, FF elsewhere. So a
- * snapshot is one complete scan with its sequence, time, counts and CRC; the identity never changes; the settings
- * are the last accepted ones; counters saturate or wrap as specified, which boards with nearly full counters test; -
- * every acknowledge equals the model's; - at most one conversion is in progress, at the expected crossing; the front
- * end is configured between scans only; - the three snapshot buffers are distinct, and nothing is written outside
- * them; - exactly the invalid configurations are rejected at boot. */
+ *   - every byte read equals the model's (board_model.h): identity, status, settings, snapshots, FF elsewhere. So a
+ *     snapshot is one complete scan with its sequence, time, counts and CRC; the identity never changes; the settings
+ *     are the last accepted ones; counters saturate or wrap as specified, which boards with nearly full counters test;
+ *   - every acknowledge equals the model's;
+ *   - at most one conversion is in progress, at the expected crossing; the front end is configured between scans only;
+ *   - the three snapshot buffers are distinct, and nothing is written outside them;
+ *   - exactly the invalid configurations are rejected at boot. */
 #include "fuzz/board_model.h"
 #include "fuzz/fuzz.h"
 #include "sensor/sensor.h"

@@ -7,10 +7,13 @@
  *     static void start_conversion(void *context, uint8_t tx, uint8_t rx) { ... }
  *     ...
  *     static const struct taxel_sensor_hal hal = {
- * .context = NULL, .front_end_configure = configure, .conversion_start = start_conversion, .clock_us = clock_us,
- * .interrupts_disable = disable, .interrupts_restore = restore, .restart = reset, .enter_bootloader =
- * reset_into_bootloader, }; // interrupt at the end of a conversion: taxel_sensor_on_conversion(&sensor, raw_count);
- * / */
+ *         .context = NULL, .front_end_configure = configure, .conversion_start = start_conversion,
+ *         .clock_us = clock_us,
+ *         .interrupts_disable = disable, .interrupts_restore = restore,
+ *         .restart = reset, .enter_bootloader = reset_into_bootloader,
+ *     };
+ *     // interrupt at the end of a conversion: taxel_sensor_on_conversion(&sensor, raw_count);
+ */
 #ifndef TAXEL_SENSOR_HAL_H
 #define TAXEL_SENSOR_HAL_H
 

@@ -1,12 +1,13 @@
 /* The hub: the I2C master of all sensor boards. It reads one snapshot after the other, checks its CRC, and forwards it
  * unparsed as a UART frame; it executes the host's commands between two polls.
  *
- * hub.c       set-up and one pass of the main loop      outbox.c    outgoing UART frames: ring, back-pressure, counters
- * schedule.c  selects the next transfer                 inbox.c     incoming UART bytes: ring, frame search outcome.c
- * evaluates a finished transfer             command.c   handshake and commands identify.c  identity and scan settings
- * of a board     report.c    status frames recovery.c  nine clocks that free a stuck bus         pool.c      buffers of
- * the transfers launch.c    starts a transfer                         snapshot.c  checks a snapshot and forwards it
- * stall.c     a UART without a reader
+ *   hub.c       set-up and one pass of the main loop      outbox.c    outgoing UART frames: ring, counters
+ *   schedule.c  selects the next transfer                 inbox.c     incoming UART bytes: ring, frame search
+ *   outcome.c   evaluates a finished transfer             command.c   handshake and commands
+ *   identify.c  identity and scan settings of a board     report.c    status frames
+ *   recovery.c  nine clocks that free a stuck bus         pool.c      buffers of the transfers
+ *   launch.c    starts a transfer                         snapshot.c  checks a snapshot and forwards it
+ *   stall.c     a UART without a reader
  *
  * Integration (`hal`: struct taxel_hub_hal of the port; all memory is the caller's):
  *
@@ -212,8 +213,8 @@ struct taxel_outbox {
     volatile uint16_t head; /* position of the ring's next frame: written by the main loop only */
     volatile uint16_t tail; /* next byte for the UART: written by its interrupt only */
     struct taxel_large large[TAXEL_HUB_LARGE_MAX];
-    volatile uint8_t large_first; /* index of the next one to send: written by the interrupt only */
-    uint8_t large_next;           /* index of the next one to add: written by the main loop only */
+    volatile uint8_t large_first; /* index of the next frame to send: written by the interrupt only */
+    uint8_t large_next;           /* index of the next frame to add: written by the main loop only */
     volatile bool is_held;        /* the interrupt must not take any byte */
     uint16_t sequence;
     uint32_t frames_sent, bytes_sent, frames_dropped;
@@ -250,7 +251,7 @@ struct taxel_hub {
     uint32_t uart_progress_us; /* last check at which the UART had taken more bytes than before */
     uint8_t bus_fault;         /* enum taxel_board_fault that the last bus recovery did not remove */
     uint8_t slot_count;
-    uint8_t version;            /* negotiated; 0 before a handshake */
+    uint8_t version;            /* of the protocol, as negotiated; 0 before a handshake */
     uint8_t reset_cause;        /* enum taxel_reset_cause */
     uint8_t settings_read_slot; /* slot whose settings are read next, or 0xFF */
     uint8_t settings_read_kind; /* TAXEL_JOB_READ_SETTINGS or TAXEL_JOB_CHECK_SETTINGS */
@@ -258,10 +259,16 @@ struct taxel_hub {
     bool streaming;
     bool has_retry;             /* retry_pending is set in at least one slot */
     bool use_compact;           /* the host requested compact snapshots from the boards that have them */
-    bool discard_requested : 1; /* the queued frames are to be dropped, because the UART stalled */
+    bool discard_requested : 1; /* the UART stalled: the queued frames must be discarded */
     bool restart_requested : 1;
     bool bootloader_requested : 1;
 };
+
+/* A program with a single hub defines TAXEL_HUB_FIXED_CONFIG and this constant, so that the compiler can use the
+ * values of the configuration. */
+#ifdef TAXEL_HUB_FIXED_CONFIG
+extern const struct taxel_hub_config taxel_hub_fixed_config;
+#endif
 
 /* Number of polls of a board. Every poll but the one in progress is in exactly one outcome counter, so the slot
  * stores only the low bits of the number. */
@@ -272,7 +279,7 @@ void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config
 /* One pass of the main loop. */
 void taxel_hub_run(struct taxel_hub *hub);
 
-/* From interrupts. `result`: enum taxel_i2c_result. */
+/* Called from interrupts: end of a transfer (`result`: enum taxel_i2c_result), and a received byte. */
 void taxel_hub_on_i2c_done(struct taxel_hub *hub, int8_t result);
 void taxel_hub_on_uart_byte(struct taxel_hub *hub, uint8_t byte);
 /* Copy up to `size` bytes that are to be sent to `bytes`; returns their number, 0 if none are queued. */

@@ -27,7 +27,7 @@ static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, cons
     return TAXEL_BOARD_FAULT_NONE;
 }
 
-/* The board cannot be polled in this cycle: count this as the outcome of its poll, and go on to the next board. */
+/* The board cannot be polled in this cycle: count this as the outcome of its poll, and continue with the next board. */
 static void end_turn(struct taxel_hub *hub, struct taxel_hub_slot *board, uint32_t *counter, uint8_t fault,
                      uint8_t state)
 {

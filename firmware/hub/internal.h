@@ -10,10 +10,7 @@
 /* Not inlined: its stack frame must not be part of the frame of a function with deeper calls. */
 #define TAXEL_OWN_FRAME __attribute__((noinline))
 
-/* A program with a single hub and a constant configuration defines this macro, so that the compiler can use its
- * constants. */
 #ifdef TAXEL_HUB_FIXED_CONFIG
-extern const struct taxel_hub_config taxel_hub_fixed_config;
 static inline const struct taxel_hub_config *taxel_hub_config_of(const struct taxel_hub *hub)
 {
     (void)hub;
@@ -98,7 +95,7 @@ void taxel_hub_succeed(struct taxel_hub *hub, struct taxel_hub_slot *board);
 bool taxel_hub_retry(struct taxel_hub *hub, struct taxel_hub_slot *board);
 /* A poll of the board failed: update its state, and report the first of consecutive failures. */
 void taxel_hub_fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t fault);
-/* Recover the bus. Returns the remaining fault, or TAXEL_BOARD_FAULT_NONE. */
+/* Recover the bus and record a fault that remains. Returns this fault, or TAXEL_BOARD_FAULT_NONE. */
 uint8_t taxel_hub_free_bus(struct taxel_hub *hub);
 /* Clear the bus fault after a transfer that reached its stop condition, which proves that both lines move. */
 void taxel_hub_note_result(struct taxel_hub *hub, int8_t result);
@@ -106,7 +103,7 @@ void taxel_hub_note_result(struct taxel_hub *hub, int8_t result);
 /* snapshot.c */
 /* Record that the bytes read by the last transfer are to become a frame of this type. */
 void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size);
-/* The same for the bytes read by a poll. */
+/* As above, for the bytes read by a poll. */
 void taxel_hub_keep_snapshot(struct taxel_hub *hub);
 /* Check the unframed snapshot, and forward it if it is valid and new. */
 void taxel_hub_process_snapshot(struct taxel_hub *hub);
@@ -118,13 +115,14 @@ void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *boa
 void taxel_hub_finish_read_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result);
 void taxel_hub_finish_check_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result);
 
-/* recovery.c: TAXEL_BOARD_FAULT_NONE, or the remaining fault (enum taxel_board_fault) */
+/* recovery.c. Recover the bus once. Returns the remaining fault (enum taxel_board_fault), or
+ * TAXEL_BOARD_FAULT_NONE. */
 uint8_t taxel_hub_recover_bus(struct taxel_hub *hub);
 
 bool taxel_hub_has_space_for_reply(const struct taxel_hub *hub);
 
-/* outbox.c: write one frame of a head and a tail (either may be empty) to `pool_offset`, or into the ring for
- * TAXEL_HUB_IN_RING; false if the ring has no space */
+/* outbox.c: write one frame to `pool_offset`, or into the ring for TAXEL_HUB_IN_RING. The payload is `prefix` followed
+ * by `data`; either may be empty. Returns false if the ring has no space. */
 #define TAXEL_HUB_IN_RING 0xFFFFu
 bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size, const uint8_t *data,
                     size_t data_size, uint16_t pool_offset);
@@ -133,11 +131,12 @@ static inline bool taxel_hub_try_send(struct taxel_hub *hub, uint8_t type, const
 {
     return taxel_hub_emit(hub, type, prefix, prefix_size, data, data_size, TAXEL_HUB_IN_RING);
 }
-/* The same, but without space the frame is dropped and counted. */
+/* Write one frame into the ring. Returns false if the ring has no space: the frame is dropped and counted. */
 bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size, const uint8_t *data,
                     size_t data_size);
-/* Send a frame whose tail was read into the buffer at `pool_offset`: from that buffer, or, while the UART sends
- * another one, through the ring if it has space. False if the UART has no reader; the frame is then not sent. */
+/* Send a frame whose data was read into the buffer at `pool_offset`: from that buffer, or, while the UART sends
+ * another buffer, through the ring if the ring has space. Returns false, and sends nothing, if the UART has no
+ * reader. */
 bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size,
                            uint16_t pool_offset, size_t size);
 /* stall.c */
@@ -154,7 +153,7 @@ static inline uint8_t taxel_hub_after_large(uint8_t index)
 void taxel_hub_send_fault(struct taxel_hub *hub, const struct taxel_hub_slot *slot, uint8_t fault);
 /* `text`: at most TAXEL_LOG_TEXT_MAX bytes. */
 void taxel_hub_log(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text);
-/* The same as the next large frame, written at `pool_offset`. */
+/* As taxel_hub_log(), but as the next large frame, written at `pool_offset`. */
 void taxel_hub_log_at(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text, uint16_t pool_offset);
 
 /* inbox.c */

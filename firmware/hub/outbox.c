@@ -60,8 +60,8 @@ static size_t report_reserve(const struct taxel_hub *hub)
     return hub->report.active ? taxel_encoded_size_max(TAXEL_HUB_STATUS_SIZE) : 0;
 }
 
-/* Space that a frame of this type must leave free in the ring: all frames but answers leave space for an answer,
- * frames that can wait also for small frames that cannot. */
+/* Space that a frame of this type must leave free in the ring: every frame except a reply leaves space for one
+ * reply; a frame that can wait also leaves space for the small frames that cannot wait. */
 static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
 {
     switch (type) {
@@ -76,7 +76,7 @@ static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
     case TAXEL_FRAME_TYPE_BOARD_STATUS:
         return TAXEL_HUB_REPLY_RESERVE;
     default:
-        return REPLY_ENCODED_MAX; /* small frames never use the space of an answer */
+        return REPLY_ENCODED_MAX; /* small frames never use the space of a reply */
     }
 }
 

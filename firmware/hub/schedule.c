@@ -7,7 +7,7 @@
 #define PROBES_PER_CYCLE 4u            /* finds a new board within 28 such cycles, at 0.1 ms of bus time each */
 #define INCOMPATIBLE_RETRY_US 1000000u /* costs 1.5 ms of bus time per second at 400 kHz */
 #define BUS_SCAN_PERIOD_US 20000u      /* between two scans of the idle bus */
-/* bytes: all transfers but polls, and the reply to SCAN_BUS */
+/* bytes: longest read of all transfers except polls, and the reply to SCAN_BUS */
 #define SMALL_READ (TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN + 1u)
 /* after a transfer of the host: the host may wait for a flash row, and twice for its adapter */
 #define HOST_BUS_US 100000u
@@ -109,7 +109,7 @@ static enum launch launch_from_polls(struct taxel_hub *hub)
         }
         if (board->state == TAXEL_BOARD_STATE_INCOMPATIBLE &&
             taxel_hub_now(hub) - board->last_read_us >= INCOMPATIBLE_RETRY_US) {
-            board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* it may have new firmware */
+            board->state = TAXEL_BOARD_STATE_IDENTIFYING; /* the board may have new firmware */
         }
         if (launch_upkeep(hub, slot)) {
             return LAUNCH_STARTED; /* this board's poll follows */
@@ -357,7 +357,7 @@ void taxel_hub_start_next_job(struct taxel_hub *hub)
         return;
     }
     if (slot != TAXEL_NO_SLOT) {
-        /* into the buffer of the previous transfer, which holds the identity */
+        /* the settings are read into the buffer of the previous transfer, behind the identity */
         hub->settings_read_slot = TAXEL_NO_SLOT;
         taxel_hub_launch_read(hub, hub->settings_read_kind, slot, TAXEL_REGISTER_SETTINGS,
                               TAXEL_SETTINGS_REGISTER_SIZE);

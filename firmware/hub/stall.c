@@ -77,7 +77,7 @@ TAXEL_OWN_FRAME static void discard_queued(struct taxel_hub *hub)
         struct taxel_large *large = &outbox->large[i];
         const uint16_t mark = large->mark; /* frames in the ring keep their position between the large ones */
         outbox->sequence = numbers[i];
-        /* uses this entry */
+        /* the LOG frame becomes the entry `large` of the queue */
         taxel_hub_log_at(hub, TAXEL_LOG_LEVEL_WARNING, TAXEL_LOG_CODE_FRAME_DROPPED, "no reader", end);
         large->mark = mark;
         end = large->end;

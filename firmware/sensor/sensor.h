@@ -15,13 +15,23 @@
  *     static const uint8_t crossing_map[TAXEL_CROSSING_MAP_SIZE] = {0x0F};
  *     static const struct taxel_sensor_config config = {
  *         .hal = &hal, .address = 0x20, .rows = 2, .columns = 2, .taxel_count = 4, .crossing_map = crossing_map,
- * .settings = {.sub_conversions = 100, .sense_clock_divider = 40, .modulator_clock_divider = 1, .idac_code = 96},
- * .snapshots = {snapshots[0], snapshots[1], snapshots[2]}, }; if (taxel_sensor_init(&sensor, &config)) { return
- * TAXEL_ERROR_INVALID; } taxel_scan_start(&sensor); for (;;) { taxel_sensor_run(&sensor); wait_for_interrupt(); } //
- * interrupt at the end of a conversion:  taxel_sensor_on_conversion(&sensor, raw_count); // I2C slave interrupt:
- * acknowledge = taxel_sensor_on_address(&sensor, reading); //                                        acknowledge =
- * taxel_sensor_on_write(&sensor, byte); //                                        byte = taxel_sensor_on_read(&sensor);
- * //                                        taxel_sensor_on_stop(&sensor);
+ *         .settings = {.sub_conversions = 100, .sense_clock_divider = 40, .modulator_clock_divider = 1,
+ *                      .idac_code = 96},
+ *         .snapshots = {snapshots[0], snapshots[1], snapshots[2]},
+ *     };
+ *     if (taxel_sensor_init(&sensor, &config)) {
+ *         return TAXEL_ERROR_INVALID;
+ *     }
+ *     taxel_scan_start(&sensor);
+ *     for (;;) {
+ *         taxel_sensor_run(&sensor);
+ *         wait_for_interrupt();
+ *     }
+ *     // interrupt at the end of a conversion:  taxel_sensor_on_conversion(&sensor, raw_count);
+ *     // I2C slave interrupt:                   acknowledge = taxel_sensor_on_address(&sensor, reading);
+ *     //                                        acknowledge = taxel_sensor_on_write(&sensor, byte);
+ *     //                                        byte = taxel_sensor_on_read(&sensor);
+ *     //                                        taxel_sensor_on_stop(&sensor);
  *
  * firmware/tests/test_integration_examples.c compiles and runs this example. */
 #ifndef TAXEL_SENSOR_H

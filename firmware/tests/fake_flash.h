@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "emulator/random.h"
+#include "emulator/base/random.h"
 
 #define FAKE_FLASH_ROWS 256u
 #define FAKE_FLASH_ROW 128u

@@ -5,7 +5,7 @@
 
 #include "codec/crc32.h"
 #include "codec/encoder.h"
-#include "emulator/layer.h"
+#include "emulator/physics/layer.h"
 
 #define STEP (2u * VTIME_MS)
 #define RECORD_HEAD 12u

@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "check.h"
-#include "emulator/world_file.h"
+#include "emulator/world_file/world_file.h"
 
 struct rejection {
     int saved, caught;

@@ -4,8 +4,8 @@
 
 #include "check.h"
 #include "emulator/effects/effect_line.h"
-#include "emulator/layer.h"
-#include "emulator/skin/contact.h"
+#include "emulator/physics/layer.h"
+#include "emulator/geometry/contact.h"
 #include "emulator/skin/field.h"
 
 #define BENCH_LINES 8

@@ -2,7 +2,7 @@
 #include <stdlib.h>
 
 #include "check.h"
-#include "emulator/random.h"
+#include "emulator/base/random.h"
 #include "fake_sensor.h"
 
 #define ACTIONS 3000u

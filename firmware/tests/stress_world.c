@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "check.h"
-#include "emulator/random.h"
+#include "emulator/base/random.h"
 #include "fake_world.h"
 
 #define FAULTS_S 1.5 /* duration of the random faults */

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "check.h"
-#include "emulator/random.h"
+#include "emulator/base/random.h"
 #include "test_cortex_m0_bench.h"
 
 #define DEFAULT_SEED_COUNT 400u

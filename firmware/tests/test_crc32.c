@@ -4,7 +4,7 @@
 #include "check.h"
 #include "codec/crc32_variants.h"
 #include "codec/crc32_zeros.h"
-#include "emulator/random.h"
+#include "emulator/base/random.h"
 
 #define SIZE_MAX_TRIED 700u
 #define PLACES 17u

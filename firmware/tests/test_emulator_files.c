@@ -6,8 +6,8 @@
 #include <unistd.h>
 
 #include "check.h"
-#include "emulator/layer.h"
-#include "emulator/random.h"
+#include "emulator/physics/layer.h"
+#include "emulator/base/random.h"
 #include "fake_world.h"
 
 #define MAP_3 "0700000000000000000000000000000000000000000000000000000000000000"

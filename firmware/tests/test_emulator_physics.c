@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 #include "check.h"
-#include "emulator/layer.h"
+#include "emulator/physics/layer.h"
 #include "fake_world.h"
 
 #define NOISE_COUNTS 4.0

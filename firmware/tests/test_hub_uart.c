@@ -1,7 +1,7 @@
 /* The hub's UART: random input, too much input, and slow output. */
 #include "check.h"
 #include "codec/encoder.h"
-#include "emulator/random.h"
+#include "emulator/base/random.h"
 #include "fake_hub.h"
 
 #define FIRST 0x20

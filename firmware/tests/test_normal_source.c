@@ -1,7 +1,7 @@
 /* Normally distributed random numbers: blocks equal single numbers to the bit, and the distribution is correct. */
 #include "check.h"
-#include "emulator/normal_source.h"
-#include "emulator/polar.h"
+#include "emulator/base/normal_source.h"
+#include "emulator/base/polar.h"
 
 #define COUNT 1000000
 

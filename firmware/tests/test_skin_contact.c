@@ -2,8 +2,8 @@
 #include <math.h>
 
 #include "check.h"
-#include "emulator/layer.h"
-#include "emulator/skin/contact.h"
+#include "emulator/physics/layer.h"
+#include "emulator/geometry/contact.h"
 
 #define TAXELS 12u
 #define THICKNESS_M 0.001

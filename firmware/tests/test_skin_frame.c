@@ -2,8 +2,8 @@
 #include <math.h>
 
 #include "check.h"
-#include "emulator/random.h"
-#include "emulator/skin/frame.h"
+#include "emulator/base/random.h"
+#include "emulator/geometry/frame.h"
 
 #define SEED 5u
 #define HALF_PI 1.5707963267948966

@@ -2,7 +2,7 @@
 #include <math.h>
 
 #include "check.h"
-#include "emulator/skin/patch.h"
+#include "emulator/geometry/patch.h"
 
 #define ROWS 3
 #define COLUMNS 5

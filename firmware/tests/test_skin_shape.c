@@ -2,8 +2,8 @@
 #include <math.h>
 
 #include "check.h"
-#include "emulator/random.h"
-#include "emulator/skin/shape.h"
+#include "emulator/base/random.h"
+#include "emulator/geometry/shape.h"
 
 #define SEED 7u
 #define STEP_M 2e-5

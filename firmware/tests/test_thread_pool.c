@@ -3,7 +3,7 @@
 #include <time.h>
 
 #include "check.h"
-#include "emulator/thread_pool.h"
+#include "emulator/base/thread_pool.h"
 
 #define ITEMS 300u
 #define TIMEOUT_S 20

@@ -1,7 +1,7 @@
 """Skin rate with uncompressed frames: the lowest of the limits of scanning, I2C and UART, and the share that is
 reached.
 
-The boards and the hub of the emulator take the time counted in the firmware's images (firmware/emulator/costs.h).
+The boards and the hub of the emulator take the time counted in the firmware's images (firmware/emulator/base/costs.h).
 """
 
 import tempfile

@@ -1,4 +1,4 @@
-"""Count the cycles that the native emulator charges for the firmware (firmware/emulator/costs.h) in executed images.
+"""Count the cycles that the native emulator charges for the firmware in executed images.
 
     python tools/firmware/calibrate_costs.py [--check] [--images DIR]
 
@@ -26,7 +26,7 @@ from taxel_protocol import SNAPSHOT_OVERHEAD
 from taxel_protocol.limits import REGISTER_SNAPSHOT
 
 ROOT: Final = Path(__file__).parents[2]
-COSTS: Final = ROOT / "firmware" / "emulator" / "costs.h"
+COSTS: Final = ROOT / "firmware" / "emulator" / "base" / "costs.h"
 PAGE: Final = ROOT / "docs" / "firmware-cycles.md"
 SMALL, LARGE = 0x2C, 0x20
 """Boards of the allegro hand whose conversions together contain every case."""
@@ -45,8 +45,8 @@ TAIL_CHAIN: Final = 16 + 12 - 6
 HEAD: Final = """\
 /* Cost of the firmware on a 48 MHz Cortex-M0 in CPU cycles, counted in the executed images by
  * `python tools/firmware/calibrate_costs.py`, which writes this file. docs/firmware-cycles.md defines each figure. */
-#ifndef EMULATOR_COSTS_H
-#define EMULATOR_COSTS_H
+#ifndef EMULATOR_BASE_COSTS_H
+#define EMULATOR_BASE_COSTS_H
 
 #define CPU_HZ 48000000.0
 

@@ -83,7 +83,7 @@ never sleeps.
 
 ## Cycles charged by the native emulator
 
-A natively emulated board or hub runs the same C code and is charged the cycles of `firmware/emulator/costs.h`.
+A natively emulated board or hub runs the same C code and is charged the cycles of `firmware/emulator/base/costs.h`.
 Executed and native boards then produce the same scans with the same counts, and their scans start within 50 us of
 each other over seconds (`hil_tests/test_hil_cortex_m0.py`). The difference is a random walk: if a conversion ends
 while a read is served, microseconds decide which of the two is delayed. After 4 s and 80 reads at random times it

@@ -10,7 +10,7 @@
 #include "boards/psoc4200/ticks.h"
 #include "boards/psoc4200/uart.h"
 #include "boards/psoc4200/watchdog.h"
-#include "hub/internal.h"
+#include "hub/hub.h"
 
 #define SLOTS 17u /* boards of the hand */
 #define TRANSFER_POOL (2u * TAXEL_HUB_BUFFER_SIZE((TAXEL_COMPACT_OVERHEAD_PACKED + 2u * BOARD_TAXELS_MAX + 3u) & ~3u))

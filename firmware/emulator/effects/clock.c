@@ -4,7 +4,7 @@
 
 #include "emulator/effects/effect_line.h"
 #include "emulator/effects/effects.h"
-#include "emulator/random.h"
+#include "emulator/base/random.h"
 
 #define CLOCK_STREAM 0x636C6F6300000000ull
 #define PI 3.14159265358979323846

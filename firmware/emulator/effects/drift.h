@@ -14,7 +14,7 @@
 #include <stdint.h>
 
 #include "emulator/effects/effect_boards.h"
-#include "emulator/random.h"
+#include "emulator/base/random.h"
 #include "generated/taxel_protocol.h"
 
 #define DRIFT_SLOTS_MAX 8

@@ -8,8 +8,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "emulator/board_description.h"
-#include "emulator/world_line.h"
+#include "emulator/geometry/board_description.h"
+#include "emulator/base/world_line.h"
 
 struct effect_line {
     const struct world_line *source;

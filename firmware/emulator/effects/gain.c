@@ -4,7 +4,7 @@
 
 #include "emulator/effects/effect_line.h"
 #include "emulator/effects/effects.h"
-#include "emulator/front_end.h"
+#include "emulator/physics/front_end.h"
 
 #define ELECTRODE_STREAM 0x6761696E00000000ull
 #define IDAC_STREAM 0x6964616300000000ull

@@ -4,7 +4,7 @@
 
 #include "emulator/effects/effect_line.h"
 #include "emulator/effects/effects.h"
-#include "emulator/layer.h"
+#include "emulator/physics/layer.h"
 
 #define NEGLIGIBLE_M 1e-8 /* about a hundredth of a count */
 

@@ -37,8 +37,8 @@ struct indent_state {
     double depth;                  /* set, metres */
     double work, last_compression; /* bedding: joule per square metre; compression at the last call, metres */
     double bedding;                /* exp(-work / work_j_m2) - 1 */
-    double loading_work;           /* layer work at `last_compression`, valid ... */
-    bool is_loading;               /* ... while the cell is being loaded */
+    double loading_work;           /* layer work at `last_compression`; valid only if is_loading */
+    bool is_loading;               /* the compression of the cell increases */
 };
 
 int indent_read(struct effect_line *line, struct effects *effects);

@@ -5,8 +5,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "emulator/skin/taxel_field.h"
-#include "emulator/vtime.h"
+#include "emulator/geometry/taxel_field.h"
+#include "emulator/base/vtime.h"
 
 struct late_record {
     vtime time;

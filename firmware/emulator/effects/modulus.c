@@ -4,7 +4,7 @@
 
 #include "emulator/effects/effect_line.h"
 #include "emulator/effects/effects.h"
-#include "emulator/random.h"
+#include "emulator/base/random.h"
 
 #define MODULUS_STREAM 0x6D6F64756C757300ull /* the board's address is added */
 

@@ -4,8 +4,8 @@
 
 #include "emulator/effects/effect_line.h"
 #include "emulator/effects/effects.h"
-#include "emulator/layer.h"
-#include "emulator/skin/patch.h"
+#include "emulator/physics/layer.h"
+#include "emulator/geometry/patch.h"
 
 #define WATER_PERMITTIVITY 80.0 /* at 20 degrees C, below 1 GHz */
 #define NEGLIGIBLE_WATER 1e-7   /* water fraction with an effect far below one count */

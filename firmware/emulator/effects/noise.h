@@ -15,7 +15,7 @@
 #include <stdint.h>
 
 #include "emulator/effects/effect_boards.h"
-#include "emulator/normal_source.h"
+#include "emulator/base/normal_source.h"
 #include "generated/taxel_protocol.h"
 
 #define NOISE_SLOTS_MAX 8

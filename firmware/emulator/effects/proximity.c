@@ -4,8 +4,8 @@
 
 #include "emulator/effects/effect_line.h"
 #include "emulator/effects/effects.h"
-#include "emulator/layer.h"
-#include "emulator/skin/contact.h"
+#include "emulator/physics/layer.h"
+#include "emulator/geometry/contact.h"
 
 #define IMAGE_FAR 5.0 /* in units of the electrode distance */
 

@@ -10,7 +10,7 @@
 #include <stdint.h>
 
 #include "emulator/effects/effect_boards.h"
-#include "emulator/random.h"
+#include "emulator/base/random.h"
 
 #define OUTAGES_MAX 64
 

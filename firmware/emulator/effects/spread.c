@@ -6,7 +6,7 @@
 
 #include "emulator/effects/effect_line.h"
 #include "emulator/effects/effects.h"
-#include "emulator/skin/patch.h"
+#include "emulator/geometry/patch.h"
 
 #define GRID_MAX (TAXEL_LINES_MAX * CELLS_PER_SIDE)
 

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "emulator/vtime.h"
+#include "emulator/base/vtime.h"
 
 #define PSOC_PORTS 5u
 #define PSOC_FIFO 8u

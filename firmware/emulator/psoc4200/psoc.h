@@ -11,9 +11,9 @@
 #include <stdint.h>
 
 #include "emulator/cortex_m0/cortex_m0.h"
-#include "emulator/flash.h"
+#include "emulator/base/flash.h"
 #include "emulator/psoc4200/blocks.h"
-#include "emulator/vtime.h"
+#include "emulator/base/vtime.h"
 
 #define PSOC_RAM_BASE 0x20000000u
 #define PSOC_RAM_SIZE 4096u

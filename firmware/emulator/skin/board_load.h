@@ -3,7 +3,7 @@
 #define EMULATOR_SKIN_BOARD_LOAD_H
 
 #include "emulator/skin/skin_board.h"
-#include "emulator/world_file.h"
+#include "emulator/world_file/world_file.h"
 
 /* Compute the load from the values of a scene. `last`: load of the previous record, which is copied if no pose changed,
  * as while a grasp holds. */

@@ -3,8 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "emulator/layer.h"
-#include "emulator/skin/contact.h"
+#include "emulator/physics/layer.h"
+#include "emulator/geometry/contact.h"
 
 #define NEGLIGIBLE_PA 1.0 /* about a hundredth of a count; the pressure of a film decays without a limit */
 

@@ -7,9 +7,9 @@
 #ifndef EMULATOR_SKIN_FIELD_H
 #define EMULATOR_SKIN_FIELD_H
 
-#include "emulator/skin/patch.h"
-#include "emulator/skin/taxel_field.h"
-#include "emulator/world_file.h"
+#include "emulator/geometry/patch.h"
+#include "emulator/geometry/taxel_field.h"
+#include "emulator/world_file/world_file.h"
 
 /* Load on a board's cells at a record. */
 struct field_load {

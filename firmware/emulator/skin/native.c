@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "emulator/layer.h"
+#include "emulator/physics/layer.h"
 #include "emulator/skin/skin.h"
 
 struct taxel_contact {

@@ -7,15 +7,15 @@
 #ifndef EMULATOR_SKIN_SKIN_H
 #define EMULATOR_SKIN_SKIN_H
 
-#include "emulator/thread_pool.h"
+#include "emulator/base/thread_pool.h"
 #include "emulator/skin/skin_board.h"
-#include "emulator/stimulus.h"
-#include "emulator/world_file.h"
+#include "emulator/skin/stimulus.h"
+#include "emulator/world_file/world_file.h"
 
 struct skin {
     const struct world_description *description;
     size_t board_count;
-    struct thread_pool *thread_pool; /* who works on the boards; NULL: the caller alone */
+    struct thread_pool *thread_pool; /* threads that compute the boards; NULL: the caller's thread alone */
     struct skin_board *boards;       /* [board_count]; NULL if the stimulus acts on the front ends directly */
     unsigned earlier;                /* index into `loads` of the load at the stimulus's `from` */
     bool is_dynamic;                 /* an effect changes fields while no load changes */

@@ -4,9 +4,9 @@
 
 #include <stddef.h>
 
-#include "emulator/skin/contact.h"
+#include "emulator/geometry/contact.h"
 #include "emulator/skin/field.h"
-#include "emulator/skin/patch.h"
+#include "emulator/geometry/patch.h"
 
 struct skin_board {
     struct patch patch;

@@ -1,4 +1,4 @@
-"""World file of the emulator (firmware/emulator/world_file.h) for a hand."""
+"""World file of the emulator (firmware/emulator/world_file/world_file.h) for a hand."""
 
 import random
 from collections.abc import Sequence

@@ -1,4 +1,7 @@
-"""The emulator's stimulus: force or raw count on each taxel, or a scene, over time (firmware/emulator/stimulus.h)."""
+"""The emulator's stimulus over time: force or raw count of each taxel, or a scene.
+
+Format of the stream: firmware/emulator/skin/stimulus.h.
+"""
 
 import os
 import struct

@@ -25,7 +25,7 @@ more than a quarter of the tiles.
 """
 
 UNTOUCHED_COUNTS = 2440
-"""Raw count of an untouched taxel: about the mean of the emulated front end (firmware/emulator/front_end.c)."""
+"""Raw count of an untouched taxel: about the mean of the emulated front end (firmware/emulator/physics/front_end.c)."""
 
 RAW_COUNT_MAX = 65_535
 

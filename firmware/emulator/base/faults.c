@@ -1,0 +1,50 @@
+#include "emulator/base/faults.h"
+
+#include <string.h>
+
+static const struct {
+    const char *name;
+    enum fault_target target;
+} fault_table[FAULT_KINDS] = {
+    [FAULT_UNPLUG] = {"unplug", FAULT_TARGET_BOARD},
+    [FAULT_PLUG] = {"plug", FAULT_TARGET_BOARD},
+    [FAULT_RESTART] = {"restart", FAULT_TARGET_BOARD},
+    [FAULT_HOLD_SDA] = {"hold_sda", FAULT_TARGET_BOARD},
+    [FAULT_HOLD_SCL] = {"hold_scl", FAULT_TARGET_BOARD},
+    [FAULT_STRETCH] = {"stretch", FAULT_TARGET_BOARD},
+    [FAULT_CORRUPT] = {"corrupt", FAULT_TARGET_BOARD},
+    [FAULT_NACK] = {"nack", FAULT_TARGET_BOARD},
+    [FAULT_NACK_AT] = {"nack_at", FAULT_TARGET_TRANSFER},
+    [FAULT_FLIP_AT] = {"flip_at", FAULT_TARGET_TRANSFER},
+    [FAULT_STRETCH_AT] = {"stretch_at", FAULT_TARGET_TRANSFER},
+    [FAULT_BROWN_OUT_AT] = {"brown_out_at", FAULT_TARGET_TRANSFER},
+    [FAULT_ARBITRATION_AT] = {"arbitration_at", FAULT_TARGET_TRANSFER},
+    [FAULT_BUS_ERROR_AT] = {"bus_error_at", FAULT_TARGET_TRANSFER},
+    [FAULT_HUB_UNPLUG] = {"hub_unplug", FAULT_TARGET_NONE},
+    [FAULT_HUB_PLUG] = {"hub_plug", FAULT_TARGET_NONE},
+    [FAULT_HUB_RESTART] = {"hub_restart", FAULT_TARGET_NONE},
+    [FAULT_HUB_STALL] = {"hub_stall", FAULT_TARGET_NONE},
+    [FAULT_UP_FLIP] = {"up_flip", FAULT_TARGET_NONE},
+    [FAULT_UP_DROP] = {"up_drop", FAULT_TARGET_NONE},
+    [FAULT_UP_DOUBLE] = {"up_double", FAULT_TARGET_NONE},
+    [FAULT_UP_DELAY] = {"up_delay", FAULT_TARGET_NONE},
+    [FAULT_DOWN_FLIP] = {"down_flip", FAULT_TARGET_NONE},
+    [FAULT_DOWN_DROP] = {"down_drop", FAULT_TARGET_NONE},
+    [FAULT_DOWN_DOUBLE] = {"down_double", FAULT_TARGET_NONE},
+    [FAULT_DOWN_DELAY] = {"down_delay", FAULT_TARGET_NONE},
+    [FAULT_MUTE] = {"mute_host", FAULT_TARGET_NONE},
+};
+
+enum fault_kind fault_find_kind(const char *name)
+{
+    enum fault_kind kind = FAULT_UNPLUG;
+    while (kind < FAULT_KINDS && strcmp(fault_table[kind].name, name) != 0) {
+        kind++;
+    }
+    return kind;
+}
+
+enum fault_target fault_get_target(enum fault_kind kind)
+{
+    return fault_table[kind].target;
+}

@@ -1,0 +1,161 @@
+#define _GNU_SOURCE
+#include "emulator/base/thread_pool.h"
+
+#include <sched.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+
+/* A ticket packs the number of the task (32 bits), the first item not yet started, and one past the last item not yet
+ * started. */
+#define END_BITS 16
+#define END_MASK ((1u << END_BITS) - 1u)
+#define FIRST_INCREMENT (1ull << END_BITS)
+#define NUMBER_SHIFT (2 * END_BITS)
+_Static_assert(THREAD_POOL_ITEMS_MAX <= END_MASK, "item numbers have END_BITS each");
+
+#define SPINS 40000 /* about 1 ms: the next task usually starts sooner than the kernel can wake a thread */
+
+static size_t get_first_item(uint64_t ticket)
+{
+    return (size_t)(ticket >> END_BITS) & END_MASK;
+}
+
+static size_t get_items_end(uint64_t ticket)
+{
+    return (size_t)ticket & END_MASK;
+}
+
+static inline void pause_cpu(void)
+{
+#ifdef __x86_64__
+    __builtin_ia32_pause();
+#endif
+}
+
+/* Start one item of the current task, and return false if no item is left. The number of the task is a part of the
+ * compared ticket, so `task` and `context` cannot change before the item is done. The caller starts items from the
+ * first, workers from the last: the data of an item then tend to stay in the cache of the same core from task to
+ * task. */
+static bool run_next_item(struct thread_pool *pool, bool is_worker)
+{
+    uint64_t ticket = atomic_load(&pool->ticket);
+    do {
+        if (get_first_item(ticket) == get_items_end(ticket)) {
+            return false;
+        }
+    } while (!atomic_compare_exchange_weak(&pool->ticket, &ticket, is_worker ? ticket - 1u : ticket + FIRST_INCREMENT));
+    pool->task(pool->context, is_worker ? get_items_end(ticket) - 1u : get_first_item(ticket));
+    atomic_fetch_add(&pool->items_done, 1u);
+    return true;
+}
+
+static bool has_work_or_is_closing(struct thread_pool *pool)
+{
+    const uint64_t ticket = atomic_load(&pool->ticket);
+    return get_first_item(ticket) != get_items_end(ticket) || atomic_load(&pool->is_closing);
+}
+
+static void wait_for_work(struct thread_pool *pool)
+{
+    for (int i = 0; i < SPINS; i++) {
+        if (has_work_or_is_closing(pool)) {
+            return;
+        }
+        pause_cpu();
+    }
+    pthread_mutex_lock(&pool->mutex);
+    atomic_fetch_add(&pool->workers_asleep, 1u);
+    while (!has_work_or_is_closing(pool)) {
+        pthread_cond_wait(&pool->wake, &pool->mutex);
+    }
+    atomic_fetch_sub(&pool->workers_asleep, 1u);
+    pthread_mutex_unlock(&pool->mutex);
+}
+
+static void *run_worker(void *context)
+{
+    struct thread_pool *pool = context;
+    while (!atomic_load(&pool->is_closing)) {
+        if (!run_next_item(pool, true)) {
+            wait_for_work(pool);
+        }
+    }
+    return NULL;
+}
+
+static void wake_workers(struct thread_pool *pool)
+{
+    if (atomic_load(&pool->workers_asleep)) {
+        pthread_mutex_lock(&pool->mutex);
+        pthread_cond_broadcast(&pool->wake);
+        pthread_mutex_unlock(&pool->mutex);
+    }
+}
+
+/* Workers block all signals: a signal delivered to a worker would not interrupt a system call in which the caller
+ * waits. */
+int thread_pool_open(struct thread_pool *pool, size_t threads)
+{
+    sigset_t all, before;
+    memset(pool, 0, sizeof *pool);
+    sigfillset(&all);
+    pthread_mutex_init(&pool->mutex, NULL);
+    pthread_cond_init(&pool->wake, NULL);
+    pthread_sigmask(SIG_BLOCK, &all, &before);
+    while (pool->worker_count + 1u < threads &&
+           !pthread_create(&pool->workers[pool->worker_count], NULL, run_worker, pool)) {
+        pool->worker_count++;
+    }
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (pool->worker_count + 1u < threads) {
+        fprintf(stderr, "threads: expected %zu, only %zu could be started; request fewer threads\n", threads,
+                pool->worker_count + 1u);
+        thread_pool_close(pool);
+        return -1;
+    }
+    return 0;
+}
+
+void thread_pool_close(struct thread_pool *pool)
+{
+    atomic_store(&pool->is_closing, true);
+    wake_workers(pool);
+    for (size_t i = 0; i < pool->worker_count; i++) {
+        pthread_join(pool->workers[i], NULL);
+    }
+    pthread_cond_destroy(&pool->wake);
+    pthread_mutex_destroy(&pool->mutex);
+}
+
+/* The caller's share is done; workers still run their last items. */
+static void wait_for_last_items(struct thread_pool *pool, size_t count)
+{
+    for (int spins = 0; atomic_load(&pool->items_done) != count;) {
+        if (spins < SPINS) {
+            spins++;
+            pause_cpu();
+        } else {
+            sched_yield(); /* a worker may be waiting for this core */
+        }
+    }
+}
+
+void thread_pool_run(struct thread_pool *pool, size_t count, thread_pool_task task, void *context)
+{
+    if (!pool || pool->worker_count == 0) {
+        for (size_t i = 0; i < count; i++) {
+            task(context, i);
+        }
+        return;
+    }
+    const uint64_t number = (atomic_load(&pool->ticket) >> NUMBER_SHIFT) + 1u;
+    pool->task = task;
+    pool->context = context;
+    atomic_store(&pool->items_done, 0u);
+    atomic_store(&pool->ticket, number << NUMBER_SHIFT | count);
+    wake_workers(pool);
+    while (run_next_item(pool, false)) {
+    }
+    wait_for_last_items(pool, count);
+}

@@ -1,0 +1,83 @@
+#include "emulator/base/world_line.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+void world_line_split(struct world_line *line, char *text)
+{
+    char *saved;
+    char *comment = strchr(text, '#');
+    if (comment) {
+        *comment = '\0';
+    }
+    line->count = 0;
+    for (char *word = strtok_r(text, " \t\r\n", &saved); word && line->count < WORLD_LINE_WORDS_MAX;
+         word = strtok_r(NULL, " \t\r\n", &saved)) {
+        line->words[line->count++] = word;
+    }
+}
+
+int world_line_report_error(const struct world_line *line, const char *message)
+{
+    fprintf(stderr, "world %s, line %d: %s\n", line->path, line->number, message);
+    return -1;
+}
+
+int world_line_read_number(const struct world_line *line, int index, double low, double high, double *value)
+{
+    char *end;
+    if (index >= line->count) {
+        return world_line_report_error(line, "a number is missing");
+    }
+    errno = 0;
+    *value = strtod(line->words[index], &end);
+    if (errno || *end || !isfinite(*value) || *value < low || *value > high) {
+        fprintf(stderr, "world %s, line %d: %s: expected a number from %g to %g, found '%s'\n", line->path,
+                line->number, line->words[0], low, high, line->words[index]);
+        return -1;
+    }
+    return 0;
+}
+
+int world_line_read_integer(const struct world_line *line, int index, double low, double high, long *value)
+{
+    double real;
+    if (world_line_read_number(line, index, low, high, &real)) {
+        return -1;
+    }
+    if (real != floor(real)) {
+        return world_line_report_error(line, "expected a whole number");
+    }
+    *value = (long)real;
+    return 0;
+}
+
+int world_line_read_hex(const struct world_line *line, int index, uint8_t *bytes, size_t size)
+{
+    if (index >= line->count || strlen(line->words[index]) != 2 * size) {
+        return world_line_report_error(line, "a string of hexadecimal digits is missing or has another length");
+    }
+    for (size_t i = 0; i < size; i++) {
+        const char digits[3] = {line->words[index][2 * i], line->words[index][2 * i + 1], '\0'};
+        if (!isxdigit((unsigned char)digits[0]) || !isxdigit((unsigned char)digits[1])) {
+            return world_line_report_error(line, "expected hexadecimal digits");
+        }
+        bytes[i] = (uint8_t)strtoul(digits, NULL, 16);
+    }
+    return 0;
+}
+
+int world_line_read_numbers(const struct world_line *line, int first, int count, double low, double high,
+                            double *values)
+{
+    for (int i = 0; i < count; i++) {
+        if (world_line_read_number(line, first + i, low, high, &values[i])) {
+            return -1;
+        }
+    }
+    return 0;
+}

@@ -1,0 +1,32 @@
+/* Contact of one board's skin with an object: from geometry to the compression of every cell and the force on the
+ * board. */
+#ifndef EMULATOR_GEOMETRY_CONTACT_H
+#define EMULATOR_GEOMETRY_CONTACT_H
+
+#include <stdbool.h>
+
+#include "emulator/geometry/patch.h"
+
+#define CONTACT_FAR_M 0.05 /* larger gaps are not computed */
+
+/* Load on a board in its bracket's frame, about the origin of that frame. */
+struct contact_load {
+    double wrench[6]; /* force (newtons), moment (newton metres) */
+    /* negative derivative of the wrench with respect to a small rigid motion: positive semidefinite */
+    double stiffness[6][6];
+};
+
+/* Whether the object is certainly farther from every electrode than `reach` (metres). */
+bool contact_is_far(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket,
+                    double reach);
+
+/* Solve the contact of a board. Returns whether a cell touches the object. If the object is certainly farther away than
+ * thickness + reach, the arrays are cleared without examining each cell.
+ *
+ * object_from_bracket: transform from bracket to object coordinates. compression[cells]: metres, 0 without contact.
+ * gap[cells] (may be NULL): distance from the skin to the object along the normal; CONTACT_FAR_M beyond `reach` or if
+ * the normal misses the object. load may be NULL. thickness: layer above the electrode, metres. */
+bool contact_solve(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket,
+                   double thickness, double reach, double *compression, double *gap, struct contact_load *load);
+
+#endif

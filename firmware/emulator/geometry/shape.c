@@ -1,0 +1,117 @@
+#include "emulator/geometry/shape.h"
+
+#include <math.h>
+
+/* Interval of a line inside the half-spaces so far. */
+struct span {
+    double enter, leave;
+};
+
+/* Divides only if the interval changes, because most planes do not bound it. */
+static inline void clip(struct span *span, double slope, double excess)
+{
+    if (slope < 0.0) {
+        span->enter = excess > -slope * span->enter ? -excess / slope : span->enter;
+    } else if (slope > 0.0) {
+        span->leave = -excess < slope * span->leave ? -excess / slope : span->leave;
+    } else if (excess > 0.0) {
+        span->leave = -INFINITY;
+    }
+}
+
+static void clip_planes(struct span *span, const struct shape *shape, const double o[3], const double d[3])
+{
+    for (size_t i = 0; i < shape->plane_count; i++) {
+        const double *n = shape->planes[i];
+        clip(span, n[0] * d[0] + n[1] * d[1] + n[2] * d[2], n[0] * o[0] + n[1] * o[1] + n[2] * o[2] - n[3]);
+    }
+}
+
+static void clip_cylinder(struct span *span, const struct shape *shape, const double o[3], const double d[3])
+{
+    clip(span, -d[2], -o[2]);
+    clip(span, d[2], o[2] - shape->height);
+    const double a = d[0] * d[0] + d[1] * d[1];
+    const double b = o[0] * d[0] + o[1] * d[1];
+    const double c = o[0] * o[0] + o[1] * o[1] - shape->radius * shape->radius;
+    if (a == 0.0) {
+        span->leave = c > 0.0 ? -INFINITY : span->leave;
+        return;
+    }
+    const double root = b * b - a * c;
+    if (root <= 0.0) {
+        span->leave = -INFINITY;
+        return;
+    }
+    const double enter = (-b - sqrt(root)) / a, leave = (-b + sqrt(root)) / a;
+    span->enter = enter > span->enter ? enter : span->enter;
+    span->leave = leave < span->leave ? leave : span->leave;
+}
+
+double shape_entry(const struct shape *shape, const double origin[3], const double direction[3])
+{
+    struct span span = {-INFINITY, INFINITY};
+    if (shape->kind == SHAPE_CONVEX) {
+        clip_planes(&span, shape, origin, direction);
+    } else {
+        clip_cylinder(&span, shape, origin, direction);
+    }
+    return span.enter < span.leave ? span.enter : INFINITY;
+}
+
+/* Clip all lines by one plane, without branches, so that the compiler vectorises the loop. */
+static void clip_lines(const double *plane, const struct shape_lines *lines, double *enter, double *leave)
+{
+    const double (*o)[SHAPE_LINES] = lines->origin, (*d)[SHAPE_LINES] = lines->direction;
+    for (int i = 0; i < SHAPE_LINES; i++) {
+        const double slope = plane[0] * d[0][i] + plane[1] * d[1][i] + plane[2] * d[2][i];
+        const double excess = plane[0] * o[0][i] + plane[1] * o[1][i] + plane[2] * o[2][i] - plane[3];
+        const double distance = -excess / slope;
+        const double entry_distance = slope < 0.0 ? distance : -INFINITY;
+        const double parallel = excess > 0.0 ? -INFINITY : INFINITY;
+        const double exit_distance = slope > 0.0 ? distance : slope < 0.0 ? INFINITY : parallel;
+        enter[i] = entry_distance > enter[i] ? entry_distance : enter[i];
+        leave[i] = exit_distance < leave[i] ? exit_distance : leave[i];
+    }
+}
+
+void shape_entries(const struct shape *shape, struct shape_lines *lines, double reach)
+{
+    double enter[SHAPE_LINES], leave[SHAPE_LINES];
+    for (int i = 0; i < SHAPE_LINES; i++) {
+        enter[i] = -INFINITY;
+        leave[i] = INFINITY;
+        if (shape->kind == SHAPE_CYLINDER) {
+            const double origin[3] = {lines->origin[0][i], lines->origin[1][i], lines->origin[2][i]};
+            const double direction[3] = {lines->direction[0][i], lines->direction[1][i], lines->direction[2][i]};
+            lines->entry[i] = shape_entry(shape, origin, direction);
+        }
+    }
+    if (shape->kind == SHAPE_CYLINDER) {
+        return;
+    }
+    for (size_t plane = 0; plane < shape->plane_count; plane++) {
+        const double *n = shape->planes[plane], *p = lines->middle;
+        /* Planes farther away meet no line within reach. */
+        if (n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - n[3] >= -lines->radius - reach) {
+            clip_lines(n, lines, enter, leave);
+        }
+    }
+    for (int i = 0; i < SHAPE_LINES; i++) {
+        lines->entry[i] = enter[i] < leave[i] ? enter[i] : INFINITY;
+    }
+}
+
+double shape_distance_bound(const struct shape *shape, const double point[3])
+{
+    double bound = -INFINITY;
+    if (shape->kind == SHAPE_CYLINDER) {
+        const double side = sqrt(point[0] * point[0] + point[1] * point[1]) - shape->radius;
+        return fmax(side, fmax(-point[2], point[2] - shape->height));
+    }
+    for (size_t i = 0; i < shape->plane_count; i++) {
+        const double *n = shape->planes[i];
+        bound = fmax(bound, n[0] * point[0] + n[1] * point[1] + n[2] * point[2] - n[3]);
+    }
+    return bound;
+}

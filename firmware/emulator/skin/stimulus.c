@@ -1,0 +1,207 @@
+#include "emulator/skin/stimulus.h"
+
+#include <errno.h>
+#include <math.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define HEADER_SIZE 24u
+
+static uint32_t get_u32(const uint8_t *bytes)
+{
+    return (uint32_t)bytes[0] | ((uint32_t)bytes[1] << 8) | ((uint32_t)bytes[2] << 16) | ((uint32_t)bytes[3] << 24);
+}
+
+static int report_error(const struct stimulus *stimulus, const char *message)
+{
+    fprintf(stderr, "stimulus %s, after %llu records: %s\n", stimulus->name, (unsigned long long)stimulus->record_count,
+            message);
+    return -1;
+}
+
+/* Returns the number of bytes read, which is less than `size` only at the end of the stream. */
+static size_t read_fully(int fd, uint8_t *bytes, size_t size)
+{
+    size_t count = 0;
+    while (count < size) {
+        const ssize_t n = read(fd, bytes + count, size - count);
+        if (n < 0 && errno == EINTR) {
+            continue;
+        }
+        if (n <= 0) {
+            break;
+        }
+        count += (size_t)n;
+    }
+    return count;
+}
+
+static size_t record_size(const struct stimulus *stimulus)
+{
+    return sizeof(double) + stimulus->value_count * sizeof(float);
+}
+
+static int allocate_values(struct stimulus *stimulus, size_t count)
+{
+    stimulus->value_count = count;
+    stimulus->before = calloc(count, sizeof(float));
+    stimulus->after = calloc(count, sizeof(float));
+    stimulus->record = calloc(1, record_size(stimulus));
+    return stimulus->before && stimulus->after && stimulus->record ? 0 : report_error(stimulus, "out of memory");
+}
+
+int stimulus_open(struct stimulus *stimulus, int fd, const char *name, size_t taxels, bool live)
+{
+    uint8_t header[HEADER_SIZE];
+    memset(stimulus, 0, sizeof *stimulus);
+    stimulus->fd = fd;
+    stimulus->name = name;
+    stimulus->is_live = live;
+    stimulus->taxels = taxels;
+    stimulus->until = VTIME_NEVER;
+    if (fd < 0) {
+        stimulus->has_ended = true;
+        return allocate_values(stimulus, taxels);
+    }
+    if (read_fully(fd, header, sizeof header) != sizeof header || memcmp(header, "TAXELSTM", 8) != 0) {
+        return report_error(stimulus, "expected a stimulus stream that starts with TAXELSTM");
+    }
+    if (get_u32(header + 8) != 1u || get_u32(header + 12) > STIMULUS_SCENE) {
+        return report_error(stimulus,
+                            "the version or kind of the stream is not supported; expected version 1, kind 0 to 2");
+    }
+    if (get_u32(header + 16) != taxels) {
+        fprintf(stderr, "stimulus %s: expected values for %zu taxels, found %u\n", name, taxels, get_u32(header + 16));
+        return -1;
+    }
+    stimulus->kind = (enum stimulus_kind)get_u32(header + 12);
+    const uint32_t boards = get_u32(header + 20);
+    if (stimulus->kind == STIMULUS_SCENE && (boards == 0u || boards > TAXEL_ADDRESS_MAX)) {
+        return report_error(stimulus,
+                            "the number of boards of the scene is 0 or larger than the number of I2C addresses");
+    }
+    if (allocate_values(stimulus, stimulus->kind == STIMULUS_SCENE ? STIMULUS_SCENE_VALUES(boards) : taxels)) {
+        return -1;
+    }
+    return live ? 0 : stimulus_advance(stimulus, 0);
+}
+
+void stimulus_close(struct stimulus *stimulus)
+{
+    if (stimulus->fd >= 0) {
+        close(stimulus->fd);
+    }
+    free(stimulus->before);
+    free(stimulus->after);
+    free(stimulus->record);
+}
+
+static int parse_record(struct stimulus *stimulus, vtime now)
+{
+    double seconds;
+    memcpy(&seconds, stimulus->record, sizeof seconds);
+    if (!isfinite(seconds) || seconds > 1e7) {
+        return report_error(stimulus, "the time of a record is not a number of seconds up to 1e7");
+    }
+    const vtime time = seconds < 0.0 ? now : (vtime)(seconds * (double)VTIME_SECOND);
+    if (time < stimulus->from && stimulus->record_count) {
+        return report_error(stimulus, "a record is earlier than the record before it");
+    }
+    memcpy(stimulus->after, stimulus->record + sizeof seconds, stimulus->value_count * sizeof(float));
+    for (size_t i = 0; i < stimulus->value_count; i++) {
+        if (!isfinite(stimulus->after[i]) || (stimulus->after[i] < 0.0f && stimulus->kind != STIMULUS_SCENE)) {
+            return report_error(stimulus, "a value is negative or not finite");
+        }
+    }
+    stimulus->is_step = seconds < 0.0 || stimulus->record_count == 0;
+    stimulus->until = vtime_max(time, now);
+    stimulus->record_count++;
+    return 0;
+}
+
+static void activate_pending_record(struct stimulus *stimulus)
+{
+    if (stimulus->until == VTIME_NEVER) {
+        return;
+    }
+    float *const spare = stimulus->before;
+    stimulus->before = stimulus->after;
+    stimulus->after = spare;
+    stimulus->from = stimulus->until;
+    stimulus->until = VTIME_NEVER;
+}
+
+int stimulus_advance(struct stimulus *stimulus, vtime now)
+{
+    activate_pending_record(stimulus);
+    if (stimulus->has_ended || stimulus->is_live) {
+        return 0;
+    }
+    const size_t size = read_fully(stimulus->fd, stimulus->record, record_size(stimulus));
+    if (size == 0) {
+        stimulus->has_ended = true;
+        return 0;
+    }
+    if (size != record_size(stimulus)) {
+        stimulus->has_ended = true;
+        return report_error(stimulus, "the stream is truncated: it ends inside a record");
+    }
+    return parse_record(stimulus, now);
+}
+
+bool stimulus_receive_live(struct stimulus *stimulus)
+{
+    struct pollfd readable = {.fd = stimulus->fd, .events = POLLIN};
+    while (stimulus->is_live && !stimulus->has_ended && poll(&readable, 1, 0) > 0) {
+        const size_t missing = record_size(stimulus) - stimulus->record_fill;
+        const ssize_t n = read(stimulus->fd, stimulus->record + stimulus->record_fill, missing);
+        if (n <= 0) {
+            stimulus->has_ended = true;
+            return false;
+        }
+        stimulus->record_fill += (size_t)n;
+        if (stimulus->record_fill == record_size(stimulus)) {
+            stimulus->record_fill = 0;
+            return true;
+        }
+    }
+    return false;
+}
+
+double stimulus_fraction(const struct stimulus *stimulus, vtime time)
+{
+    if (stimulus->until == VTIME_NEVER || stimulus->is_step || stimulus->kind == STIMULUS_COUNTS ||
+        time <= stimulus->from) {
+        return 0.0;
+    }
+    return (double)(time - stimulus->from) / (double)(stimulus->until - stimulus->from);
+}
+
+double stimulus_value(const struct stimulus *stimulus, size_t taxel, vtime time)
+{
+    const double before = stimulus->before[taxel];
+    const double fraction = stimulus_fraction(stimulus, time);
+    return fraction == 0.0 ? before : before + fraction * (stimulus->after[taxel] - before);
+}
+
+int stimulus_apply_live(struct stimulus *stimulus, vtime now)
+{
+    if (parse_record(stimulus, now)) {
+        return -1;
+    }
+    if (stimulus->until <= now) {
+        activate_pending_record(stimulus);
+    }
+    return 0;
+}
+
+int stimulus_set_values(struct stimulus *stimulus, const float *values, vtime now)
+{
+    const double time_now = -1.0; /* a negative time means "now" */
+    memcpy(stimulus->record, &time_now, sizeof time_now);
+    memcpy(stimulus->record + sizeof time_now, values, stimulus->value_count * sizeof *values);
+    return stimulus_apply_live(stimulus, now);
+}

@@ -1,0 +1,119 @@
+"""Direction of the includes between the folders of the C code."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+FIRMWARE = ROOT / "firmware"
+INCLUDE = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
+UNRESTRICTED = ("tests", "fuzz")  # test code may include every folder
+
+# A folder of firmware/, and the folders whose headers its files include. A folder stands below all folders that it
+# includes. The README of a folder states the same names.
+PERMITTED = {
+    "generated": (),
+    "hal": ("generated",),
+    "codec": ("generated",),
+    "sensor": ("codec", "hal", "generated"),
+    "hub": ("codec", "hal", "generated"),
+    "bootloader": ("codec", "hal", "generated"),
+    "boards/psoc4200/regs": (),
+    "boards/psoc4200": ("boards/psoc4200/regs", "sensor", "hub", "bootloader", "codec", "hal", "generated"),
+    "emulator/base": ("generated",),
+    "emulator/cortex_m0": (),
+    "emulator/psoc4200": ("emulator/base", "emulator/cortex_m0"),
+    "emulator/physics": ("emulator/base", "generated"),
+    "emulator/geometry": ("emulator/physics", "emulator/base", "generated"),
+    "emulator/effects": ("emulator/geometry", "emulator/physics", "emulator/base", "generated"),
+    "emulator/world_file": ("emulator/effects", "emulator/geometry", "emulator/physics", "emulator/base", "generated"),
+    "emulator/skin": (
+        "emulator/world_file",
+        "emulator/effects",
+        "emulator/geometry",
+        "emulator/physics",
+        "emulator/base",
+        "generated",
+    ),
+    "emulator": (
+        "emulator/skin",
+        "emulator/world_file",
+        "emulator/effects",
+        "emulator/geometry",
+        "emulator/physics",
+        "emulator/psoc4200",
+        "emulator/base",
+        "sensor",
+        "hub",
+        "bootloader",
+        "codec",
+        "hal",
+        "generated",
+    ),
+}
+
+
+def source_files() -> list[Path]:
+    """C files of the firmware, except test code."""
+    files = [path for path in FIRMWARE.rglob("*") if path.suffix in (".c", ".h")]
+    return [path for path in files if path.relative_to(FIRMWARE).parts[0] not in UNRESTRICTED]
+
+
+def folder_of(path: Path) -> str:
+    """The folder of a file, relative to firmware/."""
+    return path.parent.relative_to(FIRMWARE).as_posix()
+
+
+def included_headers(source: Path) -> list[Path]:
+    """Headers of the firmware that a source includes; headers that the build writes have no path here."""
+    names = INCLUDE.findall(source.read_text())
+    return [FIRMWARE / name for name in names if "/" in name]
+
+
+def test_every_folder_with_c_files_has_a_rule():
+    assert {folder_of(path) for path in source_files()} == set(PERMITTED)
+
+
+def test_a_folder_includes_only_permitted_folders():
+    forbidden = [
+        f"{source.relative_to(ROOT)} includes {header.relative_to(FIRMWARE)}"
+        for source in source_files()
+        for header in included_headers(source)
+        if folder_of(header) not in (folder_of(source), *PERMITTED[folder_of(source)])
+    ]
+    assert forbidden == []
+
+
+def test_every_included_header_exists():
+    missing = [
+        f"{source.relative_to(ROOT)} includes {header.relative_to(FIRMWARE)}"
+        for source in source_files()
+        for header in included_headers(source)
+        if not header.is_file()
+    ]
+    assert missing == []
+
+
+def test_permitted_includes_have_no_cycle():
+    finished: set[str] = set()
+    for _ in PERMITTED:
+        finished |= {folder for folder, below in PERMITTED.items() if finished.issuperset(below)}
+    assert finished == set(PERMITTED)
+
+
+def test_internal_headers_are_included_only_in_their_folder():
+    foreign = [
+        f"{source.relative_to(ROOT)} includes {header.relative_to(FIRMWARE)}"
+        for source in source_files()
+        for header in included_headers(source)
+        if "internal" in header.stem and header.parent != source.parent
+    ]
+    assert foreign == []
+
+
+@pytest.mark.parametrize("folder", [folder for folder in PERMITTED if (FIRMWARE / folder / "README.md").is_file()])
+def test_the_readme_names_every_permitted_folder(folder):
+    text = (FIRMWARE / folder / "README.md").read_text()
+    missing = [name for name in PERMITTED[folder] if not re.search(rf"\b{Path(name).name}\b", text)]
+    assert missing == []
