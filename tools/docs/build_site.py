@@ -24,9 +24,9 @@ KIND = re.compile(r"^## (.+)$", re.MULTILINE)
 ROW = re.compile(r"^\| \[[^\]]*\]\(([^)#]+)\)", re.MULTILINE)
 
 
-def navigation(index: Path, source: Path, pages: list[Path]) -> list[dict[str, Any]]:
+def make_navigation(index: Path, source: Path, pages: list[Path]) -> list[dict[str, Any]]:
     """The navigation: the four kinds of page as in the index, then all other pages by folder."""
-    from site_pages import title_of
+    from site_pages import read_title
 
     text = index.read_text()
     kinds = list(KIND.finditer(text))
@@ -39,28 +39,28 @@ def navigation(index: Path, source: Path, pages: list[Path]) -> list[dict[str, A
             if not (source / page).exists():
                 raise SystemExit(f"docs: docs/README.md links to {target}, which does not exist")
             seen.add(page)
-            rows.append({title_of(source / page): str(page)})
+            rows.append({read_title(source / page): str(page)})
         entries.append({kind[1]: rows})
     folders: dict[str, list[dict[str, str]]] = {}
     for page in pages:
         if page not in seen:
             folders.setdefault(page.parts[0] if len(page.parts) > 1 else "project", []).append(
-                {title_of(source / page): str(page)}
+                {read_title(source / page): str(page)}
             )
     return [*entries, {"Folders of the repository": [{name: inner} for name, inner in sorted(folders.items())]}]
 
 
 def add_references(source: Path, entries: list[dict[str, Any]]) -> None:
     """Write the pages of all commands and of the Python API, and add them to the section Reference."""
-    from site_commands import reference
-    from site_modules import packages, page_of
+    from site_commands import make_reference
+    from site_modules import list_packages, make_package_page
 
     folder = source / "reference"
     folder.mkdir(exist_ok=True)
-    (folder / "commands.md").write_text(reference())
+    (folder / "commands.md").write_text(make_reference())
     api = []
-    for package, modules in packages(ROOT).items():
-        (folder / f"{package}.md").write_text(page_of(package, modules))
+    for package, modules in list_packages(ROOT).items():
+        (folder / f"{package}.md").write_text(make_package_page(package, modules))
         api.append({package: f"reference/{package}.md"})
     generated: list[dict[str, Any]] = [{"Commands": "reference/commands.md"}, {"Python API": api}]
     for entry in entries:
@@ -79,28 +79,29 @@ def main() -> int:
         print(f"docs: {missing[0]} is not installed; run {install}", file=sys.stderr)
     if errors or missing:
         return 1
+    return build_site(ROOT / "build" / "docs")
+
+
+def build_site(build: Path) -> int:
+    """Copy the pages to `build`/source and build the site in `build`/site. Returns the exit status of MkDocs."""
     from site_pages import stage
 
-    build = ROOT / "build" / "docs"
     source, site = build / "source", build / "site"
     shutil.rmtree(source, ignore_errors=True)
     pages = stage(ROOT, source)
-    entries = navigation(source / "docs" / "README.md", source, pages)
+    entries = make_navigation(source / "docs" / "README.md", source, pages)
     add_references(source, entries)
     shutil.copyfile(HERE / "site.css", source / "site.css")
     settings = json.loads((HERE / "mkdocs.json").read_text())
-    python = next(plugin for plugin in settings["plugins"] if "mkdocstrings" in plugin)["mkdocstrings"]["handlers"][
-        "python"
-    ]
-    python["paths"] = [str(ROOT / folder) for folder in ("host", "protocol", "tools")]
+    (plugin,) = (plugin["mkdocstrings"] for plugin in settings["plugins"] if "mkdocstrings" in plugin)
+    plugin["handlers"]["python"]["paths"] = [str(ROOT / folder) for folder in ("host", "protocol", "tools")]
     settings |= {"nav": entries, "docs_dir": str(source), "site_dir": str(site)}
     (build / "mkdocs.yml").write_text(json.dumps(settings))
-    done = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--quiet", "-f", str(build / "mkdocs.yml")], check=False
-    )
-    if done.returncode == 0:
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "-f", str(build / "mkdocs.yml")]
+    status = subprocess.run(command, check=False).returncode
+    if status == 0:
         print(f"built: {(site / 'index.html').relative_to(ROOT)}, {len(list(site.rglob('*.html')))} pages")
-    return done.returncode
+    return status
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import typer
 from taxel.cli.main import build_app
 
 
-def walk(command: Any = None, path: tuple[str, ...] = ("taxel",)) -> Iterator[tuple[str, Any]]:
+def list_commands(command: Any = None, path: tuple[str, ...] = ("taxel",)) -> Iterator[tuple[str, Any]]:
     """Every command without subcommands, with its full name."""
     command = typer.main.get_command(build_app(loads_all=True)) if command is None else command
     inner = getattr(command, "commands", None)
@@ -17,20 +17,20 @@ def walk(command: Any = None, path: tuple[str, ...] = ("taxel",)) -> Iterator[tu
         yield " ".join(path), command
         return
     for name, subcommand in inner.items():
-        yield from walk(subcommand, (*path, name))
+        yield from list_commands(subcommand, (*path, name))
 
 
-def reference() -> str:
+def make_reference() -> str:
     """Text of the page."""
     parts = ["# Commands\n", "The help text, arguments and options of every command.\n"]
-    for name, command in walk():
+    for name, command in list_commands():
         parts.append(f"## `{name}`\n")
-        parts.append(_prose(inspect.cleandoc(command.help or "")))
-        parts += _rows(command.params)
+        parts.append(_format_help(inspect.cleandoc(command.help or "")))
+        parts += _make_rows(command.params)
     return "\n".join(parts)
 
 
-def _prose(text: str) -> str:
+def _format_help(text: str) -> str:
     """Help text whose example is a code block with one command per line."""
     prose, separator, example = text.partition("Example")
     if not separator:
@@ -40,16 +40,16 @@ def _prose(text: str) -> str:
     return f"{prose.strip()}\n\n```sh\n{lines}\n```\n"
 
 
-def _rows(params: list[Any]) -> list[str]:
+def _make_rows(params: list[Any]) -> list[str]:
     rows = ["| argument or option | meaning | default |", "|---|---|---|"]
     for param in params:
         name = ", ".join(param.opts) if param.param_type_name == "option" else (param.metavar or param.name.upper())
         help_text = (getattr(param, "help", "") or "").replace("|", "\\|").replace("<", "&lt;")
-        rows.append(f"| `{name}` | {help_text} | {_default(param)} |")
+        rows.append(f"| `{name}` | {help_text} | {_format_default(param)} |")
     return [*rows, ""] if len(rows) > 2 else []
 
 
-def _default(param: Any) -> str:
+def _format_default(param: Any) -> str:
     if param.required:
         return "required"
     value = param.default

@@ -7,12 +7,12 @@ from latex2mathml.converter import convert
 BLOCK = re.compile(r"^```math\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
-def with_formulas(text: str) -> str:
+def convert_formulas(text: str) -> str:
     """Markdown with every ```math block as MathML. Each line of a block is a separate formula."""
-    return BLOCK.sub(lambda found: _formulas(found[1]), text)
+    return BLOCK.sub(lambda found: _convert_block(found[1]), text)
 
 
-def _formulas(latex: str) -> str:
+def _convert_block(latex: str) -> str:
     lines = [line.removesuffix(r"\\").strip() for line in latex.strip().splitlines()]
     shown = "".join(convert(line, display="block") for line in lines if line)
     return f'<div class="formula">{shown}</div>\n'

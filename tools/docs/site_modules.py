@@ -5,7 +5,7 @@ from pathlib import Path
 SOURCES = {"host": "taxel", "protocol": "taxel_protocol", "tools": "taxel_tools"}
 
 
-def packages(root: Path) -> dict[str, list[str]]:
+def list_packages(root: Path) -> dict[str, list[str]]:
     """Names of the public modules of every package. The first name is the package itself."""
     found: dict[str, list[str]] = {}
     for folder, name in SOURCES.items():
@@ -16,6 +16,6 @@ def packages(root: Path) -> dict[str, list[str]]:
     return found
 
 
-def page_of(package: str, modules: list[str]) -> str:
+def make_package_page(package: str, modules: list[str]) -> str:
     """Source text of the page of a package for mkdocstrings."""
     return "\n\n".join([f"# {package}", *(f"::: {module}" for module in modules)]) + "\n"

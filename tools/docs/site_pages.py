@@ -7,15 +7,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from readme_links import make_links_relative
-from site_maths import with_formulas
+from site_maths import convert_formulas
 
 LINK = re.compile(r"(!?\[[^\]]*\]\()([^)#\s]+)(#[^)\s]*)?(\))")
 FENCE = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
 OUTSIDE = ("http://", "https://", "mailto:")
 
 
-def page_paths(root: Path) -> list[Path]:
-    """Every page of the repository, relative to its root, without the templates of generated pages."""
+def list_pages(root: Path) -> list[Path]:
+    """Every page of the repository, relative to its root, except templates and hidden folders such as `.github`."""
     listed = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard", "*.md"],
         cwd=root,
@@ -24,10 +24,11 @@ def page_paths(root: Path) -> list[Path]:
         check=True,
     )
     names = sorted(set(listed.stdout.splitlines()))
-    return [Path(name) for name in names if not name.endswith(".template.md") and (root / name).exists()]
+    pages = [Path(name) for name in names if not name.startswith(".") and not name.endswith(".template.md")]
+    return [page for page in pages if (root / page).exists()]
 
 
-def links_of(text: str) -> Iterator[tuple[str, str]]:
+def find_links(text: str) -> Iterator[tuple[str, str]]:
     """File and anchor of every link within the repository; either may be empty. Code blocks are ignored."""
     for _, target, anchor, _ in LINK.findall(FENCE.sub("", text)):
         if not target.startswith(OUTSIDE):
@@ -36,18 +37,18 @@ def links_of(text: str) -> Iterator[tuple[str, str]]:
 
 def stage(root: Path, out: Path) -> list[Path]:
     """Write the pages, and the files that they link to, to the folder `out`. Returns the pages."""
-    pages = page_paths(root)
+    pages = list_pages(root)
     for page in pages:
         text = make_links_relative((root / page).read_text(), root)
-        for target, _ in links_of(text):
+        for target, _ in find_links(text):
             _copy_linked(root, root / page.parent / target, out)
         target_path = out / page
         target_path.parent.mkdir(parents=True, exist_ok=True)
-        target_path.write_text(with_formulas(_to_pages(root / page.parent, text)))
+        target_path.write_text(convert_formulas(_link_readmes(root / page.parent, text)))
     return pages
 
 
-def title_of(page: Path) -> str:
+def read_title(page: Path) -> str:
     """The first heading of a page as plain text."""
     for line in page.read_text().splitlines():
         if line.startswith("# "):
@@ -58,18 +59,18 @@ def title_of(page: Path) -> str:
 def _copy_linked(root: Path, path: Path, out: Path) -> None:
     path = path.resolve()
     if path.is_file() and path.suffix != ".md" and path.is_relative_to(root):
-        to = out / path.relative_to(root)
-        to.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(path, to)
+        copy = out / path.relative_to(root)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, copy)
 
 
-def _to_pages(folder: Path, text: str) -> str:
+def _link_readmes(folder: Path, text: str) -> str:
     """Text in which a link to a folder is a link to its README, which a Git host shows for the folder."""
 
-    def page_of(found: re.Match[str]) -> str:
-        before, target, anchor, after = found.groups(default="")
+    def link_readme(link: re.Match[str]) -> str:
+        before, target, anchor, after = link.groups(default="")
         if not target.startswith(OUTSIDE) and (folder / target / "README.md").is_file():
             target = target.rstrip("/") + "/README.md"
         return before + target + anchor + after
 
-    return LINK.sub(page_of, text)
+    return LINK.sub(link_readme, text)
