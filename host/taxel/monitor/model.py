@@ -29,7 +29,7 @@ class SkinMonitor:
 
     The clock is `time.monotonic` for a stream in real time, otherwise the clock of the stream: a capture that is played
     faster shows the rates at which it was recorded. Raises ValueError for a number of samples or a threshold that
-    `taxel.signal` refuses.
+    `taxel.signal` rejects.
     """
 
     def __init__(

@@ -60,7 +60,7 @@ def write_from_arrays(
 
     Grasps are written in the order of their ids. An .npz file is read grasp by grasp and without pickle.
 
-    Raises DatasetError for the first error: an unknown name, a missing name, or a value that the reader would refuse.
+    Raises DatasetError for the first error: an unknown name, a missing name, or a value that the reader would reject.
     For an .npz file that cannot be read, the error names this file.
     """
     if not isinstance(arrays, Mapping):
@@ -138,7 +138,7 @@ class _Npz:
                     np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
                 )
                 shape, _, dtype = header(file)
-                # NumPy allocates the size in the header, so a false header is refused before NumPy reads the data.
+                # NumPy allocates the size in the header, so a false header is rejected before NumPy reads the data.
                 if int(np.prod(shape, dtype=object)) * dtype.itemsize > member.file_size:
                     location.fail("a complete array", "a truncated one", "write it again")
             with self._zip.open(member) as file:

@@ -152,7 +152,7 @@ def check_poses(poses: FloatArray, location: Location) -> None:
     rotation = poses[..., :3, :3]
     with np.errstate(over="ignore", invalid="ignore"):
         error = np.abs(rotation @ np.swapaxes(rotation, -1, -2) - np.eye(3)).max(axis=(-1, -2))
-        # "not <=" also refuses a NaN from an overflow.
+        # "not <=" also rejects a NaN from an overflow.
         is_skewed = ~(error <= POSE_TOLERANCE)
         is_mirrored = ~(np.linalg.det(rotation) > 0.0)
     if (poses[..., 3, :] != (0.0, 0.0, 0.0, 1.0)).any():

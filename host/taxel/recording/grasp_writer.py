@@ -74,7 +74,7 @@ class GraspDatasetWriter:
 
     def __init__(self, path: Path) -> None:
         """Open a complete dataset to add grasps; called by `create` and `extend`."""
-        with GraspDataset(path) as data:  # refuse a file with errors before anything is added
+        with GraspDataset(path) as data:  # reject a file with errors before anything is added
             self._source = data.source
             self._objects = frozenset(data.objects)
             self._sizes = {"n": data.taxels.n, "s": data.sensors.s}
@@ -105,7 +105,7 @@ class GraspDatasetWriter:
     def extend(cls, path: str | PathLike[str]) -> GraspDatasetWriter:
         """Open an existing dataset, such as one from an interrupted campaign, to add grasps; its grasps are kept.
 
-        Raises DatasetError for a file that the reader refuses.
+        Raises DatasetError for a file that the reader rejects.
         """
         target = Path(path)
         get_part_path(target).unlink(missing_ok=True)
@@ -138,7 +138,7 @@ class GraspDatasetWriter:
 
         grasp_id: must sort after all ids of the file; None: the next number, such as "0007".
 
-        Raises DatasetError, and leaves the file unchanged, for a grasp that the reader would refuse.
+        Raises DatasetError, and leaves the file unchanged, for a grasp that the reader would reject.
         """
         grasps = self._location.key("grasps")
         if not self._file:

@@ -71,7 +71,7 @@ def replay_touches(
 
     Raises `RecordingError` if the recording has no frame in that time, the hand is too small, or a board delivers too
     few frames for a baseline; `CaptureError` if `folder` contains a capture already; `LinkError` if the emulator
-    refuses its input.
+    rejects its input.
     """
     options = options or ReplayOptions()
     stop_s = np.inf if options.seconds is None else options.start_s + options.seconds

@@ -149,8 +149,9 @@ class ReplayScore:
         )
 
 
-def _compute_ratio(right: int, wrong: int) -> float:
-    return right / (right + wrong) if right + wrong else 1.0
+def _compute_ratio(correct: int, incorrect: int) -> float:
+    """Share of the correct among all samples; 1 without samples."""
+    return correct / (correct + incorrect) if correct + incorrect else 1.0
 
 
 class _BoardComparison:
@@ -176,10 +177,10 @@ class _BoardComparison:
         return self._active_before & self._active_after
 
     @cached_property
-    def is_right(self) -> BoolArray:
+    def is_correct(self) -> BoolArray:
         """The sample is active, and the source is active before or after it."""
-        right: BoolArray = self.board.active & (self._active_before | self._active_after)
-        return right
+        is_correct: BoolArray = self.board.active & (self._active_before | self._active_after)
+        return is_correct
 
     def count_wrong(self) -> int:
         """Number of samples whose signal equals the source's value neither before nor after."""
@@ -205,50 +206,62 @@ def score_replay(
     """
     if not boards or not any(len(board.cycle) for board in boards):
         raise ValueError("expected at least one board frame to score, found none")
-    parts = [_BoardComparison(source, board, tolerance_s) for board in boards if len(board.cycle)]
-    is_sampled, first_s = _find_first_samples(source, parts)
+    comparisons = [_BoardComparison(source, board, tolerance_s) for board in boards if len(board.cycle)]
+    is_sampled, first_s = _find_first_samples(source, comparisons)
     is_found = np.isfinite(first_s)
     signal, active = _find_fullest_map(source.values.shape[1], boards)
     return ReplayScore(
-        true_positives=sum(int((part.is_touched & part.board.active).sum()) for part in parts),
-        false_positives=sum(int((part.board.active & ~part.is_right).sum()) for part in parts),
-        false_negatives=sum(int((part.is_touched & ~part.board.active).sum()) for part in parts),
-        true_negatives=sum(int((~part.is_touched & ~part.is_at_step & ~part.board.active).sum()) for part in parts),
-        at_steps=sum(int(part.is_at_step.sum()) for part in parts),
-        wrong_counts=sum(part.count_wrong() for part in parts),
+        true_positives=sum(int((comparison.is_touched & comparison.board.active).sum()) for comparison in comparisons),
+        false_positives=sum(
+            int((comparison.board.active & ~comparison.is_correct).sum()) for comparison in comparisons
+        ),
+        false_negatives=sum(
+            int((comparison.is_touched & ~comparison.board.active).sum()) for comparison in comparisons
+        ),
+        true_negatives=sum(
+            int((~comparison.is_touched & ~comparison.is_at_step & ~comparison.board.active).sum())
+            for comparison in comparisons
+        ),
+        at_steps=sum(int(comparison.is_at_step.sum()) for comparison in comparisons),
+        wrong_counts=sum(comparison.count_wrong() for comparison in comparisons),
         touches=source.n_touches,
         touches_unsampled=int((~is_sampled).sum()),
-        touches_spurious=_count_spurious_runs(parts),
+        touches_spurious=_count_spurious_runs(comparisons),
         onset_delay_s=(first_s - source.onset_s)[is_found],
-        duration_s=float(max(p.board.sampled_s.max() for p in parts) - min(p.board.sampled_s.min() for p in parts)),
-        boards=len(parts),
-        frames=sum(len(part.board.cycle) for part in parts),
+        duration_s=float(
+            max(item.board.sampled_s.max() for item in comparisons)
+            - min(item.board.sampled_s.min() for item in comparisons)
+        ),
+        boards=len(comparisons),
+        frames=sum(len(comparison.board.cycle) for comparison in comparisons),
         map_signal=signal,
         map_active=active,
     )
 
 
-def _find_first_samples(source: SourceTouches, parts: Sequence[_BoardComparison]) -> tuple[BoolArray, FloatArray]:
+def _find_first_samples(source: SourceTouches, comparisons: Sequence[_BoardComparison]) -> tuple[BoolArray, FloatArray]:
     """For each touch: whether a sample of it exists, and the time of its first correct sample (infinity: none)."""
     is_sampled = np.zeros(source.n_touches, dtype=bool)
     first_s = np.full(source.n_touches, np.inf)
-    for part in parts:
-        is_sampled[part.find_touches(part.is_touched)] = True
-        is_sampled[part.find_touches(part.is_right)] = True
-        np.minimum.at(first_s, part.find_touches(part.is_right), part.board.sampled_s[part.is_right])
+    for comparison in comparisons:
+        is_sampled[comparison.find_touches(comparison.is_touched)] = True
+        is_sampled[comparison.find_touches(comparison.is_correct)] = True
+        np.minimum.at(
+            first_s, comparison.find_touches(comparison.is_correct), comparison.board.sampled_s[comparison.is_correct]
+        )
     return is_sampled, first_s
 
 
-def _count_spurious_runs(parts: Sequence[_BoardComparison]) -> int:
+def _count_spurious_runs(comparisons: Sequence[_BoardComparison]) -> int:
     """Number of runs of poll cycles with an active taxel in which no sample is correct."""
-    first = min(int(part.board.cycle.min()) for part in parts)
-    cycles = max(int(part.board.cycle.max()) for part in parts) - first + 1
-    is_active, is_right = np.zeros(cycles, dtype=bool), np.zeros(cycles, dtype=bool)
-    for part in parts:
-        np.logical_or.at(is_active, part.board.cycle - first, part.board.active.any(axis=1))
-        np.logical_or.at(is_right, part.board.cycle - first, part.is_right.any(axis=1))
+    first = min(int(comparison.board.cycle.min()) for comparison in comparisons)
+    cycles = max(int(comparison.board.cycle.max()) for comparison in comparisons) - first + 1
+    is_active, is_correct = np.zeros(cycles, dtype=bool), np.zeros(cycles, dtype=bool)
+    for comparison in comparisons:
+        np.logical_or.at(is_active, comparison.board.cycle - first, comparison.board.active.any(axis=1))
+        np.logical_or.at(is_correct, comparison.board.cycle - first, comparison.is_correct.any(axis=1))
     run = np.cumsum(is_active & ~np.append(False, is_active[:-1]))
-    return len(set(run[is_active].tolist()) - set(run[is_right].tolist()))
+    return len(set(run[is_active].tolist()) - set(run[is_correct].tolist()))
 
 
 def _find_fullest_map(n_taxels: int, boards: Sequence[DecodedBoard]) -> tuple[FloatArray, BoolArray]:

@@ -98,8 +98,8 @@ def _list_tile_shapes() -> list[tuple[int, int]]:
     return sorted(usable, key=lambda shape: (-shape[0] * shape[1], abs(shape[0] - shape[1])))
 
 
-def _find_tiles(hand: Hand, board: Board, shape: tuple[int, int], most: int) -> Iterator[IntArray]:
-    """At most `most` windows of a board that do not overlap, each as its taxels, int64[rows, columns]."""
+def _find_tiles(hand: Hand, board: Board, shape: tuple[int, int], max_count: int) -> Iterator[IntArray]:
+    """At most `max_count` windows of a board that do not overlap, each as its taxels, int64[rows, columns]."""
     free = board.kind.crossings.copy()
     if shape[0] > free.shape[0] or shape[1] > free.shape[1]:
         return
@@ -109,7 +109,7 @@ def _find_tiles(hand: Hand, board: Board, shape: tuple[int, int], most: int) -> 
     windows = sliding_window_view(free, shape).all(axis=(2, 3))
     for rx, tx in np.argwhere(windows.T).tolist():
         window = (slice(tx, tx + shape[0]), slice(rx, rx + shape[1]))
-        if count < most and free[window].all():
+        if count < max_count and free[window].all():
             free[window] = False
             count += 1
             yield taxel[window]
@@ -117,5 +117,5 @@ def _find_tiles(hand: Hand, board: Board, shape: tuple[int, int], most: int) -> 
 
 def _join_tiles(tiles: IntArray, shape: tuple[int, int]) -> IntArray:
     """Tiles [k, rows, columns] in the panel's row-major order, joined to int64[405]."""
-    down, across = ROWS // shape[0], COLUMNS // shape[1]
-    return tiles.reshape(down, across, *shape).swapaxes(1, 2).reshape(-1)
+    tile_rows, tile_columns = ROWS // shape[0], COLUMNS // shape[1]
+    return tiles.reshape(tile_rows, tile_columns, *shape).swapaxes(1, 2).reshape(-1)
