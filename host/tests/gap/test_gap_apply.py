@@ -118,7 +118,7 @@ OTHERS = set(OWN_EFFECTS) - set(WORLDS)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WORLDS)
-def test_the_gap_shrinks_as_promised_and_the_effect_is_not_found_again(world, tmp_path, name):
+def test_applied_effects_shrink_the_gap_as_predicted_and_are_not_found_again(world, tmp_path, name):
     real, sim = world(tmp_path, cells=5, sessions=4, **WORLDS[name])
     found = diagnose(real, sim, without=OTHERS)
     report, out = tmp_path / "report.json", tmp_path / "sim2.h5"
@@ -133,7 +133,7 @@ def test_the_gap_shrinks_as_promised_and_the_effect_is_not_found_again(world, tm
 
 
 @pytest.mark.parametrize(("name", "form"), FORMS, ids=IDS)
-def test_a_form_survives_the_report_and_changes_counts_from_closing_on(made, name, form):
+def test_an_effect_read_from_a_report_changes_counts_only_from_closing_on(made, name, form):
     values = form.typical(made.state)
     if name == "baseline_drift":
         values *= 30.0  # less than half a count is rounded away
@@ -154,7 +154,7 @@ def test_a_form_survives_the_report_and_changes_counts_from_closing_on(made, nam
 
 
 @pytest.mark.parametrize(("name", "form"), FORMS, ids=IDS)
-def test_neutral_values_return_the_input_bit_for_bit(made, name, form):
+def test_neutral_parameter_values_return_the_input_bit_identically(made, name, form):
     (one,) = read_report(made.report(FittedEffect(form, form.neutral(made.state)))).effects
     with GraspDataset(made.sim) as data:
         states = FrameStates(data)
@@ -164,7 +164,7 @@ def test_neutral_values_return_the_input_bit_for_bit(made, name, form):
             assert valid is grasp.valid
 
 
-def test_frames_are_nodes_of_the_true_time(made):
+def test_frames_are_evaluated_at_their_measured_times(made):
     with GraspDataset(made.sim) as data:
         grasp = data["0000"]
         state = FrameStates(data).of(grasp)
@@ -174,7 +174,7 @@ def test_frames_are_nodes_of_the_true_time(made):
     assert state.base.force.shape == (1, len(time), N)
 
 
-def test_everything_else_stays_and_the_file_says_what_was_added(made):
+def test_only_counts_change_and_the_file_names_the_added_effects(made):
     sim, out = made.folder / "sim.h5", made.folder / "sim2.h5"
     sim.write_bytes(Path(made.sim).read_bytes())
     with h5py.File(sim, "r+") as file:
@@ -195,7 +195,7 @@ def test_everything_else_stays_and_the_file_says_what_was_added(made):
     assert {"gap_applied", "gap_applied_2"} <= arrays(made.folder / "sim3.h5").keys()
 
 
-def test_counts_that_grasps_share_or_hold_narrowly_are_replaced(made):
+def test_shared_or_narrow_count_datasets_are_replaced(made):
     sim, out = made.folder / "sim.h5", made.folder / "sim2.h5"
     sim.write_bytes(Path(made.sim).read_bytes())
     with h5py.File(sim, "r+") as file:
@@ -213,7 +213,7 @@ def test_counts_that_grasps_share_or_hold_narrowly_are_replaced(made):
             assert (own != grasp.raw_counts).any()
 
 
-def test_the_seed_decides_the_noise(made):
+def test_the_seed_determines_the_noise(made):
     report = made.report(made.link(OWN_EFFECTS["noise"][0]), parameters=noise_of(20.0, 0.0, 0.0, 0.0))
     found = []
     for number, seed in enumerate((0, 0, 1)):
@@ -230,7 +230,7 @@ def noise_of(*counts):
     return {name: {"unit": "counts", "values": [one]} for name, one in zip(NOISE_PARTS, counts, strict=True)}
 
 
-def test_noise_is_common_to_what_the_report_says(made):
+def test_noise_is_common_to_the_lines_named_in_the_report(made):
     parts = np.repeat([[3.0], [4.0], [0.0], [5.0]], N, axis=1)
     drawn = noise(parts, made.pair.groups, 20_000, EXACT)
     covariance = np.cov(drawn[:, [0, 1, COLUMNS, N - 1]].T)  # on one TX line, on one RX line, on the other board
@@ -239,7 +239,7 @@ def test_noise_is_common_to_what_the_report_says(made):
 
 
 @pytest.mark.parametrize("repeats", [1, 2, 3, 5])
-def test_draws_are_balanced_among_repeats_and_each_is_as_it_was_drawn(repeats):
+def test_samples_are_balanced_among_repeats_and_reproducible(repeats):
     chances = [Chance(7, 0, repeat, repeats) for repeat in range(repeats)]
     drawn = np.array([one.balanced(lambda rng: rng.normal(size=4000), 1) for one in chances])
     np.testing.assert_allclose(drawn.std(axis=1), 1.0, rtol=0.05)
@@ -247,7 +247,7 @@ def test_draws_are_balanced_among_repeats_and_each_is_as_it_was_drawn(repeats):
         np.testing.assert_allclose(drawn.sum(axis=0), 0.0, atol=1e-9)
 
 
-def test_lost_frames_repeat_the_last_count_and_stuck_taxels_stand_still(made):
+def test_lost_frames_repeat_the_last_count_and_stuck_taxels_are_constant(made):
     stuck = np.arange(N) == 7
     dropped = Dropped(stuck, (), np.array([0.25, 1.0]), stuck, stuck)
     effect = Dropout(dropped)
@@ -270,7 +270,7 @@ def test_lost_frames_repeat_the_last_count_and_stuck_taxels_stand_still(made):
 
 
 @pytest.mark.parametrize(("status", "words"), [("no_gap", "no gap"), ("unknown", "unknown")])
-def test_without_a_known_cause_it_is_a_copy_and_says_so(made, status, words):
+def test_without_an_identified_cause_the_dataset_is_copied_with_a_note(made, status, words):
     out = made.folder / "sim2.h5"
     done = apply_report(made.report(status=status), made.sim, out)
     assert done.effects == ()
@@ -278,7 +278,7 @@ def test_without_a_known_cause_it_is_a_copy_and_says_so(made, status, words):
     assert out.read_bytes() == Path(made.sim).read_bytes()
 
 
-def test_an_object_that_the_report_has_nothing_of_stays_and_is_named(made):
+def test_an_object_without_reported_parameters_is_unchanged_and_named(made):
     form = next(form for form in OWN_EFFECTS["pose_error"] if form.scope == "object")
     values = np.zeros((len(form.parameters()), 1))
     values[0] = 2.0

@@ -76,7 +76,7 @@ def report(content, tmp_path) -> Path:
     return path
 
 
-def test_effects_are_added_in_the_order_in_which_they_act(capsys, report, paths, tmp_path):
+def test_effects_are_added_in_their_physical_order(capsys, report, paths, tmp_path):
     out = tmp_path / "sim2.h5"
     assert run_taxel("gap", "apply", report, paths[1], "--out", out) == 0
     said = capsys.readouterr().out
@@ -89,7 +89,7 @@ def test_effects_are_added_in_the_order_in_which_they_act(capsys, report, paths,
     assert json.loads(capsys.readouterr().out)["effects"] == ["gain_mismatch", "saturation"]
 
 
-def test_nothing_that_is_there_is_replaced_unasked_or_lost(capsys, report, paths, tmp_path):
+def test_an_existing_file_is_replaced_only_on_request(capsys, report, paths, tmp_path):
     out = tmp_path / "sim2.h5"
     out.write_text("mine")
     assert "a new file" in run_refused_command(capsys, "gap", "apply", report, paths[1], "--out", out)
@@ -103,7 +103,7 @@ def test_nothing_that_is_there_is_replaced_unasked_or_lost(capsys, report, paths
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report.json", "sim2.h5"]
 
 
-def test_another_hand_is_refused(capsys, report, paths, tmp_path):
+def test_a_dataset_of_another_hand_is_refused(capsys, report, paths, tmp_path):
     sim = tmp_path / "sim.h5"
     sim.write_bytes(Path(paths[1]).read_bytes())
     with h5py.File(sim, "r+") as file:
@@ -151,7 +151,7 @@ SATURATION = ("effects", 1, "model")
         (("inputs", "sim"), {}, "inputs.sim.sha256"),
     ],
 )
-def test_a_broken_report_is_one_line(capsys, content, paths, tmp_path, path, value, words):
+def test_a_malformed_report_gives_one_error_line(capsys, content, paths, tmp_path, path, value, words):
     change(content, path, value)
     report = tmp_path / "report.json"
     report.write_text(json.dumps(content))
@@ -162,7 +162,7 @@ def test_a_broken_report_is_one_line(capsys, content, paths, tmp_path, path, val
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"format": NaN}', "[" * 100_000, "\x89HDF"])
-def test_what_is_no_report_is_one_line(text, tmp_path):
+def test_a_file_that_is_not_a_report_gives_one_error_line(text, tmp_path):
     path = tmp_path / "report.json"
     path.write_text(text)
     with pytest.raises(GapInputError, match=r"report\.json.*make the report again"):
@@ -179,7 +179,7 @@ def simulator(tmp_path, text=SIMULATOR) -> str:
     return shlex.join([sys.executable, str(script)]) + " {effects} {sim} {out}"
 
 
-def test_the_users_own_simulator_makes_the_dataset(capfd, content, report, paths, tmp_path):
+def test_a_simulator_command_of_the_user_creates_the_dataset(capfd, content, report, paths, tmp_path):
     content["verdict"]["effects"] = ["saturation"]
     report.write_text(json.dumps(content))
     out = tmp_path / "sim2.h5"
@@ -206,7 +206,7 @@ def test_the_users_own_simulator_makes_the_dataset(capfd, content, report, paths
         (SIMULATOR + "h5py.File(out, 'r+')['grasps'].clear()", "sim2.h5: /grasps"),
     ],
 )
-def test_what_the_simulator_made_is_checked(capsys, report, paths, tmp_path, text, words):
+def test_the_dataset_of_the_simulator_command_is_checked(capsys, report, paths, tmp_path, text, words):
     out = tmp_path / "sim2.h5"
     out.write_text("mine")
     resim = simulator(tmp_path, text)
@@ -225,7 +225,7 @@ def test_what_the_simulator_made_is_checked(capsys, report, paths, tmp_path, tex
         (" ", "{effects} and {out}"),
     ],
 )
-def test_a_command_that_cannot_run_is_one_line(capsys, report, paths, tmp_path, resim, words):
+def test_a_simulator_command_that_cannot_run_gives_one_error_line(capsys, report, paths, tmp_path, resim, words):
     assert words in run_refused_command(
         capsys, "gap", "apply", report, paths[1], "--out", tmp_path / "sim2.h5", "--resim", resim
     )

@@ -45,21 +45,21 @@ def slow_noise(counts):
 
 
 @pytest.mark.parametrize("scatter", [0.03, 0.3])
-def test_strong_noise_hides_neither_of_two_causes_and_is_told_itself(world, tmp_path, scatter):
+def test_two_causes_and_strong_noise_are_all_reported(world, tmp_path, scatter):
     paths = world(tmp_path, effect=film_that_ends, after=slow_noise(80.0), repeat_scatter=scatter, cells=10)
     verdict = diagnose(*paths).report["verdict"]
     assert set(verdict["effects"]) - {"unknown"} == {"contact_propagation", "saturation", "noise"}
 
 
 @pytest.mark.parametrize("effect", [Saturation("clip"), Proximity("linear")], ids=lambda one: one.name)
-def test_an_effect_that_does_nothing_changes_nothing_beside_a_sharp_one(written, effect):
+def test_an_effect_at_neutral_values_does_not_change_a_composite_model(written, effect):
     state = prepared(read_pair(*written())).judge.state
     sharp, idle = FittedEffect(effect, effect.typical(state)), Hysteresis("drop")
     alone, beside = Chain.of([sharp]), Chain.of([sharp, FittedEffect(idle, idle.neutral(state))])
     np.testing.assert_array_equal(alone.features(state), beside.features(state))
 
 
-def test_an_onset_that_the_simulator_lacks_is_not_compared(written):
+def test_onset_features_without_a_simulated_onset_have_zero_weight(written):
     pair = read_pair(*written(effect=three_times, most=0.03))
     judge = prepared(pair).judge
     onset = judge.layout.onset

@@ -24,11 +24,11 @@ LATE = "press_2"
         ([0.9, 1.0, 1.0, 8.0], 1.5),  # one press that lasts must not widen the bins of all others
     ],
 )
-def test_a_phase_is_looked_at_as_long_as_most_presses_last(lasts, looked_at):
+def test_the_compared_duration_of_a_phase_follows_the_majority_of_grasps(lasts, looked_at):
     assert usual_duration(np.array(lasts)) == pytest.approx(looked_at)
 
 
-def test_what_comes_after_a_press_has_ended_is_unknown():
+def test_features_after_the_end_of_a_phase_are_unknown():
     clock = Clock.of({Phase.CLOSING: 1.2, Phase.HOLD: 1.0}, 20.0)
     beyond = clock.beyond({Phase.CLOSING: np.array([1.2, 0.7]), Phase.HOLD: np.array([1.0, 1.0])})
     assert not beyond[0].any()
@@ -55,7 +55,7 @@ def uneven(world, tmp_path):
     return make
 
 
-def test_presses_that_close_faster_are_compared_as_long_as_they_close(uneven):
+def test_grasps_with_faster_closing_are_compared_while_they_close(uneven):
     pair = read_pair(*uneven())
     closing = pair.clock.phase == Phase.CLOSING
     assert pair.clock.end[closing].max() == pytest.approx(1.0, abs=0.06)
@@ -67,7 +67,7 @@ def test_presses_that_close_faster_are_compared_as_long_as_they_close(uneven):
         assert not known[one.cell == faster].all(axis=1).any()
 
 
-def test_a_board_that_is_late_is_found_though_presses_close_at_their_own_speed(uneven):
+def test_latency_of_a_board_is_found_despite_different_closing_speeds(uneven):
     def late(force, drop):
         moved = drop.copy()
         moved[4:, 30:] = drop[:-4, 30:]
@@ -78,5 +78,5 @@ def test_a_board_that_is_late_is_found_though_presses_close_at_their_own_speed(u
     assert verdict["status"] == "explained"
 
 
-def test_presses_that_close_at_their_own_speed_are_no_gap(uneven):
+def test_different_closing_speeds_in_both_files_are_no_gap(uneven):
     assert diagnose(*uneven()).report["verdict"]["status"] == "no_gap"

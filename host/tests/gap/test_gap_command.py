@@ -17,7 +17,7 @@ def paths(world, tmp_path_factory):
     return world(tmp_path_factory.mktemp("pair"), cells=4, sessions=3)
 
 
-def test_it_writes_the_report_and_its_page_and_prints_the_verdict(capsys, paths, tmp_path):
+def test_the_diagnose_command_writes_report_and_page_and_prints_the_verdict(capsys, paths, tmp_path):
     assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path / "gap") == 0
     report = json.loads((tmp_path / "gap" / "report.json").read_text())
     assert report["verdict"]["status"] == "no_gap"
@@ -67,7 +67,7 @@ def no_baseline(file):
         (no_baseline, ("/grasps/0000", "baseline")),
     ],
 )
-def test_files_that_do_not_go_together_are_one_line(capsys, paths, tmp_path, change, words):
+def test_files_of_different_hands_or_objects_give_one_error_line(capsys, paths, tmp_path, change, words):
     pair = broken(paths, tmp_path, change)
     assert run_taxel("gap", "diagnose", *pair, "--out", tmp_path / "gap") == 1
     lines = [line for line in capsys.readouterr().err.splitlines() if line]

@@ -37,7 +37,7 @@ def same(found):
 
 
 @pytest.mark.parametrize("share", [in_copies, in_threads])
-def test_results_are_in_order(state, share):
+def test_results_of_shared_work_are_in_order(state, share):
     assert same(share(state, square, ITEMS))
 
 
@@ -45,19 +45,19 @@ def test_both_processes_take_part(state):
     assert len(set(in_copies(state, lambda item: (time.sleep(0.02), os.getpid())[1], ITEMS))) == 2
 
 
-def test_work_within_shared_work_stays_where_it_is(state):
+def test_nested_work_runs_in_the_calling_process(state):
     """Both cores are busy then; afterwards the next one is shared again."""
     inner = in_copies(state, lambda item: len(set(in_copies(state, lambda _: os.getpid(), ITEMS))), ITEMS)
     assert set(inner) == {1}
     assert len(set(in_copies(state, lambda item: (time.sleep(0.02), os.getpid())[1], ITEMS))) == 2
 
 
-def test_small_work_stays_here(state):
+def test_small_work_runs_in_the_calling_process(state):
     state.drop = np.zeros(10)
     assert set(in_copies(state, lambda item: os.getpid(), ITEMS)) == {os.getpid()}
 
 
-def test_what_cannot_be_sent_is_done_here(state):
+def test_results_that_cannot_be_pickled_are_computed_in_the_calling_process(state):
     def local(item):
         time.sleep(0.005)
         return lambda: item  # nothing that could be sent
@@ -65,7 +65,7 @@ def test_what_cannot_be_sent_is_done_here(state):
     assert [one() for one in in_copies(state, local, ITEMS)] == ITEMS
 
 
-def test_an_error_is_raised_here_wherever_it_came_up(state):
+def test_an_error_in_either_process_is_raised_in_the_calling_process(state):
     def fails_late(item):
         time.sleep(0.005)
         if item == 7:
@@ -76,7 +76,7 @@ def test_an_error_is_raised_here_wherever_it_came_up(state):
         in_copies(state, fails_late, ITEMS)
 
 
-def test_a_copy_that_dies_costs_time_only(state):
+def test_work_of_a_killed_process_is_repeated(state):
     here = os.getpid()
 
     def kills(item):
@@ -88,7 +88,7 @@ def test_a_copy_that_dies_costs_time_only(state):
     assert same(in_copies(state, kills, ITEMS))
 
 
-def test_what_a_dying_copy_has_half_sent_is_done_here(state, monkeypatch):
+def test_partially_received_results_of_a_killed_process_are_recomputed(state, monkeypatch):
     here, real = os.getpid(), cores._HEAD
 
     class Cut:
@@ -112,7 +112,7 @@ def gone(pid):
         return True
 
 
-def test_a_copy_ends_with_who_made_it(tmp_path):
+def test_a_worker_process_ends_with_its_parent(tmp_path):
     program = f"""
 import os, time
 from types import SimpleNamespace
@@ -143,13 +143,13 @@ FORMS = [form for forms in OWN_EFFECTS.values() for form in forms]
 
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: f"{form.name} {form.variant} {form.scope}")
-def test_an_effect_of_which_something_is_known_can_be_sent(form):
+def test_an_effect_with_a_prior_can_be_pickled(form):
     name = form.own_parameters()[0].name
     again = pickle.loads(pickle.dumps(form.with_priors({name: Prior(0.1, 0.2)})))
     assert again.parameters() == form.with_priors({name: Prior(0.1, 0.2)}).parameters()
 
 
-def test_without_copies_there_are_threads(state, monkeypatch):
+def test_threads_are_used_if_no_process_can_be_forked(state, monkeypatch):
     def refused():
         raise PermissionError("no process")
 
@@ -157,7 +157,7 @@ def test_without_copies_there_are_threads(state, monkeypatch):
     assert same(in_copies(state, square, ITEMS))
 
 
-def test_nothing_is_left_behind(state):
+def test_shared_work_leaves_no_open_files_and_no_processes(state):
     def open_files():
         return len(os.listdir("/proc/self/fd"))
 

@@ -37,7 +37,7 @@ def found(answer, expected):
     return {divmod(int(k), SIZE) for k in np.flatnonzero(dead)}, evident, lines
 
 
-def test_a_dead_patch_is_found_whole_though_little_is_expected_of_some_and_is_no_line():
+def test_a_dead_patch_with_weakly_loaded_taxels_is_found_completely_and_is_not_a_line():
     patch = {"t0r4": 0.0, "t0r5": 0.0, "t1r4": 0.0, "t1r5": 0.0}
     dead, evident, lines = found(grid(1.0, **patch), grid(500.0, t0r4=60.0, t1r5=50.0))
     assert dead == {(0, 4), (0, 5), (1, 4), (1, 5)}
@@ -45,23 +45,23 @@ def test_a_dead_patch_is_found_whole_though_little_is_expected_of_some_and_is_no
     assert lines == []
 
 
-def test_taxels_of_which_little_is_expected_alone_are_not_told():
+def test_a_single_weakly_loaded_taxel_is_not_reported_as_dead():
     assert found(grid(1.0, t2r2=0.0), grid(500.0, t2r2=60.0))[0] == set()
 
 
-def test_the_rim_of_one_press_is_not_dead_but_that_of_two_is():
+def test_missing_signal_at_a_contact_rim_needs_two_conditions():
     rim = grid(1.0, t0r5=0.0, t1r5=0.0, t0r4=0.35, t1r4=0.4)
     assert found(rim, grid(300.0))[0] == set()
     assert found(rim, np.stack([grid(300.0), grid(300.0)]))[0] == {(0, 5), (1, 5)}
 
 
-def test_one_press_is_enough_where_what_lies_beside_is_as_expected():
+def test_one_condition_suffices_if_neighbouring_taxels_respond_fully():
     dead, evident, _ = found(grid(1.0, t0r5=0.0, t1r5=0.0), grid(300.0))
     assert dead == {(0, 5), (1, 5)}
     assert not evident
 
 
-def test_a_line_at_the_edge_is_evident_beside_one_that_answers_in_full():
+def test_a_dead_edge_line_is_evident_only_beside_a_fully_responding_line():
     last = {f"t{tx}r5": 0.0 for tx in range(SIZE)}
     _, evident, lines = found(grid(1.0, **last), grid(300.0))
     assert lines == [(0, "rx", 5)]
@@ -70,12 +70,12 @@ def test_a_line_at_the_edge_is_evident_beside_one_that_answers_in_full():
     assert not found(grid(1.0, **faint), np.stack([grid(300.0), grid(300.0)]))[1]
 
 
-def test_a_line_remains_one_beside_a_single_dead_taxel():
+def test_a_dead_line_with_a_dead_neighbour_taxel_is_reported_as_a_line():
     _, _, lines = found(grid(1.0, **{f"t3r{rx}": 0.0 for rx in range(SIZE)}, t4r0=0.0), grid(300.0))
     assert lines == [(0, "tx", 3)]
 
 
-def test_what_is_dead_on_another_line_does_not_make_that_line_the_place_of_this_one():
+def test_a_dead_patch_over_two_lines_is_not_taken_for_exchanged_lines():
     """A dead patch over two lines that are pressed much alike; beyond it the second one shows what both should."""
     patch = {f"t{tx}r{rx}": 0.0 for tx in (1, 2) for rx in (1, 2)}
     expected = grid(0.0, t1r1=200.0, t1r2=190.0, t1r4=700.0, t2r1=500.0, t2r2=480.0, t2r4=690.0)

@@ -76,7 +76,7 @@ def test_without_an_effect_there_is_no_gap(reported):
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_the_effect_that_was_put_in_is_named_first(reported, name):
+def test_the_applied_effect_is_named_first(reported, name):
     report = reported(effect=EFFECTS[name])
     assert report["gap"]["significant"]
     assert report["verdict"]["effects"][0] == name
@@ -85,7 +85,7 @@ def test_the_effect_that_was_put_in_is_named_first(reported, name):
     assert 0.0 < entry["measured_shrink"] == pytest.approx(entry["predicted_shrink"], abs=0.05)
 
 
-def test_parameters_come_out(reported):
+def test_the_applied_parameters_are_recovered(reported):
     report = reported(effect=clipped)
     entry = next(one for one in report["effects"] if one["name"] == "saturation")
     assert entry["parameters"]["counts"]["value"] == pytest.approx(500.0, rel=0.05)
@@ -117,7 +117,7 @@ def test_an_open_line_is_found_by_its_index(world, tmp_path):
     assert entry["where"]["lines"] == [[0x20, "tx", 2]]
 
 
-def test_more_noise_is_noise(world, tmp_path):
+def test_additional_noise_is_identified_as_noise(world, tmp_path):
     def noisy(raw, valid, rng):
         return np.rint(raw + rng.normal(0.0, 60.0, raw.shape)), valid
 
@@ -128,7 +128,7 @@ def test_more_noise_is_noise(world, tmp_path):
     assert total == pytest.approx(60.0, rel=0.05)
 
 
-def test_an_effect_that_is_left_out_of_the_catalogue_is_not_named(written):
+def test_an_effect_removed_from_the_catalogue_is_not_named(written):
     paths = written(effect=creeping)
     report = diagnose(*paths, without=["hysteresis"]).report
     assert "hysteresis" not in report["verdict"]["effects"]
@@ -137,7 +137,7 @@ def test_an_effect_that_is_left_out_of_the_catalogue_is_not_named(written):
         diagnose(*paths, without=["magic"])
 
 
-def test_the_report_has_the_form_of_its_page(reported, tmp_path):
+def test_the_report_has_the_documented_schema(reported, tmp_path):
     report = json.loads(json.dumps(reported(effect=crosstalk), allow_nan=False))
     assert (report["format"], report["version"]) == ("taxel-gap-report", 1)
     assert [entry["name"] for entry in report["effects"]] == list(OWN_EFFECTS)
@@ -159,7 +159,7 @@ def test_the_same_files_give_the_same_report(written, reported):
     assert first == second
 
 
-def test_below_three_sessions_there_is_no_interval_and_the_report_says_so(world, tmp_path):
+def test_with_fewer_than_three_sessions_the_report_states_that_intervals_are_missing(world, tmp_path):
     report = diagnose(*world(tmp_path, sessions=2, repeats=3, effect=crosstalk)).report
     assert report["gap"]["ci95"] is None
     assert any("2 sessions" in loss for loss in report["losses"])

@@ -23,11 +23,11 @@ def said(files):
     return [loss for loss in read_pair(*files).losses if "differ" in loss or "mesh" in loss or "object pose" in loss]
 
 
-def test_like_files_have_nothing_to_tell(files):
+def test_equal_files_have_no_differences(files):
     assert said(files) == []
 
 
-def test_a_mesh_in_millimetres_is_told_and_the_simulators_is_used(files):
+def test_a_mesh_in_millimetres_is_reported_and_the_simulated_mesh_is_used(files):
     def smaller(file):
         file["objects/cube/vertices"][...] *= 0.001
 
@@ -50,7 +50,7 @@ def move(file, shift, turn=0.0, world=False):
             grasp["object_pose"][...] = to @ grasp["object_pose"][...]
 
 
-def test_an_object_elsewhere_is_told_with_the_approach(files):
+def test_a_displaced_object_is_reported_with_its_approach(files):
     changed(files[1], lambda file: move(file, 0.0042, 3.0))
     (line,) = said(files)
     assert line.startswith(
@@ -59,12 +59,12 @@ def test_an_object_elsewhere_is_told_with_the_approach(files):
     assert line.endswith("block press_1")
 
 
-def test_another_world_is_none(files):
+def test_another_world_frame_is_no_difference(files):
     changed(files[1], lambda file: move(file, 0.5, 90.0, world=True))
     assert said(files) == []
 
 
-def test_a_joint_that_closes_farther_is_none(files):
+def test_another_joint_angle_is_no_difference(files):
     def farther(file):
         for grasp in file["grasps"].values():
             pose = grasp["sensor_pose"][...]
@@ -75,7 +75,7 @@ def test_a_joint_that_closes_farther_is_none(files):
     assert said(files) == []
 
 
-def test_other_normals_and_sizes_are_told(files):
+def test_different_normals_and_taxel_sizes_are_reported(files):
     def other(file):
         file["taxels/normal"][0] = [0.0, 1.0, 0.0]
         file["taxels/size"][...] = 0.004

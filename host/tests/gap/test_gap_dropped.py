@@ -51,19 +51,19 @@ def dropout_of(report):
     return next(one for one in report["effects"] if one["name"] == "dropout")
 
 
-def test_lines_that_touch_are_found_by_place(world, tmp_path):
+def test_shorted_lines_are_localised(world, tmp_path):
     report = diagnose(*world(tmp_path, effect=shorted, sessions=4)).report
     assert report["verdict"]["effects"][:1] == ["dropout"]
     assert dropout_of(report)["where"]["lines"] == [[BOARD, "tx", 2], [BOARD, "tx", 3]]
 
 
 @pytest.mark.parametrize("at", [150.0, 300.0, 500.0])
-def test_lines_whose_counts_end_are_not_said_to_touch(world, tmp_path, at):
+def test_saturated_lines_are_not_reported_as_shorted(world, tmp_path, at):
     judge = prepared(read_pair(*world(tmp_path, effect=ended(at), sessions=4, most=3.0))).judge
     assert find_dropped(judge.state, judge.sessions, judge.state.mean).shorts == ()
 
 
-def test_exchanged_lines_are_not_called_dead(world, tmp_path):
+def test_exchanged_lines_are_not_reported_as_dead(world, tmp_path):
     report = diagnose(*world(tmp_path, effect=exchanged, cells=4, sessions=4)).report
     assert "unknown" in report["verdict"]["effects"]
     assert "dropout" not in report["verdict"]["effects"]
@@ -79,7 +79,7 @@ def broken_beside_own_gains(force, drop):
     return on_rows(drop * gains, cut)
 
 
-def test_a_broken_line_is_found_beside_an_effect_that_could_learn_it_by_heart(world, tmp_path):
+def test_an_open_line_is_found_besides_a_gain_for_each_taxel(world, tmp_path):
     report = diagnose(*world(tmp_path, effect=broken_beside_own_gains, cells=6, sessions=4)).report
     assert report["verdict"]["effects"][0] == "dropout"
     assert dropout_of(report)["where"]["lines"] == [[BOARD, "tx", 2]]
@@ -94,12 +94,12 @@ def cut_line(force, drop):
     return on_rows(drop, cut)
 
 
-def test_a_simulator_with_less_noise_is_no_finding_beside_a_broken_line_as_it_is_none_alone(world, tmp_path):
+def test_lower_simulated_noise_is_not_reported_besides_an_open_line(world, tmp_path):
     report = diagnose(*world(tmp_path, effect=cut_line, cells=6, sessions=4, noise=2.0)).report
     assert report["verdict"]["effects"] == ["dropout"]
 
 
-def test_what_wraps_round_is_not_dead(written):
+def test_taxels_with_wrapping_counts_are_not_dead(written):
     def wraps(force, drop):
         return np.where(drop > 400.0, drop - 1600.0, drop)
 
@@ -107,7 +107,7 @@ def test_what_wraps_round_is_not_dead(written):
     assert not find_dropped(judge.state, judge.sessions, judge.state.mean).dead.any()
 
 
-def test_a_drift_is_no_answer(written):
+def test_drift_alone_does_not_count_as_a_response(written):
     """It is on dead taxels too; where little is expected of them it is much of that."""
     drifted, dead = 60.0, np.arange(30).reshape(ROWS, COLUMNS)[1:4, 1:4].ravel()
 
@@ -123,7 +123,7 @@ def test_a_drift_is_no_answer(written):
     assert set(np.flatnonzero(find_dropped(judge.state, judge.sessions, expected).dead)) == set(dead)
 
 
-def test_frames_that_did_not_arrive_are_told_however_few_sessions_show_it(world, tmp_path):
+def test_lost_frames_of_a_single_condition_are_reported_as_dropout(world, tmp_path):
     class Fails:
         presses = 0
 

@@ -34,7 +34,7 @@ def state(world, tmp_path_factory):
 
 
 @pytest.mark.parametrize(("name", "form"), FORMS, ids=IDS)
-def test_neutral_values_change_nothing_bit_for_bit(state, name, form):
+def test_every_effect_at_neutral_values_changes_no_feature(state, name, form):
     neutral = form.neutral(state)
     assert form.apply(state, state.base, neutral) is state.base
     features = np.random.default_rng(1).normal(50.0, 10.0, state.mean.shape)
@@ -52,7 +52,7 @@ def test_parameters_have_units_bounds_and_a_start_within_them(state, name, form)
     assert started(state, form).values.shape == form.neutral(state).shape
 
 
-def test_spreading_pressure_keeps_each_boards_net_force(state):
+def test_contact_propagation_keeps_the_net_force_of_each_board(state):
     form = OWN_EFFECTS["contact_propagation"][0]
     moved = form.apply(state, state.base, np.array([[3.0], [0.7]]))
     for board in range(2):
@@ -61,7 +61,7 @@ def test_spreading_pressure_keeps_each_boards_net_force(state):
     assert (moved.force > 0).sum() > (state.base.force > 0).sum()
 
 
-def test_a_board_of_very_many_taxels_spreads_from_taxel_to_taxel(monkeypatch):
+def test_the_taxel_kernel_of_a_large_board_approximates_the_kernel_of_its_pieces(monkeypatch):
     """Nearly what its pieces give, where the kernel is wide."""
     place = np.stack(np.meshgrid(np.arange(6), np.arange(6), [0.0]), axis=-1).reshape(-1, 3) * 5e-3
     pieces = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], [0.0]), axis=-1).reshape(-1, 3) * 5e-3 / 3
@@ -74,7 +74,7 @@ def test_a_board_of_very_many_taxels_spreads_from_taxel_to_taxel(monkeypatch):
     np.testing.assert_allclose(coarse.sum(axis=1), 1.0)
 
 
-def test_a_press_draws_down_what_is_near_it_and_no_more():
+def test_pillar_propagation_loads_only_taxels_near_the_contact():
     """Three taxels in a row, 5 mm apart, of one piece each nine times: depth falls by 1 over `spread_m`."""
     places = 5e-3 * np.arange(3)[:, None] * [1.0, 0.0, 0.0]
     apart = 5e-3 * np.abs(np.subtract.outer(np.arange(3), np.arange(3)))
@@ -87,7 +87,7 @@ def test_a_press_draws_down_what_is_near_it_and_no_more():
     np.testing.assert_array_equal(drawn(board, 0.0 * pressure, 20e-3, 1.0), 0.0)
 
 
-def test_what_pillars_draw_down_grows_with_strength(state):
+def test_pillar_propagation_is_linear_in_its_strength(state):
     form = OWN_EFFECTS["contact_propagation"][-1]
     half, whole = (form.apply(state, state.base, np.array([[9.0], [one]])).force for one in (0.5, 1.0))
     assert (whole >= state.base.force).all()
@@ -110,7 +110,7 @@ def test_a_filter_follows_with_its_time_constant(state):
     assert moved[:, closing][:, :, ~first_board].sum() < state.drop[:, closing][:, :, ~first_board].sum()
 
 
-def test_counts_of_a_gap_that_creeps_open_go_sooner_than_those_that_creep_themselves(state):
+def test_counts_decay_faster_with_creep_of_the_gap_than_with_creep_of_the_counts(state):
     """The same share is late; of a little that is left of a gap there are fewer counts than a share of the drop."""
     forms = {form.variant: form for form in OWN_EFFECTS["hysteresis"]}
     late = np.array([[0.3], [1.0]])
@@ -123,7 +123,7 @@ def test_counts_of_a_gap_that_creeps_open_go_sooner_than_those_that_creep_themse
     np.testing.assert_allclose(slow, 0.25 * state.full_scale * kept / (1.0 - kept), rtol=0.02, atol=0.5)
 
 
-def test_what_goes_on_far_beyond_the_record_is_no_memory(state):
+def test_hysteresis_with_a_time_constant_beyond_the_record_is_idle(state):
     """Of a time constant nothing is seen there: what it does is another law of counts."""
     lasts = float(state.since[-1])
     for form in (one for one in OWN_EFFECTS["hysteresis"] if one.variant != "sticks"):
@@ -132,7 +132,7 @@ def test_what_goes_on_far_beyond_the_record_is_no_memory(state):
         assert not form.is_idle(state, quick)
 
 
-def test_a_fit_that_moves_one_effect_gives_what_the_whole_chain_gives(state):
+def test_cached_features_of_a_composite_model_equal_recomputed_ones(state):
     """What was worked out for the links before it is used again, in whatever order they are asked for."""
     links = [
         started(state, OWN_EFFECTS[name][0]) for name in ("contact_propagation", "electrode_crosstalk", "saturation")
@@ -148,7 +148,7 @@ def test_a_fit_that_moves_one_effect_gives_what_the_whole_chain_gives(state):
         np.testing.assert_array_equal(chain.features(fresh), again)
 
 
-def test_presses_that_do_not_show_an_effect_say_so(state):
+def test_the_visibility_of_an_effect_without_influence_is_zero(state):
     """Without force nothing spreads; noise is seen even then."""
     layout, cells = state.layout, len(state.pair.cells)
     shape = (cells, 3, layout.count, state.pair.n)
@@ -160,6 +160,6 @@ def test_presses_that_do_not_show_an_effect_say_so(state):
     assert seen(Judge(state, real, layout), OWN_EFFECTS["contact_propagation"][0]) > 1.0
 
 
-def test_a_mean_of_what_is_known_ignores_the_rest():
+def test_the_mean_of_known_values_ignores_nan():
     values = np.array([[1.0, np.nan], [3.0, np.nan]])
     np.testing.assert_array_equal(known_mean(values, 0), [2.0, np.nan])

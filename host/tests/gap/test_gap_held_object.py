@@ -23,7 +23,7 @@ def seen(x_m: float, z_m: float = 0.0) -> np.ndarray:
     return motion
 
 
-def test_a_corner_pushes_back_what_is_held_aside():
+def test_a_laterally_held_object_redistributes_the_forces_of_two_inclined_boards():
     held = 3000.0
     more = shifted_load([LEFT, RIGHT], [seen(0.001)] * 2, [held] * 2)
     # Towards the right: the right board pushes it to the left by what the hold bears.
@@ -33,26 +33,26 @@ def test_a_corner_pushes_back_what_is_held_aside():
     assert more[0] + more[3] == pytest.approx(0.0, abs=1e-12)  # the push along its way is what it was
 
 
-def test_what_is_displaced_along_the_push_is_approached_anew():
+def test_displacement_along_the_contact_direction_changes_no_force_share():
     more = shifted_load([LEFT, RIGHT], [seen(0.0, 0.002)] * 2, [3000.0] * 2)
     assert more == pytest.approx({0: 0.0, 3: 0.0}, abs=1e-12)
 
 
-def test_what_is_not_held_shares_as_before():
+def test_without_holding_stiffness_the_force_shares_are_unchanged():
     assert shifted_load([LEFT, RIGHT], [seen(0.001)] * 2, [0.0] * 2) == pytest.approx({0: 0.0, 3: 0.0})
 
 
-def test_no_board_pulls():
+def test_the_force_of_a_board_has_a_lower_limit():
     more = shifted_load([LEFT, RIGHT], [seen(0.02)] * 2, [3000.0] * 2)
     assert more[0] == pytest.approx((LEAST_SHARE - 1.0) * 5.0)
 
 
-def test_only_boards_that_push_one_way_share_an_object():
+def test_only_boards_that_push_in_one_direction_are_coupled_by_the_object():
     against = Push(7, 5.0, -LEFT.direction, np.zeros(3))
     assert pushes_together({0: [LEFT], 1: [LEFT, RIGHT], 2: [LEFT, against]}) == [[LEFT, RIGHT]]
 
 
-def test_boards_in_a_corner_are_pressed_anew_by_what_they_bear_then(monkeypatch):
+def test_taxel_forces_of_coupled_boards_follow_their_changed_net_forces(monkeypatch):
     depth, force = ball(), 6.0
     pressure = pressed_to(HARDENING, depth, force)
     up, points = np.repeat([[0.0, 0.0, 1.0]], 49, axis=0), np.zeros((49, 9, 3))

@@ -36,7 +36,7 @@ def judge_of(paths) -> Judge:
     ],
     ids=["some", "an object each", "a press each"],
 )
-def test_what_a_session_lacks_is_no_agreement(world, tmp_path, absent):
+def test_conditions_missing_in_a_session_do_not_change_the_score(world, tmp_path, absent):
     whole = judge_of(world(tmp_path, sessions=6, effect=clipped))
     (tmp_path / "part").mkdir()
     part = judge_of(world(tmp_path / "part", sessions=6, effect=clipped, absent=absent))
@@ -48,7 +48,7 @@ def test_what_a_session_lacks_is_no_agreement(world, tmp_path, absent):
     assert part.excess(part.state.mean) == pytest.approx(gap.excess.value, rel=0.1)
 
 
-def test_a_whole_set_of_sessions_is_scored_alike_both_ways(world, tmp_path):
+def test_complete_and_incomplete_scoring_agree_for_complete_sessions(world, tmp_path):
     judge = judge_of(world(tmp_path, effect=clipped))
     one, other = judge.score(judge.state.mean), judge._score_of_some(judge.state.mean, judge.weight)
     assert other.value == pytest.approx(one.value)
@@ -56,7 +56,7 @@ def test_a_whole_set_of_sessions_is_scored_alike_both_ways(world, tmp_path):
     np.testing.assert_allclose(other.families, one.families)
 
 
-def test_a_cause_is_found_though_each_session_lacks_presses(world, tmp_path):
+def test_a_cause_is_found_with_conditions_missing_in_every_session(world, tmp_path):
     paths = world(tmp_path, sessions=6, effect=clipped, absent=lambda session, cell: (session + cell) % 3 == 0)
     report = diagnose(*paths).report
     assert report["verdict"]["effects"][0] == "saturation"
@@ -64,14 +64,14 @@ def test_a_cause_is_found_though_each_session_lacks_presses(world, tmp_path):
     assert report["after"]["reducible_shrink"] <= 1.1
 
 
-def test_two_sessions_tell_a_gap_and_not_its_cause(world, tmp_path):
+def test_two_sessions_give_a_gap_without_a_named_cause(world, tmp_path):
     verdict = diagnose(*world(tmp_path, sessions=2, repeats=3, effect=clipped)).report["verdict"]
     assert (verdict["status"], verdict["effects"]) == ("unknown", ["unknown"])
     assert "fewer than three sessions" in verdict["one_line"]
     assert "the most similar effect is saturation" in verdict["one_line"]
 
 
-def test_of_no_gap_nothing_is_added(world, tmp_path):
+def test_without_a_gap_no_effect_is_in_the_verdict(world, tmp_path):
     report = diagnose(*world(tmp_path, seed=3)).report
     assert report["verdict"]["status"] == "no_gap"
     assert not any(entry["in_verdict"] for entry in report["effects"])
@@ -79,7 +79,7 @@ def test_of_no_gap_nothing_is_added(world, tmp_path):
     assert report["waterfall"] == []
 
 
-def test_a_hand_that_wanders_is_seen_beside_a_simulator_without_noise(world, tmp_path):
+def test_drift_features_of_untouched_taxels_need_no_simulated_noise(world, tmp_path):
     state = judge_of(world(tmp_path, noise=0.0)).state
     form = next(one for one in OWN_EFFECTS["baseline_drift"] if one.scope == "hand")
     moved = form.features(state, state.mean, np.array([[0.0], [60.0]]))
@@ -89,7 +89,7 @@ def test_a_hand_that_wanders_is_seen_beside_a_simulator_without_noise(world, tmp
     np.testing.assert_array_equal(moved[:, wander][~state.untouched], state.mean[:, wander][~state.untouched])
 
 
-def test_a_press_whose_hold_was_never_received_has_no_cloud(world, tmp_path):
+def test_an_approach_without_hold_frames_gives_no_point_cloud(world, tmp_path):
     """Of one approach no frame of hold has arrived, in any session."""
     dropped = []
 
@@ -107,7 +107,7 @@ def test_a_press_whose_hold_was_never_received_has_no_cloud(world, tmp_path):
     json.dumps(report, allow_nan=False)
 
 
-def test_a_rigid_contact_has_a_straight_law(world, tmp_path):
+def test_a_rigid_simulated_contact_gives_a_finite_force_law(world, tmp_path):
     """Depths of a hundredth of a micrometre, as of a simulator whose contact does not give way."""
     judge = judge_of(world(tmp_path))
     state = judge.state

@@ -21,7 +21,7 @@ def estimated(rng, parts, error):
     ("sessions", "presses", "besides"),
     [(1.0, 0.0, 0.0), (0.3, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.3, 1.0), (1.0, 1.0, 3.0)],
 )
-def test_an_interval_of_several_errors_holds_the_truth_as_often_as_it_says(sessions, presses, besides):
+def test_combined_confidence_intervals_have_their_nominal_coverage(sessions, presses, besides):
     rng = np.random.default_rng(5)
     inside = 0
     for _ in range(TRIALS):
@@ -33,7 +33,7 @@ def test_an_interval_of_several_errors_holds_the_truth_as_often_as_it_says(sessi
     assert 0.935 < inside / TRIALS < 0.975
 
 
-def test_parts_that_say_nothing_change_nothing():
+def test_combining_with_an_estimate_without_error_changes_no_interval():
     alone = estimated(np.random.default_rng(1), 4, 1.0)
     assert together(alone, Interval(0.0, None, None, None)).ci95 == pytest.approx(alone.ci95)
 
@@ -42,12 +42,12 @@ def test_below_three_sessions_there_is_no_interval():
     assert together(Interval(1.0, None, None, None), Interval(1.0, 0.0, 2.0, 0.5)).ci95 is None
 
 
-def test_what_never_differs_has_an_interval_of_no_width():
+def test_constant_estimates_have_an_interval_of_zero_width():
     never = Interval(2.0, 2.0, 2.0, 0.0, 3)
     assert together(never, never).ci95 == [2.0, 2.0]
 
 
-def test_what_presses_leave_open_widens_an_interval_to_what_may_be_and_no_further():
+def test_an_interval_is_widened_to_the_quantiles_of_the_posterior_samples():
     interval = Interval(1.0, 0.5, 1.5, 0.25)
     draws = np.linspace(0.2, 1.2, 101)
     wider = interval.at_least(draws)

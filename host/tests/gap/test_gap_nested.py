@@ -21,7 +21,7 @@ def clipped(force, drop):
     return np.minimum(drop, 500.0)
 
 
-def test_a_clear_effect_is_found_without_any_session(world, tmp_path):
+def test_a_clear_effect_is_found_in_every_leave_one_session_out_search(world, tmp_path):
     files = world(tmp_path, effect=clipped, sessions=4, most=3.0)
     without = set(OWN_EFFECTS) - {"saturation", "stiffness", "noise"}  # five searches of the whole would take a while
     nested, plain = (diagnose(*files, without, nested=anew).report for anew in (True, False))
@@ -36,7 +36,7 @@ def test_a_clear_effect_is_found_without_any_session(world, tmp_path):
     assert "Repeated searches" in page.read_text()
 
 
-def test_three_sessions_are_too_few(world, tmp_path):
+def test_nested_search_with_three_sessions_is_refused(world, tmp_path):
     with pytest.raises(GapInputError, match="--nested: expected at least 4 sessions, found 3"):
         diagnose(*world(tmp_path, effect=clipped, sessions=3, most=3.0), nested=True)
 
@@ -45,11 +45,11 @@ def link(name):
     return SimpleNamespace(effect=SimpleNamespace(name=name))
 
 
-def test_what_the_verdict_does_not_believe_is_not_judged_inside_either():
+def test_nested_models_are_restricted_to_the_effects_of_the_verdict():
     chains = Chain((link("noise"), link("stiffness"))), Chain((link("noise"), link("gain_mismatch")))
     inside = Inside(chains).only(("noise", "stiffness"), ("stiffness",))
     assert inside.names == [["stiffness"], ["gain_mismatch"]]
 
 
-def test_words():
+def test_nested_agreement_counts_searches_with_the_same_effects():
     assert nested_agreement([["noise"], ["noise", "stiffness"]], ["noise", "unknown"]).endswith(": 1 of 2")

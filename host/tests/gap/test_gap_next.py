@@ -77,7 +77,7 @@ def angle(judge) -> float:
     return next(one.degrees for one in likenesses(judge, forms, [link]) if one.name == STIFF)
 
 
-def test_a_force_ladder_comes_first_where_presses_of_one_force_tell_two_effects_alike(gentle, world, tmp_path):
+def test_force_levels_are_proposed_first_for_effects_confounded_at_one_force(gentle, world, tmp_path):
     found = next_presses(stiff_or_gain(gentle[1]))
     assert found.line == "Confounded effects: stiffness and gain mismatch."
     assert len(found.presses) == 10
@@ -92,7 +92,7 @@ def test_a_force_ladder_comes_first_where_presses_of_one_force_tell_two_effects_
     assert angle(laddered) > 1.5 * angle(gentle[1])
 
 
-def test_a_press_sets_two_effects_apart_by_what_neither_can_do_with_all_presses(gentle):
+def test_separation_of_two_effects_is_measured_on_all_grasps_together(gentle):
     judge = gentle[1]
     findings = stiff_or_gain(judge)
     found, other = (ChainInformation.of(judge, chain) for chain in (findings.chain, findings.rivals[STIFF, GAIN]))
@@ -118,7 +118,7 @@ def test_a_press_sets_two_effects_apart_by_what_neither_can_do_with_all_presses(
     assert other.variance_after(rival.added(press, weight)) == pytest.approx(spread, rel=1e-6)
 
 
-def test_where_nothing_is_confounded_presses_are_ranked_by_intervals(world, tmp_path):
+def test_without_confounded_effects_grasps_are_ranked_by_interval_reduction(world, tmp_path):
     judge = judge_of(world(tmp_path, effect=late, cells=4, sessions=3))
     found = next_presses(findings_of(judge, plain(judge, Latency(), 0.05)), most=40)
     assert found.line.startswith("No effects are confounded")
@@ -133,7 +133,7 @@ def test_where_nothing_is_confounded_presses_are_ranked_by_intervals(world, tmp_
     assert all(gains.get((f"press_{k}", 4.0), 0.0) < gains[f"press_{k}", quick] for k in range(4))
 
 
-def test_what_is_felt_before_contact_is_asked_for_with_the_object_held_off(gentle):
+def test_a_proximity_effect_proposes_approaches_without_contact(gentle):
     judge = gentle[1]
     link = plain(judge, Proximity(), 0.0, 40.0)
     found = next_presses(Findings(judge, Chain((link,)), ("proximity",), {}, ()), most=100)
@@ -142,13 +142,13 @@ def test_what_is_felt_before_contact_is_asked_for_with_the_object_held_off(gentl
     assert off[0].press.words.endswith("held at a distance of 2 mm")
 
 
-def test_without_a_named_effect_no_press_is_asked_for(gentle):
+def test_without_a_named_effect_no_grasp_is_proposed(gentle):
     found = next_presses(Findings(gentle[1], Chain(), (), {}, ()))
     assert found.presses == ()
     assert "The verdict has no effect" in found.line
 
 
-def test_approaches_that_were_only_simulated_are_ranked_with_the_others(gentle, world, tmp_path):
+def test_simulated_approaches_are_ranked_with_recorded_ones(gentle, world, tmp_path):
     (tmp_path / "more").mkdir()
     more = world(tmp_path / "more", most=LITTLE_N, cells=3, scales=(1.0, 20.0))[1]
     judge = gentle[1]
@@ -178,7 +178,7 @@ def diagnosed(world, tmp_path_factory):
     return paths, folder / "report.json"
 
 
-def test_the_report_holds_the_presses_and_the_page_shows_them(diagnosed, tmp_path):
+def test_report_and_page_contain_the_proposed_grasps(diagnosed, tmp_path):
     report = json.loads(diagnosed[1].read_text())
     assert report["verdict"]["effects"][0] == "latency"
     presses = report["next_presses"]
@@ -191,7 +191,7 @@ def test_the_report_holds_the_presses_and_the_page_shows_them(diagnosed, tmp_pat
     assert presses[0]["press"] in page
 
 
-def test_a_report_gives_what_the_two_files_give_without_a_search(capsys, diagnosed):
+def test_proposals_from_a_report_equal_those_from_the_files(capsys, diagnosed):
     paths, report = diagnosed
     assert run_taxel("gap", "next", report, "--json", "--top", 3) == 0
     told = json.loads(capsys.readouterr().out)
@@ -206,7 +206,7 @@ def test_a_report_gives_what_the_two_files_give_without_a_search(capsys, diagnos
     assert told["next_presses"][0]["press"].split()[-1] in out
 
 
-def test_what_does_not_answer_has_no_value_to_be_told(capsys, world, tmp_path):
+def test_no_grasp_is_proposed_for_a_dropout(capsys, world, tmp_path):
     def silence(raw, valid, rng):
         valid = valid.copy()
         valid[:, 1] = False
@@ -220,7 +220,7 @@ def test_what_does_not_answer_has_no_value_to_be_told(capsys, world, tmp_path):
     assert "no parameters that a further grasp could determine" in capsys.readouterr().out
 
 
-def test_bad_input_is_one_line(capsys, diagnosed, gentle, tmp_path):
+def test_invalid_input_gives_one_error_line(capsys, diagnosed, gentle, tmp_path):
     paths, report = diagnosed
     assert "SIM.h5" in run_refused_command(capsys, "gap", "next", paths[0])
     assert run_taxel("gap", "next", report, "--top", 0) == 2
@@ -253,7 +253,7 @@ def test_bad_input_is_one_line(capsys, diagnosed, gentle, tmp_path):
         (lambda report: report.update(version=2), "version"),
     ],
 )
-def test_a_broken_report_is_one_line(capsys, diagnosed, tmp_path, change, words):
+def test_a_malformed_report_gives_one_error_line(capsys, diagnosed, tmp_path, change, words):
     content = json.loads(diagnosed[1].read_text())
     assert list(OWN_EFFECTS)[-1] == content["effects"][-1]["name"] == "latency"
     change(content)

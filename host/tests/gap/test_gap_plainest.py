@@ -60,17 +60,17 @@ DEAD = Dropout(Dropped(ONE, (), np.zeros(1), ONE, np.zeros(4, bool)))
         ([BOARDS, DEAD], [20.0, 20.5], 0),
     ],
 )
-def test_the_plainest_of_those_that_do_as_much_is_taken(effects, values, taken):
+def test_the_simplest_of_equally_good_candidates_is_selected(effects, values, taken):
     accepted = [round_of(effect, value) for effect, value in zip(effects, values, strict=True)]
     assert _plainest(accepted) is accepted[taken]
 
 
-def test_without_any_none_is_taken():
+def test_without_candidates_none_is_selected():
     assert _plainest([]) is None
 
 
 @pytest.mark.parametrize(("evident", "found", "told"), [(True, True, True), (True, False, False), (False, True, False)])
-def test_a_broken_line_is_told_beside_others_where_it_is_seen(monkeypatch, evident, found, told):
+def test_an_evident_open_line_is_reported_besides_other_effects(monkeypatch, evident, found, told):
     monkeypatch.setattr("taxel.gap.deciding.is_evident", lambda trial: evident)
     standing = SimpleNamespace(chain=Chain((FittedEffect(HAND, np.zeros((1, 1))),) if found else ()))
     assert is_seen_beside(standing, SimpleNamespace(name="dropout")) is told

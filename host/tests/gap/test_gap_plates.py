@@ -21,14 +21,14 @@ def parameters(report: dict, name: str) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("scale", [0.65, 1.6])
-def test_a_layer_into_which_objects_sink_otherwise_is_told_by_its_stiffness(tmp_path, scale):
+def test_another_layer_stiffness_is_identified_with_its_scale(tmp_path, scale):
     report = found(tmp_path, Plates(seed=11, scale=scale))
     assert report["verdict"]["effects"] == ["stiffness"]
     assert parameters(report, "stiffness")["half_force_scale"] == pytest.approx(scale, rel=0.05)
     assert report["after"]["reducible_shrink"] > 0.95
 
 
-def test_a_plate_that_stands_elsewhere_is_found_where_it_stands(tmp_path):
+def test_a_displaced_bracket_is_identified_with_its_pose(tmp_path):
     moved = (0.002, -0.0015, 0.0, 0.03, -0.02, 0.04)
     report = found(tmp_path, Plates(seed=12, moved=((0.0,) * 6, moved, (0.0,) * 6)))
     assert report["verdict"]["effects"] == ["pose_error"]
@@ -39,5 +39,5 @@ def test_a_plate_that_stands_elsewhere_is_found_where_it_stands(tmp_path):
     assert abs(told["z_mm@33"]) < 0.2  # no press tells it
 
 
-def test_two_hands_that_are_alike_have_no_gap(tmp_path):
+def test_two_equal_hands_have_no_gap(tmp_path):
     assert found(tmp_path, Plates(seed=13))["verdict"]["status"] == "no_gap"

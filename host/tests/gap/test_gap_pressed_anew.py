@@ -47,7 +47,7 @@ def geometry(net_n: float = 12.0) -> Geometry:
     return Geometry((contact,), {}, HARDENING, HARDENING, (depth,), (pressure,))
 
 
-def test_a_board_approaches_until_it_bears_each_net_force():
+def test_the_approach_of_a_board_is_solved_for_each_net_force():
     depth, nets = ball(), np.array([0.3, 2.0, 9.0, 40.0])
     pressed = pressed_to_each(HARDENING, depth, nets)
     np.testing.assert_allclose(pressed.mean(axis=2).sum(axis=1), nets, rtol=1e-9)
@@ -56,7 +56,7 @@ def test_a_board_approaches_until_it_bears_each_net_force():
     assert ((pressed[1:] > 0.0).sum(axis=(1, 2)) >= (pressed[:-1] > 0.0).sum(axis=(1, 2))).all()
 
 
-def test_boards_that_are_pressed_together_bear_what_each_bears_alone():
+def test_boards_solved_together_have_the_forces_of_single_boards():
     """Also of unequal sizes, more than fit into one go, one of which nothing presses but the last taxel."""
     rng = np.random.default_rng(5)
     depths = [ball(height)[: rng.integers(20, 49)] for height in rng.uniform(-2e-3, 2e-3, TOGETHER + 3)]
@@ -70,7 +70,7 @@ def test_boards_that_are_pressed_together_bear_what_each_bears_alone():
     assert pressed_together(HARDENING, [], np.zeros((0, 3))) == []
 
 
-def test_the_law_of_pieces_is_what_makes_the_taxels_forces():
+def test_the_force_law_of_pieces_is_recovered_from_taxel_forces():
     """Told a straight line at first, it finds how the layer hardens."""
     rng = np.random.default_rng(3)
     depths = [ball() + rng.uniform(-3e-3, 3e-3) for _ in range(6)]
@@ -88,7 +88,7 @@ def test_the_law_of_pieces_is_what_makes_the_taxels_forces():
     assert law_of_pieces(line, []) is line
 
 
-def test_into_a_softer_layer_a_ball_sinks_deeper_at_the_same_net_force():
+def test_a_softer_layer_spreads_the_same_net_force_over_more_taxels():
     pressed = geometry()
     rest = np.asarray(pressed_to_each(HARDENING, pressed.depths[0], 12.0 * LEVELS)).mean(axis=2)
     soft, hard = (kept * rest + gained for kept, gained in (pressed.sunk({0: scale})[0] for scale in (0.5, 2.0)))
@@ -120,7 +120,7 @@ def test_changes_follow_the_net_force_from_level_to_level(state):
     np.testing.assert_array_equal(moved.force[nothing], 0.0)
 
 
-def test_what_is_pressed_no_longer_shows_nothing(state):
+def test_taxels_that_lose_contact_have_no_force(state):
     """However far the simulator's own force is from what geometry says of it."""
     change = unchanged(state)
     change[:, 0, :, :10] = 0.0
@@ -129,7 +129,7 @@ def test_what_is_pressed_no_longer_shows_nothing(state):
     np.testing.assert_allclose(moved.force[:, :, 10:], state.base.force[:, :, 10:], rtol=1e-12)
 
 
-def test_a_flat_press_is_shared_the_same_whatever_the_layer(state):
+def test_on_a_flat_contact_both_stiffness_models_agree(state):
     """The cube's face lies on all taxels alike: both forms of a softer layer are one there."""
     half = np.array([[0.6]])
     plain, sinking = (form.apply(state, state.base, half) for form in (Stiffness(), Sinking()))
@@ -138,7 +138,7 @@ def test_a_flat_press_is_shared_the_same_whatever_the_layer(state):
     np.testing.assert_allclose(sinking.force, plain.force, atol=1e-9)
 
 
-def test_no_press_tells_how_far_a_flat_bracket_stands_along_its_normal(state):
+def test_displacement_along_the_normal_of_a_flat_board_is_not_identifiable(state):
     """Turned or not: its approach is solved anew. People are told the translation before the turn."""
     form = PoseError(BOARD)
     turned = np.array([[1.13, 0.37], [0.29, 1.21], [0.0, 0.0], [2.0, 0.7], [-3.0, 1.1], [1.3, 0.4]])
@@ -153,7 +153,7 @@ def test_no_press_tells_how_far_a_flat_bracket_stands_along_its_normal(state):
     assert np.abs(told[:3] - raised[:3]).max() > 0.1
 
 
-def test_what_was_worked_out_is_kept_up_to_so_many_bytes(monkeypatch):
+def test_cached_contacts_stay_below_the_memory_limit(monkeypatch):
     own = geometry()
     size = own.sunk({0: 1.5})[0].nbytes
     monkeypatch.setattr(geometry_module, "REMEMBERED", 3 * size)

@@ -17,7 +17,7 @@ def written(tmp_path, text):
     return path
 
 
-def test_a_file_names_effects_and_their_parameters(tmp_path):
+def test_a_priors_file_names_effects_and_their_parameters(tmp_path):
     path = written(tmp_path, "[contact_propagation]\nspread_mm = { value = 2.5, std = 0.5 }\n[noise]\n")
     assert read_priors(path) == {"contact_propagation": {"spread_mm": Prior(2.5, 0.5)}, "noise": {}}
 
@@ -35,14 +35,14 @@ def test_a_file_names_effects_and_their_parameters(tmp_path):
     ("[saturation]\ncounts = { value = -5, std = 10 }\n", "saturation.counts"),
     ("[saturation\n", "priors.toml"),
 ])  # fmt: skip
-def test_a_mistake_is_one_line_that_names_the_place(tmp_path, text, where):
+def test_an_error_in_a_priors_file_is_one_line_with_its_location(tmp_path, text, where):
     with pytest.raises(GapInputError) as raised:
         read_priors(written(tmp_path, text))
     assert where in str(raised.value)
     assert len(str(raised.value).splitlines()) == 1
 
 
-def test_a_search_starts_at_what_is_known_and_the_catalogue_stays_as_it_was():
+def test_a_search_starts_at_the_priors_and_does_not_change_the_catalogue():
     forms = chosen(priors={"contact_propagation": {"spread_mm": Prior(2.5, 0.5)}})
     for form in forms["contact_propagation"]:
         spread, strength = form.parameters()

@@ -21,7 +21,7 @@ def judge(world, tmp_path_factory) -> Judge:
 
 
 @pytest.mark.parametrize("name", ["stiffness", "saturation", "contact_propagation", "gain_mismatch"])
-def test_a_refit_to_a_part_ends_where_one_with_fresh_derivatives_ends(judge, name):
+def test_a_refit_with_reused_derivatives_reaches_the_same_cost(judge, name):
     state = judge.state
     effect = OWN_EFFECTS[name][0]
     there = FittedEffect(effect, effect.typical(state))
@@ -34,7 +34,7 @@ def test_a_refit_to_a_part_ends_where_one_with_fresh_derivatives_ends(judge, nam
     assert quick.cost < part.cost(state.mean)
 
 
-def test_blocks_of_one_link_meet_themselves_alone(judge):
+def test_the_block_structure_of_one_effect_does_not_change_the_normal_equations(judge):
     """The short way gives what the long one gives."""
     state = judge.state
     effect = OWN_EFFECTS["hysteresis"][0]
@@ -44,7 +44,7 @@ def test_blocks_of_one_link_meet_themselves_alone(judge):
     np.testing.assert_allclose(system_of(problem, columns), system_of(problem, apart))
 
 
-def test_a_subspace_leaves_nothing_of_its_own_and_all_of_what_is_square_to_it(judge):
+def test_projection_on_a_subspace_removes_its_vectors_and_keeps_orthogonal_ones(judge):
     state = judge.state
     columns = start_of(state, Chain((started(state, OWN_EFFECTS["gain_mismatch"][1]),))).columns
     values = np.random.default_rng(2).normal(size=columns[0].count)

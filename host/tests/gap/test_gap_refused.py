@@ -52,7 +52,7 @@ def coarse(number, grasp):
         (0, coarse, "a finer clock"),
     ],
 )
-def test_what_tells_nothing_is_refused_in_one_line(world, tmp_path, side, change, words):
+def test_datasets_without_information_are_refused_in_one_line(world, tmp_path, side, change, words):
     paths = world(tmp_path, cells=3, sessions=3)
     changed(paths[side], change)
     with pytest.raises(GapInputError, match=words) as caught:
@@ -61,7 +61,7 @@ def test_what_tells_nothing_is_refused_in_one_line(world, tmp_path, side, change
     assert "\n" not in str(caught.value)
 
 
-def test_hand_and_simulator_must_not_be_exchanged(world, tmp_path):
+def test_exchanged_real_and_simulated_files_are_refused(world, tmp_path):
     real, sim = world(tmp_path, cells=2, sessions=2)
     with pytest.raises(GapInputError, match="exchange the two files"):
         read_pair(sim, real)
@@ -76,14 +76,14 @@ def copies(path):
             grasp["raw_counts"][...] = one["raw_counts"][()]
 
 
-def test_copies_are_no_repeats(world, tmp_path):
+def test_bit_identical_grasps_are_not_counted_as_repeats(world, tmp_path):
     paths = world(tmp_path, cells=3, sessions=3)
     copies(paths[0])
     losses = read_pair(*paths).losses
     assert any("bit-identical" in loss for loss in losses)
 
 
-def test_a_phase_that_one_grasp_lacks_is_told(world, tmp_path):
+def test_a_phase_missing_in_a_grasp_is_reported(world, tmp_path):
     paths = world(tmp_path, cells=3, sessions=3)
 
     def no_release(number, grasp):
@@ -96,13 +96,13 @@ def test_a_phase_that_one_grasp_lacks_is_told(world, tmp_path):
     assert "1 of 18 grasps (0004)" in loss
 
 
-def test_milliseconds_are_told(world, tmp_path):
+def test_timestamps_in_milliseconds_are_reported(world, tmp_path):
     paths = world(tmp_path, cells=3, sessions=3)
     changed(paths[0], lambda number, grasp: grasp["timestamp"].write_direct(1e3 * grasp["timestamp"][()]))
     assert any("check the unit of time" in loss for loss in read_pair(*paths).losses)
 
 
-def test_a_grasp_of_which_nothing_arrived_is_told(world, tmp_path):
+def test_a_grasp_without_valid_frames_is_reported(world, tmp_path):
     paths = world(tmp_path, cells=3, sessions=3)
 
     def lost(number, grasp):
@@ -115,7 +115,7 @@ def test_a_grasp_of_which_nothing_arrived_is_told(world, tmp_path):
     assert not any("baselines" in loss for loss in losses)
 
 
-def test_nothing_tried_is_not_nothing_found(world, tmp_path):
+def test_an_empty_catalogue_gives_an_unknown_cause(world, tmp_path):
     from taxel.gap.catalogue import OWN_EFFECTS
 
     paths = world(tmp_path, effect=lambda force, drop: 0.6 * drop)
@@ -124,7 +124,7 @@ def test_nothing_tried_is_not_nothing_found(world, tmp_path):
     assert "no effect of the catalogue was tried" in verdict["one_line"]
 
 
-def test_names_in_brackets_are_printed_as_they_are(world, tmp_path):
+def test_names_with_square_brackets_are_printed_unchanged(world, tmp_path):
     real, sim = world(tmp_path, cells=2, sessions=3)
 
     def renamed(number, grasp):
@@ -141,7 +141,7 @@ def test_names_in_brackets_are_printed_as_they_are(world, tmp_path):
 
 
 @pytest.mark.parametrize("place", ["file", "page"])
-def test_a_report_that_cannot_be_put_leaves_what_was_there(world, tmp_path, place):
+def test_a_failed_write_of_the_report_keeps_the_existing_files(world, tmp_path, place):
     real, sim = world(tmp_path, cells=2, sessions=3)
     out = tmp_path / "out"
     if place == "file":
@@ -155,7 +155,7 @@ def test_a_report_that_cannot_be_put_leaves_what_was_there(world, tmp_path, plac
     assert (out if place == "file" else out / "report.json").read_text() == "old"
 
 
-def test_apply_does_not_replace_the_recording_of_the_hand(world, tmp_path):
+def test_apply_does_not_overwrite_the_real_dataset(world, tmp_path):
     real, sim = world(tmp_path, cells=2, sessions=3)
     report = tmp_path / "report.json"
     report.write_text(json.dumps(diagnose(real, sim).report))
@@ -165,7 +165,7 @@ def test_apply_does_not_replace_the_recording_of_the_hand(world, tmp_path):
     assert "another file than the inputs" in str(result.exception)
 
 
-def test_a_session_beyond_63_bits_is_refused(world, tmp_path):
+def test_a_session_number_beyond_63_bits_is_refused(world, tmp_path):
     paths = world(tmp_path, cells=2, sessions=3)
 
     def huge(number, grasp):

@@ -35,14 +35,14 @@ def p_value(each: np.ndarray, together: float = 1.0) -> float:
 
 @pytest.mark.parametrize("sessions", [3, 4, 6])
 @pytest.mark.parametrize("sizes", [np.ones(4), np.ones(24), np.exp(np.linspace(-1.2, 1.2, 8))], ids=len)
-def test_chance_is_hardly_more_often_called_sure_than_it_may_be(sessions, sizes):
+def test_the_false_positive_rate_of_the_score_test_is_at_its_level(sessions, sizes):
     print("seed", SEED)
     values = [p_value(each) for each in gains(np.random.default_rng(SEED), sessions, sizes, 0.0)]
     for level in (0.05, 0.01):
         assert np.mean(np.array(values) < level) < 1.25 * level + 2.0 * np.sqrt(level / TRIALS)
 
 
-def test_what_sessions_add_to_all_presses_is_not_told_by_how_presses_scatter():
+def test_the_score_test_accounts_for_variance_between_sessions():
     print("seed", SEED)
     drawn = gains(np.random.default_rng(SEED), 4, np.ones(8), 0.3)
     together = 1.0 + 0.3 * 7.0
@@ -52,7 +52,7 @@ def test_what_sessions_add_to_all_presses_is_not_told_by_how_presses_scatter():
     assert np.mean(blind < 0.01) > 0.02  # as if presses scattered by themselves
 
 
-def test_many_presses_tell_more_than_their_few_sessions():
+def test_the_score_test_gains_power_from_many_conditions():
     print("seed", SEED)
     rng = np.random.default_rng(SEED)
     drawn = gains(rng, 4, np.ones(8), 0.0) + 0.8
@@ -62,7 +62,7 @@ def test_many_presses_tell_more_than_their_few_sessions():
     assert np.mean(values < 0.003) > 2.0 * np.mean(alone < 0.003)
 
 
-def test_one_press_tells_no_more_than_its_sessions():
+def test_a_single_condition_has_the_degrees_of_freedom_of_its_sessions():
     left = np.random.default_rng(SEED).normal(size=(4, 1))
     error, freedom = moderated_error(left, 1.0)
     assert freedom == 3.0
@@ -71,6 +71,6 @@ def test_one_press_tells_no_more_than_its_sessions():
     assert moderated_error(spread, 1.0)[1] == 3.0 + GRASPS_FREEDOM
 
 
-def test_two_sessions_say_nothing_for_sure():
+def test_two_sessions_give_a_p_value_of_one_half():
     start, lower = (Score(value, np.full((2, 5), value / 5.0), np.zeros(5)) for value in (10.0, 1.0))
     assert lower.better_than(start) == (9.0, 0.5)

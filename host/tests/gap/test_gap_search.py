@@ -54,17 +54,17 @@ def judge(written):
     return prepared(read_pair(*written(effect=harder))).judge
 
 
-def test_beside_a_silent_board_the_rest_is_judged_by_itself(world, tmp_path):
+def test_an_effect_is_found_besides_a_silent_board(world, tmp_path):
     report = diagnose(*world(tmp_path, sessions=4, effect=clipped, after=silent_first_board)).report
     assert report["verdict"]["effects"][:2] == ["dropout", "saturation"]
 
 
-def test_a_silent_board_alone_brings_no_second_name(world, tmp_path):
+def test_a_silent_board_alone_is_reported_only_as_dropout(world, tmp_path):
     report = diagnose(*world(tmp_path, sessions=4, after=silent_first_board)).report
     assert [name for name in report["verdict"]["effects"] if name != "unknown"] == ["dropout"]
 
 
-def test_a_change_of_amplitude_without_anything_to_compare_it_with_stays_unknown(world, tmp_path):
+def test_a_change_of_amplitude_without_its_effect_in_the_catalogue_is_unknown(world, tmp_path):
     paths = world(tmp_path, sessions=4, effect=harder, most=1.0)
     whole, without = (diagnose(*paths, without=names).report["verdict"] for names in ((), ("stiffness",)))
     named = whole["effects"][0]
@@ -92,7 +92,7 @@ def test_an_effect_of_another_package_is_named(world, tmp_path):
     assert "my own" in verdict["one_line"]
 
 
-def test_a_stranger_that_is_half_explained_is_not_explained(world, tmp_path):
+def test_a_partly_fitted_out_of_catalogue_cause_is_not_explained(world, tmp_path):
     def swapped(force, drop):
         result = drop.reshape(len(drop), 2, 6, 5).copy()
         result[:, :, 2], result[:, :, 3] = 0.7 * result[:, :, 3], 0.7 * result[:, :, 2]
@@ -103,7 +103,7 @@ def test_a_stranger_that_is_half_explained_is_not_explained(world, tmp_path):
     assert "unknown" in report["verdict"]["effects"]
 
 
-def test_what_one_press_alone_could_tell_is_told_by_the_other_half_of_it(world, tmp_path):
+def test_a_parameter_of_one_condition_is_cross_validated_on_halves_of_the_condition(world, tmp_path):
     """Each object is pressed in one cell: nothing else tells a value of that object, and what nothing tells is 1."""
 
     class Expected(Stiffness):
@@ -116,7 +116,7 @@ def test_what_one_press_alone_could_tell_is_told_by_the_other_half_of_it(world, 
     assert trial.held.value < 0.1 * judge.score(judge.state.mean).value
 
 
-def test_frames_are_aligned_again_when_an_effect_is_known(judge):
+def test_frames_are_realigned_after_an_effect_is_fitted(judge):
     """Before it is known its onset may be taken for a delay; here the frames are shifted by one on purpose."""
     frame_s = judge.state.pair.frame_s
     forms = {"stiffness": chosen()["stiffness"]}
@@ -127,7 +127,7 @@ def test_frames_are_aligned_again_when_an_effect_is_known(judge):
     assert abs(aligned - judge.state.shift_s) < 0.2 * frame_s
 
 
-def test_frames_stay_where_they_are_if_elsewhere_less_is_explained(judge, monkeypatch):
+def test_a_realignment_that_explains_less_is_rejected(judge, monkeypatch):
     """A shift is cut off where frames can lie no farther apart, and what is left of it may do harm."""
     forms = {"stiffness": chosen()["stiffness"]}
     found = next_round(Standing.of(judge), forms).best
@@ -140,7 +140,7 @@ def test_frames_stay_where_they_are_if_elsewhere_less_is_explained(judge, monkey
         assert (_realigned(standing, forms) is standing) == stays
 
 
-def test_much_that_is_left_is_looked_at_again_with_the_earlier_effects_free(judge, monkeypatch):
+def test_a_large_remaining_gap_is_searched_again_with_earlier_effects_refitted(judge, monkeypatch):
     looks = []
 
     def nothing(standing, forms, fixed):
@@ -157,7 +157,7 @@ def test_much_that_is_left_is_looked_at_again_with_the_earlier_effects_free(judg
     assert looks[3:] == [("dropout",)]
 
 
-def test_features_that_do_not_count_change_no_score(judge):
+def test_excluded_features_do_not_change_a_score(judge):
     out = np.zeros(judge.weight.shape, bool)
     out[:, :, :5] = True
     partial = judge.without(out)
@@ -170,7 +170,7 @@ def test_features_that_do_not_count_change_no_score(judge):
     assert judge.score(moved).value > judge.score(judge.state.mean).value
 
 
-def test_a_family_that_was_hardly_there_says_nothing():
+def test_a_feature_family_without_a_gap_has_no_explained_share():
     start, base, after = (
         Score(sum(each), np.zeros((4, 1)), np.array([*each, 0.0, 0.0, 0.0]))
         for each in ((3.0, 900.0), (3.0, 20.0), (1.0, 20.0))
@@ -191,7 +191,7 @@ def test_the_linear_screen_puts_the_set_of_the_two_causes_first(world, tmp_path)
     assert [one.left for one in found] == sorted(one.left for one in found)
 
 
-def test_likeness_says_what_could_do_the_same(judge):
+def test_similarity_is_higher_for_effects_that_produce_similar_changes(judge):
     forms = {name: OWN_EFFECTS[name] for name in ("gain_mismatch", "stiffness", "noise", "latency")}
     rows = {(one.name, one.other): one for one in likenesses(judge, forms)}
     assert rows["gain_mismatch", "stiffness"].degrees < rows["gain_mismatch", "latency"].degrees
@@ -199,7 +199,7 @@ def test_likeness_says_what_could_do_the_same(judge):
     assert confounded_with(["noise"], {}, list(rows.values())) == {}
 
 
-def test_a_board_without_a_baseline_in_one_grasp_is_left_out_there(world, tmp_path):
+def test_a_board_without_a_baseline_is_excluded_from_its_grasp(world, tmp_path):
     spoilt = iter(range(10_000))
 
     def lossy(raw, valid, rng):

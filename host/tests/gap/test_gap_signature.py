@@ -91,7 +91,7 @@ def exchanged(drop):
     return grid.reshape(drop.shape)
 
 
-def test_two_lines_that_changed_places_are_named(of_drop):
+def test_exchanged_lines_are_named(of_drop):
     found = of_drop(exchanged)
     assert first(found) == "row"
     assert "TX line 2 of a" in found["signature"]
@@ -116,7 +116,7 @@ def test_compressed_counts_are_a_curve_over_the_drop(of_drop):
     assert of(found, "amplitude")["scope"] == "hand"
 
 
-def test_a_factor_is_a_straight_line(of_drop):
+def test_a_gain_factor_gives_a_linear_response_curve(of_drop):
     assert "the hand has 20 % less signal" in of_drop(lambda drop: 0.8 * drop)["signature"]
 
 
@@ -132,7 +132,7 @@ def test_a_stuck_bit_of_one_taxel_is_found_at_the_taxel(told):
     assert "taxel TX 3, RX 2 of a" in found["signature"]
 
 
-def test_loss_from_press_to_press_is_told_beside_what_is_left(told):
+def test_signal_loss_between_grasps_is_reported_with_the_remaining_signal(told):
     presses = iter(range(10_000))
 
     def worn(force, drop):
@@ -144,7 +144,7 @@ def test_loss_from_press_to_press_is_told_beside_what_is_left(told):
     assert "decreasing from session to session" in found["signature"]
 
 
-def test_loss_within_each_session_has_its_sign_and_size(told):
+def test_signal_loss_within_each_session_is_reported_with_sign_and_size(told):
     presses = iter(range(10_000))
 
     def tired(force, drop):
@@ -157,7 +157,7 @@ def test_loss_within_each_session_has_its_sign_and_size(told):
     assert float(size[1]) == pytest.approx(30.0, abs=2.0)
 
 
-def test_a_late_board_is_told_with_its_seconds(told):
+def test_latency_of_a_board_is_reported_in_seconds(told):
     def late(force, drop):
         result = drop.copy()
         result[3:, N // 2 :] = drop[:-3, N // 2 :]
@@ -170,7 +170,7 @@ def test_a_late_board_is_told_with_its_seconds(told):
     assert [one["address"] for one in found["where"]] == [0x21]
 
 
-def test_what_stays_after_release_is_history(of_drop, plain):
+def test_a_remaining_signal_after_release_is_reported_as_history(of_drop, plain):
     later = np.isin(plain.layout.phase[: plain.layout.bins], [Phase.RELEASE, Phase.RECOVERY])
 
     def sticky(drop):
@@ -183,7 +183,7 @@ def test_what_stays_after_release_is_history(of_drop, plain):
     assert "15.0 % of the hold signal too much in recovery" in found["signature"]
 
 
-def test_a_print_that_is_too_wide_is_radial(of_drop):
+def test_a_contact_patch_that_is_too_wide_is_reported_as_radial(of_drop):
     def blurred(drop):
         grid = drop.reshape(*drop.shape[:-1], 2, ROWS, COLUMNS)
         grid = np.pad(grid, [(0, 0)] * (grid.ndim - 2) + [(1, 1), (1, 1)], mode="edge")
@@ -201,7 +201,7 @@ def test_taxels_that_move_together_are_common(of_drop):
     assert "have a negative signal" in found["signature"]
 
 
-def test_a_noisy_board_is_told_as_noise_there(plain):
+def test_a_noisy_board_is_reported_with_its_location(plain):
     value = plain.real.value.copy()
     value[:, :, plain.layout.noise, : N // 2] += 60.0
     found = plain.told(real=replace(plain.real, value=value))
@@ -210,7 +210,7 @@ def test_a_noisy_board_is_told_as_noise_there(plain):
     assert [one["address"] for one in found["where"]] == [0x20]
 
 
-def test_lost_frames_are_told_as_missing(plain):
+def test_lost_frames_are_reported_as_missing(plain):
     value = plain.real.value.copy()
     value[:, :, plain.layout.missing, N // 2 :] += 0.3 * COUNTS_MISSING
     found = plain.told(real=replace(plain.real, value=value))
@@ -218,20 +218,20 @@ def test_lost_frames_are_told_as_missing(plain):
     assert "more frames are missing (30.0 %), on b" in found["signature"]
 
 
-def test_without_a_distortion_nothing_is_named(plain):
+def test_without_a_distortion_no_signature_is_reported(plain):
     found = plain.told()
     assert found["where"] == []
     assert "what is left" not in found["signature"]
     assert {one["name"] for one in found["bank"]} == BANK
 
 
-def test_scatter_alone_is_no_distortion(told):
+def test_variance_between_repeats_alone_gives_no_signature(told):
     found = told(seed=51, session_scatter=0.08, repeat_scatter=0.05)
     tested = [one for one in found["bank"] if one["name"] not in ("session", "presses")]
     assert min(one["p_value"] for one in tested) > 0.05
 
 
-def test_what_is_like_nothing_in_the_bank_is_not_given_a_name(of_drop):
+def test_a_distortion_unlike_every_signature_is_not_named(of_drop):
     # a pattern of its own in every cell: nothing that one press tells holds for another
     patterns = np.random.default_rng(3).normal(0.0, 120.0, (CELLS, 1, 1, N))
     found = of_drop(lambda drop: drop + patterns * (drop.max(axis=-1, keepdims=True) > 300.0))
@@ -243,7 +243,7 @@ def test_what_is_like_nothing_in_the_bank_is_not_given_a_name(of_drop):
 @pytest.mark.parametrize(
     "changes", [{"sessions": 1}, {"sessions": 2}, {"cells": 1}, {"cells": 1, "sessions": 1, "repeats": 1}]
 )
-def test_few_sessions_and_cells_are_told_without_a_test(told, changes):
+def test_few_sessions_and_conditions_are_reported_without_a_p_value(told, changes):
     found = told(**{"cells": 3, "effect": lambda force, drop: 0.7 * drop, **changes})
     if changes.get("sessions", 5) < 3:
         assert all(one["p_value"] is None for one in found["bank"] if one["name"] not in ("session", "presses"))
@@ -252,7 +252,7 @@ def test_few_sessions_and_cells_are_told_without_a_test(told, changes):
         assert re.search("the hand has (29|30|31) % less signal", found["signature"])
 
 
-def test_unknown_features_and_sessions_tell_nothing(plain):
+def test_unknown_features_and_sessions_give_no_signature(plain):
     value = plain.real.value.copy()
     value[:, :, : plain.layout.bins] *= 0.8
     weak = replace(plain.real, value=value.copy())
@@ -273,7 +273,7 @@ def test_unknown_features_and_sessions_tell_nothing(plain):
     plain.told(real=weak, model=np.zeros_like(model))
 
 
-def test_without_force_and_with_one_board_it_is_told_as_well(of_drop, plain, monkeypatch):
+def test_a_signature_is_reported_without_forces_and_with_one_board(of_drop, plain, monkeypatch):
     pair = plain.pair
     one = SensorTable(pair.sensors.address[:1], ("only",), ("k",), pair.sensors.rate_hz[:1])
     groups = Groups(np.zeros(N, np.intp), pair.groups.tx, pair.groups.rx)
@@ -283,7 +283,7 @@ def test_without_force_and_with_one_board_it_is_told_as_well(of_drop, plain, mon
     assert "20 % less" in found["signature"]
 
 
-def test_the_diagnosis_tells_it_and_the_page_shows_the_bank(world, tmp_path):
+def test_report_and_page_contain_the_signatures(world, tmp_path):
     paths = world(tmp_path, sessions=4, effect=lambda force, drop: exchanged(drop))
     report = diagnose(*paths, without=set(OWN_EFFECTS) - {"gain_mismatch"}).report
     report = json.loads(json.dumps(report, allow_nan=False))

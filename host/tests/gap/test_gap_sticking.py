@@ -10,19 +10,19 @@ from taxel.gap.effects.sticking import crept, stuck
 TIME_S = np.linspace(0.0, 12.0, 1201)
 
 
-def test_what_sticks_follows_late_and_lets_go_late():
+def test_sticking_delays_loading_and_unloading_by_its_width():
     values = np.array([0.0, 1.0, 10.0, 20.0, 20.0, 19.0, 12.0, 0.0])[None, :, None]
     out = stuck(values, np.full((1, 1), 4.0))[0, :, 0]
     assert out == pytest.approx([0.0, 0.0, 6.0, 16.0, 16.0, 16.0, 12.0, 0.0])
 
 
-def test_speed_does_not_change_what_sticks():
+def test_sticking_is_independent_of_speed():
     slow = np.sin(np.linspace(0.0, np.pi, 101))[None, :, None]
     fast, width = slow[:, ::10], np.full((1, 1), 0.2)
     np.testing.assert_allclose(stuck(slow, width)[:, ::10], stuck(fast, width), atol=1e-12)
 
 
-def test_what_creeps_comes_by_the_same_share_in_every_decade():
+def test_creep_adds_the_same_share_in_every_decade_of_time():
     """And about a frame after the load it is what it would be without."""
     step = np.where(TIME_S > 0.0, 1.0, 0.0)[None, :, None]
     out = crept(step, TIME_S, np.array(0.1))[0, :, 0]

@@ -85,17 +85,17 @@ def test_four_steps_in_the_order_of_the_thesis(judged, told):
     json.dumps(entries, allow_nan=False)
 
 
-def test_no_distance_is_below_nothing():
+def test_intervals_of_distances_are_clipped_at_zero():
     assert Interval(2.0, -1.0, 5.0, 1.0).positive.ci95 == [0.0, 5.0]
     assert Interval(2.0, None, None, None).positive.ci95 is None
 
 
-def test_the_force_filter_is_told_in_newtons(told):
+def test_the_threshold_of_the_force_filter_is_stated_in_newtons(told):
     note = told()[1]["note"]
     assert note == "signal of 190 counts, 0.157 N in the simulator's sensor model"  # 2000 F / (F + 1.5)
 
 
-def test_contact_propagation_is_what_closes_its_own_gap(told):
+def test_contact_propagation_closes_a_gap_caused_by_contact_propagation(told):
     entries = told(effect=spread)
     before, forced, cleaned, after = mm(entries)
     assert after < 0.3 * before
@@ -103,21 +103,21 @@ def test_contact_propagation_is_what_closes_its_own_gap(told):
     assert entries[3]["gap"] < 0.3 * entries[0]["gap"]
 
 
-def test_an_isolated_false_point_falls_to_sor(told):
+def test_an_isolated_false_point_is_removed_by_the_outlier_filter(told):
     before, forced, cleaned, after = mm(told(effect=far_point, cells=2))
     assert forced > 0.8 * before
     assert cleaned < 0.5 * forced
     assert after > 0.8 * cleaned
 
 
-def test_a_weak_wide_halo_falls_to_the_force_filter(told):
+def test_a_weak_halo_is_removed_by_the_force_filter(told):
     entries = told(effect=halo, cells=4, sessions=3)
     before, forced, _, _ = mm(entries)
     assert forced < 0.6 * before
     assert entries[1]["points"]["real"] < 0.6 * entries[0]["points"]["real"]
 
 
-def test_filters_on_the_hand_alone_make_a_gap_where_there_is_none(told):
+def test_filtering_only_the_real_cloud_creates_a_gap(told):
     entries = told()
     assert all(value < 1.2 * entries[0]["mm"] for value in mm(entries))
     assert entries[2]["mm_hand_only"] > 2.0 * entries[0]["mm"]
@@ -129,7 +129,7 @@ def test_without_a_gap_contact_propagation_adds_nothing(told):
     assert entries[3]["points"]["sim"] == pytest.approx(entries[2]["points"]["sim"], rel=0.02)
 
 
-def test_what_the_first_round_fitted_is_taken(judged):
+def test_the_fit_of_the_first_iteration_is_reused(judged):
     judge = judged(effect=spread)
     tried = select(judge, {"contact_propagation": OWN_EFFECTS["contact_propagation"]}).rounds[0].trials[0]
     link = replace(tried.link, values=tried.link.effect.neutral(judge.state))
@@ -140,7 +140,7 @@ def test_what_the_first_round_fitted_is_taken(judged):
     assert entries[3]["note"].endswith("strength 0")
 
 
-def test_without_force_the_last_step_says_why_it_is_missing(judged):
+def test_without_simulated_forces_the_last_step_states_why_it_is_missing(judged):
     pair = judged(effect=spread).state.pair
     forceless = replace(pair, sim=replace(pair.sim, force=None, separation=None), sensor_model=None)
     entries = thesis_terms(prepared(forceless).judge, NOTHING)
@@ -162,7 +162,7 @@ def test_without_force_the_last_step_says_why_it_is_missing(judged):
     ],
     ids=["one session", "one cell", "one grasp", "hand feels nothing", "nobody touches", "one point"],
 )
-def test_little_data_is_no_failure(told, changes):
+def test_sparse_data_give_a_result_without_an_error(told, changes):
     entries = told(**changes)
     assert len(entries) == 4
     assert all(np.isfinite(entry["mm"]) and entry["mm"] >= 0.0 for entry in entries)
@@ -174,12 +174,12 @@ def grid(rows: int, columns: int) -> np.ndarray:
     return np.stack([x.ravel(), y.ravel(), 0.0 * x.ravel()], axis=1)
 
 
-def test_sor_takes_the_point_that_stands_alone():
+def test_the_outlier_filter_removes_an_isolated_point():
     places = np.concatenate([grid(5, 5), [[0.06, 0.06, 0.0]]])
     assert np.flatnonzero(outliers(places, np.ones(26), DEFAULT_OUTLIER_FILTER)).tolist() == [25]
 
 
-def test_sor_agrees_with_a_cloud_that_is_counted_point_by_point():
+def test_the_outlier_filter_agrees_with_a_point_by_point_computation():
     seed = 4
     places = np.random.default_rng(seed).uniform(0.0, 0.1, (80, 3))
     cloud = np.repeat(places, int(GRASPS), axis=0)  # a taxel that is always active, in every grasp
@@ -192,20 +192,20 @@ def test_sor_agrees_with_a_cloud_that_is_counted_point_by_point():
         assert (found == expected).all(), f"seed {seed}"
 
 
-def test_points_with_too_few_neighbours_stay():
+def test_points_with_too_few_neighbours_are_kept():
     places = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     assert not outliers(places, np.ones(2), OutlierFilter(20.0, 0.5)).any()
     assert not outliers(places, np.array([1.0, 0.0]), DEFAULT_OUTLIER_FILTER).any()
     assert not outliers(places[:0], np.zeros(0), DEFAULT_OUTLIER_FILTER).any()
 
 
-def test_equal_distances_hold_no_outlier():
+def test_equal_distances_contain_no_outlier():
     ring = 2.0 * np.pi * np.arange(40) / 40
     places = np.stack([np.cos(ring), np.sin(ring), 0.0 * ring], axis=1)
     assert not outliers(places, np.ones(40), OutlierFilter(20.0, 0.0)).any()
 
 
-def test_shapes_have_the_filters_of_the_thesis():
+def test_each_shape_has_the_filter_settings_of_the_thesis():
     assert get_outlier_filter("rectangular_prism") == OutlierFilter(20.0, 1.0)
     assert get_outlier_filter("cylinder") == OutlierFilter(20.0, 2.0)
     assert get_outlier_filter("Triangular prism") == OutlierFilter(None, 2.0)

@@ -49,7 +49,7 @@ def judge(written):
     return prepared(read_pair(*written(cells=6))).judge
 
 
-def test_a_taxel_that_is_pressed_once_is_told_by_no_other_press(judge):
+def test_a_taxel_value_with_one_contact_is_not_cross_validated(judge):
     told = told_elsewhere(judge, 0.3)
     known = amplitude_information(judge)
     once = (known > 0.01 * known.max(axis=0)).sum(axis=0) == 1
@@ -59,14 +59,14 @@ def test_a_taxel_that_is_pressed_once_is_told_by_no_other_press(judge):
     assert told.any()
 
 
-def test_what_is_expected_to_scatter_less_is_told_by_fewer_presses(judge):
+def test_a_narrower_prior_makes_fewer_taxel_values_identifiable(judge):
     wide, narrow = told_elsewhere(judge, 0.3), told_elsewhere(judge, 0.01)
     assert not (narrow & ~wide).any()
     assert narrow.sum() < wide.sum()
 
 
 @pytest.mark.parametrize("effect", [GainMismatch(BOARD, 0.5), Dropout], ids=["boards", "dropout"])
-def test_what_has_no_value_for_each_taxel_is_judged_on_everything(judge, effect):
+def test_effects_without_taxel_values_are_scored_on_all_features(judge, effect):
     if effect is Dropout:
         effect = Dropout(find_dropped(judge.state, judge.sessions, judge.state.mean))
     found = told_of(effect, judge)
@@ -74,13 +74,13 @@ def test_what_has_no_value_for_each_taxel_is_judged_on_everything(judge, effect)
     assert found.share == 1.0
 
 
-def test_a_share_of_the_taxels_speaks_for_a_gain_of_each(judge):
+def test_taxel_gains_are_scored_on_the_identifiable_taxels(judge):
     found = told_of(GainMismatch(), judge)
     assert found.judge.is_partial
     assert 0.0 < found.share < 1.0
 
 
-def test_presses_that_cannot_speak_of_a_gain_do_not_count_against_it(written):
+def test_conditions_without_information_on_a_gain_do_not_lower_its_score(written):
     """Of all features it takes little where it was left out, of those that other presses tell nearly everything."""
     standing = Standing.of(prepared(read_pair(*written(effect=FIXED, cells=4))).judge)
     link = started(standing.judge.state, GainMismatch())
@@ -91,7 +91,7 @@ def test_presses_that_cannot_speak_of_a_gain_do_not_count_against_it(written):
     assert weighed.does_most
 
 
-def test_a_dead_taxel_earns_nothing_for_what_the_gains_beside_it_learned_by_heart(written):
+def test_a_dead_taxel_does_not_improve_the_score_of_taxel_gains(written):
     """Where gains were left out they are predicted no better because something was found not to answer."""
 
     def effect(force, drop):
@@ -113,16 +113,16 @@ def test_a_dead_taxel_earns_nothing_for_what_the_gains_beside_it_learned_by_hear
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_gains_of_taxels_are_named_though_half_of_them_are_pressed_once(world, tmp_path, seed):
+def test_taxel_gains_are_named_with_half_of_the_taxels_in_contact_once(world, tmp_path, seed):
     verdict = diagnose(*world(tmp_path, effect=etched(seed), cells=8, seed=seed)).report["verdict"]
     assert verdict["effects"][:1] == ["gain_mismatch"]
 
 
-def test_gains_that_are_others_in_every_press_are_no_gains(world, tmp_path):
+def test_gains_that_change_between_conditions_are_an_unknown_cause(world, tmp_path):
     verdict = diagnose(*world(tmp_path, effect=anew, cells=8)).report["verdict"]
     assert verdict["effects"] == ["unknown"]
 
 
-def test_gains_that_one_press_alone_tells_are_never_sure(world, tmp_path):
+def test_taxel_gains_from_single_contacts_leave_an_unknown_cause(world, tmp_path):
     verdict = diagnose(*world(tmp_path, effect=etched(2), cells=4, seed=2)).report["verdict"]
     assert "unknown" in verdict["effects"]

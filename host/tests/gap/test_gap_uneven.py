@@ -44,25 +44,25 @@ def of_boards(values, effect=GainMismatch):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_parts_that_scatter_everywhere_are_plain(judge, seed):
+def test_random_gains_on_all_boards_are_not_conspicuous(judge, seed):
     assert odd_pattern(judge, gains(np.random.default_rng(seed).normal(0.0, 0.2, N))) is None
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_one_board_that_scatters_alone_is_odd(judge, seed):
+def test_random_gains_on_a_single_board_are_conspicuous(judge, seed):
     values = np.random.default_rng(seed).normal(0.0, 0.03, N)
     values[EACH : 2 * EACH] *= 10.0
     assert "on a single board only" in odd_pattern(judge, gains(values))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_patches_are_odd(judge, seed):
+def test_gains_in_patches_are_conspicuous(judge, seed):
     rng, pair = np.random.default_rng(seed), judge.state.pair
     waves = np.sin(0.9 * pair.tx + rng.uniform(0, 6)) * np.cos(0.8 * pair.rx + rng.uniform(0, 6))
     assert "patches" in odd_pattern(judge, gains(0.3 * waves + rng.normal(0.0, 0.05, N)))
 
 
-def test_what_was_never_pressed_is_not_asked(judge):
+def test_taxels_without_contact_are_ignored_in_gain_patterns(judge):
     judge.state.mean[:, :, EACH:] = 0.0
     values = np.random.default_rng(0).normal(0.0, 0.2, N)
     assert odd_pattern(judge, gains(values)) is None
@@ -81,7 +81,7 @@ def test_what_was_never_pressed_is_not_asked(judge):
         ([0.0, 1.0, 0.0, 0.0], "at the limit"),
     ],
 )
-def test_boards_of_unlike_gains_are_plain_and_a_hand_of_one_gain_is_odd(judge, values, words):
+def test_different_board_gains_are_accepted_and_one_common_gain_is_conspicuous(judge, values, words):
     found = odd_pattern(judge, of_boards(values))
     assert found is None if words is None else words in found
 
@@ -96,23 +96,23 @@ def test_boards_of_unlike_gains_are_plain_and_a_hand_of_one_gain_is_odd(judge, v
         ([0.02, 0.02, 0.0, 0.0, -1.0], False),
     ],
 )
-def test_crosstalk_that_goes_round_about_is_not_of_electrodes(values, round_about):
+def test_crosstalk_to_diagonal_neighbours_is_not_electrode_crosstalk(values, round_about):
     assert _goes_round(FittedEffect(ElectrodeCrosstalk("network"), np.array(values)[:, None])) is round_about
     assert not _goes_round(FittedEffect(ElectrodeCrosstalk("lines"), np.array(values)[:2, None]))
 
 
-def test_a_board_that_is_hardly_touched_says_nothing(judge):
+def test_a_board_with_little_contact_is_ignored_in_gain_patterns(judge):
     judge.state.mean[:, :, :EACH] = 0.5
     assert odd_pattern(judge, of_boards([10.0, 1.0, 1.0, 0.98], Stiffness)) is None
     assert "same value on every board" in odd_pattern(judge, of_boards([0.0, -0.4, -0.41, -0.39]))
 
 
-def test_what_was_known_beforehand_is_not_odd(judge):
+def test_parameters_at_their_priors_are_not_conspicuous(judge):
     known = GainMismatch(BOARD).with_priors({"log_gain": Prior(-0.4, 0.05)})
     assert odd_pattern(judge, FittedEffect(known, np.full((1, BOARDS), -0.4))) is None
 
 
-def test_a_stiffness_at_its_limit_is_odd(judge):
+def test_a_stiffness_at_its_bound_is_conspicuous(judge):
     assert "at the limit" in odd_pattern(judge, of_boards([1.0, 10.0, 1.0, 0.98], Stiffness))
     assert odd_pattern(judge, of_boards([1.0, 1.6, 1.0, 0.98], Stiffness)) is None
     assert odd_pattern(judge, FittedEffect(Stiffness(), np.array([[1.5]]))) is None

@@ -35,7 +35,7 @@ def gap_of(cells: list[float]) -> Gap:
         ([1.4 * MARGIN, *[0.02 * MARGIN] * 5], "unknown"),  # too few presses to say so
     ],
 )
-def test_a_gap_without_a_name_must_not_hang_on_one_press(cells, status):
+def test_a_small_gap_of_a_single_condition_is_no_gap(cells, status):
     assert MARGIN > LEAST_MARGIN_COUNTS**2
     presses = [("cylinder", str(number)) for number in range(len(cells))]
     verdict = judge_verdict(gap_of(cells), NOTHING, (), HELD, cells=presses)
@@ -58,7 +58,7 @@ def entry(**changes):
         ([entry(counts2=0.5 * MARGIN)], "explained"),  # no gap of its own
     ],
 )
-def test_what_is_surely_of_one_kind_among_what_is_left_has_no_name(bank, status):
+def test_a_significant_remainder_is_reported_as_an_unknown_cause(bank, status):
     found = SimpleNamespace(explained=0.9, is_local=False, fits=0.9, rounds=(ROUND,))
     held = SimpleNamespace(reducible=0.97, shrink=SimpleNamespace(value=0.8), left2=0.0)
     verdict = judge_verdict(gap_of([10.0 * MARGIN] * 10), found, ("stiffness",), held, bank=bank)
@@ -67,7 +67,7 @@ def test_what_is_surely_of_one_kind_among_what_is_left_has_no_name(bank, status)
 
 
 @pytest.mark.parametrize(("reducible", "status"), [(0.9, "explained"), (0.1, "no_gap"), (None, "no_gap")])
-def test_within_the_margin_counts_must_tell_an_effect_and_not_its_score_alone(reducible, status):
+def test_within_the_margin_an_effect_must_reduce_the_reducible_gap(reducible, status):
     found = SimpleNamespace(explained=0.9, is_local=False, fits=0.9, rounds=(ROUND,))
     held = SimpleNamespace(reducible=reducible, shrink=SimpleNamespace(value=0.3), left2=0.0)
     verdict = judge_verdict(gap_of([0.08 * MARGIN] * 10), found, ("noise",), held)
