@@ -21,7 +21,7 @@ from rich.table import Table
 
 MODULES = (
     "skin_rate", "compact", "latency", "decoder", "recording", "memory", "emulator", "diagnosis", "campaign",
-    "indentation", "sim", "monitor", "control_loop",
+    "indentation", "sim", "monitor", "control_loop", "startup",
 )  # fmt: skip
 
 

@@ -1,0 +1,49 @@
+"""Processor time of the start of the program and of the package, as a ratio to its limit."""
+
+import resource
+import statistics
+import subprocess
+import sys
+from pathlib import Path
+
+from figures import Figure
+
+REPEATS = 7
+HELP_LIMIT_S, IMPORT_LIMIT_S = 0.4, 0.1
+"""Limits of the requirements of release 0.2.0, in seconds of processor time."""
+
+
+def _child_seconds(command: list[str]) -> float:
+    """User and system time of a child process, in seconds."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def _median_seconds(command: list[str]) -> float:
+    _child_seconds(command)  # fills the file cache and writes the compiled modules
+    return statistics.median(_child_seconds(command) for _ in range(REPEATS))
+
+
+def measure() -> list[Figure]:
+    """Start of `taxel --help` and of `import taxel`, without the start of the interpreter for the import."""
+    empty = _median_seconds([sys.executable, "-c", ""])
+    imported = max(_median_seconds([sys.executable, "-c", "import taxel"]) - empty, 1e-4)
+    helped = _median_seconds([str(Path(sys.executable).with_name("taxel")), "--help"])
+    return [
+        Figure(
+            "start: taxel --help",
+            HELP_LIMIT_S / helped,
+            1.0,
+            f"processor time of {HELP_LIMIT_S:g} s",
+            f"{helped * 1e3:.0f} ms of processor time, {empty * 1e3:.0f} ms of these by the interpreter",
+        ),
+        Figure(
+            "start: import taxel",
+            IMPORT_LIMIT_S / imported,
+            1.0,
+            f"processor time of {IMPORT_LIMIT_S:g} s",
+            f"{imported * 1e3:.0f} ms of processor time after the start of the interpreter",
+        ),
+    ]
