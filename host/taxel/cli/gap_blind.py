@@ -10,6 +10,7 @@ from rich.markdown import Markdown
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from taxel.cli.options import AsJson, Jobs
+from taxel.optional import require_packages
 
 
 def blind(
@@ -32,6 +33,7 @@ def blind(
     Example: taxel gap blind --worlds 24 --out out/blind
     """
     # Imported here because the other commands of the group need no emulator and start in half the time.
+    require_packages("taxel gap blind", "all", "can", "mujoco")  # the worlds are simulated and emulated
     from taxel.blind.records import (
         RECORDS,
         diagnosis_versions,
