@@ -32,8 +32,8 @@ def blind(
 
     Example: taxel gap blind --worlds 24 --out out/blind
     """
-    # Imported here because the other commands of the group need no emulator and start in half the time.
     require_packages("taxel gap blind", "all", "can", "mujoco")  # the worlds are simulated and emulated
+    # Imported here because the other commands of the group need no emulator and start in half the time.
     from taxel.blind.records import (
         RECORDS,
         diagnosis_versions,

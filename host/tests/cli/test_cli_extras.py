@@ -1,8 +1,10 @@
 """Commands in an installation without optional packages."""
 
+import re
 import subprocess
 import sys
 import tomllib
+from collections.abc import Collection
 from pathlib import Path
 
 import pytest
@@ -11,11 +13,13 @@ from taxel.cli.commands import COMMANDS
 from taxel.optional import EXTRA_OF_PACKAGE
 
 PROJECT = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())["project"]
-WITHOUT_OPTIONAL_PACKAGES = (
-    f"import sys; sys.modules.update(dict.fromkeys({sorted(EXTRA_OF_PACKAGE)!r}));"
-    "from taxel.cli.main import main; main()"
-)
-"""Program that runs `taxel` as if no optional package were installed: an import of a module that is None fails."""
+IMPORT_NAMES = {
+    "libigl": {"igl"},
+    "mcap": {"mcap", "lz4", "zstandard"},
+    "python-can": {"can"},
+    "ur-rtde": {"rtde_control", "rtde_receive"},
+}
+"""Import names of the distributions for which they are not the name of the distribution."""
 
 HELP_NEEDS_EXTRA = {
     "demo": "all",
@@ -35,9 +39,25 @@ RUN_NEEDS_EXTRA = {
 }
 
 
-def run_taxel(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    program = [sys.executable, "-c", WITHOUT_OPTIONAL_PACKAGES, *words]
-    return subprocess.run(program, cwd=folder, capture_output=True, text=True, timeout=120)
+def run_taxel(folder: Path, *words: str, installed: Collection[str] = ()) -> subprocess.CompletedProcess[str]:
+    """Run `taxel` with no optional packages but `installed`: the import of a module that is None fails."""
+    missing = sorted(set(EXTRA_OF_PACKAGE) - set(installed))
+    program = f"import sys; sys.modules.update(dict.fromkeys({missing})); from taxel.cli.main import main; main()"
+    command = [sys.executable, "-c", program, *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
+
+
+def list_packages(extra: str) -> set[str]:
+    """Import names of the packages of an extra."""
+    packages: set[str] = set()
+    for requirement in PROJECT["optional-dependencies"][extra]:
+        if requirement.startswith("taxel["):
+            for inner in requirement.removeprefix("taxel[").removesuffix("]").split(","):
+                packages |= list_packages(inner)
+        else:
+            name = re.split(r"[<>=; ]", requirement)[0]
+            packages |= IMPORT_NAMES.get(name, {name})
+    return packages
 
 
 @pytest.mark.parametrize("command", [name for name in COMMANDS if name not in HELP_NEEDS_EXTRA])
@@ -58,6 +78,17 @@ def test_a_command_without_its_packages_names_the_extra_in_one_line(tmp_path, wo
     assert len(finished.stderr.splitlines()) == 1
     assert finished.stderr.rstrip().endswith(f"pip install 'taxel[{extra}]'")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", HELP_NEEDS_EXTRA)
+def test_the_extra_that_a_message_names_is_sufficient_for_the_command(tmp_path, command):
+    finished = run_taxel(tmp_path, command, "--help", installed=list_packages(HELP_NEEDS_EXTRA[command]))
+    assert finished.returncode == 0, finished.stderr
+
+
+def test_the_blind_check_names_the_extra_with_emulator_and_simulator(tmp_path):
+    finished = run_taxel(tmp_path, "gap", "blind", "--out", "blind", installed=list_packages("gap"))
+    assert finished.stderr.endswith("pip install 'taxel[all]'\n")
 
 
 def test_every_extra_that_a_message_names_exists():
