@@ -87,7 +87,7 @@ def test_the_extra_that_a_message_names_is_sufficient_for_the_command(tmp_path, 
 
 
 def test_the_blind_check_names_the_extra_with_emulator_and_simulator(tmp_path):
-    finished = run_taxel(tmp_path, "gap", "blind", "--out", "blind", installed=list_packages("gap"))
+    finished = run_taxel(tmp_path, "gap", "blind", "--worlds", "1", "--out", "blind", installed=list_packages("gap"))
     assert finished.stderr.endswith("pip install 'taxel[all]'\n")
 
 
