@@ -20,7 +20,7 @@ from typing import Final
 
 import numpy as np
 
-from taxel.blind.catalogue_causes import CATALOGUE_CAUSES, nuisances
+from taxel.blind.catalogue_causes import CATALOGUE_CAUSES, sample_nuisance_lines
 from taxel.blind.hidden import HiddenCauses
 from taxel.blind.out_of_catalogue import LOOKALIKES, OUT_OF_CATALOGUE
 from taxel.blind.world import World
@@ -84,7 +84,7 @@ def ratio_of(name: str, strength: float, seed: list[int]) -> float:
     """Gap over floor of one world; NaN if no plan has an equilibrium."""
     rng = np.random.default_rng(seed)
     cause = CAUSE_TYPES[name].sample(rng, load_hand(HAND), strength)
-    hidden = HiddenCauses("single", (cause,), nuisances(rng))
+    hidden = HiddenCauses("single", (cause,), sample_nuisance_lines(rng))
     world = World(0, HAND, int(rng.integers(2**62)), hidden, "")
     with tempfile.TemporaryDirectory() as folder:
         real, sim = Path(folder, "real.h5"), Path(folder, "sim.h5")

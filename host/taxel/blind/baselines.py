@@ -12,7 +12,7 @@ from taxel.recording.grasp_format import Phase
 NO_GAP: Final = "no_gap"
 
 
-def baseline_verdicts(diagnosis: Diagnosis) -> dict[str, str]:
+def compute_baseline_verdicts(diagnosis: Diagnosis) -> dict[str, str]:
     """One effect name per diagnoser.
 
     "rules": a check list that starts with the largest disagreement. "effect_blind": a pseudo-random effect, given that

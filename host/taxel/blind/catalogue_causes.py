@@ -13,12 +13,12 @@ import numpy as np
 from taxel.blind.cause_types import (
     CauseType,
     Rng,
-    board_argument,
+    format_board_argument,
     log_interpolate,
     log_uniform,
+    make_whole_hand_cause,
     sample_boards,
     taxels_of,
-    whole_hand_cause,
 )
 from taxel.blind.hidden import Cause, FaultLocation
 from taxel.hand import Hand
@@ -41,6 +41,10 @@ def _resistive(ohm: float, rng: Rng) -> tuple[str, dict[str, float]]:
     return f"tx_ohm={tx:.0f} rx_ohm={rx:.0f}", {}
 
 
+def _pillars(slope: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    return f"slope={slope}", {}
+
+
 def _trace_arguments(picofarad: float, rng: Rng) -> tuple[str, dict[str, float]]:
     """Arguments of an effect line of the traces' coupling; no parameters that the score compares."""
     return (
@@ -61,7 +65,7 @@ def _board_factor(name: str, emulator_effect: str, max_factor: float = np.inf) -
         for board in sample_boards(rng, hand, 2):
             log = log_interpolate(0.045, 0.6, strength) * float(rng.choice([-1.0, 1.0]))
             factor = round(min(float(np.exp(log)), max_factor), 4)
-            lines.append(f"{emulator_effect} factor={factor} {board_argument(board)}")
+            lines.append(f"{emulator_effect} factor={factor} {format_board_argument(board)}")
             if name == "gain_mismatch":
                 parameters[f"scale@{board.address}"] = factor
         return Cause(name, emulator_effect, tuple(lines), (), parameters)
@@ -81,7 +85,9 @@ def _dead_taxels(variant: str) -> CauseType:
         nearest = np.argsort(np.linalg.norm(positions - positions[first], axis=1))[:count].tolist()
         value = int(rng.integers(20000, 45000))
         suffix = "" if variant == "rest" else f" value={value}"
-        lines = tuple(f"dead {variant} {board_argument(board)} taxel={index}{suffix}" for index in sorted(nearest))
+        lines = tuple(
+            f"dead {variant} {format_board_argument(board)} taxel={index}{suffix}" for index in sorted(nearest)
+        )
         locations = tuple(FaultLocation(board.address, "taxel", taxels[index]) for index in sorted(nearest))
         return Cause("dropout", f"dead {variant}", lines, locations)
 
@@ -96,7 +102,7 @@ def _broken_line(variant: str) -> CauseType:
         axis = int(rng.integers(2))
         count = (board.kind.tx_count, board.kind.rx_count)[axis]
         index = int(rng.integers(count - (variant == "short")))
-        line = f"line {variant} {board_argument(board)} axis={axis} index={index}"
+        line = f"line {variant} {format_board_argument(board)} axis={axis} index={index}"
         axis_name = ("tx", "rx")[axis]
         locations = [FaultLocation(board.address, axis_name, index)]
         if variant == "short":
@@ -109,14 +115,14 @@ def _broken_line(variant: str) -> CauseType:
 def _sample_silent_board(rng: Rng, hand: Hand, strength: float) -> Cause:
     """A cause: one board never sends frames."""
     (board,) = sample_boards(rng, hand)
-    line = f"{SILENT} {board_argument(board)} seconds=0"
+    line = f"{SILENT} {format_board_argument(board)} seconds=0"
     return Cause("dropout", SILENT, (line,), (FaultLocation(board.address),))
 
 
 def _sample_flaky_board(rng: Rng, hand: Hand, strength: float) -> Cause:
     """A cause: one board loses frames at random; a stronger cause loses more."""
     (board,) = sample_boards(rng, hand)
-    line = f"silent flaky p={log_interpolate(0.08, 0.7, strength)} {board_argument(board)}"
+    line = f"silent flaky p={log_interpolate(0.08, 0.7, strength)} {format_board_argument(board)}"
     return Cause("dropout", "silent flaky", (line,), (FaultLocation(board.address),))
 
 
@@ -149,7 +155,7 @@ def _late_board(variant: str) -> CauseType:
         lines, parameters = [], {}
         for board in sample_boards(rng, hand, 2):
             seconds = log_interpolate(0.04, 0.42, strength)
-            lines.append(f"late {variant} seconds={seconds} {board_argument(board)}")
+            lines.append(f"late {variant} seconds={seconds} {format_board_argument(board)}")
             parameters[f"seconds@{board.address}"] = seconds
         return Cause("latency", f"late {variant}", tuple(lines), (), parameters if variant == "delay" else {})
 
@@ -197,25 +203,25 @@ def _proximity(share: float, rng: Rng) -> tuple[str, dict[str, float]]:
 
 
 CATALOGUE_CAUSES: Final = (
-    whole_hand_cause("contact_propagation", "spread film", 0.35, 2.0, _film),
-    whole_hand_cause("contact_propagation", "spread pillars", 0.28, 0.12, lambda slope, rng: (f"slope={slope}", {})),
-    whole_hand_cause("electrode_crosstalk", "coupling resistive", 450, 1700, _resistive),
-    whole_hand_cause("electrode_crosstalk", "coupling traces", 3.0, 25.0, _trace_arguments),
-    whole_hand_cause("noise", "noise white", 12, 200, _counts("white_counts")),
-    whole_hand_cause("noise", "noise line", 8, 180, _noise_line),
-    whole_hand_cause("noise", "noise pink", 40, 400, _noise_pink),
-    whole_hand_cause("gain_mismatch", "gain electrode", 0.02, 0.35, _log_std),
+    make_whole_hand_cause("contact_propagation", "spread film", 0.35, 2.0, _film),
+    make_whole_hand_cause("contact_propagation", "spread pillars", 0.28, 0.12, _pillars),
+    make_whole_hand_cause("electrode_crosstalk", "coupling resistive", 450, 1700, _resistive),
+    make_whole_hand_cause("electrode_crosstalk", "coupling traces", 3.0, 25.0, _trace_arguments),
+    make_whole_hand_cause("noise", "noise white", 12, 200, _counts("white_counts")),
+    make_whole_hand_cause("noise", "noise line", 8, 180, _noise_line),
+    make_whole_hand_cause("noise", "noise pink", 40, 400, _noise_pink),
+    make_whole_hand_cause("gain_mismatch", "gain electrode", 0.02, 0.35, _log_std),
     _board_factor("gain_mismatch", "gain idac", MAX_CURRENT_FACTOR),
     _board_factor("stiffness", "modulus board"),
-    whole_hand_cause("stiffness", "modulus taxels", 0.04, 0.42, lambda std, rng: (f"log_std={std}", {})),
-    whole_hand_cause("baseline_drift", "drift warm_up", 100, 2500, _drifting(60, 400)),
-    whole_hand_cause("baseline_drift", "drift wander", 100, 1000, _drifting(20, 120)),
-    whole_hand_cause("hysteresis", "rheology solid", 0.05, 0.5, _solid),
-    whole_hand_cause("hysteresis", "rheology play", 0.1, 0.6, _play_arguments),
-    whole_hand_cause("saturation", "saturation clip", 1300, 600, _counts("counts")),
-    whole_hand_cause("saturation", "saturation soft", 15000, 2500, _counts("counts")),
-    whole_hand_cause("proximity", "proximity image", 0.005, 0.065, _proximity),
-    whole_hand_cause("proximity", "proximity wedge", 0.005, 0.065, _proximity),
+    make_whole_hand_cause("stiffness", "modulus taxels", 0.04, 0.42, lambda std, rng: (f"log_std={std}", {})),
+    make_whole_hand_cause("baseline_drift", "drift warm_up", 100, 2500, _drifting(60, 400)),
+    make_whole_hand_cause("baseline_drift", "drift wander", 100, 1000, _drifting(20, 120)),
+    make_whole_hand_cause("hysteresis", "rheology solid", 0.05, 0.5, _solid),
+    make_whole_hand_cause("hysteresis", "rheology play", 0.1, 0.6, _play_arguments),
+    make_whole_hand_cause("saturation", "saturation clip", 1300, 600, _counts("counts")),
+    make_whole_hand_cause("saturation", "saturation soft", 15000, 2500, _counts("counts")),
+    make_whole_hand_cause("proximity", "proximity image", 0.005, 0.065, _proximity),
+    make_whole_hand_cause("proximity", "proximity wedge", 0.005, 0.065, _proximity),
     _dead_taxels("rest"),
     _dead_taxels("stuck"),
     _broken_line("open"),
@@ -233,12 +239,12 @@ EFFECT_NAMES: Final = tuple(dict.fromkeys(cause_type.name for cause_type in CATA
 """Names of the catalogue's effects that worlds hide."""
 
 
-def cause_types_of(name: str) -> tuple[CauseType, ...]:
+def list_cause_types(name: str) -> tuple[CauseType, ...]:
     """The cause types of an effect of the catalogue."""
     return tuple(cause_type for cause_type in CATALOGUE_CAUSES if cause_type.name == name)
 
 
-def nuisances(rng: Rng) -> tuple[str, ...]:
+def sample_nuisance_lines(rng: Rng) -> tuple[str, ...]:
     """Effect lines of small deviations of every skin: tolerances of the gains, and temperature drift."""
     return (
         f"gain electrode log_std={rng.uniform(0.005, 0.02):.4f}",

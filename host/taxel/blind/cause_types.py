@@ -36,7 +36,7 @@ def log_uniform(rng: Rng, low: float, high: float) -> float:
     return log_interpolate(low, high, float(rng.random()))
 
 
-def board_argument(board: Board) -> str:
+def format_board_argument(board: Board) -> str:
     """The argument of an effect line that selects a board."""
     return f"board=0x{board.address:02X}"
 
@@ -58,7 +58,7 @@ def taxels_of(hand: Hand, board: Board) -> list[int]:
     return np.flatnonzero(hand.board_index == hand.boards.index(board)).tolist()
 
 
-def whole_hand_cause(
+def make_whole_hand_cause(
     name: str,
     emulator_effect: str,
     low: float,

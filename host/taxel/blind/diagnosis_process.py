@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from taxel.blind.isolation import isolate_process
-from taxel.blind.version import diagnosis_version
+from taxel.blind.version import compute_diagnosis_version
 
 
 def main(folder: str, *hidden: str) -> int:
     """Serve requests until standard input ends. folder: the only readable data. hidden: always unreadable folders."""
-    version = diagnosis_version()  # before the isolation, which seals this module
+    version = compute_diagnosis_version()  # before the isolation, which seals this module
     fields = {"diagnosis": version, "blindfold": isolate_process(Path(folder), [Path(path) for path in hidden])}
     for line in sys.stdin:
         print(json.dumps(_diagnose(json.loads(line), fields)), flush=True)
@@ -27,12 +27,12 @@ def _diagnose(job: dict[str, Any], fields: dict[str, str]) -> dict[str, str]:
 
     fields: added to the report.
     """
-    from taxel.blind.baselines import baseline_verdicts
+    from taxel.blind.baselines import compute_baseline_verdicts
     from taxel.gap.diagnosis import diagnose
 
     try:
         diagnosis = diagnose(job["real"], job["sim"], job["without"], job["seed"])
-        report = {**diagnosis.report, "simpler": baseline_verdicts(diagnosis), **fields}
+        report = {**diagnosis.report, "simpler": compute_baseline_verdicts(diagnosis), **fields}
         Path(job["out"]).write_text(json.dumps(report, allow_nan=False))
     except Exception as error:  # a world on which the diagnosis fails counts as a wrong verdict
         return {"error": f"{type(error).__name__}: {error}"}

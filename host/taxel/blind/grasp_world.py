@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from taxel.blind.catalogue_causes import CATALOGUE_CAUSES, nuisances
+from taxel.blind.catalogue_causes import CATALOGUE_CAUSES, sample_nuisance_lines
 from taxel.blind.hidden import HiddenCauses
 from taxel.blind.world_datasets import UndescribedSettings
 from taxel.campaign.emulated import run_emulated
@@ -59,10 +59,10 @@ def sample_grasp_world(seed: int | None = None) -> GraspWorld:
     cause_type = cause_types[int(rng.integers(len(cause_types)))]
     cause = cause_type.sample(rng, load_hand("allegro"), float(rng.uniform(*STRENGTH)))
     salt = secrets.token_hex(32) if seed is None else rng.bytes(32).hex()
-    return GraspWorld(int(rng.integers(2**31)), HiddenCauses("single", (cause,), nuisances(rng)), salt)
+    return GraspWorld(int(rng.integers(2**31)), HiddenCauses("single", (cause,), sample_nuisance_lines(rng)), salt)
 
 
-def small_plans(seed: int) -> tuple[tuple[PlannedGrasp, ...], tuple[PlannedGrasp, ...]]:
+def make_small_plans(seed: int) -> tuple[tuple[PlannedGrasp, ...], tuple[PlannedGrasp, ...]]:
     """Plans of the hand and of the simulator, with two random approaches of every object.
 
     The hand performs each approach once in each of five sessions, the simulator twice.
@@ -94,7 +94,7 @@ def make_grasps(
     world: GraspWorld, real: Path, sim: Path, progress: tuple[Progress, Progress], jobs: int | None = None
 ) -> None:
     """Write both datasets. progress: of the hand and of the simulator. Raises TaxelError with a one-line message."""
-    grasps, simulated = small_plans(world.seed)
+    grasps, simulated = make_small_plans(world.seed)
     settings = UndescribedSettings(seed=world.seed, effects=world.hidden.lines)
     run_emulated(real, grasps, settings, jobs=jobs, progress=progress[0])
     run_simulated(sim, simulated, SimSettings(seed=world.seed + 1), jobs=jobs, progress=progress[1])

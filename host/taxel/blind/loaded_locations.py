@@ -26,7 +26,7 @@ def loaded_locations(locations: Sequence[FaultLocation], sim: Path) -> list[Faul
     ]
 
 
-def observable_taxels(location: FaultLocation, sim: Path) -> list[int]:
+def find_observable_taxels(location: FaultLocation, sim: Path) -> list[int]:
     """Taxels of a location whose absent signal would be observable in the indentations of `sim`."""
     table, max_signal = _max_signals(sim)
     return np.flatnonzero(_taxels_at(location, table) & (max_signal > OBSERVABLE_COUNTS)).tolist()

@@ -5,11 +5,11 @@ from typing import Final
 from taxel.blind.cause_types import (
     CauseType,
     Rng,
-    board_argument,
+    format_board_argument,
     log_interpolate,
     log_uniform,
+    make_whole_hand_cause,
     sample_boards,
-    whole_hand_cause,
 )
 from taxel.blind.hidden import UNKNOWN, Cause, FaultLocation
 from taxel.hand import Hand
@@ -22,7 +22,7 @@ def _sample_exchanged_lines(rng: Rng, hand: Hand, strength: float) -> Cause:
     count = (board.kind.tx_count, board.kind.rx_count)[axis]
     distance = max(1, min(count - 1, round(1 + 3 * strength)))
     index = int(rng.integers(count - distance))
-    line = f"exchange lines {board_argument(board)} axis={axis} index={index} other={index + distance}"
+    line = f"exchange lines {format_board_argument(board)} axis={axis} index={index} other={index + distance}"
     axis_name = ("tx", "rx")[axis]
     locations = tuple(FaultLocation(board.address, axis_name, number) for number in (index, index + distance))
     return Cause(UNKNOWN, "exchange lines", (line,), locations)
@@ -33,7 +33,7 @@ def _sample_stuck_bit(rng: Rng, hand: Hand, strength: float) -> Cause:
     board = sample_boards(rng, hand)[0]
     bit = 7 + round(3 * strength)
     level = str(rng.choice(["low", "high"]))
-    line = f"stuck_bit {level} bit={bit} {board_argument(board)}"
+    line = f"stuck_bit {level} bit={bit} {format_board_argument(board)}"
     return Cause(UNKNOWN, "stuck_bit", (line,), (FaultLocation(board.address),))
 
 
@@ -44,7 +44,7 @@ def _moisture(variant: str) -> CauseType:
         (board,) = sample_boards(rng, hand)
         tx, rx = rng.uniform(1, board.kind.tx_count - 2), rng.uniform(1, board.kind.rx_count - 2)
         radius_m = log_uniform(rng, 0.01, 0.025)
-        line = f"moisture {variant} {board_argument(board)} tx={tx:.1f} rx={rx:.1f} radius_m={radius_m:.4f}"
+        line = f"moisture {variant} {format_board_argument(board)} tx={tx:.1f} rx={rx:.1f} radius_m={radius_m:.4f}"
         line += f" water={log_interpolate(0.08, 0.3, strength)}"
         if variant == "drying":
             line += f" seconds={log_uniform(rng, 60, 400):.0f}"
@@ -76,18 +76,18 @@ def _bow(counts: float, rng: Rng) -> tuple[str, dict[str, float]]:
 OUT_OF_CATALOGUE: Final = (
     CauseType(UNKNOWN, "exchange lines", _sample_exchanged_lines),
     CauseType(UNKNOWN, "stuck_bit", _sample_stuck_bit),
-    whole_hand_cause(UNKNOWN, "droop supply", 600, 8000, lambda ohms, rng: (f"ohms={ohms:.0f}", {})),
-    whole_hand_cause(UNKNOWN, "droop reference", 600, 8000, _reference),
-    whole_hand_cause(UNKNOWN, "nonlinear dead_zone", 0.005, 0.05, lambda leak, rng: (f"leak={leak}", {})),
+    make_whole_hand_cause(UNKNOWN, "droop supply", 600, 8000, lambda ohms, rng: (f"ohms={ohms:.0f}", {})),
+    make_whole_hand_cause(UNKNOWN, "droop reference", 600, 8000, _reference),
+    make_whole_hand_cause(UNKNOWN, "nonlinear dead_zone", 0.005, 0.05, lambda leak, rng: (f"leak={leak}", {})),
     _moisture("film"),
     _moisture("drying"),
 )  # fmt: skip
 """Cause types that no effect of the catalogue describes."""
 
 LOOKALIKES: Final = (
-    whole_hand_cause(UNKNOWN, "nonlinear bow", 100, 800, _bow),
-    whole_hand_cause(UNKNOWN, "indent set", 0.2, 0.85, _indent_arguments),
-    whole_hand_cause(UNKNOWN, "indent bedding", 0.2, 0.85, _bedding),
+    make_whole_hand_cause(UNKNOWN, "nonlinear bow", 100, 800, _bow),
+    make_whole_hand_cause(UNKNOWN, "indent set", 0.2, 0.85, _indent_arguments),
+    make_whole_hand_cause(UNKNOWN, "indent bedding", 0.2, 0.85, _bedding),
 )  # fmt: skip
 """Cause types whose signature resembles that of an effect of the catalogue; naming this effect is accepted."""
 

@@ -39,20 +39,20 @@ def merge_results(first: Sequence[WorldResult], second: Sequence[WorldResult], s
 
     Raises BlindRunError if the runs have different versions of the diagnosis or worlds in common.
     """
-    require_version(diagnosis_versions(first), second, source)
+    require_version(list_diagnosis_versions(first), second, source)
     if {result.world.salt for result in first} & {result.world.salt for result in second}:
         raise BlindRunError(source, "results of another run", "the same worlds", "give each run once")
     return [*first, *second]
 
 
-def diagnosis_versions(results: Iterable[WorldResult]) -> set[str]:
+def list_diagnosis_versions(results: Iterable[WorldResult]) -> set[str]:
     """Versions of the diagnosis that made the reports."""
     return {result.diagnosis_version for result in results if not result.error}
 
 
 def require_version(versions: set[str], results: Sequence[WorldResult], source: str) -> None:
     """Raise BlindRunError unless `results` and `versions` have at most one version of the diagnosis in total."""
-    found = sorted(versions | diagnosis_versions(results))
+    found = sorted(versions | list_diagnosis_versions(results))
     if len(found) > 1:
         remedy = "score the runs separately, because a score refers to one version"
         raise BlindRunError(source, "results of the same version of the diagnosis", f"{', '.join(found)}", remedy)

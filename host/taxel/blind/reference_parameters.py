@@ -24,7 +24,7 @@ from taxel.gap.prepare import prepared
 from taxel.gap.report.effects import parameters_of
 
 
-def models_to_fit(cause: Cause, report: Mapping[str, Any]) -> set[str]:
+def select_models_to_fit(cause: Cause, report: Mapping[str, Any]) -> set[str]:
     """Keys of the models that the report names for the effect of the cause, if they need a reference fit.
 
     Empty if the true parameters are known from the cause, and if the gap is not clear.

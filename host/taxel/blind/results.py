@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from taxel.blind.hidden import UNKNOWN, FaultLocation
-from taxel.blind.loaded_locations import loaded_locations, observable_taxels
-from taxel.blind.run_folder import reference_path, world_folder
+from taxel.blind.loaded_locations import find_observable_taxels, loaded_locations
+from taxel.blind.run_folder import get_reference_path, get_world_folder
 from taxel.blind.scoring_rules import MIN_CLEAR_RATIO, model_key
 from taxel.blind.world import World
 from taxel.gap.effects.sticking import WORKED_OUT, Sticking
@@ -137,10 +137,10 @@ def read_results(out: Path, worlds: list[World]) -> list[WorldResult]:
     """Results of all worlds that are finished and have a report."""
     results = []
     for world in worlds:
-        folder = world_folder(out, world)
+        folder = get_world_folder(out, world)
         if not (folder / "done").exists() or not (folder / "report.json").exists():
             continue
-        reference = reference_path(out, world)
+        reference = get_reference_path(out, world)
         results.append(_make_result(world, folder, json.loads(reference.read_text()) if reference.exists() else {}))
     return results
 
@@ -264,7 +264,7 @@ def is_location_found(world: World, effects: Sequence[dict[str, Any]], folder: P
             return location.address in where["sensors"]
         if (location.address, location.axis, location.index) in lines:
             return True
-        observable = observable_taxels(location, folder / "sim.h5")
+        observable = find_observable_taxels(location, folder / "sim.h5")
         return len(observable) == 1 and observable[0] in where["taxels"]
 
     return all(is_reported(location) for location in locations)

@@ -13,8 +13,8 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Final
 
-from taxel.blind.reference_parameters import fit_reference_parameters, models_to_fit
-from taxel.blind.run_folder import COMMITMENTS, SEALED, read_json, reference_path, world_folder
+from taxel.blind.reference_parameters import fit_reference_parameters, select_models_to_fit
+from taxel.blind.run_folder import COMMITMENTS, SEALED, get_reference_path, get_world_folder, read_json
 from taxel.blind.sandboxed_run import SandboxedRunner
 from taxel.blind.shuffling import write_shuffled_copy
 from taxel.blind.world import World
@@ -41,7 +41,7 @@ def run_worlds(
     """
     deadline = None if max_seconds is None else time.monotonic() + max_seconds
     jobs = jobs or os.cpu_count() or 1
-    missing = [world for world in _interleave_hands(worlds) if not (world_folder(out, world) / "done").exists()]
+    missing = [world for world in _interleave_hands(worlds) if not (get_world_folder(out, world) / "done").exists()]
     done = len(worlds) - len(missing)
     progress(done, len(worlds))
     if not missing:
@@ -91,7 +91,7 @@ def _run_world(out: Path, world: World, makers: ProcessPoolExecutor, runner: San
 
     makers: processes that make datasets, outside of the sandbox. runner: the sandboxed diagnosing process.
     """
-    folder = world_folder(out, world)
+    folder = get_world_folder(out, world)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     real, sim = folder / "real.h5", folder / "sim.h5"
@@ -113,11 +113,11 @@ def _run_world(out: Path, world: World, makers: ProcessPoolExecutor, runner: San
         makers.submit(write_shuffled_copy, sim, shuffled, world.seed).result()
         runner.diagnose(real, shuffled, folder / "shuffled.json")
     has_reference = world.hidden.kind == "single" and world.hidden.names[0] != "dropout"
-    models = models_to_fit(world.hidden.causes[0], read_json(folder / "report.json")) if has_reference else set()
+    models = select_models_to_fit(world.hidden.causes[0], read_json(folder / "report.json")) if has_reference else set()
     if models:
         noise_free = out / SEALED / f"noise_free{world.number:04d}.h5"
         parameters = makers.submit(_fit_reference, world, noise_free, sim, attempt, models).result()
-        reference_path(out, world).write_text(json.dumps(parameters))
+        get_reference_path(out, world).write_text(json.dumps(parameters))
     (folder / "done").write_text("")
 
 

@@ -13,12 +13,12 @@ SEALED: Final = "sealed"
 COMMITMENTS, KEYS, WORLDS = "commitments.json", f"{SEALED}/keys.json", "worlds"
 
 
-def world_folder(out: Path, world: World) -> Path:
+def get_world_folder(out: Path, world: World) -> Path:
     """The folder of a world's datasets and reports."""
     return out / WORLDS / f"{world.number:04d}"
 
 
-def reference_path(out: Path, world: World) -> Path:
+def get_reference_path(out: Path, world: World) -> Path:
     """The file of a world's reference parameters.
 
     The file is not in the world's folder: its existence would reveal the kind of the world.

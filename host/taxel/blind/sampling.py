@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from taxel.blind.catalogue_causes import CATALOGUE_CAUSES, EFFECT_NAMES, SILENT, cause_types_of, nuisances
+from taxel.blind.catalogue_causes import CATALOGUE_CAUSES, EFFECT_NAMES, SILENT, list_cause_types, sample_nuisance_lines
 from taxel.blind.cause_types import CauseType
 from taxel.blind.hidden import Cause, HiddenCauses
 from taxel.blind.out_of_catalogue import LOOKALIKES, OUT_OF_CATALOGUE
@@ -100,7 +100,7 @@ def _sample_single_plans(rng: np.random.Generator, count: int, scale: float) -> 
     for name in EFFECT_NAMES:
         number = names.count(name)
         withheld = min(number, round(WITHHELD_PER_EFFECT * scale + float(rng.random()) * (scale < 1)))
-        own_types = cause_types_of(name)
+        own_types = list_cause_types(name)
         cause_type = cycle([own_types[index] for index in rng.permutation(len(own_types)).tolist()])
         strengths = _sample_strengths(rng, number)
         plans += [
@@ -143,7 +143,7 @@ def _sample_world(rng: np.random.Generator, number: int, hand: Hand, plan: World
         salt=secrets.token_hex(SALT_BYTES) if is_sealed else rng.bytes(SALT_BYTES).hex(),
         size=FULL_HAND_CAMPAIGN if hand.name == "allegro" else _sample_size(rng),
         seed=int(rng.integers(2**62)),
-        hidden=HiddenCauses(plan.kind, causes, nuisances(rng)),
+        hidden=HiddenCauses(plan.kind, causes, sample_nuisance_lines(rng)),
         is_withheld=plan.is_withheld,
         is_repeated=number % REPEATED_INTERVAL == 0,
     )

@@ -25,7 +25,7 @@ _Z: Final = 1.959964
 """97.5 % quantile of the standard normal distribution."""
 
 
-def wilson_interval(successes: int, count: int) -> list[float]:
+def compute_wilson_interval(successes: int, count: int) -> list[float]:
     """95 % interval of a proportion (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
     if count == 0:
         return [0.0, 1.0]
@@ -44,7 +44,7 @@ def share(flags: Iterable[bool]) -> dict[str, Any]:
         "right": right,
         "of": len(values),
         "share": right / len(values) if values else None,
-        "ci95": wilson_interval(right, len(values)),
+        "ci95": compute_wilson_interval(right, len(values)),
     }
 
 

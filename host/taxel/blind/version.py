@@ -6,7 +6,7 @@ from pathlib import Path
 import taxel.gap
 
 
-def diagnosis_version() -> str:
+def compute_diagnosis_version() -> str:
     """The first 16 digits of the SHA-256 over the names and contents of the Python sources of `taxel.gap`."""
     root = Path(taxel.gap.__file__).parent
     digest = hashlib.sha256()

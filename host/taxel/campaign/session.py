@@ -14,7 +14,7 @@ from taxel.campaign.motion import Motion, simulate_grasp_motion
 from taxel.campaign.poll_cycles import PollCycles, group_by_poll_cycle
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
-from taxel.campaign.variation import sample_grasp_variation, small_motion
+from taxel.campaign.variation import make_small_motion, sample_grasp_variation
 from taxel.emulated.contact import SkinContact
 from taxel.emulated.scene import EmulatedScene, format_scene
 from taxel.grasp.controller import GraspController
@@ -60,7 +60,7 @@ def run_session(setup: Setup, plan: Sequence[PlannedGrasp], settings: EmulatedSe
 
     Raises `TaxelError` with a one-line message, such as for an unreachable pose or a world that the emulator rejects.
     """
-    text = session_world_text(setup, settings, plan[0].session)
+    text = format_session_world(setup, settings, plan[0].session)
     with SkinContact(text) as contact:
         grasps = [_perform_grasp(setup, planned, settings, contact) for planned in plan]
     cycles = _run_session_skin(setup, grasps, text, settings)
@@ -69,11 +69,11 @@ def run_session(setup: Setup, plan: Sequence[PlannedGrasp], settings: EmulatedSe
 
 def check_world(setup: Setup, settings: EmulatedSettings) -> None:
     """Raise `ContactLibraryError` if the emulator rejects the effects."""
-    with SkinContact(session_world_text(setup, settings, 0)):
+    with SkinContact(format_session_world(setup, settings, 0)):
         pass
 
 
-def session_world_text(setup: Setup, settings: EmulatedSettings, session: int) -> str:
+def format_session_world(setup: Setup, settings: EmulatedSettings, session: int) -> str:
     """The world file of one session, in which every bracket is mounted with its own random offset."""
     world = WorldSettings(
         seed=int(np.random.SeedSequence([settings.seed, session]).generate_state(1)[0]),
@@ -100,7 +100,7 @@ def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> EmulatedSc
 
 def _sample_motion(rng: np.random.Generator, metres: float, radians: float) -> NDArray[np.float64]:
     rotation = rng.normal(size=3)
-    return small_motion(rng.normal(size=3), rotation, metres, radians)
+    return make_small_motion(rng.normal(size=3), rotation, metres, radians)
 
 
 def _perform_grasp(

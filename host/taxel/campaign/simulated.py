@@ -12,7 +12,7 @@ from taxel.campaign.processes import map_in_processes
 from taxel.campaign.progress import Progress, no_progress
 from taxel.campaign.setup import WRIST_LINK, Setup
 from taxel.campaign.store import open_campaign_writer
-from taxel.campaign.variation import Variation, balanced_variation
+from taxel.campaign.variation import Variation, sample_balanced_variation
 from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.recording.grasp_record import GraspRecord
@@ -33,8 +33,8 @@ class SimSettings:
 
     sensing: model that converts contact into forces on taxels (`taxel.sim.sensing`). variation: variation of object
     pose and grip between repeats, as estimated from repeats on the hand; applied as a balanced design
-    (`taxel.campaign.variation.balanced_variation`). Its remounting part is not used: brackets are at their nominal
-    poses.
+    (`taxel.campaign.variation.sample_balanced_variation`). Its remounting part is not used: brackets are at their
+    nominal poses.
     """
 
     seed: int = 1
@@ -90,7 +90,7 @@ def simulate_planned_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSet
     scene, approach = _scene(setup, planned.object), setup.approach(planned)
     name = f"{planned.object} {planned.approach}"
     variation = settings.variation.for_object(planned.object)
-    offset, grip = variation.apply(balanced_variation(settings.seed, name, planned.iteration))
+    offset, grip = variation.apply(sample_balanced_variation(settings.seed, name, planned.iteration))
     simulation = SimulationSettings(RATE_HZ, object_offset=offset, torque_scale=grip, object_pose=object_pose, law=law)
     motion = simulate_grasp(scene, approach, settings.timeline, simulation)
     sensed = sense(setup.hand, item.shape, motion, settings.sensing)

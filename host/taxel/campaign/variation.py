@@ -46,7 +46,7 @@ class Variation:
 
     def apply(self, draw: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
         """Offset of the object in its nominal frame, f64[4, 4], and factor on the torque, for unit samples f64[7]."""
-        offset = small_motion(draw[:3], draw[3:6], self.object_m, self.object_rad)
+        offset = make_small_motion(draw[:3], draw[3:6], self.object_m, self.object_rad)
         return offset, max(1.0 + self.grip * float(draw[6]), 0.0)
 
 
@@ -54,7 +54,7 @@ NO_VARIATION: Final = Variation(object_m=0.0, object_rad=0.0, grip=0.0, remount_
 """Every object and bracket is at its nominal pose, and every grip has its nominal strength."""
 
 
-def small_motion(
+def make_small_motion(
     translation: NDArray[np.float64], rotation: NDArray[np.float64], metres: float, radians: float
 ) -> NDArray[np.float64]:
     """Transform f64[4, 4] of unit samples f64[3] and f64[3], scaled by `metres` and `radians`."""
@@ -68,7 +68,7 @@ def sample_grasp_variation(seed: int, grasp: str) -> NDArray[np.float64]:
     return np.random.default_rng([seed, _GRASP_STREAM, *grasp.encode()]).normal(size=FACTORS)
 
 
-def balanced_variation(seed: int, name: str, repeat: int) -> NDArray[np.float64]:
+def sample_balanced_variation(seed: int, name: str, repeat: int) -> NDArray[np.float64]:
     """Unit samples f64[7] of repeat number `repeat` of the grasp `name`: each factor is -1 or +1.
 
     Repeats 2 k and 2 k + 1 have opposite signs and cancel in first order. 16 repeats form a two-level design in which

@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from taxel.blind.grasp_world import GraspWorld, make_grasps, sample_grasp_world, small_plans
+from taxel.blind.grasp_world import GraspWorld, make_grasps, make_small_plans, sample_grasp_world
 from taxel.blind.sandboxed_run import SandboxedRunner
 from taxel.blind.seal import commitment, verify_commitment
 from taxel.cli.gap_summary import print_summary
@@ -65,7 +65,7 @@ def demo(
 
 def _make_grasps(console: Console, world: GraspWorld, real: Path, sim: Path, jobs: int | None) -> None:
     """Make both datasets, with progress bars."""
-    counts = [len(plan) for plan in small_plans(world.seed)]
+    counts = [len(plan) for plan in make_small_plans(world.seed)]
     console.print(f"[bold]2. {counts[0]} grasps of the emulated hand, {counts[1]} of the simulator[/bold]")
     with stage_bars(console) as show:
         shows = (partial(show, "emulated hand"), partial(show, "simulator"))

@@ -36,7 +36,7 @@ def blind(
     # Imported here because the other commands of the group need no emulator and start in half the time.
     from taxel.blind.records import (
         RECORDS,
-        diagnosis_versions,
+        list_diagnosis_versions,
         merge_results,
         read_records,
         require_version,
@@ -47,11 +47,11 @@ def blind(
     from taxel.blind.run_folder import open_sealed_worlds, seal_worlds
     from taxel.blind.score import score
     from taxel.blind.score_sheet import Provenance, score_sheet
-    from taxel.blind.version import diagnosis_version
+    from taxel.blind.version import compute_diagnosis_version
 
     further_runs = [(str(path), read_records(path)) for path in add_answers or ()]
     for source, further in further_runs if minutes != 0 else ():  # checked before hours of work
-        require_version({diagnosis_version()}, further, source)
+        require_version({compute_diagnosis_version()}, further, source)
     console = Console(stderr=as_json, markup=False)
     sealed = seal_worlds(out, worlds, full_hand_worlds, seed)
     console.print(f"sealed: {out / 'commitments.json'}", highlight=False)
@@ -73,7 +73,7 @@ def blind(
     figures = score(results)
     (out / "score.json").write_text(json.dumps(figures, indent=1, allow_nan=False))
     added = sum(len(further) for _, further in further_runs)
-    versions = sorted(diagnosis_versions(results))
+    versions = sorted(list_diagnosis_versions(results))
     text = score_sheet(figures, Provenance(worlds, full_hand_worlds, added, figures["worlds"], versions).text())
     for path in (out / "score.md", *([page] if page else [])):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -22,7 +22,7 @@ def print_summary(console: Console, report: Mapping[str, Any]) -> None:
     if report["verdict"]["effects"]:
         _print_line(console, shrink_text(after))
     if (effect_sets := after.get("chosen_inside")) is not None:
-        _print_line(console, nested_agreement(effect_sets, report["verdict"]["effects"]))
+        _print_line(console, format_nested_agreement(effect_sets, report["verdict"]["effects"]))
     checked = CheckedReport(report)
     for effect in checked.effects:
         if effect.flag("in_verdict"):
@@ -43,7 +43,7 @@ def shrink_text(after: Mapping[str, Any]) -> str:
     return text
 
 
-def nested_agreement(effect_sets: Sequence[Sequence[str]], effects: Sequence[str]) -> str:
+def format_nested_agreement(effect_sets: Sequence[Sequence[str]], effects: Sequence[str]) -> str:
     """Number of searches without one session that find the same effects as the search in all sessions, as text.
 
     effect_sets: effects of each search without a session. effects: effects of the search in all sessions.

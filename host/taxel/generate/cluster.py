@@ -11,7 +11,7 @@ from typing import Any, Final
 from taxel.generate.errors import ClusterError
 from taxel.generate.recipe import Recipe
 from taxel.generate.shard import generate_shard
-from taxel.generate.versions import package_versions
+from taxel.generate.versions import list_package_versions
 from taxel.generate.workers import SHARDS_PER_WORKER
 from taxel.optional import optional_import
 
@@ -56,11 +56,11 @@ class Cluster:
             remedy = "start them with dask worker"
             raise ClusterError(where, f"no worker within {self._timeout_s:g} s", remedy) from None
         try:
-            worker_versions = client.run(package_versions)
+            worker_versions = client.run(list_package_versions)
         except Exception as error:  # a worker without taxel, or with another release, may raise any exception
             remedy = "install the same taxel on every worker"
             raise ClusterError(where, f"a worker cannot run taxel.generate ({type(error).__name__})", remedy) from None
-        check_releases(where, package_versions(), worker_versions)
+        check_releases(where, list_package_versions(), worker_versions)
         return len(worker_versions)
 
 

@@ -141,10 +141,10 @@ def _parameter_bounds(reported: ReportedEffect) -> tuple[FloatArray, FloatArray]
 
 
 def _parameters(reported: ReportedEffect) -> Sequence[Parameter]:
-    return sampled_parameters(reported.name, reported.effect.own_parameters())
+    return list_sampled_parameters(reported.name, reported.effect.own_parameters())
 
 
-def sampled_parameters(name: str, own: Sequence[Parameter]) -> Sequence[Parameter]:
+def list_sampled_parameters(name: str, own: Sequence[Parameter]) -> Sequence[Parameter]:
     """The sampled parameters of an effect; for noise, its independent parts."""
     if name == "noise":
         return [Parameter(part, "counts", 0.0, MOST_NOISE_COUNTS, 0.0, 0.0) for part in NOISE_PARTS]
@@ -177,7 +177,7 @@ def plan_effect(
         remedy = f"use one of {names}; dropouts can be taken from a report only"
         raise RecipeError(where, "name", expected, " ".join(part for part in (name, variant, scope) if part), remedy)
     effect = variants[0]
-    parameters = sampled_parameters(name, effect.own_parameters())
+    parameters = list_sampled_parameters(name, effect.own_parameters())
     for key, bounds in ranges.items():
         parameter = next((each for each in parameters if each.name == key), None)
         if parameter is None:

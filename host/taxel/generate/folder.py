@@ -7,8 +7,8 @@ from typing import Any, Final, NoReturn
 
 from taxel.generate.errors import FolderError
 from taxel.generate.recipe import Recipe
-from taxel.generate.shard import creation_time, read_recipe_digest, shard_name
-from taxel.generate.versions import package_versions
+from taxel.generate.shard import format_shard_name, get_creation_time, read_recipe_digest
+from taxel.generate.versions import list_package_versions
 from taxel.hand.errors import format_path, format_value
 from taxel.recording.errors import DatasetError
 
@@ -42,7 +42,7 @@ def open_folder(out: Path, recipe: Recipe) -> list[int]:
 
 def _has_shard(out: Path, recipe: Recipe, shard: int) -> bool:
     """Whether the folder contains a shard. Raises FolderError for a shard of another recipe."""
-    path = out / shard_name(shard, recipe.shards)
+    path = out / format_shard_name(shard, recipe.shards)
     if not path.exists():
         return False
     try:
@@ -79,8 +79,8 @@ def _make_record(recipe: Recipe) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "version": VERSION,
-        "created": creation_time(),
-        "versions": package_versions(),
+        "created": get_creation_time(),
+        "versions": list_package_versions(),
         "recipe_sha256": recipe.digest,
         "recipe": recipe.to_json(),
     }
@@ -103,7 +103,7 @@ def _read_record(path: Path) -> dict[str, Any]:
 
 def _check_same_recipe(path: Path, content: dict[str, Any], expected: dict[str, Any]) -> None:
     """Raise FolderError if the record in the folder differs from the requested recipe or releases."""
-    difference = first_difference(content, expected)
+    difference = find_first_difference(content, expected)
     if difference is not None:
         field, in_folder, requested = difference
         is_release = field.startswith("versions")
@@ -112,7 +112,7 @@ def _check_same_recipe(path: Path, content: dict[str, Any], expected: dict[str, 
         raise FolderError(format_path(path), field, expected_text, format_value(in_folder), remedy)
 
 
-def first_difference(a: Any, b: Any, path: str = "") -> tuple[str, Any, Any] | None:
+def find_first_difference(a: Any, b: Any, path: str = "") -> tuple[str, Any, Any] | None:
     """The first difference of two JSON values: its path and both values; None for equal values. Digests come last."""
     if isinstance(a, dict) and isinstance(b, dict):
         keys = sorted({*a, *b}, key=lambda key: (key.endswith("sha256"), key))
@@ -121,7 +121,7 @@ def first_difference(a: Any, b: Any, path: str = "") -> tuple[str, Any, Any] | N
         parts = [(f"{path}[{k}]", *pair) for k, pair in enumerate(zip(a, b, strict=True))]
     else:
         return None if a == b else (path, a, b)
-    differences = (first_difference(value_a, value_b, part) for part, value_a, value_b in parts)
+    differences = (find_first_difference(value_a, value_b, part) for part, value_a, value_b in parts)
     return next((difference for difference in differences if difference is not None), None)
 
 

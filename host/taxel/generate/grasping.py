@@ -14,7 +14,7 @@ from taxel.gap.adding.draws import Chance
 from taxel.gap.adding.frames import FrameStates
 from taxel.generate.errors import SamplingError
 from taxel.generate.recipe import FIDELITIES, Recipe
-from taxel.generate.sampling import SampledGrasp, noise_generator, sample_effects, sample_grasp, sample_sensor
+from taxel.generate.sampling import SampledGrasp, make_noise_generator, sample_effects, sample_grasp, sample_sensor
 from taxel.grasp.objects import make_standing_pose
 from taxel.grasp.plan import make_approach
 from taxel.grasp.timeline import Phase
@@ -149,7 +149,7 @@ class ShardGenerator:
             session=self.shard,
             timestamp=motion.time_s,
             phase=motion.phase,
-            raw_counts=self.sensor.raw_counts(hand, force, noise_generator(self.recipe, sample.number)),
+            raw_counts=self.sensor.raw_counts(hand, force, make_noise_generator(self.recipe, sample.number)),
             valid=np.ones((len(motion.time_s), len(hand.boards)), bool),
             sensor_pose=motion.sensor_poses[hold[len(hold) // 2]],
             object_pose=make_standing_pose(),

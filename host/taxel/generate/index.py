@@ -13,8 +13,8 @@ import numpy as np
 
 from taxel.generate.folder import FORMAT, VERSION, rename_durably, write_file
 from taxel.generate.recipe import Recipe
-from taxel.generate.shard import creation_time, grasp_id, read_table, shard_name
-from taxel.generate.versions import package_versions
+from taxel.generate.shard import format_shard_name, get_creation_time, grasp_id, read_table
+from taxel.generate.versions import list_package_versions
 
 INDEX: Final = "index.json"
 GRASPS: Final = "grasps.csv"
@@ -54,8 +54,8 @@ def write_index(out: Path, recipe: Recipe, progress: Progress) -> None:
     content = {
         "format": FORMAT,
         "version": VERSION,
-        "created": creation_time(),
-        "versions": package_versions(),
+        "created": get_creation_time(),
+        "versions": list_package_versions(),
         "recipe_sha256": recipe.digest,
         "recipe": recipe.to_json(),
         "labels": dict(sorted(labels.items())),
@@ -66,7 +66,7 @@ def write_index(out: Path, recipe: Recipe, progress: Progress) -> None:
 
 
 def _path(out: Path, recipe: Recipe, shard: int) -> Path:
-    return out / shard_name(shard, recipe.shards)
+    return out / format_shard_name(shard, recipe.shards)
 
 
 def _format_number(value: float) -> str:

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from taxel.generate.effects import PlannedEffect
 from taxel.generate.ranges import Range, fixed
-from taxel.generate.solids import ObjectKind, default_kinds
+from taxel.generate.solids import ObjectKind, make_default_kinds
 from taxel.grasp.timeline import Timeline
 from taxel.sim.closing import RATE_HZ, SETTLE_S
 from taxel.sim.sensing import Level
@@ -101,7 +101,7 @@ class Recipe:
     grasps_per_shard: int = GRASPS_PER_SHARD
     fidelity: str = "quick"
     sensing: Level = "layer"
-    objects: tuple[ObjectKind, ...] = field(default_factory=default_kinds)
+    objects: tuple[ObjectKind, ...] = field(default_factory=make_default_kinds)
     grasp: GraspRanges = field(default_factory=GraspRanges)
     simulator: SimulatorRanges = field(default_factory=SimulatorRanges)
     sensor: SensorRanges = field(default_factory=SensorRanges)

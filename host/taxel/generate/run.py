@@ -7,7 +7,7 @@ from pathlib import Path
 from taxel.generate.folder import open_folder, write_file
 from taxel.generate.index import INDEX, write_index
 from taxel.generate.recipe import Recipe
-from taxel.generate.shard import shard_name
+from taxel.generate.shard import format_shard_name
 from taxel.generate.workers import Workers
 
 StageProgress = Callable[[str, int, int], None]
@@ -43,7 +43,7 @@ def generate(recipe: Recipe, out: Path, workers: Workers, progress: StageProgres
         (out / INDEX).unlink(missing_ok=True)
         progress("grasps", done, recipe.grasps)
         for shard, content in workers.generate_shards(recipe, missing):
-            write_file(out / shard_name(shard, recipe.shards), content)
+            write_file(out / format_shard_name(shard, recipe.shards), content)
             generated += len(recipe.numbers_of(shard))
             progress("grasps", done + generated, recipe.grasps)
     if missing or not (out / INDEX).exists():

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from taxel.campaign.variation import small_motion
+from taxel.campaign.variation import make_small_motion
 from taxel.gap.report.reading import ReportedEffect
 from taxel.generate.errors import SamplingError
 from taxel.generate.placement import sample_placement, shift_placement
@@ -56,7 +56,7 @@ def sample_grasp(recipe: Recipe, number: int, first_attempt: int = 0) -> Sampled
     """
     reason, label = "no attempt is left", "any object"
     for attempt in range(first_attempt, ATTEMPTS):
-        rng = random_stream(recipe, number, _MOTION, attempt)
+        rng = make_random_stream(recipe, number, _MOTION, attempt)
         try:
             return _sample_attempt(recipe, number, attempt, rng)
         except ShapeError as error:
@@ -74,7 +74,7 @@ def _sample_attempt(recipe: Recipe, number: int, attempt: int, rng: np.random.Ge
     approach, placement = sample_placement(kind, item.shape, recipe.grasp.top_share, rng)
     for group in (recipe.grasp, recipe.simulator):
         values |= {name: value.sample(rng) for name, value in vars(group).items() if isinstance(value, Range)}
-    offset = small_motion(rng.standard_normal(3), rng.standard_normal(3), *_object_std(recipe))
+    offset = make_small_motion(rng.standard_normal(3), rng.standard_normal(3), *_object_std(recipe))
     values |= {f"offset_{axis}_mm": 1e3 * float(offset[row, 3]) for row, axis in enumerate("xyz")}
     return SampledGrasp(
         number=number,
@@ -102,7 +102,7 @@ def sample_effects(recipe: Recipe, number: int) -> tuple[list[ReportedEffect], d
     effects: list[ReportedEffect] = []
     values: dict[str, float] = {}
     for index, planned in enumerate(recipe.effects):
-        effect, sampled = planned.sample(random_stream(recipe, number, _EFFECTS, index))
+        effect, sampled = planned.sample(make_random_stream(recipe, number, _EFFECTS, index))
         values |= sampled
         effects += [] if effect is None else [effect]
     return sorted(effects, key=lambda effect: effect.order), values
@@ -114,12 +114,12 @@ def sample_sensor(recipe: Recipe, shard: int) -> SimSensor:
     return SimSensor(**{name: value.sample(rng) for name, value in vars(recipe.sensor).items()})
 
 
-def noise_generator(recipe: Recipe, number: int) -> np.random.Generator:
+def make_noise_generator(recipe: Recipe, number: int) -> np.random.Generator:
     """The random generator of the noise of a grasp."""
-    return random_stream(recipe, number, _NOISE)
+    return make_random_stream(recipe, number, _NOISE)
 
 
-def random_stream(recipe: Recipe, number: int, *purpose: int) -> np.random.Generator:
+def make_random_stream(recipe: Recipe, number: int, *purpose: int) -> np.random.Generator:
     """One of the random streams of a grasp."""
     return _generator(recipe, _GRASP, number, *purpose)
 

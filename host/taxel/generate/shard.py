@@ -48,7 +48,7 @@ class ShardTable:
     values: FloatArray
 
 
-def shard_name(shard: int, shards: int) -> str:
+def format_shard_name(shard: int, shards: int) -> str:
     """File name of a shard. The names sort in the order of the numbers."""
     return f"shard-{shard:0{max(5, len(str(shards - 1)))}d}.h5"
 
@@ -61,7 +61,7 @@ def grasp_id(number: int) -> str:
 def generate_shard(recipe: Recipe, shard: int) -> bytes:
     """The bytes of the file of a shard. They depend only on the recipe and the number of the shard."""
     with single_thread(), tempfile.TemporaryDirectory(prefix="taxel-") as folder:
-        path = Path(folder) / shard_name(shard, recipe.shards)
+        path = Path(folder) / format_shard_name(shard, recipe.shards)
         _write_shard(recipe, shard, path)
         return path.read_bytes()
 
@@ -83,7 +83,7 @@ def _write_shard(recipe: Recipe, shard: int, path: Path) -> None:
         objects={},
         generator=f"taxel {version('taxel')}; generated, recipe {recipe.digest[:12]}",
         sensor_model=generator.sensor_model,
-        created=creation_time(),
+        created=get_creation_time(),
     )
     object_names: set[str] = set()
     with GraspDatasetWriter.create(path, header) as out:
@@ -97,7 +97,7 @@ def _write_shard(recipe: Recipe, shard: int, path: Path) -> None:
     _add_sample_table(path, recipe, shard, rows)
 
 
-def creation_time() -> str:
+def get_creation_time() -> str:
     """The time of `SOURCE_DATE_EPOCH` if this variable is set, else the start of 1970."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     return datetime.fromtimestamp(int(epoch), UTC).isoformat() if epoch.isdecimal() else EPOCH

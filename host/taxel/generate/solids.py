@@ -94,7 +94,7 @@ class ObjectKind:
         return content
 
 
-def default_kinds() -> tuple[ObjectKind, ...]:
+def make_default_kinds() -> tuple[ObjectKind, ...]:
     """The thesis's three objects with sizes from 8 % smaller to 8 % larger."""
     sizes = {
         "rectangular_prism": ("box", (thesis.BOX_WIDTH_M, thesis.BOX_DEPTH_M, thesis.BOX_HEIGHT_M)),

@@ -6,7 +6,7 @@ import pytest
 
 from host.tests.command_line import run_taxel
 from taxel.blind import grasp_world
-from taxel.blind.grasp_world import sample_grasp_world, small_plans
+from taxel.blind.grasp_world import make_small_plans, sample_grasp_world
 from taxel.blind.seal import commitment
 
 
@@ -16,7 +16,7 @@ def conditions(plan):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_both_sides_have_two_approaches_of_every_object(seed):
-    real, sim = small_plans(seed)
+    real, sim = make_small_plans(seed)
     assert conditions(real) == conditions(sim)
     assert Counter(item for item, _ in conditions(real)) == dict.fromkeys(
         ("cylinder", "rectangular_prism", "triangular_prism"), grasp_world.APPROACHES_PER_OBJECT

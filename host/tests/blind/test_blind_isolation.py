@@ -25,7 +25,7 @@ mechanism = isolation.isolate_process(own, [out])
 import h5py
 import taxel
 from taxel.gap.diagnosis import diagnose
-from taxel.blind.baselines import baseline_verdicts
+from taxel.blind.baselines import compute_baseline_verdicts
 
 def open_in_c(path):
     number = ctypes.CDLL(None, use_errno=True).open(str(path).encode(), os.O_RDONLY)

@@ -16,7 +16,7 @@ from taxel.blind import run, sampling
 from taxel.blind.records import RECORDS, read_records, write_records
 from taxel.blind.run_folder import seal_worlds
 from taxel.blind.sandboxed_run import SandboxedRunner
-from taxel.blind.version import diagnosis_version
+from taxel.blind.version import compute_diagnosis_version
 from taxel.gap.catalogue import OWN_EFFECTS
 
 SEED = 4400
@@ -154,7 +154,7 @@ def test_the_score_and_its_sheet_are_written(check):
     assert score["rig4"]["unknown_withheld"]["of"] == 1
     text = (check / "score.md").read_text()
     provenance = "Made by `taxel gap blind --worlds 2`; 2 worlds gave a report. Measured version of the diagnosis: "
-    assert f"{provenance}{diagnosis_version()} (" in text
+    assert f"{provenance}{compute_diagnosis_version()} (" in text
     assert (check.parent / "page" / "score.md").read_text() == text
 
 
@@ -167,7 +167,7 @@ def test_a_finished_check_is_only_scored_again(check, monkeypatch, capsys):
 def test_the_results_of_a_check_are_rejected_as_a_further_run_of_itself(check, capsys):
     path = check / RECORDS
     assert [result.world.number for result in read_records(path)] == [0, 1]
-    assert {result.diagnosis_version for result in read_records(path)} == {diagnosis_version()}
+    assert {result.diagnosis_version for result in read_records(path)} == {compute_diagnosis_version()}
     assert run_taxel("gap", "blind", "--worlds", 2, "--out", check, "--add-answers", path) == 1
     assert "expected results of another run, found the same worlds" in " ".join(capsys.readouterr().err.split())
 

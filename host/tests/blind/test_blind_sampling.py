@@ -12,7 +12,7 @@ from taxel.blind.hidden import UNKNOWN, Cause, HiddenCauses
 from taxel.blind.out_of_catalogue import OUT_OF_CATALOGUE
 from taxel.blind.sampling import FLOORS, INDENTATIONS, KIND_COUNTS, WITHHELD_PER_EFFECT, sample_worlds
 from taxel.campaign.indentation import indentation_settings
-from taxel.campaign.session import session_world_text
+from taxel.campaign.session import format_session_world
 from taxel.campaign.setup import Setup
 from taxel.emulated.contact import SkinContact
 from taxel.gap.catalogue import OWN_EFFECTS
@@ -85,7 +85,7 @@ def test_strengths_are_stratified_within_each_effect(monkeypatch):
         return Cause("noise", "noise white", (f"{strength}",))
 
     cause_type = CauseType("noise", "noise white", sample)
-    monkeypatch.setattr("taxel.blind.sampling.cause_types_of", lambda name: (cause_type,))
+    monkeypatch.setattr("taxel.blind.sampling.list_cause_types", lambda name: (cause_type,))
     hidden = select_hidden(sample_worlds(WORLD_COUNT, 0, seed=4), "single")
     strengths = np.array([float(causes.causes[0].lines[0]) for causes in hidden])
     low, high = FLOORS
@@ -133,7 +133,7 @@ def test_the_emulator_accepts_every_effect_line(all_worlds):
     setup = Setup(load_hand("rig4"), {})
     for line in {tuple(line.split()[:2]): line for world in all_worlds for line in world.hidden.lines}.values():
         effects = () if line.split()[0].endswith("_offset") else (line,)
-        with SkinContact(session_world_text(setup, indentation_settings(setup.hand, effects=effects), 0)):
+        with SkinContact(format_session_world(setup, indentation_settings(setup.hand, effects=effects), 0)):
             pass
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from taxel.blind.hidden import Cause, HiddenCauses
 from taxel.blind.results import ParameterComparison, ReportedVerdict, WorldResult
-from taxel.blind.score import score, share, wilson_interval
+from taxel.blind.score import compute_wilson_interval, score, share
 from taxel.blind.score_sheet import score_sheet
 from taxel.blind.world import World
 
@@ -53,11 +53,16 @@ def score_on_rig(*results: WorldResult) -> dict:
     (1, 29, 0.0061, 0.1718),
 ])  # fmt: skip
 def test_the_wilson_interval_agrees_with_published_values(right, of, low, high):
-    assert wilson_interval(right, of) == pytest.approx([low, high], abs=1e-4)
+    assert compute_wilson_interval(right, of) == pytest.approx([low, high], abs=1e-4)
 
 
 def test_a_share_counts_true_values():
-    assert share([True, False, True, True]) == {"right": 3, "of": 4, "share": 0.75, "ci95": wilson_interval(3, 4)}
+    assert share([True, False, True, True]) == {
+        "right": 3,
+        "of": 4,
+        "share": 0.75,
+        "ci95": compute_wilson_interval(3, 4),
+    }
     assert share([])["share"] is None
 
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from taxel.campaign.variation import FACTORS, Variation, balanced_variation
+from taxel.campaign.variation import FACTORS, Variation, sample_balanced_variation
 from taxel.hand.transforms import to_rotation_vector
 
 
 def design(repeats: int, seed: int = 1, name: str = "cylinder top") -> np.ndarray:
-    return np.stack([balanced_variation(seed, name, repeat) for repeat in range(repeats)])
+    return np.stack([sample_balanced_variation(seed, name, repeat) for repeat in range(repeats)])
 
 
 def test_unit_samples_are_scaled_to_metres_radians_and_a_grip_factor():

@@ -8,7 +8,7 @@ from taxel.campaign.indentation.emulated_equilibrium import EmulatedEquilibrium
 from taxel.campaign.indentation.errors import EquilibriumError
 from taxel.campaign.indentation.fixed_layer import FixedSkinLayer
 from taxel.campaign.indentation.simulated_equilibrium import LEVELS, SimulatedEquilibrium
-from taxel.campaign.session import session_world_text
+from taxel.campaign.session import format_session_world
 from taxel.campaign.variation import NO_VARIATION
 from taxel.emulated.contact import SkinContact
 from taxel.hand import load_hand
@@ -29,7 +29,7 @@ def plan(hand):
 
 @pytest.fixture(scope="module")
 def contact(hand, plan):
-    with SkinContact(session_world_text(plan.setup, indentation_settings(hand, variation=NO_VARIATION), 0)) as opened:
+    with SkinContact(format_session_world(plan.setup, indentation_settings(hand, variation=NO_VARIATION), 0)) as opened:
         yield opened
 
 
@@ -91,7 +91,7 @@ def test_a_displaced_bracket_shifts_the_first_contact(hand, plan, contact):
     approach = next(item for item in plan.approaches if item.boards == ("sleeve",))
     effects = ("bracket_offset sleeve 0 0 0.001 0 0 0",)
     settings = indentation_settings(hand, variation=NO_VARIATION, effects=effects)
-    with SkinContact(session_world_text(plan.setup, settings, 0)) as skin:
+    with SkinContact(format_session_world(plan.setup, settings, 0)) as skin:
         displaced = emulated_equilibrium(plan, skin, approach).solve_path(approach.force_n)
     nominal = emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
     cosine = -(plan.bracket_poses[3, :3, 2] @ approach.direction)

@@ -16,8 +16,8 @@ from taxel.campaign.indentation import (
 from taxel.campaign.indentation.errors import EquilibriumError, IndentationPlanError
 from taxel.campaign.indentation.fixed_layer import FixedSkinLayer
 from taxel.campaign.indentation.indenters import FAMILIES, SIZE_M
-from taxel.campaign.indentation.placement import LOADED_N, MAX_TAXEL_FORCE_N, SkinSurface, travel_to
-from taxel.campaign.indentation.settings import poll_rate_hz, scl_frequency_for
+from taxel.campaign.indentation.placement import LOADED_N, MAX_TAXEL_FORCE_N, SkinSurface, compute_travel
+from taxel.campaign.indentation.settings import choose_scl_frequency, compute_poll_rate
 from taxel.campaign.indentation.simulated_equilibrium import SimulatedEquilibrium
 from taxel.campaign.indentation.stroke import AWAY_M, CLEARANCE_M, MIN_CLEARANCE_M, Stroke
 from taxel.grasp.timeline import Phase, Timeline
@@ -95,7 +95,7 @@ def test_the_touch_pose_is_the_first_contact(plans, seed, hand):
     skin = SkinSurface.of(hand, plan.bracket_poses)
     for approach in plan.approaches:
         shape = plan.objects[approach.object].shape
-        travel = travel_to(skin, shape, approach.touch_pose, approach.direction)
+        travel = compute_travel(skin, shape, approach.touch_pose, approach.direction)
         assert travel.min() == pytest.approx(0.0, abs=1e-9)
         assert hand.boards[skin.board[np.argmin(travel)]].name in approach.boards
 
@@ -107,7 +107,7 @@ def test_a_withdrawn_object_touches_no_board_behind_it():
     for approach in plan.approaches:
         pose = approach.touch_pose.copy()
         pose[:3, 3] -= MIN_CLEARANCE_M * approach.direction
-        travel_back = travel_to(skin, plan.objects[approach.object].shape, pose, -approach.direction)
+        travel_back = compute_travel(skin, plan.objects[approach.object].shape, pose, -approach.direction)
         assert travel_back.min() > AWAY_M + CLEARANCE_M
 
 
@@ -150,7 +150,7 @@ def test_the_rig_has_flat_and_curved_boards_and_two_boards_that_form_a_valley(ha
 def test_the_clock_and_the_baseline_fit_the_hand(hand):
     for name, rate_hz in (("rig4", 26.7), ("allegro", 19.5)):
         described = load_hand(name)
-        assert poll_rate_hz(described, scl_frequency_for(described)) == pytest.approx(rate_hz, abs=0.1)
+        assert compute_poll_rate(described, choose_scl_frequency(described)) == pytest.approx(rate_hz, abs=0.1)
         assert indentation_timeline(described).baseline_s * rate_hz > BASELINE_FRAMES + 2
     assert indentation_settings(hand, seed=5, effects=("spread film length_m=0.002",)).seed == 5
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taxel.cli.gap_summary import nested_agreement
+from taxel.cli.gap_summary import format_nested_agreement
 from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.chain import Chain
 from taxel.gap.diagnosis import diagnose
@@ -52,4 +52,4 @@ def test_nested_models_are_restricted_to_the_effects_of_the_verdict():
 
 
 def test_nested_agreement_counts_searches_with_the_same_effects():
-    assert nested_agreement([["noise"], ["noise", "stiffness"]], ["noise", "unknown"]).endswith(": 1 of 2")
+    assert format_nested_agreement([["noise"], ["noise", "stiffness"]], ["noise", "unknown"]).endswith(": 1 of 2")

@@ -17,7 +17,7 @@ from taxel.recording.grasp_dataset import GraspDataset
 from taxel.sim.closing import simulate_grasp
 from taxel.sim.cone_sensing import NOMINAL_FORCE_N, ConeSensing, compute_base_radius
 from taxel.sim.importers.active_points import import_active
-from taxel.sim.importers.gazebo_csv import default_threshold, distribute_forces, import_contacts
+from taxel.sim.importers.gazebo_csv import compute_default_threshold, distribute_forces, import_contacts
 from taxel.sim.importers.options import ImportOptions
 from taxel.sim.scene import build_scene
 from taxel.sim.separation import compute_separations
@@ -198,7 +198,7 @@ def test_a_contact_with_a_board_name_loads_only_taxels_of_this_board(tmp_path):
     )
     palm = HAND.get_slice(HAND.find_board("palm").address)
     centres = compute_taxel_positions(HAND, motion.sensor_poses)[frame, palm]
-    is_near = np.linalg.norm(centres - position[:, None], axis=2).min(axis=1) <= default_threshold(HAND)
+    is_near = np.linalg.norm(centres - position[:, None], axis=2).min(axis=1) <= compute_default_threshold(HAND)
     assert report.far_contacts == len(frame) - is_near.sum()
 
 

@@ -10,12 +10,12 @@ import numpy as np
 from taxel.campaign.indentation.emulated_equilibrium import EmulatedEquilibrium, EquilibriumPath
 from taxel.campaign.indentation.errors import EquilibriumError
 from taxel.campaign.indentation.plan import IndentationPlan, PlannedIndentation
-from taxel.campaign.indentation.settings import poll_rate_hz
+from taxel.campaign.indentation.settings import compute_poll_rate
 from taxel.campaign.indentation.stroke import AWAY_M, Stroke
 from taxel.campaign.poll_cycles import PollCycles
 from taxel.campaign.processes import map_in_processes
 from taxel.campaign.progress import Progress, no_progress
-from taxel.campaign.session import LEAD_IN_S, SceneMotion, check_world, run_emulated_skin, session_world_text
+from taxel.campaign.session import LEAD_IN_S, SceneMotion, check_world, format_session_world, run_emulated_skin
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
 from taxel.campaign.store import open_campaign_writer
@@ -55,7 +55,7 @@ def run_emulated_indentations(
     """
     setup = plan.setup
     check_world(setup, settings)
-    rate_hz, description = poll_rate_hz(plan.hand, settings.scl_hz), f"{settings.describe()}, {plan.describe()}"
+    rate_hz, description = compute_poll_rate(plan.hand, settings.scl_hz), f"{settings.describe()}, {plan.describe()}"
     with open_campaign_writer(path, "real", setup, rate_hz, description, overwrite, resume) as out:
         finished = set(out.ids)
         sessions = [list(part) for _, part in groupby(plan.indentations, key=lambda indentation: indentation.session)]
@@ -79,7 +79,7 @@ def run_indentation_session(
     """Records of one session, in order: one mounting of the skin, one power-up. Raises `TaxelError`."""
     plan, settings = campaign.plan, campaign.settings
     begins = (LEAD_IN_S + plan.timeline.duration_s * np.arange(len(indentations) + 1)).tolist()
-    world = session_world_text(setup, settings, indentations[0].session)
+    world = format_session_world(setup, settings, indentations[0].session)
     with SkinContact(world) as contact:
         motions = [
             _scene_motion(plan, indentation, _solve(plan, indentation, settings, contact), begin, end)

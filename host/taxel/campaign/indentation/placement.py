@@ -109,7 +109,7 @@ class SkinSurface:
         ]
 
 
-def travel_to(surface: SkinSurface, shape: Shape, pose: FloatArray, direction: FloatArray) -> FloatArray:
+def compute_travel(surface: SkinSurface, shape: Shape, pose: FloatArray, direction: FloatArray) -> FloatArray:
     """Travel f64[m] along `direction` until the object touches the centre of each square, metres.
 
     pose: start pose of the object f64[4, 4]. Infinite for squares that the object never touches.
@@ -183,7 +183,7 @@ class PlacementSampler:
         squares = [self.surface.board == board for board in boards]
 
         def travel_difference(offset: float) -> float:
-            travel = travel_to(self.surface, shape, _translated(pose, offset * side), direction)
+            travel = compute_travel(self.surface, shape, _translated(pose, offset * side), direction)
             return float(np.clip(travel[squares[0]].min(), -1.0, 1.0) - np.clip(travel[squares[1]].min(), -1.0, 1.0))
 
         low, high = -_MAX_SIDEWAYS_M, _MAX_SIDEWAYS_M
@@ -203,7 +203,7 @@ class PlacementSampler:
         boards: the boards that the object must load, and no others.
         """
         shape, surface = indenter.item.shape, self.surface
-        travel = travel_to(surface, shape, pose, direction)
+        travel = compute_travel(surface, shape, pose, direction)
         first = float(travel.min())
         if not np.isfinite(first) or surface.board[np.argmin(travel)] not in boards:
             return None
@@ -212,7 +212,7 @@ class PlacementSampler:
         reached = np.count_nonzero(coarse_force)
         if reached < MIN_LOADED or force_n > COARSE_FORCE_N * reached:
             return None
-        behind = travel_to(surface, shape, _translated(touch, -MIN_CLEARANCE_M * direction), -direction)
+        behind = compute_travel(surface, shape, _translated(touch, -MIN_CLEARANCE_M * direction), -direction)
         if behind.min() < AWAY_M + CLEARANCE_M + MIN_GAP_M:
             return None  # the withdrawn object would touch the skin behind it
         checked = self._equilibrium(shape, touch, direction, force_n)

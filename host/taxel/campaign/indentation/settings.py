@@ -28,7 +28,7 @@ SPARE_FRAMES = 8
 _POLL_BITS, _BOARD_BITS, _TAXEL_BITS = 64, 66, 18
 
 
-def poll_rate_hz(hand: Hand, scl_hz: float) -> float:
+def compute_poll_rate(hand: Hand, scl_hz: float) -> float:
     """Poll cycles per second of the hub if only I2C limits the rate.
 
     Each byte takes 9 bits and each taxel two bytes. The overhead per board and per cycle (addresses, header and CRC of
@@ -38,21 +38,21 @@ def poll_rate_hz(hand: Hand, scl_hz: float) -> float:
     return round(scl_hz / bits, 2)
 
 
-def scl_frequency_for(hand: Hand) -> float:
+def choose_scl_frequency(hand: Hand) -> float:
     """The lowest I2C clock that reaches `MIN_ROW_RATE_HZ`; a higher clock only increases the run time."""
-    sufficient = [scl_hz for scl_hz in I2C_MODES_HZ if poll_rate_hz(hand, scl_hz) >= MIN_ROW_RATE_HZ]
+    sufficient = [scl_hz for scl_hz in I2C_MODES_HZ if compute_poll_rate(hand, scl_hz) >= MIN_ROW_RATE_HZ]
     return sufficient[0] if sufficient else I2C_MODES_HZ[-1]
 
 
 def indentation_timeline(hand: Hand) -> Timeline:
     """Phases whose baseline is long enough for the number of baseline frames of the dataset format."""
-    baseline_s = (BASELINE_FRAMES + SPARE_FRAMES) / poll_rate_hz(hand, scl_frequency_for(hand))
+    baseline_s = (BASELINE_FRAMES + SPARE_FRAMES) / compute_poll_rate(hand, choose_scl_frequency(hand))
     return Timeline(round(baseline_s, 2), closing_s=1.2, hold_s=1.2, release_s=0.8, recovery_s=0.8)
 
 
 def indentation_settings(hand: Hand, **changes: Any) -> EmulatedSettings:
     """`EmulatedSettings` of a rig with the skin of `hand`: its I2C clock and variation, no effects. changes: fields."""
-    return replace(EmulatedSettings(variation=RIG_VARIATION, effects=(), scl_hz=scl_frequency_for(hand)), **changes)
+    return replace(EmulatedSettings(variation=RIG_VARIATION, effects=(), scl_hz=choose_scl_frequency(hand)), **changes)
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,8 @@ class SimIndentationSettings:
     """Settings of the simulator's side of an indentation campaign.
 
     repeats: indentations per approach, preferably an even number, because `variation` is applied as a balanced design
-    (`taxel.campaign.variation.balanced_variation`). law: force law of the layer under one taxel. rate_hz: frame rate.
+    (`taxel.campaign.variation.sample_balanced_variation`). law: force law of the layer under one taxel. rate_hz: frame
+    rate.
     """
 
     seed: int = 1

@@ -16,7 +16,7 @@ from taxel.campaign.processes import map_in_processes
 from taxel.campaign.progress import Progress, no_progress
 from taxel.campaign.setup import Setup
 from taxel.campaign.store import open_campaign_writer
-from taxel.campaign.variation import balanced_variation
+from taxel.campaign.variation import sample_balanced_variation
 from taxel.recording.grasp_record import GraspRecord
 from taxel.sim.layer import STIFFNESS_N_PER_M
 from taxel.sim.separation import compute_separations
@@ -89,7 +89,7 @@ def simulate_indentation(setup: Setup, indentation: PlannedIndentation, campaign
     """
     plan, settings, approach = campaign.plan, campaign.settings, indentation.approach
     offset, force_factor = settings.variation.for_object(approach.object).apply(
-        balanced_variation(settings.seed, f"{approach.object} {approach.name}", indentation.iteration)
+        sample_balanced_variation(settings.seed, f"{approach.object} {approach.name}", indentation.iteration)
     )
     shape = setup.objects[approach.object].shape
     layer = _layer(plan, settings.law)

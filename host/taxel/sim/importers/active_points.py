@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from taxel.hand.kinematics import compute_taxel_positions
 from taxel.sim.cone_sensing import assign_nominal_force
-from taxel.sim.importers.csv_grasps import PosedGrasp, read_hand, rows_by_frame, write_grasps
+from taxel.sim.importers.csv_grasps import PosedGrasp, group_rows_by_frame, read_hand, write_grasps
 from taxel.sim.importers.csv_table import Column, CsvTable, read_csv
 from taxel.sim.importers.grasp_rows import LABELS
 from taxel.sim.importers.options import ImportOptions, ImportReport
@@ -73,7 +73,7 @@ def import_active(
     def compute_forces(grasp: PosedGrasp, report: ImportReport) -> FloatArray:
         centres = compute_taxel_positions(options.hand, grasp.hand_track.sensor_pose)
         is_active = np.zeros(centres.shape[:2], bool)
-        for frame, rows in rows_by_frame(grasp, np.ones(len(positions), bool)):
+        for frame, rows in group_rows_by_frame(grasp, np.ones(len(positions), bool)):
             is_active[frame, _match_taxels(table, rows, positions[rows], centres[frame])] = active[rows] > 0
             report.contacts += int(active[rows].sum())
         return assign_nominal_force(is_active)

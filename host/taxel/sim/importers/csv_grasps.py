@@ -13,20 +13,20 @@ from taxel.hand.errors import format_value
 from taxel.recording.grasp_tables import ObjectMesh
 from taxel.sim.importers.csv_table import CsvTable
 from taxel.sim.importers.errors import FileLocation, suggest_names
-from taxel.sim.importers.grasp_rows import Frames, GraspRows, dataset_ids, group_frames, group_grasps
+from taxel.sim.importers.grasp_rows import Frames, GraspRows, group_frames, group_grasps, make_dataset_ids
 from taxel.sim.importers.hand_motion import GraspTrack, HandMotion, read_joints, read_poses
 from taxel.sim.importers.options import ImportOptions, ImportReport
 from taxel.sim.importers.records import (
     ImportedGrasp,
+    compute_frame_rate,
     make_record,
-    median_frame_rate,
     open_new_dataset,
     refuse_existing_file,
 )
 from taxel.sim.separation import compute_separations
 from taxel.types import FloatArray
 
-__all__ = ["ComputeForces", "PosedGrasp", "make_meshes", "read_hand", "rows_by_frame", "write_grasps"]
+__all__ = ["ComputeForces", "PosedGrasp", "group_rows_by_frame", "make_meshes", "read_hand", "write_grasps"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +75,9 @@ def write_grasps(
     refuse_existing_file(out, options.overwrite)
     grasps = group_grasps(table)
     posed_grasps = [_pose_grasp(table, rows, motion, options) for rows in grasps]
-    ids = dataset_ids([grasp.id for grasp in grasps])
+    ids = make_dataset_ids([grasp.id for grasp in grasps])
     objects = {grasp.grasp_object.name: grasp.grasp_object for grasp in posed_grasps}
-    rate = median_frame_rate([grasp.frames.time_s for grasp in posed_grasps])
+    rate = compute_frame_rate([grasp.frames.time_s for grasp in posed_grasps])
     report = ImportReport()
     with open_new_dataset(out, options, make_meshes(objects.values()), rate, description) as writer:
         for done, (name, grasp) in enumerate(zip(ids, posed_grasps, strict=True)):
@@ -141,7 +141,7 @@ def _fail_without_object_pose(source: FileLocation, name: str) -> NoReturn:
     source.fail(f"the pose of {format_value(name)}", found, remedy)
 
 
-def rows_by_frame(grasp: PosedGrasp, selection: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.intp]]]:
+def group_rows_by_frame(grasp: PosedGrasp, selection: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.intp]]]:
     """Index of each frame of a grasp and its selected rows of the table, i64; frames without such rows are left out.
 
     selection: bool[r], the selected rows of the table.

@@ -19,7 +19,7 @@ from taxel.hand import Hand
 from taxel.hand.errors import format_value
 from taxel.hand.kinematics import compute_taxel_positions
 from taxel.sim.cone_sensing import ConeSensing, assign_nominal_force, compute_base_radius
-from taxel.sim.importers.csv_grasps import PosedGrasp, read_hand, rows_by_frame, write_grasps
+from taxel.sim.importers.csv_grasps import PosedGrasp, group_rows_by_frame, read_hand, write_grasps
 from taxel.sim.importers.csv_table import Column, CsvTable, read_csv
 from taxel.sim.importers.errors import suggest_names
 from taxel.sim.importers.grasp_rows import LABELS
@@ -27,7 +27,7 @@ from taxel.sim.importers.options import ImportOptions, ImportReport
 from taxel.sim.importers.records import refuse_existing_file
 from taxel.types import FloatArray
 
-__all__ = ["CONTACT_COLUMNS", "default_threshold", "distribute_forces", "import_contacts"]
+__all__ = ["CONTACT_COLUMNS", "compute_default_threshold", "distribute_forces", "import_contacts"]
 
 POSITION = ("x", "y", "z")
 NORMAL = ("nx", "ny", "nz")
@@ -54,7 +54,7 @@ _MIN_WEIGHT = 1e-6  # of a taxel within the threshold
 _ROUNDING = 1e-9  # relative tolerance of comparisons with the threshold
 
 
-def default_threshold(hand: Hand) -> float:
+def compute_default_threshold(hand: Hand) -> float:
     """Distance threshold of the thesis, metres: 2.35 mm for taxels of 3 mm (Figure 4.7)."""
     return ConeSensing(compute_base_radius(hand)).threshold_m
 
@@ -76,7 +76,7 @@ def import_contacts(
         joints: CSV of joint angles, see `hand_motion.read_joints`; exactly one of joints and poses.
         poses: CSV of poses, see `hand_motion.read_poses`.
         threshold_m: largest distance from a contact to the centre of a taxel on which it acts; None:
-            `default_threshold`.
+            `compute_default_threshold`.
         options: common options.
 
     Raises:
@@ -85,7 +85,7 @@ def import_contacts(
         ValueError: a threshold that is not above 0; both or neither of joints and poses.
     """
     options = options or ImportOptions()
-    threshold = default_threshold(options.hand) if threshold_m is None else threshold_m
+    threshold = compute_default_threshold(options.hand) if threshold_m is None else threshold_m
     if not (np.isfinite(threshold) and threshold > 0):
         raise ValueError(f"threshold_m: expected metres above 0, found {threshold}")
     refuse_existing_file(out, options.overwrite)
@@ -128,7 +128,7 @@ def _compute_taxel_forces(
     """Contact forces of one grasp, f64[T, n], newtons; contacts without a taxel are counted in the report."""
     centres = compute_taxel_positions(hand, grasp.hand_track.sensor_pose)
     forces, smallest_distance = np.zeros(centres.shape[:2]), np.inf
-    frames = rows_by_frame(grasp, contacts.is_contact)
+    frames = group_rows_by_frame(grasp, contacts.is_contact)
     for frame, rows in frames:
         board = contacts.board[rows, None]
         is_excluded = (board >= 0) & (board != hand.board_index)

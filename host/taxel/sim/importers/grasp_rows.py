@@ -12,7 +12,7 @@ from taxel.hand.errors import format_value
 from taxel.sim.importers.csv_table import Column, CsvTable
 from taxel.sim.importers.hand_motion import GraspTrack, parse_phase
 
-__all__ = ["LABELS", "Frames", "GraspRows", "dataset_ids", "group_frames", "group_grasps"]
+__all__ = ["LABELS", "Frames", "GraspRows", "group_frames", "group_grasps", "make_dataset_ids"]
 
 LABELS = (
     Column("grasp", "text", ("grasp_id", "id"), required=True),
@@ -84,7 +84,7 @@ def _require_equal(table: CsvTable, rows: list[int], column: str, grasp: str) ->
             )
 
 
-def dataset_ids(names: Sequence[str]) -> list[str]:
+def make_dataset_ids(names: Sequence[str]) -> list[str]:
     """Ids of grasps whose alphabetical order is the order of the file.
 
     Numbers get leading zeros. If the names are not in alphabetical order, they get the prefixes 0001_, 0002_, ...

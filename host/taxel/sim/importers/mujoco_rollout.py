@@ -22,12 +22,12 @@ from taxel.sim.closing import GraspMotion
 from taxel.sim.contacts import ContactPoints, StepContacts, compute_board_wrenches
 from taxel.sim.importers.csv_grasps import make_meshes
 from taxel.sim.importers.errors import FileLocation
-from taxel.sim.importers.grasp_rows import dataset_ids
+from taxel.sim.importers.grasp_rows import make_dataset_ids
 from taxel.sim.importers.options import ImportOptions, ImportReport
 from taxel.sim.importers.records import (
     ImportedGrasp,
+    compute_frame_rate,
     make_record,
-    median_frame_rate,
     open_new_dataset,
     refuse_existing_file,
 )
@@ -96,8 +96,8 @@ def import_rollout(
     rollout_object = make_rollout_object(loaded_model, parts, options.objects, location)
     recorded = read_states(states, _row_shapes(loaded_model), loaded_model.opt.timestep)
     grasps = recorded.rows_by_grasp()
-    ids = dataset_ids([recorded.grasp[int(rows[0])] for rows in grasps])
-    rate = median_frame_rate([recorded.time_s[rows] for rows in grasps])
+    ids = make_dataset_ids([recorded.grasp[int(rows[0])] for rows in grasps])
+    rate = compute_frame_rate([recorded.time_s[rows] for rows in grasps])
     layer = "coupled" if sensing.level == "coupled" else "uncoupled"
     description = f"import of a MuJoCo rollout, {sensing.level} sensing"
     report, run = ImportReport(), _Run(loaded_model, parts, rollout_object, options)

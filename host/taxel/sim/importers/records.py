@@ -26,7 +26,7 @@ from taxel.sim.importers.options import ImportOptions, ImportReport
 from taxel.sim.separation import MISS_M
 from taxel.types import FloatArray
 
-__all__ = ["RATE_HZ", "ImportedGrasp", "make_record", "median_frame_rate", "open_new_dataset", "refuse_existing_file"]
+__all__ = ["RATE_HZ", "ImportedGrasp", "compute_frame_rate", "make_record", "open_new_dataset", "refuse_existing_file"]
 
 RATE_HZ = 20.0
 """Frame rate of a file without times: the frame rate of this project's simulator."""
@@ -61,7 +61,7 @@ def refuse_existing_file(path: str | os.PathLike[str], overwrite: bool) -> None:
     check_target(Path(path), overwrite, Location(str(path)))
 
 
-def median_frame_rate(times: Iterable[FloatArray]) -> float:
+def compute_frame_rate(times: Iterable[FloatArray]) -> float:
     """Frame rate in hertz from the median time step of all grasps; `RATE_HZ` if no grasp has two frames."""
     steps = np.concatenate([np.zeros(0), *(np.diff(grasp_times) for grasp_times in times)])
     steps = steps[steps > 0]
@@ -122,7 +122,7 @@ def make_record(
     Raises ImportDataError for too few baseline frames if the options do not add frames.
     """
     added = _count_missing_baseline(grasp, options.baseline_frames, source)
-    times, step = grasp.time_s, 1.0 / median_frame_rate([grasp.time_s])
+    times, step = grasp.time_s, 1.0 / compute_frame_rate([grasp.time_s])
     before = times[0] - step * np.arange(added, 0, -1)
     force = np.concatenate([np.zeros((added, grasp.contact_force.shape[1])), grasp.contact_force])
     separation = np.concatenate([np.full((added, grasp.separation.shape[1]), MISS_M), grasp.separation])
