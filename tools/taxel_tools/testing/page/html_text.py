@@ -3,8 +3,6 @@
 Every `str` argument that is not escaped by a function of this module is HTML already.
 """
 
-from __future__ import annotations
-
 import html
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
