@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from host.tests.bench.fake_gantry import FakeGantry, press_with
-from host.tests.bench.test_bench_operator import PRESS
+from host.tests.bench.test_bench_operator import INDENTATION
 from host.tests.command_line import run_taxel
 from taxel_tools import cli_bench
 from taxel_tools.bench.probe import gcode
@@ -35,7 +35,7 @@ class FollowingOperatorInput(io.StringIO):
 
     def readline(self, *size):
         text = self.screen.getvalue()
-        press_instructions, release_position = list(PRESS.finditer(text)), text.rfind("release the probe")
+        press_instructions, release_position = list(INDENTATION.finditer(text)), text.rfind("release the probe")
         if release_position > (press_instructions[-1].start() if press_instructions else -1):
             self.probe.release()
         else:
