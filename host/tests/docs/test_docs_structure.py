@@ -8,7 +8,7 @@ from host.tests.docs.page_blocks import ROOT
 
 DOCS = ROOT / "docs"
 SECTIONS = ["Goal", "Steps", "Expected output", "Possible failures"]
-GUIDES = [*sorted(DOCS.glob("how-to-*.md")), DOCS / "grasp-campaign.md"]
+GUIDES = [page for glob in ("how-to-*.md", "tutorial-*.md", "gen*.md", "grasp-*.md") for page in sorted(DOCS.glob(glob))]
 
 NOT_PROSE = re.compile(r"^```.*?^```|`[^`\n]*`|!?\[[^\]]*\]\([^)]*\)|^#[^\n]*|<!--.*?-->", re.DOTALL | re.MULTILINE)
 PAGES_WITHOUT_LINKS = {
