@@ -112,11 +112,11 @@ def test_rod_loads_only_the_strip_of_taxels_below_it(flat8):
 def test_common_motion_of_board_and_object_does_not_change_the_load(flat8):
     motion = from_rotation_vector([0.4, -0.8, 0.3])
     motion[:3, 3] = 0.5, -0.2, 0.1
-    at_rest, moved = (
+    at_rest, moved_load = (
         flat8.compute_load(0, place_block(3e-4), BRACKET_POSES),
         flat8.compute_load(0, motion @ place_block(3e-4), motion[None]),
     )
-    assert moved.wrench == pytest.approx(at_rest.wrench, rel=1e-6, abs=1e-6)
+    assert moved_load.wrench == pytest.approx(at_rest.wrench, rel=1e-6, abs=1e-6)
 
 
 def test_offsets_of_brackets_and_objects_are_applied_to_nominal_poses():

@@ -161,13 +161,13 @@ def test_the_pose_minimises_the_weighted_sum_of_squares(weights: NDArray[np.floa
     measured = measure_marks(np.random.default_rng(SEED), 1e-3)
     estimate = fit_pose(MARKS, measured, weights=weights)
 
-    def residuals(change: NDArray[np.float64]) -> NDArray[np.float64]:
-        moved = from_rotation_vector(change[:3]) @ estimate.transform
-        moved[:3, 3] = estimate.transform[:3, 3] + change[3:]
-        return (np.sqrt(weights)[:, np.newaxis] * (measured - apply(moved, MARKS))).ravel()
+    def compute_residuals(change: NDArray[np.float64]) -> NDArray[np.float64]:
+        changed_pose = from_rotation_vector(change[:3]) @ estimate.transform
+        changed_pose[:3, 3] = estimate.transform[:3, 3] + change[3:]
+        return (np.sqrt(weights)[:, np.newaxis] * (measured - apply(changed_pose, MARKS))).ravel()
 
     solution = least_squares(
-        residuals, np.zeros(6), x_scale=[1, 1, 1, 0.1, 0.1, 0.1], xtol=1e-15, ftol=1e-15, gtol=1e-15
+        compute_residuals, np.zeros(6), x_scale=[1, 1, 1, 0.1, 0.1, 0.1], xtol=1e-15, ftol=1e-15, gtol=1e-15
     )
     np.testing.assert_allclose(solution.x, 0, atol=1e-8)
     # The covariance equals that of the linearised problem.

@@ -30,7 +30,7 @@ from taxel.hand.allegro import (
 from taxel.hand.allegro.messages import FingerPose, Message, SetPeriod, SetTorque, SystemOff, SystemOn
 from taxel.hand.allegro.protocol import RAD_PER_COUNT, decode, encode
 
-NAMES = itertools.count()
+CHANNEL_NUMBERS = itertools.count()
 MIDDLE = (JOINT_MIN_RAD + JOINT_MAX_RAD) / 2
 
 
@@ -56,14 +56,15 @@ class Bench(SimpleNamespace):
 
 @pytest.fixture
 def bench() -> Iterator[Bench]:
-    name = f"driver-{next(NAMES)}"
-    ends = [can.Bus(name, "virtual") for _ in range(3)]
-    yield Bench(bus=ends[0], virtual=VirtualAllegro(ends[1], FreeJoints()), listener=ends[2])
-    for end in ends:
-        end.shutdown()
+    channel = f"driver-{next(CHANNEL_NUMBERS)}"
+    buses = [can.Bus(channel, "virtual") for _ in range(3)]
+    yield Bench(bus=buses[0], virtual=VirtualAllegro(buses[1], FreeJoints()), listener=buses[2])
+    for bus in buses:
+        bus.shutdown()
 
 
 def assert_one_line(error: BaseException) -> str:
+    """The text of a TaxelError, which must be one line and survive pickling."""
     text = str(error)
     assert isinstance(error, TaxelError)
     assert "\n" not in text
@@ -242,19 +243,19 @@ def test_the_silence_limit_is_at_least_three_periods(bench: Bench) -> None:
 def test_a_fault_is_raised_on_entry_and_in_operation(
     bench: Bench, fault: str, value: object, error: type[AllegroError], message: str
 ) -> None:
-    healthy = getattr(bench.virtual.faults, fault)
+    healthy_value = getattr(bench.virtual.faults, fault)
     setattr(bench.virtual.faults, fault, value)
     with pytest.raises(error, match=message) as caught, bench.make_hand():
         pass
     assert_one_line(caught.value)
-    setattr(bench.virtual.faults, fault, healthy)
+    setattr(bench.virtual.faults, fault, healthy_value)
     with bench.make_hand() as hand:
         bench.run(hand, 0.6)
         setattr(bench.virtual.faults, fault, value)
         with pytest.raises(error, match=message):
             bench.run(hand, 0.6)
-        setattr(bench.virtual.faults, fault, healthy)
-        for _ in range(250):  # the end of a fault is noticed
+        setattr(bench.virtual.faults, fault, healthy_value)
+        for _ in range(250):  # the hand works again after the fault has ended
             bench.virtual.step(0.003)
             try:
                 hand.update()
@@ -286,17 +287,21 @@ def test_malformed_and_foreign_frames_are_counted(bench: Bench) -> None:
 
     with bench.make_hand() as hand:
         bench.run(hand, 0.003)
-        before, angles = hand.frames, hand.read_joint_angles().angles
+        counts_before, angles = hand.frames, hand.read_joint_angles().angles
         send(0x20 << 2, bytes(7))  # a short pose
         send(0x88 << 2, b"\xff" * 8)  # no serial number
         send(0x7F << 2, bytes(8))  # no message of the protocol
         send(0x20 << 2 | 1, bytes(8))  # another hand's pose
         bench.listener.send(encode(SystemOn()))  # a command
         assert hand.poll() == 5
-        after = hand.frames
+        counts_after = hand.frames
         np.testing.assert_array_equal(hand.read_joint_angles().angles, angles)
         assert hand.get_serial() == "SAH040VR"
-    assert (after.accepted - before.accepted, after.ignored - before.ignored, after.malformed - before.malformed) == (
+    assert (
+        counts_after.accepted - counts_before.accepted,
+        counts_after.ignored - counts_before.ignored,
+        counts_after.malformed - counts_before.malformed,
+    ) == (
         0,
         3,
         2,

@@ -16,18 +16,20 @@ HAND = load_hand("allegro")
 KINDS = {board.kind.name: board.kind for board in HAND.boards}
 FLAT = ("palm", "back_of_hand", "medial_front")
 WRAPPED = ("proximal_front", "proximal_back", "medial_back")
-ROUNDING = 2e-6  # the files contain positions and normals with six decimals
+ROUNDING_M = 2e-6  # the files contain positions and normals with six decimals
 TIP_RADIUS_M = 0.017  # 12 mm of dome and 5 mm of bracket
 BRACKETS = Path(__file__).parents[3] / "tools" / "hand" / "brackets.py"
 
 
 def get_surface(kind: str) -> Surface:
+    """Taxel positions and directions of a kind of board."""
     result = KINDS[kind].surface
     assert result is not None
     return result
 
 
 def compute_distances(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances between all points, infinite on the diagonal."""
     result = np.linalg.norm(points[:, None] - points, axis=-1)
     np.fill_diagonal(result, np.inf)
     return np.asarray(result)
@@ -39,11 +41,11 @@ def find_pairs(kind: BoardKind, tx: int, rx: int) -> list[tuple[int, int]]:
     return [(i, index_of[t + tx, r + rx]) for (t, r), i in index_of.items() if (t + tx, r + rx) in index_of]
 
 
-def compute_arc_length(sheet: Surface, one: int, other: int) -> float:
+def compute_arc_length(sheet: Surface, first: int, second: int) -> float:
     """Compute the length of the arc between two taxels from the chord and the angle between the normals."""
-    chord = float(np.linalg.norm(sheet.position[one] - sheet.position[other]))
-    half = 0.5 * np.arccos(np.clip(sheet.normal[one] @ sheet.normal[other], -1.0, 1.0))
-    return chord if half < 1e-6 else chord * float(half / np.sin(half))
+    chord = float(np.linalg.norm(sheet.position[first] - sheet.position[second]))
+    half_angle = 0.5 * np.arccos(np.clip(sheet.normal[first] @ sheet.normal[second], -1.0, 1.0))
+    return chord if half_angle < 1e-6 else chord * float(half_angle / np.sin(half_angle))
 
 
 def make_open_pose() -> NDArray[np.float64]:
@@ -61,10 +63,10 @@ def test_every_taxel_has_a_position_and_orthogonal_directions() -> None:
 
 def test_positions_are_in_the_order_of_all_other_arrays() -> None:
     for index, board in enumerate(HAND.boards):
-        part = HAND.get_slice(board.address)
-        np.testing.assert_array_equal(HAND.position[part], get_surface(board.kind.name).position)
-        assert set(HAND.board_index[part].tolist()) == {index}
-        assert set(HAND.sensor[part].tolist()) == {board.address}
+        taxels = HAND.get_slice(board.address)
+        np.testing.assert_array_equal(HAND.position[taxels], get_surface(board.kind.name).position)
+        assert set(HAND.board_index[taxels].tolist()) == {index}
+        assert set(HAND.sensor[taxels].tolist()) == {board.address}
 
 
 def test_arrays_are_read_only() -> None:
@@ -93,9 +95,11 @@ def test_a_flat_board_is_flat(kind: str) -> None:
 @pytest.mark.parametrize("kind", [*FLAT, *WRAPPED])
 def test_tx_decreases_to_the_distal_end_and_rx_to_the_left(kind: str) -> None:
     sheet = get_surface(kind)
-    assert all(sheet.position[one, 0] > sheet.position[next_, 0] for one, next_ in find_pairs(KINDS[kind], 1, 0))
-    lateral = [sheet.position[one] - sheet.position[next_] for one, next_ in find_pairs(KINDS[kind], 0, 1)]
-    normals = [sheet.normal[one] + sheet.normal[next_] for one, next_ in find_pairs(KINDS[kind], 0, 1)]
+    assert all(
+        sheet.position[taxel, 0] > sheet.position[neighbour, 0] for taxel, neighbour in find_pairs(KINDS[kind], 1, 0)
+    )
+    lateral = [sheet.position[taxel] - sheet.position[neighbour] for taxel, neighbour in find_pairs(KINDS[kind], 0, 1)]
+    normals = [sheet.normal[taxel] + sheet.normal[neighbour] for taxel, neighbour in find_pairs(KINDS[kind], 0, 1)]
     # x distal, y left and the normal are right-handed everywhere, also on the flanks.
     np.testing.assert_array_less(0.0, np.einsum("ij,ij->i", np.cross(lateral, normals), np.eye(3)[[0] * len(lateral)]))
 
@@ -114,40 +118,44 @@ def test_the_normals_of_a_wrapped_board_reach_a_right_angle_on_both_flanks(kind:
 @pytest.mark.parametrize("kind", KINDS)
 def test_neighbours_on_a_line_are_one_pitch_apart_where_the_sheet_is_flat(kind: str) -> None:
     sheet = get_surface(kind)
-    for one, other in [*find_pairs(KINDS[kind], 1, 0), *find_pairs(KINDS[kind], 0, 1)]:
-        if sheet.normal[one] @ sheet.normal[other] > 1 - 1e-9:
-            distance = np.linalg.norm(sheet.position[one] - sheet.position[other])
-            assert distance == pytest.approx(HAND.pitch_m, abs=ROUNDING)
+    for taxel, neighbour in [*find_pairs(KINDS[kind], 1, 0), *find_pairs(KINDS[kind], 0, 1)]:
+        if sheet.normal[taxel] @ sheet.normal[neighbour] > 1 - 1e-9:
+            distance = np.linalg.norm(sheet.position[taxel] - sheet.position[neighbour])
+            assert distance == pytest.approx(HAND.pitch_m, abs=ROUNDING_M)
 
 
 def test_a_fingertip_is_a_dome_on_a_cylinder() -> None:
     sheet = get_surface("fingertip")
-    dome = KINDS["fingertip"].tx < 7
-    np.testing.assert_allclose(sheet.position[dome], TIP_RADIUS_M * sheet.normal[dome], rtol=0, atol=ROUNDING)
-    cylinder = sheet.position[~dome]
+    is_on_dome = KINDS["fingertip"].tx < 7
+    np.testing.assert_allclose(
+        sheet.position[is_on_dome], TIP_RADIUS_M * sheet.normal[is_on_dome], rtol=0, atol=ROUNDING_M
+    )
+    cylinder = sheet.position[~is_on_dome]
     assert (cylinder[:, 0] < 0).all()
-    np.testing.assert_allclose(cylinder[:, 1:], TIP_RADIUS_M * sheet.normal[~dome, 1:], rtol=0, atol=ROUNDING)
-    np.testing.assert_array_equal(sheet.normal[~dome, 0], 0.0)
+    np.testing.assert_allclose(cylinder[:, 1:], TIP_RADIUS_M * sheet.normal[~is_on_dome, 1:], rtol=0, atol=ROUNDING_M)
+    np.testing.assert_array_equal(sheet.normal[~is_on_dome, 0], 0.0)
 
 
 def test_taxels_on_the_middle_line_of_a_fingertip_are_one_pitch_apart_from_nail_to_apex() -> None:
     kind, sheet = KINDS["fingertip"], get_surface("fingertip")
-    middle = np.flatnonzero(kind.rx == 4)
+    middle_line = np.flatnonzero(kind.rx == 4)
     lengths = [
-        compute_arc_length(sheet, one, other) for one, other in find_pairs(kind, 1, 0) if {one, other} <= set(middle)
+        compute_arc_length(sheet, taxel, neighbour)
+        for taxel, neighbour in find_pairs(kind, 1, 0)
+        if {taxel, neighbour} <= set(middle_line)
     ]
-    assert len(lengths) == len(middle) - 1
-    np.testing.assert_allclose(lengths, HAND.pitch_m, rtol=0, atol=ROUNDING)
-    nail, rows = sheet.normal[middle[0]], sheet.normal[middle]
-    assert nail[2] < -0.3  # faces the back of the finger
-    assert rows[:, 0].max() > 0.99  # one faces along the finger
+    assert len(lengths) == len(middle_line) - 1
+    np.testing.assert_allclose(lengths, HAND.pitch_m, rtol=0, atol=ROUNDING_M)
+    nail, rows = sheet.normal[middle_line[0]], sheet.normal[middle_line]
+    assert nail[2] < -0.3  # the normal at the nail faces the back of the finger
+    assert rows[:, 0].max() > 0.99  # the normal at the apex points along the finger
     assert rows[-1, 2] == 1.0
 
 
 def test_taxels_across_a_fingertip_are_one_pitch_apart() -> None:
     kind, sheet = KINDS["fingertip"], get_surface("fingertip")
-    lengths = [compute_arc_length(sheet, one, other) for one, other in find_pairs(kind, 0, 1)]
-    np.testing.assert_allclose(lengths, HAND.pitch_m, rtol=0, atol=ROUNDING)
+    lengths = [compute_arc_length(sheet, taxel, neighbour) for taxel, neighbour in find_pairs(kind, 0, 1)]
+    np.testing.assert_allclose(lengths, HAND.pitch_m, rtol=0, atol=ROUNDING_M)
 
 
 def test_boards_do_not_touch_each_other_on_the_open_hand() -> None:
@@ -165,17 +173,17 @@ def test_front_boards_face_out_of_the_palm_and_back_boards_away_from_it() -> Non
         if board.name.endswith("thumb"):
             continue
         outward = float(palm[:3, 0] @ pose[:3, 2])
-        back = "back" in board.name
-        assert outward == pytest.approx(-1.0 if back else 1.0, abs=0.01), board.name
+        is_back_board = "back" in board.name
+        assert outward == pytest.approx(-1.0 if is_back_board else 1.0, abs=0.01), board.name
         assert float(palm[:3, 2] @ pose[:3, 0]) > 0.99, board.name  # distal is towards the fingertips
 
 
 def test_the_link_of_a_board_agrees_with_its_name() -> None:
     fingers = {"index": "ff", "middle": "mf", "pinkie": "rf", "thumb": "th"}
     for board in HAND.boards:
-        part, _, finger = board.name.rpartition("_")
+        board_part, _, finger = board.name.rpartition("_")
         if finger in fingers:
-            link = "distal" if part == "fingertip" else part.split("_")[0]
+            link = "distal" if board_part == "fingertip" else board_part.split("_")[0]
             assert board.link_name == f"{fingers[finger]}_{link}"
 
 
@@ -194,10 +202,10 @@ def test_the_dielectric_is_2_mm_thick(hand: Hand) -> None:
 
 
 def test_the_descriptions_agree_with_the_brackets_tool() -> None:
-    check = subprocess.run(
+    result = subprocess.run(
         [sys.executable, str(BRACKETS), "--check"], capture_output=True, text=True, timeout=60, check=False
     )
-    assert (check.returncode, check.stdout) == (0, "")
+    assert (result.returncode, result.stdout) == (0, "")
 
 
 def test_a_surface_normalises_its_vectors() -> None:
@@ -207,11 +215,11 @@ def test_a_surface_normalises_its_vectors() -> None:
 
 
 def test_a_surface_with_wrong_shapes_or_a_zero_normal_is_rejected() -> None:
-    one = np.eye(3)[:1]
+    unit_vector = np.eye(3)[:1]
     with pytest.raises(ValueError, match=r"normal: expected \[count, 3\]"):
-        Surface(one, np.ones((2, 3)), one)
+        Surface(unit_vector, np.ones((2, 3)), unit_vector)
     with pytest.raises(ValueError, match="normal: expected vectors longer than 0"):
-        Surface(one, np.zeros((1, 3)), one)
+        Surface(unit_vector, np.zeros((1, 3)), unit_vector)
 
 
 def test_equal_surfaces_are_equal_and_have_equal_hashes() -> None:

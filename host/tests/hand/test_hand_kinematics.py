@@ -28,7 +28,7 @@ KINEMATICS = build_kinematics(HAND)
 ROBOT = KINEMATICS.robot
 SEED = 32
 VECTORS = 50
-EXACT = 1e-9  # metres, and entries of a rotation matrix
+TOLERANCE = 1e-9  # metres, and entries of a rotation matrix
 
 # UR5e: d (along z), a (along x), alpha (about x) of each joint.
 DENAVIT_HARTENBERG = (
@@ -56,7 +56,7 @@ THUMB = (
 )
 
 
-def joint_vectors(count: int = VECTORS) -> NDArray[np.float64]:
+def sample_joint_angles(count: int = VECTORS) -> NDArray[np.float64]:
     print(f"seed {SEED}")
     return np.random.default_rng(SEED).uniform(ROBOT.lower, ROBOT.upper, (count, 22))
 
@@ -149,54 +149,54 @@ def test_the_joints_are_the_six_arm_joints_followed_by_the_finger_joints() -> No
 
 
 def test_the_flange_agrees_with_the_denavit_hartenberg_table() -> None:
-    q = joint_vectors()
+    q = sample_joint_angles()
     poses = KINEMATICS.compute_link_poses(q)
     expected = np.stack([compute_flange_pose(angles[:6]) for angles in q])
-    np.testing.assert_allclose(poses[:, ROBOT.get_link_index("flange")], expected, rtol=0, atol=EXACT)
+    np.testing.assert_allclose(poses[:, ROBOT.get_link_index("flange")], expected, rtol=0, atol=TOLERANCE)
 
 
 def test_the_palm_is_mounted_on_the_flange_with_the_fingers_away_from_it() -> None:
-    q = joint_vectors()
+    q = sample_joint_angles()
     expected = np.stack([compute_palm_pose(angles[:6]) for angles in q])
     np.testing.assert_allclose(
-        KINEMATICS.compute_link_poses(q)[:, ROBOT.get_link_index("palm")], expected, rtol=0, atol=EXACT
+        KINEMATICS.compute_link_poses(q)[:, ROBOT.get_link_index("palm")], expected, rtol=0, atol=TOLERANCE
     )
 
 
 def test_every_link_pose_of_the_hand_agrees_with_mujoco() -> None:
-    model, q = load_mujoco_hand(), joint_vectors()
+    model, q = load_mujoco_hand(), sample_joint_angles()
     links = [link for link in ROBOT.link_names if link[:3] in ("ff_", "mf_", "rf_", "th_")]
     assert len(links) == 16
     bodies = [model.body(link).id for link in links]
-    found = KINEMATICS.compute_link_poses(q)[:, [ROBOT.get_link_index(link) for link in links]]
+    poses = KINEMATICS.compute_link_poses(q)[:, [ROBOT.get_link_index(link) for link in links]]
     for index, angles in enumerate(q):
         data, palm = set_joints(model, angles), compute_palm_pose(angles[:6])
-        np.testing.assert_allclose(found[index, :, :3, 3], tf.apply(palm, data.xpos[bodies]), rtol=0, atol=EXACT)
+        np.testing.assert_allclose(poses[index, :, :3, 3], tf.apply(palm, data.xpos[bodies]), rtol=0, atol=TOLERANCE)
         rotation = palm[:3, :3] @ data.xmat[bodies].reshape(-1, 3, 3)
-        np.testing.assert_allclose(found[index, :, :3, :3], rotation, rtol=0, atol=EXACT)
+        np.testing.assert_allclose(poses[index, :, :3, :3], rotation, rtol=0, atol=TOLERANCE)
 
 
 def test_every_taxel_position_and_normal_agrees_with_mujoco() -> None:
-    model, q = load_mujoco_hand(), joint_vectors(10)
+    model, q = load_mujoco_hand(), sample_joint_angles(10)
     sites = find_sites(model)
     assert len(sites) == HAND.n_taxels == 1073
     positions, normals = KINEMATICS.compute_taxel_positions(q), KINEMATICS.compute_taxel_normals(q)
     for index, angles in enumerate(q):
         data, palm = set_joints(model, angles), compute_palm_pose(angles[:6])
-        np.testing.assert_allclose(positions[index], tf.apply(palm, data.site_xpos[sites]), rtol=0, atol=EXACT)
+        np.testing.assert_allclose(positions[index], tf.apply(palm, data.site_xpos[sites]), rtol=0, atol=TOLERANCE)
         outward = data.site_xmat[sites].reshape(-1, 3, 3)[..., 2]
-        np.testing.assert_allclose(normals[index], tf.rotate(palm, outward), rtol=0, atol=EXACT)
+        np.testing.assert_allclose(normals[index], tf.rotate(palm, outward), rtol=0, atol=TOLERANCE)
 
 
 def test_every_bracket_pose_agrees_with_mujoco() -> None:
     model = load_mujoco_hand()
-    angles = joint_vectors(1)[0]
+    angles = sample_joint_angles(1)[0]
     data, palm = set_joints(model, angles), compute_palm_pose(angles[:6])
-    found = KINEMATICS.compute_sensor_poses(angles)
-    for pose, board in zip(found, HAND.boards, strict=True):
+    poses = KINEMATICS.compute_sensor_poses(angles)
+    for pose, board in zip(poses, HAND.boards, strict=True):
         body = data.body(f"{board.name}_board")
-        np.testing.assert_allclose(pose[:3, 3], tf.apply(palm, body.xpos), rtol=0, atol=EXACT)
-        np.testing.assert_allclose(pose[:3, :3], palm[:3, :3] @ body.xmat.reshape(3, 3), rtol=0, atol=EXACT)
+        np.testing.assert_allclose(pose[:3, 3], tf.apply(palm, body.xpos), rtol=0, atol=TOLERANCE)
+        np.testing.assert_allclose(pose[:3, :3], palm[:3, :3] @ body.xmat.reshape(3, 3), rtol=0, atol=TOLERANCE)
 
 
 @pytest.mark.parametrize(
@@ -204,7 +204,7 @@ def test_every_bracket_pose_agrees_with_mujoco() -> None:
 )
 def test_a_batch_of_times_equals_the_single_times(name: str) -> None:
     function = getattr(KINEMATICS, name)
-    q = joint_vectors(12)
+    q = sample_joint_angles(12)
     expected = np.stack([function(angles) for angles in q])
     # Matrix products of other batch sizes may round differently.
     np.testing.assert_allclose(function(q), expected, rtol=0, atol=1e-15)
@@ -223,15 +223,15 @@ def test_joint_angles_can_be_a_list_of_integers() -> None:
 
 
 def test_every_pose_is_rigid() -> None:
-    tf.check_rigid(KINEMATICS.compute_link_poses(joint_vectors()))
-    tf.check_rigid(KINEMATICS.compute_sensor_poses(joint_vectors()))
+    tf.check_rigid(KINEMATICS.compute_link_poses(sample_joint_angles()))
+    tf.check_rigid(KINEMATICS.compute_sensor_poses(sample_joint_angles()))
 
 
-@pytest.mark.parametrize(("angles", "found"), [(np.zeros(16), 16), (np.zeros((22, 5)), 5), (0.0, 0), ([], 0)])
-def test_another_number_of_joints_raises_a_one_line_error(angles: Any, found: int) -> None:
+@pytest.mark.parametrize(("angles", "joint_count"), [(np.zeros(16), 16), (np.zeros((22, 5)), 5), (0.0, 0), ([], 0)])
+def test_another_number_of_joints_raises_a_one_line_error(angles: Any, joint_count: int) -> None:
     with pytest.raises(JointCountError) as caught:
         KINEMATICS.compute_taxel_positions(angles)
-    line = f"robot 'ur5e_allegro': expected 22 joint angles on the last axis, found {found}"
+    line = f"robot 'ur5e_allegro': expected 22 joint angles on the last axis, found {joint_count}"
     assert str(caught.value) == line
     assert isinstance(caught.value, TaxelError)
     assert str(pickle.loads(pickle.dumps(caught.value))) == line
@@ -267,10 +267,10 @@ def test_the_index_finger_flexes_towards_the_front_of_the_palm() -> None:
 def test_the_hinge_of_flat8_lifts_its_distal_edge() -> None:
     hand = load_hand("flat8")
     kinematics = build_kinematics(hand)
-    down, up = kinematics.compute_taxel_positions([[0.0], [np.pi / 2]])
-    np.testing.assert_allclose(down, hand.position + np.array([0.0, 0.0, 0.1]), rtol=0, atol=EXACT)
+    lowered, raised = kinematics.compute_taxel_positions([[0.0], [np.pi / 2]])
+    np.testing.assert_allclose(lowered, hand.position + np.array([0.0, 0.0, 0.1]), rtol=0, atol=TOLERANCE)
     x, y, z = hand.position.T
-    np.testing.assert_allclose(up, np.column_stack([-z, y, x + 0.1]), rtol=0, atol=EXACT)
+    np.testing.assert_allclose(raised, np.column_stack([-z, y, x + 0.1]), rtol=0, atol=TOLERANCE)
 
 
 def test_a_hand_without_a_robot_has_no_kinematics() -> None:
@@ -280,12 +280,12 @@ def test_a_hand_without_a_robot_has_no_kinematics() -> None:
 
 def test_neighbours_on_a_line_are_one_pitch_apart_along_the_sheet() -> None:
     """The sheet is flat between neighbours with equal normals; checked in world coordinates."""
-    q = joint_vectors(1)[0]
+    q = sample_joint_angles(1)[0]
     positions, normals = KINEMATICS.compute_taxel_positions(q), KINEMATICS.compute_taxel_normals(q)
     checked = 0
     for board in HAND.boards:
-        part = HAND.get_slice(board.address)
-        index_of = {key: part.start + i for i, key in enumerate(zip(board.kind.tx, board.kind.rx, strict=True))}
+        board_taxels = HAND.get_slice(board.address)
+        index_of = {key: board_taxels.start + i for i, key in enumerate(zip(board.kind.tx, board.kind.rx, strict=True))}
         for (tx, rx), index in index_of.items():
             for neighbour in (index_of.get((tx + 1, rx)), index_of.get((tx, rx + 1))):
                 if neighbour is not None and normals[index] @ normals[neighbour] > 1 - 1e-9:

@@ -79,9 +79,9 @@ def test_slices_are_contiguous_and_cover_the_taxel_axis() -> None:
     hand = load_hand("allegro")
     end = 0
     for board in hand.boards:
-        part = hand.get_slice(board.address)
-        assert part == slice(end, end + board.kind.taxel_count)
-        end = part.stop
+        board_taxels = hand.get_slice(board.address)
+        assert board_taxels == slice(end, end + board.kind.taxel_count)
+        end = board_taxels.stop
     assert end == hand.n_taxels
 
 
@@ -90,20 +90,20 @@ def test_the_taxel_table_is_in_the_order_of_the_slices() -> None:
     assert hand.sensor.shape == hand.tx.shape == hand.rx.shape == (1073,)
     assert hand.sensor.dtype == hand.tx.dtype == hand.rx.dtype == np.uint8
     for board in hand.boards:
-        part = hand.get_slice(board.address)
-        assert (hand.sensor[part] == board.address).all()
-        assert np.array_equal(hand.tx[part], board.kind.tx)
-        assert np.array_equal(hand.rx[part], board.kind.rx)
+        board_taxels = hand.get_slice(board.address)
+        assert (hand.sensor[board_taxels] == board.address).all()
+        assert np.array_equal(hand.tx[board_taxels], board.kind.tx)
+        assert np.array_equal(hand.rx[board_taxels], board.kind.rx)
 
 
 def test_split_gives_each_board_its_part_of_the_last_axis() -> None:
     hand = make_small_hand()
     counts = np.arange(2 * 11, dtype=np.uint16).reshape(2, 11)
-    parts = hand.split(counts)
-    assert list(parts) == [0x10, 0x20, 0x30]
-    assert parts[0x20].tolist() == [[1, 2, 3, 4, 5], [12, 13, 14, 15, 16]]
-    assert parts[0x30].dtype == np.uint16
-    assert np.array_equal(np.concatenate(list(parts.values()), axis=-1), counts)
+    board_values = hand.split(counts)
+    assert list(board_values) == [0x10, 0x20, 0x30]
+    assert board_values[0x20].tolist() == [[1, 2, 3, 4, 5], [12, 13, 14, 15, 16]]
+    assert board_values[0x30].dtype == np.uint16
+    assert np.array_equal(np.concatenate(list(board_values.values()), axis=-1), counts)
 
 
 @pytest.mark.parametrize("shape", [(), (10,), (11, 10)])

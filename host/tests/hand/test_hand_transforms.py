@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from taxel.hand import transforms as tf
 
 SEED = 20
-EXACT = 1e-12
+TOLERANCE = 1e-12
 
 
 def make_angles() -> NDArray[np.float64]:
@@ -18,6 +18,7 @@ def make_angles() -> NDArray[np.float64]:
 
 
 def make_rotation_vectors() -> NDArray[np.float64]:
+    """Make rotation vectors about random axes and the coordinate axes, f64[n, 3]."""
     print(f"seed {SEED}")
     axes = np.random.default_rng(SEED).normal(size=(20, make_angles().size, 3))
     axes[:3] = np.eye(3)[:, np.newaxis]
@@ -38,8 +39,8 @@ def make_rpy_transforms(rpy: NDArray[np.float64]) -> NDArray[np.float64]:
     return transforms
 
 
-def assert_close(found: NDArray[np.float64], expected: NDArray[np.float64], tolerance: float = EXACT) -> None:
-    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
+def assert_close(result: NDArray[np.float64], expected: NDArray[np.float64], tolerance: float = TOLERANCE) -> None:
+    np.testing.assert_allclose(result, expected, rtol=0, atol=tolerance)
 
 
 def test_the_matrix_of_a_rotation_vector_agrees_with_scipy() -> None:
@@ -49,10 +50,10 @@ def test_the_matrix_of_a_rotation_vector_agrees_with_scipy() -> None:
 
 def test_a_rotation_vector_is_recovered_from_its_matrix() -> None:
     vectors = make_rotation_vectors()
-    back = tf.to_rotation_vector(tf.from_rotation_vector(vectors))
+    recovered = tf.to_rotation_vector(tf.from_rotation_vector(vectors))
     # At an angle of pi both directions of the axis give the same rotation.
-    flipped = (np.linalg.norm(vectors, axis=1) > np.pi - 1e-12) & ((back * vectors).sum(axis=1) < 0)
-    assert_close(np.where(flipped[:, np.newaxis], -back, back), vectors)
+    is_flipped = (np.linalg.norm(vectors, axis=1) > np.pi - 1e-12) & ((recovered * vectors).sum(axis=1) < 0)
+    assert_close(np.where(is_flipped[:, np.newaxis], -recovered, recovered), vectors)
 
 
 def test_a_small_rotation_vector_keeps_its_relative_accuracy() -> None:
@@ -65,19 +66,19 @@ def test_quaternions_agree_with_scipy() -> None:
     quaternions = np.roll(rotation.as_quat(canonical=True), 1, axis=-1)
     transforms = tf.from_quaternion(quaternions)
     assert_close(transforms[:, :3, :3], rotation.as_matrix())
-    back = tf.to_quaternion(transforms)
-    assert_close(np.abs((back * quaternions).sum(axis=1)), np.ones(len(back)))
-    assert_close(np.minimum(abs(back - quaternions), abs(back + quaternions)), np.zeros_like(back))
+    recovered = tf.to_quaternion(transforms)
+    assert_close(np.abs((recovered * quaternions).sum(axis=1)), np.ones(len(recovered)))
+    assert_close(np.minimum(abs(recovered - quaternions), abs(recovered + quaternions)), np.zeros_like(recovered))
 
 
 def test_the_first_non_zero_component_of_a_quaternion_is_positive() -> None:
-    for given, expected in (
+    for quaternion, expected in (
         ([-1, 0, 0, 0], [1, 0, 0, 0]),
         ([0, -1, 0, 0], [0, 1, 0, 0]),
         ([0, 0, -3, 4], [0, 0, 0.6, -0.8]),
         ([0, 0, 0, -2], [0, 0, 0, 1]),
     ):
-        assert_close(tf.to_quaternion(tf.from_quaternion(given)), np.array(expected, dtype=float))
+        assert_close(tf.to_quaternion(tf.from_quaternion(quaternion)), np.array(expected, dtype=float))
 
 
 def test_roll_pitch_and_yaw_follow_the_urdf_convention() -> None:
@@ -85,11 +86,11 @@ def test_roll_pitch_and_yaw_follow_the_urdf_convention() -> None:
     assert_close(tf.to_rpy(make_rpy_transforms(rpy)), Rotation.from_euler("xyz", rpy).as_euler("xyz"), 1e-11)
 
 
-@pytest.mark.parametrize("off", [0.0, 1e-16, 1e-12, 1e-9, 1e-8, 1e-5])
+@pytest.mark.parametrize("distance_to_lock", [0.0, 1e-16, 1e-12, 1e-9, 1e-8, 1e-5])
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_roll_pitch_and_yaw_describe_the_rotation_at_gimbal_lock(off: float, sign: int) -> None:
+def test_roll_pitch_and_yaw_describe_the_rotation_at_gimbal_lock(distance_to_lock: float, sign: int) -> None:
     rpy = np.random.default_rng(SEED).uniform(-np.pi, np.pi, (200, 3))
-    rpy[:, 1] = sign * (np.pi / 2 - off)
+    rpy[:, 1] = sign * (np.pi / 2 - distance_to_lock)
     transforms = make_rpy_transforms(rpy)
     assert_close(make_rpy_transforms(tf.to_rpy(transforms)), transforms)
 
@@ -125,22 +126,22 @@ def test_a_single_point_needs_no_point_axis() -> None:
 
 
 def test_composition_is_the_matrix_product() -> None:
-    first, second = make_random_transforms(2)
+    outer, inner = make_random_transforms(2)
     points = np.random.default_rng(SEED).normal(size=(9, 3))
-    assert_close(tf.apply(first @ second, points), tf.apply(first, tf.apply(second, points)))
+    assert_close(tf.apply(outer @ inner, points), tf.apply(outer, tf.apply(inner, points)))
 
 
 def test_interpolation_is_linear_in_position_and_angle() -> None:
     start, end = tf.make_pose([0, 0, 0], [1, 0, 0, 0]), tf.from_rotation_vector([0, 0, 2.0])
     end[:3, 3] = 1, 2, 3
-    found = tf.interpolate(start, end, [0, 0.25, 1])
-    assert_close(tf.to_rotation_vector(found), np.array([[0, 0, 0], [0, 0, 0.5], [0, 0, 2]]))
-    assert_close(found[:, :3, 3], np.array([[0, 0, 0], [0.25, 0.5, 0.75], [1, 2, 3]]))
+    result = tf.interpolate(start, end, [0, 0.25, 1])
+    assert_close(tf.to_rotation_vector(result), np.array([[0, 0, 0], [0, 0, 0.5], [0, 0, 2]]))
+    assert_close(result[:, :3, 3], np.array([[0, 0, 0], [0.25, 0.5, 0.75], [1, 2, 3]]))
 
 
 def test_every_result_is_rigid() -> None:
-    tf.check_rigid(tf.from_rotation_vector(make_rotation_vectors()), EXACT)
-    tf.check_rigid(make_random_transforms(6, 6), EXACT)
+    tf.check_rigid(tf.from_rotation_vector(make_rotation_vectors()), TOLERANCE)
+    tf.check_rigid(make_random_transforms(6, 6), TOLERANCE)
 
 
 @pytest.mark.parametrize(

@@ -22,22 +22,22 @@ ROBOT = load_robot("ur5e_allegro")
 HAND = load_hand("allegro")
 SEED = 31
 VECTORS = 200
-EXACT = 1e-9  # metres and radians
+TOLERANCE = 1e-9  # metres and radians
 
 
 def parse_urdf(robot: Robot = ROBOT, hand: Any = None) -> ET.Element:
     return ET.fromstring(format_urdf(robot, hand))
 
 
-def joint_vectors(robot: Robot = ROBOT) -> NDArray[np.float64]:
+def sample_joint_angles(robot: Robot = ROBOT) -> NDArray[np.float64]:
     print(f"seed {SEED}")
     return np.random.default_rng(SEED).uniform(robot.lower, robot.upper, (VECTORS, len(robot.joint_names)))
 
 
-def assert_same_poses(found: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
-    np.testing.assert_allclose(found[..., :3, 3], expected[..., :3, 3], rtol=0, atol=EXACT)
-    rotation = tf.to_rotation_vector(tf.inverse(expected) @ found)
-    assert np.linalg.norm(rotation, axis=-1).max() < EXACT
+def assert_same_poses(result: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
+    np.testing.assert_allclose(result[..., :3, 3], expected[..., :3, 3], rtol=0, atol=TOLERANCE)
+    rotation = tf.to_rotation_vector(tf.inverse(expected) @ result)
+    assert np.linalg.norm(rotation, axis=-1).max() < TOLERANCE
 
 
 def compute_mujoco_poses(text: str, names: list[str], joint_names: tuple[str, ...], q: NDArray[np.float64]) -> Any:
@@ -105,8 +105,8 @@ def test_the_spheres_of_a_capsule_are_at_the_ends_of_its_cylinder() -> None:
     link = parse_urdf(make_link(Shape("part", "capsule", (0.01, 0.04), rotated))).find("link[@name='part']")
     assert link is not None
     centres = [
-        [float(value) for value in part.find("origin").attrib["xyz"].split()]  # type: ignore[union-attr]
-        for part in link.findall("collision")
+        [float(value) for value in geometry.find("origin").attrib["xyz"].split()]  # type: ignore[union-attr]
+        for geometry in link.findall("collision")
     ]
     np.testing.assert_allclose(centres, [[0.1, 0.2, 0.3], [0.14, 0.2, 0.3], [0.06, 0.2, 0.3]], atol=1e-15)
 
@@ -120,24 +120,24 @@ def test_mass_and_inertia_agree_with_mujoco(kind: str) -> None:
     expected = mujoco.MjModel.from_xml_string(
         f'<mujoco><worldbody><body><joint/>{geom} quat="{w} {x} {y} {z}"/></body></worldbody></mujoco>'
     )
-    found = mujoco.MjModel.from_xml_string(format_urdf(make_link(Shape("part", kind, size, origin))))
-    np.testing.assert_allclose(found.body_mass[-1], expected.body_mass[-1], rtol=1e-12)
-    np.testing.assert_allclose(found.body_ipos[-1], expected.body_ipos[-1], rtol=1e-12)
-    np.testing.assert_allclose(np.sort(found.body_inertia[-1]), np.sort(expected.body_inertia[-1]), rtol=1e-9)
+    result = mujoco.MjModel.from_xml_string(format_urdf(make_link(Shape("part", kind, size, origin))))
+    np.testing.assert_allclose(result.body_mass[-1], expected.body_mass[-1], rtol=1e-12)
+    np.testing.assert_allclose(result.body_ipos[-1], expected.body_ipos[-1], rtol=1e-12)
+    np.testing.assert_allclose(np.sort(result.body_inertia[-1]), np.sort(expected.body_inertia[-1]), rtol=1e-9)
 
 
 def test_the_inertia_of_two_half_boxes_equals_the_inertia_of_the_box() -> None:
-    ends = [tf.make_pose([0.0, 0.0, z], [1.0, 0.0, 0.0, 0.0]) for z in (0.01, 0.03)]
-    halves = [Shape("part", "box", (0.01, 0.02, 0.01), end) for end in ends]
-    middle = tf.make_pose([0.0, 0.0, 0.02], [1.0, 0.0, 0.0, 0.0])
-    box = parse_urdf(make_link(Shape("part", "box", (0.01, 0.02, 0.02), middle)))
+    half_poses = [tf.make_pose([0.0, 0.0, z], [1.0, 0.0, 0.0, 0.0]) for z in (0.01, 0.03)]
+    halves = [Shape("part", "box", (0.01, 0.02, 0.01), end) for end in half_poses]
+    box_pose = tf.make_pose([0.0, 0.0, 0.02], [1.0, 0.0, 0.0, 0.0])
+    box = parse_urdf(make_link(Shape("part", "box", (0.01, 0.02, 0.02), box_pose)))
     for tag in ("origin", "mass", "inertia"):
-        found = parse_urdf(make_link(*halves)).find(f"link/inertial/{tag}")
+        result = parse_urdf(make_link(*halves)).find(f"link/inertial/{tag}")
         expected = box.find(f"link/inertial/{tag}")
-        assert found is not None
+        assert result is not None
         assert expected is not None
         for key in expected.attrib:
-            numbers = [[float(value) for value in e.attrib[key].split()] for e in (found, expected)]
+            numbers = [[float(value) for value in e.attrib[key].split()] for e in (result, expected)]
             np.testing.assert_allclose(*numbers, rtol=1e-12, atol=1e-18)
 
 
@@ -170,7 +170,7 @@ def test_link_and_joint_names_are_unique_if_a_board_has_the_suffixed_name() -> N
 @pytest.mark.parametrize(("robot", "hand"), [("ur5e_allegro", "allegro"), ("plate", "flat8")])
 def test_link_poses_agree_with_mujoco(robot: str, hand: str) -> None:
     model, skin = load_robot(robot), load_hand(hand)
-    q = joint_vectors(model)
+    q = sample_joint_angles(model)
     kinematics = Kinematics(model, skin)
     expected = np.concatenate([kinematics.compute_link_poses(q), kinematics.compute_sensor_poses(q)], axis=1)
     text = format_urdf(model, skin)
@@ -189,19 +189,19 @@ def test_link_poses_agree_with_pinocchio() -> None:
     pinocchio: Any = importlib.import_module("pinocchio")
     model = pinocchio.buildModelFromXML(format_urdf(ROBOT, HAND))
     data = model.createData()
-    q = joint_vectors()
+    q = sample_joint_angles()
     kinematics = Kinematics(ROBOT, HAND)
     expected = np.concatenate([kinematics.compute_link_poses(q), kinematics.compute_sensor_poses(q)], axis=1)
     names = [*ROBOT.link_names, "palm_bracket", *(board.name for board in HAND.boards[1:])]
     frames = [model.getFrameId(name, pinocchio.FrameType.BODY) for name in names]
     indices = [model.joints[model.getJointId(name)].idx_q for name in ROBOT.joint_names]
-    found = np.empty_like(expected)
+    result = np.empty_like(expected)
     for index, angles in enumerate(q):
         values = np.empty(model.nq)
         values[indices] = angles
         pinocchio.framesForwardKinematics(model, data, values)
-        found[index] = [data.oMf[frame].homogeneous for frame in frames]
-    assert_same_poses(found, expected)
+        result[index] = [data.oMf[frame].homogeneous for frame in frames]
+    assert_same_poses(result, expected)
 
 
 def test_special_characters_in_names_are_escaped() -> None:

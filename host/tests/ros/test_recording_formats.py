@@ -112,7 +112,7 @@ def test_dataset_has_the_object_and_approach_of_the_options(converted, tmp_path)
     assert not (tmp_path / "y.h5").exists()
 
 
-def _zero_bytes(path, target, every, size):
+def write_damaged_copy(path, target, interval, size):
     """Copy a capture and set the last `size` of every `every` recorded bytes to 0; the record headers stay intact."""
     at = 0
     with CaptureLink(path) as link, CaptureWriter(target, link.header) as out, contextlib.suppress(EOFError):
@@ -120,14 +120,14 @@ def _zero_bytes(path, target, every, size):
             data, time_ns = link.read()
             offsets = range(at, at + len(data))
             pairs = zip(offsets, data, strict=True)
-            out.write(bytes(0 if offset % every >= every - size else byte for offset, byte in pairs), time_ns)
+            out.write(bytes(0 if offset % interval >= interval - size else byte for offset, byte in pairs), time_ns)
             at = offsets.stop
 
 
 def test_lost_frames_stay_missing_in_every_format(recorded_rig, tmp_path):
     """The cycle and scan numbers, which tables keep, show the missing frames."""
     damaged = tmp_path / "damaged.bin"
-    _zero_bytes(recorded_rig.path, damaged, every=20_000, size=40)
+    write_damaged_copy(recorded_rig.path, damaged, interval=20_000, size=40)
     frames, losses = read_frames(damaged)
     missing = {address: board.missing for address, board in losses.boards.items()}
     assert losses.lost_on_wire >= sum(missing.values()) > 0

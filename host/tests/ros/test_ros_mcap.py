@@ -46,7 +46,8 @@ def bag(mcap):
     return messages
 
 
-def seconds(stamp):
+def to_seconds(stamp):
+    """A ROS time stamp in seconds."""
     return stamp.sec + stamp.nanosec * 1e-9
 
 
@@ -81,9 +82,12 @@ def test_transforms_read_by_rosbags_give_the_bracket_poses_of_the_kinematics(bag
     assert joints.name == list(kinematics.robot.joint_names)
     parents = {}
     for topic in ("/tf_static", "/tf"):
-        for each in bag[topic][-1][1].transforms:
-            t, q = each.transform.translation, each.transform.rotation
-            parents[each.child_frame_id] = each.header.frame_id, make_pose([t.x, t.y, t.z], [q.w, q.x, q.y, q.z])
+        for transform in bag[topic][-1][1].transforms:
+            t, q = transform.transform.translation, transform.transform.rotation
+            parents[transform.child_frame_id] = (
+                transform.header.frame_id,
+                make_pose([t.x, t.y, t.z], [q.w, q.x, q.y, q.z]),
+            )
     for board, expected in zip(recorded.hand.boards, kinematics.compute_sensor_poses(joints.position), strict=True):
         frame = bag[f"/taxel/{board.name}/scan"][0][1].header.frame_id
         world_pose = np.eye(4)
@@ -138,7 +142,7 @@ def test_log_times_equal_the_stamps_of_the_messages(bag):
     for topic in ("/taxel/palm/scan", "/tf", "/taxel/contact_cloud"):
         for time_ns, message in bag[topic]:
             header = message.transforms[0].header if topic == "/tf" else message.header
-            assert abs(seconds(header.stamp) - time_ns * 1e-9) < 1e-6
+            assert abs(to_seconds(header.stamp) - time_ns * 1e-9) < 1e-6
 
 
 def test_mcap_file_has_the_frames_losses_and_hand_of_the_capture(mcap, recorded):

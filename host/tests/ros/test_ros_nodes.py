@@ -39,7 +39,7 @@ node.close()
 EXAMPLE = "from taxel.cli.ros import ros; ros('emulator:', version=1, seconds=1.0)"  # taxel ros "emulator:" --seconds 1
 
 
-def missing_ros1_part():
+def find_missing_ros1_part():
     """Text that names the missing part of ROS 1 for pytest.skip; "" if nothing is missing."""
     if shutil.which("roscore") is None:
         return "no roscore here (apt-get install ros-core)"
@@ -50,7 +50,7 @@ def missing_ros1_part():
 @pytest.fixture(scope="module")
 def master(tmp_path_factory):
     """Environment variables for a roscore that this fixture starts on a free loopback port."""
-    missing = missing_ros1_part()
+    missing = find_missing_ros1_part()
     if missing:
         pytest.skip(missing)
     with socket.socket() as probe:
@@ -141,7 +141,7 @@ def test_example_of_the_help_runs(master):
 
 
 def test_missing_master_gives_an_error_of_one_line(monkeypatch, capsys):
-    missing = missing_ros1_part()
+    missing = find_missing_ros1_part()
     if missing:
         pytest.skip(missing)
     monkeypatch.setenv("ROS_MASTER_URI", "http://127.0.0.1:9")

@@ -55,7 +55,7 @@ def test_frames_of_a_board_arrive_in_order_and_once():
 def test_a_hand_can_be_given_as_name_file_or_object(tmp_path, flat8):
     from importlib import resources
 
-    path = tmp_path / "mine.toml"
+    path = tmp_path / "hand.toml"
     path.write_bytes(resources.files("taxel.hand").joinpath("descriptions", "flat8.toml").read_bytes())
     for hand in ("flat8", path, str(path), flat8):
         with taxel.open(FAST_EMULATOR, hand) as skin:

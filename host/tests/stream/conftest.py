@@ -18,15 +18,15 @@ class Hub:
     def __init__(self, sequence: int = 0) -> None:
         self.sequence = sequence
 
-    def frame(self, kind: FrameType, payload: bytes) -> bytes:
+    def encode_hub_frame(self, kind: FrameType, payload: bytes) -> bytes:
         data = encode_frame(kind, self.sequence, payload)
         self.sequence = (self.sequence + 1) % 65536
         return data
 
-    def message(self, kind: FrameType, trailing: bytes = b"", **fields: object) -> bytes:
-        return self.frame(kind, pack(FRAMES[kind].payload, fields, trailing))
+    def encode_message(self, kind: FrameType, trailing: bytes = b"", **fields: object) -> bytes:
+        return self.encode_hub_frame(kind, pack(FRAMES[kind].payload, fields, trailing))
 
-    def taxels(
+    def encode_taxels(
         self,
         address: int,
         cycle: int,
@@ -36,6 +36,7 @@ class Hub:
         hub_us: int = 0,
         damage: int = 0,
     ) -> bytes:
+        """A TAXELS frame; `damage` is combined with the CRC of the snapshot by exclusive or."""
         values = np.asarray(list(counts), dtype="<u2")
         snapshot = pack(
             SnapshotHeader,
@@ -48,18 +49,20 @@ class Hub:
         crc = crc32(bytes([address]) + snapshot) ^ damage
         header = {"address": address, "taxel_count": len(values)}
         header |= {"cycle": cycle % 65536, "hub_time_us": hub_us % 2**32}
-        return self.frame(FrameType.TAXELS, pack(TaxelHeader, header, snapshot + crc.to_bytes(4, "little")))
+        return self.encode_hub_frame(FrameType.TAXELS, pack(TaxelHeader, header, snapshot + crc.to_bytes(4, "little")))
 
-    def handshake(self, tag: int = 0, uptime_us: int = 0) -> bytes:
+    def encode_handshake(self, tag: int = 0, uptime_us: int = 0) -> bytes:
         fields = dict.fromkeys(("reset_cause", "firmware_major", "firmware_minor", "firmware_patch"), 0)
         fields |= {"tag": tag, "version_min": 1, "version_max": 1, "version_chosen": 1, "unique_id": bytes(8)}
-        return self.message(FrameType.HUB_HANDSHAKE, **fields, uptime_us=uptime_us)
+        return self.encode_message(FrameType.HUB_HANDSHAKE, **fields, uptime_us=uptime_us)
 
-    def log(self, text: bytes = b"x") -> bytes:
-        return self.message(FrameType.LOG, text, level=1, code=0, hub_time_us=0)
+    def encode_log(self, text: bytes = b"x") -> bytes:
+        return self.encode_message(FrameType.LOG, text, level=1, code=0, hub_time_us=0)
 
-    def sync(self, address: int, board_us: int, hub_us: int) -> bytes:
-        return self.message(FrameType.TIME_SYNC, address=address, board_time_us=board_us % 2**32, hub_time_us=hub_us)
+    def encode_sync(self, address: int, board_us: int, hub_us: int) -> bytes:
+        return self.encode_message(
+            FrameType.TIME_SYNC, address=address, board_time_us=board_us % 2**32, hub_time_us=hub_us
+        )
 
 
 class PreparedLink:

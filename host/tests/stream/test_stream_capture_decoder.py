@@ -17,9 +17,9 @@ def make_stream(hub, frames=40):
     rng = random.Random(1)
     data = bytearray(b"\0")
     for cycle in range(frames):
-        data += hub.taxels(0x20 + cycle % 3, cycle, [rng.randrange(65536) for _ in range(rng.randrange(1, 240))])
+        data += hub.encode_taxels(0x20 + cycle % 3, cycle, [rng.randrange(65536) for _ in range(rng.randrange(1, 240))])
         if rng.random() < 0.2:
-            data += hub.log(b"text") + bytes([rng.randrange(256)])
+            data += hub.encode_log(b"text") + bytes([rng.randrange(256)])
     return bytes(data)
 
 
@@ -108,7 +108,7 @@ def test_batches_carry_the_records_and_their_arrival_times(tmp_path, hub):
 
 
 def test_losses_are_counted_and_the_header_is_read(tmp_path, hub):
-    data = hub.taxels(0x20, 0) + hub.taxels(0x20, 1)[:-3] + hub.taxels(0x20, 2)
+    data = hub.encode_taxels(0x20, 0) + hub.encode_taxels(0x20, 1)[:-3] + hub.encode_taxels(0x20, 2)
     decoder = CaptureDecoder(write_capture(tmp_path / "a.bin", data, random.Random(4), 62))
     assert sum(len(batch.taxel_rows) for batch, _ in decoder) == 2
     assert LossAccount(decoder.decoder).lost_on_wire == 1

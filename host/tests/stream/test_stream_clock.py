@@ -60,7 +60,7 @@ def simulate_stream(
     truth = {}
     rate = 1.0 + hub_ppm * 1e-6
     handshake_s = begin_s - 0.05
-    handshake = hub.handshake(tag=1, uptime_us=int(hub_begin_us + handshake_s * rate * 1e6))
+    handshake = hub.encode_handshake(tag=1, uptime_us=int(hub_begin_us + handshake_s * rate * 1e6))
     parts = [(handshake_s + host_offset_s, handshake)]
     now_s, cycle, sequence = begin_s, 0, 0
     addresses = sorted(boards)
@@ -77,7 +77,7 @@ def simulate_stream(
             board = find_board(address, scan)
             if scan >= board.boot_s:
                 sequence += 1
-                data = hub.taxels(
+                data = hub.encode_taxels(
                     address,
                     cycle,
                     range(60),
@@ -93,7 +93,7 @@ def simulate_stream(
         now_s += 2.5e-4
         board = find_board(address, sync_s)
         if sync_s >= board.boot_s:
-            parts.append((now_s + host_offset_s, hub.sync(address, board.time_us(sync_s), hub_us(sync_s))))
+            parts.append((now_s + host_offset_s, hub.encode_sync(address, board.time_us(sync_s), hub_us(sync_s))))
         cycle += 1
     return Delivered(make_chunks(parts, jitter_s, rng), truth)
 
@@ -199,7 +199,7 @@ def test_a_hub_restart_starts_a_new_clock_mapping(make_hub, make_prepared_link, 
     boards = {0x20 + i: [(-1.0, Board(ppm, boot_s=-3.0))] for i, ppm in enumerate(PPMS)}
     first_hub, second_hub = make_hub(100), make_hub(0)
     before_restart = simulate_stream(first_hub, boards, 4.5, 2e-3, hub_begin_us=50_000_000)
-    restart = Chunk(second_hub.handshake(tag=0, uptime_us=50), before_restart.chunks[-1].arrival_ns + 10_000_000)
+    restart = Chunk(second_hub.encode_handshake(tag=0, uptime_us=50), before_restart.chunks[-1].arrival_ns + 10_000_000)
     boards = {address: [(-1.0, Board(b[0][1].rate * 1e6 - 1e6, boot_s=-10.0))] for address, b in boards.items()}
     after_restart = simulate_stream(second_hub, boards, 5.0, 2e-3, host_offset_s=1005.0)
     truth = before_restart.truth | {(a, s, c + 10_000): t for (a, s, c), t in after_restart.truth.items()}

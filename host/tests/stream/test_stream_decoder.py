@@ -154,7 +154,7 @@ def test_the_decoded_frames_do_not_depend_on_the_piece_sizes(data, seed):
 
 
 def test_discarded_bytes_are_the_bytes_outside_frames(hub):
-    frames = [hub.log(b"a"), hub.taxels(0x20, 1), hub.log(b"b")]
+    frames = [hub.encode_log(b"a"), hub.encode_taxels(0x20, 1), hub.encode_log(b"b")]
     noise = b"\x05\x06\x07\x08\x09"
     assert decode([frames[0] + noise + frames[1][1:] + frames[2]])[2] == len(noise)
 
@@ -164,7 +164,11 @@ def test_a_push_of_more_frames_than_a_table_holds_is_complete(hub, size):
     count = 9_000
     data = bytearray()
     for i in range(count):
-        data += hub.taxels(0x20 + i % 2, i, [i % 65536] * size) if i % 3 else hub.log(bytes([65 + i % 20]) * 60)
+        data += (
+            hub.encode_taxels(0x20 + i % 2, i, [i % 65536] * size)
+            if i % 3
+            else hub.encode_log(bytes([65 + i % 20]) * 60)
+        )
     taxels, messages, discarded = decode([bytes(data)])
     assert [taxel[0] for taxel in taxels] == [i for i in range(count) if i % 3]
     assert all(taxel[6] == [taxel[0]] * size for taxel in taxels)
@@ -174,12 +178,12 @@ def test_a_push_of_more_frames_than_a_table_holds_is_complete(hub, size):
 
 def test_the_decoder_recovers_after_a_long_stream_without_a_delimiter(hub):
     noise = bytes(random.Random(3).choices(range(1, 256), k=20 * ENCODED_MAX))
-    taxels, messages, discarded = decode([noise + hub.log(b"after")])
+    taxels, messages, discarded = decode([noise + hub.encode_log(b"after")])
     assert (taxels, len(messages), discarded) == ([], 1, len(noise))
 
 
 def test_the_stream_position_of_a_row_is_the_end_of_its_frame(hub):
-    parts = [hub.log(b"a"), hub.taxels(0x20, 1), hub.taxels(0x21, 1)]
+    parts = [hub.encode_log(b"a"), hub.encode_taxels(0x20, 1), hub.encode_taxels(0x21, 1)]
     batches = StreamDecoder().push(b"".join(parts))
     end_positions = [int(p) for batch in batches for p in batch.taxel_rows["stream_position"]]
     # Either the last byte of the frame or its delimiter.
@@ -188,5 +192,7 @@ def test_the_stream_position_of_a_row_is_the_end_of_its_frame(hub):
 
 
 def test_a_frame_with_a_wrong_board_crc_is_flagged_and_counted(hub):
-    taxels, _, _ = decode([hub.taxels(0x20, 1), hub.taxels(0x20, 2, damage=0x80), hub.taxels(0x20, 3)])
+    taxels, _, _ = decode(
+        [hub.encode_taxels(0x20, 1), hub.encode_taxels(0x20, 2, damage=0x80), hub.encode_taxels(0x20, 3)]
+    )
     assert [taxel[7] for taxel in taxels] == [False, True, False]

@@ -43,9 +43,9 @@ def make_cycles(hub, count, first=0, boards=BOARDS):
     """Make (board or None, wire bytes) of every frame of `count` poll cycles."""
     sent = []
     for cycle in range(first, first + count):
-        sent += [(board, hub.taxels(board, cycle)) for board in boards]
+        sent += [(board, hub.encode_taxels(board, cycle)) for board in boards]
         if cycle % 7 == 0:
-            sent.append((None, hub.log()))
+            sent.append((None, hub.encode_log()))
     return sent
 
 
@@ -88,13 +88,13 @@ def test_dropped_frames_are_counted_exactly(count_losses, make_hub, seed, first,
 @pytest.mark.parametrize("lost", [1, 2, 1000, 65_535])
 def test_a_gap_is_exact_up_to_65535_frames(count_losses, make_hub, lost):
     hub = make_hub(65_000)
-    first = hub.log()
+    first = hub.encode_log()
     hub.sequence = (hub.sequence + lost) % 65536
-    assert count_losses(first + hub.log()).lost_on_wire == lost
+    assert count_losses(first + hub.encode_log()).lost_on_wire == lost
 
 
 def test_a_frame_damaged_on_the_wire_is_lost(count_losses, hub):
-    parts = [hub.taxels(0x20, cycle) for cycle in range(5)]
+    parts = [hub.encode_taxels(0x20, cycle) for cycle in range(5)]
     parts[2] = parts[2][:10] + bytes([parts[2][10] ^ 4 or 1]) + parts[2][11:]
     account = count_losses(b"".join(parts))
     assert (account.frames_received, account.lost_on_wire) == (4, 1)
@@ -102,7 +102,7 @@ def test_a_frame_damaged_on_the_wire_is_lost(count_losses, hub):
 
 
 def test_a_frame_with_a_wrong_board_crc_is_damaged_and_not_missing(hub, make_prepared_link, divide):
-    parts = [hub.taxels(0x20, cycle, damage=cycle == 2) for cycle in range(5)]
+    parts = [hub.encode_taxels(0x20, cycle, damage=cycle == 2) for cycle in range(5)]
     stream = FrameStream(make_prepared_link(divide(b"".join(parts))), lambda message: None)
     stream.poll()
     assert [frame.cycle for frame in stream.frames] == [0, 1, 3, 4]
@@ -116,7 +116,7 @@ def test_a_wrong_board_crc_is_detected_for_every_board_size(count_losses, hub):
     rng = np.random.default_rng(1)
     sizes = [1, 2, 3, 7, 8, 15, 16, 29, 63, 64, 77, 100, 113, 128, 199, 240]
     sent = [
-        (0x20 + position, cycle, hub.taxels(0x20 + position, cycle, rng.integers(0, 65536, size), damage=damage))
+        (0x20 + position, cycle, hub.encode_taxels(0x20 + position, cycle, rng.integers(0, 65536, size), damage=damage))
         for cycle, damages in enumerate(([0] * 16, [1 << int(rng.integers(0, 32)) for _ in sizes], [0] * 16))
         for position, (size, damage) in enumerate(zip(sizes, damages, strict=True))
     ]
@@ -131,8 +131,8 @@ def test_a_hub_restart_is_counted_and_gives_no_losses(count_losses, make_hub, si
     hub_after = make_hub(0)
     data = b"".join(wire for _, wire in make_cycles(hub_before, 10, first=900))
     data += (
-        hub_after.handshake(tag=0)
-        + hub_after.handshake(tag=1)
+        hub_after.encode_handshake(tag=0)
+        + hub_after.encode_handshake(tag=1)
         + b"".join(wire for _, wire in make_cycles(hub_after, 10, first=0))
     )
     account = count_losses(data, [size])
@@ -143,20 +143,20 @@ def test_a_hub_restart_is_counted_and_gives_no_losses(count_losses, make_hub, si
 
 def test_a_restart_is_detected_after_a_lost_frame(count_losses, make_hub):
     hub_before, hub_after = make_hub(10), make_hub(0)
-    data = hub_before.taxels(0x20, 5)
-    hub_before.log()  # lost together with its sequence number
-    data += hub_after.handshake() + hub_after.taxels(0x20, 0)
+    data = hub_before.encode_taxels(0x20, 5)
+    hub_before.encode_log()  # lost together with its sequence number
+    data += hub_after.encode_handshake() + hub_after.encode_taxels(0x20, 0)
     account = count_losses(data)
     assert (account.restarts, account.lost_on_wire, account.boards[0x20].missing) == (1, 0, 0)
 
 
 def test_the_first_handshake_of_a_hub_is_not_a_restart(count_losses, hub):
-    assert count_losses(hub.handshake() + hub.handshake(tag=1) + hub.log()).restarts == 0
+    assert count_losses(hub.encode_handshake() + hub.encode_handshake(tag=1) + hub.encode_log()).restarts == 0
 
 
 def test_a_requested_handshake_with_sequence_0_is_not_a_restart(count_losses, make_hub):
     hub = make_hub(65_535)
-    account = count_losses(hub.taxels(0x20, 1) + hub.handshake(tag=5) + hub.taxels(0x20, 2))
+    account = count_losses(hub.encode_taxels(0x20, 1) + hub.encode_handshake(tag=5) + hub.encode_taxels(0x20, 2))
     assert (account.restarts, account.lost_on_wire) == (0, 0)
 
 
@@ -199,15 +199,20 @@ def test_a_link_failure_is_raised_after_all_frames_before_it(hub, make_prepared_
 
 
 def test_a_last_frame_without_its_delimiter_is_delivered(hub, make_prepared_link, divide):
-    data = hub.taxels(0x20, 1)[:-1]
+    data = hub.encode_taxels(0x20, 1)[:-1]
     stream = FrameStream(make_prepared_link(divide(data)), lambda message: None)
     frames, _ = drain(stream)
     assert len(frames) == 1
 
 
 def test_hub_messages_are_delivered_in_order_with_their_fields(hub, make_prepared_link, divide):
-    data = hub.handshake(tag=3, uptime_us=17) + hub.log(b"one") + hub.taxels(0x20, 1) + hub.sync(0x20, 5, 6)
-    data += hub.log(b"two")
+    data = (
+        hub.encode_handshake(tag=3, uptime_us=17)
+        + hub.encode_log(b"one")
+        + hub.encode_taxels(0x20, 1)
+        + hub.encode_sync(0x20, 5, 6)
+    )
+    data += hub.encode_log(b"two")
     client = HubClient(make_prepared_link(divide(data)))
     client.stream.poll()
     assert client.last_handshake is not None
@@ -216,17 +221,17 @@ def test_hub_messages_are_delivered_in_order_with_their_fields(hub, make_prepare
 
 
 def test_a_board_with_a_scan_period_above_the_poll_period_has_no_missing_frames(count_losses, hub):
-    data = b"".join(hub.taxels(0x20, cycle, board_sequence=cycle // 4) for cycle in range(0, 80, 4))
+    data = b"".join(hub.encode_taxels(0x20, cycle, board_sequence=cycle // 4) for cycle in range(0, 80, 4))
     assert count_losses(data).boards[0x20].missing == 0
 
 
 def test_a_lost_frame_of_a_slow_board_is_missing(count_losses, hub):
-    parts = [hub.taxels(0x20, cycle, board_sequence=cycle // 4) for cycle in range(0, 80, 4)]
+    parts = [hub.encode_taxels(0x20, cycle, board_sequence=cycle // 4) for cycle in range(0, 80, 4)]
     assert count_losses(b"".join(parts[:5] + parts[6:])).boards[0x20].missing == 1
 
 
 def test_a_board_with_only_damaged_frames_is_counted_and_gives_no_frames(hub, make_prepared_link, divide):
-    data = b"".join(hub.taxels(0x20, cycle, damage=1) for cycle in range(3))
+    data = b"".join(hub.encode_taxels(0x20, cycle, damage=1) for cycle in range(3))
     stream = FrameStream(make_prepared_link(divide(data)), lambda message: None)
     frames, _ = drain(stream)
     assert frames == []
@@ -235,7 +240,7 @@ def test_a_board_with_only_damaged_frames_is_counted_and_gives_no_frames(hub, ma
 
 def test_a_capture_written_according_to_the_specification_is_read(hub, tmp_path):
     """The bytes follow part 4 of protocol/SPEC.md."""
-    frame = hub.taxels(0x20, 1)
+    frame = hub.encode_taxels(0x20, 1)
     header = b'{"baud": 500000}'
     path = tmp_path / "a.bin"
     start = b"TAXELCAP" + b"\1\0" + b"\0\0" + bytes([len(header), 0, 0, 0])
@@ -248,7 +253,7 @@ def test_a_capture_written_according_to_the_specification_is_read(hub, tmp_path)
 
 
 def test_a_frame_that_ends_with_a_chunk_has_the_arrival_time_of_that_chunk(hub, make_prepared_link):
-    data = [hub.log() + hub.taxels(0x20, i, hub_us=1_000_000 * i) for i in range(2)]
+    data = [hub.encode_log() + hub.encode_taxels(0x20, i, hub_us=1_000_000 * i) for i in range(2)]
     chunks = [Chunk(data[i], 1_000_000_000 * (10 + i)) for i in range(2)]
     frames, _ = drain(FrameStream(make_prepared_link(chunks), lambda message: None))
     assert [frame.time_s for frame in frames] == pytest.approx([10.0, 11.0], abs=0.005)

@@ -81,8 +81,8 @@ def make_record(make_plan, phase, run) -> Callable[..., TestRecord]:
 
     def make(measure: Callable[[PhaseLog], None] = lambda log: None, **options: Any) -> TestRecord:
         plan = make_plan("[phases.noise.limits]\nwhite = { max = 8 }\ngain = { min = 5, max = 20 }\n")
-        noise = phase("noise", lambda context, options, log: measure(log), ("white", "gain"))
-        return run(plan, [noise], **options)
+        noise_phase = phase("noise", lambda context, options, log: measure(log), ("white", "gain"))
+        return run(plan, [noise_phase], **options)
 
     return make
 
@@ -91,11 +91,11 @@ def make_record(make_plan, phase, run) -> Callable[..., TestRecord]:
 def full_record(make_plan, phase, run) -> TestRecord:
     """A record with every outcome, with unusual values and texts."""
 
-    def identity(context, options, log):
+    def measure_identity(context, options, log):
         log.measure("firmware", "0.3.1", "")
         log.measure("supply", 3.312, "V")
 
-    def noise(context, options, log):
+    def measure_noise(context, options, log):
         log.measure("white", 9.5, "counts", "TX 3")
         log.measure("white", 4.0, "counts", "TX 4")
         log.measure("white", math.nan, "counts", "TX 5")
@@ -106,14 +106,14 @@ def full_record(make_plan, phase, run) -> TestRecord:
         log.attach("raw.bin", "application/octet-stream", bytes(range(256)))
         log.add_note('a <script>alert("note")</script> & an "ü"')
 
-    def bus(context, options, log):
+    def fail_on_bus(context, options, log):
         raise OSError(5, "Input/output error", "/dev/bus")
 
     tables = "[phases.identity]\n[phases.noise.limits]\nwhite = { max = 8 }\n[phases.bus]\n[phases.touch]\n"
     phases = [
-        phase("identity", identity),
-        phase("noise", noise, ("white",)),
-        phase("bus", bus),
+        phase("identity", measure_identity),
+        phase("noise", measure_noise, ("white",)),
+        phase("bus", fail_on_bus),
         phase("touch", requirement="no operator at the bench", is_automatic=False),
     ]
     return run(make_plan(tables), phases)

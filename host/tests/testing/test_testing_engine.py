@@ -22,14 +22,14 @@ def raise_in_phase(error):
     return measure
 
 
-def outcomes(record):
+def list_outcomes(record):
     return [phase.outcome.value for phase in record.phases]
 
 
 def test_a_record_contains_operator_device_plan_and_time(make_plan, phase, run):
     plan = make_plan("[phases.first]\n")
     record = run(plan, [phase("first")])
-    assert (record.outcome, outcomes(record)) == (Outcome.PASS, ["pass"])
+    assert (record.outcome, list_outcomes(record)) == (Outcome.PASS, ["pass"])
     assert (record.serial_number, record.operator, record.station) == ("AB-0001", "Zoë", "bench 1")
     assert (record.plan_name, record.plan_version, record.plan_sha256) == ("boards", "1", plan.sha256)
     assert record.started_utc.endswith("Z")
@@ -102,7 +102,7 @@ def test_the_other_phases_run_after_an_error_in_one_phase(make_plan, phase, run)
         phase("third"),
     ]
     record = run(make_plan(THREE_PHASES), phases)
-    assert (record.outcome, outcomes(record)) == (Outcome.ERROR, ["error", "pass", "pass"])
+    assert (record.outcome, list_outcomes(record)) == (Outcome.ERROR, ["error", "pass", "pass"])
     assert record.phases[0].problem == "board 0x21: no answer; check it"
     assert len(record.phases[0].measurements) == 1
 
@@ -118,7 +118,7 @@ def test_a_defect_of_a_phase_is_recorded_with_its_traceback(make_plan, phase, ru
     record = run(
         make_plan(THREE_PHASES), [phase("first", raise_in_phase(KeyError("gain"))), phase("second"), phase("third")]
     )
-    assert outcomes(record) == ["error", "pass", "pass"]
+    assert list_outcomes(record) == ["error", "pass", "pass"]
     assert record.phases[0].problem == "a defect of this phase: KeyError: 'gain'; report it"
     assert b"Traceback" in record.phases[0].attachments[0].data
 
@@ -130,7 +130,7 @@ def test_after_a_fatal_error_the_remaining_phases_are_skipped_with_a_note(make_p
         phase("third"),
     ]
     record = run(make_plan(THREE_PHASES), phases)
-    assert (record.outcome, outcomes(record)) == (Outcome.ERROR, ["pass", "error", "skip"])
+    assert (record.outcome, list_outcomes(record)) == (Outcome.ERROR, ["pass", "error", "skip"])
     assert record.phases[1].problem == "the supply is 0 V; plug it in"
     assert record.phases[2].notes == ["not run: Second ended the test: the supply is 0 V; plug it in"]
 
@@ -139,7 +139,7 @@ def test_a_stopped_test_keeps_its_measurements(make_plan, phase, run):
     record = run(
         make_plan(THREE_PHASES), [phase("first"), phase("second", raise_in_phase(KeyboardInterrupt())), phase("third")]
     )
-    assert (record.outcome, outcomes(record)) == (Outcome.ERROR, ["pass", "error", "skip"])
+    assert (record.outcome, list_outcomes(record)) == (Outcome.ERROR, ["pass", "error", "skip"])
     assert record.phases[1].problem == STOPPED
     assert record.phases[1].measurements[0].value == 1.0
     assert record.phases[2].notes == ["not run: the test was stopped"]
@@ -155,14 +155,14 @@ def test_a_plan_can_stop_at_the_first_phase_that_does_not_pass(make_plan, phase,
     record = run(
         make_plan("stop_at_failure = true\n" + THREE_PHASES), [phase("first", measure), phase("second"), phase("third")]
     )
-    assert outcomes(record)[1:] == ["skip", "skip"]
+    assert list_outcomes(record)[1:] == ["skip", "skip"]
     assert record.phases[1].notes == ["not run: First did not pass, and the plan stops at the first failure"]
 
 
 def test_a_skipped_phase_does_not_stop_a_test(make_plan, phase, run):
     plan = make_plan("stop_at_failure = true\n" + THREE_PHASES)
     record = run(plan, [phase("first", requirement="no load\ncell"), phase("second"), phase("third")])
-    assert (record.outcome, outcomes(record)) == (Outcome.PASS, ["skip", "pass", "pass"])
+    assert (record.outcome, list_outcomes(record)) == (Outcome.PASS, ["skip", "pass", "pass"])
     assert record.phases[0].notes == ["cannot run: no load cell"]
 
 
@@ -172,7 +172,7 @@ def test_a_test_with_only_skipped_phases_does_not_pass(make_plan, phase, run):
 
 def test_an_unread_option_is_an_error_of_its_phase(make_plan, phase, run):
     record = run(make_plan("[phases.a]\nsecond = 2\n[phases.b]\n"), [phase("a"), phase("b")])
-    assert outcomes(record) == ["error", "pass"]
+    assert list_outcomes(record) == ["error", "pass"]
     assert "plan.toml: phases.a.second: expected an option of this phase" in record.phases[0].problem
 
 

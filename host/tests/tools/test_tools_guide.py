@@ -21,8 +21,8 @@ BLOCK = re.compile(r"```(\w+)\n(.*?)```", re.DOTALL)
 TOML_NAME = re.compile(r"`([\w.-]+\.toml)`")
 
 
-def commands():
-    """Every line of the guide's shell blocks."""
+def read_commands():
+    """The lines of all shell blocks of the guide."""
     return [line for kind, text in BLOCK.findall(GUIDE.read_text()) if kind == "sh" for line in text.splitlines()]
 
 
@@ -59,7 +59,7 @@ def run_guide_command(arguments):
         sys.path.remove(str(script.parent))
 
 
-@pytest.mark.parametrize("line", commands())
+@pytest.mark.parametrize("line", read_commands())
 def test_each_command_of_the_guide_runs(folder, capsys, line):
     status = run_guide_command(shlex.split(line))
     captured = capsys.readouterr()
@@ -68,7 +68,7 @@ def test_each_command_of_the_guide_runs(folder, capsys, line):
 
 
 def test_the_guide_shows_every_command_and_its_plan_names_a_board_of_the_hand():
-    guide_commands = "\n".join(commands())
+    guide_commands = "\n".join(read_commands())
     for part in ("taxel scan", "taxel provision", "taxel flash", "--hub", "--swd", "--dry-run", "power_cuts.py"):
         assert part in guide_commands
     plan = next(text for kind, text in BLOCK.findall(GUIDE.read_text()) if "taxel_provisioning" in text)

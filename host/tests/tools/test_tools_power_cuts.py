@@ -20,10 +20,12 @@ STEP_S = 0.0005
 
 
 def try_update(wire, firmware):
+    """Outcome of an update of the board, or its TaxelError."""
     return run_all(wire, {BOARD: update_board(BOARD, firmware, wire.now_s, lambda progress: None)})[BOARD]
 
 
 def read_version(wire):
+    """Version of the running application, which must start within 6 s."""
     identity = run(wire, wait_for_application(BOARD, wire.now_s, 6.0))
     assert identity is not None, "bricked"
     return firmware_version(identity)
@@ -54,39 +56,41 @@ def measure_write_times(world, firmware) -> list[float]:
     return times
 
 
-@pytest.mark.parametrize("listens", [0, 1])
+@pytest.mark.parametrize("boot_listens", [0, 1])
 def test_power_cuts_leave_the_old_or_the_new_image_and_the_update_can_be_repeated(
-    worlds, adapter, make_firmware, listens
+    worlds, adapter, make_firmware, boot_listens
 ):
     seed = 40
     print(f"seed {seed}")
     generator = random.Random(seed)
     firmware = make_firmware(size=384)
-    times = measure_write_times(worlds(f"boot_listens {listens}", boards=1), firmware)
-    assert len(times) == 3 + 1 + 1 + 1, "three rows, pending, a try, confirmed"
-    cuts = torn = failed = 0
-    for first in [time + WRITE_S * fraction for time in times for fraction in FRACTIONS]:
-        for span in (0.15, 0.4, 0.8):
-            second = first + OFF_S + generator.uniform(span / 3.0, span)
+    times = measure_write_times(worlds(f"boot_listens {boot_listens}", boards=1), firmware)
+    assert len(times) == 3 + 1 + 1 + 1, "three rows, and the records: pending, one boot attempt, confirmed"
+    cut_count = torn_rows = failed_updates = 0
+    for first_cut_s in [time + WRITE_S * fraction for time in times for fraction in FRACTIONS]:
+        for span_s in (0.15, 0.4, 0.8):
+            second_cut_s = first_cut_s + OFF_S + generator.uniform(span_s / 3.0, span_s)
             lines = [
                 f"fault {time!r} {name} {BOARD}"
-                for cut in (first, second)
-                for time, name in ((cut, "unplug"), (cut + OFF_S, "plug"))
+                for cut_s in (first_cut_s, second_cut_s)
+                for time, name in ((cut_s, "unplug"), (cut_s + OFF_S, "plug"))
             ]
-            world = worlds(*lines, f"boot_listens {listens}", boards=1)
+            world = worlds(*lines, f"boot_listens {boot_listens}", boards=1)
             wire = adapter(world)
-            for cut in (first, second):
-                failed += isinstance(try_update(wire, firmware), TaxelError)
-                world.run(max(cut + OFF_S - world.now_s, 1e-6))
-                assert read_version(wire) in (OLD, NEW), (first, second)
-            last = try_update(wire, firmware)
-            assert not isinstance(last, TaxelError), (first, second, last)
+            for cut_s in (first_cut_s, second_cut_s):
+                failed_updates += isinstance(try_update(wire, firmware), TaxelError)
+                world.run(max(cut_s + OFF_S - world.now_s, 1e-6))
+                assert read_version(wire) in (OLD, NEW), (first_cut_s, second_cut_s)
+            outcome = try_update(wire, firmware)
+            assert not isinstance(outcome, TaxelError), (first_cut_s, second_cut_s, outcome)
             assert read_version(wire) == NEW
-            torn += world.read_flash(BOARD).torn
-            cuts += 2
+            torn_rows += world.read_flash(BOARD).torn
+            cut_count += 2
             world.close()
-    print(f"{cuts} cuts: {torn} rows torn, {failed} updates failed and were repeated, no board bricked")
-    assert torn > cuts // 3
+    print(
+        f"{cut_count} cuts: {torn_rows} rows torn, {failed_updates} updates failed and were repeated, no board bricked"
+    )
+    assert torn_rows > cut_count // 3
 
 
 def test_a_planned_cut_interrupts_the_named_write(worlds, adapter, make_firmware):
@@ -109,9 +113,9 @@ def test_planned_cuts_are_made_in_order(worlds, adapter, make_firmware):
     world.plan_power_cut(BOARD, 1, 0.004, OFF_S)
     world.plan_power_cut(BOARD, 3, 0.0201, OFF_S)
     for _ in range(3):
-        last = try_update(adapter(world), make_firmware(size=384))
+        outcome = try_update(adapter(world), make_firmware(size=384))
         world.run(0.1)
-    assert not isinstance(last, TaxelError)
+    assert not isinstance(outcome, TaxelError)
     assert [(cut.row, cut.after_s) for cut in world.read_power_cuts(BOARD)] == [(128, 0.004), (130, 0.0201)]
     assert world.read_flash(BOARD).torn == 1
 

@@ -20,7 +20,7 @@ from taxel_tools.session import BootSession
 BLANK = 0x77
 
 
-def boards_by_address(wire):
+def list_devices_by_address(wire):
     return {device.address: device for device in scan_bus(wire)}
 
 
@@ -47,7 +47,7 @@ def test_the_configuration_of_a_blank_board_survives_an_update(worlds, open_wire
     firmware = make_firmware()
     results = run_all(wire, {0x30: update_board(0x30, firmware, wire.now_s, lambda progress: None)})
     assert results[0x30].after == (1, 2, 3)
-    board = boards_by_address(wire)[0x30]
+    board = list_devices_by_address(wire)[0x30]
     assert (board.runs, board.kind, board.unique_id) == ("application", 9, candidates[0].unique_id.hex())
     session = BootSession(0x30, wire.now_s)
     run(wire, session.enter())
@@ -64,9 +64,9 @@ def test_provisioning_restores_the_boot_attempts_used_by_a_blank_board(worlds, o
 
     def procedure():
         yield from session.start_session()
-        first, _ = yield from session.read_free_rows()
+        first_row, _ = yield from session.read_free_rows()
         for i, row in enumerate(image.rows()):
-            yield from session.write_row(first + i, row)
+            yield from session.write_row(first_row + i, row)
         assert (yield from session.verify_application())
         yield from session.exit()
 
@@ -80,7 +80,7 @@ def test_provisioning_restores_the_boot_attempts_used_by_a_blank_board(worlds, o
     assert run(wire, session.read_info()).tries[0] == 0
     write_changes(wire, plan_changes(candidates, [Entry(None, 0x30, 9)], wire.scan()))
     wire.collect(1.0)
-    assert boards_by_address(wire)[0x30].runs == "application"
+    assert list_devices_by_address(wire)[0x30].runs == "application"
 
 
 @pytest.mark.parametrize("count", [2, 4])
@@ -91,7 +91,7 @@ def test_blank_boards_at_one_address_are_distinguished(worlds, open_wire, count)
     assert len(candidates) == count
     entries = [Entry(c.unique_id, 0x20 + i, 1 + i, f"S{i}") for i, c in enumerate(candidates)]
     write_changes(wire, plan_changes(candidates, entries, wire.scan()))
-    devices = boards_by_address(wire)
+    devices = list_devices_by_address(wire)
     assert BLANK not in devices
     assert {(0x20 + i, c.unique_id.hex()) for i, c in enumerate(candidates)} <= {
         (device.address, device.unique_id) for device in devices.values()
@@ -127,7 +127,9 @@ def test_an_interrupted_plan_is_completed_by_running_it_again(worlds, open_wire)
     candidates = collect_boards(wire, [BLANK], entries)
     assert sorted(c.address for c in candidates) == [0x20, 0x21, BLANK]
     write_changes(wire, plan_changes(candidates, entries, in_use))
-    assert [c.address for c in collect_boards(wire, [BLANK], entries)] == [0x20, 0x21, 0x22], "all have moved already"
+    assert [c.address for c in collect_boards(wire, [BLANK], entries)] == [0x20, 0x21, 0x22], (
+        "every board has its new address"
+    )
 
 
 def test_a_different_board_at_the_new_address_is_restarted_unchanged(worlds, open_wire):
@@ -135,7 +137,7 @@ def test_a_different_board_at_the_new_address_is_restarted_unchanged(worlds, ope
     with pytest.raises(BoardError, match="board 0x77: no board answers at this address"):
         collect_boards(wire, [BLANK], [Entry(bytes(8), 0x51)])
     wire.collect(0.2)
-    assert boards_by_address(wire)[0x51].runs == "application"
+    assert list_devices_by_address(wire)[0x51].runs == "application"
 
 
 def test_boards_with_a_duplicate_address_get_different_addresses(worlds, open_wire):
@@ -144,12 +146,12 @@ def test_boards_with_a_duplicate_address_get_different_addresses(worlds, open_wi
     enter_bootloaders(wire, 0x50)
     candidates = find_boards(wire, 0x50)
     assert [c.configuration["kind"] for c in candidates] in ([9, 10], [10, 9])
-    moved = next(c for c in candidates if c.configuration["kind"] == 10)
-    changes = plan_changes(candidates, [Entry(moved.unique_id, 0x55)], wire.scan())
+    board_to_move = next(c for c in candidates if c.configuration["kind"] == 10)
+    changes = plan_changes(candidates, [Entry(board_to_move.unique_id, 0x55)], wire.scan())
     write_changes(wire, changes)
-    release_boards(wire, [c for c in candidates if c is not moved])
+    release_boards(wire, [c for c in candidates if c is not board_to_move])
     wire.collect(0.1)
-    devices = boards_by_address(wire)
+    devices = list_devices_by_address(wire)
     assert {(device.address, device.runs, device.kind) for device in devices.values()} == {
         (0x50, "application", 9),
         (0x55, "application", 10),
@@ -169,11 +171,11 @@ def test_boards_with_a_duplicate_address_get_different_addresses(worlds, open_wi
 def test_invalid_entries_are_refused_before_any_write(worlds, adapter, entry, expected_text):
     world = worlds("blank 0x50")
     wire = adapter(world)
-    before = world.read_flash(0x50).data
+    flash_content = world.read_flash(0x50).data
     with pytest.raises(BoardError) as error:
         plan_changes(find_boards(wire), [entry], wire.scan())
     assert expected_text in str(error.value)
-    assert world.read_flash(0x50).data == before
+    assert world.read_flash(0x50).data == flash_content
 
 
 def test_several_boards_require_a_unique_id(worlds, adapter):

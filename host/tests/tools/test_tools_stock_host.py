@@ -18,6 +18,8 @@ from taxel_tools.scheduler import run
 
 BOARD = 0x50
 ENTER, FLASH_SIZE, SEND, PROGRAM, VERIFY_ROW, VERIFY, EXIT = 0x38, 0x32, 0x37, 0x39, 0x3A, 0x31, 0x3B
+ENTER_BOOTLOADER = [0x70, 5, 0xFA]
+"""Write to the command register of the application: register, command, complement of the command."""
 TRANSFER_MAX, PROGRAM_OVERHEAD, SEND_OVERHEAD = 64, 10, 7
 
 
@@ -51,12 +53,12 @@ class StockHost:
         reply = self.send(ENTER)
         assert reply[:4] == bytes.fromhex(header[:8])[::-1]
         assert reply[4] == bytes.fromhex(header)[4]
-        first, last = struct.unpack("<HH", self.send(FLASH_SIZE, b"\0"))
+        first_row, last_row = struct.unpack("<HH", self.send(FLASH_SIZE, b"\0"))
         for line in lines:
             record = bytes.fromhex(line[1:])
             array, row, size = record[0], int.from_bytes(record[1:3], "big"), int.from_bytes(record[3:5], "big")
-            if not first <= row <= last:
-                raise ValueError(f"row {row} is not between {first} and {last}")
+            if not first_row <= row <= last_row:
+                raise ValueError(f"row {row} is not between {first_row} and {last_row}")
             data = record[5:-1]
             while len(data) + PROGRAM_OVERHEAD > TRANSFER_MAX:
                 self.send(SEND, data[: TRANSFER_MAX - SEND_OVERHEAD])
@@ -73,7 +75,7 @@ class StockHost:
 def test_a_stock_host_tool_programs_the_taxel_bootloader(worlds, adapter, make_image, checksum):
     world = worlds(boards=1)
     host = StockHost(world, checksum)
-    host.bus.i2c_rdwr(i2c_msg.write(BOARD, [0x70, 5, 0xFA]))
+    host.bus.i2c_rdwr(i2c_msg.write(BOARD, ENTER_BOOTLOADER))
     world.run(0.05)
     host.program(write_cyacd(make_image(1, size=1024), 128, checksum))
     assert host.sent == [ENTER, FLASH_SIZE, *[SEND, SEND, PROGRAM, VERIFY_ROW] * 8, VERIFY, EXIT]
@@ -84,7 +86,7 @@ def test_a_stock_host_tool_programs_the_taxel_bootloader(worlds, adapter, make_i
 def test_a_stock_host_tool_refuses_a_file_for_the_slot_in_use(worlds, make_image):
     world = worlds(boards=1)
     host = StockHost(world, BootChecksum.SUM)
-    host.bus.i2c_rdwr(i2c_msg.write(BOARD, [0x70, 5, 0xFA]))
+    host.bus.i2c_rdwr(i2c_msg.write(BOARD, ENTER_BOOTLOADER))
     world.run(0.05)
     with pytest.raises(ValueError, match="row 32 is not between 128 and 223"):
         host.program(write_cyacd(make_image(0), 32))

@@ -33,7 +33,9 @@ def install_tools(tmp_path, monkeypatch):
     def make(*tool_names, body="exit 0"):
         for name in tool_names:
             path = folder / name
-            path.write_text(f'#!/bin/sh\nfor word in "$@"; do echo "$word"; done > {tmp_path}/{name}.words\n{body}\n')
+            path.write_text(
+                f'#!/bin/sh\nfor word in "$@"; do echo "$word"; done > {tmp_path}/{name}.arguments\n{body}\n'
+            )
             path.chmod(0o755)
         return folder
 
@@ -48,16 +50,16 @@ def bootloader(tmp_path):
     return path
 
 
-def recorded_arguments(tmp_path, name):
-    return (tmp_path / f"{name}.words").read_text().splitlines()
+def read_recorded_arguments(tmp_path, name):
+    return (tmp_path / f"{name}.arguments").read_text().splitlines()
 
 
 def test_openocd_programs_and_verifies_the_file(run, install_tools, bootloader, tmp_path):
     install_tools("openocd", "pyocd")
     status, out, err = run(bootloader)
     assert status == 0, err
-    assert recorded_arguments(tmp_path, "openocd") == [*OPENOCD[1:], f"program {{{bootloader}}} verify reset exit"]
-    assert not (tmp_path / "pyocd.words").exists()
+    assert read_recorded_arguments(tmp_path, "openocd") == [*OPENOCD[1:], f"program {{{bootloader}}} verify reset exit"]
+    assert not (tmp_path / "pyocd.arguments").exists()
     assert "32 rows, 0 to 31, are programmed by SWD (not verified on hardware):" in err
     assert out == "programmed; provision the board, then flash its application over the wire\n"
 
@@ -65,15 +67,15 @@ def test_openocd_programs_and_verifies_the_file(run, install_tools, bootloader, 
 def test_pyocd_is_used_without_openocd(run, install_tools, bootloader, tmp_path):
     install_tools("pyocd")
     assert run(bootloader)[0] == 0
-    assert recorded_arguments(tmp_path, "pyocd") == ["load", "--target", "cy8c4245axi-483", str(bootloader)]
+    assert read_recorded_arguments(tmp_path, "pyocd") == ["load", "--target", "cy8c4245axi-483", str(bootloader)]
 
 
 def test_tool_and_probe_can_be_selected(run, install_tools, bootloader, tmp_path):
     install_tools("openocd", "pyocd")
     assert run(bootloader, "--swd-tool", "pyocd")[0] == 0
-    assert not (tmp_path / "openocd.words").exists()
+    assert not (tmp_path / "openocd.arguments").exists()
     assert run(bootloader, "--swd-interface", "ftdi/olimex-arm-usb-ocd-h")[0] == 0
-    assert recorded_arguments(tmp_path, "openocd")[1] == "interface/ftdi/olimex-arm-usb-ocd-h.cfg"
+    assert read_recorded_arguments(tmp_path, "openocd")[1] == "interface/ftdi/olimex-arm-usb-ocd-h.cfg"
 
 
 def test_a_dry_run_prints_the_exact_command_and_runs_nothing(run, install_tools, bootloader, tmp_path):
@@ -83,7 +85,7 @@ def test_a_dry_run_prints_the_exact_command_and_runs_nothing(run, install_tools,
     assert "would be programmed by SWD (not verified on hardware):" in err
     command_text = "openocd -f interface/cmsis-dap.cfg -c 'transport select swd' -f target/psoc4.cfg -c "
     assert f"{command_text}'program {{{bootloader}}} verify reset exit'" in err
-    assert not (tmp_path / "openocd.words").exists()
+    assert not (tmp_path / "openocd.arguments").exists()
     document = json.loads(run(bootloader, "--dry-run", "--json")[1])
     assert document == {"command": [*OPENOCD, f"program {{{bootloader}}} verify reset exit"], "done": False}
 
@@ -93,12 +95,12 @@ def test_the_command_does_not_use_a_shell(run, install_tools, tmp_path):
     path = tmp_path / "a;touch evil $(touch evil) `touch evil`.hex"
     path.write_text(write_intel_hex(bytes(128), 0))
     assert run(path)[0] == 0
-    assert recorded_arguments(tmp_path, "pyocd")[-1] == str(path)
+    assert read_recorded_arguments(tmp_path, "pyocd")[-1] == str(path)
     assert "evil" not in os.listdir()
 
 
 @pytest.mark.parametrize(
-    ("present", "arguments", "problem"),
+    ("installed_tools", "arguments", "problem"),
     [
         ([], [], "--swd: neither openocd nor pyocd is on the PATH; install one: sudo apt install openocd"),
         (["openocd"], ["--swd-tool", "pyocd"], "--swd-tool: pyocd is not on the PATH; install it: pip install pyocd"),
@@ -109,8 +111,8 @@ def test_the_command_does_not_use_a_shell(run, install_tools, tmp_path):
         (["openocd"], ["other.hex"], "flash: expected one .hex and no URL with --swd"),
     ],
 )
-def test_each_refusal_is_one_error_line(run, install_tools, bootloader, present, arguments, problem):
-    install_tools(*present)
+def test_each_refusal_is_one_error_line(run, install_tools, bootloader, installed_tools, arguments, problem):
+    install_tools(*installed_tools)
     status, out, err = run(bootloader, *arguments)
     assert (status, out) == (1, "")
     assert problem in err
@@ -138,7 +140,7 @@ def test_a_file_without_a_bootloader_is_refused_before_a_tool_runs(
     assert (status, out) == (1, "")
     assert problem in err
     assert err.count("\n") == 1
-    assert not (tmp_path / "openocd.words").exists()
+    assert not (tmp_path / "openocd.arguments").exists()
 
 
 def test_a_failed_tool_gives_one_error_line_with_its_last_output(run, install_tools, bootloader):
