@@ -18,6 +18,7 @@ HASH_NAMES: Final = ("Makefile", "CMakeLists.txt", "run")
 _C_TOKEN: Final = re.compile(r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\\n])*\"|[A-Za-z_]\w*", re.DOTALL)
 _HASH_COMMENT: Final = re.compile(r"(?:^|\s)#(?!\!)(.*)$")
 _MARKDOWN_CODE: Final = re.compile(r"`[^`\n]*`|\]\([^)\n]*\)|<!--.*?-->|https?://\S+", re.DOTALL)
+_HTML_CODE: Final = re.compile(r"<[^>]*>|\{[{%].*?[%}]\}", re.DOTALL)
 _TOML_PROSE: Final = re.compile(r'^\s*(?:what|help|description|reason|title|note)\s*=\s*"(.*)"\s*$')
 
 
@@ -38,6 +39,8 @@ def texts_of(path: Path, content: str) -> Iterator[Text]:
         yield from _c_texts(content)
     elif path.suffix == ".md":
         yield from _markdown_prose(content)
+    elif path.suffix == ".html":
+        yield from _html_prose(content)
     elif path.suffix in HASH_SUFFIXES or path.name in HASH_NAMES:
         yield from _hash_prose(content, is_toml=path.suffix == ".toml")
 
@@ -88,6 +91,11 @@ def _markdown_prose(content: str) -> Iterator[Text]:
             yield Text(PROSE, number, line)
         elif (comment := re.search(r"(?:^|\s)#\s(.*)$", line)) is not None:
             yield Text(PROSE, number, comment[1])
+
+
+def _html_prose(content: str) -> Iterator[Text]:
+    for number, line in enumerate(_without_inline_code(content, _HTML_CODE).split("\n"), 1):
+        yield Text(PROSE, number, line)
 
 
 def _hash_prose(content: str, *, is_toml: bool) -> Iterator[Text]:

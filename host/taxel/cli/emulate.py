@@ -21,7 +21,8 @@ def emulate(
     noise_counts: Annotated[float, typer.Option(help="Standard deviation of the read-out noise, counts.")] = 4.0,
     seconds: Seconds = None,
     effect: Annotated[
-        list[str] | None, typer.Option(help="Line of the world file that adds an effect, without 'effect'; repeatable.")
+        list[str] | None,
+        typer.Option(help="Effect line of the world file, such as 'spread film length_m=0.002'; repeatable."),
     ] = None,
 ) -> None:
     """Run the emulated skin behind a virtual serial port.

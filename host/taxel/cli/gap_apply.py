@@ -18,7 +18,8 @@ def apply(
     resim: Annotated[
         str | None,
         typer.Option(
-            help="Command of your own simulator, run instead; {effects}, {sim} and {out} are replaced by paths.",
+            help="Command of your own simulator, which computes the effects instead; {effects}, {sim} and {out} are "
+            "replaced by paths.",
             metavar="COMMAND",
         ),
     ] = None,
