@@ -30,6 +30,9 @@ def blind(
 ) -> None:
     """Check the diagnosis on worlds with sealed causes, and score the answers.
 
+    A world is an emulated skin with randomly chosen causes of a gap. The causes are sealed by a hash; a separate
+    process diagnoses the datasets of the world without access to the causes; then the seal is opened.
+
     Example: taxel gap blind --worlds 24 --out out/blind
     """
     require_packages("taxel gap blind", "all", "can", "mujoco")  # the worlds are simulated and emulated

@@ -29,7 +29,7 @@ def print_summary(console: Console, report: Mapping[str, Any]) -> None:
             parameters = format_parameters(checked, effect)
             _print_line(console, make_readable(effect.text("name")) + (f": {parameters}" if parameters else ""))
     for loss in report["losses"]:
-        _print_line(console, f"missing data: {clean_text(loss)}")
+        _print_line(console, f"note: {clean_text(loss)}")
 
 
 def shrink_text(after: Mapping[str, Any]) -> str:

@@ -39,8 +39,7 @@ def grasp(
         list[str] | None,
         typer.Option(
             "--effect",
-            help="Emulated: effect line of the world file, such as 'spread film length_m=0.002', or thesis; repeatable. "
-            "Default: thesis.",
+            help="Emulated: effect line such as 'spread film length_m=0.002', or thesis; repeatable. Default: thesis.",
         ),
     ] = None,
     no_effects: Annotated[
