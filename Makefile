@@ -99,7 +99,7 @@ fuzz-states: $(STAMP)  ## RUNS of commands, faults and time in any order (20000)
 mutants: $(STAMP)  ## plant bugs one at a time in a copy: every one must be found by the suite
 	@$(BIN)/python tools/mutants/plant.py --jobs $(JOBS)
 
-lint: $(STAMP)  ## ruff, clang-format, mypy, import-linter, stale generated files
+lint: $(STAMP)  ## ruff, clang-format, mypy, import-linter, stale generated files, terms of the glossary
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@git ls-files -z '*.c' '*.h' | xargs -0 $(BIN)/clang-format --dry-run --Werror
@@ -109,6 +109,7 @@ lint: $(STAMP)  ## ruff, clang-format, mypy, import-linter, stale generated file
 	@$(BIN)/python tools/codegen/vectors.py --check
 	@$(BIN)/python tools/codegen/bootloader_header.py --check
 	@$(BIN)/python tools/codegen/page_terms.py --check
+	@$(BIN)/python tools/wording/check_terms.py
 
 terms:  ## words that the glossary replaces, in all tracked files
 	@$(if $(wildcard $(BIN)/python),$(BIN)/python,$(PYTHON)) tools/wording/check_terms.py
