@@ -153,7 +153,11 @@ def make_loads(
 def settle_boards(
     hand: Hand | Sheet, shape: Shape, boards: BoardContacts, stiffness: float, max_tilt_rad: float
 ) -> SettledBoards:
-    """Move the boards to rest on uncoupled springs; stiffness: of one taxel, N/m."""
+    """Move the boards to their rest positions on uncoupled springs.
+
+    stiffness: of the spring of one taxel, N/m. max_tilt_rad: bound of either tilt. The separations are linearised at
+    most `MAX_CASTS` times.
+    """
     travel = np.zeros((len(boards.frame), 3))
     bound = max_tilt_rad * TILT_ARM_M
     force, pose, centre = np.zeros(len(boards.taxel)), boards.pose.copy(), boards.centre.copy()

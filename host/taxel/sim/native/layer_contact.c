@@ -24,11 +24,13 @@ static void compute_relative_pose(const double *a, const double *b, double *resu
     memcpy(result + 12, b + 12, 4 * sizeof *b);
 }
 
+/* Component `row` of a vector rotated by a pose. */
 static double rotate_row(const double *pose, size_t row, const double *vector)
 {
     return pose[4 * row] * vector[0] + pose[4 * row + 1] * vector[1] + pose[4 * row + 2] * vector[2];
 }
 
+/* Set point i of the lines to a piece of a board at `pose`. */
 static void set_point(const struct sim_layer *layer, const double *pose, size_t piece, struct sim_lines *lines,
                       size_t i)
 {
@@ -49,6 +51,7 @@ static struct sim_solid near_solid(const struct sim_layer *layer, size_t board)
     return solid;
 }
 
+/* Number of lines of the next block. */
 static size_t limit_to_block(size_t remaining)
 {
     return remaining < RAY_BLOCK ? remaining : RAY_BLOCK;
@@ -72,7 +75,7 @@ static size_t find_near_pieces(const struct sim_layer *layer, const double *pose
                                uint32_t *near)
 {
     const double reach = layer->thickness_m + layer->near_m;
-    size_t kept = 0;
+    size_t stored = 0;
     while (begin < end) {
         struct sim_lines lines;
         double bound[RAY_BLOCK];
@@ -83,12 +86,12 @@ static size_t find_near_pieces(const struct sim_layer *layer, const double *pose
         sim_distance_bounds(&layer->solid, &lines, count, bound);
         for (size_t i = 0; i < count; i++) {
             if (bound[i] < reach) {
-                near[kept++] = (uint32_t)(begin + i);
+                near[stored++] = (uint32_t)(begin + i);
             }
         }
         begin += count;
     }
-    return kept;
+    return stored;
 }
 
 /* As find_near_pieces for complete squares: a square whose middle piece is too far is skipped. */
@@ -97,7 +100,7 @@ static size_t find_near_in_squares(const struct sim_layer *layer, const double *
 {
     const double reach = layer->thickness_m + layer->near_m + layer->square_size_m;
     const size_t size = layer->square_pieces;
-    size_t kept = 0;
+    size_t stored = 0;
     while (begin < end) {
         struct sim_lines lines;
         double bound[RAY_BLOCK];
@@ -108,12 +111,12 @@ static size_t find_near_in_squares(const struct sim_layer *layer, const double *
         sim_distance_bounds(&layer->solid, &lines, count, bound);
         for (size_t i = 0; i < count; i++) {
             if (bound[i] < reach) {
-                kept += find_near_pieces(layer, pose, begin + i * size, begin + (i + 1) * size, near + kept);
+                stored += find_near_pieces(layer, pose, begin + i * size, begin + (i + 1) * size, near + stored);
             }
         }
         begin += count * size;
     }
-    return kept;
+    return stored;
 }
 
 /* Store the faces through which a line of a near piece can enter before the next search. Behind any other face the
@@ -122,8 +125,8 @@ static void find_faces(struct sim_layer *layer, size_t board, const double *pose
 {
     const uint32_t *near = layer->near + layer->first[board];
     const size_t faces = layer->solid.faces;
-    const double deepest = layer->deepest_m > layer->thickness_m ? layer->deepest_m : layer->thickness_m;
-    const double min_height = -(deepest + layer->near_m);
+    const double max_depth = layer->deepest_m > layer->thickness_m ? layer->deepest_m : layer->thickness_m;
+    const double min_height = -(max_depth + layer->near_m);
     double *normals = layer->near_normals + 3 * faces * board, *offsets = layer->near_offsets + faces * board;
     double *max_height = offsets; /* of the pieces over each face; read before an offset replaces the height */
     for (size_t face = 0; face < faces; face++) {
@@ -141,15 +144,15 @@ static void find_faces(struct sim_layer *layer, size_t board, const double *pose
             }
         }
     }
-    size_t kept = 0;
+    size_t stored = 0;
     for (size_t face = 0; face < faces; face++) {
         if (max_height[face] >= min_height) {
-            memcpy(normals + 3 * kept, layer->solid.normals + 3 * face, 3 * sizeof *normals);
-            offsets[kept++] = layer->solid.offsets[face];
+            memcpy(normals + 3 * stored, layer->solid.normals + 3 * face, 3 * sizeof *normals);
+            offsets[stored++] = layer->solid.offsets[face];
         }
     }
-    layer->near_faces[board] = kept;
-    if (faces && !kept) {
+    layer->near_faces[board] = stored;
+    if (faces && !stored) {
         layer->near_count[board] = 0;
     }
 }
@@ -206,9 +209,9 @@ static void add_piece(const struct sim_layer *layer, size_t piece, double force,
 static void rotate_wrench(const double *pose, double *wrench)
 {
     for (size_t half = 0; half < TWIST; half += 3) {
-        const double own[3] = {wrench[half], wrench[half + 1], wrench[half + 2]};
+        const double vector[3] = {wrench[half], wrench[half + 1], wrench[half + 2]};
         for (size_t row = 0; row < 3; row++) {
-            wrench[half + row] = rotate_row(pose, row, own);
+            wrench[half + row] = rotate_row(pose, row, vector);
         }
     }
 }
@@ -227,9 +230,9 @@ static void rotate_stiffness(const double *pose, double *stiffness)
         }
         for (size_t i = 0; i < TWIST; i++) {
             for (size_t j = 0; j < i; j++) {
-                const double kept = stiffness[TWIST * i + j];
+                const double upper = stiffness[TWIST * i + j];
                 stiffness[TWIST * i + j] = stiffness[TWIST * j + i];
-                stiffness[TWIST * j + i] = kept;
+                stiffness[TWIST * j + i] = upper;
             }
         }
     }
@@ -241,7 +244,7 @@ static size_t select_lines(const struct sim_layer *layer, const struct sim_solid
                            const uint32_t *near, size_t count, uint32_t *piece, struct sim_lines *lines)
 {
     double bound[RAY_BLOCK];
-    size_t kept = 0;
+    size_t stored = 0;
     for (size_t i = 0; i < count; i++) {
         set_point(layer, pose, near[i], lines, i);
     }
@@ -249,13 +252,13 @@ static size_t select_lines(const struct sim_layer *layer, const struct sim_solid
     for (size_t i = 0; i < count; i++) {
         if (bound[i] < layer->thickness_m) {
             for (size_t row = 0; row < 3; row++) {
-                lines->point[row][kept] = lines->point[row][i];
-                lines->direction[row][kept] = rotate_row(pose, row, layer->normal + 3 * (size_t)near[i]);
+                lines->point[row][stored] = lines->point[row][i];
+                lines->direction[row][stored] = rotate_row(pose, row, layer->normal + 3 * (size_t)near[i]);
             }
-            piece[kept++] = near[i];
+            piece[stored++] = near[i];
         }
     }
-    return kept;
+    return stored;
 }
 
 /* Add the load of one board at `pose` in the solid's frame; returns whether the board is in contact. */
@@ -303,10 +306,10 @@ void sim_layer_load(struct sim_layer *layer, const double *poses, const double *
         if (layer->slack_m[board] < 0.0 || moved > layer->slack_m[board]) {
             search_board(layer, board, in_solid);
         }
-        double *own = wrench + TWIST * board, *rise = stiffness + TWIST * TWIST * board;
-        if (load_board(layer, board, in_solid, own, rise, taxel_force)) {
-            rotate_wrench(pose, own);
-            rotate_stiffness(pose, rise);
+        double *board_wrench = wrench + TWIST * board, *board_stiffness = stiffness + TWIST * TWIST * board;
+        if (load_board(layer, board, in_solid, board_wrench, board_stiffness, taxel_force)) {
+            rotate_wrench(pose, board_wrench);
+            rotate_stiffness(pose, board_stiffness);
         }
     }
 }

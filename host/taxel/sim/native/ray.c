@@ -27,12 +27,12 @@ static void enter_polytope(const struct sim_solid *solid, const struct sim_lines
             const double clearance =
                 offset - (x * lines->point[0][i] + y * lines->point[1][i] + z * lines->point[2][i]);
             const double speed = x * lines->direction[0][i] + y * lines->direction[1][i] + z * lines->direction[2][i];
-            const double at = clearance / speed;
-            const double in = speed < 0.0 ? at : -INFINITY;
+            const double crossing = clearance / speed;
+            const double in = speed < 0.0 ? crossing : -INFINITY;
             /* A line parallel to a face is inside or outside of the half-space over its whole length. */
             const double parallel = clearance < 0.0 ? -INFINITY : INFINITY;
             const double no_exit = speed < 0.0 ? INFINITY : parallel;
-            const double out = speed > 0.0 ? at : no_exit;
+            const double out = speed > 0.0 ? crossing : no_exit;
             entry[i] = larger(entry[i], in);
             leave[i] = smaller(leave[i], out);
         }
@@ -43,6 +43,7 @@ static void enter_polytope(const struct sim_solid *solid, const struct sim_lines
     }
 }
 
+/* Part of a line, from `enter` to `leave`, metres along the line. */
 struct interval {
     double enter, leave;
 };
@@ -77,6 +78,7 @@ static struct interval cross_caps(double height, double z, double dz)
     return (struct interval){smaller(low, high), larger(low, high)};
 }
 
+/* Distances along the lines to their entries into the cylinder; see sim_entries. */
 static void enter_cylinder(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *entry)
 {
     for (size_t i = 0; i < count; i++) {
@@ -97,6 +99,7 @@ void sim_entries(const struct sim_solid *solid, const struct sim_lines *lines, s
     }
 }
 
+/* Signed distance of a point from the cylinder, metres; negative inside. */
 static double cylinder_distance(const struct sim_solid *solid, double x, double y, double z)
 {
     const double radial = sqrt(x * x + y * y) - solid->radius;
