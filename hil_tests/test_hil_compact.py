@@ -7,7 +7,7 @@ import pytest
 
 from hil_tests.harness.frame_checks import KnownCounts, get_address, read_frames
 from hil_tests.harness.rig import Rig
-from hil_tests.test_hil_power import power_cycle
+from hil_tests.test_hil_power import cycle_power
 from taxel.hand import Hand
 from taxel.skin import Skin
 from taxel.stream import TaxelFrame
@@ -62,7 +62,7 @@ def test_compact_frames_double_the_frame_rate_of_every_board(rig: Rig) -> None:
 def test_compact_frames_are_exact_after_a_power_cycle_of_a_board(rig: Rig, compact_skin: Skin) -> None:
     address = get_address(rig.hand, 3)
     counts = set_known_counts(rig, compact_skin)
-    power_cycle(rig, address)
+    cycle_power(rig, address)
     for frame in read_frames(rig, compact_skin, SETTLING_S):
         counts.check_frame(frame)
     frames_after = read_frames(rig, compact_skin, SETTLING_S)

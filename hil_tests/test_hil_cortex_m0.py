@@ -188,12 +188,12 @@ def test_board_runs_the_image_that_taxel_flash_programmed(tools: None) -> None:
     import executed_world
     import flash_worlds
 
-    text = flash_worlds.make_small_world(2, ["boot_listens 1"]) + executed_world.image_line(cut_routes.BOARD)
+    text = flash_worlds.make_small_world(2, ["boot_listens 1"]) + executed_world.format_image_line(cut_routes.BOARD)
     with VirtualWorld(text, files={"board-factory.hex": build_images() / "board-factory.hex"}) as world:
         world.run(0.4)
         route = cut_routes.BoardRoute(world, through_hub=True)
         assert route.version() == tuple(map(int, VERSION.split(".")))
-        route.update(executed_world.firmware_with((2, 7, 1), build_images()))
+        route.update(executed_world.make_firmware((2, 7, 1), build_images()))
         assert route.version() == (2, 7, 1)
         world.inject("unplug", cut_routes.BOARD)
         world.run(0.1)

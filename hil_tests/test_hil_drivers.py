@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from hil_tests.harness.context import DriverContext
-from hil_tests.harness.drivers import DRIVERS, driver_names, load_driver
+from hil_tests.harness.drivers import DRIVERS, list_driver_names, load_driver
 from hil_tests.harness.errors import RigError
 from hil_tests.harness.interfaces import INTERFACES
 from hil_tests.harness.physical.power import ModemLinePower
@@ -45,7 +45,7 @@ def test_every_registered_driver_implements_the_interface_of_its_device(key: str
     driver = load_driver(device, name)
     assert issubclass(driver.driver_class, INTERFACES[device])
     assert driver.is_virtual == (name == "virtual")
-    assert name in driver_names(device)
+    assert name in list_driver_names(device)
 
 
 def test_options_of_a_driver_are_the_parameters_of_its_constructor() -> None:
@@ -61,7 +61,7 @@ def test_driver_of_another_package_is_opened_with_its_options_and_closed(tmp_pat
     path = tmp_path / "relay.toml"
     path.write_text(VIRTUAL + '[power]\ndriver = "relay"\nchannel = 3\n')
     with installed_package(tmp_path, "relay", RELAY_SOURCE, {HIL_DRIVERS: {"power.relay": "relay:RelayPower"}}):
-        assert driver_names("power") == ("modem-line", "relay", "virtual")
+        assert list_driver_names("power") == ("modem-line", "relay", "virtual")
         with open_rig(load_rig(str(path))) as rig:
             assert rig.power.settings == (rig.hand.name, 3, False)
             closed = type(rig.power).__init__.__globals__["CLOSED"]

@@ -31,7 +31,7 @@ def get_boot_time_s(rig: Rig, address: int) -> float:
     return 1.15 if address in rig.description.executed else BOOT_S
 
 
-def power_cycle(rig: Rig, address: int, off_s: float = 0.1) -> float:
+def cycle_power(rig: Rig, address: int, off_s: float = 0.1) -> float:
     """Switch the power of a board off and on; the time of switching on, on the rig's clock in seconds."""
     rig.power.switch(False, address)
     rig.clock.wait(off_s)
@@ -54,7 +54,7 @@ def wait_for_reply(rig: Rig, has_reply: Callable[[], bool], start_s: float) -> N
 def test_board_acknowledges_within_150_ms_after_power_on(rig: Rig, index: int) -> None:
     address = get_address(rig.hand, index)
     rig.clock.wait(0.3)
-    wait_for_reply(rig, lambda: rig.i2c.write_quick(address) is None, power_cycle(rig, address))
+    wait_for_reply(rig, lambda: rig.i2c.write_quick(address) is None, cycle_power(rig, address))
 
 
 @pytest.mark.needs("i2c", "power", "faults")
@@ -64,7 +64,7 @@ def test_board_whose_bootloader_waits_for_a_command_runs_its_application_within_
     """Between the bootloader and the application the board does not acknowledge."""
     address = get_address(rig.hand, index)
     rig.clock.wait(0.5)
-    wait_for_reply(rig, lambda: rig.i2c.read_i2c_block_data(address, 0, 1) == [ord("T")], power_cycle(rig, address))
+    wait_for_reply(rig, lambda: rig.i2c.read_i2c_block_data(address, 0, 1) == [ord("T")], cycle_power(rig, address))
 
 
 @pytest.mark.needs("faults", "counts")

@@ -135,7 +135,7 @@ def _check_order(line: Line, previous: Line) -> None:
         raise FormatError("expected a time at or after that of the line before, found an earlier one")
 
 
-def arrays_of(name: str, recording: Recording) -> dict[str, NDArray[np.generic]]:
+def build_arrays(name: str, recording: Recording) -> dict[str, NDArray[np.generic]]:
     """The stored arrays of one file, by name."""
     participant, hand, finger = recording.finger
     start_ns = recording.time_ns[0]
@@ -162,7 +162,7 @@ def import_folder(source: Path, data: Path) -> str:
     report = []
     for name, path in paths:
         recording = read_recording(path)
-        arrays |= arrays_of(name, recording)
+        arrays |= build_arrays(name, recording)
         repeats = np.all(recording.values[1:] == recording.values[:-1], axis=(1, 2)).sum()
         seconds = arrays[f"{name}.time_s"][-1]
         report.append(

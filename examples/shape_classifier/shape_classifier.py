@@ -67,7 +67,7 @@ class Accuracy:
         return max(float(middle - half), 0.0), min(float(middle + half), 1.0)
 
 
-def scaled_signals(signal: FloatArray) -> FloatArray:
+def scale_signals(signal: FloatArray) -> FloatArray:
     """Signals f64[g, n] of all taxels, divided by `SCALE_COUNTS`."""
     return np.asarray(signal / SCALE_COUNTS)
 
@@ -77,16 +77,16 @@ def active_taxels(signal: FloatArray) -> FloatArray:
     return np.asarray(signal > ACTIVE_SIGNAL_COUNTS, dtype=np.float64)
 
 
-def active_on_boards(signal: FloatArray) -> FloatArray:
+def count_active_by_board(signal: FloatArray) -> FloatArray:
     """Number of active taxels of each board, divided by `SCALE_TAXELS`, f64[g, 17]: the size of contacts."""
     board = load_hand("allegro").board_index
     return np.asarray(active_taxels(signal) @ (board[:, None] == np.unique(board)) / SCALE_TAXELS)
 
 
 VIEWS = {
-    "every taxel's signal": scaled_signals,
+    "every taxel's signal": scale_signals,
     "which taxels are active": active_taxels,
-    "how many on each board": active_on_boards,
+    "how many on each board": count_active_by_board,
 }
 """Inputs of the classifiers, computed from the signals during hold."""
 
@@ -102,7 +102,9 @@ def classify(view: str, train: Holds, test: Holds) -> BoolArray:
     return np.asarray(classifier.predict(test.signal_counts) == test.label)
 
 
-def accuracy_gain(before: BoolArray, after: BoolArray, seed: int = 0, resamples: int = 10_000) -> tuple[float, ...]:
+def compute_accuracy_gain(
+    before: BoolArray, after: BoolArray, seed: int = 0, resamples: int = 10_000
+) -> tuple[float, ...]:
     """Increase of the accuracy on the same grasps, and its 95 % bootstrap interval over grasps."""
     change = after.astype(float) - before.astype(float)
     index = np.random.default_rng(seed).integers(len(change), size=(resamples, len(change)))
@@ -116,7 +118,7 @@ def compare(without_effects: Holds, with_effects: Holds, test: Holds) -> dict[st
     folds = min(FOLDS, *np.unique(labels, return_counts=True)[1].tolist())
     for view in VIEWS:
         before, after = classify(view, without_effects, test), classify(view, with_effects, test)
-        gain, low, high = accuracy_gain(before, after)
+        gain, low, high = compute_accuracy_gain(before, after)
         row: dict[str, Any] = {"gain": gain, "gain_ci95": [low, high]}
         if folds > 1:
             scores = cross_val_score(make_classifier(view), without_effects.signal_counts, labels, cv=folds)

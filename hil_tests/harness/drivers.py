@@ -62,7 +62,7 @@ class RegisteredDriver:
     is_virtual: bool
 
 
-def driver_names(device: str) -> tuple[str, ...]:
+def list_driver_names(device: str) -> tuple[str, ...]:
     """Names of all drivers of a device, in alphabetical order. Raises `PluginError` if two packages use one name."""
     prefix = f"{device}."
     names = list_plugin_names(HIL_DRIVERS, DRIVERS)
@@ -80,7 +80,7 @@ def load_driver(device: str, name: str) -> RegisteredDriver:
     where = f"driver '{device}.{name}'"
     if not isinstance(driver_class, type):
         raise RigError(f"{where}: expected a class, found an object of type {type(driver_class).__name__}")
-    missing = [method for method in _methods_of(interface) if not callable(getattr(driver_class, method, None))]
+    missing = [method for method in _list_methods(interface) if not callable(getattr(driver_class, method, None))]
     if missing:
         raise RigError(
             f"{where}: class {driver_class.__name__} does not implement {interface.__name__}; "
@@ -100,7 +100,7 @@ def open_driver(driver: RegisteredDriver, context: Any, options: Mapping[str, An
         raise RigError(f"[{driver.device}] driver '{driver.name}' cannot be opened ({error})") from None
 
 
-def _methods_of(interface: type) -> list[str]:
+def _list_methods(interface: type) -> list[str]:
     return [name for name, value in vars(interface).items() if inspect.isfunction(value) and not name.startswith("_")]
 
 

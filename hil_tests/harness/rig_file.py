@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from hil_tests.harness.drivers import RegisteredDriver, driver_names, load_driver
+from hil_tests.harness.drivers import RegisteredDriver, list_driver_names, load_driver
 from hil_tests.harness.errors import RigError
 from hil_tests.harness.interfaces import INTERFACES
 from taxel.errors import TaxelError
@@ -139,7 +139,7 @@ def _read_device(path: Path, device: str, table: Any) -> Device:
 
 def _find_driver(path: Path, device: str, name: str) -> RegisteredDriver:
     try:
-        names = driver_names(device)
+        names = list_driver_names(device)
         if name not in names:
             raise RigError(f"driver = '{name}' is unknown; expected {', '.join(names)}")
         return load_driver(device, name)

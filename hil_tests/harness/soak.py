@@ -1,7 +1,7 @@
 """Soak test: hours of virtual time with random faults. Each missing frame must be explained by an injected fault.
 
 Missing frames are detected only from the received frames: gaps in the poll cycles of a board during which the board had
-a new scan. `Soak._explain` compares each gap with the times of the injected faults.
+a new scan. `Soak._attribute_gap` compares each gap with the times of the injected faults.
 """
 
 import itertools
@@ -221,11 +221,11 @@ class Soak:
             return
         last_cycle, last_sequence, last_s = before
         if last_cycle < 0:  # the hub has restarted: the number of missing frames is unknown, at least one
-            self._explain(address, last_s, time_s, 1)
+            self._attribute_gap(address, last_s, time_s, 1)
             return
         steps = min((cycle - last_cycle) % 65536, (sequence - last_sequence) % 65536)
         if steps > 1:
-            self._explain(address, last_s, time_s, steps - 1)
+            self._attribute_gap(address, last_s, time_s, steps - 1)
 
     def _convert_hub_time(self, hub_time_us: int) -> float:
         """World time in seconds of a time on the hub's clock, which wraps after 2^32 us."""
@@ -233,7 +233,7 @@ class Soak:
         wraps = round((elapsed_us - hub_time_us) / WRAP_US)
         return self._hub_boot_s + (hub_time_us + wraps * WRAP_US) / 1e6
 
-    def _explain(self, address: int, last_s: float, back_s: float, lost: int) -> None:
+    def _attribute_gap(self, address: int, last_s: float, back_s: float, lost: int) -> None:
         """Attribute a gap to a fault that may cost frames of this board, was active in the gap and ended just before
         the end of the gap; without such a fault, add a line to `unexplained`.
         """

@@ -51,7 +51,7 @@ def whiten(body: bytes) -> bytes:
 def cobs_encode(data: bytes) -> bytes:
     """`data` without zero bytes, by consistent overhead byte stuffing (Cheshire and Baker, 1999)."""
     out = bytearray()
-    for is_last, block in _zero_free_runs(data):
+    for is_last, block in _split_at_zeros(data):
         while len(block) > 254 or (len(block) == 254 and not is_last):
             out.append(0xFF)
             out += block[:254]
@@ -65,7 +65,7 @@ def cobs_encode(data: bytes) -> bytes:
     return bytes(out)
 
 
-def _zero_free_runs(data: bytes) -> Iterator[tuple[bool, bytes]]:
+def _split_at_zeros(data: bytes) -> Iterator[tuple[bool, bytes]]:
     runs = data.split(b"\0")
     for i, run in enumerate(runs):
         yield i == len(runs) - 1, run

@@ -68,7 +68,7 @@ def get_packer(definition: Struct) -> struct.Struct:
 
 
 @cache
-def _names_of(definition: Struct) -> tuple[str, ...]:
+def _list_field_names(definition: Struct) -> tuple[str, ...]:
     return tuple(field.name for field in list_fields(definition))
 
 
@@ -82,7 +82,7 @@ def pack(definition: Struct, values: Mapping[str, Any], tail: bytes = b"") -> by
 def unpack(definition: Struct, data: bytes) -> tuple[dict[str, Any], bytes]:
     """(fixed fields by flat name, tail) of `data`. Raises struct.error if `data` is shorter than the fixed fields."""
     packer = get_packer(definition)
-    return dict(zip(_names_of(definition), packer.unpack_from(data), strict=True)), data[packer.size :]
+    return dict(zip(_list_field_names(definition), packer.unpack_from(data), strict=True)), data[packer.size :]
 
 
 def flatten(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

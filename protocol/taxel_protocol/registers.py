@@ -105,7 +105,7 @@ CompactAcknowledge = Struct("key_frame" / Int16ul)
 """Written to register 0xA0: acknowledges the key frame whose CRC-32 has these low 16 bits."""
 
 
-def compact_size(length: int) -> int:
+def decode_length(length: int) -> int:
     """Bytes of the compact snapshot whose first byte on the bus is `length`."""
     if length < COMPACT_LENGTH_FINE:
         return length

@@ -31,7 +31,7 @@ ENUMS = {name: value for name, value in vars(boot).items() if isinstance(value, 
 ENUMS.pop("IntEnum", None)
 
 
-def table_after(mark: str) -> list[list[str]]:
+def read_table(mark: str) -> list[list[str]]:
     _, separator, tail = SPEC.partition(f"<!-- {mark} -->")
     assert separator, f"SPEC.md has no table marked {mark}"
     lines = tail.lstrip().splitlines()
@@ -41,20 +41,20 @@ def table_after(mark: str) -> list[list[str]]:
 
 @pytest.mark.parametrize("name", sorted(set(STRUCTS) - {"WriteConfigurationArguments"}))
 def test_layout_tables_of_the_spec_equal_the_definitions(name: str) -> None:
-    rows = [(int(offset), int(size), field) for offset, size, field, *_ in table_after(f"layout: bootloader.{name}")]
+    rows = [(int(offset), int(size), field) for offset, size, field, *_ in read_table(f"layout: bootloader.{name}")]
     assert rows == [(field.offset, field.size, field.name) for field in list_fields(STRUCTS[name])]
 
 
 @pytest.mark.parametrize("name", sorted(ENUMS))
 def test_name_tables_of_the_spec_equal_the_definitions(name: str) -> None:
-    rows = table_after(f"names: {name}")
+    rows = read_table(f"names: {name}")
     assert {row[1]: int(row[0], 16) for row in rows} == {member.name: member.value for member in ENUMS[name]}
 
 
 @pytest.mark.parametrize(("column", "device"), [(1, BootDevice.BOARD), (2, BootDevice.HUB)])
 def test_flash_table_of_the_spec_equals_the_layouts(column: int, device: BootDevice) -> None:
     layout = boot.LAYOUTS[device]
-    rows = {row[0]: [int(number) for number in re.findall(r"\d+", row[column])] for row in table_after("layouts")}
+    rows = {row[0]: [int(number) for number in re.findall(r"\d+", row[column])] for row in read_table("layouts")}
     ends = [first + layout.slot_rows - 1 for first in layout.first_rows]
     assert rows["bootloader"] == [0, boot.BOOT_BOOTLOADER_ROWS - 1]
     assert rows["slot A"] == [layout.first_rows[0], ends[0]]
@@ -188,7 +188,7 @@ class Bus:
         return ones.to_bytes(8, "big") + zeros.to_bytes(8, "big")
 
 
-def id_sets() -> dict[str, list[int]]:
+def sample_id_sets() -> dict[str, list[int]]:
     draw = random.Random(SEED)
     return {
         "none": [],
@@ -200,9 +200,9 @@ def id_sets() -> dict[str, list[int]]:
     }
 
 
-@pytest.mark.parametrize("name", id_sets())
+@pytest.mark.parametrize("name", sample_id_sets())
 def test_every_board_at_a_shared_address_is_found(name: str) -> None:
-    ids = id_sets()[name]
+    ids = sample_id_sets()[name]
     bus = Bus(ids)
     unique_ids = find_unique_ids(bus.send_search)
     assert [int.from_bytes(identity, "big") for identity in unique_ids] == sorted(ids)

@@ -22,25 +22,25 @@ every_frame = pytest.mark.parametrize("vector", vectors("frames", "frames"))
 every_stream = pytest.mark.parametrize("vector", vectors("damaged", "streams"))
 
 
-def sent_frame(vector: dict[str, Any]) -> tuple[int, int, bytes]:
+def build_sent_frame(vector: dict[str, Any]) -> tuple[int, int, bytes]:
     return vector["type"], vector["sequence"], bytes.fromhex(vector["payload"])
 
 
 @every_frame
 def test_c_encodes_the_vector(codec: Any, vector: dict[str, Any]) -> None:
-    assert codec.encode(*sent_frame(vector)).hex() == vector["wire"]
+    assert codec.encode(*build_sent_frame(vector)).hex() == vector["wire"]
 
 
 @every_frame
 def test_c_decodes_the_vector(codec: Any, vector: dict[str, Any]) -> None:
-    assert codec.decode([bytes.fromhex(vector["wire"])]) == [sent_frame(vector)]
+    assert codec.decode([bytes.fromhex(vector["wire"])]) == [build_sent_frame(vector)]
     assert codec.discarded_bytes == 0
 
 
 @every_frame
 def test_c_batch_decoder_decodes_the_vector_and_checks_the_boards_own_crc(codec: Any, vector: dict[str, Any]) -> None:
     batch = codec.decode_batch([bytes.fromhex(vector["wire"])])
-    assert batch == codec.as_batch([sent_frame(vector)])
+    assert batch == codec.as_batch([build_sent_frame(vector)])
     assert [taxels.board_crc_ok for taxels in batch.taxels] == [vector.get("board_crc_ok", False)] * len(batch.taxels)
 
 
@@ -49,7 +49,7 @@ def test_c_batch_decoder_decodes_the_vector_and_checks_the_boards_own_crc(codec:
 def test_c_decodes_a_damaged_stream_in_pieces_of_any_size(codec: Any, vector: dict[str, Any], piece: int) -> None:
     stream = bytes.fromhex(vector["stream"])
     pieces = [stream[i : i + piece] for i in range(0, len(stream), piece)]
-    expected = [sent_frame(vector["sent"][i]) for i in vector["expected"]]
+    expected = [build_sent_frame(vector["sent"][i]) for i in vector["expected"]]
     assert codec.decode(pieces, vector["directions"]) == expected
     assert codec.decode_batch(pieces, vector["directions"]) == codec.as_batch(expected)
 

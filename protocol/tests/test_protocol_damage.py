@@ -104,7 +104,7 @@ def damaged(frames: list[Frame], damages: list[Damage]) -> tuple[bytes, set[int]
     return bytes(byte for byte, _ in stream), hit - {-1}
 
 
-def allowed_outputs(frames: list[Frame], hit: set[int]) -> list[list[Frame]]:
+def list_allowed_outputs(frames: list[Frame], hit: set[int]) -> list[list[Frame]]:
     """Every frame that was not hit, in order, with any subset of the frames that were hit."""
     subsets = chain.from_iterable(combinations(sorted(hit), n) for n in range(len(hit) + 1))
     return [[frame for i, frame in enumerate(frames) if i not in hit or i in kept] for kept in map(set, subsets)]
@@ -115,7 +115,7 @@ def split_at(stream: bytes, cuts: list[int]) -> list[bytes]:
     return [stream[a:b] for a, b in pairwise(positions)]
 
 
-def reference_frames(pieces: list[bytes]) -> list[Frame]:
+def decode_reference_frames(pieces: list[bytes]) -> list[Frame]:
     decoder = ReferenceDecoder()
     return [frame for piece in pieces for frame in decoder.push(piece)] + decoder.finish()
 
@@ -126,8 +126,8 @@ def test_exactly_the_undamaged_frames_are_decoded(
     codec: Any, frames: list[Frame], damage: list[Damage], cuts: list[int]
 ) -> None:
     stream, hit = damaged(frames, damage)
-    decoded = reference_frames([stream])
-    assert decoded in allowed_outputs(frames, hit)
+    decoded = decode_reference_frames([stream])
+    assert decoded in list_allowed_outputs(frames, hit)
     assert codec.decode(split_at(stream, cuts)) == decoded
     assert codec.decode_batch(split_at(stream, cuts)) == codec.as_batch(decoded)
 
@@ -138,7 +138,7 @@ def test_frames_between_random_bytes_are_decoded(
     codec: Any, frames: list[Frame], cuts: list[int], garbage: bytes
 ) -> None:
     stream = garbage + b"".join(encode_frame(*frame)[1:-1] for frame in frames) + garbage
-    decoded = reference_frames(split_at(stream, cuts))
+    decoded = decode_reference_frames(split_at(stream, cuts))
     assert decoded == frames
     assert codec.decode(split_at(stream, cuts)) == decoded
     assert codec.decode_batch(split_at(stream, cuts)) == codec.as_batch(decoded)
@@ -147,4 +147,4 @@ def test_frames_between_random_bytes_are_decoded(
 @some
 @given(stream=st.binary(max_size=3000), cuts=st.lists(st.integers(0, 1 << 20), max_size=6))
 def test_both_decoders_agree_on_arbitrary_bytes(codec: Any, stream: bytes, cuts: list[int]) -> None:
-    assert codec.decode(split_at(stream, cuts)) == reference_frames([stream])
+    assert codec.decode(split_at(stream, cuts)) == decode_reference_frames([stream])

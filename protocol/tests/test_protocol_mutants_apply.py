@@ -9,7 +9,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools" / "mutants"))
 try:
-    plant = importlib.import_module("plant")
+    bugs = importlib.import_module("bugs")
+    sandbox = importlib.import_module("sandbox")
 finally:
     sys.path.remove(str(ROOT / "tools" / "mutants"))
 
@@ -22,53 +23,59 @@ def write_bug_list(folder: Path, *tables: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("bug", plant.load_bugs(), ids=lambda bug: bug.name)
+@pytest.mark.parametrize("bug", bugs.load_bugs(), ids=lambda bug: bug.name)
 def test_every_bug_can_be_planted(bug):
     text = (ROOT / bug.file).read_text()
     assert bug.plant_in(text) != text
-    assert plant.stages_for(bug)
+    assert bugs.select_stages(bug)
     assert bug.what
     assert "\n" not in bug.what
 
 
 def test_there_are_bugs_in_every_part():
-    bugs = plant.load_bugs()
-    assert len(bugs) >= BUGS_MIN
+    listed_bugs = bugs.load_bugs()
+    assert len(listed_bugs) >= BUGS_MIN
     parts = ("firmware/codec/", "firmware/sensor/", "firmware/hub/", "protocol/taxel_protocol/", "host/taxel/stream/")
     for part in (*parts, "host/taxel/signal/", "host/taxel/link/", "host/taxel/skin/skin.py"):
-        assert any(bug.file.startswith(part) for bug in bugs), part
+        assert any(bug.file.startswith(part) for bug in listed_bugs), part
 
 
 def test_a_bug_whose_text_does_not_occur_exactly_once_is_rejected():
-    bug = plant.Bug("off", "codec.c", "off by one", "a < b", "a <= b")
+    bug = bugs.Bug("off", "codec.c", "off by one", "a < b", "a <= b")
     assert bug.plant_in("if (a < b)") == "if (a <= b)"
     for text, count in (("if (b)", 0), ("a < b; a < b", 2)):
-        with pytest.raises(plant.PlantError, match=f"off: its text occurs {count} times in codec.c, expected once"):
+        with pytest.raises(bugs.PlantError, match=f"off: its text occurs {count} times in codec.c, expected once"):
             bug.plant_in(text)
 
 
 def test_a_list_with_a_duplicate_name_or_an_ineffective_bug_is_rejected(tmp_path):
     table = 'name = "one"\nfile = "a.c"\nwhat = "x"\nold = "a"\nnew = "b"'
-    assert [bug.name for bug in plant.load_bugs(write_bug_list(tmp_path, table))] == ["one"]
-    with pytest.raises(plant.PlantError, match="two bugs have the name one"):
-        plant.load_bugs(write_bug_list(tmp_path, table, table))
-    with pytest.raises(plant.PlantError, match="one: changes nothing"):
-        plant.load_bugs(write_bug_list(tmp_path, table.replace('"b"', '"a"')))
+    assert [bug.name for bug in bugs.load_bugs(write_bug_list(tmp_path, table))] == ["one"]
+    with pytest.raises(bugs.PlantError, match="two bugs have the name one"):
+        bugs.load_bugs(write_bug_list(tmp_path, table, table))
+    with pytest.raises(bugs.PlantError, match="one: changes nothing"):
+        bugs.load_bugs(write_bug_list(tmp_path, table.replace('"b"', '"a"')))
 
 
 def test_an_unknown_bug_name_is_rejected():
-    with pytest.raises(plant.PlantError, match="unknown bug nobody; --list shows the names"):
-        plant.select_bugs(plant.load_bugs(), ["nobody"])
+    with pytest.raises(bugs.PlantError, match="unknown bug unlisted; --list shows the names"):
+        bugs.select_bugs(bugs.load_bugs(), ["unlisted"])
 
 
 def test_the_stages_are_those_that_can_detect_the_bug():
-    def names_of(file: str) -> list[str]:
-        return [stage.name for stage in plant.stages_for(plant.Bug("x", file, "", "a", "b"))]
+    def list_stage_names(file: str) -> list[str]:
+        return [stage.name for stage in bugs.select_stages(bugs.Bug("x", file, "", "a", "b"))]
 
-    assert names_of("firmware/codec/a.c") == ["C firmware", "C all", "protocol tests", "host tests", "hil tests"]
-    assert names_of("firmware/hub/hub.c") == ["C firmware", "C all", "host tests", "hil tests"]
-    assert names_of("protocol/taxel_protocol/framing.py") == ["protocol tests", "host tests", "hil tests"]
-    assert names_of("host/taxel/skin/skin.py") == ["host tests", "hil tests"]
+    assert list_stage_names("firmware/codec/a.c") == [
+        "C firmware",
+        "C all",
+        "protocol tests",
+        "host tests",
+        "hil tests",
+    ]
+    assert list_stage_names("firmware/hub/hub.c") == ["C firmware", "C all", "host tests", "hil tests"]
+    assert list_stage_names("protocol/taxel_protocol/framing.py") == ["protocol tests", "host tests", "hil tests"]
+    assert list_stage_names("host/taxel/skin/skin.py") == ["host tests", "hil tests"]
 
 
 @pytest.mark.parametrize(
@@ -93,4 +100,4 @@ def test_the_stages_are_those_that_can_detect_the_bug():
     ],
 )
 def test_the_first_failing_test_is_named(output, first):
-    assert plant.first_failure(output) == first
+    assert sandbox.find_first_failure(output) == first

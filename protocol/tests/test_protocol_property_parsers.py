@@ -81,8 +81,8 @@ def with_constants(definition: Struct, data: bytes) -> bytes:
     return bytes(out)
 
 
-def without_io(value: Any) -> Any:
-    return {k: without_io(v) for k, v in value.items() if k != "_io"} if isinstance(value, dict) else value
+def remove_io(value: Any) -> Any:
+    return {k: remove_io(v) for k, v in value.items() if k != "_io"} if isinstance(value, dict) else value
 
 
 @every_layout
@@ -93,7 +93,7 @@ def test_construct_and_layout_unpack_any_bytes_to_the_same_fields(definition: St
     has_tail = any(part.subcon is GreedyBytes for part in definition.subcons)
     tail = data.draw(st.binary(max_size=40)) if has_tail else b""
     wire = with_constants(definition, data.draw(st.binary(min_size=size, max_size=size))) + tail
-    parsed = without_io(definition.parse(wire))
+    parsed = remove_io(definition.parse(wire))
     fields, remainder = unpack(definition, wire)
     flat = flatten(parsed)
     assert remainder == tail
@@ -146,8 +146,8 @@ def contents(draw: st.DrawFn) -> dict[str, Any]:
 
 def test_taxel_fields_match_the_definition_of_a_taxel_frame() -> None:
     content = FRAMES[FrameType.TAXELS].payload.parse(bytes([0x20, 1]) + bytes(18))
-    assert list(without_io(content)) == ["header", "snapshot"]
-    assert list(without_io(content.snapshot)) == ["header", "raw_counts", "crc32"]
+    assert list(remove_io(content)) == ["header", "snapshot"]
+    assert list(remove_io(content.snapshot)) == ["header", "raw_counts", "crc32"]
     assert isinstance(registers.snapshot(1).subcons[1].subcon, type(Array(1, Int16ul)))
 
 

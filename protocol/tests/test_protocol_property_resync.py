@@ -42,7 +42,7 @@ STREAMS = {"short frames": SHORT, "long frames": LONG}
 every_stream = pytest.mark.parametrize("sent", [pytest.param(frames, id=name) for name, frames in STREAMS.items()])
 
 
-def wire_of(sent: list[Frame], delimiters: str) -> tuple[bytes, list[range]]:
+def encode_wire(sent: list[Frame], delimiters: str) -> tuple[bytes, list[range]]:
     """The stream, and the range of each frame's own bytes. Delimiters: `both`, or `none`, between the frames."""
     stream, ranges = b"", []
     for frame in sent:
@@ -72,7 +72,7 @@ def changes(byte: int, is_short: bool) -> Iterator[int]:
 @every_stream
 @pytest.mark.parametrize("delimiters", ["both", "none"])
 def test_a_changed_byte_loses_only_its_own_frame(codec: Any, sent: list[Frame], delimiters: str) -> None:
-    stream, ranges = wire_of(sent, delimiters)
+    stream, ranges = encode_wire(sent, delimiters)
     for at, byte in enumerate(stream):
         expected = [frame for frame, own in zip(sent, ranges, strict=True) if at not in own]
         assert len(expected) >= len(sent) - 1
@@ -84,7 +84,7 @@ def test_a_changed_byte_loses_only_its_own_frame(codec: Any, sent: list[Frame], 
 @every_stream
 @pytest.mark.parametrize("delimiters", ["both", "none"])
 def test_a_lost_byte_loses_only_its_own_frame(codec: Any, sent: list[Frame], delimiters: str) -> None:
-    stream, ranges = wire_of(sent, delimiters)
+    stream, ranges = encode_wire(sent, delimiters)
     for at in range(len(stream)):
         expected = [frame for frame, own in zip(sent, ranges, strict=True) if at not in own]
         check(codec, stream[:at] + stream[at + 1 :], expected, at, f"byte {at} lost")
@@ -93,7 +93,7 @@ def test_a_lost_byte_loses_only_its_own_frame(codec: Any, sent: list[Frame], del
 @every_stream
 @pytest.mark.parametrize("delimiters", ["both", "none"])
 def test_an_added_byte_loses_only_the_frame_that_it_splits(codec: Any, sent: list[Frame], delimiters: str) -> None:
-    stream, ranges = wire_of(sent, delimiters)
+    stream, ranges = encode_wire(sent, delimiters)
     for at in range(len(stream) + 1):
         neighbours = {*stream[max(at - 1, 0) : at + 1]}
         for value in {0, 1, 2, 0x7F, 0xFE, 0xFF} | neighbours:

@@ -16,7 +16,7 @@ TAXELS_AS_TEXT = {"Taxels"}  # a header and a snapshot, which have separate tabl
 NAMED_IN_TEXT = {"FrameType", "LogLevel"}
 
 
-def table_after(mark: str) -> list[list[str]]:
+def read_table(mark: str) -> list[list[str]]:
     """Cells of the rows of the table that follows `<!-- mark -->`."""
     _, separator, tail = SPEC.partition(f"<!-- {mark} -->")
     assert separator, f"SPEC.md has no table marked {mark}"
@@ -53,7 +53,7 @@ def expanded(definition: Struct, rows: list[list[str]]) -> list[tuple[int, int, 
 def test_layout_tables_of_the_spec_equal_the_definitions(name: str) -> None:
     definition = structs()[name]
     expected = [(field.offset, field.size, field.name) for field in list_fields(definition)]
-    assert expanded(definition, table_after(f"layout: {name}")) == expected
+    assert expanded(definition, read_table(f"layout: {name}")) == expected
 
 
 @pytest.mark.parametrize(
@@ -63,12 +63,12 @@ def test_layout_tables_of_the_spec_equal_the_definitions(name: str) -> None:
 def test_name_tables_of_the_spec_equal_the_definitions(name: str) -> None:
     if name in NAMED_IN_TEXT:
         return
-    rows = table_after(f"names: {name}")
+    rows = read_table(f"names: {name}")
     assert {row[1]: int(row[0], 16) for row in rows} == {member.name: member.value for member in getattr(names, name)}
 
 
 def test_the_frame_table_of_the_spec_equals_the_definitions() -> None:
-    rows = {int(row[0], 16): (row[1], row[2]) for row in table_after("frames")}
+    rows = {int(row[0], 16): (row[1], row[2]) for row in read_table("frames")}
     for frame_type, spec in frames.FRAMES.items():
         sizes = f"{spec.minimum}" if spec.minimum == spec.maximum else f"{spec.minimum} to {spec.maximum}"
         assert rows.pop(frame_type) == (frame_type.name, sizes)

@@ -72,7 +72,7 @@ def nested(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -> dic
     return values
 
 
-def counts_bytes(counts: list[int]) -> bytes:
+def encode_counts(counts: list[int]) -> bytes:
     return b"".join(count.to_bytes(2, "little") for count in counts)
 
 
@@ -81,12 +81,12 @@ def flat_of(vector: Mapping[str, Any]) -> dict[str, Any]:
     return flat | {"snapshot_raw_counts": vector.get("counts")}
 
 
-def packed_payload(vector: Mapping[str, Any]) -> bytes:
+def build_packed_payload(vector: Mapping[str, Any]) -> bytes:
     """The payload packed by `layout` instead of construct."""
     definition = FRAMES[FrameType(vector["type"])].payload
     flat = flat_of(vector)
     if vector["type"] == FrameType.TAXELS:
-        return pack(definition, flat, counts_bytes(vector["counts"]) + flat["snapshot_crc32"].to_bytes(4, "little"))
+        return pack(definition, flat, encode_counts(vector["counts"]) + flat["snapshot_crc32"].to_bytes(4, "little"))
     return pack(definition, flat, flat["tail"])
 
 
@@ -100,7 +100,7 @@ def test_construct_builds_the_vector(vector: dict[str, Any]) -> None:
 
 @every_frame
 def test_the_reference_codec_encodes_the_vector(vector: dict[str, Any]) -> None:
-    payload = packed_payload(vector)
+    payload = build_packed_payload(vector)
     assert payload.hex() == vector["payload"]
     assert encode_frame(vector["type"], vector["sequence"], payload).hex() == vector["wire"]
 
@@ -128,7 +128,7 @@ def test_the_reference_codec_decodes_the_fields_of_the_vector(vector: dict[str, 
     fields, tail = unpack(FRAMES[FrameType(vector["type"])].payload, body[5:-4])
     if vector["type"] == FrameType.TAXELS:
         fields["snapshot_crc32"] = int.from_bytes(tail[-4:], "little")
-        assert tail[:-4] == counts_bytes(vector["counts"])
+        assert tail[:-4] == encode_counts(vector["counts"])
     else:
         assert tail.hex() == vector["tail"]
     assert json_values(fields) == vector["fields"]

@@ -22,7 +22,7 @@ SIM_S, EMULATED_S = 180.0, 360.0
 GRASPS_PER_SESSION = 3
 
 
-def _short_plan() -> list[PlannedGrasp]:
+def _make_short_plan() -> list[PlannedGrasp]:
     """Plan with a few grasps per session and as many sessions as processes, so that every process has the same load."""
     sessions = min(os.cpu_count() or 1, 6)
     plan: list[PlannedGrasp] = []
@@ -41,7 +41,7 @@ def _rate(run_campaign: Callable[[Path], object], count: int) -> float:
 
 def measure() -> list[Figure]:
     """Grasps per second of both sources, including the start of the processes."""
-    plan = _short_plan()
+    plan = _make_short_plan()
     sim = _rate(lambda path: run_simulated(path, plan, SimSettings()), len(plan))
     emulated = _rate(lambda path: run_emulated(path, plan, EmulatedSettings()), len(plan))
     own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -23,27 +23,27 @@ PLAN_S, EMULATED_S, SIM_S = 1.0, 5.0, 2.0
 """
 
 
-def _core_seconds(action: Callable[[], object]) -> float:
+def _measure_core_seconds(action: Callable[[], object]) -> float:
     """Processor time of this process and its children, which depends little on other load of the machine."""
 
-    def used_seconds() -> float:
+    def read_used_seconds() -> float:
         uses = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
         return sum(use.ru_utime + use.ru_stime for use in uses)
 
-    before = used_seconds()
+    before = read_used_seconds()
     action()
-    return used_seconds() - before
+    return read_used_seconds() - before
 
 
 def measure() -> list[Figure]:
     """Allowed seconds divided by used seconds, default effects off."""
     hand = load_hand(HAND)
-    plan_s = _core_seconds(lambda: sample_indentation_plan(hand, SEED))
+    plan_s = _measure_core_seconds(lambda: sample_indentation_plan(hand, SEED))
     plan = sample_indentation_plan(hand, SEED)
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         real, sim = Path(folder) / "real.h5", Path(folder) / "sim.h5"
-        emulated = _core_seconds(lambda: run_emulated_indentations(real, plan, indentation_settings(hand)))
-        simulated = _core_seconds(lambda: run_simulated_indentations(sim, plan, SimIndentationSettings()))
+        emulated = _measure_core_seconds(lambda: run_emulated_indentations(real, plan, indentation_settings(hand)))
+        simulated = _measure_core_seconds(lambda: run_simulated_indentations(sim, plan, SimIndentationSettings()))
         size = (real.stat().st_size + sim.stat().st_size) / 1e6
     indentation_count = len(plan.indentations)
     return [

@@ -44,7 +44,7 @@ def _write_contacts(hand: Hand, path: Path) -> tuple[NDArray[np.float64], NDArra
     return onsets, taxels
 
 
-def _delays(hand: Hand, folder: Path, usb_latency_ms: float) -> tuple[NDArray[np.float64], float, float]:
+def _measure_delays(hand: Hand, folder: Path, usb_latency_ms: float) -> tuple[NDArray[np.float64], float, float]:
     """(seconds from contact to the last byte of the activating frame [p, boards], frame period, longest scan)."""
     onsets, taxels = _write_contacts(hand, folder / "contacts.stm")
     settings = WorldSettings(scl_hz=SCL_HZ, usb_latency_ms=usb_latency_ms)
@@ -96,9 +96,9 @@ def measure() -> list[Figure]:
     """Allowed latency divided by the 95th percentile, for single boards and for the whole hand."""
     hand = load_hand("allegro")
     with tempfile.TemporaryDirectory() as name:
-        delays, period, scan = _delays(hand, Path(name), 0.0)
+        delays, period, scan = _measure_delays(hand, Path(name), 0.0)
         host = measure_host_s(Path(name) / "capture.bin")
-        buffered, _, _ = _delays(hand, Path(name), USB_LATENCY_MS)
+        buffered, _, _ = _measure_delays(hand, Path(name), USB_LATENCY_MS)
     periods = ALLOWED_PERIODS_FAST_SCAN if scan <= 0.5 * period else ALLOWED_PERIODS_SLOW_SCAN
     allowed = periods * period + ALLOWANCE_S
     percentile_s = float(np.percentile(delays + host, 95))

@@ -25,7 +25,7 @@ _PEAK = (
 )
 
 
-def peak_mb(program: str, capture: Path, seconds: float) -> float:
+def measure_peak_mb(program: str, capture: Path, seconds: float) -> float:
     """Peak resident memory of a Python program on `capture`, or of its child processes; megabytes."""
     arguments = [str(capture), repr(seconds), str(Path(__file__).parent)]
     code = f"import sys\n{program}{_PEAK}"
@@ -44,7 +44,7 @@ def measure() -> list[Figure]:
             subfolder.mkdir()
             captures.append((record(subfolder, length)[0], length))
         for program_name, program in PROGRAMS.items():
-            short, long = (peak_mb(program, capture, length) for capture, length in captures)
+            short, long = (measure_peak_mb(program, capture, length) for capture, length in captures)
             figures.append(
                 Figure(
                     f"memory, {program_name}",

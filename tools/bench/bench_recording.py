@@ -19,7 +19,7 @@ VIRTUAL_S = 60.0
 GRASPS = 2
 
 
-def _frame_by_frame(capture: Path) -> None:
+def _activate_frame_by_frame(capture: Path) -> None:
     """Compute the activation of every frame of a capture with one call per frame."""
     baselines: dict[int, Baseline] = {}
     activations: dict[int, Activation] = {}
@@ -53,7 +53,7 @@ def measure() -> list[Figure]:
     """Arrays relative to single frames; checked reading relative to unchecked reading with h5py."""
     with tempfile.TemporaryDirectory() as name:
         capture, _ = record(Path(name), VIRTUAL_S)
-        activity = compare(lambda: _read_activity_arrays(capture), lambda: _frame_by_frame(capture), repeats=3)
+        activity = compare(lambda: _read_activity_arrays(capture), lambda: _activate_frame_by_frame(capture), repeats=3)
         dataset = Path(name) / "sim.h5"
         run_simulated(dataset, make_thesis_plan(1)[:GRASPS], SimSettings(), jobs=1)
         reading = compare(lambda: _read_checked(dataset), lambda: _read_with_h5py(dataset), repeats=7)

@@ -3,7 +3,7 @@
 import statistics
 import time
 
-from figures import Figure, median_seconds
+from figures import Figure, measure_median_seconds
 
 from taxel.campaign.setup import WRIST_LINK, Setup
 from taxel.campaign.simulated import SimSettings, simulate_planned_grasp
@@ -21,15 +21,15 @@ GRASP_S = 0.7
 REPEATS = 5
 
 
-def _one_grasp_per_object() -> list[PlannedGrasp]:
+def _select_one_grasp_per_object() -> list[PlannedGrasp]:
     """One grasp of each object."""
     return list({planned.object: planned for planned in make_thesis_plan(1)}.values())
 
 
-def _grasp_s(setup: Setup) -> float:
+def _measure_grasp_s(setup: Setup) -> float:
     """Mean over the objects of the median processor time, which depends little on other load of the machine."""
     settings, medians = SimSettings(), []
-    for planned in _one_grasp_per_object():
+    for planned in _select_one_grasp_per_object():
         times = []
         for _ in range(REPEATS + 1):  # the first run builds the scene and solves the inverse kinematics
             start = time.process_time()
@@ -41,7 +41,7 @@ def _grasp_s(setup: Setup) -> float:
 
 def _load_ratio(setup: Setup) -> tuple[float, float]:
     """(time of NumPy divided by time of C, seconds per load in C) for a hand that closes and holds."""
-    planned, settings = _one_grasp_per_object()[0], SimSettings()
+    planned, settings = _select_one_grasp_per_object()[0], SimSettings()
     item, law = setup.objects[planned.object], settings.sensing.law
     line = Timeline(baseline_s=0.0, closing_s=2.0, hold_s=0.2, release_s=0.0, recovery_s=0.0)
     scene = build_scene(setup.hand, item, WRIST_LINK)
@@ -52,15 +52,15 @@ def _load_ratio(setup: Setup) -> tuple[float, float]:
         for poses, pose in zip(motion.sensor_poses, motion.object_pose, strict=True):
             contact.compute_load(poses, pose)
 
-    numpy = median_seconds(lambda: loads(SoftContact(setup.hand, item.shape, law)))
-    native = median_seconds(lambda: loads(NativeContact(setup.hand, item.shape, law)))
+    numpy = measure_median_seconds(lambda: loads(SoftContact(setup.hand, item.shape, law)))
+    native = measure_median_seconds(lambda: loads(NativeContact(setup.hand, item.shape, law)))
     return numpy / native, native / len(motion.time_s)
 
 
 def measure() -> list[Figure]:
     """Allowed seconds divided by used seconds, and C relative to NumPy."""
     setup = Setup()
-    grasp = _grasp_s(setup)
+    grasp = _measure_grasp_s(setup)
     ratio, load = _load_ratio(setup)
     taxels = f"{setup.hand.n_taxels} taxels"
     return [

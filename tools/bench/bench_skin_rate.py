@@ -63,13 +63,13 @@ class Rates:
         return min(self.scan, self.i2c, self.uart)
 
 
-def i2c_bits(sizes: list[int]) -> int:
+def count_i2c_bits(sizes: list[int]) -> int:
     """Bits on the bus for one read of each board; sizes: taxels of each board."""
     data = [I2C_CLOCKS_A_BYTE * (I2C_ADDRESS + SNAPSHOT_OVERHEAD + 2 * n) + I2C_START_STOP for n in sizes]
     return sum(data)
 
 
-def uart_bits(sizes: list[int]) -> int:
+def count_uart_bits(sizes: list[int]) -> int:
     """Bits on the UART for one frame of each board: body, one stuffing byte per 254, delimiters."""
     bodies = [FRAME_OVERHEAD + SNAPSHOT_OVERHEAD + 2 * n for n in sizes]
     return UART_BITS_A_BYTE * sum(body + 1 + body // 254 + DELIMITERS for body in bodies)
@@ -93,8 +93,8 @@ def measure_rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
     scans = min(board["scans"] for board in statistics["boards"]) / (VIRTUAL_S - 1e-3 * settings.boot_ms)
     return Rates(
         scans,
-        scl_hz / i2c_bits(sizes),
-        baud / uart_bits(sizes),
+        scl_hz / count_i2c_bits(sizes),
+        baud / count_uart_bits(sizes),
         float(np.median(cycles)),
         float(np.sqrt(np.concatenate(variances).mean())),
         ACTIVATION_THRESHOLD_COUNTS * scan.sub_conversions / DEFAULT.sub_conversions,

@@ -25,7 +25,7 @@ class Figure:
         return self.target is None or (self.ratio is not None and self.ratio >= self.target)
 
 
-def median_seconds(action: Callable[[], object], repeats: int = 5) -> float:
+def measure_median_seconds(action: Callable[[], object], repeats: int = 5) -> float:
     """Median wall-clock time of `action` in seconds."""
     times = []
     for _ in range(repeats):
@@ -35,7 +35,7 @@ def median_seconds(action: Callable[[], object], repeats: int = 5) -> float:
     return statistics.median(times)
 
 
-def core_seconds(action: Callable[[], object]) -> float:
+def measure_core_seconds(action: Callable[[], object]) -> float:
     """Processor time of `action` in this thread, which depends little on other load of the machine."""
     start = time.thread_time()
     action()
@@ -55,7 +55,7 @@ def compare(measured: Callable[[], object], reference: Callable[[], object], rep
     """Compare the speed of `measured` with `reference`. Both run in every repeat, so that other load slows both."""
     measured()
     reference()
-    times = [(core_seconds(reference), core_seconds(measured)) for _ in range(repeats)]
+    times = [(measure_core_seconds(reference), measure_core_seconds(measured)) for _ in range(repeats)]
     return Comparison(
         statistics.median(reference_time / measured_time for reference_time, measured_time in times),
         statistics.median(measured_time for _, measured_time in times),

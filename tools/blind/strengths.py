@@ -62,7 +62,10 @@ def main(arguments: list[str]) -> int:
     ratios: dict[tuple[str, float], list[float]] = {}
     with ProcessPoolExecutor(options.jobs) as pool:
         jobs = {
-            pool.submit(ratio_of, name, strength, [options.seed, number, zlib.crc32(name.encode())]): (name, strength)
+            pool.submit(compute_ratio, name, strength, [options.seed, number, zlib.crc32(name.encode())]): (
+                name,
+                strength,
+            )
             for name in names
             for strength in strengths
             for number in range(options.worlds)
@@ -80,7 +83,7 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def ratio_of(name: str, strength: float, seed: list[int]) -> float:
+def compute_ratio(name: str, strength: float, seed: list[int]) -> float:
     """Gap over floor of one world; NaN if no plan has an equilibrium."""
     rng = np.random.default_rng(seed)
     cause = CAUSE_TYPES[name].sample(rng, load_hand(HAND), strength)

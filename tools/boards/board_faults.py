@@ -18,7 +18,7 @@ from taxel.hand.world import WorldSettings, format_world
 from taxel.link.base import Chunk
 from taxel.link.virtual import VirtualMemoryLink, VirtualWorld
 from taxel.types import FloatArray
-from taxel_tools.bench.analysis.fault import Axis, line_name, line_pair_name, taxel_name
+from taxel_tools.bench.analysis.fault import Axis, format_line_name, format_line_pair_name, format_taxel_name
 from taxel_tools.bench.readout import HubReadout
 from taxel_tools.testing.plan import Plan
 from taxel_tools.testing.record import Limit
@@ -98,11 +98,11 @@ def _get_limit(plan: Plan, phase: str, name: str) -> Limit:
     return next(planned for planned in plan.enabled_phases("") if planned.name == phase).limits[name]
 
 
-def _upper_limit(plan: Plan, phase: str, name: str) -> float:
+def _get_upper_limit(plan: Plan, phase: str, name: str) -> float:
     return _get_limit(plan, phase, name).bounds[1]
 
 
-def _lower_limit(plan: Plan, phase: str, name: str) -> float:
+def _get_lower_limit(plan: Plan, phase: str, name: str) -> float:
     return _get_limit(plan, phase, name).bounds[0]
 
 
@@ -115,41 +115,41 @@ def _sample_axis(rng: random.Random, kind: BoardKind) -> tuple[Axis, list[int]]:
 def _sample_open_line(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
     axis, lines = _sample_axis(rng, kind)
     index = rng.choice(lines)
-    stub = min(_lower_limit(plan, "electrical", "capacitance") / severity * REST_PF, 1.0)
+    stub = min(_get_lower_limit(plan, "electrical", "capacitance") / severity * REST_PF, 1.0)
     effect = f"line open {board} axis={axis} index={index} stub_pf={stub:.4f}"
-    return [effect], frozenset({"open line"}), line_name(axis, index)
+    return [effect], frozenset({"open line"}), format_line_name(axis, index)
 
 
 def _sample_short(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
     axis, lines = _sample_axis(rng, kind)
     index = rng.choice(lines[:-1])
     effect = f"line short {board} axis={axis} index={index} share={rng.uniform(0.3, 0.7):.3f}"
-    return [effect], frozenset({"short"}), line_pair_name(axis, index, index + 1)
+    return [effect], frozenset({"short"}), format_line_pair_name(axis, index, index + 1)
 
 
 def _sample_swapped_lines(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
     axis, lines = _sample_axis(rng, kind)
     first, second = rng.sample(lines, 2)
     effect = f"exchange lines {board} axis={axis} index={first} other={second}"
-    return [effect], frozenset({"swapped lines"}), line_pair_name(axis, first, second)
+    return [effect], frozenset({"swapped lines"}), format_line_pair_name(axis, first, second)
 
 
 def _sample_dead_taxel(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
     taxel = rng.randrange(kind.taxel_count)
-    strength = 1.0 - _lower_limit(plan, "presses", "weakest") / severity
+    strength = 1.0 - _get_lower_limit(plan, "presses", "weakest") / severity
     effect = f"dead rest {board} taxel={taxel} strength={max(strength, 0.0):.4f}"
-    return [effect], frozenset({"dead taxel"}), taxel_name(taxel)
+    return [effect], frozenset({"dead taxel"}), format_taxel_name(taxel)
 
 
 def _sample_stuck_taxel(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
     taxel = rng.randrange(kind.taxel_count)
     effect = f"dead stuck {board} taxel={taxel} value={rng.randrange(6400)}"
-    return [effect], frozenset({"dead taxel"}), taxel_name(taxel)
+    return [effect], frozenset({"dead taxel"}), format_taxel_name(taxel)
 
 
-def _gain_sampler(component: str) -> Sampler:
+def _make_gain_sampler(component: str) -> Sampler:
     def sample(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
-        factor = _lower_limit(plan, "presses", "response") / severity / SIGNAL_COUNTS
+        factor = _get_lower_limit(plan, "presses", "response") / severity / SIGNAL_COUNTS
         return [f"gain {component} {board} factor={factor:.4f}"], frozenset({"low gain"}), "board"
 
     return sample
@@ -165,25 +165,25 @@ _NOISE: Final = {
 }
 
 
-def _noise_sampler(family: str) -> Sampler:
+def _make_noise_sampler(family: str) -> Sampler:
     effect, limit, name = _NOISE[family]
 
     def sample(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
-        counts = severity * _upper_limit(plan, "noise", limit)
+        counts = severity * _get_upper_limit(plan, "noise", limit)
         return [f"noise {effect} {board} counts={counts:.3f}"], frozenset({name}), "board"
 
     return sample
 
 
 def _sample_impulses(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
-    counts = severity * _upper_limit(plan, "noise", "impulse")
+    counts = severity * _get_upper_limit(plan, "noise", "impulse")
     effect = f"noise impulse {board} counts={counts:.3f} rate_hz={rng.uniform(1.0, 10.0):.3f}"
     return [effect], frozenset({"impulses"}), "board"
 
 
 def _sample_warm_up(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
     effect = f"drift warm_up {board} seconds={rng.uniform(30.0, 600.0):.2f}"
-    target = severity * _upper_limit(plan, "drift", "board") * TWIN_S / 60.0
+    target = severity * _get_upper_limit(plan, "drift", "board") * TWIN_S / 60.0
 
     def measure(mean: FloatArray, rate_hz: float) -> float:
         return abs(float(mean[-5:].mean() - mean[:5].mean()))
@@ -193,7 +193,7 @@ def _sample_warm_up(rng: random.Random, kind: BoardKind, board: str, severity: f
 
 def _sample_random_drift(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
     effect = f"drift wander {board} seconds={rng.uniform(1.0, 10.0):.2f}"
-    target = severity * _upper_limit(plan, "noise", "wander")
+    target = severity * _get_upper_limit(plan, "noise", "wander")
 
     def measure(mean: FloatArray, rate_hz: float) -> float:
         lag = max(round(MEAN_CHANGE_LAG_S * rate_hz), 1)
@@ -223,9 +223,9 @@ FAMILIES: Final = (
     Family("swapped lines", False, _sample_swapped_lines),
     Family("dead taxel", True, _sample_dead_taxel),
     Family("stuck taxel", False, _sample_stuck_taxel),
-    Family("low gain, electrodes", True, _gain_sampler("electrode")),
-    Family("low gain, current source", True, _gain_sampler("idac")),
-    *(Family(name, True, _noise_sampler(name)) for name in _NOISE),
+    Family("low gain, electrodes", True, _make_gain_sampler("electrode")),
+    Family("low gain, current source", True, _make_gain_sampler("idac")),
+    *(Family(name, True, _make_noise_sampler(name)) for name in _NOISE),
     Family("impulses", True, _sample_impulses),
     Family("drift, warm-up", True, _sample_warm_up),
     Family("drift, random walk", True, _sample_random_drift),

@@ -96,11 +96,12 @@ def _draw_curves(results: Sequence[Result]) -> Figure:
         family_results = [result for result in results if result.case.family == family.name]
         steps = sorted({result.case.severity for result in family_results if result.case.severity < SEVERITY_MIN})
         shares = [
-            _caught_share([result for result in family_results if result.case.severity == step]) for step in steps
+            _compute_caught_share([result for result in family_results if result.case.severity == step])
+            for step in steps
         ]
         faults = [result for result in family_results if result.case.severity >= SEVERITY_MIN]
         if faults:
-            steps, shares = [*steps, 2.0], [*shares, _caught_share(faults)]
+            steps, shares = [*steps, 2.0], [*shares, _compute_caught_share(faults)]
         style = ("-", "--", ":")[i // len(COLOURS)]
         axes.plot(steps, shares, style, marker="o", markersize=3, color=COLOURS[i % len(COLOURS)], label=family.name)
     axes.axvline(1.0, color=INK, linewidth=0.8)
@@ -114,5 +115,5 @@ def _draw_curves(results: Sequence[Result]) -> Figure:
     return figure
 
 
-def _caught_share(results: Sequence[Result]) -> float:
+def _compute_caught_share(results: Sequence[Result]) -> float:
     return sum(result.caught for result in results) / max(len(results), 1)

@@ -59,7 +59,7 @@ def write_inputs(real: str, sim: str, out: Path) -> None:
 
 def measure_candidate(candidate: Candidate, data: Path) -> dict[str, Any]:
     """Transforms, distances, times and memory of one candidate, measured in this process."""
-    before = _peak_mb()
+    before = _read_peak_mb()
     started = time.perf_counter()
     operations = candidate.load()
     align, measure, align_to_surface = operations.align, operations.measure, operations.align_to_surface
@@ -70,19 +70,23 @@ def measure_candidate(candidate: Candidate, data: Path) -> dict[str, Any]:
     if align is not None:
         for what in ("samples", "sim"):
             runs = [_time(partial(align, arrays[f"points{r}"], arrays[f"{what}{r}"])) for r in rows]
-            result[what] = {"ms": _mean_ms(runs), "transforms": [transform.tolist() for _, transform in runs]}
+            result[what] = {"ms": _compute_mean_ms(runs), "transforms": [transform.tolist() for _, transform in runs]}
     clouds = [arrays[f"points{r}"] for r in rows]
     if align_to_surface is not None:
         runs = [_time(partial(align_to_surface, clouds[r], arrays[f"vertices{r}"], arrays[f"faces{r}"])) for r in rows]
-        result["surface"] = {"ms": _mean_ms(runs), "transforms": [transform.tolist() for _, transform in runs]}
+        result["surface"] = {"ms": _compute_mean_ms(runs), "transforms": [transform.tolist() for _, transform in runs]}
     if measure is not None:
         to_mesh = [_time(partial(measure, clouds[r], arrays[f"vertices{r}"], arrays[f"faces{r}"])) for r in rows]
         to_sphere = [
             _time(partial(measure, cloud, arrays["sphere_vertices"], arrays["sphere_faces"]), 2) for cloud in clouds
         ]
         distances = [distance.tolist() for _, distance in to_mesh]
-        result["mesh"] = {"ms": _mean_ms(to_mesh), "sphere_ms": _mean_ms(to_sphere), "distances": distances}
-    result["memory_mb"] = _peak_mb() - before
+        result["mesh"] = {
+            "ms": _compute_mean_ms(to_mesh),
+            "sphere_ms": _compute_mean_ms(to_sphere),
+            "distances": distances,
+        }
+    result["memory_mb"] = _read_peak_mb() - before
     return result
 
 
@@ -97,7 +101,7 @@ def _time(run: Callable[[], FloatArray], repeats: int = REPEATS) -> tuple[float,
     return float(np.median(seconds)), result
 
 
-def _mean_ms(runs: list[tuple[float, FloatArray]]) -> float:
+def _compute_mean_ms(runs: list[tuple[float, FloatArray]]) -> float:
     return 1e3 * float(np.mean([seconds for seconds, _ in runs]))
 
 
@@ -121,7 +125,7 @@ def compute_errors(results: dict[str, dict[str, Any]], data: Path) -> None:
             result["mesh"]["error_m"] = max(float(np.abs(a - b).max()) for a, b in zip(measured, exact, strict=True))
 
 
-def _peak_mb() -> float:
+def _read_peak_mb() -> float:
     """Largest resident memory of this process, MB. `getrusage` would include the memory of the parent process."""
     status = Path("/proc/self/status").read_text()
     return int(re.findall(r"VmHWM:\s+(\d+) kB", status)[0]) / 1024.0
@@ -130,7 +134,7 @@ def _peak_mb() -> float:
 def measure_size_mb(package: str) -> tuple[float, float]:
     """Installed size of a distribution, alone and with the dependencies that taxel does not require otherwise, MB."""
     added = _dependencies(package).difference(*map(_dependencies, REQUIRED))
-    return _own_size(package), sum(_own_size(name) for name in added)
+    return _measure_own_size(package), sum(_measure_own_size(name) for name in added)
 
 
 def _dependencies(package: str) -> set[str]:
@@ -150,7 +154,7 @@ def _dependencies(package: str) -> set[str]:
     return names
 
 
-def _own_size(package: str) -> float:
+def _measure_own_size(package: str) -> float:
     files = metadata.files(package) or []
     paths = [Path(str(file.locate())) for file in files]
     return sum(path.stat().st_size for path in paths if path.is_file()) / MEGABYTE

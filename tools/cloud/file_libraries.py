@@ -115,7 +115,7 @@ def load_trimesh() -> FileLibrary:
             name: {key: np.ravel(element["data"][key]) for key in element["properties"]}
             for name, element in elements.items()
         }
-        return contents_of(tables["vertex"], tables.get("silent"))
+        return build_contents(tables["vertex"], tables.get("silent"))
 
     def read_xyz(path: Path) -> Contents:
         return Contents(np.asarray(load(path).vertices, np.float64))
@@ -146,7 +146,7 @@ def load_meshio() -> FileLibrary:
     def read_points(path: Path) -> Contents:
         mesh = meshio.read(path, file_format="ply")
         columns = {name: np.asarray(column, np.float64) for name, column in mesh.point_data.items()}
-        return contents_of({**dict(zip("xyz", np.asarray(mesh.points, np.float64).T, strict=True)), **columns}, None)
+        return build_contents({**dict(zip("xyz", np.asarray(mesh.points, np.float64).T, strict=True)), **columns}, None)
 
     def read_triangles(path: Path) -> Contents:
         mesh = meshio.read(path, file_format=path.suffix[1:])
@@ -179,7 +179,7 @@ def load_plyfile() -> FileLibrary:
     def read_points(path: Path) -> Contents:
         data = plyfile.PlyData.read(path)
         tables = {element.name: columns_of(element) for element in data.elements}
-        contents = contents_of(tables["vertex"], tables.get("silent"))
+        contents = build_contents(tables["vertex"], tables.get("silent"))
         names = [line.split(" ", 3)[3] for line in data.comments if line.startswith("taxel.grasp ")]
         contents.grasps = names or None
         return contents
@@ -219,7 +219,7 @@ def load_pypcd4() -> FileLibrary:
     def read_points(path: Path) -> Contents:
         cloud = pypcd4.PointCloud.from_path(path)
         names = cloud.fields
-        return contents_of({name: np.asarray(cloud.pc_data[name], np.float64) for name in names}, None)
+        return build_contents({name: np.asarray(cloud.pc_data[name], np.float64) for name in names}, None)
 
     def write_points(path: Path, table: Table) -> None:
         columns = list(table.values())
@@ -260,7 +260,7 @@ def load_igl() -> FileLibrary:
     )
 
 
-def contents_of(columns: Table, silent: Table | None) -> Contents:
+def build_contents(columns: Table, silent: Table | None) -> Contents:
     """Contents of named columns. CloudCompare writes `scalar_` before the names of scalars."""
     by_name = {name.removeprefix("scalar_"): np.asarray(column, np.float64) for name, column in columns.items()}
     has_grasps = "grasp" in by_name

@@ -136,12 +136,12 @@ def measure_speed(library: FileLibrary, folder: Path) -> dict[str, float]:
     times: dict[str, float] = {}
     for name, (kind, path) in write_large_files(table, vertices, faces, folder).items():
         if kind in library.readers:
-            times[f"read {name}"] = _median_ms(partial(library.readers[kind], path))
+            times[f"read {name}"] = _measure_median_ms(partial(library.readers[kind], path))
     for kind, write_cloud in library.cloud_writers.items():
-        times[f"write {kind}"] = _median_ms(partial(write_cloud, folder / f"written.{kind}", table))
+        times[f"write {kind}"] = _measure_median_ms(partial(write_cloud, folder / f"written.{kind}", table))
     for kind, write_mesh in library.mesh_writers.items():
         path = folder / f"written.{kind.split()[0]}"
-        times[f"write {kind}"] = _median_ms(partial(write_mesh, path, vertices, faces))
+        times[f"write {kind}"] = _measure_median_ms(partial(write_mesh, path, vertices, faces))
     return times
 
 
@@ -239,7 +239,7 @@ def _silence_standard_streams() -> None:
         os.dup2(null.fileno(), 2)
 
 
-def _median_ms(run: Callable[[], object]) -> float:
+def _measure_median_ms(run: Callable[[], object]) -> float:
     seconds = []
     for _ in range(REPEATS):
         started = time.process_time()

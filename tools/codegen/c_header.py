@@ -132,7 +132,7 @@ def structure(name: str, definition: Struct) -> list[str]:
     ]
 
 
-def frame_rules() -> list[str]:
+def format_frame_rules() -> list[str]:
     """Rules that a decoder checks before a CRC: type, address flag, shortest and longest payload of each frame type."""
     rows = []
     for frame_type, spec in frames.FRAMES.items():
@@ -211,7 +211,7 @@ def text() -> str:
     lines.append(ACCESSORS)
     for name, definition in STRUCTS.items():
         lines += structure(name, definition)
-    lines += frame_rules()
+    lines += format_frame_rules()
     lines += ["#endif", ""]
     return "\n".join(lines)
 

@@ -21,7 +21,7 @@ SEED = 22
 SNAPSHOTS = 12
 
 
-def board_history(
+def simulate_history(
     name: str, taxels: int, sigma: float, seed: int, start: int = 0, jumps: float = 0.01
 ) -> dict[str, Any]:
     """Snapshots of a board with noise of `sigma` counts; a share `jumps` of the taxels jumps at each scan."""
@@ -57,14 +57,17 @@ def text() -> str:
     """The whole file."""
     noises = (0, 0.3, 1.5, 28, 300)
     histories = [
-        board_history(f"noise_{sigma:g}", 27, sigma, 2 * i, 2 * (sigma > 100)) for i, sigma in enumerate(noises)
+        simulate_history(f"noise_{sigma:g}", 27, sigma, 2 * i, 2 * (sigma > 100)) for i, sigma in enumerate(noises)
     ]
     histories += [
-        board_history("anywhere", 63, 4.0, 11),
-        board_history("one_taxel", 1, 1.5, 12),
-        board_history("jumps", 30, 1.5, 13, 0, 0.3),
+        simulate_history("anywhere", 63, 4.0, 11),
+        simulate_history("one_taxel", 1, 1.5, 12),
+        simulate_history("jumps", 30, 1.5, 13, 0, 0.3),
     ]
-    histories += [board_history("longest", COMPACT_TAXELS_MAX, 20_000.0, 15, 3), board_history("largest", 121, 1.5, 16)]
+    histories += [
+        simulate_history("longest", COMPACT_TAXELS_MAX, 20_000.0, 15, 3),
+        simulate_history("largest", 121, 1.5, 16),
+    ]
     about = "compact snapshots: bytes, timestamps and counts"
     head = json.dumps({"about": about, "protocol_version": PROTOCOL_VERSION, "made_by": Path(__file__).name})
     lines = ",\n".join(json.dumps(history) for history in histories)

@@ -47,7 +47,7 @@ class Sent:
         return {key: self.vector[key] for key in ("type", "sequence", "payload")}
 
 
-def raw_frame(frame_type: int, payload: bytes, length: int | None = None) -> bytes:
+def build_raw_frame(frame_type: int, payload: bytes, length: int | None = None) -> bytes:
     """Wire bytes of a frame with a valid CRC that the protocol need not allow; `length` is the length in its header."""
     body = bytes([frame_type, 1, 0]) + (len(payload) if length is None else length).to_bytes(2, "little") + payload
     return encode_body(body + crc32(body).to_bytes(4, "little"))
@@ -155,22 +155,22 @@ class Streams:
         time_sync = bytes.fromhex(b.content["payload"])
         small = bytes.fromhex(self.frames["taxels_shortest"].content["payload"])
         cases = {
-            "type_0x00": raw_frame(0x00, time_sync),
-            "type_0xFF": raw_frame(0xFF, time_sync),
-            "type_unknown": raw_frame(0x0F, time_sync),
-            "fixed_payload_too_long": raw_frame(FrameType.TIME_SYNC, time_sync + b"\1"),
-            "fixed_payload_too_short": raw_frame(FrameType.TIME_SYNC, time_sync[:-1]),
-            "length_claims_more": raw_frame(FrameType.LOG, bytes(20), 21),
-            "length_claims_less": raw_frame(FrameType.LOG, bytes(20), 19),
-            "log_too_long": raw_frame(FrameType.LOG, bytes(72)),
-            "reply_too_short": raw_frame(FrameType.REPLY, b"\1\2"),
-            "address_too_low": raw_frame(FrameType.TIME_SYNC, b"\x07" + time_sync[1:]),
-            "address_too_high": raw_frame(FrameType.TAXELS, b"\x78" + small[1:]),
-            "taxel_count_too_high": raw_frame(FrameType.TAXELS, small[:1] + b"\2" + small[2:]),
-            "taxel_count_zero": raw_frame(FrameType.TAXELS, small[:1] + b"\0" + small[2:-2]),
+            "type_0x00": build_raw_frame(0x00, time_sync),
+            "type_0xFF": build_raw_frame(0xFF, time_sync),
+            "type_unknown": build_raw_frame(0x0F, time_sync),
+            "fixed_payload_too_long": build_raw_frame(FrameType.TIME_SYNC, time_sync + b"\1"),
+            "fixed_payload_too_short": build_raw_frame(FrameType.TIME_SYNC, time_sync[:-1]),
+            "length_claims_more": build_raw_frame(FrameType.LOG, bytes(20), 21),
+            "length_claims_less": build_raw_frame(FrameType.LOG, bytes(20), 19),
+            "log_too_long": build_raw_frame(FrameType.LOG, bytes(72)),
+            "reply_too_short": build_raw_frame(FrameType.REPLY, b"\1\2"),
+            "address_too_low": build_raw_frame(FrameType.TIME_SYNC, b"\x07" + time_sync[1:]),
+            "address_too_high": build_raw_frame(FrameType.TAXELS, b"\x78" + small[1:]),
+            "taxel_count_too_high": build_raw_frame(FrameType.TAXELS, small[:1] + b"\2" + small[2:]),
+            "taxel_count_zero": build_raw_frame(FrameType.TAXELS, small[:1] + b"\0" + small[2:-2]),
         }
         for reserved in range(FrameType.COMPACT_TAXELS + 1, FrameType.HUB_STATUS):
-            cases[f"reserved_type_0x{reserved:02X}"] = raw_frame(reserved, time_sync)
+            cases[f"reserved_type_0x{reserved:02X}"] = build_raw_frame(reserved, time_sync)
         for name, rejected in cases.items():
             self.add(name, [b, c], b.wire + rejected + c.wire, [0, 1], BOTH_WAYS)
 

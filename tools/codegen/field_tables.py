@@ -62,7 +62,7 @@ PAYLOAD_PARTS: dict[FrameType, tuple[tuple[str, str, Struct], ...]] = {
 """Structs at the front of each payload: C name, prefix of their fields' flat names, definition."""
 
 
-def _layout_lines(name: str, definition: Struct) -> list[str]:
+def _format_layout(name: str, definition: Struct) -> list[str]:
     """C lines with the field table of a struct and its pack and unpack functions."""
     rows = []
     for field in list_fields(definition):
@@ -120,13 +120,13 @@ struct payload_part {
 """
 
 
-def fields_header() -> str:
+def format_fields_header() -> str:
     """The field tables for the C test."""
     definitions = {name: definition for parts in PAYLOAD_PARTS.values() for name, _, definition in parts}
     definitions |= INNER | REGISTERS
     lines = [FIELDS_HEAD]
     for name, definition in definitions.items():
-        lines += _layout_lines(name, definition)
+        lines += _format_layout(name, definition)
     lines.append("static const struct layout layouts[] = {")
     for name in definitions:
         count = f"sizeof {name}_fields / sizeof {name}_fields[0]"
@@ -140,7 +140,7 @@ def fields_header() -> str:
 
 def main() -> int:
     """Write or check the header."""
-    text = fields_header()
+    text = format_fields_header()
     if "--check" in sys.argv[1:]:
         if not HEADER.exists() or HEADER.read_text() != text:
             print(f"{HEADER.name} is stale: run `make generate`", file=sys.stderr)

@@ -24,7 +24,7 @@ def nest(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -> dict[
     return nested
 
 
-def tail_name(definition: Struct) -> str | None:
+def find_tail_name(definition: Struct) -> str | None:
     """Name of the part without a fixed length at the end of `definition`, if it has one."""
     last = definition.subcons[-1]
     return str(last.name) if last.subcon is GreedyBytes else None
@@ -39,7 +39,7 @@ def json_values(fields: Sequence[Field], values: Mapping[str, Any]) -> dict[str,
     return converted
 
 
-def board_crc(address: int, data: bytes) -> int:
+def compute_board_crc(address: int, data: bytes) -> int:
     """CRC-32 with the board's address before the data, as boards compute it."""
     return crc32(data, crc32(bytes([address])))
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from construct import Struct
-from field_values import SEED, board_crc, filled, json_values, nest
+from field_values import SEED, compute_board_crc, filled, json_values, nest
 
 from taxel_protocol import limits, registers
 from taxel_protocol.framing import crc32
@@ -41,7 +41,7 @@ def _settings(name: str, address: int, numbers: Sequence[int]) -> dict[str, Any]
     fields = [field.name for field in list_fields(registers.SettingsRegister)][:-1]
     values = dict(zip(fields, numbers, strict=True))
     without_crc = registers.SettingsRegister.build(nest(registers.SettingsRegister, values | {"crc32": 0}))[:-4]
-    values["crc32"] = board_crc(address, without_crc)
+    values["crc32"] = compute_board_crc(address, without_crc)
     vector = register_vector(name, "settings_register", limits.REGISTER_SETTINGS, values)
     return vector | {"address": address}
 
@@ -51,7 +51,7 @@ def _snapshot(name: str, address: int, header: tuple[int, int], counts: Sequence
     flat: dict[str, Any] = {"header_sequence": header[0], "header_timestamp_us": header[1]}
     flat |= {"raw_counts": list(counts), "crc32": 0}
     definition = registers.snapshot(len(counts))
-    flat["crc32"] = board_crc(address, definition.build(nest(definition, flat))[:-4])
+    flat["crc32"] = compute_board_crc(address, definition.build(nest(definition, flat))[:-4])
     return {
         "name": name,
         "struct": "snapshot_header",

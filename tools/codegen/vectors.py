@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from construct import Struct
-from field_values import SEED, board_crc, filled, json_values, nest, tail_name
+from field_values import SEED, compute_board_crc, filled, find_tail_name, json_values, nest
 from register_vectors import build_register_vectors
 
 from taxel_protocol import frames, limits, registers
@@ -68,8 +68,8 @@ def sample(
     """A frame of any type but TAXELS, built by construct."""
     definition = FRAMES[frame_type].payload
     flat = dict(values)
-    if tail_name(definition):
-        flat[str(tail_name(definition))] = tail
+    if find_tail_name(definition):
+        flat[str(find_tail_name(definition))] = tail
     vector: dict[str, Any] = {
         "name": name,
         "type": int(frame_type),
@@ -112,7 +112,7 @@ def taxels(
     }
     definition = registers.snapshot(len(counts))
     without_crc = definition.build(nest(definition, flat, "snapshot_"))[:-4]
-    flat["snapshot_crc32"] = board_crc(address, without_crc) ^ crc_error
+    flat["snapshot_crc32"] = compute_board_crc(address, without_crc) ^ crc_error
     payload = FRAMES[FrameType.TAXELS].payload
     fields = json_values(list_fields(payload), flat) | {"snapshot_crc32": flat["snapshot_crc32"]}
     vector = {
@@ -159,8 +159,8 @@ def every_type(rng: random.Random, types: Sequence[FrameType]) -> list[Sample]:
 def _inner(name: str, values: Mapping[str, Any], tail: bytes = b"") -> tuple[bytes, dict[str, Any]]:
     definition = INNER[name]
     flat = dict(values)
-    if tail_name(definition):
-        flat[str(tail_name(definition))] = tail
+    if find_tail_name(definition):
+        flat[str(find_tail_name(definition))] = tail
     data = definition.build(nest(definition, flat))
     return data, {"struct": name, "fields": json_values(list_fields(definition), flat), "tail": tail.hex()}
 
@@ -190,7 +190,7 @@ def every_command() -> list[Sample]:
     return [*samples, sample("reply_get_time", FrameType.REPLY, 77, values, tail, inner)]
 
 
-def _zeros_of(frame: Sample) -> list[int]:
+def _fill_with_zeros(frame: Sample) -> list[int]:
     body = whiten(bytes.fromhex(frame.vector["body"]))
     return [i for i, byte in enumerate(body) if byte == 0]
 
@@ -205,12 +205,12 @@ def _with_zeros_at(name: str, taxel_count: int, zeros: list[int]) -> Sample:
     for attempt in range(10_000):
         times = (0x51525354 + attempt, 0x61626364)
         frame = taxels(name, sequence, counts, 0x31, 0x4142, times, board_sequence=0x3132)
-        if _zeros_of(frame) == zeros:
+        if _fill_with_zeros(frame) == zeros:
             return frame
     raise AssertionError(f"{name}: no frame has zeros at these positions")
 
 
-def stuffing_edges() -> list[Sample]:
+def build_stuffing_edges() -> list[Sample]:
     """Frames at the edge cases of byte stuffing: zero-free runs of 253 to 255 bytes, and longer ones."""
     key = whiten(bytes(limits.BODY_MAX))
     samples = [
@@ -270,12 +270,12 @@ def quotations(quoted: Sample) -> list[Sample]:
 def all_frames() -> list[Sample]:
     """Content of frames.json."""
     rng = random.Random(SEED)
-    samples = [*every_type(rng, VERSION_1), *every_command(), *taxel_frames(rng), *stuffing_edges()]
+    samples = [*every_type(rng, VERSION_1), *every_command(), *taxel_frames(rng), *build_stuffing_edges()]
     samples += quotations(next(s for s in samples if s.vector["name"] == "time_sync_arbitrary"))
     return [*samples, *every_type(random.Random(SEED + 1), VERSION_2)]
 
 
-def json_text(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> str:
+def format_json(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> str:
     """Text of a vector file, with one vector per line so that a diff shows which vector changed."""
     head = json.dumps(
         {"about": about, "protocol_version": limits.PROTOCOL_VERSION, "made_by": "tools/codegen/vectors.py"}
@@ -287,8 +287,8 @@ def json_text(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> str
 def main() -> int:
     """Write or check the files, then run the other generators."""
     texts = {
-        "frames.json": json_text("frames", "UART frames: fields and bytes", [frame.vector for frame in all_frames()]),
-        "registers.json": json_text("registers", "I2C registers: fields and bytes", build_register_vectors()),
+        "frames.json": format_json("frames", "UART frames: fields and bytes", [frame.vector for frame in all_frames()]),
+        "registers.json": format_json("registers", "I2C registers: fields and bytes", build_register_vectors()),
     }
     for name, text in texts.items():
         path = VECTORS / name

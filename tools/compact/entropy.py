@@ -31,7 +31,7 @@ from taxel_protocol.limits import (
     COMPACT_WIDTH_MASK,
     REGISTER_COMPACT,
 )
-from taxel_protocol.registers import compact_size
+from taxel_protocol.registers import decode_length
 
 SIGMAS = (1.5, 4.0, 10.0, 28.0)
 RATE_HZ = 60.0
@@ -130,7 +130,7 @@ class Skin:
                 self.world.transfer(address, bytes([REGISTER_COMPACT]) + acknowledgements[address], 0)
             write = bytes([REGISTER_COMPACT]) if number == 0 else b""
             result, data = self.world.transfer(address, write, READ_SIZE)
-            frame = data[1 : 1 + compact_size(data[0])] if not result else b""
+            frame = data[1 : 1 + decode_length(data[0])] if not result else b""
             if frame:
                 head = bytes([address, size]) + (number % 65536).to_bytes(2, "little") + bytes(4)
                 wire = encode_frame(FrameType.COMPACT_TAXELS, self._sequence % 65536, head + frame)

@@ -31,7 +31,7 @@ def compute_noise_entropy(sigma: float, phases: int = 64) -> float:
     return float(-(share * np.log2(np.maximum(share, 1e-300))).sum(axis=0).mean())
 
 
-def _cumulative(distance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _compute_cumulative(distance: NDArray[np.float64]) -> NDArray[np.float64]:
     limited = np.clip(distance, -REACH, REACH)
     wide = 0.5 + np.arctan(limited / CAUCHY_WIDTH) / (2 * math.atan(REACH / CAUCHY_WIDTH))
     probability: NDArray[np.float64] = (1 - CAUCHY_SHARE) * ndtr(limited) + CAUCHY_SHARE * wide
@@ -40,7 +40,7 @@ def _cumulative(distance: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _cost(counts: IntArray, mean: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
     """Bits of each count. A count beyond the truncation costs 14 bits plus the bits of its distance."""
-    share = _cumulative((counts + 0.5 - mean) / scale) - _cumulative((counts - 0.5 - mean) / scale)
+    share = _compute_cumulative((counts + 0.5 - mean) / scale) - _compute_cumulative((counts - 0.5 - mean) / scale)
     escape_bits = 9 + 5 + np.floor(np.log2(np.maximum(np.abs(counts - mean), 1.0)))
     return np.where(share > 2.0**-16, -np.log2(np.maximum(share, 2.0**-16)), escape_bits)
 

@@ -76,7 +76,7 @@ class CortexLibraryError(TaxelError):
 
 
 @cache
-def cortex_library() -> ctypes.CDLL:
+def load_cortex_library() -> ctypes.CDLL:
     """Load the library once. Raises `CortexLibraryError` if it was not built."""
     library = load_library("taxel_cortex_m0", "the compiled Cortex-M0", CortexLibraryError)
     handle, word, long = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_uint64
@@ -119,7 +119,7 @@ class BareCpu:
         multiply: int = 1,
         halt_on_fault: bool = False,
     ) -> None:
-        self._library = cortex_library()
+        self._library = load_cortex_library()
         halt_flags = 1 | (2 if halt_on_fault else 0)
         self._handle = self._library.taxel_cortex_m0_open(flash_size, ram_size, flash_wait, multiply, halt_flags)
         if not self._handle:
@@ -192,7 +192,7 @@ class BareCpu:
         """Start or stop cycle accounting of handlers."""
         self._library.taxel_cortex_m0_set_accounting(self._handle, enabled)
 
-    def handler_cost(self, exception: int) -> Cost:
+    def read_handler_cost(self, exception: int) -> Cost:
         """Cycle counts of the handler of `exception`."""
         values = (ctypes.c_uint64 * len(fields(Cost)))()
         self._library.taxel_cortex_m0_get_cost(self._handle, exception, ctypes.addressof(values))

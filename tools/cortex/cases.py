@@ -36,7 +36,7 @@ class Block(NamedTuple):
     flash: bytes
 
 
-def _second_halfwords(rng: np.random.Generator, first: NDArray[np.uint16]) -> NDArray[np.uint16]:
+def _sample_second_halfwords(rng: np.random.Generator, first: NDArray[np.uint16]) -> NDArray[np.uint16]:
     """Random second halfwords u16[n]; a sixth of them encode BL."""
     n = len(first)
     second = rng.integers(0, 0x10000, n, dtype=np.uint16)
@@ -45,7 +45,7 @@ def _second_halfwords(rng: np.random.Generator, first: NDArray[np.uint16]) -> ND
     return second
 
 
-def _special_instructions(rng: np.random.Generator, n: int) -> NDArray[np.uint16]:
+def _sample_special_instructions(rng: np.random.Generator, n: int) -> NDArray[np.uint16]:
     """Random BL, MSR, MRS and barriers u16[n, 2], which a sequence of all first halfwords rarely contains."""
     kind = rng.integers(0, 4, n)
     number = rng.choice(np.array([0, 1, 2, 3, 5, 6, 7, 8, 9, 16, 20, 4, 10], np.uint16), n)
@@ -59,17 +59,17 @@ def _special_instructions(rng: np.random.Generator, n: int) -> NDArray[np.uint16
     return np.stack([first, second], 1)
 
 
-def _instructions(rng: np.random.Generator, index: int) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+def _sample_instructions(rng: np.random.Generator, index: int) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
     """Halfwords of a block. Consecutive blocks contain all first halfwords in order; a tenth are special cases."""
     step = 0x9E35  # odd: a permutation of the halfwords
     first = ((np.arange(BLOCK, dtype=np.int64) + index * BLOCK) * step % 0x10000).astype(np.uint16)
-    second = _second_halfwords(rng, first)
+    second = _sample_second_halfwords(rng, first)
     special = rng.permutation(BLOCK)[: BLOCK // 10]
-    first[special], second[special] = _special_instructions(rng, len(special)).T
+    first[special], second[special] = _sample_special_instructions(rng, len(special)).T
     return first, second
 
 
-def _registers(rng: np.random.Generator) -> NDArray[np.uint32]:
+def _sample_registers(rng: np.random.Generator) -> NDArray[np.uint32]:
     """Random registers u32[n, 16]: aligned and unaligned addresses in RAM and flash and at their ends, small numbers,
     edge cases, and arbitrary values.
     """
@@ -90,9 +90,9 @@ def _registers(rng: np.random.Generator) -> NDArray[np.uint32]:
 def generate_block(seed: int, index: int) -> Block:
     """Generate block `index` of the sequence that belongs to `seed`."""
     rng = np.random.default_rng([seed, index])
-    first, second = _instructions(rng, index)
+    first, second = _sample_instructions(rng, index)
     states = np.zeros(BLOCK, STATE)
-    registers = _registers(rng)
+    registers = _sample_registers(rng)
     registers[:, 13] &= ~np.uint32(3)
     registers[:, 15] = CODE + SLOT * np.arange(BLOCK)
     states["r"] = registers

@@ -42,7 +42,7 @@ def run_block(block: Block, cpu: BareCpu, oracle: UnicornOracle) -> tuple[Outcom
     return Outcome(block, emulated, reference, verdict), memory_equal
 
 
-def emulated_verdict(outcome: Outcome) -> NDArray[np.int64]:
+def get_emulated_verdict(outcome: Outcome) -> NDArray[np.int64]:
     """Verdicts i64[n] of the emulator, as `Verdict` values."""
     emulated = outcome.emulated
     verdict = np.full(len(emulated), int(Verdict.DONE))
@@ -62,7 +62,7 @@ def emulated_verdict(outcome: Outcome) -> NDArray[np.int64]:
 def differences(outcome: Outcome) -> NDArray[np.bool_]:
     """Mask bool[n] of the cases where the two disagree, or where a fault of the emulator changed a register."""
     emulated, reference, before = outcome.emulated, outcome.reference, outcome.block.states
-    different = emulated_verdict(outcome) != outcome.verdict
+    different = get_emulated_verdict(outcome) != outcome.verdict
     different |= (emulated["reason"] == Reason.FAULTED) & (emulated["r"] != before["r"]).any(1)
     completed = outcome.verdict == Verdict.DONE
     for name in COMPARED:
@@ -77,7 +77,8 @@ def describe(outcome: Outcome, case: int) -> str:
     first, second = outcome.block.first[case], outcome.block.second[case]
     parts = [f"{first:04x} {second:04x}:"]
     parts += [
-        f"emulator {Verdict(int(emulated_verdict(outcome)[case])).name}, Unicorn {Verdict(outcome.verdict[case]).name}"
+        f"emulator {Verdict(int(get_emulated_verdict(outcome)[case])).name},",
+        f"Unicorn {Verdict(outcome.verdict[case]).name}",
     ]
     for i in range(16):
         if emulated["r"][i] != reference["r"][i]:
@@ -90,7 +91,7 @@ def describe(outcome: Outcome, case: int) -> str:
     return " ".join(parts)
 
 
-def first_memory_difference(block: Block, cpu: BareCpu, oracle: UnicornOracle) -> str:
+def find_first_memory_difference(block: Block, cpu: BareCpu, oracle: UnicornOracle) -> str:
     """Describe in one line the first instruction after which the memories differ."""
     for engine in (cpu.write_memory, oracle.write_memory):
         engine(0, block.flash)
@@ -126,7 +127,7 @@ def check_block(seed: int, index: int, cpu: BareCpu, oracle: UnicornOracle) -> t
         tally[verdict.name] += int(((outcome.verdict == verdict) & ~explained).sum())
     lines = [describe(outcome, int(i)) for i in np.flatnonzero(differences(outcome) & ~explained)]
     if not memory_equal:
-        lines.append(first_memory_difference(block, cpu, oracle))
+        lines.append(find_first_memory_difference(block, cpu, oracle))
     return tally, [f"block {index}: {line}" for line in lines]
 
 

@@ -37,7 +37,7 @@ def count_instructions(image: Image) -> int:
             cpu.skip_breakpoint()
 
 
-def median_seconds(action: Callable[[], object], repeats: int) -> float:
+def measure_median_seconds(action: Callable[[], object], repeats: int) -> float:
     """Median processor time of `action` in seconds."""
     times = []
     for _ in range(repeats):
@@ -79,13 +79,15 @@ def main() -> int:
             waiting_cycles = run_emulator(image, cpu).cycles
         print(f"{image.name}: {count} instructions, {cycles} cycles")
         print(f"{waiting_cycles} cycles with one wait state ({cycles / waiting_cycles:.0%} of the speed)")
-        emulated = count / median_seconds(lambda: run_emulator(image), arguments.repeats)
+        emulated = count / measure_median_seconds(lambda: run_emulator(image), arguments.repeats)
         print(f"emulator: {emulated / 1e6:.0f} million instructions/s")
         with BareCpu() as cpu:
-            sliced_rate = count / median_seconds(lambda: run_in_slices(cpu, image, 1000), arguments.repeats)
+            sliced_rate = count / measure_median_seconds(lambda: run_in_slices(cpu, image, 1000), arguments.repeats)
         print(f"emulator, 1000 cycles per call from Python: {sliced_rate / 1e6:.0f} million instructions/s")
         for size in SLICES:
-            reference = count / median_seconds(partial(run_in_unicorn, image, size), 1 if size else arguments.repeats)
+            reference = count / measure_median_seconds(
+                partial(run_in_unicorn, image, size), 1 if size else arguments.repeats
+            )
             name = f"{size} instructions per call" if size else "in one call"
             print(f"Unicorn, {name}: {reference / 1e6:.1f} million instructions/s; ratio {emulated / reference:.1f}")
     except (ToolMissingError, ImageError, UnicornMissingError) as error:

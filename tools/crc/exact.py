@@ -43,7 +43,7 @@ BYTE_RATE = 100_000
 """Bytes per second of a UART at 1 Mbaud with a start and a stop bit."""
 
 
-def bit_syndromes(count: int) -> WordArray:
+def compute_bit_syndromes(count: int) -> WordArray:
     """x^i modulo the generator, for i below `count`; bit 0 is the last bit on the wire."""
     values = np.empty(count, np.uint32)
     state = 1
@@ -62,7 +62,7 @@ def xor_subsets(syndromes: WordArray, size: int) -> WordArray:
     return values
 
 
-def largest_index(order: int, size: int, count: int) -> int:
+def find_largest_index(order: int, size: int, count: int) -> int:
     """Largest index in subset number `order` of `xor_subsets` over `count` syndromes."""
     return next(j for j in range(count) if math.comb(j + 1, size) > order)
 
@@ -73,7 +73,7 @@ def find_shortest_word(weight: int, bits: int) -> int | None:
     Valid only if no undetected pattern of `weight` - 2 bits fits into `bits`: two halves that share a bit would be
     counted as a pattern.
     """
-    syndromes = bit_syndromes(bits)
+    syndromes = compute_bit_syndromes(bits)
     first_size = (weight - 1) // 2
     second_size = weight - 1 - first_size
     first_half = xor_subsets(syndromes[1:], first_size) ^ syndromes[0]
@@ -83,14 +83,14 @@ def find_shortest_word(weight: int, bits: int) -> int | None:
     for value in common:
         for i in np.flatnonzero(first_half == value):
             for j in np.flatnonzero(second_half == value):
-                last = max(largest_index(int(i), first_size, bits), largest_index(int(j), second_size, bits))
+                last = max(find_largest_index(int(i), first_size, bits), find_largest_index(int(j), second_size, bits))
                 spans.append(last + 2)
     return min(spans, default=None)
 
 
 def count_four_bit_spans(bits: int) -> NDArray[np.int64]:
     """[n]: number of undetected four-bit patterns whose first bit is bit 0 and whose last bit is bit n - 1."""
-    syndromes = bit_syndromes(bits)
+    syndromes = compute_bit_syndromes(bits)
     order = np.argsort(syndromes)
     sorted_syndromes = syndromes[order]
     spans = np.zeros(bits + 1, np.int64)
@@ -104,7 +104,7 @@ def count_four_bit_spans(bits: int) -> NDArray[np.int64]:
 
 def compute_burst_rank() -> int:
     """Rank of 32 neighbouring bit syndromes; rank 32 means that every burst of up to 32 bits is detected."""
-    rows = [int(value) for value in bit_syndromes(32)]
+    rows = [int(value) for value in compute_bit_syndromes(32)]
     rank = 0
     for bit in reversed(range(32)):
         pivot = next((row for row in rows if row >> bit & 1), None)
@@ -115,9 +115,9 @@ def compute_burst_rank() -> int:
     return rank
 
 
-def byte_syndromes(count: int) -> WordArray:
+def compute_byte_syndromes(count: int) -> WordArray:
     """[d, e]: syndrome of the error byte e (1 to 255; column 0 is unused) at d bytes before the last byte."""
-    bits = bit_syndromes(8 * count).reshape(count, 8)
+    bits = compute_bit_syndromes(8 * count).reshape(count, 8)
     table = np.zeros((count, 256), np.uint32)
     for bit in range(8):
         columns = np.flatnonzero(np.arange(256) >> bit & 1)
@@ -131,7 +131,7 @@ def count_byte_pattern_spans(count: int) -> tuple[NDArray[np.int64], NDArray[np.
     The last byte can cancel any low 8 bits of the syndrome: a pattern is undetected if the other bytes give zero in the
     upper 24 bits and not zero in the low 8 bits.
     """
-    table = byte_syndromes(count)[1:, 1:]
+    table = compute_byte_syndromes(count)[1:, 1:]
     two = np.zeros(count + 1, np.int64)
     three = np.zeros(count + 1, np.int64)
     positions = np.repeat(np.arange(1, count), 255)

@@ -43,7 +43,7 @@ class PinsError(TaxelError, ValueError):
         return f"{path}: {field}: expected {expected}, found {found}"
 
 
-def pin_code(path: str, field: str, name: object) -> str:
+def encode_pin(path: str, field: str, name: object) -> str:
     """C expression of a pin such as "P2.7". Raises PinsError."""
     match = re.fullmatch(r"P([0-4])\.([0-7])", str(name))
     if not match or int(match[2]) >= PORTS[int(match[1])]:
@@ -62,27 +62,27 @@ def check_table(path: str, name: str, table: dict[str, Any], single: Iterable[st
             raise PinsError(path, f"{name}.{key}", expected or "a pin", repr(table.get(key)))
     for key, value in table.items():
         for pin in value if isinstance(value, list) else [value]:
-            pin_code(path, f"{name}.{key}", pin)
+            encode_pin(path, f"{name}.{key}", pin)
             if pin in used:
                 raise PinsError(path, f"{name}.{key}", "each pin once", f"{pin}, which {used[pin]} uses already")
             used[pin] = f"{name}.{key}"
 
 
-def kinds_of_hands(hands: list[str]) -> list[BoardKind]:
+def list_kinds_of_hands(hands: list[str]) -> list[BoardKind]:
     """Board kinds of the hands, each once, ordered by code. Raises HandDescriptionError."""
     kinds = {board.kind.code: board.kind for name in hands for board in load_hand(name).boards}
     return [kinds[code] for code in sorted(kinds)]
 
 
-def pins_header(path: str, name: str, table: dict[str, Any], single: Iterable[str], lines: list[str]) -> str:
+def format_pins_header(path: str, name: str, table: dict[str, Any], single: Iterable[str], lines: list[str]) -> str:
     """Text of a board_pins.h."""
     guard = f"PSOC4200_BOARD_PINS_{name.upper()}_H"
     text = [MARK, f"#ifndef {guard}", f"#define {guard}", "", '#include "boards/psoc4200/pins.h"', ""]
-    text += [f"#define BOARD_PIN_{key.upper()} {pin_code(path, f'{name}.{key}', table[key])}" for key in single]
+    text += [f"#define BOARD_PIN_{key.upper()} {encode_pin(path, f'{name}.{key}', table[key])}" for key in single]
     return "\n".join([*text, *lines, "", "#endif", ""])
 
 
-def sensor_lines(path: str, table: dict[str, Any], kinds: list[BoardKind]) -> list[str]:
+def format_sensor_lines(path: str, table: dict[str, Any], kinds: list[BoardKind]) -> list[str]:
     """Definitions of the front end's lines and of the initial scan settings. Raises PinsError if a kind has more lines
     than there are pins.
     """
@@ -92,7 +92,7 @@ def sensor_lines(path: str, table: dict[str, Any], kinds: list[BoardKind]) -> li
         if len(pins) < max(counts):
             kind = kinds[counts.index(max(counts))]
             raise PinsError(path, f"sensor.{key}", f"{max(counts)} pins or more, for {kind.name}", f"{len(pins)}")
-        codes = ", ".join(pin_code(path, f"sensor.{key}", pin) for pin in pins)
+        codes = ", ".join(encode_pin(path, f"sensor.{key}", pin) for pin in pins)
         text += [f"#define BOARD_{key.upper()}_LINES {len(pins)}u", f"#define BOARD_{key.upper()}_PINS {{{codes}}}"]
     scan = ScanSettings()
     values = (
@@ -105,7 +105,7 @@ def sensor_lines(path: str, table: dict[str, Any], kinds: list[BoardKind]) -> li
     return [*text, f"#define BOARD_SCAN_SETTINGS {{{', '.join(map(str, values))}}}"]
 
 
-def kinds_source(kinds: list[BoardKind]) -> str:
+def format_kinds_source(kinds: list[BoardKind]) -> str:
     """Text of kinds.c, the table of board kinds that a sensor image contains."""
     rows = []
     for kind in kinds:
@@ -126,16 +126,16 @@ def write_all(pins: Path, out: Path) -> None:
     sensor, hub = (document.get(name, {}) for name in ("sensor", "hub"))
     check_table(path, "sensor", sensor, SENSOR_PINS)
     check_table(path, "hub", hub, HUB_PINS)
-    kinds = kinds_of_hands(document.get("hands", []))
+    kinds = list_kinds_of_hands(document.get("hands", []))
     if not kinds:
         raise PinsError(path, "hands", "a packaged hand or more", repr(document.get("hands")))
     largest = f"#define BOARD_TAXELS_MAX {max(kind.taxel_count for kind in kinds)}u"
     texts = {
-        out / "sensor" / "board_pins.h": pins_header(
-            path, "sensor", sensor, SENSOR_PINS, [largest, *sensor_lines(path, sensor, kinds)]
+        out / "sensor" / "board_pins.h": format_pins_header(
+            path, "sensor", sensor, SENSOR_PINS, [largest, *format_sensor_lines(path, sensor, kinds)]
         ),
-        out / "hub" / "board_pins.h": pins_header(path, "hub", hub, HUB_PINS, [largest]),
-        out / "kinds.c": kinds_source(kinds),
+        out / "hub" / "board_pins.h": format_pins_header(path, "hub", hub, HUB_PINS, [largest]),
+        out / "kinds.c": format_kinds_source(kinds),
     }
     for file, text in texts.items():
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -14,7 +14,7 @@ from typing import Final
 
 from compact_costs import measure_compact
 from costs_page import costs_page, parse_costs
-from executed_world import BOARD_IMAGE, HUB_IMAGE, IMAGES, scanning_world
+from executed_world import BOARD_IMAGE, HUB_IMAGE, IMAGES, open_scanning_world
 from firmware_cycles import measure
 from hub_costs import measure_hub
 
@@ -62,7 +62,7 @@ def round_exactly(value: float, quantity: str) -> int:
     return round(value)
 
 
-def crossings_of(board: Board) -> list[int]:
+def list_crossings(board: Board) -> list[int]:
     """Indices of the crossings that have a taxel."""
     bits = board.kind.crossing_bitmap()
     crossings = range(board.kind.tx_count * board.kind.rx_count)
@@ -83,13 +83,13 @@ def conversions(world: VirtualWorld, board: Board) -> list[int]:
     return costs[begin : begin + board.kind.taxel_count]
 
 
-def conversion_costs(scans: dict[int, tuple[Board, list[int]]]) -> Costs:
+def measure_conversion_costs(scans: dict[int, tuple[Board, list[int]]]) -> Costs:
     """Derive the cost of each case from the cycles of the interrupts of whole scans."""
     cost_by_line: dict[int, int] = {}
     switching: list[tuple[int, int, int]] = []
     first: tuple[int, int] | None = None
     for board, costs in scans.values():
-        crossings = crossings_of(board)
+        crossings = list_crossings(board)
         if not crossings[0]:
             raise ValueError("the first crossing of a calibration board must not be number 0")
         for position, (crossing, cost) in enumerate(zip(crossings, costs, strict=True)):
@@ -143,12 +143,12 @@ def scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, float]:
     return overhead, begin[1] - begin[0] * period_us
 
 
-def slave_costs(world: VirtualWorld, board: Board) -> Costs:
+def measure_slave_costs(world: VirtualWorld, board: Board) -> Costs:
     """Cycles of the slave's interrupts, and the bus delay of each: the minimum of several transfers, without
     preemption.
     """
 
-    def fastest_transfer(write: bytes, size: int) -> tuple[int, float]:
+    def find_fastest_transfer(write: bytes, size: int) -> tuple[int, float]:
         own, durations = [], []
         for _ in range(12):
             world.run(0.00113)
@@ -162,10 +162,10 @@ def slave_costs(world: VirtualWorld, board: Board) -> Costs:
     clock = CYCLES_PER_US * 2.5
     pointer = bytes([REGISTER_SNAPSHOT])
     stop = world.read_handler_costs(board.address)["SCB0"].own_min
-    probe = fastest_transfer(b"", 0)
-    shorter, longer = fastest_transfer(bytes([0xF0, 1]), 0), fastest_transfer(bytes([0xF0, 1, 1]), 0)
+    probe = find_fastest_transfer(b"", 0)
+    shorter, longer = find_fastest_transfer(bytes([0xF0, 1]), 0), find_fastest_transfer(bytes([0xF0, 1, 1]), 0)
     world.transfer(board.address, pointer, 0)
-    read, refilled = fastest_transfer(b"", 2), fastest_transfer(b"", 6)
+    read, refilled = find_fastest_transfer(b"", 2), find_fastest_transfer(b"", 6)
     return {
         "slave_write": probe[0] - stop,
         "slave_write_hold": round(probe[1] - 11 * clock),
@@ -185,13 +185,13 @@ def measure_board(image: Path) -> Costs:
     costs: Costs = {}
     for address in (SMALL, LARGE):
         board = hand.get_board(address)
-        with scanning_world(hand, board, image) as world:
+        with open_scanning_world(hand, board, image) as world:
             scans[address] = (board, conversions(world, board))
             tick = world.read_handler_costs(address)["SysTick"]
             overheads[address] = scan_overhead(world, board)
             if address == SMALL:
-                costs.update(slave_costs(world, board))
-    costs.update(conversion_costs(scans))
+                costs.update(measure_slave_costs(world, board))
+    costs.update(measure_conversion_costs(scans))
     own, scan_own = costs["own"], costs["scan_own"]
     assert isinstance(own, int)
     assert isinstance(scan_own, int)

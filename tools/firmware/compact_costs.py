@@ -5,7 +5,7 @@ per taxel.
 from pathlib import Path
 from typing import Final, Literal
 
-from executed_world import BOARD_IMAGE, image_line, lone_board
+from executed_world import BOARD_IMAGE, format_image_line, make_board_world
 
 from taxel.hand import load_hand
 from taxel.hand.world import WorldSettings
@@ -18,10 +18,10 @@ NOISE_COUNTS: Final = 4.0
 SETTLE_S, RUN_S = 2.0, 4.0
 
 
-def busy_per_scan(image: Path, address: int, frames: Literal["plain", "compact"]) -> float:
+def measure_busy_cycles(image: Path, address: int, frames: Literal["plain", "compact"]) -> float:
     """Cycles of the main loop per scan while a hub streams the board in this frame format."""
     hand = load_hand("allegro")
-    text = lone_board(hand, address, WorldSettings(noise_counts=NOISE_COUNTS)) + image_line(address)
+    text = make_board_world(hand, address, WorldSettings(noise_counts=NOISE_COUNTS)) + format_image_line(address)
     with (
         VirtualWorld(text, files={BOARD_IMAGE: image}) as world,
         Skin(VirtualMemoryLink(world), hand, frames=frames) as skin,
@@ -33,14 +33,14 @@ def busy_per_scan(image: Path, address: int, frames: Literal["plain", "compact"]
                 skin.poll(0.01)
 
         run(SETTLE_S)
-        counts = [_busy(world, address)]
+        counts = [_read_busy(world, address)]
         run(RUN_S)
-        counts.append(_busy(world, address))
+        counts.append(_read_busy(world, address))
         scans = (counts[1][1] - counts[0][1]) / hand.get_board(address).kind.taxel_count
         return (counts[1][0] - counts[0][0]) / scans
 
 
-def _busy(world: VirtualWorld, address: int) -> tuple[int, int]:
+def _read_busy(world: VirtualWorld, address: int) -> tuple[int, int]:
     """(cycles awake outside interrupts, number of conversions)."""
     processor, handlers = world.read_processor(address), world.read_handler_costs(address)
     return processor.cycles - processor.sleep_cycles - sum(cost.own for cost in handlers.values()), handlers[
@@ -54,6 +54,9 @@ def measure_compact(image: Path) -> dict[str, int | list[int]]:
     """
     hand = load_hand("allegro")
     taxels = [hand.get_board(address).kind.taxel_count for address in BOARDS]
-    added = [busy_per_scan(image, address, "compact") - busy_per_scan(image, address, "plain") for address in BOARDS]
+    added = [
+        measure_busy_cycles(image, address, "compact") - measure_busy_cycles(image, address, "plain")
+        for address in BOARDS
+    ]
     each = (added[1] - added[0]) / (taxels[1] - taxels[0])
     return {"compact": round(added[0] - each * taxels[0]), "compact_taxel": round(each)}

@@ -102,7 +102,7 @@ def parse_costs(header: str) -> dict[str, str]:
     return {name: value.strip("{}").removesuffix("u") for name, value in definitions.items()}
 
 
-def _board_line(board: BoardCycles) -> str:
+def _format_board_line(board: BoardCycles) -> str:
     share = (board.scan + board.poll) / board.budget
     numbers = f"{board.taxels} | {board.scan:,} | {board.poll:,} | {board.length:,} | {share:.0%}"
     return f"| {board.kind} | {numbers} |"
@@ -111,7 +111,7 @@ def _board_line(board: BoardCycles) -> str:
 def costs_page(costs: dict[str, str], cycles: FirmwareCycles) -> str:
     """Text of the whole page."""
     boards = ["| board | taxels | scan | poll | length of a scan | awake |", "|---|---:|---:|---:|---:|---:|"]
-    boards += [_board_line(board) for board in cycles.boards]
+    boards += [_format_board_line(board) for board in cycles.boards]
     rows = ["| `COST_` | cycles | meaning | measurement |", "|---|---:|---|---|"]
     rows += [f"| {name} | {value} | {' | '.join(MEANINGS[name])} |" for name, value in costs.items()]
     hub = cycles.hub

@@ -19,7 +19,7 @@ sys.path.insert(1, str(Path(__file__).parents[1] / "flash"))
 
 from cut_plan import POINTS_S, WRITE_S, name_moment
 from cut_routes import BOARD, BoardRoute
-from executed_world import BOARD_IMAGE, IMAGES, files, firmware_with, image_line
+from executed_world import BOARD_IMAGE, IMAGES, files, format_image_line, make_firmware
 from flash_worlds import make_small_world
 
 from taxel.errors import TaxelError
@@ -57,7 +57,7 @@ class Cuts:
         return sum(self.outcomes.values())
 
 
-def _random_instant(generator: random.Random) -> float:
+def _sample_time_s(generator: random.Random) -> float:
     return generator.choice(POINTS_S) if generator.random() < 0.3 else generator.uniform(1e-6, WRITE_S - 1e-6)
 
 
@@ -67,9 +67,9 @@ class _Board:
     def __init__(self, world: VirtualWorld, images: Path) -> None:
         self.world, self.images = world, images
         self.route = BoardRoute(world, through_hub=False)
-        self.version = self._running()
+        self.version = self._find_running()
 
-    def _running(self) -> Version:
+    def _find_running(self) -> Version:
         version = self.route.version()
         if version is None:
             raise TaxelError("bricked: no application starts")
@@ -79,13 +79,13 @@ class _Board:
         """Update once, repeating the command until it succeeds and all planned cuts have occurred. Raises
         `TaxelError`.
         """
-        firmware = firmware_with((1, number // 256, number % 256), self.images, rows=CHANGED_ROWS)
+        firmware = make_firmware((1, number // 256, number % 256), self.images, rows=CHANGED_ROWS)
         target = firmware.images[0].version
         cuts_before = counted_cuts = self.world.count_power_cuts(BOARD)
         for _ in range(RUNS_MAX):
             failure = self._try(firmware)
             self.world.run(POWER_OFF_S + 0.01)
-            version = self._running()
+            version = self._find_running()
             for cut in self.world.read_power_cuts(BOARD, counted_cuts):
                 result.outcomes[name_moment(cut.after_s), "new" if version == target else "old"] += 1
             counted_cuts = self.world.count_power_cuts(BOARD)
@@ -120,16 +120,16 @@ class _Board:
 def cut_updates(cuts: int, seed: int = 1, images: Path = IMAGES) -> Cuts:
     """Run updates with at least `cuts` power cuts; stop at the first failure."""
     generator, result = random.Random(f"executed {seed}"), Cuts()
-    text = make_small_world(2, ["boot_listens 1"], seed) + image_line(BOARD)
+    text = make_small_world(2, ["boot_listens 1"], seed) + format_image_line(BOARD)
     with VirtualWorld(text, files={BOARD_IMAGE: files(images)[BOARD_IMAGE]}) as world:
         world.run(0.4)
         board = _Board(world, images)
         try:
             while result.cut_count < cuts:
                 first_operation = generator.randint(1, CHANGED_ROWS + RECORD_WRITES)
-                plan = [(first_operation, _random_instant(generator))]
+                plan = [(first_operation, _sample_time_s(generator))]
                 if first_operation <= CHANGED_ROWS and generator.random() < 0.5:
-                    plan.append((generator.randint(1, CHANGED_ROWS - first_operation + 1), _random_instant(generator)))
+                    plan.append((generator.randint(1, CHANGED_ROWS - first_operation + 1), _sample_time_s(generator)))
                 for operation, after_s in plan:
                     world.plan_power_cut(BOARD, operation, after_s, POWER_OFF_S)
                 board.update(result.updates, len(plan), result)

@@ -25,12 +25,12 @@ def files(images: Path = IMAGES) -> dict[str, Path]:
     return {name: images / name for name in (BOARD_IMAGE, HUB_IMAGE)}
 
 
-def image_line(address: int) -> str:
+def format_image_line(address: int) -> str:
     """World-file line that makes a board, or the hub (0), execute its image."""
     return f"image 0x{address:02X} {BOARD_IMAGE}\n" if address else f"hub_image {HUB_IMAGE}\n"
 
 
-def lone_board(hand: Hand, address: int, settings: WorldSettings | None = None) -> str:
+def make_board_world(hand: Hand, address: int, settings: WorldSettings | None = None) -> str:
     """World file with only this board, natively emulated."""
     lines = format_world(hand, settings).splitlines()
     lines_of_board = [line for line in lines if not line.startswith("board ") or f" 0x{address:02X} " in line]
@@ -38,16 +38,16 @@ def lone_board(hand: Hand, address: int, settings: WorldSettings | None = None) 
 
 
 @contextmanager
-def scanning_world(hand: Hand, board: Board, image: Path) -> Iterator[VirtualWorld]:
+def open_scanning_world(hand: Hand, board: Board, image: Path) -> Iterator[VirtualWorld]:
     """World in which the board scans and no hub reads it."""
-    text = lone_board(hand, board.address, WorldSettings(clock_spread_ppm=0.0)) + image_line(board.address)
+    text = make_board_world(hand, board.address, WorldSettings(clock_spread_ppm=0.0)) + format_image_line(board.address)
     with VirtualWorld(text, "none", files={BOARD_IMAGE: image}) as world:
         world.inject("hub_unplug")
         world.run(0.35)
         yield world
 
 
-def firmware_with(version: tuple[int, int, int], images: Path = IMAGES, *, rows: int = 0) -> Firmware:
+def make_firmware(version: tuple[int, int, int], images: Path = IMAGES, *, rows: int = 0) -> Firmware:
     """Images of both slots of a board under another version.
 
     rows: number of flash rows with version-dependent bytes after the program, so that an update has something to

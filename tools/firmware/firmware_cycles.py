@@ -8,7 +8,7 @@ import struct
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from executed_world import BOARD_IMAGE, HUB_IMAGE, image_line, scanning_world
+from executed_world import BOARD_IMAGE, HUB_IMAGE, format_image_line, open_scanning_world
 
 from taxel.hand import Hand, load_hand
 from taxel.hand.description import Board
@@ -77,7 +77,7 @@ def _read(world: VirtualWorld, board: Board) -> tuple[int, int]:
     return int(sequence), int(time_us)
 
 
-def _cycle_counts(world: VirtualWorld, address: int) -> tuple[int, int]:
+def _read_cycle_counts(world: VirtualWorld, address: int) -> tuple[int, int]:
     """(all cycles, cycles awake) so far."""
     processor = world.read_processor(address)
     return processor.cycles, processor.cycles - processor.sleep_cycles
@@ -86,28 +86,28 @@ def _cycle_counts(world: VirtualWorld, address: int) -> tuple[int, int]:
 def measure_board(hand: Hand, board: Board, image: Path) -> BoardCycles:
     """Measure a board of a kind, first without and then with polls."""
     address = board.address
-    with scanning_world(hand, board, image) as world:
+    with open_scanning_world(hand, board, image) as world:
         world.transfer(address, bytes([REGISTER_SNAPSHOT]), 0)
         world.run(0.05)
         first = _read(world, board)
-        begin = _cycle_counts(world, address)
+        begin = _read_cycle_counts(world, address)
         world.run(RUN_S)
-        end = _cycle_counts(world, address)
+        end = _read_cycle_counts(world, address)
         last = _read(world, board)
         share = (end[1] - begin[1]) / (end[0] - begin[0])
         length = (last[1] - first[1]) * CYCLES_PER_US / (last[0] - first[0])
-        begin = _cycle_counts(world, address)
+        begin = _read_cycle_counts(world, address)
         for _ in range(POLLS):
             _read(world, board)
             world.run(POLL_PERIOD_S)
-        end = _cycle_counts(world, address)
+        end = _read_cycle_counts(world, address)
     poll = (end[1] - begin[1] - share * (end[0] - begin[0])) / POLLS
     return BoardCycles(board.kind.name, board.kind.taxel_count, round(share * length), round(length), round(poll))
 
 
 def measure_hub(hand: Hand, image: Path) -> HubCycles:
     """Measure the hub of the whole hand; its boards are emulated natively."""
-    text = format_world(hand, WorldSettings(noise_counts=0.0)) + image_line(0)
+    text = format_world(hand, WorldSettings(noise_counts=0.0)) + format_image_line(0)
     with VirtualWorld(text, files={HUB_IMAGE: image}) as world, Skin(VirtualMemoryLink(world), hand) as skin:
 
         def stream(seconds: float) -> int:
@@ -118,9 +118,9 @@ def measure_hub(hand: Hand, image: Path) -> HubCycles:
 
         stream(0.5)
         before = {name: world.read_handler_costs(0)[name].own for name in ("SCB0", "SCB1")}
-        begin = _cycle_counts(world, 0)
+        begin = _read_cycle_counts(world, 0)
         frames = stream(FRAMES_S)
-        end = _cycle_counts(world, 0)
+        end = _read_cycle_counts(world, 0)
         after = {name: world.read_handler_costs(0)[name].own for name in ("SCB0", "SCB1")}
     bus, uart = ((after[name] - before[name]) / frames for name in ("SCB0", "SCB1"))
     awake, length = (end[1] - begin[1]) / frames, (end[0] - begin[0]) / frames

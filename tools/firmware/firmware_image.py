@@ -20,7 +20,7 @@ from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS, BOOT_ROW_SIZE, LAYOU
 from taxel_protocol.bootloader_images import build_image
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.cyacd import write_cyacd
-from taxel_tools.files.firmware import HEADER_SIZE, FirmwareImage, parse_image, slot_name
+from taxel_tools.files.firmware import HEADER_SIZE, FirmwareImage, format_slot, parse_image
 from taxel_tools.files.intel_hex import write_intel_hex
 
 VERSION_FILE: Final = Path(__file__).parents[2] / "host" / "taxel" / "version.py"
@@ -72,7 +72,7 @@ def build_slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, in
     layout = LAYOUTS[device]
     linked_slot = linked.symbol("image_slot")
     if linked_slot != slot or linked.address != layout.slot_address(slot):
-        place = f"slot {slot_name(slot)} of a {device.name.lower()}, 0x{layout.slot_address(slot):X}"
+        place = f"slot {format_slot(slot)} of a {device.name.lower()}, 0x{layout.slot_address(slot):X}"
         _fail(linked.path, "address", place, f"0x{linked.address:X}", "pass the images in the order A, B")
     if any(linked.content[:HEADER_SIZE]):
         _fail(linked.path, "header", "32 zeros to fill in", linked.content[:HEADER_SIZE].hex(), "link it again")
@@ -91,7 +91,7 @@ def _device(linked: LinkedImage) -> BootDevice:
     return BootDevice(value)
 
 
-def bootloader_content(linked: LinkedImage) -> bytes:
+def read_bootloader(linked: LinkedImage) -> bytes:
     """Bytes of a bootloader from address 0 on. Raises FirmwareFileError for another image."""
     if linked.address or len(linked.content) > BOOTLOADER_SIZE or "image_slot" in linked.symbols:
         found = f"{len(linked.content)} bytes at 0x{linked.address:X}"
@@ -111,7 +111,7 @@ def format_manifest(name: str, images: list[FirmwareImage], files: list[Path]) -
             f'sha256 = "{hashlib.sha256(file.read_bytes()).hexdigest()}"',
             f'device = "{file_image.device.name.lower()}"',
             f"kind = {file_image.kind}",
-            f'slot = "{slot_name(file_image.slot)}"',
+            f'slot = "{format_slot(file_image.slot)}"',
             f'version = "{".".join(map(str, file_image.version))}"',
         ]
     return "\n".join(lines) + "\n"
@@ -123,7 +123,7 @@ def write_images(
     """Write all files of one device. Raises FirmwareFileError, OSError; no usable manifest remains after an error."""
     version = read_project_version(version_file)
     boot_file = read_linked_image(bootloader)
-    boot = bootloader_content(boot_file)
+    boot = read_bootloader(boot_file)
     linked = [read_linked_image(path) for path in slots]
     images = [build_slot_image(file, slot, version) for slot, file in enumerate(linked)]
     for other in (boot_file, linked[1]):
@@ -135,7 +135,7 @@ def write_images(
     files = []
     for file_image in images:
         layout = LAYOUTS[file_image.device]
-        stem = f"{name}-{slot_name(file_image.slot).lower()}"
+        stem = f"{name}-{format_slot(file_image.slot).lower()}"
         files.append(out / f"{stem}.cyacd")
         files[-1].write_text(write_cyacd(file_image, layout.first_rows[file_image.slot]))
         (out / f"{stem}.bin").write_bytes(file_image.data)

@@ -137,7 +137,7 @@ def with_cycles(sizes: dict[str, Size], counted: FirmwareCycles) -> dict[str, Si
     return {name: replace(size, cycles=cycles.get(name[:-2])) for name, size in sizes.items()}
 
 
-def _cycles_cell(cycles: dict[str, int] | None) -> str:
+def _format_cycles(cycles: dict[str, int] | None) -> str:
     if cycles is None:
         return ""
     parts = [f"{name} {count:,}" for name, count in cycles.items() if name != "of"]
@@ -150,7 +150,7 @@ def format_table(sizes: dict[str, Size]) -> list[str]:
     for name, size in sizes.items():
         numbers = (size.flash, size.flash_budget, size.static_ram, size.stack, size.stack_reserve, size.ram)
         cells = " | ".join(f"{number:,}" for number in (*numbers, size.ram_budget))
-        lines.append(f"| {name} | {cells} | {_cycles_cell(size.cycles)} |")
+        lines.append(f"| {name} | {cells} | {_format_cycles(size.cycles)} |")
     return lines
 
 

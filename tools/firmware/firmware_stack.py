@@ -173,7 +173,7 @@ class CallGraph:
             names[address] = routine.name
         return names
 
-    def _callees(self, address: int) -> set[int]:
+    def _list_callees(self, address: int) -> set[int]:
         routine = self._routines[address]
         callees = set(routine.calls)
         if routine.uses_pointer:
@@ -193,7 +193,7 @@ class CallGraph:
         if address in ancestors:
             _fail(self._path, name, "no recursion", "a direct or indirect call of itself", "see calls.toml")
         deepest: tuple[int, tuple[str, ...]] = (0, ())
-        for callee in sorted(self._callees(address)):
+        for callee in sorted(self._list_callees(address)):
             deepest = max(deepest, self.depth(callee, (*ancestors, address)))
         self._depths[address] = deepest[0] + self._routines[address].frame, (name, *deepest[1])
         return self._depths[address]

@@ -4,7 +4,7 @@ import bisect
 from pathlib import Path
 from typing import Final
 
-from executed_world import HUB_IMAGE, image_line, lone_board
+from executed_world import HUB_IMAGE, format_image_line, make_board_world
 from firmware_elf import read_linked_image
 
 from taxel.hand import load_hand
@@ -75,13 +75,13 @@ def measure_streaming(world: VirtualWorld, skin: Skin, elf: Path) -> Costs:
 def measure_hub(image: Path) -> Costs:
     """All hub costs of costs.h. image: hub-factory.hex, next to the folder that contains hub-a.elf."""
     hand = load_hand("allegro")
-    text = lone_board(hand, BOARD, WorldSettings()) + image_line(0)
+    text = make_board_world(hand, BOARD, WorldSettings()) + format_image_line(0)
     with VirtualWorld(text, files={HUB_IMAGE: image}) as world:
         pass_gap = measure_pass_cycles(world)
         done = world.read_handler_costs(0)["SCB0"].own_min
     # Use the whole hand: a single board is polled more often than it has new snapshots, and these polls produce no
     # frames.
-    whole = format_world(hand, WorldSettings()) + image_line(0)
+    whole = format_world(hand, WorldSettings()) + format_image_line(0)
     with VirtualWorld(whole, files={HUB_IMAGE: image}) as world, Skin(VirtualMemoryLink(world), hand) as skin:
         end = world.now_s + 1.0
         while world.now_s < end:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from executed_world import BOARD_IMAGE, IMAGES, files, image_line, lone_board
+from executed_world import BOARD_IMAGE, IMAGES, files, format_image_line, make_board_world
 
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
@@ -98,7 +98,7 @@ class _Board:
 def read_random_snapshots(reads: int, seed: int = 1, address: int = 0x2C, images: Path = IMAGES) -> Reads:
     """Read `reads` snapshots; stop at the first incoherent snapshot."""
     hand = load_hand("allegro")
-    text = lone_board(hand, address, WorldSettings(seed=seed)) + image_line(address)
+    text = make_board_world(hand, address, WorldSettings(seed=seed)) + format_image_line(address)
     result = Reads()
     with VirtualWorld(text, "none", counts=True, files={BOARD_IMAGE: files(images)[BOARD_IMAGE]}) as world:
         world.inject("hub_unplug")

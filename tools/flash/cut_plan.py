@@ -94,7 +94,7 @@ def plan_worlds(cuts: int, seed: int) -> list[WorldPlan]:
         generator = random.Random(f"{seed} {route}")
         per_world = 4 if "blank" in route else SEQUENCES_PER_WORLD
         sequence_source = (
-            _configuration_sequences(generator) if route.startswith("configuration") else _update_sequences(generator)
+            _list_configuration_writes(generator) if route.startswith("configuration") else _update_sequences(generator)
         )
         remaining_cuts = round(cuts * share)
         while remaining_cuts > 0:
@@ -113,10 +113,10 @@ def _update_sequences(generator: random.Random) -> Iterator[CutSequence]:
         first_cuts = [(rows, Cut(n, after)) for rows in ROWS for n in range(1, rows + 4) for after in POINTS_S]
         generator.shuffle(first_cuts)
         for rows, first in first_cuts:
-            yield CutSequence(rows, (first, *_second_cut(generator, rows, first)))
+            yield CutSequence(rows, (first, *_sample_second_cut(generator, rows, first)))
 
 
-def _second_cut(generator: random.Random, rows: int, first: Cut) -> list[Cut]:
+def _sample_second_cut(generator: random.Random, rows: int, first: Cut) -> list[Cut]:
     """A cut in one of the writes that must follow: missing rows, pending record, boot attempt, confirmation."""
     if first.operation <= rows:
         following = rows - first.operation + 3
@@ -135,7 +135,7 @@ def _sample_instant(generator: random.Random) -> float:
     return generator.uniform(1e-6, WRITE_S - 1e-6)
 
 
-def _configuration_sequences(generator: random.Random) -> Iterator[CutSequence]:
+def _list_configuration_writes(generator: random.Random) -> Iterator[CutSequence]:
     """One write, cut before, at each point and after; a second cut if the write was not complete."""
     for after in itertools.cycle(POINTS_S):
         first = Cut(1, after)

@@ -33,7 +33,7 @@ def name_operation(cut: PowerCut) -> str:
     return OPERATIONS[1] if metadata["tries"][metadata["pending"]] == BOOT_TRIES else OPERATIONS[2]
 
 
-def _newest_payload(flash: bytes, first_row: int, magic: int) -> bytes | None:
+def _find_newest_payload(flash: bytes, first_row: int, magic: int) -> bytes | None:
     """Payload of the valid record with the highest sequence number."""
     newest: tuple[int, bytes] | None = None
     for row in (first_row, first_row + 1):
@@ -48,11 +48,11 @@ def _newest_payload(flash: bytes, first_row: int, magic: int) -> bytes | None:
 
 def find_confirmed_slot(flash: bytes) -> int | None:
     """Slot of the confirmed image; None without a record."""
-    payload = _newest_payload(flash, BOOT_METADATA_ROW, BOOT_METADATA_MAGIC)
+    payload = _find_newest_payload(flash, BOOT_METADATA_ROW, BOOT_METADATA_MAGIC)
     return None if payload is None else int(unpack(Metadata, payload)[0]["confirmed"])
 
 
 def decode_configuration(flash: bytes) -> dict[str, Any] | None:
     """Fields of the valid configuration; None if there is none."""
-    payload = _newest_payload(flash, BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_MAGIC)
+    payload = _find_newest_payload(flash, BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_MAGIC)
     return None if payload is None else unpack(Configuration, payload)[0]

@@ -89,12 +89,12 @@ class _Update:
         self.firmware: Firmware = make_firmware_images(device, sequence.rows, self.version, plan.seed + plan.number)
         flash = world.read_flash(route.address).data
         self.old_slot = find_confirmed_slot(flash) or 0
-        self.old_image = self._slot_content(flash, self.old_slot)
+        self.old_image = self._read_slot(flash, self.old_slot)
         self.old_version = route.version()
         self.cuts_before = world.count_power_cuts(route.address)
         self.recorded_count = 0
 
-    def _slot_content(self, flash: bytes, slot: int) -> bytes:
+    def _read_slot(self, flash: bytes, slot: int) -> bytes:
         begin = self.layout.slot_address(slot)
         return flash[begin : begin + self.layout.slot_size]
 
@@ -155,12 +155,12 @@ class _Update:
         if version is None:
             return BRICKED
         flash = self.world.read_flash(self.route.address).data
-        new = self.firmware.image_for(1 - self.old_slot)
+        new = self.firmware.select_image_for(1 - self.old_slot)
         assert new is not None
-        if self._slot_content(flash, self.old_slot) != self.old_image:
+        if self._read_slot(flash, self.old_slot) != self.old_image:
             return DAMAGED  # The slot in use must never be written.
         if version == self.version:
-            return "new" if self._slot_content(flash, new.slot).startswith(new.data) else DAMAGED
+            return "new" if self._read_slot(flash, new.slot).startswith(new.data) else DAMAGED
         return "old" if version == self.old_version else DAMAGED
 
     def _check_end(self) -> None:

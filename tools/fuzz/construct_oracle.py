@@ -32,7 +32,7 @@ TO_HOST = 1
 TO_HUB = 2
 
 
-def _block_ends(chunk: bytes) -> Iterator[tuple[int, bytes]]:
+def _list_block_ends(chunk: bytes) -> Iterator[tuple[int, bytes]]:
     """(stuffed bytes, body so far) at the end of each block from the start of `chunk`, while blocks end within it."""
     body = bytearray()
     position = 0
@@ -67,10 +67,10 @@ def _parse_frame(wire: bytes, body: bytes, directions: int) -> Frame | None:
     return (content.type, content.sequence, payload) if built == payload else None
 
 
-def _first_frame(chunk: bytes, directions: int) -> tuple[int, Frame] | None:
+def _find_first_frame(chunk: bytes, directions: int) -> tuple[int, Frame] | None:
     if len(chunk) < 2 or chunk[0] == 1 or chunk[1] ^ WHITENING_SEED not in _TYPES:
         return None  # not a defined frame type, independent of the later bytes (code 01 unstuffs to type A5)
-    for end, body in _block_ends(chunk):
+    for end, body in _list_block_ends(chunk):
         if len(body) >= FRAME_HEADER_SIZE:
             expected_size = FRAME_HEADER_SIZE + int.from_bytes(body[3:5], "little") + FRAME_CRC_SIZE
             if len(body) >= expected_size:
@@ -85,7 +85,7 @@ def parse_stream(stream: bytes, directions: int = TO_HOST | TO_HUB) -> list[Fram
     for chunk in stream.split(b"\0"):
         start = 0
         while start < len(chunk):
-            result = _first_frame(chunk[start : start + ENCODED_MAX], directions)
+            result = _find_first_frame(chunk[start : start + ENCODED_MAX], directions)
             if result is not None:
                 frames.append(result[1])
             start += result[0] if result is not None else 1

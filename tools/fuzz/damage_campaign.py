@@ -59,12 +59,12 @@ class Decoders:
         """Results of the host's batch decoder: taxel frames without the CRC of the board, other frames, and totals."""
         self._library.taxel_batch_init(self._decoder._state, TO_HOST)
         batches = [batch for piece in pieces for batch in self._decoder.push(piece)] + self._decoder.finish()
-        taxels = [frame for batch in batches for frame in _taxel_frames(batch)]
-        messages = [frame for batch in batches for frame in _other_frames(batch)]
+        taxels = [frame for batch in batches for frame in _list_taxel_frames(batch)]
+        messages = [frame for batch in batches for frame in _list_other_frames(batch)]
         return taxels, messages, self._decoder.totals.tolist()
 
 
-def _taxel_frames(batch: Batch) -> list[Frame]:
+def _list_taxel_frames(batch: Batch) -> list[Frame]:
     names = ("address", "size", "cycle", "hub_time_us", "board_sequence", "board_time_us", "sequence", "offset")
     frames = []
     for row in batch.taxel_rows[list(names)].tolist() if len(batch.taxel_rows) else []:
@@ -75,7 +75,7 @@ def _taxel_frames(batch: Batch) -> list[Frame]:
     return frames
 
 
-def _other_frames(batch: Batch) -> list[Frame]:
+def _list_other_frames(batch: Batch) -> list[Frame]:
     rows = batch.message_rows[["type", "sequence", "offset", "size"]].tolist() if len(batch.message_rows) else []
     return [(kind, sequence, batch.payloads[offset : offset + size]) for kind, sequence, offset, size in rows]
 

@@ -58,7 +58,7 @@ class Outcome:
         return self.executions / max(self.seconds, 1e-9)
 
 
-def _output_of(command: list[str]) -> str:
+def _run_command(command: list[str]) -> str:
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode:
         lines = (result.stdout + result.stderr).strip().splitlines()
@@ -75,7 +75,7 @@ def find_clang() -> str:
     probe = BUILD / "probe.c"
     probe.write_text("int LLVMFuzzerTestOneInput(const unsigned char *b, unsigned long n) { return b && n ? 0 : 0; }\n")
     try:
-        _output_of([clang, "-fsanitize=fuzzer,address,undefined", str(probe), "-o", str(BUILD / "probe")])
+        _run_command([clang, "-fsanitize=fuzzer,address,undefined", str(probe), "-o", str(BUILD / "probe")])
     except FuzzError:
         raise FuzzError(MISSING) from None
     return clang
@@ -97,12 +97,12 @@ def build(clang: str) -> Path:
     ]
     if (tools / "ninja").exists():
         configure += ["-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={tools / 'ninja'}"]
-    _output_of(configure)
-    _output_of([cmake, "--build", str(folder), "--target", "fuzz_targets"])
+    _run_command(configure)
+    _run_command([cmake, "--build", str(folder), "--target", "fuzz_targets"])
     return folder / "fuzz"
 
 
-def _last_number(pattern: str, text: str) -> int:
+def _find_last_number(pattern: str, text: str) -> int:
     numbers = re.findall(pattern, text)
     return int(numbers[-1]) if numbers else 0
 
@@ -132,10 +132,10 @@ def run_target(binary: Path, limits: list[str], seed: int) -> Outcome:
         new_findings = [f"no file; see {log.relative_to(ROOT)}"]
     return Outcome(
         binary.name,
-        _last_number(r"stat::number_of_executed_units:\s+(\d+)", text) or _last_number(r"#(\d+)\s", text),
+        _find_last_number(r"stat::number_of_executed_units:\s+(\d+)", text) or _find_last_number(r"#(\d+)\s", text),
         round(seconds, 1),
-        _last_number(r"cov: (\d+)", text),
-        _last_number(r"ft: (\d+)", text),
+        _find_last_number(r"cov: (\d+)", text),
+        _find_last_number(r"ft: (\d+)", text),
         len(list(corpus.iterdir())),
         new_findings,
     )
@@ -146,7 +146,7 @@ def _select_cover(binary: Path, name: str, options: list[str], sources: list[Pat
     folder = OUT / "merged" / binary.name / name
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    _output_of([str(binary), "-set_cover_merge=1", *options, str(folder), *map(str, sources)])
+    _run_command([str(binary), "-set_cover_merge=1", *options, str(folder), *map(str, sources)])
     return sorted(folder.iterdir())
 
 

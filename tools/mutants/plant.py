@@ -140,7 +140,7 @@ def load_bugs(path: Path = BUGS) -> list[Bug]:
     return bugs
 
 
-def stages_for(bug: Bug) -> list[Stage]:
+def select_stages(bug: Bug) -> list[Stage]:
     """Stages that can detect the bug, in ascending order of duration."""
     return [stage for stage in STAGES if bug.file.startswith(stage.covers)]
 
@@ -150,7 +150,7 @@ def _tool(name: str) -> str:
     return str(local_tool) if local_tool.exists() else name
 
 
-def first_failure(output: str) -> str:
+def find_first_failure(output: str) -> str:
     """First failing test in the output of ctest or pytest."""
     if match := re.search(r"^(?:FAILED|ERROR) (\S+\.py.*?)(?: - .*)?$", output, re.MULTILINE):
         return match[1]
@@ -222,12 +222,12 @@ class SandboxedCopy:
         ctest = [_tool("ctest"), "--test-dir", str(folder), "-R", stage.pattern, "--no-tests=error"]
         code, output = self._run([*ctest, "--show-only=json-v1"])
         if code:
-            raise PlantError(f"{stage.name}: {first_failure(output)}")
+            raise PlantError(f"{stage.name}: {find_first_failure(output)}")
         programs = [Path(test["command"][0]) for test in json.loads(output[output.index("{") :])["tests"]]
         self.build("tests", *(str(program.relative_to(folder)) for program in programs))
         return [*ctest, "--output-on-failure", "--stop-on-failure"]
 
-    def first_failing_test(self, stage: Stage, file: str = "") -> str | None:
+    def find_first_failing_test(self, stage: Stage, file: str = "") -> str | None:
         """Run a stage and return its first failing test, or None if all pass. Raises PlantError if the C sources do
         not compile.
 
@@ -243,7 +243,7 @@ class SandboxedCopy:
         (self.folder / f"{stage.name}.log").write_text(output)
         if code is None:
             return f"no result within {STAGE_TIMEOUT_S} s"
-        return first_failure(output) if code else None
+        return find_first_failure(output) if code else None
 
     def try_bug(self, bug: Bug) -> Outcome:
         """Plant a bug, run the suite until a stage fails, and remove the bug."""
@@ -253,8 +253,8 @@ class SandboxedCopy:
         found_by, test = None, ""
         path.write_text(bug.plant_in(text))
         try:
-            for stage in stages_for(bug):
-                if failure := self.first_failing_test(stage, bug.file):
+            for stage in select_stages(bug):
+                if failure := self.find_first_failing_test(stage, bug.file):
                     found_by, test = stage.name, failure
                     break
         except PlantError as error:
@@ -327,7 +327,7 @@ class SandboxPool:
     def _failure(self, stage: Stage) -> str | None:
         sandbox = self._free.get()
         try:
-            return sandbox.first_failing_test(stage)
+            return sandbox.find_first_failing_test(stage)
         finally:
             self._free.put(sandbox)
 
@@ -359,7 +359,7 @@ def write_diff(bug: Bug) -> Path:
 
 def run(bugs: Sequence[Bug], folder: Path, jobs: int) -> int:
     """Try the bugs and return the exit status. Raises PlantError."""
-    needed = {stage for bug in bugs for stage in stages_for(bug)}
+    needed = {stage for bug in bugs for stage in select_stages(bug)}
     with SandboxPool(folder, jobs) as sandboxes:
         sandboxes.prepare()
         sandboxes.check_without_bugs([stage for stage in STAGES if stage in needed])

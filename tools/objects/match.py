@@ -21,7 +21,7 @@ START_ANGLES_DEG = (0.0, 30.0, 90.0, 180.0)
 """Rotations about the vertical axis at which a registration starts."""
 
 
-def starting_clouds(cloud: FloatArray, cloud_height: float, height: float) -> FloatArray:
+def build_starting_clouds(cloud: FloatArray, cloud_height: float, height: float) -> FloatArray:
     """Starting clouds, f64[s, n, 3], mm, of a cloud, f64[n, 3]: rotations with equal tops and with equal middles."""
     angles = np.radians(START_ANGLES_DEG)
     cos, sin = np.cos(angles), np.sin(angles)
@@ -89,11 +89,11 @@ def _take_step(points: FloatArray, offset: FloatArray, damping: FloatArray) -> F
     transposed = slopes.transpose(0, 2, 1)
     normal_matrix = transposed @ slopes + damping[:, None, None] * points.shape[1] * np.eye(6)
     step = -np.linalg.solve(normal_matrix, transposed @ distance[..., None])[..., 0]
-    rotation = _rotation_matrices(step[:, 3:] / scale[:, :, 0])
+    rotation = _build_rotation_matrices(step[:, 3:] / scale[:, :, 0])
     return np.asarray(arms @ rotation.transpose(0, 2, 1) + centre + step[:, None, :3])
 
 
-def _rotation_matrices(vector: FloatArray) -> FloatArray:
+def _build_rotation_matrices(vector: FloatArray) -> FloatArray:
     """Rotation matrices, f64[k, 3, 3], of rotation vectors, f64[k, 3], rad (Rodrigues)."""
     angle = np.maximum(np.linalg.norm(vector, axis=1), 1e-12)[:, None, None]
     x, y, z = (vector / angle[:, :, 0]).T

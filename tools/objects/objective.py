@@ -8,7 +8,7 @@ from dataclasses import astuple, dataclass, field
 
 import numpy as np
 from clouds import BAND_MM, PALM_SHARE, ContactDistribution, contact_cloud, unit_samples
-from match import match_clouds, starting_clouds
+from match import build_starting_clouds, match_clouds
 from surfaces import Prism, make_box, make_cylinder, make_triangle
 from thesis_tables import REAL, SIMULATED, TOP_GRASP_SHARES, CloudTable
 
@@ -74,7 +74,7 @@ class Distances:
     largest: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
 
 
-def contact_distributions(table: CloudTable, settings: CloudSettings) -> list[ContactDistribution]:
+def compute_contact_distributions(table: CloudTable, settings: CloudSettings) -> list[ContactDistribution]:
     """Distribution of each object's contacts, with the table's mean and standard deviation for its own model."""
     return [
         ContactDistribution(share, table.mean[i, i], table.deviation[i, i], settings.band_mm, settings.palm_share)
@@ -90,13 +90,16 @@ def compute_distances(sizes: Sizes, settings: CloudSettings, with_own: bool = Tr
     prisms = sizes.prisms()
     samples = unit_samples(settings.points, settings.seed)
     clouds = [
-        [contact_cloud(*pair, samples) for pair in zip(prisms, contact_distributions(table, settings), strict=True)]
+        [
+            contact_cloud(*pair, samples)
+            for pair in zip(prisms, compute_contact_distributions(table, settings), strict=True)
+        ]
         for table, _ in TABLES
     ]
     results = [Distances() for _ in TABLES]
     for j, prism in enumerate(prisms):
         pairs = [(t, i) for t in range(len(TABLES)) for i in range(3) if with_own or i != j]
-        starts = [starting_clouds(clouds[t][i], prisms[i].height, prism.height) for t, i in pairs]
+        starts = [build_starting_clouds(clouds[t][i], prisms[i].height, prism.height) for t, i in pairs]
         for (t, i), distances in zip(pairs, match_clouds(starts, prism), strict=True):
             results[t].mean[i, j] = distances.mean()
             results[t].rms[i, j] = np.sqrt(np.mean(distances**2))
@@ -104,7 +107,7 @@ def compute_distances(sizes: Sizes, settings: CloudSettings, with_own: bool = Tr
     return results
 
 
-def squared_log_ratios(distances: Distances, table: CloudTable) -> float:
+def sum_squared_log_ratios(distances: Distances, table: CloudTable) -> float:
     """Weighted sum of the squared log ratios over the six cross pairs."""
     terms = (
         (distances.mean, table.mean, 1.0),
@@ -117,4 +120,4 @@ def squared_log_ratios(distances: Distances, table: CloudTable) -> float:
 def compute_objective(sizes: Sizes, settings: CloudSettings) -> float:
     """Weighted deviation from both tables. The value 0.1 corresponds to a typical ratio of about 1.09."""
     distances = compute_distances(sizes, settings, with_own=False)
-    return sum(weight * squared_log_ratios(d, table) for d, (table, weight) in zip(distances, TABLES, strict=True))
+    return sum(weight * sum_squared_log_ratios(d, table) for d, (table, weight) in zip(distances, TABLES, strict=True))

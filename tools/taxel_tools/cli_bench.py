@@ -117,11 +117,11 @@ class _BenchOperator(TerminalOperator):
 
     def prompt(self, text: str) -> None:
         """Show an instruction without progress bars and wait for Enter."""
-        with self._hidden_bars():
+        with self._hide_bars():
             super().prompt(text)
 
     @contextmanager
-    def _hidden_bars(self) -> Iterator[None]:
+    def _hide_bars(self) -> Iterator[None]:
         if self.bars is not None:
             self.bars.stop()
         try:

@@ -32,7 +32,7 @@ def count_boards(count: int) -> str:
     return f"{count} board" if count == 1 else f"{count} boards"
 
 
-def progress_bars(console: Console) -> Bars:
+def make_progress_bars(console: Console) -> Bars:
     """Progress bars that count flash rows, one bar for each task."""
     return Bars(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console

@@ -8,10 +8,10 @@ from rich.console import Console
 from rich.progress import TaskID
 
 from taxel.errors import TaxelError
-from taxel_tools.cli_common import URL_HELP, count_boards, parse_address, print_json, print_table, progress_bars
+from taxel_tools.cli_common import URL_HELP, count_boards, make_progress_bars, parse_address, print_json, print_table
 from taxel_tools.cli_flash_hub import flash_hub, is_hub_update
 from taxel_tools.cli_flash_swd import flash_swd
-from taxel_tools.files import Firmware, load_firmware, slot_name
+from taxel_tools.files import Firmware, format_slot, load_firmware
 from taxel_tools.firmware_update import Outcome, Progress, format_version, update_board
 from taxel_tools.open_wire import open_wire
 from taxel_tools.scan import BusDevice, scan_bus
@@ -112,7 +112,7 @@ def _announce(
     console: Console, firmware: Firmware, addresses: list[int], devices: dict[int, BusDevice], dry_run: bool
 ) -> None:
     """Print which rows will be written, and the old and new version of each board."""
-    slots = " and ".join(slot_name(image.slot) for image in firmware.images)
+    slots = " and ".join(format_slot(image.slot) for image in firmware.images)
     rows = max(len(image.rows()) for image in firmware.images)
     version = format_version(firmware.version)
     verb = "would be written" if dry_run else "will be written"
@@ -128,7 +128,7 @@ def _run_updates(
     wire: BoardWire, firmware: Firmware, addresses: list[int], force: bool, console: Console
 ) -> dict[int, Outcome | TaxelError]:
     """Update all boards at once with progress bars; the outcome or the error of each board, by address."""
-    with progress_bars(console) as bars:
+    with make_progress_bars(console) as bars:
         tasks: dict[int, TaskID] = {
             address: bars.add_task(f"0x{address:02X} waiting", total=None) for address in addresses
         }
@@ -149,7 +149,7 @@ def _print_outcomes(outcomes: list[Outcome]) -> None:
             f"0x{outcome.address:02X}",
             format_version(outcome.before),
             format_version(outcome.after),
-            slot_name(outcome.slot),
+            format_slot(outcome.slot),
             str(outcome.rows_written),
             str(outcome.rows_kept),
             f"{outcome.seconds:.2f} s",

@@ -4,9 +4,9 @@ from rich.console import Console
 
 from taxel.errors import TaxelError
 from taxel_protocol.bootloader import LAYOUTS, BootDevice
-from taxel_tools.cli_common import count_boards, print_json, print_table, progress_bars
+from taxel_tools.cli_common import count_boards, make_progress_bars, print_json, print_table
 from taxel_tools.errors import HUB
-from taxel_tools.files import Firmware, slot_name
+from taxel_tools.files import Firmware, format_slot
 from taxel_tools.firmware_update import Outcome, Progress, format_version, update_target
 from taxel_tools.hub_target import HubTarget
 from taxel_tools.open_wire import open_hub_link
@@ -26,7 +26,7 @@ def flash_hub(url: str, firmware: Firmware, force: bool, dry_run: bool, as_json:
                 document = {"hub": format_version(old_version), "boards": target.polled_addresses}
                 print_json(document | {"version": format_version(firmware.version)})
             return
-        with progress_bars(console) as bars:
+        with make_progress_bars(console) as bars:
             task = bars.add_task("hub waiting", total=None)
 
             def report(progress: Progress) -> None:
@@ -61,7 +61,7 @@ def is_hub_update(firmware: Firmware, hub: bool, board: list[str] | None, all_bo
 
 
 def _announce(console: Console, firmware: Firmware, old_version: str, board_count: int, dry_run: bool) -> None:
-    slots = " and ".join(slot_name(image.slot) for image in firmware.images)
+    slots = " and ".join(format_slot(image.slot) for image in firmware.images)
     rows = max(len(image.rows()) for image in firmware.images)
     assert rows <= LAYOUTS[BootDevice.HUB].slot_rows
     verb = "would be written" if dry_run else "will be written"
@@ -80,7 +80,7 @@ def _print_outcome(outcome: Outcome, board_count: int) -> None:
         "hub",
         format_version(outcome.before),
         format_version(outcome.after),
-        slot_name(outcome.slot),
+        format_slot(outcome.slot),
         str(outcome.rows_written),
         str(outcome.rows_kept),
         f"{outcome.seconds:.2f} s",

@@ -7,7 +7,7 @@ from typing import Final
 from taxel_protocol.bootloader import LAYOUTS, BootDevice
 from taxel_protocol.bootloader_packets import compute_row_sum
 from taxel_tools.errors import BoardError
-from taxel_tools.files.firmware import Firmware, FirmwareImage, slot_name
+from taxel_tools.files.firmware import Firmware, FirmwareImage, format_slot
 from taxel_tools.procedure import Clock, Pause, Procedure, Version
 from taxel_tools.session import BootInfo
 from taxel_tools.targets import BoardTarget, Target
@@ -86,12 +86,12 @@ class _Update:
         try:
             self._check_device(info)
             is_up_to_date = not self.force and (yield from self._is_up_to_date(info))
-            image = self.firmware.image_for(info.target) if not is_up_to_date else None
+            image = self.firmware.select_image_for(info.target) if not is_up_to_date else None
             if image is None and not is_up_to_date:
                 raise BoardError(
                     self.address,
-                    f"the free slot is {slot_name(info.target)}, but {self.firmware.source} is linked only for slot "
-                    f"{slot_name(1 - info.target)}; add the file linked for {slot_name(info.target)}",
+                    f"the free slot is {format_slot(info.target)}, but {self.firmware.source} is linked only for slot "
+                    f"{format_slot(1 - info.target)}; add the file linked for {format_slot(info.target)}",
                 )
         except BoardError:
             yield from self.session.exit()
@@ -128,7 +128,7 @@ class _Update:
     def _is_up_to_date(self, info: BootInfo) -> Procedure[bool]:
         used_slot = 1 - info.target
         metadata = yield from self.session.read_metadata(used_slot)
-        image = self.firmware.image_for(used_slot)
+        image = self.firmware.select_image_for(used_slot)
         is_confirmed = info.confirmed == used_slot
         return is_confirmed and metadata is not None and image is not None and metadata["custom_id"] == image.crc
 

@@ -47,12 +47,12 @@ FLUSH: Final = 0
 """Transfer number of a GET_TIME command."""
 
 
-def _frame_size(payload: bytes) -> int:
+def _compute_frame_size(payload: bytes) -> int:
     return len(encode_frame(FrameType.REPLY, 0, payload))
 
 
-REPLY_SIZE: Final = _frame_size(bytes(3))
-FLUSH_REPLY_SIZE: Final = _frame_size(bytes(3 + get_packer(GetTimeReply).size))
+REPLY_SIZE: Final = _compute_frame_size(bytes(3))
+FLUSH_REPLY_SIZE: Final = _compute_frame_size(bytes(3 + get_packer(GetTimeReply).size))
 TRANSFER_SIZE: Final = len(encode_frame(FrameType.COMMAND, 0, bytes(4)))
 FLUSH_SIZE: Final = len(encode_frame(FrameType.COMMAND, 0, bytes(2)))
 
@@ -199,13 +199,13 @@ class HubQueue(HubClient):
         while self._sent and self._sent[0].deadline_s <= self.now_s():
             sent = self._pop_oldest()
             if sent.number != FLUSH:
-                completed.append((sent.number, self._lost_error(sent, "the hub does not answer")))
+                completed.append((sent.number, self._make_lost_error(sent, "the hub does not answer")))
         return completed
 
     def _outcome(self, sent: _SentCommand) -> bytes | TransferError:
         """Bytes or error of a command that has ended. Raises `WireError` if the hub refuses transfers."""
         if sent.tag not in self._replies:
-            return self._lost_error(sent, "a command was lost")
+            return self._make_lost_error(sent, "a command was lost")
         reply = self._replies.pop(sent.tag)
         status = reply.fields["status"]
         if status == ReplyStatus.OK:
@@ -216,10 +216,12 @@ class HubQueue(HubClient):
             if sent.handshakes == self._handshakes:  # commands sent before the last handshake need no further handshake
                 self._handshakes += 1
                 self.handshake()
-            return self._lost_error(sent, "the hub has restarted")
+            return self._make_lost_error(sent, "the hub has restarted")
         if status in (ReplyStatus.BUSY, ReplyStatus.TIMEOUT, ReplyStatus.BUS_ERROR):
-            return self._lost_error(sent, f"a transfer failed ({ReplyStatus(status).name.lower().replace('_', ' ')})")
+            return self._make_lost_error(
+                sent, f"a transfer failed ({ReplyStatus(status).name.lower().replace('_', ' ')})"
+            )
         raise WireError(self._link.name, f"the hub refuses transfers (status {status}); update the hub's firmware")
 
-    def _lost_error(self, sent: _SentCommand, problem: str) -> LostError:
+    def _make_lost_error(self, sent: _SentCommand, problem: str) -> LostError:
         return LostError(sent.transfer.address, f"{problem} on {self._link.name}")

@@ -44,7 +44,7 @@ class HubTarget:
         """Version of the application; None if the hub is in its bootloader. Raises `HubError` without an answer."""
         if (yield from self.read_bootloader_info()) is not None:
             return None
-        client = self._client_after_handshake()
+        client = self._open_client()
         client.stop()
         client.read_boards()
         self.polled_addresses = sorted(client.boards)
@@ -83,13 +83,13 @@ class HubTarget:
         deadline = self.now_s() + timeout_s
         while self.now_s() < deadline:
             with suppress(HubError):
-                return _read_firmware_version(self._client_after_handshake())
+                return _read_firmware_version(self._open_client())
         return None
 
     def trigger_confirmation(self, timeout_s: float) -> Procedure[None]:
         """Start polling and read frames, so that a new image confirms itself. Raises `BoardError`, `HubError`."""
         yield from ()
-        client = self._client_after_handshake()
+        client = self._open_client()
         missing = set(self.polled_addresses)
         deadline = self.now_s() + min(timeout_s, POLL_TIMEOUT_S)
         client.start()
@@ -109,7 +109,7 @@ class HubTarget:
         """Check that the hub polls its boards again."""
         return self.trigger_confirmation(POLL_TIMEOUT_S)
 
-    def _client_after_handshake(self) -> HubClient:
+    def _open_client(self) -> HubClient:
         if self._client is None:
             self._client = self.wire.frame_client = HubClient(self._link)
         if not self._client.has_handshake:

@@ -184,7 +184,7 @@ def plan_changes(candidates: Sequence[Candidate], entries: Sequence[Entry], in_u
     """
     changes: list[Change] = []
     for entry in entries:
-        candidate = _candidate_for(entry, candidates)
+        candidate = _select_candidate(entry, candidates)
         change = Change(candidate, _merge_configuration(candidate, entry))
         changes.append(change)
     moving_ids = {change.candidate.unique_id for change in changes}
@@ -203,7 +203,7 @@ def plan_changes(candidates: Sequence[Candidate], entries: Sequence[Entry], in_u
     return changes
 
 
-def _candidate_for(entry: Entry, candidates: Sequence[Candidate]) -> Candidate:
+def _select_candidate(entry: Entry, candidates: Sequence[Candidate]) -> Candidate:
     """The board that an entry selects by unique id, or the only board. Raises `BoardError`."""
     ids = ", ".join(candidate.unique_id.hex() for candidate in candidates)
     if entry.unique_id is None:

@@ -143,7 +143,7 @@ class BootSession:
                 if attempt:
                     yield from self.send_without_response(BootCommand.SYNC)
                 yield from self._send_row(row, data)
-                if (yield from self._row_written(row)) == compute_row_sum(data):
+                if (yield from self._finish_row(row)) == compute_row_sum(data):
                     return
             except (StatusError, LostError) as error:
                 if isinstance(error, StatusError) and error.status not in (BootStatus.LENGTH, BootStatus.CHECKSUM):
@@ -179,21 +179,21 @@ class BootSession:
         for packet in packets[first:]:
             yield from self._write(packet)
 
-    def _row_written(self, row: int) -> Procedure[int]:
+    def _finish_row(self, row: int) -> Procedure[int]:
         """Wait for the end of PROGRAM_ROW; returns the 8-bit sum of the row in flash."""
         verify_packet = build_packet(BootCommand.VERIFY_ROW, pack(RowAddress, {"array": 0, "row": row}))
-        burst = Burst((self._response_read(0), Transfer(self.address, verify_packet), self._response_read(1)))
+        burst = Burst((self._make_response_read(0), Transfer(self.address, verify_packet), self._make_response_read(1)))
         yield burst
         write_response, verify_outcome, sum_response = [*burst.outcomes, None, None][:3]
-        if self._data_if_ready(write_response, 0) is None:
+        if self._parse_if_ready(write_response, 0) is None:
             yield from self.read_response(0)
             return (yield from self.read_row_sum(row))
         if not isinstance(verify_outcome, bytes):
             return (yield from self.read_row_sum(row))
-        data = self._data_if_ready(sum_response, 1)
+        data = self._parse_if_ready(sum_response, 1)
         return (data if data is not None else (yield from self.read_response(1)))[0]
 
-    def _data_if_ready(self, outcome: bytes | TransferError | None, size: int) -> bytes | None:
+    def _parse_if_ready(self, outcome: bytes | TransferError | None, size: int) -> bytes | None:
         """Data of a response; None if the response is missing or damaged. Raises `StatusError` for a refusal."""
         if isinstance(outcome, bytes):
             with suppress(ValueError):
@@ -305,7 +305,7 @@ class BootSession:
         problem = "the bootloader does not answer; check the power"
         while True:
             try:
-                packet = yield self._response_read(size)
+                packet = yield self._make_response_read(size)
                 if packet[0] != 0xFF:
                     return self._parse_response(packet, size)
             except ValueError as error:
@@ -316,7 +316,7 @@ class BootSession:
                 raise LostError(self.address, problem)
             yield Pause(next(pauses))
 
-    def _response_read(self, size: int) -> Transfer:
+    def _make_response_read(self, size: int) -> Transfer:
         return Transfer(self.address, read_size=BOOT_PACKET_OVERHEAD + size)
 
     def _parse_response(self, packet: bytes, size: int) -> bytes:

@@ -15,7 +15,7 @@ from typing import Final
 from taxel.errors import TaxelError
 from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS
 from taxel_tools.errors import FirmwareFileError
-from taxel_tools.files.intel_hex import rows_of_intel_hex
+from taxel_tools.files.intel_hex import read_intel_hex_rows
 
 PYOCD_TARGET: Final = "cy8c4245axi-483"
 INTERFACE: Final = "cmsis-dap"
@@ -52,7 +52,7 @@ def check_hex(path: Path) -> list[int]:
         raise FirmwareFileError(
             source, "file", "ASCII text", "other bytes", "the file is damaged; copy it again"
         ) from None
-    rows = sorted(rows_of_intel_hex(text, source))
+    rows = sorted(read_intel_hex_rows(text, source))
     if not rows or rows[0] != 0:
         found = f"row {rows[0]} first" if rows else "none"
         remedy = "use the bootloader's file; write images without --swd"

@@ -17,7 +17,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from texts import NAME, texts_of
+from texts import NAME, extract_texts
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 TERMS: Final = Path(__file__).with_name("terms.toml")
@@ -115,7 +115,7 @@ def read_exceptions(path: Path = ALLOWED) -> list[Exception_]:
     ]
 
 
-def tracked_files(arguments: Sequence[str]) -> list[str]:
+def list_tracked_files(arguments: Sequence[str]) -> list[str]:
     """Files that git tracks or would track, below the given paths."""
     command = ["git", "-C", str(ROOT), "ls-files", "--cached", "--others", "--exclude-standard", "--", *arguments]
     names = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split("\n")
@@ -126,7 +126,7 @@ def findings_in(path: str, content: str, terms: Sequence[Term]) -> Iterator[Find
     """All forbidden words of a file, exceptions not yet considered."""
     applicable = [term for term in terms if any(fnmatch(path, glob) for glob in term.paths)]
     seen: set[tuple[str, str]] = set()
-    for kind, line, text in texts_of(Path(path), content):
+    for kind, line, text in extract_texts(Path(path), content):
         for term in applicable:
             for match in term.matches(kind, text):
                 if kind == NAME and (term.word, match) in seen:
@@ -145,7 +145,7 @@ def main() -> int:
     terms, exceptions = read_terms(), read_exceptions()
     findings: list[Finding] = []
     used: Counter[int] = Counter()
-    for name in tracked_files(arguments.paths):
+    for name in list_tracked_files(arguments.paths):
         try:
             content = (ROOT / name).read_text(encoding="utf-8")
         except UnicodeDecodeError:

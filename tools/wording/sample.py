@@ -50,14 +50,14 @@ def pieces() -> Iterator[Piece]:
         if any(fnmatch(name, pattern) for pattern in EXCLUDED) or not path.is_file():
             continue
         if name.endswith(".py"):
-            yield from _python_pieces(name, path.read_text())
+            yield from _list_python_pieces(name, path.read_text())
         elif name.endswith(".c"):
-            yield from _c_pieces(name, path.read_text())
+            yield from _list_c_pieces(name, path.read_text())
         elif name.endswith(".md"):
             yield from _paragraphs(name, path.read_text())
 
 
-def _python_pieces(name: str, content: str) -> Iterator[Piece]:
+def _list_python_pieces(name: str, content: str) -> Iterator[Piece]:
     is_test = "/tests/" in name or Path(name).name.startswith("test_")
     lines = content.split("\n")
     for node in ast.walk(ast.parse(content)):
@@ -70,7 +70,7 @@ def _python_pieces(name: str, content: str) -> Iterator[Piece]:
         yield Piece("test" if is_test else "function", f"{name}:{first}", "python", text)
 
 
-def _c_pieces(name: str, content: str) -> Iterator[Piece]:
+def _list_c_pieces(name: str, content: str) -> Iterator[Piece]:
     is_test = name.startswith("firmware/tests/")
     for match in _C_FUNCTION.finditer(content):
         text = match[0]

@@ -30,22 +30,22 @@ class Text(NamedTuple):
     text: str
 
 
-def texts_of(path: Path, content: str) -> Iterator[Text]:
+def extract_texts(path: Path, content: str) -> Iterator[Text]:
     """All names and prose of a file; nothing for a file of another type."""
     if path.suffix == ".py":
-        yield from _python_names(content)
-        yield from _python_prose(content)
+        yield from _list_python_names(content)
+        yield from _list_python_prose(content)
     elif path.suffix in C_SUFFIXES:
-        yield from _c_texts(content)
+        yield from _list_c_texts(content)
     elif path.suffix == ".md":
-        yield from _markdown_prose(content)
+        yield from _list_markdown_prose(content)
     elif path.suffix == ".html":
         yield from _html_prose(content)
     elif path.suffix in HASH_SUFFIXES or path.name in HASH_NAMES:
         yield from _hash_prose(content, is_toml=path.suffix == ".toml")
 
 
-def _python_names(content: str) -> Iterator[Text]:
+def _list_python_names(content: str) -> Iterator[Text]:
     """Names that the file defines; names of other packages do not count."""
     for node in ast.walk(ast.parse(content)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
@@ -58,33 +58,33 @@ def _python_names(content: str) -> Iterator[Text]:
             yield Text(NAME, node.lineno, node.attr)
 
 
-def _python_prose(content: str) -> Iterator[Text]:
+def _list_python_prose(content: str) -> Iterator[Text]:
     """Comments, docstrings and the strings that contain a space."""
     for token in tokenize.generate_tokens(io.StringIO(content).readline):
         if token.type == tokenize.COMMENT:
             yield Text(PROSE, token.start[0], token.string.lstrip("#! "))
         elif token.type == tokenize.STRING:
-            for offset, line in enumerate(_without_inline_code(token.string).split("\n")):
+            for offset, line in enumerate(_remove_inline_code(token.string).split("\n")):
                 if " " in line.strip():
                     yield Text(PROSE, token.start[0] + offset, line)
         elif token.type == getattr(tokenize, "FSTRING_MIDDLE", -1) and " " in token.string.strip():
             yield Text(PROSE, token.start[0], token.string)
 
 
-def _c_texts(content: str) -> Iterator[Text]:
+def _list_c_texts(content: str) -> Iterator[Text]:
     for match in _C_TOKEN.finditer(content):
         line = content.count("\n", 0, match.start()) + 1
         token = match[0]
         if token[0] not in '/"':
             yield Text(NAME, line, token)
         elif token[0] == "/" or " " in token.strip('" '):
-            for offset, part in enumerate(_without_inline_code(token).split("\n")):
+            for offset, part in enumerate(_remove_inline_code(token).split("\n")):
                 yield Text(PROSE, line + offset, part)
 
 
-def _markdown_prose(content: str) -> Iterator[Text]:
+def _list_markdown_prose(content: str) -> Iterator[Text]:
     is_code = False
-    for number, line in enumerate(_without_inline_code(content, _MARKDOWN_CODE).split("\n"), 1):
+    for number, line in enumerate(_remove_inline_code(content, _MARKDOWN_CODE).split("\n"), 1):
         if line.lstrip().startswith(("```", "~~~")):
             is_code = not is_code
         elif not is_code:
@@ -94,7 +94,7 @@ def _markdown_prose(content: str) -> Iterator[Text]:
 
 
 def _html_prose(content: str) -> Iterator[Text]:
-    for number, line in enumerate(_without_inline_code(content, _HTML_CODE).split("\n"), 1):
+    for number, line in enumerate(_remove_inline_code(content, _HTML_CODE).split("\n"), 1):
         yield Text(PROSE, number, line)
 
 
@@ -107,6 +107,6 @@ def _hash_prose(content: str, *, is_toml: bool) -> Iterator[Text]:
             yield Text(PROSE, number, value[1])
 
 
-def _without_inline_code(text: str, pattern: re.Pattern[str] = re.compile(r"`[^`\n]*`")) -> str:
+def _remove_inline_code(text: str, pattern: re.Pattern[str] = re.compile(r"`[^`\n]*`")) -> str:
     """The text with code blanked out, at the same length: a name in code is checked where it is defined."""
     return pattern.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)

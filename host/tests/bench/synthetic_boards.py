@@ -4,7 +4,7 @@ import numpy as np
 
 from taxel.hand import BoardKind, load_hand
 from taxel_tools.bench.analysis.at_rest import RestCounts
-from taxel_tools.bench.analysis.fault import Axis, lines_of_taxels
+from taxel_tools.bench.analysis.fault import Axis, get_lines_of_taxels
 from taxel_tools.bench.analysis.indentations import Indentations
 
 FULL_SCALE = 6400.0
@@ -35,7 +35,7 @@ def with_open_line(
     kind: BoardKind, values: np.ndarray, axis: Axis, index: int, remaining_share: float = 0.03
 ) -> np.ndarray:
     """Values of a board with an open line, of which a stub remains."""
-    return np.where(lines_of_taxels(kind, axis) == index, remaining_share, 1.0) * values
+    return np.where(get_lines_of_taxels(kind, axis) == index, remaining_share, 1.0) * values
 
 
 def with_shorted_lines(kind: BoardKind, values: np.ndarray, axis: Axis, index: int, share: float = 0.5) -> np.ndarray:

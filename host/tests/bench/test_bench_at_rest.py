@@ -16,8 +16,14 @@ from host.tests.bench.synthetic_boards import (
     with_swapped_lines,
 )
 from taxel.hand import BoardKind
-from taxel_tools.bench.analysis.at_rest import find_line_faults, standard_error_of_mean
-from taxel_tools.bench.analysis.fault import Axis, connector_pin, line_name, line_pair_name, lines_of_taxels
+from taxel_tools.bench.analysis.at_rest import compute_standard_error, find_line_faults
+from taxel_tools.bench.analysis.fault import (
+    Axis,
+    format_connector_pin,
+    format_line_name,
+    format_line_pair_name,
+    get_lines_of_taxels,
+)
 
 LIMIT = 0.6
 """Lower limit of the relative capacitance of a line."""
@@ -35,7 +41,7 @@ def list_faults(kind, hardware, rng):
 
 def sample_line(data, kind, axis):
     """A TX or RX line that has taxels, drawn by Hypothesis."""
-    return data.draw(st.sampled_from(sorted(set(lines_of_taxels(kind, axis).tolist()))))
+    return data.draw(st.sampled_from(sorted(set(get_lines_of_taxels(kind, axis).tolist()))))
 
 
 @property_settings
@@ -54,10 +60,10 @@ def test_an_open_line_is_reported_with_its_connector_pin(data, kind, axis, seed,
     rng = np.random.default_rng(seed)
     hardware = with_open_line(kind, sample_capacitances(kind, rng), axis, index, remaining_share)
     faults, explained = find_line_faults(measure_at_rest(kind, hardware, rng), LIMIT)
-    assert [(fault.name, fault.place) for fault in faults] == [("open line", line_name(axis, index))]
-    assert f"check {connector_pin(axis, index, kind.tx_count)} " in faults[0].text
+    assert [(fault.name, fault.place) for fault in faults] == [("open line", format_line_name(axis, index))]
+    assert f"check {format_connector_pin(axis, index, kind.tx_count)} " in faults[0].text
     assert faults[0].severity > 1.0
-    assert (explained == (lines_of_taxels(kind, axis) == index)).all()
+    assert (explained == (get_lines_of_taxels(kind, axis) == index)).all()
 
 
 @property_settings
@@ -68,7 +74,7 @@ def test_shorted_lines_cause_no_other_fault(data, kind, axis, seed, share):
     rng = np.random.default_rng(seed)
     names = list_faults(kind, with_shorted_lines(kind, sample_capacitances(kind, rng), axis, index, share), rng)
     assert {name for name, _ in names} <= {"short"}
-    assert {place for _, place in names} <= {line_pair_name(axis, index, index + 1)}
+    assert {place for _, place in names} <= {format_line_pair_name(axis, index, index + 1)}
 
 
 @pytest.mark.parametrize("axis", list(Axis))
@@ -80,7 +86,7 @@ def test_shorted_lines_with_at_least_four_common_crossings_are_reported(axis):
         if (table[index] & table[index + 1]).sum() >= 4:
             rng = np.random.default_rng(index)
             hardware = with_shorted_lines(kind, sample_capacitances(kind, rng), axis, index)
-            assert list_faults(kind, hardware, rng) == [("short", line_pair_name(axis, index, index + 1))]
+            assert list_faults(kind, hardware, rng) == [("short", format_line_pair_name(axis, index, index + 1))]
             tested_count += 1
     assert tested_count >= 5
 
@@ -112,7 +118,7 @@ def test_swapped_lines_or_their_missing_crossings_are_reported(data, kind, axis,
         assert names == []  # Only indentations distinguish these lines.
     else:
         assert names
-    assert places <= {line_pair_name(axis, first_line, second_line)}
+    assert places <= {format_line_pair_name(axis, first_line, second_line)}
 
 
 def test_swapped_lines_of_different_length_are_reported():
@@ -122,7 +128,7 @@ def test_swapped_lines_of_different_length_are_reported():
     names = list_faults(
         kind, with_swapped_lines(kind, sample_capacitances(kind, rng), Axis.TX, first_line, second_line), rng
     )
-    assert names == [("swapped lines", line_pair_name(Axis.TX, first_line, second_line))]
+    assert names == [("swapped lines", format_line_pair_name(Axis.TX, first_line, second_line))]
 
 
 def test_a_crossing_without_capacitance_is_a_missing_crossing():
@@ -149,7 +155,11 @@ def test_a_board_with_one_line_has_no_shorts():
 
 
 def test_connector_pins_are_numbered_tx_lines_first():
-    assert [connector_pin(Axis.TX, 0, 13), connector_pin(Axis.TX, 12, 13), connector_pin(Axis.RX, 0, 13)] == [
+    assert [
+        format_connector_pin(Axis.TX, 0, 13),
+        format_connector_pin(Axis.TX, 12, 13),
+        format_connector_pin(Axis.RX, 0, 13),
+    ] == [
         "J1 pin 1",
         "J1 pin 13",
         "J1 pin 14",
@@ -160,6 +170,6 @@ def test_the_standard_error_of_a_mean_includes_slow_noise():
     rng = np.random.default_rng(1)
     white = rng.normal(2000.0, 4.0, (1000, 30)).round().astype(np.uint16)
     slow = (white + np.repeat(rng.normal(0.0, 10.0, (10, 30)), 100, axis=0)).round().astype(np.uint16)
-    assert standard_error_of_mean(white) == pytest.approx(4.0 / np.sqrt(1000), rel=0.5)
-    assert standard_error_of_mean(slow) == pytest.approx(10.0 / np.sqrt(10), rel=0.5)
-    assert standard_error_of_mean(white[:20]) == pytest.approx(4.0 / np.sqrt(20), rel=0.8)
+    assert compute_standard_error(white) == pytest.approx(4.0 / np.sqrt(1000), rel=0.5)
+    assert compute_standard_error(slow) == pytest.approx(10.0 / np.sqrt(10), rel=0.5)
+    assert compute_standard_error(white[:20]) == pytest.approx(4.0 / np.sqrt(20), rel=0.8)

@@ -14,7 +14,7 @@ from host.tests.bench.synthetic_boards import (
     with_shorted_lines,
     with_swapped_lines,
 )
-from taxel_tools.bench.analysis.fault import Axis, line_name, line_pair_name, lines_of_taxels
+from taxel_tools.bench.analysis.fault import Axis, format_line_name, format_line_pair_name, get_lines_of_taxels
 from taxel_tools.bench.analysis.indentations import find_gain_fault, find_response_faults, measure_crosstalk
 
 LIMIT = 0.4
@@ -60,7 +60,7 @@ def test_a_dead_taxel_is_reported(data, kind, seed, remaining_share):
 @property_settings
 @given(st.data(), kinds, axes, seeds)
 def test_swapped_lines_are_reported(data, kind, axis, seed):
-    lines = sorted(set(lines_of_taxels(kind, axis).tolist()))
+    lines = sorted(set(get_lines_of_taxels(kind, axis).tolist()))
     first_line = data.draw(st.sampled_from(lines))
     second_line = data.draw(st.sampled_from([line for line in lines if line != first_line]))
     table = kind.crossings if axis is Axis.TX else kind.crossings.T
@@ -69,7 +69,7 @@ def test_swapped_lines_are_reported(data, kind, axis, seed):
         kind, apply_to_rows(with_swapped_lines, kind, sample_responses(kind, rng), axis, first_line, second_line), rng
     )
     if (table[first_line] & table[second_line]).any():
-        assert names == [("swapped lines", line_pair_name(axis, first_line, second_line))]
+        assert names == [("swapped lines", format_line_pair_name(axis, first_line, second_line))]
     else:
         assert names  # Without a common crossing, the taxels of both lines are dead.
 
@@ -84,18 +84,18 @@ def test_shorted_lines_are_reported(data, kind, axis, seed, share):
     names = list_faults(
         kind, apply_to_rows(with_shorted_lines, kind, sample_responses(kind, rng), axis, index, share), rng
     )
-    assert names == [("short", line_pair_name(axis, index, index + 1))]
+    assert names == [("short", format_line_pair_name(axis, index, index + 1))]
 
 
 @property_settings
 @given(st.data(), kinds, axes, seeds)
 def test_a_line_without_response_is_open(data, kind, axis, seed):
-    index = data.draw(st.sampled_from(sorted(set(lines_of_taxels(kind, axis).tolist()))))
-    on_line = lines_of_taxels(kind, axis) == index
+    index = data.draw(st.sampled_from(sorted(set(get_lines_of_taxels(kind, axis).tolist()))))
+    on_line = get_lines_of_taxels(kind, axis) == index
     rng = np.random.default_rng(seed)
     names = list_faults(kind, apply_to_rows(with_open_line, kind, sample_responses(kind, rng), axis, index, 0.0), rng)
     if on_line.sum() > 1:
-        assert names == [("open line", line_name(axis, index))]
+        assert names == [("open line", format_line_name(axis, index))]
     else:
         assert names == [("dead taxel", f"taxel {np.flatnonzero(on_line)[0]}")]
 
@@ -163,9 +163,9 @@ def test_the_gain_of_a_board_is_that_of_its_healthy_taxels():
     response = apply_to_rows(with_shorted_lines, kind, sample_responses(kind, rng), Axis.RX, 1)
     indentations = measure_indentations(kind, response, rng)
     is_healthy = (kind.rx != 1) & (kind.rx != 2)
-    assert indentations.median_response_of(is_healthy) == pytest.approx(700.0, rel=0.1)
-    assert indentations.median_response_of(~is_healthy) == pytest.approx(350.0, rel=0.1)
-    assert indentations.median_response_of(np.zeros(kind.taxel_count, bool)) == indentations.median_response
+    assert indentations.compute_median_response(is_healthy) == pytest.approx(700.0, rel=0.1)
+    assert indentations.compute_median_response(~is_healthy) == pytest.approx(350.0, rel=0.1)
+    assert indentations.compute_median_response(np.zeros(kind.taxel_count, bool)) == indentations.median_response
 
 
 def test_taxels_without_an_indentation_are_ignored():

@@ -71,9 +71,9 @@ def test_the_cycles_of_handlers_are_counted(cortex, build_image):
     with cortex.bare_cpu.BareCpu() as cpu:
         cpu.set_accounting(True)
         cortex.images.run_emulator(image, cpu)
-        assert [cpu.handler_cost(number).count for number in (SVCALL, PENDSV, SYSTICK)] == [7, 21, 15]
+        assert [cpu.read_handler_cost(number).count for number in (SVCALL, PENDSV, SYSTICK)] == [7, 21, 15]
         for number in (SVCALL, PENDSV, SYSTICK, *FIRST_INTERRUPTS):
-            cost = cpu.handler_cost(number)
+            cost = cpu.read_handler_cost(number)
             assert cost.exclusive_min <= cost.exclusive / cost.count <= cost.exclusive_max
             assert cost.inclusive >= cost.exclusive
         stack_bytes = RAM_END - int(cpu.state["lowest_msp"][0])

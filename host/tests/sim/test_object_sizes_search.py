@@ -80,7 +80,7 @@ def test_registration_is_at_most_2_percent_above_the_minimum_of_icp(tool):
     for contacted_prism in shapes:
         cloud = tool.clouds.contact_cloud(contacted_prism, distribution, samples)
         for prism in shapes:
-            starts = tool.match.starting_clouds(cloud, contacted_prism.height, prism.height)
+            starts = tool.match.build_starting_clouds(cloud, contacted_prism.height, prism.height)
             (distances,) = tool.match.match_clouds([starts], prism)
             lowest = min(compute_icp_error(start, prism, 60) for start in starts)
             assert np.sum(distances**2) <= 1.02 * lowest

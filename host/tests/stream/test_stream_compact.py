@@ -13,7 +13,7 @@ from taxel.link.virtual import VirtualWorld
 from taxel.stream import FrameStream
 from taxel_protocol import FrameType, encode_frame
 from taxel_protocol.limits import ACKNOWLEDGE_FORGET, REGISTER_COMPACT, REGISTER_SNAPSHOT
-from taxel_protocol.registers import compact_size
+from taxel_protocol.registers import decode_length
 
 HAND = load_hand("flat8")
 ADDRESSES = [board.address for board in HAND.boards]
@@ -59,7 +59,7 @@ class PolledSkin:
 
     def read(self, address: int, write: bytes = b"") -> bytes:
         result, data = self.world.transfer(address, write, READ_SIZE)
-        return b"" if result else data[1 : 1 + compact_size(data[0])]
+        return b"" if result else data[1 : 1 + decode_length(data[0])]
 
     def acknowledge(self, address: int) -> None:
         if address in self.acknowledgements:
@@ -108,7 +108,7 @@ def stop_scan(hub: PolledSkin, address: int) -> tuple[int, list[int]]:
     hub.world.transfer(address, STOP_SCAN, 0)
     hub.world.run(0.02)
     _, data = hub.world.transfer(address, bytes([REGISTER_COMPACT]), READ_SIZE)
-    payload = data[1 : 1 + compact_size(data[0])]
+    payload = data[1 : 1 + decode_length(data[0])]
     header = bytes([address, TAXELS[address], 0, 0]) + bytes(4)
     hub.link.queue.append(encode_frame(FrameType.COMPACT_TAXELS, hub.sequence % 65536, header + payload))
     hub.sequence += 1

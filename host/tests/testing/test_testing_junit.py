@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taxel_tools.testing.errors import ResultFileError
-from taxel_tools.testing.junit import junit_bytes, write_junit
+from taxel_tools.testing.junit import format_junit, write_junit
 from taxel_tools.testing.record import Outcome, PhaseRecord, TestRecord
 
 
 def parse_cases(record):
-    root = ET.fromstring(junit_bytes(record))
+    root = ET.fromstring(format_junit(record))
     return {(case.get("classname"), case.get("name")): case for case in root.iter("testcase")}
 
 
@@ -50,7 +50,7 @@ def test_a_failure_contains_value_and_limit(full_record):
 
 
 def test_the_suite_contains_counts_and_identity(full_record):
-    root = ET.fromstring(junit_bytes(full_record))
+    root = ET.fromstring(format_junit(full_record))
     suite = root.find("testsuite")
     assert (root.tag, suite.get("name"), suite.get("hostname")) == ("testsuites", "boards AB-0001", "bench 1")
     assert [suite.get(key) for key in ("tests", "failures", "errors", "skipped")] == ["9", "5", "1", "1"]
@@ -80,7 +80,7 @@ def test_a_phase_with_an_error_keeps_its_measured_cases(make_plan, phase, run):
 def test_any_text_gives_well_formed_xml(text):
     phase = PhaseRecord(text, text, Outcome.ERROR, True, 1.0, [], [], [], [], text)
     record = TestRecord(text, text, text, text, text, text, {text: text}, text, text, Outcome.ERROR, [phase], 1.0)
-    assert ET.fromstring(junit_bytes(record)).find("testsuite").get("errors") == "1"
+    assert ET.fromstring(format_junit(record)).find("testsuite").get("errors") == "1"
 
 
 def test_characters_that_xml_cannot_contain_are_replaced(make_record):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from taxel_tools.testing.errors import ResultFileError
 from taxel_tools.testing.history import History
 from taxel_tools.testing.page import page_text, write_page
-from taxel_tools.testing.page.bars import build_axis, value_bar
+from taxel_tools.testing.page.bars import build_axis, render_value_bar
 from taxel_tools.testing.page.figures import format_duration, format_figure, format_time
 from taxel_tools.testing.record import Attachment, Finding, Limit, Measurement, Outcome, PhaseRecord, TestRecord
 
@@ -323,7 +323,7 @@ def test_a_bar_shows_its_bounds_for_any_values(low, high, values):
     for bound in (limit.minimum, limit.maximum):
         assert bound is None or axis.low <= bound <= axis.high
     for value in values:
-        ET.fromstring(value_bar(axis, limit, value, Outcome.PASS))
+        ET.fromstring(render_value_bar(axis, limit, value, Outcome.PASS))
 
 
 def test_a_value_far_outside_is_shown_as_an_arrow():
@@ -331,7 +331,7 @@ def test_a_value_far_outside_is_shown_as_an_arrow():
     axis = build_axis(limit, [300.0, 1e6])
     assert axis.high < 1000.0
     for value, is_within_axis in ((300.0, True), (1e6, False), (-math.inf, False)):
-        bar = value_bar(axis, limit, value, Outcome.FAIL)
+        bar = render_value_bar(axis, limit, value, Outcome.FAIL)
         assert ("<circle" in bar, "<path" in bar) == (is_within_axis, not is_within_axis)
 
 

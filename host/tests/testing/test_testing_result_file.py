@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from taxel_tools.testing import whole_file
 from taxel_tools.testing.errors import ResultFileError
-from taxel_tools.testing.junit import junit_bytes
+from taxel_tools.testing.junit import format_junit
 from taxel_tools.testing.page import page_text
 from taxel_tools.testing.record import (
     Attachment,
@@ -26,7 +26,7 @@ from taxel_tools.testing.record import (
     judge_test,
     judge_value,
 )
-from taxel_tools.testing.result_file import json_bytes, parse_json, read_json, write_json
+from taxel_tools.testing.result_file import format_json_bytes, parse_json, read_json, write_json
 
 # Includes control characters and lone surrogates; a surrogate pair is one character, as in JSON.
 TEXT = st.text(st.characters(exclude_categories=()), max_size=12).map(
@@ -100,9 +100,9 @@ def records(draw):
 @settings(deadline=None, max_examples=60)
 @given(records())
 def test_any_record_is_read_back_as_written(record):
-    data = json_bytes(record)
+    data = format_json_bytes(record)
     assert comparison_key(parse_json(data, "r.json")) == comparison_key(record)
-    assert json_bytes(parse_json(data, "r.json")) == data
+    assert format_json_bytes(parse_json(data, "r.json")) == data
     data.decode("utf-8")
 
 
@@ -110,7 +110,7 @@ def test_any_record_is_read_back_as_written(record):
 @given(records())
 def test_any_record_has_a_page_and_a_junit_file(record):
     ET.fromstring(page_text(record).removeprefix("<!DOCTYPE html>\n"))
-    ET.fromstring(junit_bytes(record))
+    ET.fromstring(format_junit(record))
 
 
 def test_a_full_record_is_read_back_from_a_file(full_record, tmp_path):
@@ -213,7 +213,7 @@ def test_an_unreadable_file_gives_one_error_line(tmp_path):
 
 def damage_document(record, path, value):
     """The document with one changed entry; `...` removes the entry."""
-    document = json.loads(json_bytes(record))
+    document = json.loads(format_json_bytes(record))
     node = document
     for section in path[:-1]:
         node = node[section]
@@ -314,7 +314,7 @@ def test_a_file_that_is_not_a_result_file_gives_one_error_line(data, expected_te
 @given(size=st.integers(0, 10_000))
 def test_a_truncated_file_is_always_refused(size):
     record = TestRecord("A", "", "", "p", "1", "0" * 64, {}, "", "2026-01-31T09:30:00.000Z", Outcome.SKIP, [], 0.0)
-    data = json_bytes(record).rstrip()
+    data = format_json_bytes(record).rstrip()
     if size < len(data):
         with pytest.raises(ResultFileError):
             parse_json(data[:size], "r.json")
@@ -331,5 +331,5 @@ def test_infinite_seconds_and_severities_are_stored(make_record):
         lambda log: log.add_finding("open TX line", "TX 3", "fix it", math.inf),
         now_s=iter([0.0, 0.0, math.inf, math.inf]).__next__,
     )
-    parsed = parse_json(json_bytes(record), "r.json")
+    parsed = parse_json(format_json_bytes(record), "r.json")
     assert (parsed.findings()[0].severity, parsed.phases[0].seconds, parsed.seconds) == (math.inf, math.inf, math.inf)

@@ -102,7 +102,7 @@ def test_a_board_that_does_not_start_counts_as_bricked(monkeypatch):
 
 def test_a_changed_slot_in_use_counts_as_damaged(monkeypatch):
     """The content of the running slot is falsified, as if a bootloader had overwritten the slot."""
-    monkeypatch.setattr(cut_runs._Update, "_slot_content", lambda self, flash, slot: flash[: next(counted)])
+    monkeypatch.setattr(cut_runs._Update, "_read_slot", lambda self, flash, slot: flash[: next(counted)])
     counted = iter(range(100))
     result = power_cuts.run_world(make_world_plan())
     assert [cut.outcome for cut in result.cut_records] == ["damaged"]

@@ -11,7 +11,7 @@ from taxel_protocol.bootloader import BOOT_ROW_COUNT, BOOT_ROW_SIZE, BootChecksu
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files import load_firmware
 from taxel_tools.files.cyacd import read_cyacd, write_cyacd
-from taxel_tools.files.intel_hex import read_intel_hex, rows_of_intel_hex, write_intel_hex
+from taxel_tools.files.intel_hex import read_intel_hex, read_intel_hex_rows, write_intel_hex
 
 FIRST_ROWS = (32, 128)
 
@@ -61,7 +61,7 @@ def test_blank_lines_of_an_intel_hex_file_are_skipped(make_image):
 
 def test_an_intel_hex_file_may_fill_the_last_row_of_the_flash():
     row = bytes(range(BOOT_ROW_SIZE))
-    rows = rows_of_intel_hex(write_intel_hex(row, BOOT_ROW_SIZE * (BOOT_ROW_COUNT - 1)), "f")
+    rows = read_intel_hex_rows(write_intel_hex(row, BOOT_ROW_SIZE * (BOOT_ROW_COUNT - 1)), "f")
     assert {number: data for number, (data, _) in rows.items()} == {BOOT_ROW_COUNT - 1: row}
 
 
@@ -208,7 +208,7 @@ def test_a_manifest_names_both_slots_and_adds_the_header_of_a_raw_image(manifest
 def test_a_manifest_may_be_toml(tmp_path, make_image):
     (tmp_path / "a.bin").write_bytes(make_image(0).data)
     (tmp_path / "m.toml").write_text('taxel_firmware = 1\n[[image]]\nfile = "a.bin"\nslot = "A"\n')
-    assert load_firmware([tmp_path / "m.toml"]).image_for(0) is not None
+    assert load_firmware([tmp_path / "m.toml"]).select_image_for(0) is not None
 
 
 @pytest.mark.parametrize(

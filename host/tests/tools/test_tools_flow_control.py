@@ -125,7 +125,7 @@ def test_damage_on_the_uart_costs_only_time(worlds, hub, make_firmware, fault):
     results = update_all(wire, firmware, wire.scan(), disturb)
     assert {result.after for result in results.values()} == {(1, 2, 3)}
     for address in results:
-        assert world.read_flash(address).data[128 * 128 :].startswith(firmware.image_for(1).data)
+        assert world.read_flash(address).data[128 * 128 :].startswith(firmware.select_image_for(1).data)
 
 
 def test_a_burst_returns_every_outcome_in_order(worlds, open_wire):

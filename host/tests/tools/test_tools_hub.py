@@ -50,7 +50,7 @@ def test_the_hub_receives_the_image_of_its_free_slot_and_confirms_it(worlds, mak
     result = try_update(link, firmware)
     assert (result.address, result.before, result.after) == (HUB, (0, 1, 0), (3, 1, 4))
     assert (result.slot, result.rows_written, result.rows_kept, result.is_written) == (1, 104, 0, True)
-    assert read_slot(world, 1, 13312) == firmware.image_for(1).data
+    assert read_slot(world, 1, 13312) == firmware.select_image_for(1).data
     world.inject("hub_unplug")
     world.inject("hub_plug")
     world.run(0.2)
@@ -136,7 +136,7 @@ def test_a_hub_that_loses_power_runs_the_old_or_the_new_image(worlds, make_hub_f
     second_result = try_update(link, firmware)
     assert not isinstance(second_result, TaxelError), (first_result, second_result)
     assert read_version(link) == (1, 2, 3)
-    assert read_slot(world, 1, 384) == firmware.image_for(1).data
+    assert read_slot(world, 1, 384) == firmware.select_image_for(1).data
 
 
 def test_an_image_that_hangs_is_replaced_by_the_previous_image(worlds, make_hub_firmware):
@@ -175,7 +175,7 @@ def test_damage_on_the_uart_costs_only_time(worlds, make_hub_firmware, fault):
 
     result = try_update(link, firmware, disturb)
     assert not isinstance(result, TaxelError), result
-    assert read_slot(world, 1, 2048) == firmware.image_for(1).data
+    assert read_slot(world, 1, 2048) == firmware.select_image_for(1).data
     assert read_version(link) == (1, 2, 3)
 
 

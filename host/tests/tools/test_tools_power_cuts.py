@@ -100,7 +100,7 @@ def test_a_planned_cut_interrupts_the_named_write(worlds, adapter, make_firmware
     try_update(adapter(world), firmware)
     world.run(0.1)
     (cut,) = world.read_power_cuts(BOARD)
-    image = firmware.image_for(1)
+    image = firmware.select_image_for(1)
     assert (cut.row, cut.after_s, cut.new_data) == (129, 0.0, image.rows()[1])
     flash = world.read_flash(BOARD)
     assert flash.data[128 * 128 : 129 * 128] == image.rows()[0]

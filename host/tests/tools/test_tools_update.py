@@ -55,7 +55,7 @@ def test_the_flash_contains_the_bytes_of_the_file(worlds, adapter, make_firmware
     world = worlds(boards=1)
     firmware = make_firmware(size=12288)
     update_all(adapter(world), firmware, [FIRST])
-    assert world.read_flash(FIRST).data[128 * 128 : 224 * 128] == firmware.image_for(1).data
+    assert world.read_flash(FIRST).data[128 * 128 : 224 * 128] == firmware.select_image_for(1).data
 
 
 def test_a_board_that_runs_the_image_already_is_not_written_unless_forced(worlds, adapter, make_firmware):

@@ -105,7 +105,7 @@ class BoardUnderTest:
     def select_inner_taxels(self, count: int) -> list[int]:
         """Indices of healthy taxels with taxels on all sides, spread over the board; of any taxels without such."""
         has_taxel = np.pad(self.kind.crossings, 1)
-        is_inner = ~self.faulty_taxels()
+        is_inner = ~self.find_faulty_taxels()
         for row in (0, 1, 2):
             for column in (0, 1, 2):
                 is_inner &= has_taxel[self.kind.tx.astype(int) + row, self.kind.rx.astype(int) + column]
@@ -123,7 +123,7 @@ class BoardUnderTest:
         self.was_measured = True
         return _read_registers(self.wire, lambda: read_status(self.address))
 
-    def faulty_taxels(self) -> BoolArray:
+    def find_faulty_taxels(self) -> BoolArray:
         """Taxels explained by a detected fault, bool[taxels]; faults of the whole board explain none."""
         mask = np.zeros(self.kind.taxel_count, dtype=bool)
         for fault in (*self.evidence.at_rest, *(self.evidence.response or ())):

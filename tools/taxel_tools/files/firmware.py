@@ -20,7 +20,7 @@ CRC_OFFSET: Final = 28
 IMAGE_SIZE_MIN: Final = HEADER_SIZE + 8
 
 
-def slot_name(slot: int) -> str:
+def format_slot(slot: int) -> str:
     """Letter of a slot: A or B."""
     return "AB"[slot]
 
@@ -53,7 +53,7 @@ class Firmware:
 
     images: tuple[FirmwareImage, ...]
 
-    def image_for(self, slot: int) -> FirmwareImage | None:
+    def select_image_for(self, slot: int) -> FirmwareImage | None:
         """The image linked for a slot; None if there is none."""
         return next((image for image in self.images if image.slot == slot), None)
 
@@ -103,7 +103,7 @@ def parse_image(data: bytes, source: str, first_row: int | None = None) -> Firmw
     if first_row is not None and first_row * BOOT_ROW_SIZE != begin:
         fail(
             "image header slot",
-            f"row {begin // BOOT_ROW_SIZE}, where slot {slot_name(fields['slot'])} begins",
+            f"row {begin // BOOT_ROW_SIZE}, where slot {format_slot(fields['slot'])} begins",
             f"row {first_row}",
             "link the image for the slot in its header",
         )
@@ -113,7 +113,9 @@ def parse_image(data: bytes, source: str, first_row: int | None = None) -> Firmw
     if length > len(data):
         fail("image", f"{length} bytes, as its header states", f"{len(data)}", "the file is truncated; copy it again")
     if not begin + HEADER_SIZE <= fields["vectors"] <= begin + length - 8:
-        fail("image header vectors", f"an address within slot {slot_name(fields['slot'])}", f"0x{fields['vectors']:X}")
+        fail(
+            "image header vectors", f"an address within slot {format_slot(fields['slot'])}", f"0x{fields['vectors']:X}"
+        )
     expected = crc32(data[:CRC_OFFSET] + data[HEADER_SIZE:length])
     if fields["crc32"] != expected:
         fail("image CRC-32", f"{expected:08X}", f"{fields['crc32']:08X}", "the file is damaged; copy it again")

@@ -22,10 +22,10 @@ def read_intel_hex(text: str, source: str) -> FirmwareImage:
 
     Raises `FirmwareFileError`.
     """
-    return build_image(rows_of_intel_hex(text, source), source)
+    return build_image(read_intel_hex_rows(text, source), source)
 
 
-def rows_of_intel_hex(text: str, source: str) -> Rows:
+def read_intel_hex_rows(text: str, source: str) -> Rows:
     """All flash rows that an Intel HEX file sets. Raises `FirmwareFileError`."""
     flash = bytearray(FLASH_SIZE)
     row_sources: dict[int, str] = {}

@@ -6,7 +6,7 @@ from typing import Final
 
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.cyacd import read_cyacd
-from taxel_tools.files.firmware import Firmware, FirmwareImage, parse_image, slot_name
+from taxel_tools.files.firmware import Firmware, FirmwareImage, format_slot, parse_image
 from taxel_tools.files.intel_hex import read_intel_hex
 from taxel_tools.files.manifest import read_manifest
 
@@ -46,7 +46,7 @@ def load_firmware(paths: Sequence[Path]) -> Firmware:
             raise FirmwareFileError(
                 slot_images[1].source,
                 "image slot",
-                f"one image for slot {slot_name(slot)}",
+                f"one image for slot {format_slot(slot)}",
                 f"a second one besides {slot_images[0].source}",
                 "use one file for each slot",
             )

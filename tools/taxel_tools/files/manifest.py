@@ -28,7 +28,7 @@ from typing import Any, Final, NoReturn
 from taxel_protocol.bootloader import BOOT_IMAGE_MAGIC, BootDevice
 from taxel_protocol.bootloader_images import build_image
 from taxel_tools.errors import FirmwareFileError
-from taxel_tools.files.firmware import FirmwareImage, parse_image, slot_name
+from taxel_tools.files.firmware import FirmwareImage, format_slot, parse_image
 
 KEYS: Final = {"file", "sha256", "device", "kind", "slot", "version"}
 DEVICE_NAMES: Final = {"board": BootDevice.BOARD, "hub": BootDevice.HUB}
@@ -131,7 +131,7 @@ def _parse_claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, An
 def _check_claims(path: Path, field: str, entry: dict[str, Any], loaded_image: FirmwareImage) -> None:
     """Compare the claims of an entry with the image. Raises `FirmwareFileError` for a difference."""
     formatters: dict[str, Callable[[Any], str]] = {
-        "slot": slot_name,
+        "slot": format_slot,
         "version": lambda version: ".".join(map(str, version)),
         "device": lambda device: device.name.lower(),
     }

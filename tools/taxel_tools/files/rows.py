@@ -33,7 +33,7 @@ def build_image(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareI
                 "the bootloader cannot replace itself; use the file of an application",
             )
     layout = _find_layout(rows, source)
-    slots = {row: _slot_of(row, layout) for row in rows}
+    slots = {row: _find_slot(row, layout) for row in rows}
     for row, slot in sorted(slots.items()):
         if slot is None:
             a, b = layout.first_rows
@@ -59,7 +59,7 @@ def build_image(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareI
     return parse_image(data, source, first)
 
 
-def _slot_of(row: int, layout: FlashLayout) -> int | None:
+def _find_slot(row: int, layout: FlashLayout) -> int | None:
     return next((slot for slot, first in enumerate(layout.first_rows) if 0 <= row - first < layout.slot_rows), None)
 
 

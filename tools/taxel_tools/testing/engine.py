@@ -195,7 +195,7 @@ def _run_phase(phase: Phase, context: Any, options: Options, log: PhaseLog) -> t
             return True, "", ""
         phase.run(context, options, log)
         options.refuse_unknown_keys()
-        for name in log.unused_limits():
+        for name in log.find_unused_limits():
             log.add_note(f"limit of '{name}' not checked: the phase made no measurement of this name")
         log.report_progress(1.0)
     except KeyboardInterrupt:

@@ -15,7 +15,7 @@ from taxel.hand.errors import format_path
 from taxel_tools.testing.drift import Change, compare_value
 from taxel_tools.testing.errors import HistoryError
 from taxel_tools.testing.record import Measurement, Outcome, TestRecord
-from taxel_tools.testing.result_file import json_bytes
+from taxel_tools.testing.result_file import format_json_bytes
 
 __all__ = ["Change", "History", "Summary"]
 
@@ -246,7 +246,7 @@ def _quantity(phase: str, measurement: Measurement) -> tuple[str, ...]:
 
 
 def _compute_digest(record: TestRecord) -> str:
-    return hashlib.sha256(json_bytes(record)).hexdigest()
+    return hashlib.sha256(format_json_bytes(record)).hexdigest()
 
 
 def _to_utf8(text: str) -> str:

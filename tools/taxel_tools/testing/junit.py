@@ -14,10 +14,10 @@ _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 def write_junit(record: TestRecord, path: str | os.PathLike[str], overwrite: bool = False) -> None:
     """Write the XML file. Raises `ResultFileError` if the file exists or is not writable."""
-    write_whole(path, junit_bytes(record), overwrite)
+    write_whole(path, format_junit(record), overwrite)
 
 
-def junit_bytes(record: TestRecord) -> bytes:
+def format_junit(record: TestRecord) -> bytes:
     """One test suite with a case for each measurement that has a limit and for each finding.
 
     A phase that ended with an error, was skipped, or has no limits is an additional case, so that every phase is
@@ -65,9 +65,11 @@ def _build_cases(record: TestRecord, phase: PhaseRecord) -> list[ET.Element]:
     """JUnit cases of a phase: measurements with limits, findings, or the phase itself."""
     kind = f"{record.plan_name}.{phase.name}".replace(" ", "_")
     cases = [
-        _measurement_case(kind, measurement) for measurement in phase.measurements if measurement.limit is not None
+        _build_measurement_case(kind, measurement)
+        for measurement in phase.measurements
+        if measurement.limit is not None
     ]
-    cases += [_finding_case(kind, finding) for finding in phase.findings]
+    cases += [_build_finding_case(kind, finding) for finding in phase.findings]
     if phase.outcome in (Outcome.ERROR, Outcome.SKIP) or not cases:
         phase_case = _build_case(kind, phase.title)
         if phase.outcome is Outcome.ERROR:
@@ -81,7 +83,7 @@ def _build_cases(record: TestRecord, phase: PhaseRecord) -> list[ET.Element]:
     return cases
 
 
-def _measurement_case(kind: str, measurement: Measurement) -> ET.Element:
+def _build_measurement_case(kind: str, measurement: Measurement) -> ET.Element:
     case = _build_case(kind, f"{measurement.name} at {measurement.place}" if measurement.place else measurement.name)
     if measurement.outcome is Outcome.FAIL:
         value = "no value" if measurement.value is None else f"{measurement.value} {measurement.unit}".strip()
@@ -89,7 +91,7 @@ def _measurement_case(kind: str, measurement: Measurement) -> ET.Element:
     return case
 
 
-def _finding_case(kind: str, finding: Finding) -> ET.Element:
+def _build_finding_case(kind: str, finding: Finding) -> ET.Element:
     case = _build_case(kind, f"{finding.fault} at {finding.place}" if finding.place else finding.fault)
     _add_result(case, "failure", finding.text or finding.fault)
     return case

@@ -68,7 +68,7 @@ class PhaseLog:
         """Report the progress of the phase, 0 to 1."""
         self._report(self._phase, min(max(float(fraction), 0.0), 1.0))
 
-    def unused_limits(self) -> list[str]:
+    def find_unused_limits(self) -> list[str]:
         """Names of the limits without a measurement."""
         measured = {name for name, _ in self._measurements}
         return [name for name in self._limits if name not in measured]

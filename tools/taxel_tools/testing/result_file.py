@@ -47,10 +47,10 @@ _ATTACHMENT_KEYS = ("name", "media_type", "caption", "base64")
 
 def write_json(record: TestRecord, path: str | os.PathLike[str], overwrite: bool = False) -> None:
     """Write a result file completely or not at all. Raises `ResultFileError` if the file exists or is not writable."""
-    write_whole(path, json_bytes(record), overwrite)
+    write_whole(path, format_json_bytes(record), overwrite)
 
 
-def json_bytes(record: TestRecord) -> bytes:
+def format_json_bytes(record: TestRecord) -> bytes:
     """A record as UTF-8 JSON; equal records give equal bytes."""
     document: dict[str, Any] = {"taxel_test_record": VERSION, **asdict(record)}
     document["seconds"] = encode_number(record.seconds)

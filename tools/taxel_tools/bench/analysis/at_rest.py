@@ -19,12 +19,12 @@ from taxel.types import BoolArray, CountArray, FloatArray
 from taxel_tools.bench.analysis.fault import (
     Axis,
     Fault,
-    connector_pin,
-    line_name,
-    line_pair_name,
-    lines_of_taxels,
-    severity_below,
-    taxel_name,
+    compute_severity_below,
+    format_connector_pin,
+    format_line_name,
+    format_line_pair_name,
+    format_taxel_name,
+    get_lines_of_taxels,
 )
 
 CHANCE_MAX: Final = 3e-6
@@ -78,7 +78,7 @@ class RestCounts:
         return grid
 
 
-def standard_error_of_mean(raw_counts: CountArray) -> FloatArray:
+def compute_standard_error(raw_counts: CountArray) -> FloatArray:
     """Standard error of the mean of each taxel, f64[taxels], for `raw_counts` u16[t, taxels].
 
     The larger of the error for white noise and the error from the means of `BATCHES` parts, pooled over the board.
@@ -108,7 +108,9 @@ def find_line_faults(counts: RestCounts, limit: float) -> tuple[list[Fault], Boo
         share = float(counts.relative_capacitance[taxel])
         crossing = f"TX {counts.kind.tx[taxel]}, RX {counts.kind.rx[taxel]}"
         text = f"{share:.0%} of the median capacitance of the board; check the electrodes at {crossing}"
-        faults.append(Fault("missing crossing", taxel_name(int(taxel)), text, severity_below(share, limit)))
+        faults.append(
+            Fault("missing crossing", format_taxel_name(int(taxel)), text, compute_severity_below(share, limit))
+        )
     return faults, explained | missing
 
 
@@ -117,7 +119,7 @@ def _find_open_lines(counts: RestCounts, missing: BoolArray, limit: float) -> tu
     explained = np.zeros(len(missing), dtype=bool)
     candidates = []
     for axis in Axis:
-        lines = lines_of_taxels(counts.kind, axis)
+        lines = get_lines_of_taxels(counts.kind, axis)
         for index in np.unique(lines):
             on_line = lines == index
             if missing[on_line].all():
@@ -128,9 +130,9 @@ def _find_open_lines(counts: RestCounts, missing: BoolArray, limit: float) -> tu
             continue
         explained |= on_line
         share = float(np.median(counts.relative_capacitance[on_line]))
-        pin = connector_pin(axis, index, counts.kind.tx_count)
+        pin = format_connector_pin(axis, index, counts.kind.tx_count)
         text = f"its crossings have {share:.0%} of the expected capacitance; check {pin} and its trace"
-        faults.append(Fault("open line", line_name(axis, index), text, severity_below(share, limit)))
+        faults.append(Fault("open line", format_line_name(axis, index), text, compute_severity_below(share, limit)))
     return faults, explained
 
 
@@ -144,24 +146,26 @@ def _find_shorts(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[
     shorted: list[tuple[Axis, int]] = []
     faults: list[Fault] = []
     while True:
-        chances = {pair: _chance_of_short(counts, missing, pair, shorted) for pair in pairs if pair not in shorted}
+        chances = {
+            pair: _compute_chance_of_short(counts, missing, pair, shorted) for pair in pairs if pair not in shorted
+        }
         pair = min(chances, key=lambda key: chances[key][0], default=None)
         if pair is None or chances[pair][0] > CHANCE_MAX:
             return faults, explained
         shorted.append(pair)
         axis, index = pair
         level = chances[pair][1]
-        lines = lines_of_taxels(counts.kind, axis)
+        lines = get_lines_of_taxels(counts.kind, axis)
         explained |= (lines == index) | (lines == index + 1)
-        first, second = (connector_pin(axis, line, counts.kind.tx_count) for line in (index, index + 1))
+        first, second = (format_connector_pin(axis, line, counts.kind.tx_count) for line in (index, index + 1))
         text = f"equal counts at every crossing ({level:.0%} of the median); check between {first} and {second}"
-        faults.append(Fault("short", line_pair_name(axis, index, index + 1), text, float("inf")))
+        faults.append(Fault("short", format_line_pair_name(axis, index, index + 1), text, float("inf")))
 
 
-def _chance_of_short(
+def _compute_chance_of_short(
     counts: RestCounts, missing: BoolArray, pair: tuple[Axis, int], shorted: list[tuple[Axis, int]]
 ) -> tuple[float, float]:
-    """Result of `_chance_of_equality` for line `index` of an axis and the next one.
+    """Result of `_compute_chance_of_equality` for line `index` of an axis and the next one.
 
     `pair`: (axis, index). `shorted`: pairs with a short, whose crossings are not used for lines of the other axis.
     """
@@ -169,14 +173,14 @@ def _chance_of_short(
     grids = [counts.to_grid(values) for values in (counts.hardware, counts.error, counts.relative_capacitance)]
     missing_grid = counts.to_grid(missing.astype(np.float64))
     tables = [grid if axis is Axis.TX else grid.T for grid in (*grids, missing_grid)]
-    usable = ~_crossing_line_is_open(tables.pop(), index)
+    usable = ~_is_crossing_line_open(tables.pop(), index)
     for other_axis, line in shorted:
         if other_axis is not axis:
             usable[line : line + 2] = False
-    return _chance_of_equality(counts, [np.where(usable, table[index : index + 2], np.nan) for table in tables])
+    return _compute_chance_of_equality(counts, [np.where(usable, table[index : index + 2], np.nan) for table in tables])
 
 
-def _crossing_line_is_open(missing: FloatArray, index: int) -> BoolArray:
+def _is_crossing_line_open(missing: FloatArray, index: int) -> BoolArray:
     """Crossing lines that are missing on all lines except `index` and `index + 1`, bool[crossing lines].
 
     `missing`: [lines, crossing lines], NaN without a taxel. Such a crossing line is open and gives no evidence on the
@@ -187,7 +191,7 @@ def _crossing_line_is_open(missing: FloatArray, index: int) -> BoolArray:
     return np.asarray(np.isfinite(outside_pair).any(axis=0) & is_open)
 
 
-def _chance_of_equality(counts: RestCounts, pair: list[FloatArray]) -> tuple[float, float]:
+def _compute_chance_of_equality(counts: RestCounts, pair: list[FloatArray]) -> tuple[float, float]:
     """Probability that two healthy lines look like a short at least as much by chance, and their relative level.
 
     Three independent properties of a short are compared with healthy lines. The counts of all common crossings are
@@ -216,7 +220,7 @@ def _chance_of_equality(counts: RestCounts, pair: list[FloatArray]) -> tuple[flo
         if (np.abs(unshared - level / 2.0) > SPREAD_SIGMAS * counts.spread).any():
             return 1.0, level
         p_values.append(_p_value(float(np.mean(unshared)) - 1.0, counts.spread, len(unshared)))
-    return equality * _fisher(p_values), level
+    return equality * _combine_p_values(p_values), level
 
 
 def _p_value(deviation: float, spread: float, count: int) -> float:
@@ -224,7 +228,7 @@ def _p_value(deviation: float, spread: float, count: int) -> float:
     return float(erfc(abs(deviation) / spread * np.sqrt(count / 2.0)))
 
 
-def _fisher(p_values: list[float]) -> float:
+def _combine_p_values(p_values: list[float]) -> float:
     """Combined p-value of independent p-values: survival function of chi-squared at -2 sum(ln p)."""
     return float(chdtrc(2 * len(p_values), -2.0 * np.log(np.maximum(p_values, np.finfo(float).tiny)).sum()))
 
@@ -249,10 +253,10 @@ def _find_swapped_lines(counts: RestCounts, missing: BoolArray, limit: float) ->
     if len(candidates) != 1:
         return [], nothing
     axis, first, second = candidates[0]
-    pins = " and ".join(connector_pin(axis, line, counts.kind.tx_count) for line in (first, second))
+    pins = " and ".join(format_connector_pin(axis, line, counts.kind.tx_count) for line in (first, second))
     text = f"each line lacks the crossings that only the other line has; check whether {pins} are exchanged"
     share = float(np.median(counts.relative_capacitance[missing]))
-    lines = lines_of_taxels(counts.kind, axis)
-    place = line_pair_name(axis, first, second)
-    fault = Fault("swapped lines", place, text, severity_below(share, limit))
+    lines = get_lines_of_taxels(counts.kind, axis)
+    place = format_line_pair_name(axis, first, second)
+    fault = Fault("swapped lines", place, text, compute_severity_below(share, limit))
     return [fault], (lines == first) | (lines == second)

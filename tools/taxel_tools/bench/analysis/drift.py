@@ -46,12 +46,12 @@ def fit_drift(raw_counts: CountArray, time_s: FloatArray, step_s: float = 0.5) -
     common = np.median(means - means.mean(axis=0), axis=1)
     residual = common - centred * board / S_PER_MIN
     error = float(np.sqrt(residual @ residual / max(len(times) - 2, 1) / (centred @ centred))) * S_PER_MIN
-    error *= _error_factor(residual)
+    error *= _compute_error_factor(residual)
     worst = int(np.argmax(np.abs(slopes - board)))
     return Drift(board, error, float(slopes[worst] - board), worst, times - times[0], common - common[0])
 
 
-def _error_factor(residual: FloatArray) -> float:
+def _compute_error_factor(residual: FloatArray) -> float:
     """Factor by which autocorrelation of the residual increases the standard error of a slope.
 
     For a first-order autoregression the factor is sqrt((1 + r) / (1 - r)) with the correlation r at lag one (Zwiers and

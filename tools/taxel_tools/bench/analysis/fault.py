@@ -33,33 +33,33 @@ class Fault:
     severity: float
 
 
-def lines_of_taxels(kind: BoardKind, axis: Axis) -> ByteArray:
+def get_lines_of_taxels(kind: BoardKind, axis: Axis) -> ByteArray:
     """Line of each taxel, u8[taxels]."""
     return kind.tx if axis is Axis.TX else kind.rx
 
 
-def severity_below(share: float, limit: float) -> float:
+def compute_severity_below(share: float, limit: float) -> float:
     """Factor by which a share is below its lower limit; infinite for a share of 0 or less."""
     return float("inf") if share <= 0.0 else limit / share
 
 
-def line_name(axis: Axis, index: int) -> str:
+def format_line_name(axis: Axis, index: int) -> str:
     """Name of a line, such as TX 3."""
     return f"{axis.name} {index}"
 
 
-def line_pair_name(axis: Axis, first: int, second: int) -> str:
+def format_line_pair_name(axis: Axis, first: int, second: int) -> str:
     """Names of two lines, such as TX 3 and TX 4, the lower one first."""
     low, high = sorted((first, second))
-    return f"{line_name(axis, low)} and {line_name(axis, high)}"
+    return f"{format_line_name(axis, low)} and {format_line_name(axis, high)}"
 
 
-def connector_pin(axis: Axis, index: int, tx_count: int) -> str:
+def format_connector_pin(axis: Axis, index: int, tx_count: int) -> str:
     """Connector pin of a line. TX lines come first on the connector, then RX lines (docs/assumptions.md)."""
     pin = 1 + index + (tx_count if axis is Axis.RX else 0)
     return f"J1 pin {pin}"
 
 
-def taxel_name(taxel: int) -> str:
+def format_taxel_name(taxel: int) -> str:
     """Name of a taxel, such as taxel 17."""
     return f"taxel {taxel}"

@@ -18,12 +18,12 @@ from taxel_tools.bench.analysis.fault import (
     BOARD,
     Axis,
     Fault,
-    connector_pin,
-    line_name,
-    line_pair_name,
-    lines_of_taxels,
-    severity_below,
-    taxel_name,
+    compute_severity_below,
+    format_connector_pin,
+    format_line_name,
+    format_line_pair_name,
+    format_taxel_name,
+    get_lines_of_taxels,
 )
 
 RESPONSE_ERRORS: Final = 5.0
@@ -65,7 +65,7 @@ class Indentations:
         indented = self.indented_taxels
         return float(np.median(self.response[indented].max(axis=1))) if len(indented) else float("nan")
 
-    def median_response_of(self, taxels: BoolArray) -> float:
+    def compute_median_response(self, taxels: BoolArray) -> float:
         """Median own response of `taxels`, bool[taxels]; `median_response` if none of them was indented."""
         own = self.own_response[taxels]
         own = own[np.isfinite(own)]
@@ -99,14 +99,14 @@ def find_response_faults(indentations: Indentations, limit: float) -> list[Fault
         share = float(own[taxel]) / median
         crossing = f"TX {indentations.kind.tx[taxel]}, RX {indentations.kind.rx[taxel]}"
         text = f"{max(share, 0.0):.0%} of the median response; check the layer at {crossing}"
-        faults.append(Fault("dead taxel", taxel_name(int(taxel)), text, severity_below(share, limit)))
+        faults.append(Fault("dead taxel", format_taxel_name(int(taxel)), text, compute_severity_below(share, limit)))
     return faults
 
 
 def _list_line_pairs(indentations: Indentations, axis: Axis, first: int, second: int) -> list[tuple[int, int]]:
     """Pairs of taxels of two lines at the same crossing line, in both orders, whose first taxel was indented."""
     kind = indentations.kind
-    lines, crossing_lines = lines_of_taxels(kind, axis), lines_of_taxels(kind, Axis(1 - axis))
+    lines, crossing_lines = get_lines_of_taxels(kind, axis), get_lines_of_taxels(kind, Axis(1 - axis))
     taxel_at = {
         (int(line), int(crossing)): taxel
         for taxel, (line, crossing) in enumerate(zip(lines, crossing_lines, strict=True))
@@ -127,7 +127,7 @@ def _find_swapped_lines(indentations: Indentations, explained: BoolArray) -> tup
     faults: list[Fault] = []
     on_swapped_line = np.zeros(len(explained), dtype=bool)
     for axis in Axis:
-        lines = lines_of_taxels(kind, axis)
+        lines = get_lines_of_taxels(kind, axis)
         for first, second in combinations(range(int(lines.max()) + 1), 2):
             pairs = _list_line_pairs(indentations, axis, first, second)
             if not pairs:
@@ -140,9 +140,9 @@ def _find_swapped_lines(indentations: Indentations, explained: BoolArray) -> tup
             if np.mean(is_swapped) <= 0.5:
                 continue
             on_swapped_line |= (lines == first) | (lines == second)
-            pins = " and ".join(connector_pin(axis, line, kind.tx_count) for line in (first, second))
+            pins = " and ".join(format_connector_pin(axis, line, kind.tx_count) for line in (first, second))
             text = f"an indentation of one line appears on the other; check whether {pins} are exchanged"
-            faults.append(Fault("swapped lines", line_pair_name(axis, first, second), text, float("inf")))
+            faults.append(Fault("swapped lines", format_line_pair_name(axis, first, second), text, float("inf")))
     return faults, on_swapped_line
 
 
@@ -152,7 +152,7 @@ def _find_shorts(indentations: Indentations, explained: BoolArray) -> tuple[list
     faults: list[Fault] = []
     on_shorted_line = np.zeros(len(explained), dtype=bool)
     for axis in Axis:
-        lines = lines_of_taxels(kind, axis)
+        lines = get_lines_of_taxels(kind, axis)
         for index in range(int(lines.max())):
             pairs = [
                 pair
@@ -167,9 +167,9 @@ def _find_shorts(indentations: Indentations, explained: BoolArray) -> tuple[list
             if share < SHORT_SHARE_MIN:
                 continue
             on_shorted_line |= (lines == index) | (lines == index + 1)
-            pins = " and ".join(connector_pin(axis, line, kind.tx_count) for line in (index, index + 1))
+            pins = " and ".join(format_connector_pin(axis, line, kind.tx_count) for line in (index, index + 1))
             text = f"an indentation of one line appears on both ({share:.0%}); check between {pins}"
-            faults.append(Fault("short", line_pair_name(axis, index, index + 1), text, share / SHORT_SHARE_MIN))
+            faults.append(Fault("short", format_line_pair_name(axis, index, index + 1), text, share / SHORT_SHARE_MIN))
     return faults, on_shorted_line
 
 
@@ -179,7 +179,7 @@ def _find_open_lines(indentations: Indentations, dead: BoolArray, limit: float) 
     is_indented = np.isfinite(indentations.own_response)
     candidates = []
     for axis in Axis:
-        lines = lines_of_taxels(indentations.kind, axis)
+        lines = get_lines_of_taxels(indentations.kind, axis)
         for index in np.unique(lines):
             on_line = (lines == index) & is_indented
             if on_line.sum() >= 2 and dead[on_line].all():
@@ -190,9 +190,9 @@ def _find_open_lines(indentations: Indentations, dead: BoolArray, limit: float) 
             continue
         on_open_line |= on_line
         share = float(np.median(indentations.own_response[on_line])) / indentations.median_response
-        pin = connector_pin(axis, index, indentations.kind.tx_count)
+        pin = format_connector_pin(axis, index, indentations.kind.tx_count)
         text = f"no taxel of the line responds ({max(share, 0.0):.0%}); check {pin} and its trace"
-        faults.append(Fault("open line", line_name(axis, index), text, severity_below(share, limit)))
+        faults.append(Fault("open line", format_line_name(axis, index), text, compute_severity_below(share, limit)))
     return faults, on_open_line
 
 
@@ -254,7 +254,7 @@ def find_gain_fault(indentations: Indentations, signal_counts: float, minimum: f
         return None
     name, severity = "high gain", signal_counts / maximum
     if signal_counts < minimum:
-        name, severity = "low gain", severity_below(signal_counts, minimum)
+        name, severity = "low gain", compute_severity_below(signal_counts, minimum)
     text = (
         f"an indentation of {indentations.force_n:g} N gives a signal of {signal_counts:.0f} counts, expected "
         f"{minimum:g} to {maximum:g}; check the code of the current source and the position of the layer"

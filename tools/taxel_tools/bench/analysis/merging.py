@@ -10,7 +10,7 @@ import numpy as np
 
 from taxel.hand import BoardKind
 from taxel.types import BoolArray
-from taxel_tools.bench.analysis.fault import Axis, Fault, line_name, lines_of_taxels
+from taxel_tools.bench.analysis.fault import Axis, Fault, format_line_name, get_lines_of_taxels
 
 _STRUCTURAL: Final = ("swapped lines", "short", "open line")
 _GAIN: Final = ("low gain", "high gain")
@@ -21,9 +21,9 @@ def find_taxels(kind: BoardKind, place: str) -> BoolArray:
     """Taxels at a place, bool[taxels]: of "TX 3", "RX 1 and RX 2" or "taxel 17"; all taxels for any other place."""
     mask = np.zeros(kind.taxel_count, dtype=bool)
     for axis in Axis:
-        lines = lines_of_taxels(kind, axis)
+        lines = get_lines_of_taxels(kind, axis)
         for index in np.unique(lines).tolist():
-            if line_name(axis, index) in place.split(" and "):
+            if format_line_name(axis, index) in place.split(" and "):
                 mask |= lines == index
     if place.startswith("taxel "):
         mask[int(place.removeprefix("taxel "))] = True

@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
-from taxel_tools.bench.analysis.at_rest import RestCounts, find_line_faults, standard_error_of_mean
-from taxel_tools.bench.analysis.fault import BOARD, Axis, Fault, line_name
+from taxel_tools.bench.analysis.at_rest import RestCounts, compute_standard_error, find_line_faults
+from taxel_tools.bench.analysis.fault import BOARD, Axis, Fault, format_line_name
 from taxel_tools.bench.board_under_test import BoardUnderTest
 from taxel_tools.bench.pictures import draw_board_map
 from taxel_tools.testing.engine import PhaseLog
@@ -42,7 +42,7 @@ class Electrical:
         options.refuse_unknown_keys()
         kind, full_scale = board.kind, board.full_scale_count
         capture = board.read_at_rest(seconds, log)
-        error = standard_error_of_mean(capture.raw_counts)
+        error = compute_standard_error(capture.raw_counts)
         counts = RestCounts(kind, full_scale - capture.mean, error, full_scale)
         signal = float(np.median(counts.hardware)) / full_scale
         log.measure("signal", signal, "of the largest count")
@@ -58,7 +58,7 @@ class Electrical:
         for axis, lines in ((Axis.TX, kind.tx), (Axis.RX, kind.rx)):
             for index in np.unique(lines).tolist():
                 share = float(np.median(relative[lines == index]))
-                log.measure("capacitance", share, "of the median", line_name(axis, index))
+                log.measure("capacitance", share, "of the median", format_line_name(axis, index))
         log.measure("spread", counts.spread, "of the median")
         board.attach_picture(
             log,

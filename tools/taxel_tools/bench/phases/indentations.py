@@ -97,12 +97,12 @@ class EachTaxel:
         minimum = limit.minimum if limit is not None and limit.minimum is not None else WEAKEST_MIN
         faults = find_response_faults(indentations, minimum)
         board.evidence.response = faults
-        explained = board.faulty_taxels()
+        explained = board.find_faulty_taxels()
         own, median = indentations.own_response, indentations.median_response
         weakest = float(np.min(own)) / median if indentations.has_response else None
         log.measure("weakest", weakest, "of the median")
         if np.isfinite(indentations.force_n):
-            log.measure("response", indentations.median_response_of(~explained), "counts")
+            log.measure("response", indentations.compute_median_response(~explained), "counts")
             ratio = snr(own, sigma)
             healthy_ratio = ratio[~explained] if not explained.all() else ratio
             log.measure("snr", float(np.median(healthy_ratio)), "")
@@ -121,7 +121,7 @@ class EachTaxel:
         faults: list[Fault] = []
         limit = log.get_limit("response")
         if limit is not None:
-            gain_fault = find_gain_fault(indentations, indentations.median_response_of(~explained), *limit.bounds)
+            gain_fault = find_gain_fault(indentations, indentations.compute_median_response(~explained), *limit.bounds)
             faults += [gain_fault] if gain_fault else []
         limit = log.get_limit("crosstalk")
         crosstalk = measure_crosstalk(indentations, explained)

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from taxel.types import CountArray
-from taxel_tools.bench.analysis.fault import BOARD, Fault, taxel_name
+from taxel_tools.bench.analysis.fault import BOARD, Fault, format_taxel_name
 from taxel_tools.bench.board_under_test import BoardUnderTest
 from taxel_tools.bench.pictures import draw_board_map
 from taxel_tools.testing.engine import PhaseLog
@@ -57,8 +57,8 @@ class Rest:
         if len(raw) >= FRAMES_MIN and not is_constant.all():
             for taxel in np.nonzero(is_constant)[0].tolist():
                 text = f"constant raw count {raw[0, taxel]}; check TX {kind.tx[taxel]}, RX {kind.rx[taxel]}"
-                board.evidence.at_rest.append(Fault("dead taxel", taxel_name(taxel), text, float("inf")))
-        for bit, value in find_stuck_bits(raw[:, ~board.faulty_taxels()]):
+                board.evidence.at_rest.append(Fault("dead taxel", format_taxel_name(taxel), text, float("inf")))
+        for bit, value in find_stuck_bits(raw[:, ~board.find_faulty_taxels()]):
             text = f"bit {bit} of every raw count is {value}; replace the board"
             board.evidence.board.append(Fault("stuck bit", BOARD, text, float("inf")))
         board.attach_picture(

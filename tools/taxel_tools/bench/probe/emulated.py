@@ -45,10 +45,10 @@ class EmulatedProbe:
         self._taxel = taxel
         forces = np.zeros(self._world.taxels)
         last = self._first_taxel + self._kind.taxel_count
-        forces[self._first_taxel : last] = force_n * self._force_shares(taxel, diameter_m)
+        forces[self._first_taxel : last] = force_n * self._compute_force_shares(taxel, diameter_m)
         self._world.set_stimulus(forces)
 
-    def _force_shares(self, taxel: int, diameter_m: float) -> FloatArray:
+    def _compute_force_shares(self, taxel: int, diameter_m: float) -> FloatArray:
         """Share of the tip over the area of each taxel; force beside the taxels has no effect."""
         across = (np.arange(TIP_SAMPLES) + 0.5) / TIP_SAMPLES - 0.5
         along_tx, along_rx = np.meshgrid(across * diameter_m, across * diameter_m, indexing="ij")

@@ -12,7 +12,7 @@ PICTURE_TYPES = ("image/png", "image/svg+xml")
 TEXT_BYTES_MAX = 2**16
 
 
-def attachments_html(attachments: Sequence[Attachment]) -> str:
+def render_attachments(attachments: Sequence[Attachment]) -> str:
     """All attachments of a phase, pictures first."""
     pictures = "".join(
         _format_picture(attachment) for attachment in attachments if attachment.media_type in PICTURE_TYPES

@@ -46,13 +46,13 @@ def _widen(width: float, *ends: float) -> float:
     return max(width, 1e-9 * max(abs(end) for end in ends), sys.float_info.min)
 
 
-def value_bar(axis: Axis, limit: Limit, value: Value, outcome: Outcome) -> str:
+def render_value_bar(axis: Axis, limit: Limit, value: Value, outcome: Outcome) -> str:
     """The permitted range as a band and the value as a dot; an arrow for a value beyond the axis."""
     kind = "bad" if outcome is Outcome.FAIL else "good"
-    return diagram(f"{_limit_band(axis, limit)}{_value_mark(axis, value, kind)}")
+    return diagram(f"{_limit_band(axis, limit)}{_render_value_mark(axis, value, kind)}")
 
 
-def value_strip(axis: Axis, limit: Limit | None, values: Iterable[Value]) -> str:
+def render_value_strip(axis: Axis, limit: Limit | None, values: Iterable[Value]) -> str:
     """Several values as ticks on one line."""
     ticks = "".join(
         f'<line x1="{axis.at(value)}" x2="{axis.at(value)}" y1="{MIDDLE - 7}" y2="{MIDDLE + 7}"'
@@ -74,7 +74,7 @@ def _limit_band(axis: Axis, limit: Limit) -> str:
     return f'<rect x="0" width="100%" y="{_BAND[0]}" height="{_BAND[1]}" class="ground"/>{band}{ends}'
 
 
-def _value_mark(axis: Axis, value: Value, kind: str) -> str:
+def _render_value_mark(axis: Axis, value: Value, kind: str) -> str:
     if not isinstance(value, int | float) or math.isnan(value):
         return ""
     if value > axis.high or value < axis.low:

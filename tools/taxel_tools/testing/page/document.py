@@ -7,9 +7,9 @@ from importlib import resources
 
 from taxel_tools.testing.drift import Change
 from taxel_tools.testing.history import Summary
-from taxel_tools.testing.page.earlier import earlier_section
+from taxel_tools.testing.page.earlier import render_earlier_section
 from taxel_tools.testing.page.html_text import escaped
-from taxel_tools.testing.page.phases import phase_section, phases_section
+from taxel_tools.testing.page.phases import render_phase_section, render_phases_section
 from taxel_tools.testing.page.verdict import format_title, header
 from taxel_tools.testing.record import TestRecord
 from taxel_tools.testing.whole_file import write_whole
@@ -42,9 +42,9 @@ def write_page(
 
 def page_text(record: TestRecord, changes: Sequence[Change] = (), earlier: Sequence[Summary] = ()) -> str:
     """The page as HTML text that is also well-formed XML; equal records give equal text."""
-    sections = [phases_section(record.phases)]
-    sections += [phase_section(number, phase) for number, phase in enumerate(record.phases, start=1)]
-    history = earlier_section(record.phases, changes, earlier)
+    sections = [render_phases_section(record.phases)]
+    sections += [render_phase_section(number, phase) for number, phase in enumerate(record.phases, start=1)]
+    history = render_earlier_section(record.phases, changes, earlier)
     body = "".join(section.html() for section in [*sections, *([history] if history else [])])
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8"/>\n'

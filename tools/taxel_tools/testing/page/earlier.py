@@ -25,7 +25,7 @@ _CHANGES = (
 _RUNS = (Column("tested"), Column("", "verdict"), Column("plan"), Column("operator"), Column("faults"))
 
 
-def earlier_section(
+def render_earlier_section(
     phases: Sequence[PhaseRecord], changes: Sequence[Change], earlier: Sequence[Summary]
 ) -> Section | None:
     """The section; None without earlier tests."""

@@ -6,7 +6,7 @@ from statistics import median
 
 from taxel.gap.page.bars import Axis
 from taxel.gap.page.text import ABSENT, format_count
-from taxel_tools.testing.page.bars import build_axis, value_bar, value_strip
+from taxel_tools.testing.page.bars import build_axis, render_value_bar, render_value_strip
 from taxel_tools.testing.page.elements import format_place, scrolled
 from taxel_tools.testing.page.figures import format_figure, format_limit, format_with_unit
 from taxel_tools.testing.page.html_text import Column, escaped, escaped_name, folded, paragraph, table
@@ -36,7 +36,7 @@ _SUMMARY_COLUMNS = (
 )
 
 
-def measurements_html(title: str, measurements: Sequence[Measurement]) -> str:
+def render_measurements(title: str, measurements: Sequence[Measurement]) -> str:
     """The tables of a phase; empty without measurements. `title`: title of the phase, for screen readers."""
     if not measurements:
         return ""
@@ -95,7 +95,7 @@ def _row(measurement: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple
     """HTML cells of one measurement."""
     bar, verdict = "", ""
     if measurement.limit is not None:
-        bar = value_bar(
+        bar = render_value_bar(
             axes[measurement.name, measurement.limit], measurement.limit, measurement.value, measurement.outcome
         )
         verdict = f'<b class="{measurement.outcome}">{measurement.outcome}</b>'
@@ -113,11 +113,11 @@ def _summary(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], 
     groups: dict[tuple[str, str, Limit | None], list[Measurement]] = {}
     for measurement in measurements:
         groups.setdefault((measurement.name, measurement.unit, measurement.limit), []).append(measurement)
-    rows = (_summary_row(*key, group, axes) for key, group in groups.items())
+    rows = (_render_summary_row(*key, group, axes) for key, group in groups.items())
     return scrolled(table(_SUMMARY_COLUMNS, rows, caption, "measured"), caption)
 
 
-def _summary_row(
+def _render_summary_row(
     name: str, unit: str, limit: Limit | None, group: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis]
 ) -> tuple[str, ...]:
     """HTML cells of all measurements with one name: count, failures, range and picture."""
@@ -131,7 +131,7 @@ def _summary_row(
     statistic_texts = [format_figure(value, limit) for value in statistics] or [ABSENT] * 3
     picture = ""
     if values and (limit is not None or len(values) > 1):
-        picture = value_strip(Axis.over(values) if limit is None else axes[name, limit], limit, values)
+        picture = render_value_strip(Axis.over(values) if limit is None else axes[name, limit], limit, values)
     return (
         escaped_name(f"{name}, {unit}" if unit.strip() else name),
         f"{len(group):,}",

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 
 from taxel.gap.page.text import ABSENT
-from taxel_tools.testing.page.attachments import attachments_html
+from taxel_tools.testing.page.attachments import render_attachments
 from taxel_tools.testing.page.elements import format_inline_place, scrolled
 from taxel_tools.testing.page.figures import format_duration
 from taxel_tools.testing.page.html_text import Column, Section, bullets, escaped, paragraph, table
-from taxel_tools.testing.page.measurements import measurements_html
+from taxel_tools.testing.page.measurements import render_measurements
 from taxel_tools.testing.record import Finding, Outcome, PhaseRecord
 
 _COLUMNS = (
@@ -20,7 +20,7 @@ _COLUMNS = (
 )
 
 
-def phases_section(phases: Sequence[PhaseRecord]) -> Section:
+def render_phases_section(phases: Sequence[PhaseRecord]) -> Section:
     """Overview table of all phases."""
     rows = [_row(number, phase) for number, phase in enumerate(phases, start=1)]
     if not rows:
@@ -29,7 +29,7 @@ def phases_section(phases: Sequence[PhaseRecord]) -> Section:
     return Section("phases", "Phases", scrolled(table(_COLUMNS, rows, caption, "overview"), caption))
 
 
-def phase_section(number: int, phase: PhaseRecord) -> Section:
+def render_phase_section(number: int, phase: PhaseRecord) -> Section:
     """One phase: findings, measurements, attachments and notes."""
     chip = f'<span class="chip status {phase.outcome}">{phase.outcome}</span>'
     manual = "" if phase.automatic else ", with an operator"
@@ -40,8 +40,8 @@ def phase_section(number: int, phase: PhaseRecord) -> Section:
     if phase.findings:
         findings = sorted(phase.findings, key=lambda finding: -finding.severity)
         parts.append(bullets((_format_finding(finding) for finding in findings), "findings"))
-    parts.append(measurements_html(phase.title, phase.measurements))
-    parts.append(attachments_html(phase.attachments))
+    parts.append(render_measurements(phase.title, phase.measurements))
+    parts.append(render_attachments(phase.attachments))
     if phase.notes:
         parts.append(bullets(map(escaped, phase.notes), "notes"))
     return Section(f"phase-{number}", f"{escaped(phase.title)} {chip}", "".join(parts))

@@ -54,7 +54,7 @@ def header(record: TestRecord) -> str:
     return (
         f'<header>\n<p class="eyebrow">Hardware test: {plan}</p>\n<h1>{format_title(record)}</h1>\n'
         f'<ul class="chips" aria-label="Verdict">{"".join(chips)}</ul>\n'
-        f"{_to_do_list(record)}{_skipped_list(record)}{_identity_list(record)}</header>\n"
+        f"{_to_do_list(record)}{_render_skipped_list(record)}{_render_identity_list(record)}</header>\n"
     )
 
 
@@ -78,13 +78,13 @@ def _list_problems(record: TestRecord) -> Iterator[str]:
         yield _format_finding(finding, number)
     for number, phase in numbered:
         if not phase.findings:
-            yield from _violated_limits(phase, number)
+            yield from _render_violated_limits(phase, number)
     for number, phase in numbered:
         if phase.problem:
             yield f"{_link(phase.title, number)} ended with an error: {escaped(phase.problem)}"
 
 
-def _skipped_list(record: TestRecord) -> str:
+def _render_skipped_list(record: TestRecord) -> str:
     skipped = [
         f"{_link(phase.title, number)}: {escaped('; '.join(phase.notes)) or 'no reason given'}"
         for number, phase in enumerate(record.phases, start=1)
@@ -98,7 +98,7 @@ def _format_finding(finding: Finding, number: int) -> str:
     return f"{fault}{format_inline_place(finding.place)} {escaped(finding.text)}"
 
 
-def _violated_limits(phase: PhaseRecord, number: int) -> Iterator[str]:
+def _render_violated_limits(phase: PhaseRecord, number: int) -> Iterator[str]:
     """One HTML sentence for each measurement of a phase beyond its limit, with the worst value."""
     groups: dict[str, list[Measurement]] = {}
     for measurement in phase.measurements:
@@ -125,7 +125,7 @@ def _link(title: str, number: int) -> str:
     return f'<a href="#phase-{number}">{escaped(title)}</a>'
 
 
-def _identity_list(record: TestRecord) -> str:
+def _render_identity_list(record: TestRecord) -> str:
     """HTML list that identifies board, test and plan."""
     entries = {
         "serial number": escaped(record.serial_number) or "none",
