@@ -63,19 +63,19 @@ def test_an_unknown_bug_name_is_rejected():
 
 
 def test_the_stages_are_those_that_can_detect_the_bug():
-    def list_stage_names(file: str) -> list[str]:
+    def list_names(file: str) -> list[str]:
         return [stage.name for stage in bugs.select_stages(bugs.Bug("x", file, "", "a", "b"))]
 
-    assert list_stage_names("firmware/codec/a.c") == [
+    assert list_names("firmware/codec/a.c") == [
         "C firmware",
         "C all",
         "protocol tests",
         "host tests",
         "hil tests",
     ]
-    assert list_stage_names("firmware/hub/hub.c") == ["C firmware", "C all", "host tests", "hil tests"]
-    assert list_stage_names("protocol/taxel_protocol/framing.py") == ["protocol tests", "host tests", "hil tests"]
-    assert list_stage_names("host/taxel/skin/skin.py") == ["host tests", "hil tests"]
+    assert list_names("firmware/hub/hub.c") == ["C firmware", "C all", "host tests", "hil tests"]
+    assert list_names("protocol/taxel_protocol/framing.py") == ["protocol tests", "host tests", "hil tests"]
+    assert list_names("host/taxel/skin/skin.py") == ["host tests", "hil tests"]
 
 
 @pytest.mark.parametrize(
