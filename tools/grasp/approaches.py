@@ -81,7 +81,11 @@ def _make_camera(scene: Scene, approach: Approach, palm: NDArray[np.float64]) ->
     is_top = approach.name == "top"
     direction = 0.5 * palm[:3, 0] + 0.5 * palm[:3, 2] - (2.0 if is_top else 1.2) * palm[:3, 1]
     camera = mujoco.MjvCamera()
-    camera.lookat[:] = make_standing_pose()[:3, 3] + [0.0, 0.0, scene.item.shape.height * (0.9 if is_top else 0.5)]
+    camera.lookat[:] = make_standing_pose()[:3, 3] + [
+        0.0,
+        0.0,
+        scene.grasp_object.shape.height * (0.9 if is_top else 0.5),
+    ]
     camera.distance = CAMERA_DISTANCE_M
     camera.azimuth = np.rad2deg(np.arctan2(direction[1], direction[0]))
     camera.elevation = np.rad2deg(np.arcsin(direction[2] / np.linalg.norm(direction)))

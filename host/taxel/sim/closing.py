@@ -122,7 +122,7 @@ def simulate_grasp(
     true_pose = nominal_pose if settings.object_offset is None else nominal_pose @ settings.object_offset
     push = None
     if settings.law is not None:
-        push = SoftPush(scene, NativeContact(scene.hand, scene.item.shape, settings.law), settings.soft_step_s)
+        push = SoftPush(scene, NativeContact(scene.hand, scene.grasp_object.shape, settings.law), settings.soft_step_s)
     controller = GraspController(_deviate_targets(approach, settings.seed), timeline, settings.torque_scale)
     run = _Run(scene, controller, nominal_pose, push)
     run.place_bodies(true_pose)
@@ -134,8 +134,10 @@ def _check_arguments(scene: Scene, approach: Approach, rate_hz: float) -> None:
     joints = len(scene.joint_names)
     if approach.torque.shape != (joints,):
         raise ValueError(f"approach {approach.name!r}: expected {joints} joints, found {approach.torque.shape}")
-    if approach.object != scene.item.name:
-        raise ValueError(f"approach {approach.name!r} is for {approach.object!r}, the scene holds {scene.item.name!r}")
+    if approach.object != scene.grasp_object.name:
+        raise ValueError(
+            f"approach {approach.name!r} is for {approach.object!r}, the scene holds {scene.grasp_object.name!r}"
+        )
     if not 0 < rate_hz <= 1 / STEP_S:
         raise ValueError(f"rate_hz: expected above 0 and at most {1 / STEP_S:g}, found {rate_hz}")
 
@@ -234,12 +236,12 @@ class _Run:
             contacts = read_contacts(scene, data)
             wrench = np.mean(self._recent_wrenches or [self._compute_wrenches(contacts)], axis=0)
             self._recent_wrenches = []
-        item = scene.model.body("object").id
+        object_body = scene.model.body("object").id
         return _Sample(
             data.qpos[scene.joint_addresses],
             _compose_poses(data.xmat[scene.link_bodies], data.xpos[scene.link_bodies]),
             self._compute_sensor_poses(),
-            _compose_poses(data.xmat[item], data.xpos[item]),
+            _compose_poses(data.xmat[object_body], data.xpos[object_body]),
             wrench,
             contacts,
             taxel_force,

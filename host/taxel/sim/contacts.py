@@ -64,9 +64,9 @@ def read_contacts(scene: Scene, data: mujoco.MjData) -> StepContacts:
     """Active contact points between hand and object after the last step or forward computation of MuJoCo."""
     contact = data.contact
     geoms = np.asarray(contact.geom, dtype=np.int64).reshape(-1, 2)
-    item = scene.model.geom("object").id
-    active = np.flatnonzero((geoms == item).any(axis=1) & (contact.efc_address >= 0))
-    object_is_first = geoms[active, 0] == item  # MuJoCo's normal points from the first geom to the second
+    object_geom = scene.model.geom("object").id
+    active = np.flatnonzero((geoms == object_geom).any(axis=1) & (contact.efc_address >= 0))
+    object_is_first = geoms[active, 0] == object_geom  # MuJoCo's normal points from the first geom to the second
     sign = np.where(object_is_first, 1.0, -1.0)[:, None]
     frame = contact.frame[active].reshape(-1, 3, 3)
     return StepContacts(

@@ -42,7 +42,7 @@ class _Layer(ctypes.Structure):
         ("square_size_m", ctypes.c_double),
         ("thickness_m", ctypes.c_double),
         ("near_m", ctypes.c_double),
-        ("deepest_m", ctypes.c_double),
+        ("max_depth_m", ctypes.c_double),
         ("stiffness_n_per_m", ctypes.c_double),
         ("stiffening_m", ctypes.c_double),
         ("closing_m", ctypes.c_double),
@@ -57,7 +57,7 @@ class _Layer(ctypes.Structure):
         ("near_normals", ctypes.c_void_p),
         ("near_offsets", ctypes.c_void_p),
         ("near_faces", ctypes.c_void_p),
-        ("looked", ctypes.c_void_p),
+        ("search_pose", ctypes.c_void_p),
         ("slack_m", ctypes.c_void_p),
     ]
 
@@ -131,7 +131,7 @@ class NativeContact:
             square_size_m=table.square_size_m,
             thickness_m=hand.layer_m or 0.0,
             near_m=NEAR_M,
-            deepest_m=MAX_DEPTH_M,
+            max_depth_m=MAX_DEPTH_M,
             **vars(law),
             **solid,
             near=self._reference(np.empty(len(table.position), np.uint32)),
@@ -139,7 +139,7 @@ class NativeContact:
             near_normals=self._reference(np.empty((self._boards, faces, 3))),
             near_offsets=self._reference(np.empty((self._boards, faces))),
             near_faces=self._reference(np.zeros(self._boards, np.uintp)),
-            looked=self._reference(np.zeros((self._boards, 4, 4))),
+            search_pose=self._reference(np.zeros((self._boards, 4, 4))),
             slack_m=self._reference(search_is_due),
         )
         self._address = ctypes.addressof(self._layer)

@@ -57,7 +57,7 @@ class Scene:
     """A compiled scene, which all grasps of one object by one hand can use.
 
     Attributes:
-        hand, robot, item: descriptions from which the scene is built.
+        hand, robot, grasp_object: descriptions from which the scene is built.
         wrist: link whose pose is prescribed; links above the wrist are not simulated.
         links: simulated links, beginning with the wrist.
         joint_names: simulated joints in the robot's order: the last axis of angles and torques.
@@ -67,7 +67,7 @@ class Scene:
 
     hand: Hand
     robot: Robot
-    item: GraspObject
+    grasp_object: GraspObject
     wrist: str
     links: tuple[str, ...]
     joint_names: tuple[str, ...]
@@ -101,12 +101,14 @@ class Scene:
         return np.stack([board.pose for board in self.hand.boards if board.pose is not None])
 
 
-def build_scene(hand: Hand, item: GraspObject, wrist: str, friction: float = 0.0, self_contact: bool = False) -> Scene:
+def build_scene(
+    hand: Hand, grasp_object: GraspObject, wrist: str, friction: float = 0.0, self_contact: bool = False
+) -> Scene:
     """Compile a scene.
 
     Args:
         hand: hand whose description has positions and a robot.
-        item: object in the mount.
+        grasp_object: object in the mount.
         wrist: name of the link whose pose is prescribed, such as "palm".
         friction: sliding friction coefficient between hand and object; 0: no friction.
         self_contact: True if parts of the hand more than two joints apart collide with each other. By default these
@@ -126,23 +128,23 @@ def build_scene(hand: Hand, item: GraspObject, wrist: str, friction: float = 0.0
             raise HandGeometryError(hand.name)
         if board.link_name not in links:
             raise UnknownLinkError(f"{robot.name} below {wrist}", board.link_name, links)
-    model = mujoco.MjModel.from_xml_string(_write_scene(hand, robot, item, wrist, friction, self_contact))
+    model = mujoco.MjModel.from_xml_string(_write_scene(hand, robot, grasp_object, wrist, friction, self_contact))
     board_of_geom = np.full(model.ngeom, -1, dtype=np.int64)
     for index, board in enumerate(hand.boards):
         board_of_geom[model.geom(_make_board_name(board)).id] = index
     movable_joints = tuple(joint.name for joint in joints if joint.axis is not None)
-    return Scene(hand, robot, item, wrist, links, movable_joints, model, board_of_geom)
+    return Scene(hand, robot, grasp_object, wrist, links, movable_joints, model, board_of_geom)
 
 
 def _write_scene(
-    hand: Hand, robot: Robot, item: GraspObject, wrist: str, friction: float = 0.0, self_contact: bool = False
+    hand: Hand, robot: Robot, grasp_object: GraspObject, wrist: str, friction: float = 0.0, self_contact: bool = False
 ) -> str:
     """The scene as MJCF text; arguments as for `build_scene`."""
     dimensions = 3 if friction > 0 else 1
     collides_with = _OBJECT_BIT | _HAND_BIT if self_contact else _OBJECT_BIT
     contact = f'solref="{CONTACT_SOLREF}" solimp="{CONTACT_SOLIMP}" condim="{dimensions}" friction="{friction!r} 0 0"'
     # No gravity: the controller compensates the weight of the hand, and the mount carries the weight of the object.
-    return f"""<mujoco model={quoteattr(f"{hand.name} and {item.name}")}>
+    return f"""<mujoco model={quoteattr(f"{hand.name} and {grasp_object.name}")}>
 <compiler angle="radian" boundmass="1e-3" boundinertia="1e-7"/>
 <option timestep="{STEP_S}" gravity="0 0 0" integrator="implicitfast" cone="elliptic" solver="Newton"
   tolerance="{SOLVER_TOLERANCE}" iterations="{SOLVER_ITERATIONS}"><flag multiccd="enable"/></option>
@@ -154,12 +156,12 @@ def _write_scene(
   frictionloss="{JOINT_FRICTION_NM}"/></default>
 </default>
 <asset>
-{_write_board_meshes(hand)}{_write_object_mesh(item)}</asset>
+{_write_board_meshes(hand)}{_write_object_mesh(grasp_object)}</asset>
 <worldbody>
 <light pos="0 0 2"/>
 <geom name="table" type="box" size="{_write_row(TABLE_HALF_M)}" pos="0 0 {-TABLE_HALF_M[2]}"
   contype="0" conaffinity="0" rgba="0.8 0.75 0.7 1"/>
-{_write_object_body(item)}{_write_hand_body(hand, robot, wrist)}</worldbody>
+{_write_object_body(grasp_object)}{_write_hand_body(hand, robot, wrist)}</worldbody>
 <contact>
 {"".join(_write_excludes(wrist, list(_iterate_joints_below(robot, wrist))))}</contact>
 </mujoco>"""
@@ -220,15 +222,15 @@ def _compute_board_hull(hand: Hand, board: Board) -> FloatArray:
     return points[ConvexHull(points).vertices]
 
 
-def _write_object_mesh(item: GraspObject) -> str:
-    return "" if isinstance(item.shape, Cylinder) else _write_mesh("object", item.shape.mesh()[0])
+def _write_object_mesh(grasp_object: GraspObject) -> str:
+    return "" if isinstance(grasp_object.shape, Cylinder) else _write_mesh("object", grasp_object.shape.mesh()[0])
 
 
-def _write_object_body(item: GraspObject) -> str:
+def _write_object_body(grasp_object: GraspObject) -> str:
     """MJCF of the mount and of the object, which is attached to the mount by springs and dampers."""
-    middle = f"0 0 {item.shape.height / 2!r}"
-    if isinstance(item.shape, Cylinder):
-        geom = f'type="cylinder" size="{item.shape.radius!r} {item.shape.height / 2!r}" pos="{middle}"'
+    middle = f"0 0 {grasp_object.shape.height / 2!r}"
+    if isinstance(grasp_object.shape, Cylinder):
+        geom = f'type="cylinder" size="{grasp_object.shape.radius!r} {grasp_object.shape.height / 2!r}" pos="{middle}"'
     else:
         geom = 'type="mesh" mesh="object"'
     slides = "".join(

@@ -38,7 +38,7 @@ class SoftPush:
         model.opt.timestep = step_s
         self._damping = model.dof_damping.copy()
         model.dof_damping[:] = 0.0  # damping is implicit in `step`: MuJoCo's passive forces contain the springs alone
-        self._item = model.body("object").id
+        self._object_body = model.body("object").id
         self._boards, self._board_poses = scene.board_bodies, scene.board_poses
         hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
         self._hinge_dofs, self._hinge_angles = model.jnt_dofadr[hinges], model.jnt_qposadr[hinges]
@@ -46,7 +46,7 @@ class SoftPush:
         self._spring = np.where(np.isin(model.dof_jntid, hinges), 0.0, model.jnt_stiffness[model.dof_jntid])
         self._roots = model.body_rootid[model.dof_bodyid]
         moves_board = np.stack([_find_moving_dofs(model, int(body)) for body in self._boards])
-        self._dof_sign = moves_board - _find_moving_dofs(model, self._item)  # for motion relative to the object
+        self._dof_sign = moves_board - _find_moving_dofs(model, self._object_body)  # for motion relative to the object
         self._inertia = np.zeros((model.nv, model.nv))
 
     def step(self, data: mujoco.MjData) -> None:
@@ -99,7 +99,7 @@ class SoftPush:
     def _read_object_pose(self, data: mujoco.MjData) -> FloatArray:
         """Pose of the object in the world, f64[4, 4]."""
         pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = data.xmat[self._item].reshape(3, 3), data.xpos[self._item]
+        pose[:3, :3], pose[:3, 3] = data.xmat[self._object_body].reshape(3, 3), data.xpos[self._object_body]
         return pose
 
     def _compute_jacobian(self, data: mujoco.MjData, poses: FloatArray) -> FloatArray:

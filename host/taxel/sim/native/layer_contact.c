@@ -125,7 +125,7 @@ static void find_faces(struct sim_layer *layer, size_t board, const double *pose
 {
     const uint32_t *near = layer->near + layer->first[board];
     const size_t faces = layer->solid.faces;
-    const double max_depth = layer->deepest_m > layer->thickness_m ? layer->deepest_m : layer->thickness_m;
+    const double max_depth = layer->max_depth_m > layer->thickness_m ? layer->max_depth_m : layer->thickness_m;
     const double min_height = -(max_depth + layer->near_m);
     double *normals = layer->near_normals + 3 * faces * board, *offsets = layer->near_offsets + faces * board;
     double *max_height = offsets; /* of the pieces over each face; read before an offset replaces the height */
@@ -278,7 +278,7 @@ static int load_board(const struct sim_layer *layer, size_t board, const double 
         sim_entries(&solid, &lines, count, entry);
         for (size_t i = 0; i < count; i++) {
             const double depth = layer->thickness_m - entry[i];
-            if (depth > 0.0 && depth < layer->thickness_m + layer->deepest_m) {
+            if (depth > 0.0 && depth < layer->thickness_m + layer->max_depth_m) {
                 const uint32_t taxel = layer->taxel[piece[i]];
                 double force, rate;
                 apply_law(&layer->law, depth, &force, &rate);

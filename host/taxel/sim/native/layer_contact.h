@@ -30,8 +30,8 @@ struct sim_layer {
     const double *board_size; /* [boards], largest distance of a piece from the bracket's origin, metres */
     double square_size_m;     /* largest distance of a piece from the middle piece of its square, metres */
     double thickness_m;
-    double near_m;    /* search distance: farther pieces are ignored until the board has moved by this distance */
-    double deepest_m; /* largest depth below the electrode that counts as contact */
+    double near_m;      /* search distance: farther pieces are ignored until the board has moved by this distance */
+    double max_depth_m; /* largest depth below the electrode that counts as contact */
     struct sim_law law;
     struct sim_solid solid;
     /* State between the calls. */
