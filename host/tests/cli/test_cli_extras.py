@@ -1,5 +1,6 @@
 """Commands in an installation without optional packages."""
 
+import json
 import re
 import subprocess
 import sys
@@ -39,12 +40,34 @@ RUN_NEEDS_EXTRA = {
 }
 
 
-def run_taxel(folder: Path, *words: str, installed: Collection[str] = ()) -> subprocess.CompletedProcess[str]:
-    """Run `taxel` with no optional packages but `installed`: the import of a module that is None fails."""
+PROGRAM = """
+import contextlib, io, json, sys
+sys.modules.update(dict.fromkeys(json.loads(sys.argv[1])))  # the import of a module that is None fails
+from taxel.cli.main import main
+outcomes = []
+for words in json.loads(sys.argv[2]):
+    sys.argv = ["taxel", *words]
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as error:
+        try:
+            main()
+        except SystemExit as request:
+            outcomes.append([request.code or 0, error.getvalue()])
+print(json.dumps(outcomes))
+"""
+
+
+def run_commands(
+    folder: Path, commands: Collection[tuple[str, ...]], installed: Collection[str] = ()
+) -> list[tuple[int, str]]:
+    """Run commands in one process as if no optional packages but `installed` were installed.
+
+    Returns exit status and standard error of each command.
+    """
     missing = sorted(set(EXTRA_OF_PACKAGE) - set(installed))
-    program = f"import sys; sys.modules.update(dict.fromkeys({missing})); from taxel.cli.main import main; main()"
-    command = [sys.executable, "-c", program, *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
+    program = [sys.executable, "-c", PROGRAM, json.dumps(missing), json.dumps([*commands])]
+    finished = subprocess.run(program, cwd=folder, capture_output=True, text=True, timeout=300)
+    assert finished.returncode == 0, finished.stderr
+    return [(status, error) for status, error in json.loads(finished.stdout)]
 
 
 def list_packages(extra: str) -> set[str]:
@@ -60,35 +83,34 @@ def list_packages(extra: str) -> set[str]:
     return packages
 
 
-@pytest.mark.parametrize("command", [name for name in COMMANDS if name not in HELP_NEEDS_EXTRA])
-def test_help_of_a_core_command_needs_no_optional_package(tmp_path, command):
-    finished = run_taxel(tmp_path, command, "--help")
-    assert finished.returncode == 0, finished.stderr
-    assert finished.stderr == ""
+def test_help_of_a_core_command_needs_no_optional_package(tmp_path):
+    commands = [name for name in COMMANDS if name not in HELP_NEEDS_EXTRA]
+    outcomes = run_commands(tmp_path, [(name, "--help") for name in commands])
+    assert dict(zip(commands, outcomes, strict=True)) == dict.fromkeys(commands, (0, ""))
 
 
-@pytest.mark.parametrize(
-    ("words", "extra"),
-    [*(((name, "--help"), extra) for name, extra in HELP_NEEDS_EXTRA.items()), *RUN_NEEDS_EXTRA.items()],
-    ids=lambda value: value[0] if isinstance(value, tuple) else value,
-)
-def test_a_command_without_its_packages_names_the_extra_in_one_line(tmp_path, words, extra):
-    finished = run_taxel(tmp_path, *words)
-    assert finished.returncode != 0
-    assert len(finished.stderr.splitlines()) == 1
-    assert finished.stderr.rstrip().endswith(f"pip install 'taxel[{extra}]'")
+def test_a_command_without_its_packages_names_the_extra_in_one_line(tmp_path):
+    commands = {(name, "--help"): extra for name, extra in HELP_NEEDS_EXTRA.items()} | RUN_NEEDS_EXTRA
+    outcomes = run_commands(tmp_path, commands)
+    for (words, extra), (status, error) in zip(commands.items(), outcomes, strict=True):
+        assert status != 0, words
+        assert len(error.splitlines()) == 1, words
+        assert error.rstrip().endswith(f"pip install 'taxel[{extra}]'"), words
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("command", HELP_NEEDS_EXTRA)
-def test_the_extra_that_a_message_names_is_sufficient_for_the_command(tmp_path, command):
-    finished = run_taxel(tmp_path, command, "--help", installed=list_packages(HELP_NEEDS_EXTRA[command]))
-    assert finished.returncode == 0, finished.stderr
+@pytest.mark.parametrize("extra", sorted(set(HELP_NEEDS_EXTRA.values())))
+def test_the_extra_that_a_message_names_is_sufficient_for_the_command(tmp_path, extra):
+    commands = [name for name, named_extra in HELP_NEEDS_EXTRA.items() if named_extra == extra]
+    outcomes = run_commands(tmp_path, [(name, "--help") for name in commands], installed=list_packages(extra))
+    assert dict(zip(commands, outcomes, strict=True)) == dict.fromkeys(commands, (0, ""))
 
 
 def test_the_blind_check_names_the_extra_with_emulator_and_simulator(tmp_path):
-    finished = run_taxel(tmp_path, "gap", "blind", "--worlds", "1", "--out", "blind", installed=list_packages("gap"))
-    assert finished.stderr.endswith("pip install 'taxel[all]'\n")
+    command = ("gap", "blind", "--worlds", "1", "--out", "blind")
+    ((status, error),) = run_commands(tmp_path, [command], installed=list_packages("gap"))
+    assert status == 1
+    assert error.endswith("pip install 'taxel[all]'\n")
 
 
 def test_every_extra_that_a_message_names_exists():
