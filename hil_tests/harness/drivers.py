@@ -94,9 +94,9 @@ def open_driver(driver: RegisteredDriver, context: Any, options: Mapping[str, An
     """An instance of the driver. Raises `TaxelError` as one line if its device cannot be opened."""
     try:
         return driver.driver_class(context, **options)
-    except (TaxelError, OSError) as error:
-        if isinstance(error, TaxelError):
-            raise
+    except TaxelError:
+        raise
+    except OSError as error:
         raise RigError(f"[{driver.device}] driver '{driver.name}' cannot be opened ({error})") from None
 
 

@@ -30,9 +30,10 @@ sys.meta_path[:] = [finder for finder in sys.meta_path if not type(finder).__mod
 """sitecustomize.py of the copy: the import hook of an editable install takes precedence over PYTHONPATH and would test
 the original."""
 
-PROBE = """import importlib.resources, hil_tests, taxel, taxel_protocol
+PROBE = """import importlib.resources, hil_tests, taxel, taxel_protocol, taxel_tools
 native = importlib.resources.files("taxel") / "native"
-print(hil_tests.__path__[0], taxel.__file__, taxel_protocol.__file__, native / "libtaxel_codec.so", sep="\\n")
+packages = (taxel, taxel_protocol, taxel_tools)
+print(hil_tests.__path__[0], *(each.__file__ for each in packages), native / "libtaxel_codec.so", sep="\\n")
 """
 
 
@@ -74,7 +75,7 @@ class SandboxedCopy:
     def __init__(self, folder: Path, files: Sequence[str]) -> None:
         self.folder = folder
         self.copy = folder / "copy"
-        paths = (folder / "site", self.copy / "host", self.copy / "protocol")
+        paths = (folder / "site", self.copy / "host", self.copy / "protocol", self.copy / "tools")
         # A .pyc file is matched to its source by seconds and size, which two bugs may share, so none is written.
         python_environment = {"PYTHONPATH": os.pathsep.join(map(str, paths)), "PYTHONDONTWRITEBYTECODE": "1"}
         # A TAXEL_ variable could point to a library of the original.
