@@ -43,13 +43,13 @@ $(STAMP): $(BIN)/python $(SOURCES)
 	@$(PIP) $(CONSTRAINTS) --no-build-isolation -e '.[test]'
 	@touch $@
 
-demo: $(STAMP)  ## the main job: a hidden effect in the emulated hand, a small campaign, the diagnosis, the seal opened
+demo: $(STAMP)  ## the main job: a campaign on a hand with a hidden effect, its diagnosis, and the comparison with the hidden effect
 	@$(BIN)/taxel demo --out out/demo
 
-blind: $(STAMP)  ## the full blind check: hours; it goes on where it was cut (WORLDS=24 for a short one)
+blind: $(STAMP)  ## the full blind check: hours; an interrupted check continues (WORLDS=24 for a short one)
 	@$(BIN)/taxel gap blind --worlds $(WORLDS) --full-hand-worlds $(FULL_HAND) --out out/blind --page docs/blind-check.md
 
-test: $(STAMP)  ## everything that must pass: style, types, layers, C and Python tests
+test: $(STAMP)  ## everything that must pass before a merge: style, types, layers, terms, C and Python tests
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint test-c fuzz-short
 	@$(MAKE) --no-print-directory test-python test-executed
 
@@ -90,13 +90,13 @@ fuzz-short: $(STAMP)
 hil: $(STAMP)  ## hardware in the loop on RIG (virtual, cortex-m0, or the file of a bench)
 	@$(BIN)/python -m pytest -q hil_tests --rig $(RIG)
 
-soak: $(STAMP)  ## HOURS of virtual time with random faults (24): every missing frame must be explained
+soak: $(STAMP)  ## HOURS (24) of virtual time with random faults: each missing frame must have a cause in the fault log
 	@$(BIN)/python -m hil_tests.soak --hours $(HOURS) --out out/soak.json
 
-fuzz-states: $(STAMP)  ## RUNS of commands, faults and time in any order (20000), 50 steps each
+fuzz-states: $(STAMP)  ## RUNS (20000) of 50 commands, faults and time steps in random order
 	@$(BIN)/python -m hil_tests.states --runs $(RUNS) --jobs $(JOBS)
 
-mutants: $(STAMP)  ## plant bugs one at a time in a copy: every one must be found by the suite
+mutants: $(STAMP)  ## plant the bugs of tools/mutants/bugs.toml one at a time in a copy: the suite must detect each of them
 	@$(BIN)/python tools/mutants/plant.py --jobs $(JOBS)
 
 lint: $(STAMP)  ## ruff, clang-format, mypy, import-linter, stale generated files, terms of the glossary
@@ -127,7 +127,7 @@ check-wheel: $(STAMP)  ## install the wheel of this machine without repository a
 bench: $(STAMP)  ## speed, as ratios measured in one run
 	@$(BIN)/python tools/bench/run.py
 
-bench-page: $(STAMP)  ## the same, written to docs/benchmarks.md with the commit
+bench-page: $(STAMP)  ## the benchmarks, written to docs/benchmarks.md with the commit
 	@$(BIN)/python tools/bench/run.py --page docs/benchmarks.md
 
 firmware: $(STAMP)  ## firmware and emulator without sanitizers, and the images for the PSoC 4200 in build/psoc4200/images
@@ -155,7 +155,7 @@ generate: $(STAMP)  ## write the C header, the vectors and the terms of the gap 
 docs: $(STAMP)  ## the pages, commands and Python API as a site: build/docs/site/index.html (a broken link fails)
 	@$(BIN)/python tools/docs/build_site.py
 
-docs-test: $(STAMP)  ## run every block of every page and every example of --help, the long ones too (half an hour)
+docs-test: $(STAMP)  ## run every code block of every page and every example of --help, also the long ones (half an hour)
 	@TAXEL_DOCS=all $(BIN)/python -m pytest -q host/tests/docs
 
 format: $(STAMP)  ## format the Python and C sources
