@@ -5,8 +5,6 @@ with the distal end on top, as in the hand descriptions. The boards of the defau
 with its palm side and its back; the boards of other hands are arranged in rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

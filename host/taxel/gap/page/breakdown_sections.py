@@ -1,7 +1,5 @@
 """Gaps in detail: without each effect, by object and by board, and after each processing step of the thesis."""
 
-from __future__ import annotations
-
 from taxel.gap.page.bars import Axis, build_before_after_bar, build_share_bar
 from taxel.gap.page.cells import Heading, SectionData, TableData, make_table
 from taxel.gap.page.locations import format_board

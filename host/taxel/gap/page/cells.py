@@ -1,7 +1,5 @@
 """Sections and tables of the page as data; the templates turn them into HTML."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

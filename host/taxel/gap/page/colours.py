@@ -4,8 +4,6 @@ Both ramps have uniform steps of OKLab lightness (Ottosson 2020), so that they a
 readers and in a grey print. A taxel without excess is pale on a light page and dark on a dark page.
 """
 
-from __future__ import annotations
-
 import math
 
 LIGHT = (

@@ -1,7 +1,5 @@
 """The page of a gap report: one HTML file without scripts and without external resources, which can be printed."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Mapping
 from functools import cache

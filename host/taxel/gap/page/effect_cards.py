@@ -1,7 +1,5 @@
 """Details of an effect of the verdict: locations, parameters, predicted and measured shrink."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from taxel.gap.page.bars import Axis, build_prediction_bar

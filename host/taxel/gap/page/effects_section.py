@@ -1,7 +1,5 @@
 """The effects of the verdict in detail, and a table of all candidates."""
 
-from __future__ import annotations
-
 from taxel.gap.page.bars import Axis, build_shrink_bar
 from taxel.gap.page.cells import Cell, CellContent, Heading, SectionData, TableData, make_table
 from taxel.gap.page.effect_cards import build_effect_card, format_parameters

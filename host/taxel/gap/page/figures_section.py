@@ -1,7 +1,5 @@
 """The main figures: gap, floor and shrink."""
 
-from __future__ import annotations
-
 from taxel.gap.page.cells import Cell, Heading, SectionData, make_table
 from taxel.gap.page.text import (
     clean_text,

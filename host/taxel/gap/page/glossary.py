@@ -1,7 +1,5 @@
 """Texts of the page for the fixed names of the report."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 STATUSES: Mapping[str, str] = {

@@ -4,8 +4,6 @@ The drawing is a list of shapes in taxel pitches. The page and the SVG file (tem
 draw the same shapes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The unrolled hand before and after as a PNG file, for documents and terminals."""
 
-from __future__ import annotations
-
 import os
 import textwrap
 from collections.abc import Mapping

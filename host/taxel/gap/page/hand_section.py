@@ -1,7 +1,5 @@
 """The unrolled hand before and after, with the colour scale."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

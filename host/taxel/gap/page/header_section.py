@@ -1,7 +1,5 @@
 """The header of the page: the verdict, the inputs and the links to the sections."""
 
-from __future__ import annotations
-
 from pathlib import PureWindowsPath
 from typing import Any
 

@@ -1,6 +1,4 @@
-"""The input files, missing data and further notes."""
-
-from __future__ import annotations
+"""The input files, limitations of the data and further notes."""
 
 from taxel.gap.page.cells import SectionData
 from taxel.gap.page.text import SPACE, clean_text, format_count, format_number

@@ -1,7 +1,5 @@
 """Shares of the excess by board, line, taxel, phase, object and approach."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

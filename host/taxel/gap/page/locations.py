@@ -1,7 +1,5 @@
 """Locations of the report as text: boards, lines, taxels, phases."""
 
-from __future__ import annotations
-
 from taxel.gap.page.text import SPACE, make_readable
 from taxel.gap.report.checked_report import CheckedReport, address_of
 from taxel.gap.report.report_values import ReportValue

@@ -1,7 +1,5 @@
 """Open questions: confounded effects, the unexplained part, and recommended measurements."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from taxel.gap.page.bars import Axis, build_share_bar

@@ -1,7 +1,5 @@
 """Rendering of page templates by Jinja2; every value is escaped unless the template marks it as safe."""
 
-from __future__ import annotations
-
 from functools import cache
 from importlib import resources
 from typing import Any

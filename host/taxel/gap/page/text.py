@@ -1,7 +1,5 @@
 """Numbers, names and other texts of a page."""
 
-from __future__ import annotations
-
 import math
 
 from taxel.gap.report.report_values import Interval

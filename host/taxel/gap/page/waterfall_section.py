@@ -1,7 +1,5 @@
 """The gap after each added effect, down to the floor."""
 
-from __future__ import annotations
-
 from taxel.gap.page.bars import Axis, build_waterfall_bar
 from taxel.gap.page.cells import Cell, CellContent, Heading, SectionData, make_table
 from taxel.gap.page.text import MINUS, format_interval, format_number, format_percent, make_readable
