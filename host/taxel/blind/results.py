@@ -254,9 +254,9 @@ def is_location_found(world: World, effects: Sequence[dict[str, Any]], folder: P
     locations = loaded_locations(cause.locations, folder / "sim.h5")
     if not locations:
         return None
-    nowhere: dict[str, Any] = {"sensors": [], "lines": [], "taxels": []}
+    no_locations: dict[str, Any] = {"sensors": [], "lines": [], "taxels": []}
     reported = (entry["where"] for entry in effects if entry["name"] == "dropout" and entry["in_verdict"])
-    where = next(reported, nowhere)  # an effect that was tried but is not in the verdict does not count
+    where = next(reported, no_locations)  # an effect that was tried but is not in the verdict does not count
     lines = [tuple(line) for line in where["lines"]]
 
     def is_reported(location: FaultLocation) -> bool:

@@ -168,13 +168,13 @@ def _micro_f1(results: Sequence[WorldResult]) -> dict[str, Any]:
     A cause that is confounded with a named effect counts as named, as for single causes. Unobservable causes are
     ignored in truth and verdict.
     """
-    hits = named_count = true_count = 0
+    correct_count = named_count = true_count = 0
     for result in results:
         named = set(result.verdict.effects) - {UNKNOWN, *result.unobservable_causes}
         truth = set(result.world.hidden.names) - set(result.unobservable_causes)
-        hits += result.verdict.count_named(truth)
+        correct_count += result.verdict.count_named(truth)
         named_count, true_count = named_count + len(named), true_count + len(truth)
-    precision, recall = hits / max(named_count, 1), hits / max(true_count, 1)
+    precision, recall = correct_count / max(named_count, 1), correct_count / max(true_count, 1)
     f1 = 2 * precision * recall / max(precision + recall, 1e-12)
     return {"f1": f1, "precision": precision, "recall": recall, "worlds": len(results)}
 

@@ -93,11 +93,11 @@ def _main_table(part: Mapping[str, Any]) -> list[str]:
         figure = part[key]
         is_met = figure["share"] is not None and (figure["share"] >= limit if is_lower else figure["share"] <= limit)
         lines.append(_row(title, limit_text, _percent(figure["share"], 1), figure["of"], is_met, _interval(figure)))
-    several, each = part["several_f1"], part["parameters"]["each"].values()
+    several, parameters = part["several_f1"], part["parameters"]["each"].values()
     f1 = several["f1"]
     measured = f"{f1:.2f}" if several["worlds"] else ""
     lines.append(_row("two or three causes, micro-F1", "at least 0.85", measured, several["worlds"], f1 >= 0.85))
-    error, of = part["parameters"]["asked"], sum(row["of"] for row in each if row["asked"])
+    error, of = part["parameters"]["asked"], sum(row["of"] for row in parameters if row["asked"])
     if error is not None:
         title = "parameters in counts, s, mm, deg, log_std: median relative error"
         lines.append(_row(title, "at most 10 %", _percent(error, 1), of, error <= 0.1))

@@ -11,17 +11,17 @@ from taxel.recording.grasp_format import BASELINE_FRAMES, Phase
 UNUSED_BOARDS = ("fingertip_middle", "fingertip_pinkie")
 """Names of the boards whose connections failed in the thesis (5.2)."""
 
-BACK = "back"
+BACK_KIND = "back"
 """Part of the kind of every board on the back of the hand; the thesis does not use these boards (5.2)."""
 
 
 def select_used_taxels(data: GraspDataset) -> npt.NDArray[np.bool_]:
     """Taxels that the experiments of the thesis used, bool[n]."""
-    used = [
-        BACK not in kind and name not in UNUSED_BOARDS
+    is_board_used = [
+        BACK_KIND not in kind and name not in UNUSED_BOARDS
         for name, kind in zip(data.sensors.name, data.sensors.kind, strict=True)
     ]
-    return np.asarray(np.array(used)[data.sensors.index_of(data.taxels)])
+    return np.asarray(np.array(is_board_used)[data.sensors.index_of(data.taxels)])
 
 
 def count_baseline_frames(grasp: Grasp) -> int:

@@ -84,14 +84,17 @@ def _revolve(name: str, rings: FloatArray, height: float) -> TriangleMesh:
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     corners = [np.column_stack([radius * circle, np.full(CIRCLE_CORNERS, z)]) for radius, z in rings]
     vertices = np.concatenate([*corners, [[0.0, 0.0, 0.0], [0.0, 0.0, height]]])
-    here, ahead = np.arange(CIRCLE_CORNERS), (np.arange(CIRCLE_CORNERS) + 1) % CIRCLE_CORNERS
+    corner, next_corner = np.arange(CIRCLE_CORNERS), (np.arange(CIRCLE_CORNERS) + 1) % CIRCLE_CORNERS
     bottom, top = len(vertices) - 2, len(vertices) - 1
     last = CIRCLE_CORNERS * (len(rings) - 1)
     faces = [
-        (np.full(CIRCLE_CORNERS, bottom), ahead, here),
-        (here + last, ahead + last, np.full(CIRCLE_CORNERS, top)),
+        (np.full(CIRCLE_CORNERS, bottom), next_corner, corner),
+        (corner + last, next_corner + last, np.full(CIRCLE_CORNERS, top)),
     ]
     for low in range(0, last, CIRCLE_CORNERS):
         high = low + CIRCLE_CORNERS
-        faces += [(here + low, ahead + low, ahead + high), (here + low, ahead + high, here + high)]
+        faces += [
+            (corner + low, next_corner + low, next_corner + high),
+            (corner + low, next_corner + high, corner + high),
+        ]
     return TriangleMesh(name, vertices, np.concatenate([np.stack(face, axis=1) for face in faces]))

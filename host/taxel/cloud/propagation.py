@@ -33,8 +33,8 @@ class Propagation:
         """Sparse matrix f64[n, n] of ones for the pairs of taxels that activate each other, without the diagonal."""
         pairs = [np.empty((0, 2), np.int64)]
         for board in np.unique(taxels.sensor):
-            own = np.flatnonzero(taxels.sensor == board)
-            pairs.append(own[cKDTree(taxels.position[own]).query_pairs(self.reach_m, output_type="ndarray")])
+            of_board = np.flatnonzero(taxels.sensor == board)
+            pairs.append(of_board[cKDTree(taxels.position[of_board]).query_pairs(self.reach_m, output_type="ndarray")])
         one_way = np.concatenate(pairs)
         rows, columns = np.concatenate([one_way, one_way[:, ::-1]]).T
         return csr_array((np.ones(len(rows)), (rows, columns)), shape=(taxels.n, taxels.n))

@@ -24,7 +24,7 @@ Progress = Callable[[int, int], None]
 FORCE_THRESHOLDS: Final = (150.0, 160.0, 170.0, 180.0, 190.0, 200.0, 210.0, 230.0, 260.0, 290.0, 320.0)
 """Counts, from Tables I-1 to I-3."""
 
-FEW: Final = 20
+FIXED_NEIGHBOURS: Final = 20
 """The value of N in Tables I-4 to I-6 that is a number of points."""
 
 ALL_BUT_ONE, HALF, QUARTER = "all but one", "half", "quarter"
@@ -37,19 +37,19 @@ Rule = tuple[int | str, float]
 
 SOR_RULES: Final[dict[str, tuple[Rule, ...]]] = {
     "rectang": (
-        *((FEW, sigma) for sigma in (1.0, 2.0, 3.0, 4.0)),
+        *((FIXED_NEIGHBOURS, sigma) for sigma in (1.0, 2.0, 3.0, 4.0)),
         *((ALL_BUT_ONE, sigma) for sigma in (1.0, 2.0)),
         *((QUARTER, sigma) for sigma in (1.0, 2.0, 3.0, 4.0)),
         *((HALF, sigma) for sigma in (1.0, 2.0, 3.0)),
     ),
     "cylind": (
-        *((FEW, sigma) for sigma in (1.0, 2.0, 3.0, 4.0)),
+        *((FIXED_NEIGHBOURS, sigma) for sigma in (1.0, 2.0, 3.0, 4.0)),
         *((ALL_BUT_ONE, sigma) for sigma in (1.0, 2.0)),
         *((QUARTER, sigma) for sigma in (1.0, 2.0, 3.0)),
         *((HALF, sigma) for sigma in (1.0, 2.0)),
     ),
     "triang": (
-        *((FEW, sigma) for sigma in (1.0, 2.0, 3.0, 4.0)),
+        *((FIXED_NEIGHBOURS, sigma) for sigma in (1.0, 2.0, 3.0, 4.0)),
         *((ALL_BUT_ONE, sigma) for sigma in (1.0, 2.0)),
         *((QUARTER, sigma) for sigma in (1.0, 2.0, 3.0)),
         *((HALF, sigma) for sigma in (1.0, 2.0, 3.0)),

@@ -83,20 +83,20 @@ def parse_calibration(data: bytes, file: str) -> dict[str, Any]:
     return document
 
 
-def check_name(name: Any, owners: dict[str, str], place: CalibrationField) -> None:
+def check_name(name: Any, owners: dict[str, str], field: CalibrationField) -> None:
     """Check that a name has only letters, digits, '_', '.' and '-' and is unique; `owners` collects the names."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
-        place.fail("a name of letters, digits, '_', '.' and '-' (64 at most)", format_value(name), "rename it")
+        field.fail("a name of letters, digits, '_', '.' and '-' (64 at most)", format_value(name), "rename it")
     if name in owners:
-        place.fail("a unique name", f"{name!r}, also in {owners[name]}", "rename or remove one of them")
-    owners[name] = place.path
+        field.fail("a unique name", f"{name!r}, also in {owners[name]}", "rename or remove one of them")
+    owners[name] = field.path
 
 
-def check_coordinate(value: Any, place: CalibrationField) -> None:
+def check_coordinate(value: Any, field: CalibrationField) -> None:
     """Check that a value is a number of metres within `MAX_COORDINATE_M`."""
-    _check_type(value, _NUMBER, place)
+    _check_type(value, _NUMBER, field)
     if not abs(value) <= MAX_COORDINATE_M:  # also true for nan
-        place.fail(
+        field.fail(
             f"metres, at most {MAX_COORDINATE_M:g}",
             format_value(value),
             "write the coordinate in metres, for example 0.125",
@@ -119,87 +119,87 @@ def _check_header(document: dict[str, Any], top: CalibrationField) -> None:
             )
 
 
-def _check_table(table: Any, keys: Mapping[str, _Types], place: CalibrationField, required: Iterable[str]) -> None:
+def _check_table(table: Any, keys: Mapping[str, _Types], field: CalibrationField, required: Iterable[str]) -> None:
     """Raise CalibrationError for unknown keys, missing keys and values of another type."""
-    _check_type(table, _TABLE, place)
+    _check_type(table, _TABLE, field)
     for key, value in table.items():
         if key not in keys:
             near = difflib.get_close_matches(key[:64], keys, n=1)  # truncated because the comparison is quadratic
             remedy = f"did you mean {near[0]}?" if near else f"known keys: {', '.join(keys)}"
-            place.key(key).fail("a known key", "an unknown key", remedy)
-        _check_type(value, keys[key], place.key(key))
+            field.key(key).fail("a known key", "an unknown key", remedy)
+        _check_type(value, keys[key], field.key(key))
     for key in required:
         if key not in table:
-            place.key(key).fail(keys[key][0], "nothing", f"add {key}")
+            field.key(key).fail(keys[key][0], "nothing", f"add {key}")
 
 
-def _check_type(value: Any, types: _Types, place: CalibrationField) -> None:
+def _check_type(value: Any, types: _Types, field: CalibrationField) -> None:
     if isinstance(value, bool) or not isinstance(value, types[1]):
-        place.fail(types[0], format_value(value), "change its type")
+        field.fail(types[0], format_value(value), "change its type")
 
 
-def _check_entry(entry: Any, key: str, names: dict[str, str], place: CalibrationField) -> None:
+def _check_entry(entry: Any, key: str, names: dict[str, str], field: CalibrationField) -> None:
     """Check an object or a bracket. key: the key of its name. names: locations of the names found before."""
-    _check_table(entry, {key: _TEXT, **_ENTRY}, place, required=(key,))
-    check_name(entry[key], names, place.key(key))
+    _check_table(entry, {key: _TEXT, **_ENTRY}, field, required=(key,))
+    check_name(entry[key], names, field.key(key))
     if ("pose" in entry) == ("points" in entry):
-        place.fail("either pose or points", "both" if "pose" in entry else "neither", "keep one of them")
+        field.fail("either pose or points", "both" if "pose" in entry else "neither", "keep one of them")
     for key in ("weights", "sigma_m"):
         if key in entry and "points" not in entry:
-            place.key(key).fail("an entry with points", "an entry with a pose", f"remove {key}, or add the points")
+            field.key(key).fail("an entry with points", "an entry with a pose", f"remove {key}, or add the points")
     if "instrument" in entry:
-        _check_text(entry["instrument"], place.key("instrument"))
+        _check_text(entry["instrument"], field.key("instrument"))
     if "pose" in entry:
-        _check_pose(entry["pose"], place.key("pose"))
+        _check_pose(entry["pose"], field.key("pose"))
     else:
-        _check_rows(entry["points"], place.key("points"))
-        _check_weights(entry, place.key("weights"))
+        _check_rows(entry["points"], field.key("points"))
+        _check_weights(entry, field.key("weights"))
     if not 0 < entry.get("sigma_m", MAX_SIGMA_M) <= MAX_SIGMA_M:
         remedy = "write the standard deviation in metres, for example 25e-6"
-        place.key("sigma_m").fail(f"metres, above 0, at most {MAX_SIGMA_M:g}", format_value(entry["sigma_m"]), remedy)
+        field.key("sigma_m").fail(f"metres, above 0, at most {MAX_SIGMA_M:g}", format_value(entry["sigma_m"]), remedy)
 
 
-def _check_text(text: str, place: CalibrationField) -> None:
+def _check_text(text: str, field: CalibrationField) -> None:
     if not text.isprintable() or len(text) > MAX_TEXT:
-        place.fail(f"one printable line of at most {MAX_TEXT} characters", format_value(text), "shorten it")
+        field.fail(f"one printable line of at most {MAX_TEXT} characters", format_value(text), "shorten it")
 
 
-def _check_pose(pose: Any, place: CalibrationField) -> None:
+def _check_pose(pose: Any, field: CalibrationField) -> None:
     """Check position and quaternion of a pose."""
-    _check_table(pose, _POSE, place, required=_POSE)
+    _check_table(pose, _POSE, field, required=_POSE)
     for key, size in (("position_m", 3), ("quaternion_wxyz", 4)):
         if len(pose[key]) != size:
-            place.key(key).fail(f"{size} numbers", str(len(pose[key])), "correct the list")
+            field.key(key).fail(f"{size} numbers", str(len(pose[key])), "correct the list")
         for index, value in enumerate(pose[key]):
-            check_coordinate(value, place.key(key).item(index))
+            check_coordinate(value, field.key(key).item(index))
     length = math.hypot(*pose["quaternion_wxyz"])
     if abs(length - 1) > UNIT_TOLERANCE:
-        place.key("quaternion_wxyz").fail("a quaternion of length 1", f"{length:.6g}", "normalise the quaternion")
+        field.key("quaternion_wxyz").fail("a quaternion of length 1", f"{length:.6g}", "normalise the quaternion")
 
 
-def _check_rows(rows: list[Any], place: CalibrationField) -> None:
+def _check_rows(rows: list[Any], field: CalibrationField) -> None:
     """Check the points of an entry: name, body coordinates and measured coordinates in each row."""
     names: dict[str, str] = {}
     for index, row in enumerate(rows):
-        here = place.item(index)
-        _check_type(row, _LIST, here)
+        row_field = field.item(index)
+        _check_type(row, _LIST, row_field)
         if len(row) != len(ROW):
-            here.fail(
+            row_field.fail(
                 f"[{', '.join(ROW)}]",
                 f"{len(row)} values",
                 "write the coordinates in the body frame, then the measured coordinates",
             )
-        check_name(row[0], names, here)
+        check_name(row[0], names, row_field)
         for column, value in enumerate(row[1:], start=1):
-            check_coordinate(value, here.item(column))
+            check_coordinate(value, row_field.item(column))
 
 
-def _check_weights(entry: Mapping[str, Any], place: CalibrationField) -> None:
+def _check_weights(entry: Mapping[str, Any], field: CalibrationField) -> None:
     """Check that each point has a weight above 0."""
     weights = entry.get("weights", [1] * len(entry["points"]))
     if len(weights) != len(entry["points"]):
-        place.fail(f"{len(entry['points'])} weights, one per point", str(len(weights)), "correct the list")
+        field.fail(f"{len(entry['points'])} weights, one per point", str(len(weights)), "correct the list")
     for index, weight in enumerate(weights):
-        _check_type(weight, _NUMBER, place.item(index))
+        _check_type(weight, _NUMBER, field.item(index))
         if not 0 < weight < math.inf:
-            place.item(index).fail("a finite number above 0", format_value(weight), "remove the point to ignore it")
+            field.item(index).fail("a finite number above 0", format_value(weight), "remove the point to ignore it")

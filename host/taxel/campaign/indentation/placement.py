@@ -168,8 +168,9 @@ class PlacementSampler:
         candidates = surface.taxels_of(boards[1])
         outward = surface.normal[first] + surface.normal[candidates].mean(axis=0)
         outward /= np.linalg.norm(outward)
-        apart = surface.surface[candidates].mean(axis=0) - surface.surface[surface.taxels_of(boards[0])].mean(axis=0)
-        line = np.cross(outward, apart)
+        of_first_board = surface.surface[surface.taxels_of(boards[0])]
+        separation = surface.surface[candidates].mean(axis=0) - of_first_board.mean(axis=0)
+        line = np.cross(outward, separation)
         line /= np.linalg.norm(line)
         away = surface.surface[candidates] - surface.surface[first]
         second = candidates[np.argmin(np.abs(away @ line) + np.abs(away @ outward))]

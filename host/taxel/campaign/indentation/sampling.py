@@ -11,7 +11,7 @@ from taxel.campaign.indentation.indenters import Indenter, sample_indenters
 from taxel.campaign.indentation.placement import PlacementSampler, SkinSurface
 from taxel.campaign.indentation.plan import IndentationApproach, IndentationPlan, IndenterMount, order_indentations
 from taxel.campaign.indentation.settings import indentation_timeline
-from taxel.cloud.contacts import BACK
+from taxel.cloud.contacts import BACK_KIND
 from taxel.grasp.timeline import Timeline
 from taxel.hand import Hand
 from taxel.hand.kinematics import build_kinematics
@@ -105,7 +105,7 @@ class _ApproachSampler:
     ) -> None:
         self._placement, self._indenters, self._force, self._rng = placement, indenters, force_n, rng
         self._hand = placement.surface.hand
-        boards = [index for index, board in enumerate(self._hand.boards) if BACK not in board.kind.name]
+        boards = [index for index, board in enumerate(self._hand.boards) if BACK_KIND not in board.kind.name]
         self._approaches_of = dict.fromkeys(boards, 0)
         self._pairs = placement.surface.neighbours(boards)
         self._approaches: list[IndentationApproach] = []

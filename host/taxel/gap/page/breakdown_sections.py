@@ -83,5 +83,6 @@ def build_thesis_section(report: CheckedReport) -> SectionData | None:
     return SectionData("thesis", "Processing steps of the thesis", "table", {"table": table})
 
 
-def _increase(difference: float, beside: float) -> str:
-    return f"+{format_number(difference, beside)}" if difference > 0 else format_number(difference, beside)
+def _increase(difference: float, compared_with: float) -> str:
+    text = format_number(difference, compared_with)
+    return f"+{text}" if difference > 0 else text

@@ -30,14 +30,14 @@ def make_readable(name: str) -> str:
     return clean_text(name.replace("_", " "))
 
 
-def format_number(value: float | None, beside: float = 0.0) -> str:
+def format_number(value: float | None, compared_with: float = 0.0) -> str:
     """Three significant digits: 0.0153, 1.53, 15.3, 1,530.
 
-    beside: a number with which the value is compared; if it is larger, it determines the number of decimals.
+    compared_with: another number of the same table; if it is larger, it determines the number of decimals.
     """
     if value is None or math.isnan(value):
         return ABSENT
-    size = max(abs(value), abs(beside))
+    size = max(abs(value), abs(compared_with))
     if value == 0.0:
         return "0"
     if not 1e-4 <= size < 1e7:
@@ -58,16 +58,16 @@ def format_percent(value: float | None) -> str:
     return f"{text.replace('-', MINUS)}{SPACE}%"
 
 
-def format_with_unit(value: float | None, unit: str, beside: float = 0.0) -> str:
+def format_with_unit(value: float | None, unit: str, compared_with: float = 0.0) -> str:
     """A number as by `number`, and its unit."""
-    return ABSENT if value is None else f"{format_number(value, beside)}{SPACE}{clean_text(unit)}".rstrip(SPACE)
+    return ABSENT if value is None else f"{format_number(value, compared_with)}{SPACE}{clean_text(unit)}".rstrip(SPACE)
 
 
-def format_interval(bounds: Interval | None, beside: float = 0.0) -> str:
+def format_interval(bounds: Interval | None, compared_with: float = 0.0) -> str:
     """The bounds of an interval with the same number of decimals: "1.20 to 3.40"."""
     if bounds is None:
         return ABSENT
-    largest = max(abs(beside), *(abs(bound) for bound in bounds))
+    largest = max(abs(compared_with), *(abs(bound) for bound in bounds))
     return f"{format_number(bounds[0], largest)} to {format_number(bounds[1], largest)}"
 
 
