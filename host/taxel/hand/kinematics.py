@@ -40,6 +40,7 @@ class Kinematics:
             self._board_links = [self._get_link_index(hand, board.link_name) for board in hand.boards]
 
     def _get_link_index(self, hand: Hand, link_name: str | None) -> int:
+        """Index of a link. Raises HandGeometryError for a board without a link, UnknownLinkError."""
         if link_name is None:
             raise HandGeometryError(hand.name)
         return self.robot.get_link_index(link_name)

@@ -59,22 +59,24 @@ def _add_brackets(root: ET.Element, robot: Robot, hand: Hand) -> None:
     """Add a link and a fixed joint for the bracket of each board."""
     links, joints = set(robot.link_names), {joint.name for joint in robot.joints}
     for board in hand.boards:
-        carrier, origin = _get_mounting(hand, board)
-        robot.get_link_index(carrier)  # raises UnknownLinkError
+        parent_link, origin = _get_mounting(hand, board)
+        robot.get_link_index(parent_link)  # raises UnknownLinkError
         link, joint = _make_unique(board.name, links), _make_unique(board.name, joints)
         links.add(link)
         joints.add(joint)
         ET.SubElement(root, "link", name=link)
-        _add_joint(root, Joint(joint, carrier, link, origin))
+        _add_joint(root, Joint(joint, parent_link, link, origin))
 
 
 def _get_mounting(hand: Hand, board: Board) -> tuple[str, NDArray[np.float64]]:
+    """Link to which a board is attached, and the pose of its bracket on that link. Raises HandGeometryError."""
     if board.link_name is None or board.pose is None:
         raise HandGeometryError(hand.name)
     return board.link_name, board.pose
 
 
 def _make_unique(name: str, used_names: set[str]) -> str:
+    """The name, with suffixes "_bracket" until the name is not used."""
     while name in used_names:
         name += "_bracket"
     return name
@@ -144,6 +146,7 @@ def _add_inertial(element: ET.Element, body: _Body) -> None:
 
 
 def _build_body(shape: Shape) -> _Body:
+    """Mass, centre and inertia tensor of a shape of uniform density."""
     mass, inertia = _compute_box(*shape.size) if shape.type == "box" else _compute_capsule(*shape.size)
     rotation = shape.origin[:3, :3]
     return mass, shape.origin[:3, 3], rotation @ inertia @ rotation.T

@@ -95,6 +95,7 @@ def _parse_baud(url: str, text: str) -> float:
 
 
 def _parse_flag(url: str, name: str, text: str) -> bool:
+    """The value of option `name`, 0 or 1. Raises `LinkError` for other text."""
     if text not in {"0", "1"}:
         raise LinkError(url, f"option '{name}' must be 0 or 1, found '{text}'")
     return text == "1"

@@ -52,6 +52,7 @@ class PacedLink:
         return chunk
 
     def _compute_due_s(self, chunk: Chunk) -> float:
+        """Time of the monotonic clock at which a chunk is due, seconds. The first chunk is due at once."""
         if self._first_ns is None:
             self._first_ns, self._started_s = chunk.arrival_ns, time.monotonic()
         return self._started_s + (chunk.arrival_ns - self._first_ns) * 1e-9 / self._speed

@@ -210,6 +210,7 @@ class Grasp:
 
 
 def _check_positive(frames: int) -> int:
+    """The number of frames. Raises ValueError for a number below 1."""
     if frames < 1:
         raise ValueError(f"baseline frames: expected 1 or more, found {frames}")
     return frames

@@ -40,6 +40,7 @@ class Ros1Node:
         return not self._rospy.is_shutdown()
 
     def _load_classes(self, type_name: str) -> dict[str, Any]:
+        """Message classes of ROS 1 of a type and of all types of its fields, by type."""
         if type_name not in self._classes:
             self._classes[type_name] = self._generate(type_name, make_ros1_schema(type_name))
         return self._classes[type_name]

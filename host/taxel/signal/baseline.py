@@ -180,6 +180,7 @@ def _compute_mean_and_noise(stored: CountArray) -> tuple[FloatArray, FloatArray]
 
 
 def _check_sample_count(samples: int) -> int:
+    """Raise ValueError for a number of samples that gives no baseline."""
     if not 2 <= samples <= MAX_BASELINE_SAMPLES:
         raise ValueError(f"samples: expected 2 to {MAX_BASELINE_SAMPLES}, found {samples}")
     return int(samples)

@@ -173,6 +173,7 @@ class _Run:
         self.data.qpos[self.scene.joint_addresses] = self.controller.approach.open_angles
 
     def _set_body_pose(self, body: int, pose: FloatArray) -> None:
+        """Prescribe the pose f64[4, 4] of a body, world."""
         index = self.scene.model.body_mocapid[body]
         self.data.mocap_pos[index] = pose[:3, 3]
         self.data.mocap_quat[index] = to_quaternion(pose)

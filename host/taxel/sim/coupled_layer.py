@@ -167,7 +167,12 @@ class _Problem:
     def _balance(
         self, active: BoolArray, fixed_tilt: BoolArray, travel: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Equilibrium for given touching nodes: depths f64[G, c], forces f64[G, c] and motion f64[G, 3]."""
+        """Equilibrium for given touching nodes: depths f64[G, c], forces f64[G, c] and motion f64[G, 3].
+
+        active: bool[G, c], touching nodes. fixed_tilt: bool[G], boards whose tilts are not moved. travel: f64[G, 3],
+        motion up to now. Depths and forces are linear in the motion x: their first column below is the value for x = 0,
+        the other three columns are the derivatives.
+        """
         frames = np.arange(len(active))[:, None]
         node = np.argsort(~active, axis=1, kind="stable")[:, : active.sum(axis=1).max()]
         is_used = active[frames, node]

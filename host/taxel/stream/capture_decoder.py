@@ -53,8 +53,8 @@ class CaptureDecoder:
         with self._link as link:
             while size := link.read_into(self._block.data[fill:]):
                 fill += size
-                at = self._block.ctypes.data
-                self._gather(at, fill, position, self._arrivals.ctypes.data, self._block_values.ctypes.data)
+                block_address = self._block.ctypes.data
+                self._gather(block_address, fill, position, self._arrivals.ctypes.data, self._block_values.ctypes.data)
                 used, payload, records, required = self._block_values.tolist()
                 position += payload
                 if payload:

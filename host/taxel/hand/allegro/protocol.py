@@ -181,6 +181,7 @@ def _decode_payload(kind: MessageId, index: int, frame: can.Message) -> Message:
 
 
 def _check_four(values: Sequence[float]) -> Sequence[float]:
+    """Four finite numbers. Raises ValueError for others."""
     if len(values) != 4 or not all(math.isfinite(value) for value in values):
         raise ValueError(f"expected four finite values, one per joint, found {values}")
     return values
@@ -204,6 +205,7 @@ def _decode_angles(frame: can.Message) -> FingerValues:
 
 
 def _check_length(expected: int, frame: can.Message) -> None:
+    """Raise AllegroFrameError unless a frame has `expected` data bytes."""
     if len(frame.data) != expected:
         kind, _ = _MESSAGE_OF_ID[frame.arbitration_id >> 2]
         raise AllegroFrameError(frame.arbitration_id, f"{expected} bytes of {kind.name}", f"{len(frame.data)} bytes")

@@ -167,6 +167,7 @@ class VirtualWorld:
 
     @property
     def _open_handle(self) -> int:
+        """The library's handle. Raises `LinkError` after `close()`."""
         if self._handle is None:
             raise LinkError("virtual rig", "is closed")
         return self._handle
