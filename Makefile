@@ -27,7 +27,7 @@ CMAKE = $(BIN)/cmake -G Ninja -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja)
 export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := help
-.PHONY: help install check demo blind hil soak fuzz-states mutants test test-quick test-slow test-c test-threads test-python test-executed fuzz fuzz-short lint terms lock wheels check-wheel bench bench-page firmware size generate docs docs-test format clean
+.PHONY: help install check demo blind hil soak fuzz-states mutants test test-quick test-slow test-c test-threads test-python test-executed fuzz fuzz-short lint tidy terms lock wheels check-wheel bench bench-page firmware size generate docs docs-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## */\t/' | sort | awk -F'\t' '{printf "  make %-14s %s\n", $$1, $$2}'
@@ -123,6 +123,15 @@ wheels: $(STAMP)  ## sdist and manylinux_2_17 wheels for x86-64 and aarch64 in d
 check-wheel: $(STAMP)  ## install the wheel of this machine without repository and compiler, and run it: light core, then diagnosis
 	@$(BIN)/python tools/release/check_wheel.py dist/*_$(shell uname -m).whl
 	@$(BIN)/python tools/release/check_wheel.py dist/*_$(shell uname -m).whl --extra gap
+
+# The analyzer does not finish on the jump table of execute.c. Tests and board drivers are compiled with other options.
+TIDY_SOURCES = $(shell git ls-files 'firmware/*.c' | grep -v -e /tests/ -e /fuzz/ -e /boards/ -e cortex_m0/execute.c)
+
+tidy: $(STAMP)  ## clang-tidy (.clang-tidy) on the C code, if it is installed (pip install clang-tidy)
+	@tidy=$$(command -v $(BIN)/clang-tidy || command -v clang-tidy) || \
+		{ echo "the C code is not analysed: 'make tidy' needs '$(BIN)/pip install clang-tidy==23.1.4'"; exit 0; }; \
+	$(CMAKE) -S firmware -B $(BUILD)/tidy -DCMAKE_BUILD_TYPE=RelWithDebInfo -DCMAKE_EXPORT_COMPILE_COMMANDS=ON > /dev/null; \
+	printf '%s\n' $(TIDY_SOURCES) | xargs -n 4 -P $(JOBS) $$tidy -p $(BUILD)/tidy --quiet
 
 bench: $(STAMP)  ## speed, as ratios measured in one run
 	@$(BIN)/python tools/bench/run.py

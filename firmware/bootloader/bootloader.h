@@ -97,7 +97,7 @@ void taxel_boot_run(struct taxel_boot *boot);
 
 /* commands.c. Execute one packet as received; `response` has space for TAXEL_BOOT_PACKET_MAX bytes. Returns the size
  * of the response, 0 if there is none. */
-size_t taxel_boot_take_packet(struct taxel_boot *boot, const uint8_t *packet, size_t size, uint8_t *response);
+size_t taxel_boot_take_packet(struct taxel_boot *boot, const uint8_t *bytes, size_t size, uint8_t *response);
 
 /* config_rows.c. The board's configuration as packed bytes, or NULL if it has none. For applications too. */
 const uint8_t *taxel_boot_configuration(const struct taxel_boot_flash *flash);

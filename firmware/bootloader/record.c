@@ -24,6 +24,7 @@ void taxel_boot_put_u32(uint8_t *bytes, uint32_t value)
 
 const uint8_t *taxel_boot_row(const struct taxel_boot_flash *flash, uint16_t row)
 {
+    /* NOLINTNEXTLINE(clang-analyzer-core.NullPointerArithm): on a PSoC 4200 the flash begins at address 0 */
     return flash->hal->flash + (size_t)row * TAXEL_BOOT_ROW_SIZE;
 }
 

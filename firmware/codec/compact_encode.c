@@ -15,7 +15,11 @@ struct range_encoder {
 
 static void carry(struct range_encoder *encoder)
 {
-    for (size_t i = encoder->size; i-- && ++encoder->bytes[i] == 0;) {
+    for (size_t i = encoder->size; i > 0; i--) {
+        encoder->bytes[i - 1u]++;
+        if (encoder->bytes[i - 1u] != 0) {
+            break;
+        }
     }
 }
 

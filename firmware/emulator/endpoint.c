@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <poll.h>
 #include <pty.h>
 #include <stdlib.h>
@@ -79,7 +80,12 @@ int endpoint_open(struct endpoint *endpoint, const char *target, double baud)
     }
     if (strncmp(target, "fd:", 3) == 0) {
         endpoint->kind = ENDPOINT_FD;
-        endpoint->fd = atoi(target + 3);
+        char *end = NULL;
+        const long fd = strtol(target + 3, &end, 10);
+        if (end == target + 3 || *end || fd < 0 || fd > INT_MAX) {
+            return report_error(target, "expected fd:NUMBER with the number of an open file descriptor");
+        }
+        endpoint->fd = (int)fd;
         return set_nonblocking(endpoint->fd) ? report_error(target, strerror(errno)) : 0;
     }
     if (strncmp(target, "capture:", 8) == 0) {

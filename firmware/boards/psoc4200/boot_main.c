@@ -27,7 +27,8 @@ static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
     (void)context;
     (void)interrupts_mask();
 #if IMAGE_DEVICE != 2
-    while (!i2c_slave_try_off()) { /* if a master never ends its transfer, the watchdog resets the processor */
+    /* Wait for the end of the transfer in progress; without an end, the watchdog resets the processor. */
+    while (!i2c_slave_try_off()) {
         interrupts_unmask(0);
         (void)interrupts_mask();
     }
@@ -58,8 +59,8 @@ static bool on_stay_requested(void *context)
     return reset_stay_requested();
 }
 
-/* The wire is off, as after a reset. The watchdog and SysTick run, and one interrupt is enabled; the image's
- * start-up code handles this. */
+/* I2C or UART are switched off, as after a reset. The watchdog and SysTick keep running and one interrupt stays
+ * enabled; the start-up code of the image expects this state. */
 static void on_start(void *context, uint32_t vectors)
 {
     (void)context;
@@ -180,6 +181,6 @@ int main(void)
     for (;;) {
         watchdog_feed();
         wire_run();
-        wait_for_interrupt(); /* SysTick's at the latest, within 1 ms */
+        wait_for_interrupt(); /* ends with the SysTick interrupt at the latest, within 1 ms */
     }
 }

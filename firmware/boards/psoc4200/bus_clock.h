@@ -1,6 +1,6 @@
-/* Clock of the SCBs that are on the I2C bus. A slave needs one that fits the bus as a master does: 7.8 to 15.4 MHz at
- * 400 kbit/s, 15.8 MHz and more at 1 Mbit/s, 1.6 to 12.8 MHz at 100 kbit/s (Architecture TRM 001-85634, SCB, I2C
- * oversampling; confirm). */
+/* Clock of the SCBs that are on the I2C bus. The clock of a slave, too, must fit the bit rate of the bus: 7.8 to
+ * 15.4 MHz at 400 kbit/s, 15.8 MHz and more at 1 Mbit/s, 1.6 to 12.8 MHz at 100 kbit/s (Architecture TRM 001-85634,
+ * SCB, I2C oversampling; confirm). */
 #ifndef PSOC4200_BUS_CLOCK_H
 #define PSOC4200_BUS_CLOCK_H
 
@@ -17,11 +17,11 @@
 #define BUS_HIGH_PHASE 8u
 #elif BUS_SCL_HZ == 400000u
 #define BUS_CLOCK_HZ 12000000u
-#define BUS_LOW_PHASE 16u /* 1.33 us, of which a slave may ask 1.3 us (UM10204, table 10) */
+#define BUS_LOW_PHASE 16u /* 1.33 us; the minimum for a slave at 400 kbit/s is 1.3 us (UM10204, table 10) */
 #define BUS_HIGH_PHASE 14u
 #elif BUS_SCL_HZ == 1000000u
 #define BUS_CLOCK_HZ 24000000u
-#define BUS_LOW_PHASE 14u /* 0.58 us, of 0.5 us */
+#define BUS_LOW_PHASE 14u /* 0.58 us; the minimum at 1 Mbit/s is 0.5 us */
 #define BUS_HIGH_PHASE 10u
 #else
 #error "BUS_SCL_HZ is 100000u, 400000u or 1000000u"

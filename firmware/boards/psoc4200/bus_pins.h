@@ -1,5 +1,6 @@
-/* SCL and SDA. Their port has only one other pin, the integration capacitor's, which is set up later and never
- * driven: whole registers are written, which takes a third of the flash. */
+/* The pins of SCL and SDA. The only other pin of their port connects the integration capacitor; it is configured later
+ * and never driven. So these functions write whole port registers, which takes a third of the flash that changes of
+ * single pins would take. */
 #ifndef PSOC4200_BUS_PINS_H
 #define PSOC4200_BUS_PINS_H
 

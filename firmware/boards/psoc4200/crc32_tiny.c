@@ -1,5 +1,5 @@
-/* CRC-32 as in codec/crc32_small.c, two bits at a time: a quarter of the table, twice the time. For the bootloader,
- * which must fit 4 KiB; the CRC of a slot takes 20 ms. */
+/* CRC-32 as in codec/crc32_small.c, but two bits at a time: the table has a quarter of the size, and the
+ * computation takes twice as long (20 ms for a slot). For the bootloader, which must fit into 4 KiB. */
 #include "codec/crc32.h"
 
 /* Remainders of 0 to 3 of the reflected polynomial 0xEDB88320. */

@@ -22,7 +22,7 @@ __attribute__((noinline)) static void call(struct parameters *parameters, uint32
     parameters->keys = SROM_PARAMETERS(opcode, high);
     CPUSS->sysarg = (uint32_t)(uintptr_t)parameters;
     CPUSS->sysreq = CPUSS_SYSREQ_START | opcode;
-    __asm__ volatile("nop\n\tnop\n\tnop" ::: "memory"); /* the NMI is taken here, and the ROM reads the parameters */
+    __asm__ volatile("nop\n\tnop\n\tnop" ::: "memory"); /* the ROM runs here, in an NMI, and reads the parameters */
 }
 
 void flash_rows_write(uint16_t row, const uint8_t *bytes)

@@ -4,8 +4,8 @@
 
 #include <stdint.h>
 
-/* Erase and write 128 bytes, which takes up to 20 ms. The caller disables interrupts, switches off everything that
- * must not wait for so long, and reads the row back, because no status is returned. */
+/* Erase and write 128 bytes, which takes up to 20 ms. The caller must disable interrupts, switch off every
+ * peripheral that cannot wait for 20 ms, and read the row back, because no status is returned. */
 void flash_rows_write(uint16_t row, const uint8_t *bytes);
 
 #endif

@@ -1,10 +1,10 @@
-/* One conversion: TX takes the sense clock, RX goes to analog bus A where comparator, current source and integration
- * capacitor are; all other lines are held low. The block counts the sample clocks in which the source was on. Over a
- * period of (sub-conversions * sense divider) sample clocks:
+/* One conversion: the sense clock drives the TX line; the RX line is connected to analog bus A, as are comparator,
+ * current source and integration capacitor; all other lines are held low. The block counts the sample clocks in
+ * which the source was on. Over a period of (sub-conversions * sense divider) sample clocks:
  *
  *     hardware count = period * 2 C V f_tx / I     and the raw count is period - hardware count,
  *
- * so that contact, which raises C, lowers it (facts in docs/psoc4200.md). */
+ * so that contact, which raises C, lowers the raw count (sources: docs/psoc4200.md). */
 #include "boards/psoc4200/front_end.h"
 
 #include "boards/psoc4200/regs/core.h"
@@ -13,12 +13,13 @@
 #include "boards/psoc4200/regs/sflash.h"
 #include "board_pins.h"
 
-#define SENSE_HALVES 2u  /* the sense clock is halved in the block, to be symmetric */
+#define SENSE_HALVES 2u  /* the block divides the sense clock by two, so that its duty cycle is 50 % */
 #define LOOPS_MAX 10000u /* at least 2 ms: a block that does not start must not block the board */
 #define CYCLES_PER_SETTLE_LOOP 4u
 #define NO_LINE 0xFFu
 
-/* Between conversions the reference buffer keeps the capacitor charged; during one it is off the bus. */
+/* Between conversions the reference buffer keeps the capacitor charged; during a conversion the buffer is
+ * disconnected. */
 #define CONFIG_AT_REST \
     (CSD_CONFIG_ENABLE | CSD_CONFIG_SENSE_COMP_EN | CSD_CONFIG_SENSE_COMP_BW_HIGH | CSD_CONFIG_MUTUAL_CAP | \
      CSD_CONFIG_SENSE_IN_AMUX_A | CSD_CONFIG_REFBUF_DRIVE_3 | CSD_CONFIG_REFBUF_EN)
@@ -110,7 +111,7 @@ static void convert(void)
     front_end.early_count = (uint16_t)(CSD->counter & CSD_COUNTER_COUNT);
 }
 
-/* Up to 1.4 ms at the settings' limit, with other interrupts waiting; 2 us by default. */
+/* Wait for settle_cycles: 2 us by default, up to 1.4 ms, during which other interrupts wait. */
 static void settle(void)
 {
     uint32_t loops = front_end.settle_cycles / CYCLES_PER_SETTLE_LOOP + 1u;

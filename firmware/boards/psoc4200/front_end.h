@@ -1,5 +1,5 @@
-/* The CapSense block measures one crossing: charge that a TX line couples into an RX line is balanced by a current
- * source, and counted. */
+/* Measurement of one crossing with the CapSense block: a current source balances the charge that the TX line couples
+ * into the RX line, and the block counts the clocks in which the source is on. */
 #ifndef PSOC4200_FRONT_END_H
 #define PSOC4200_FRONT_END_H
 

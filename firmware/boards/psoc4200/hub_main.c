@@ -14,7 +14,7 @@
 
 #define SLOTS 17u /* boards of the hand */
 #define TRANSFER_POOL (2u * TAXEL_HUB_BUFFER_SIZE((TAXEL_COMPACT_OVERHEAD_PACKED + 2u * BOARD_TAXELS_MAX + 3u) & ~3u))
-#define TRANSMIT_RING 288u /* a status frame, or a frame of 30 taxels, plus the reserve for answers */
+#define TRANSMIT_RING 288u /* bytes: a status frame, or a frame of 30 taxels, plus the reserve for replies */
 #define NEVER UINT64_MAX
 
 static struct taxel_hub hub;
@@ -161,8 +161,8 @@ static bool try_confirm(void)
     return true;
 }
 
-/* Interrupts are masked, so that none is handled between the check and the sleep; a pending one still ends the
- * sleep. */
+/* Interrupts are masked, so that none is handled between the check and the sleep; a pending interrupt still
+ * ends the sleep. */
 static void sleep_until_event(void)
 {
     const uint32_t interrupts = interrupts_mask();

@@ -9,7 +9,7 @@
     (SCB_INTR_I2C_ARB_LOST | SCB_INTR_I2C_NACK | SCB_INTR_I2C_ACK | SCB_INTR_I2C_STOP | SCB_INTR_I2C_BUS_ERROR)
 
 #define CONTROL (SCB_I2C_CTRL_MASTER | SCB_I2C_CTRL_LOW_PHASE(BUS_LOW_PHASE) | SCB_I2C_CTRL_HIGH_PHASE(BUS_HIGH_PHASE))
-#define DRAIN_ABOVE 4u /* bytes: three more can come before the bus has to wait */
+#define DRAIN_ABOVE 4u /* bytes in the FIFO: three more can arrive before the bus has to wait */
 
 enum state { IDLE, ADDRESS_TO_WRITE, ADDRESS_TO_READ, WRITING, READING, STOPPING };
 
@@ -20,7 +20,8 @@ static struct {
     bool is_manual;
 } master;
 
-/* Off and on: resets the state machines, empties the FIFOs, releases the lines and clears all events. */
+/* Switch the block off and on, which resets the state machines, empties the FIFOs, releases the lines and clears all
+ * events. */
 static void reset(void)
 {
     SCB0->ctrl = SCB_CTRL_MODE_I2C;
@@ -75,7 +76,7 @@ void i2c_master_drive(bool scl_high, bool sda_high)
 }
 
 /* Whether the SCB acknowledges received bytes itself. It does so until its FIFO is full, and then holds SCL, so that
- * no byte is lost if the interrupt is late. The last bytes stay in the FIFO and fill it, and the very last one is
+ * no byte is lost if the interrupt is late. The last bytes stay in the FIFO and fill it, and the very last byte is
  * not acknowledged. (confirm) that the byte that fills the FIFO waits for its acknowledge; the manufacturer's driver
  * relies on it. */
 static bool collects(void)
@@ -229,7 +230,7 @@ void scb0_handler(void);
 void scb0_handler(void)
 {
     const uint32_t events = SCB0->intr_m_masked;
-    if (!events) { /* the most frequent case: one more byte, for which the bus waits */
+    if (!events) { /* the most frequent case: one byte was received, and the bus waits */
         take_bytes_if_any();
         return;
     }

@@ -9,7 +9,7 @@
 #define FILLS_FIFO true
 #define REFILL_BELOW 4u /* bytes: half of the FIFO, 90 us at 400 kbit/s */
 #else
-#define FILLS_FIFO false /* in the bootloader, flash is scarcer than time */
+#define FILLS_FIFO false /* one byte per interrupt takes less flash, which is scarcer than time in the bootloader */
 #define REFILL_BELOW 1u
 #endif
 #define ERRORS (SCB_INTR_I2C_ARB_LOST | SCB_INTR_I2C_BUS_ERROR)
@@ -79,7 +79,7 @@ static void fill(void)
 
 static void take_byte(void)
 {
-    if (SCB0->rx_fifo_status & SCB_FIFO_STATUS_USED) { /* at most one: the next byte follows after the answer */
+    if (SCB0->rx_fifo_status & SCB_FIFO_STATUS_USED) { /* at most one byte: the next follows after the acknowledge */
         const bool acknowledge = i2c_slave_on_write((uint8_t)SCB0->rx_fifo_rd);
         SCB0->i2c_s_cmd = acknowledge ? SCB_I2C_S_CMD_ACK : SCB_I2C_S_CMD_NACK;
     }
@@ -110,8 +110,8 @@ static void take_address(void)
     SCB0->i2c_s_cmd = acknowledge ? SCB_I2C_S_CMD_ACK : SCB_I2C_S_CMD_NACK;
 }
 
-/* Events are handled in their possible order: SCL is held after a byte and after an address, so that no event
- * follows before the answer. */
+/* Handles the pending events in the only order in which they can occur: SCL is held low after an address and after a
+ * byte, so no further event occurs before the acknowledge. */
 void scb0_handler(void);
 void scb0_handler(void)
 {

@@ -8,12 +8,12 @@
 
 void i2c_slave_init(uint8_t address);
 
-/* With interrupts off: switch the slave off, so that its address is not acknowledged. False during a transfer with
- * this slave: enable interrupts and try again. */
+/* With interrupts off: switch the slave off, so that its address is not acknowledged. Returns false during a
+ * transfer with this slave: the caller enables interrupts and tries again. */
 bool i2c_slave_try_off(void);
 void i2c_slave_on(void);
 
-/* Block and pins as after a reset. */
+/* Return block and pins to their state after a reset. */
 void i2c_slave_end(void);
 
 /* Defined by the image, and called from the interrupt. */

@@ -1,4 +1,4 @@
-/* The board designs that a sensor image supports: tools/firmware/board_header.py writes kinds.c from hand
+/* The board designs (kinds) that a sensor image supports. tools/firmware/board_header.py writes kinds.c from hand
  * descriptions. */
 #ifndef PSOC4200_KINDS_H
 #define PSOC4200_KINDS_H

@@ -1,5 +1,5 @@
-/* The C library functions that the compiler and the portable sources use: small, one byte at a time. Built without
- * link-time optimisation, which would replace the loop of memcpy() by a call of memcpy(). */
+/* The C library functions that the compiler and the portable sources call: small code, one byte at a time. Built
+ * without link-time optimisation, which would replace the loop of memcpy() by a call of memcpy(). */
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>

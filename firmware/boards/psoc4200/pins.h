@@ -6,7 +6,7 @@
 
 #define PIN(port, number) ((uint8_t)(((port) << 4) | (number)))
 
-/* Connect a pin. Not for a pin whose port is also changed by an interrupt. */
+/* Set drive mode and function of a pin. Must not be called for a port that an interrupt changes too. */
 static inline void pin_connect(uint8_t pin, uint32_t mode, uint32_t function)
 {
     const uint32_t port = pin >> 4;

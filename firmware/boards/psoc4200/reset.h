@@ -17,7 +17,7 @@ bool reset_stay_requested(void);
 void reset_into_bootloader(void);
 void reset_now(void);
 
-/* Eight bytes: lot, wafer, position on the wafer, test results. */
+/* Copy the unique id, eight bytes: lot, wafer, position on the wafer, test results. */
 void reset_unique_id(uint8_t *id);
 
 #endif

@@ -31,7 +31,7 @@ bool self_is_on_trial(void)
     return !taxel_boot_is_confirmed(&self_flash, slot());
 }
 
-/* Not inlined into main(): it needs a row on the stack, for which main() has no space. */
+/* Not inlined: the function needs a flash row on the stack, for which the frame of main() has no space. */
 __attribute__((noinline)) void self_confirm(void)
 {
     const uint32_t begin = ticks_stretch();

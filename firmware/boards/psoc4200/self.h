@@ -13,7 +13,7 @@ extern const struct taxel_boot_flash self_flash;
 extern const uint8_t image_header[]; /* by the linker: start of the slot */
 #define SELF_VERSION (image_header + TAXEL_BOOT_IMAGE_HEADER_OFFSET_VERSION_MAJOR)
 
-/* Whether the image is not confirmed yet; confirm it, with interrupts off. */
+/* Whether the running image is not confirmed yet; and its confirmation, to be called with interrupts off. */
 bool self_is_on_trial(void);
 void self_confirm(void);
 

@@ -24,8 +24,8 @@ static taxel_compact_state compact_states[BOARD_TAXELS_MAX];
 static uint8_t compact_residuals[BOARD_TAXELS_MAX];
 static uint8_t compact_buffers[2][TAXEL_COMPACT_BUFFER_SIZE(BOARD_TAXELS_MAX)];
 
-/* A board without a configuration: one meaningless crossing, so that the board answers on I2C, can be configured and
- * flashed. */
+/* A board without a configuration measures one meaningless crossing, so that it responds on I2C and can be configured
+ * and flashed. */
 static const struct kind unknown_kind = {.rows = 1, .columns = 1, .taxels = 1, .crossing_map = {1}};
 
 static void on_configure(void *context, const struct taxel_scan_settings *settings)
@@ -161,8 +161,8 @@ static bool has_proven_itself(void)
     return sensor.scan.scans >= CONFIRM_SCANS && sensor.slave.snapshot_reads != 0;
 }
 
-/* Confirm the image between two scans, with the slave off: the write of a row takes 20 ms. False: not possible at
- * present. */
+/* Confirm the image between two scans, with the slave off: the write of a row takes 20 ms. Returns false if
+ * this is not possible at present. */
 static bool try_confirm(void)
 {
     const uint32_t interrupts = interrupts_mask();
@@ -199,6 +199,6 @@ int main(void)
             on_trial = !try_confirm();
         }
         code_compact();
-        wait_for_interrupt(); /* SysTick's at the latest, within 4 ms */
+        wait_for_interrupt(); /* ends with the SysTick interrupt at the latest, within 4 ms */
     }
 }

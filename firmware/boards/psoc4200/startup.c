@@ -13,7 +13,7 @@ handler reset_handler, unexpected_handler, systick_handler, scb0_handler, scb1_h
 
 extern uint32_t stack_top[], data_begin[], data_end[], data_load[], bss_begin[], bss_end[];
 
-/* Unexpected exceptions and faults end in the watchdog's reset. */
+/* Unexpected exceptions and faults wait for the reset by the watchdog. */
 void unexpected_handler(void)
 {
     for (;;) {
@@ -40,7 +40,7 @@ typedef union {
 VECTORS(".vectors.0") vectors_0_to_3[] = {
     {.stack = stack_top},
     {reset_handler},
-    UNEXPECTED, /* NMI: during a call of the supervisory ROM the processor takes the ROM's own (confirm) */
+    UNEXPECTED, /* NMI: during a call of the supervisory ROM the processor uses the vector of the ROM (confirm) */
     UNEXPECTED, /* hard fault */
 };
 VECTORS(".vectors.2") vectors_11_to_15[] = {
@@ -80,10 +80,12 @@ void reset_handler(void)
 {
     memset(bss_begin, 0, (size_t)((uintptr_t)bss_end - (uintptr_t)bss_begin));
 #ifdef IMAGE_IN_SLOT
-    memcpy(data_begin, data_load, (size_t)((uintptr_t)data_end - (uintptr_t)data_begin)); /* a bootloader has none */
+    memcpy(data_begin, data_load,
+           (size_t)((uintptr_t)data_end - (uintptr_t)data_begin)); /* a bootloader has no initialised data */
     memcpy(ram_vectors, image_vectors, sizeof ram_vectors);
     CPUSS->config = CPUSS->config | CPUSS_CONFIG_VECS_IN_RAM;
-    SYSTICK->control = 0; /* the bootloader starts an image with interrupts off, and leaves its own two running */
+    SYSTICK->control =
+        0; /* the bootloader starts an image with interrupts off; SysTick and one interrupt are still active */
     SCS_ICSR = SCS_ICSR_SYSTICK_CLEAR;
     NVIC_ENABLE_CLEAR = ~0u;
     interrupts_unmask(0);

@@ -1,5 +1,5 @@
-/* SysTick counts SYSCLK down and wraps after a power of two of microseconds, so that whole wraps are a shift. Callers
- * may have interrupts off: a wrap that is pending counts, but only one. */
+/* SysTick counts SYSCLK down and wraps after a power of two of microseconds, so that whole wraps convert by a shift.
+ * Callers may have interrupts off: one pending wrap is taken into account, but not several. */
 #include "boards/psoc4200/ticks.h"
 
 #include "boards/psoc4200/clocks.h"
@@ -12,7 +12,7 @@
 #endif
 #define CYCLES_PER_US (CPU_HZ / 1000000u)
 #define CYCLES (CYCLES_PER_US << US_SHIFT)
-#define CYCLES_MAX (1u << 24) /* SysTick has no more */
+#define CYCLES_MAX (1u << 24) /* SysTick has 24 bits */
 
 static volatile uint32_t wraps;
 
@@ -25,7 +25,7 @@ void systick_handler(void)
 void ticks_init(void)
 {
     SYSTICK->reload = CYCLES - 1u;
-    SYSTICK->value = 0; /* any write clears it, and the next cycle loads it */
+    SYSTICK->value = 0; /* any write sets the value to 0; the next cycle loads `reload` */
     SYSTICK->control = SYSTICK_CONTROL_ENABLE | SYSTICK_CONTROL_INTERRUPT | SYSTICK_CONTROL_PROCESSOR_CLOCK;
 }
 
@@ -45,7 +45,7 @@ static uint32_t third_of(uint32_t x)
     return third + (((x - 3u * third) * 11u) >> 5);
 }
 
-/* Whole wraps, and the microseconds since. */
+/* Number of whole wraps (*whole), and microseconds since the latest wrap. */
 static uint32_t read(uint32_t *whole)
 {
     uint32_t count, value;
@@ -88,7 +88,7 @@ uint32_t ticks_stretch(void)
     wraps = whole;
     SYSTICK->reload = CYCLES_MAX - 1u;
     SYSTICK->value = 0;
-    SCS_ICSR = SCS_ICSR_SYSTICK_CLEAR; /* counted above */
+    SCS_ICSR = SCS_ICSR_SYSTICK_CLEAR; /* this wrap is included above */
     return part;
 }
 

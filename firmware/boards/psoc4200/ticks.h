@@ -9,7 +9,7 @@
 void ticks_init(void);
 uint32_t ticks_us_32(void);
 
-/* Applications only. */
+/* Microseconds since ticks_init(); applications only. */
 uint64_t ticks_us(void);
 /* Whether SysTick interrupts before that time. */
 bool ticks_interrupts_before(uint64_t us);

@@ -10,7 +10,7 @@
 #define UART_BAUD 1000000u
 #endif
 
-#define OVERSAMPLE (CPU_HZ / 24000000u * 4u + 8u) /* clocks a bit, 8 to 16: 16 at 48 MHz, 12 at 24 MHz */
+#define OVERSAMPLE (CPU_HZ / 24000000u * 4u + 8u) /* clocks per bit, 8 to 16: 16 at 48 MHz, 12 at 24 MHz */
 #define DIVIDER (CPU_HZ / (OVERSAMPLE * UART_BAUD))
 #define REFILL_BELOW 4u /* bytes: half of the FIFO, 40 us at 1 Mbaud */
 
@@ -28,7 +28,7 @@ void uart_init(void)
     PERI_CLK->select[PERI_CLK_OF_SCB1] = PERI_CLK_SELECT_B(0u);
     uart_hold(false);
     SCB1->ctrl = SCB_CTRL_MODE_UART | SCB_CTRL_OVERSAMPLE(OVERSAMPLE);
-    SCB1->uart_ctrl = 0; /* standard, no loopback */
+    SCB1->uart_ctrl = 0; /* standard mode, no loopback */
     SCB1->uart_tx_ctrl = SCB_UART_STOP_BITS_1;
     SCB1->uart_rx_ctrl = SCB_UART_STOP_BITS_1;
     SCB1->tx_ctrl = SCB_DATA_WIDTH(8u);

@@ -7,10 +7,10 @@
 #include <stdint.h>
 
 void uart_init(void);
-/* Block and pins as after a reset. */
+/* Return block and pins to their state after a reset. */
 void uart_off(void);
 
-/* Bytes are queued: uart_pull() is called from the interrupt until it returns none. */
+/* Start to transmit: the interrupt calls uart_pull() until it returns no bytes. */
 void uart_kick(void);
 /* RTS: high stops the host's adapter. */
 void uart_hold(bool hold);

@@ -2,11 +2,11 @@
 
 #include "boards/psoc4200/regs/srss.h"
 
-#define MATCH 0xFFFFu /* the 32 kHz oscillator runs since the reset */
+#define MATCH 0xFFFFu /* of the 32 kHz oscillator, which has been running since the reset */
 
 void watchdog_start(void)
 {
-    WDT->match = MATCH; /* a running counter accepts no settings, and already has these */
+    WDT->match = MATCH; /* a running counter accepts no settings; it already has these */
     WDT->config = WDT_CONFIG_MODE0_RESET;
     watchdog_feed();
 }

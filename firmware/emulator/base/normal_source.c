@@ -35,6 +35,7 @@ static void sample_pairs(struct random_source *source, struct pairs *pairs)
 static inline INLINED void scale_pairs(const struct pairs *pairs, double *values)
 {
     for (unsigned i = 0; i < NORMAL_SOURCE_PAIRS; i++) {
+        /* NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage): sample_pairs() has assigned every element */
         const double factor = polar_factor(pairs->s[i]);
         values[2u * i] = pairs->u[i] * factor;
         values[2u * i + 1u] = pairs->v[i] * factor;

@@ -75,7 +75,7 @@ static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_op
     cpu->cycle++;
     list = is_load ? operation.value : 0;
     for (unsigned i = 0; list; i++, list &= list - 1u) {
-        cpu->r[__builtin_ctz(list)] = words[i];
+        cpu->r[__builtin_ctz(list)] = words[i]; /* NOLINT(clang-analyzer-core.uninitialized.Assign): read above */
     }
     return CORTEX_M0_EVENT_NONE;
 }

@@ -54,7 +54,8 @@ void modulus_fill(const struct modulus_effect *modulus, uint64_t seed, const str
     for (unsigned crossing = 0; crossing < (unsigned)board->rows * board->columns; crossing++) {
         const bool has_taxel = (board->crossing_map[crossing >> 3] >> (crossing & 7u)) & 1;
         if (has_taxel && taxel < board->taxel_count) {
-            const double relative_line = (crossing / board->columns + 0.5) / board->rows - 0.5;
+            const unsigned line = crossing / board->columns;
+            const double relative_line = (line + 0.5) / board->rows - 0.5;
             stiffness[taxel++] =
                 exp(modulus->log_factor[board->address] + modulus->gradient[board->address] * relative_line +
                     modulus->log_std * random_normal(&random));

@@ -91,7 +91,7 @@ int spread_init(struct spread_state *state, const struct spread_effect *spread, 
     if (spread->form == SPREAD_PILLARS) {
         return init_pillars(state, patch);
     }
-    state->attenuation = calloc((size_t)(4 * grid_size), sizeof *state->attenuation);
+    state->attenuation = calloc(4u * (size_t)grid_size, sizeof *state->attenuation);
     if (!state->attenuation) {
         return -1;
     }

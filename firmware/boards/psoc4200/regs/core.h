@@ -1,6 +1,6 @@
 /* The Cortex-M0's own registers: interrupt controller, system tick, system control. Source: ARMv6-M Architecture
- * Reference Manual (DDI 0419), B3. Interrupt numbers: Architecture TRM (001-85634), table of the chapter "Interrupts",
- * which could not be looked up again (confirm: all three). */
+ * Reference Manual (DDI 0419), B3. Interrupt numbers: Architecture TRM (001-85634), table of the chapter "Interrupts"
+ * (confirm all three). */
 #ifndef PSOC4200_REGS_CORE_H
 #define PSOC4200_REGS_CORE_H
 
@@ -23,7 +23,8 @@ _Static_assert(offsetof(struct systick_regs, value) == 0x08, "SYST_CVR is at 0xE
 #define NVIC_ENABLE_SET (*(volatile uint32_t *)0xE000E100u)
 #define NVIC_ENABLE_CLEAR (*(volatile uint32_t *)0xE000E180u)
 #define NVIC_PENDING_CLEAR (*(volatile uint32_t *)0xE000E280u)
-#define NVIC_PRIORITY ((volatile uint32_t *)0xE000E400u) /* a byte each, of which the two high bits count */
+/* One byte per interrupt, of which only the two high bits exist. */
+#define NVIC_PRIORITY ((volatile uint32_t *)0xE000E400u)
 
 #define SCS_ICSR (*(volatile uint32_t *)0xE000ED04u)
 #define SCS_ICSR_SYSTICK_PENDING (1u << 26)
@@ -56,14 +57,15 @@ static inline void interrupts_unmask(uint32_t state)
     __asm__ volatile("msr primask, %0" ::"r"(state) : "memory");
 }
 
-/* Sleep until an interrupt is pending, also a masked one. */
+/* Sleep until an interrupt is pending, even if it is masked. */
 static inline void wait_for_interrupt(void)
 {
     __asm__ volatile("wfi" ::: "memory");
 }
 
-/* On a board, all peripherals interrupt at level 1, so that none preempts another. SysTick stays at 0 and may preempt
- * them. In the hub and the bootloaders all are at 0, as a reset leaves them, which takes less stack. */
+/* On a board, all peripherals interrupt at level 1, so that none preempts another; SysTick keeps level 0 and
+ * may preempt them. In the hub and the bootloaders every interrupt keeps level 0, the state after a reset, because
+ * nesting would take more stack. */
 static inline void interrupt_enable(unsigned number)
 {
 #if defined IMAGE_IN_SLOT && IMAGE_DEVICE == 1

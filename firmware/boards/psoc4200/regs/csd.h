@@ -1,8 +1,8 @@
-/* CapSense block of the first generation, and its two current sources. Source: Registers TRM (001-85847), chapter CSD;
- * values as in the manufacturer's device header for this part. The measurement of a mutual capacitance follows public
- * CapSense sources for the blocks before the fourth generation. Later revisions of those blocks have two
- * integration capacitors and a filter (CONFIG bits 4 and 3) that this one has not; whether it measures mutual
- * capacitance well without them is open (confirm). */
+/* CapSense block of the first generation, and its two current sources. Source: Registers TRM (001-85847), chapter
+ * CSD; values as in the manufacturer's device header for this part. The measurement of a mutual capacitance follows
+ * public CapSense sources for the blocks before the fourth generation. Later revisions have two integration
+ * capacitors and a filter (CONFIG bits 4 and 3), which this revision lacks; the accuracy of a mutual capacitance
+ * without them is not verified (confirm). */
 #ifndef PSOC4200_REGS_CSD_H
 #define PSOC4200_REGS_CSD_H
 
@@ -28,7 +28,7 @@ _Static_assert(offsetof(struct csd_regs, intr) == 0x14, "CSD_INTR is at 0x400800
 #define CSD_TRIM1 (*(volatile uint32_t *)0x4008FF00u) /* IDACs as sources: 4 bits each */
 
 #define CSD_CONFIG_SENSE_COMP_BW_HIGH (1u << 11)
-#define CSD_CONFIG_SENSE_EN (1u << 12)  /* the sense clock comes out and the current source balances */
+#define CSD_CONFIG_SENSE_EN (1u << 12)  /* the sense clock drives the TX line, and the current source balances */
 #define CSD_CONFIG_REFBUF_EN (1u << 13) /* the reference buffer charges the capacitor */
 #define CSD_CONFIG_MUTUAL_CAP (1u << 18)
 #define CSD_CONFIG_SENSE_COMP_EN (1u << 19)
@@ -40,12 +40,12 @@ _Static_assert(offsetof(struct csd_regs, intr) == 0x14, "CSD_INTR is at 0x400800
 /* On while the comparator requests it; bits 0 to 7: code, 1.2 uA each in range 4x. */
 #define CSD_IDAC_IDAC1_VARIABLE (2u << 8)
 
-#define CSD_COUNTER_PERIOD(clocks) ((uint32_t)(clocks) << 16) /* writing it starts a conversion; it counts down */
+#define CSD_COUNTER_PERIOD(clocks) ((uint32_t)(clocks) << 16) /* a write starts a conversion; the counter counts down */
 #define CSD_COUNTER_COUNT 0xFFFFu                             /* sample clocks in which the current source was on */
 
 #define CSD_STATUS_SENSE (1u << 1)
 #define CSD_STATUS_SAMPLE (1u << 3)
 
-#define CSD_INTR_CSD (1u << 0) /* the period is over; 1 clears it */
+#define CSD_INTR_CSD (1u << 0) /* the period is over; writing 1 clears the bit */
 
 #endif

@@ -7,9 +7,9 @@
 #include <stdint.h>
 
 struct port_regs {
-    volatile uint32_t data;  /* DR: what is driven */
-    volatile uint32_t state; /* PS: what the pads read */
-    volatile uint32_t mode;  /* PC: three bits a pin */
+    volatile uint32_t data;  /* DR: driven levels */
+    volatile uint32_t state; /* PS: levels of the pads */
+    volatile uint32_t mode;  /* PC: three bits per pin */
     volatile uint32_t interrupt_config;
     volatile uint32_t interrupt_status;
     uint32_t other;
@@ -23,12 +23,12 @@ _Static_assert(offsetof(struct port_regs, input_disable) == 0x18, "PRT0_PC2 is a
 _Static_assert(sizeof(struct port_regs) == 0x100, "PRT1 is at 0x40040100");
 
 #define PORTS ((struct port_regs *)0x40040000u)              /* 0 to 4 */
-#define HSIOM_PORT_SELECT ((volatile uint32_t *)0x40010000u) /* four bits a pin */
+#define HSIOM_PORT_SELECT ((volatile uint32_t *)0x40010000u) /* four bits per pin */
 
 enum pin_mode {
     PIN_MODE_ANALOG = 0, /* off: neither driver nor input buffer */
     PIN_MODE_INPUT = 1,
-    PIN_MODE_OPEN_DRAIN = 4, /* drives low, lets go */
+    PIN_MODE_OPEN_DRAIN = 4, /* drives low, releases for high */
     PIN_MODE_STRONG = 6,
 };
 
@@ -36,8 +36,8 @@ enum pin_function {
     PIN_GPIO = 0,
     PIN_CSD_SENSE = 4, /* the sense clock: TX of a mutual measurement */
     PIN_AMUX_A = 6,
-    PIN_UART = 9, /* active 1 */
-    PIN_I2C = 14, /* deep sleep 0 */
+    PIN_UART = 9, /* function "active 1" */
+    PIN_I2C = 14, /* function "deep sleep 0" */
 };
 
 #endif

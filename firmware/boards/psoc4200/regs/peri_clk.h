@@ -1,6 +1,6 @@
-/* Dividers of HFCLK for the peripherals, and which peripheral takes which. Source: Registers TRM (001-85847),
- * CLK_DIVIDER_A00 .. CLK_SELECT15; values as in the manufacturer's device header for this part. Numbers of the
- * peripherals: SCB0 and TCPWM as public projects for this part have them; SCB1 and CSD (confirm). */
+/* Dividers of HFCLK for the peripherals, and the assignment of dividers to peripherals. Source: Registers TRM
+ * (001-85847), CLK_DIVIDER_A00 .. CLK_SELECT15; values as in the manufacturer's device header for this part. Numbers
+ * of the peripherals: SCB0 and TCPWM as in public projects for this part; SCB1 and CSD (confirm). */
 #ifndef PSOC4200_REGS_PERI_CLK_H
 #define PSOC4200_REGS_PERI_CLK_H
 
@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 struct peri_clk_regs {
-    volatile uint32_t divider_a[16]; /* 0, 1 and 2 exist, also of B and C */
+    volatile uint32_t divider_a[16]; /* elements 0, 1 and 2 exist; the same applies to B and C */
     volatile uint32_t divider_b[16];
     volatile uint32_t divider_c[16];
     uint32_t other[80];
@@ -21,9 +21,10 @@ _Static_assert(offsetof(struct peri_clk_regs, select) == 0x200, "CLK_SELECT00 is
 
 #define PERI_CLK ((struct peri_clk_regs *)0x40020000u)
 
-/* Low 16 bits: cycles of the input less 1. */
+/* Low 16 bits: input cycles per output cycle, minus 1. */
 #define PERI_CLK_DIVIDER_ENABLE (1u << 31)
-#define PERI_CLK_DIVIDER_CASCADE (1u << 30) /* of B: its input is the A of the same number instead of HFCLK */
+#define PERI_CLK_DIVIDER_CASCADE \
+    (1u << 30) /* of a divider B: its input is divider A of the same number instead of HFCLK */
 
 #define PERI_CLK_SELECT_A(number) (0x10u | (number))
 #define PERI_CLK_SELECT_B(number) (0x20u | (number))

@@ -1,6 +1,6 @@
 /* Serial communication block, as I2C slave, I2C master and UART. Eight bytes of FIFO each way. Source: Registers TRM
- * (001-85847), chapter SCB, and Architecture TRM (001-85634), "Serial Communications Block"; values as in the maker's
- * device header for this part. */
+ * (001-85847), chapter SCB, and Architecture TRM (001-85634), "Serial Communications Block"; values as in the
+ * manufacturer's device header for this part. */
 #ifndef PSOC4200_REGS_SCB_H
 #define PSOC4200_REGS_SCB_H
 
@@ -73,14 +73,14 @@ _Static_assert(offsetof(struct scb_regs, intr_rx_masked) == 0xFCC, "SCB0_INTR_RX
 
 #define SCB_FIFO_SIZE 8u
 
-#define SCB_CTRL_OVERSAMPLE(cycles) ((cycles) - 1u) /* of a UART: clocks a bit */
+#define SCB_CTRL_OVERSAMPLE(cycles) ((cycles) - 1u) /* of a UART: clocks per bit */
 #define SCB_CTRL_MODE_I2C (0u << 24)
 #define SCB_CTRL_MODE_UART (2u << 24)
-#define SCB_CTRL_ENABLED (1u << 31) /* 0 resets the state machines and lets go of the lines; settings stay */
+#define SCB_CTRL_ENABLED (1u << 31) /* 0: state machines reset, lines released; settings are kept */
 
-#define SCB_UART_STOP_BITS_1 1u /* in half bits, less 1: of UART_TX_CTRL and UART_RX_CTRL */
+#define SCB_UART_STOP_BITS_1 1u /* half bits minus 1, for UART_TX_CTRL and UART_RX_CTRL */
 
-#define SCB_I2C_CTRL_HIGH_PHASE(cycles) ((cycles) - 1u) /* of a master: clocks that SCL is high, and low */
+#define SCB_I2C_CTRL_HIGH_PHASE(cycles) ((cycles) - 1u) /* of a master: clocks for which SCL is high, and low */
 #define SCB_I2C_CTRL_LOW_PHASE(cycles) (((cycles) - 1u) << 4)
 /* bytes received by a master are acknowledged as long as the RX FIFO is not full */
 #define SCB_I2C_CTRL_M_READY_DATA_ACK (1u << 8)
@@ -105,7 +105,7 @@ _Static_assert(offsetof(struct scb_regs, intr_rx_masked) == 0xFCC, "SCB0_INTR_RX
 #define SCB_RX_CTRL_MEDIAN (1u << 9)
 
 #define SCB_FIFO_CTRL_LEVEL(bytes) (bytes) /* TX: TRIGGER below it; RX: TRIGGER above it */
-#define SCB_FIFO_CTRL_CLEAR (1u << 16)     /* while set; of the shift register too */
+#define SCB_FIFO_CTRL_CLEAR (1u << 16)     /* while set, FIFO and shift register are cleared */
 #define SCB_FIFO_STATUS_USED 0xFu
 
 #define SCB_RX_MATCH_ADDRESS(address) ((uint32_t)(address) << 1) /* bits 1 to 7: the 7-bit address */

@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-struct sflash_regs { /* never changes */
+struct sflash_regs { /* read-only */
     uint8_t other_a[0x162];
     uint8_t csd_trim1; /* IDAC trims for CapSense: source */
     uint8_t csd_trim2; /* sink */
@@ -26,6 +26,6 @@ _Static_assert(offsetof(struct sflash_regs, imo_trim) == 0x1D0, "SFLASH_IMO_TRIM
 
 #define SFLASH ((const struct sflash_regs *)0x0FFFF000u)
 
-/* Which of the five entries ABS0..4, TMPCO0..4 belongs to 48 MHz: the last (confirm). */
+/* 48 MHz is the last of the five entries ABS0..4 and TMPCO0..4 (confirm). */
 
 #endif

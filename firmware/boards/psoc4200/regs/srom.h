@@ -1,6 +1,6 @@
 /* Calls into the supervisory ROM (SROM) that write flash. Parameters lie in RAM, their address goes into SYSARG.
- * Source: PSoC 4100/4200 Architecture TRM (001-85634), "Nonvolatile Memory Programming"; opcodes and keys as public
- * programmers for this family use them. */
+ * Source: PSoC 4100/4200 Architecture TRM (001-85634), "Nonvolatile Memory Programming"; opcodes and keys as in
+ * public programmers for this family. */
 #ifndef PSOC4200_REGS_SROM_H
 #define PSOC4200_REGS_SROM_H
 
