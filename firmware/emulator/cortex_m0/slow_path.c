@@ -75,7 +75,7 @@ static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_op
     cpu->cycle++;
     list = is_load ? operation.value : 0;
     for (unsigned i = 0; list; i++, list &= list - 1u) {
-        cpu->r[__builtin_ctz(list)] = words[i]; /* NOLINT(clang-analyzer-core.uninitialized.Assign): read above */
+        cpu->r[__builtin_ctz(list)] = words[i]; /* NOLINT(clang-analyzer-core.uninitialized.Assign) */
     }
     return CORTEX_M0_EVENT_NONE;
 }
@@ -102,6 +102,7 @@ enum cortex_m0_event cortex_m0_execute_list(struct cortex_m0 *cpu, struct cortex
     case CORTEX_M0_OP_POP_PC:
         cpu->r[CORTEX_M0_SP] = end;
         cpu->cycle += 3u;
+        /* NOLINTNEXTLINE(clang-analyzer-core.CallAndMessage): move_list() has read every word */
         return cortex_m0_branch(cpu, words[operation.c - 1u]);
     case CORTEX_M0_OP_LDM_KEEP:
         break;
