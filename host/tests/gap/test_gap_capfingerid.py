@@ -24,7 +24,7 @@ SEED = 0
 @pytest.fixture(scope="module")
 def tool():
     sys.path.insert(0, str(FOLDER))
-    names = ("measured_touches", "capfingerid")
+    names = ("measured_touches", "touch_datasets", "capfingerid")
     yield SimpleNamespace(**{name: importlib.import_module(name) for name in names})
     for name in names:
         del sys.modules[name]
@@ -114,7 +114,7 @@ def test_both_halves_have_the_same_touches_and_four_sessions(tool, repeats, tmp_
     contents = []
     for number, half in enumerate(tool.measured_touches.split_halves(repeats)):
         path = tmp_path / f"{number}.h5"
-        tool.capfingerid.write_dataset(path, half, "measured")
+        tool.touch_datasets.write_dataset(path, half, "measured")
         with GraspDataset(path, baseline_frames=10) as data:
             data.check()
             contents.append({(grasp.object, grasp.approach, grasp.session) for grasp in data})
