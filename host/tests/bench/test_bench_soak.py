@@ -24,6 +24,7 @@ def run_soak(bench, faults, minutes=0.4):
 
 
 def list_counts(record):
+    """Counts of a soak: (silences, restarts)."""
     return find_value(record, "soak", "silences"), find_value(record, "soak", "restarts")
 
 
@@ -58,6 +59,7 @@ def test_a_board_that_stays_unplugged_is_reported(benches):
 
 
 def make_clock(seconds):
+    """Value of the board's 32-bit microsecond clock, which wraps after 4295 s."""
     return round(seconds * 1e6) % 2**32
 
 
@@ -73,9 +75,9 @@ def test_a_clock_wrap_is_not_a_restart():
 
 def test_a_long_silence_counts_once():
     soak_log = SoakLog()
-    part = Capture(np.zeros((3, 2), np.uint16), np.arange(3.0), np.arange(3.0), np.array([1, 2, 5]))
+    capture = Capture(np.zeros((3, 2), np.uint16), np.arange(3.0), np.arange(3.0), np.array([1, 2, 5]))
     for _ in range(4):
         soak_log.add_silence()
-    soak_log.add_part(10.0, part)
+    soak_log.add_part(10.0, capture)
     soak_log.add_silence()
     assert (soak_log.silences, soak_log.missed_scans, soak_log.time_s) == (2, 2, [10.0])

@@ -72,7 +72,7 @@ def test_the_real_dataset_follows_the_plan_in_order(pair, plan):
             assert (grasp.sensor_pose == plan.bracket_poses).all()
             assert (grasp.object_pose == indentation.approach.held_pose).all()
         sessions = [grasp for grasp in data if grasp.session == 0]
-        assert all(one.timestamp[-1] < other.timestamp[0] for one, other in pairwise(sessions))
+        assert all(earlier.timestamp[-1] < later.timestamp[0] for earlier, later in pairwise(sessions))
 
 
 def test_both_generators_state_the_plan_and_no_effect(pair, plan):

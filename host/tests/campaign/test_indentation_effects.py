@@ -13,6 +13,8 @@ from taxel.hand import load_hand
 
 TIMELINE = Timeline(0.6, 0.8, 0.5, 0.5, 0.4)
 SLEEVE = 0x53
+FREE_CLOSING_S = 0.22
+"""Part of the closing phase in which the object certainly does not touch the skin."""
 
 
 class Counts(NamedTuple):
@@ -62,14 +64,14 @@ def unloaded(ideal):
     return ideal.hold < 2.0
 
 
-def rms(values) -> float:
+def compute_rms(values) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
 def test_an_ideal_skin_has_signal_only_at_the_contact_and_recovers(ideal, loaded, unloaded):
     assert (loaded.sum(axis=1) >= 3).all()
     assert unloaded.mean() > 0.8
-    assert rms(ideal.recovery) < 1.0
+    assert compute_rms(ideal.recovery) < 1.0
     assert np.ptp(ideal.baseline, axis=0).max() < 1.0
 
 
@@ -79,8 +81,8 @@ def test_spread_gives_a_signal_on_unloaded_taxels(plan, unloaded):
 
 def test_coupling_changes_the_counts_of_unloaded_taxels(plan, ideal, unloaded):
     result = run_session_with(plan, "coupling traces picofarad=2 tx_ohm=800 rx_ohm=800")
-    assert rms(result.hold[unloaded] - ideal.hold[unloaded]) > 0.5
-    assert rms(result.baseline - ideal.baseline) > 5.0
+    assert compute_rms(result.hold[unloaded] - ideal.hold[unloaded]) > 0.5
+    assert compute_rms(result.baseline - ideal.baseline) > 5.0
 
 
 def test_gain_scales_each_taxel_by_a_random_factor(plan, ideal, loaded):
@@ -125,16 +127,16 @@ def test_drift_changes_the_baseline_between_indentations(plan, ideal):
 def test_saturation_clips_the_signal(plan, ideal, loaded):
     result = run_session_with(plan, "saturation clip counts=300")
     assert ideal.hold.max() > 600.0 > 302.0 > result.hold.max()
-    low = loaded & (ideal.hold < 250.0)
-    assert result.hold[low] == pytest.approx(ideal.hold[low], abs=2.0)
+    is_unclipped = loaded & (ideal.hold < 250.0)
+    assert result.hold[is_unclipped] == pytest.approx(ideal.hold[is_unclipped], abs=2.0)
 
 
 def test_proximity_changes_the_counts_before_contact(plan, ideal):
     result = run_session_with(plan, "proximity image share=0.3 reach_m=0.01")
-    assert rms(result.baseline - ideal.baseline) < 10.0
+    assert compute_rms(result.baseline - ideal.baseline) < 10.0
     for index, record in enumerate(result.records):
-        start_s = ideal.records[index].timestamp[0]
-        is_before_contact = (record.phase == Phase.CLOSING) & (record.timestamp < start_s + 0.6 + 0.22)
+        free_end_s = ideal.records[index].timestamp[0] + TIMELINE.baseline_s + FREE_CLOSING_S
+        is_before_contact = (record.phase == Phase.CLOSING) & (record.timestamp < free_end_s)
         change = np.abs(record.raw_counts[is_before_contact].astype(float) - result.baseline[index]).max()
         assert change > 20.0
 

@@ -29,24 +29,26 @@ def plan(hand):
 
 @pytest.fixture(scope="module")
 def contact(hand, plan):
-    with SkinContact(format_session_world(plan.setup, indentation_settings(hand, variation=NO_VARIATION), 0)) as opened:
-        yield opened
+    with SkinContact(
+        format_session_world(plan.setup, indentation_settings(hand, variation=NO_VARIATION), 0)
+    ) as skin_contact:
+        yield skin_contact
 
 
-def emulated_equilibrium(plan, contact, approach):
+def build_emulated_equilibrium(plan, contact, approach):
     index, centre = list(plan.objects).index(approach.object), plan.centre(approach.object)
     return EmulatedEquilibrium(
         contact, index, plan.bracket_poses, plan.mount, centre, approach.touch_pose, approach.direction
     )
 
 
-def simulated_equilibrium(plan, approach):
+def build_simulated_equilibrium(plan, approach):
     layer = FixedSkinLayer(plan.hand, plan.bracket_poses, LayerLaw())
     shape = plan.objects[approach.object].shape
     return SimulatedEquilibrium(layer, shape, plan.mount, approach.touch_pose, approach.direction)
 
 
-def mount_displacement(plan, approach, pose):
+def compute_mount_displacement(plan, approach, pose):
     """Displacement f64[3] of the mount's point from the touch pose."""
     centre = np.append(plan.centre(approach.object), 1.0)
     return ((pose - approach.touch_pose) @ centre)[:3]
@@ -55,10 +57,10 @@ def mount_displacement(plan, approach, pose):
 @pytest.mark.parametrize("number", range(8))
 def test_the_emulated_skin_balances_the_force_of_the_mount(plan, contact, number):
     approach = plan.approaches[number]
-    path = emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
+    path = build_emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
     load = contact.compute_load(list(plan.objects).index(approach.object), path.pose[-1], plan.bracket_poses)
     force_on_boards = np.einsum("sij,sj->i", plan.bracket_poses[:, :3, :3], load.wrench[:, :3])
-    displacement = mount_displacement(plan, approach, path.pose[-1])
+    displacement = compute_mount_displacement(plan, approach, path.pose[-1])
     depth = displacement @ approach.direction
     lateral = displacement - depth * approach.direction
     expected = approach.force_n * approach.direction - plan.mount.n_per_m * lateral
@@ -72,8 +74,8 @@ def test_emulated_and_simulated_equilibrium_and_counts_agree(plan, contact):
     differences = []
     for approach in plan.approaches:
         index = list(plan.objects).index(approach.object)
-        emulated = emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
-        equilibrium = simulated_equilibrium(plan, approach)
+        emulated = build_emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
+        equilibrium = build_simulated_equilibrium(plan, approach)
         simulated = equilibrium.solve_path(approach.force_n)
         assert emulated.pose[-1][:3, 3] == pytest.approx(equilibrium.pose(simulated.motion)[:3, 3], abs=5e-5)
         assert emulated.travel_m[-1] == pytest.approx(simulated.travel_m, abs=4e-5)
@@ -88,12 +90,12 @@ def test_emulated_and_simulated_equilibrium_and_counts_agree(plan, contact):
 
 
 def test_a_displaced_bracket_shifts_the_first_contact(hand, plan, contact):
-    approach = next(item for item in plan.approaches if item.boards == ("sleeve",))
+    approach = next(candidate for candidate in plan.approaches if candidate.boards == ("sleeve",))
     effects = ("bracket_offset sleeve 0 0 0.001 0 0 0",)
     settings = indentation_settings(hand, variation=NO_VARIATION, effects=effects)
     with SkinContact(format_session_world(plan.setup, settings, 0)) as skin:
-        displaced = emulated_equilibrium(plan, skin, approach).solve_path(approach.force_n)
-    nominal = emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
+        displaced = build_emulated_equilibrium(plan, skin, approach).solve_path(approach.force_n)
+    nominal = build_emulated_equilibrium(plan, contact, approach).solve_path(approach.force_n)
     cosine = -(plan.bracket_poses[3, :3, 2] @ approach.direction)
     assert nominal.travel_m[0] - displaced.travel_m[0] == pytest.approx(1e-3 * cosine, abs=4e-4)
 
@@ -114,7 +116,7 @@ def test_the_fixed_layer_gives_the_forces_of_the_simulators_layer(plan):
 @pytest.mark.parametrize("number", [0, 5])
 def test_interpolation_between_the_solved_levels_is_accurate_to_the_noise(plan, number):
     approach = plan.approaches[number]
-    equilibrium = simulated_equilibrium(plan, approach)
+    equilibrium = build_simulated_equilibrium(plan, approach)
     coarse = equilibrium.solve_path(approach.force_n)
     levels = tuple(sorted({*LEVELS, *np.geomspace(LEVELS[0], 1.0, 17).tolist()}))
     fine = equilibrium.solve_path(approach.force_n, levels)
@@ -129,18 +131,18 @@ def test_interpolation_between_the_solved_levels_is_accurate_to_the_noise(plan, 
 
 def test_an_object_that_meets_no_skin_raises_an_error(hand, plan, contact):
     approach = plan.approaches[0]
-    away = approach.touch_pose.copy()
-    away[:3, 3] += 0.5
+    distant_pose = approach.touch_pose.copy()
+    distant_pose[:3, 3] += 0.5
     layer = FixedSkinLayer(hand, plan.bracket_poses, LayerLaw())
     shape, centre = plan.objects[approach.object].shape, plan.centre(approach.object)
     with pytest.raises(EquilibriumError, match="meets no skin"):
-        SimulatedEquilibrium(layer, shape, plan.mount, away, approach.direction).solve_path(5.0)
+        SimulatedEquilibrium(layer, shape, plan.mount, distant_pose, approach.direction).solve_path(5.0)
     with pytest.raises(EquilibriumError, match="meets no skin"):
-        EmulatedEquilibrium(contact, 0, plan.bracket_poses, plan.mount, centre, away, approach.direction).solve_path(
-            5.0
-        )
+        EmulatedEquilibrium(
+            contact, 0, plan.bracket_poses, plan.mount, centre, distant_pose, approach.direction
+        ).solve_path(5.0)
 
 
 def test_the_poses_of_the_path_are_rigid_transforms(plan, contact):
-    poses = emulated_equilibrium(plan, contact, plan.approaches[1]).solve_path(10.0).pose
+    poses = build_emulated_equilibrium(plan, contact, plan.approaches[1]).solve_path(10.0).pose
     assert inverse(poses) @ poses == pytest.approx(np.broadcast_to(np.eye(4), poses.shape))

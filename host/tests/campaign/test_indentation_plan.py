@@ -124,15 +124,15 @@ def test_a_plan_can_be_pickled(plans):
 def test_every_family_samples_solids_of_the_stated_sizes_with_features_on_their_surface(family):
     rng = np.random.default_rng(5)
     for _ in range(5):
-        item, features = FAMILIES[family](rng, family)
-        extent = np.ptp(item.shape.bounds, axis=0)
+        grasp_object, features = FAMILIES[family](rng, family)
+        extent = np.ptp(grasp_object.shape.bounds, axis=0)
         assert extent.max() <= SIZE_M[1] + 1e-9
         assert extent.min() >= SIZE_M[0] - 1e-9
         for feature in features:
             assert np.linalg.norm(feature.outward) == pytest.approx(1.0)
             assert feature.outward @ feature.along == pytest.approx(0.0, abs=1e-9)
             # The features belong to the sharp solid, so they can lie outside of the rounded one.
-            assert -1e-9 < float(item.shape.signed_distance(feature.middle)) < 0.012
+            assert -1e-9 < float(grasp_object.shape.signed_distance(feature.middle)) < 0.012
 
 
 def test_the_rig_has_flat_and_curved_boards_and_two_boards_that_form_a_valley(hand):
@@ -149,24 +149,26 @@ def test_the_rig_has_flat_and_curved_boards_and_two_boards_that_form_a_valley(ha
 
 def test_the_clock_and_the_baseline_fit_the_hand(hand):
     for name, rate_hz in (("rig4", 26.7), ("allegro", 19.5)):
-        described = load_hand(name)
-        assert compute_poll_rate(described, choose_scl_frequency(described)) == pytest.approx(rate_hz, abs=0.1)
-        assert indentation_timeline(described).baseline_s * rate_hz > BASELINE_FRAMES + 2
+        described_hand = load_hand(name)
+        assert compute_poll_rate(described_hand, choose_scl_frequency(described_hand)) == pytest.approx(
+            rate_hz, abs=0.1
+        )
+        assert indentation_timeline(described_hand).baseline_s * rate_hz > BASELINE_FRAMES + 2
     assert indentation_settings(hand, seed=5, effects=("spread film length_m=0.002",)).seed == 5
 
 
-@pytest.mark.parametrize(("touch", "end"), [(0.0, 0.006), (-0.004, -0.002)])
-def test_the_mount_moves_in_holds_and_returns_along_the_same_travel(touch, end):
+@pytest.mark.parametrize(("touch_m", "end_m"), [(0.0, 0.006), (-0.004, -0.002)])
+def test_the_mount_moves_in_holds_and_returns_along_the_same_travel(touch_m, end_m):
     """Also if first contact precedes the nominal one."""
-    stroke = Stroke.through(Timeline(1.0, 1.2, 1.2, 0.8, 0.8), touch, end)
-    assert stroke.start_m == pytest.approx(min(-CLEARANCE_M, touch - 0.0005))
+    stroke = Stroke.through(Timeline(1.0, 1.2, 1.2, 0.8, 0.8), touch_m, end_m)
+    assert stroke.start_m == pytest.approx(min(-CLEARANCE_M, touch_m - 0.0005))
     times = np.linspace(0.0, stroke.timeline.duration_s, 501)
     travel, phase = stroke.travel_at(times), stroke.timeline.find_phases(times)
     assert travel[(phase == Phase.BASELINE) | (phase == Phase.RECOVERY)] == pytest.approx(stroke.start_m - AWAY_M)
-    assert travel[phase == Phase.HOLD] == pytest.approx(end)
+    assert travel[phase == Phase.HOLD] == pytest.approx(end_m)
     assert (np.diff(travel[phase == Phase.CLOSING]) >= 0).all()
     assert (np.diff(travel[phase == Phase.RELEASE]) <= 0).all()
-    positions = np.array([-0.02, -0.001 + touch, touch, 0.5 * (touch + end), end])
+    positions = np.array([-0.02, -0.001 + touch_m, touch_m, 0.5 * (touch_m + end_m), end_m])
     inwards, outwards = stroke.times_of(positions)
     assert stroke.travel_at(inwards) == pytest.approx(positions)
     assert stroke.travel_at(outwards) == pytest.approx(positions)

@@ -39,9 +39,15 @@ RTS_PORT, BUS_PORT = 0x40040000, 0x40040400
 CONFIRMED_A = make_metadata(confirmed=0, pending=NONE, tries=(3, 3))
 ON_TRIAL_A = make_metadata(confirmed=NONE, pending=0, tries=(3, 3))
 IDAC = bytes([0, 40, 0, 50]) + bytes(12)
+"""Currents of the 16 RX lines; 0 selects IDAC_DEFAULT."""
 IDAC_DEFAULT, PERIOD = 16, 160 * 40
+CYCLES_PER_US = 48
+SNAPSHOT_OVERHEAD = 10
+"""Bytes of a snapshot besides the counts: a header of 6 bytes and a CRC of 4 bytes."""
 STATUS, COMMAND, SNAPSHOT = 0x40, 0x70, 0x80
 FINGERTIP = next(board.kind for board in load_hand("allegro").boards if board.kind.name == "fingertip")
+CONVERSIONS_BEFORE_CONFIRMATION = 12 * FINGERTIP.taxel_count
+"""Conversions of twelve scans; an image on trial confirms itself after ten scans and a read."""
 CONFIGURATION = bytes([1, ADDRESS, FINGERTIP.code, 0]) + b"0007".ljust(16, b"\0") + IDAC
 
 
@@ -115,14 +121,14 @@ def test_an_update_over_the_bus_starts_the_new_image(build_folder, listening_boa
     part, bus = listening_board
     image = (build_folder / "images" / "board-a.bin").read_bytes()
     send_request(part, bus, BootCommand.ENTER)
-    first = int.from_bytes(send_request(part, bus, BootCommand.GET_FLASH_SIZE, b"\0")[:2], "little")
-    write_image(part, bus, first, image)
-    assert part.flash(first * 128, len(image)) == image
+    first_row = int.from_bytes(send_request(part, bus, BootCommand.GET_FLASH_SIZE, b"\0")[:2], "little")
+    write_image(part, bus, first_row, image)
+    assert part.flash(first_row * 128, len(image)) == image
     assert send_request(part, bus, BootCommand.VERIFY_APPLICATION) == b"\x01"
     bus.write(DEFAULT_ADDRESS, build_packet(BootCommand.EXIT))
     run_to_reset(part)
     restarted_part = Part(SOFTWARE, part.flash(0, 0x8000), part.ram())
-    restarted_part.run_until(lambda: restarted_part.pc >= first * 128)
+    restarted_part.run_until(lambda: restarted_part.pc >= first_row * 128)
 
 
 def test_a_row_with_word_sum_zero_is_written_in_two_steps(listening_board):
@@ -167,7 +173,7 @@ def test_a_bootloader_responds_after_a_bus_error(listening_board):
 def test_a_snapshot_contains_the_crossings_of_the_configured_kind(scanning_board, kind):
     part, bus, front_end = scanning_board(CONFIRMED_A, CONFIGURATION[:2] + bytes([kind.code]) + CONFIGURATION[3:])
     part.run_until(lambda: front_end.conversions > 2 * kind.taxel_count)
-    snapshot = bus.read(ADDRESS, 10 + 2 * kind.taxel_count, bytes([SNAPSHOT]))
+    snapshot = bus.read(ADDRESS, SNAPSHOT_OVERHEAD + 2 * kind.taxel_count, bytes([SNAPSHOT]))
     assert int.from_bytes(snapshot[-4:], "little") == crc32(bytes([ADDRESS]) + snapshot[:-4])
     assert np.frombuffer(snapshot[6:-4], "<u2").tolist() == compute_expected_counts(kind)
 
@@ -208,9 +214,9 @@ def test_an_image_reports_the_reset_cause(flash_with, bits, cause):
 
 def test_a_trial_image_confirms_itself_after_ten_scans_and_a_read(scanning_board):
     part, bus, front_end = scanning_board(ON_TRIAL_A)
-    part.run_until(lambda: front_end.conversions > 12 * FINGERTIP.taxel_count)
+    part.run_until(lambda: front_end.conversions > CONVERSIONS_BEFORE_CONFIRMATION)
     assert read_metadata(part) == make_metadata(confirmed=NONE, pending=0, tries=(2, 3))
-    bus.read(ADDRESS, 10 + 2 * FINGERTIP.taxel_count, bytes([SNAPSHOT]))
+    bus.read(ADDRESS, SNAPSHOT_OVERHEAD + 2 * FINGERTIP.taxel_count, bytes([SNAPSHOT]))
     part.run_until(lambda: read_metadata(part)[0] == 0)
     part.run(10)
     identity, _ = unpack(Identity, bus.read(ADDRESS, 58, b"\0"))
@@ -225,14 +231,14 @@ def test_the_confirmation_does_not_delay_the_clock(scanning_board):
 
     def read_offset_us() -> float:
         status, _ = unpack(Status, bus.read(ADDRESS, 28, bytes([STATUS])))
-        return part.cycles / 48 - status["clock_us"]
+        return part.cycles / CYCLES_PER_US - status["clock_us"]
 
-    part.run_until(lambda: front_end.conversions > 12 * FINGERTIP.taxel_count)
+    part.run_until(lambda: front_end.conversions > CONVERSIONS_BEFORE_CONFIRMATION)
     initial_offset_us = read_offset_us()
-    bus.read(ADDRESS, 10 + 2 * FINGERTIP.taxel_count, bytes([SNAPSHOT]))
+    bus.read(ADDRESS, SNAPSHOT_OVERHEAD + 2 * FINGERTIP.taxel_count, bytes([SNAPSHOT]))
     part.run_until(lambda: read_metadata(part)[0] == 0)
     part.run(100)
-    assert abs(read_offset_us() - initial_offset_us) < 2 * SLICE * part.speed / 48
+    assert abs(read_offset_us() - initial_offset_us) < 2 * SLICE * part.speed / CYCLES_PER_US
 
 
 @pytest.mark.parametrize(
@@ -287,7 +293,7 @@ def test_a_hub_streams_snapshots_and_stops_the_host_while_it_confirms_itself(fla
     def respond_as_board(written: bytes, reading: bool) -> bytes | None:
         sensor.run(30)
         if reading:
-            return bus.read(ADDRESS, 10 + 2 * FINGERTIP.taxel_count, written)
+            return bus.read(ADDRESS, SNAPSHOT_OVERHEAD + 2 * FINGERTIP.taxel_count, written)
         if written:
             assert bus.write(ADDRESS, written) == 1 + len(written)
         return b""

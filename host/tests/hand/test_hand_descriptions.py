@@ -38,19 +38,23 @@ BOARDS = {
 }
 
 
-def allegro_kinds() -> dict[str, BoardKind]:
+WIDE_ROW_TAXELS = 11
+"""Taxels of a row that reaches around the flanks of a proximal link."""
+
+
+def load_allegro_kinds() -> dict[str, BoardKind]:
     return {board.kind.name: board.kind for board in load_hand("allegro").boards}
 
 
 def is_connected(crossings: NDArray[np.bool_]) -> bool:
     """Whether all taxels are connected through neighbours on the same TX or RX line."""
     remaining = {(int(tx), int(rx)) for tx, rx in np.argwhere(crossings)}
-    edge = [remaining.pop()]
-    while edge:
-        tx, rx = edge.pop()
-        near = remaining & {(tx - 1, rx), (tx + 1, rx), (tx, rx - 1), (tx, rx + 1)}
-        remaining -= near
-        edge += near
+    pending = [remaining.pop()]
+    while pending:
+        tx, rx = pending.pop()
+        neighbours = remaining & {(tx - 1, rx), (tx + 1, rx), (tx, rx - 1), (tx, rx + 1)}
+        remaining -= neighbours
+        pending += neighbours
     return not remaining
 
 
@@ -64,12 +68,12 @@ def test_the_name_of_a_packaged_hand_equals_its_file_name(name: str) -> None:
 
 
 def test_the_allegro_kinds_agree_with_table_2_1_of_the_thesis() -> None:
-    described = {name: (kind.taxel_count, kind.rx_count, kind.tx_count) for name, kind in allegro_kinds().items()}
+    described = {name: (kind.taxel_count, kind.rx_count, kind.tx_count) for name, kind in load_allegro_kinds().items()}
     assert described == TABLE_2_1
 
 
 def test_the_allegro_kind_codes_are_one_to_seven() -> None:
-    assert sorted(kind.code for kind in allegro_kinds().values()) == [1, 2, 3, 4, 5, 6, 7]
+    assert sorted(kind.code for kind in load_allegro_kinds().values()) == [1, 2, 3, 4, 5, 6, 7]
 
 
 def test_the_allegro_hand_has_17_boards_and_1073_taxels() -> None:
@@ -89,36 +93,36 @@ def test_the_allegro_taxels_are_3_mm_wide_and_5_mm_apart() -> None:
 
 @pytest.mark.parametrize("kind", TABLE_2_1)
 def test_every_line_carries_a_taxel(kind: str) -> None:
-    crossings = allegro_kinds()[kind].crossings
+    crossings = load_allegro_kinds()[kind].crossings
     assert crossings.any(axis=0).all()
     assert crossings.any(axis=1).all()
 
 
 @pytest.mark.parametrize("kind", TABLE_2_1)
 def test_the_taxels_of_a_board_are_connected(kind: str) -> None:
-    assert is_connected(allegro_kinds()[kind].crossings)
+    assert is_connected(load_allegro_kinds()[kind].crossings)
 
 
 @pytest.mark.parametrize("kind", ["back_of_hand", "fingertip", "medial_back", "proximal_back", "proximal_front"])
 def test_kinds_shared_by_fingers_or_centred_on_the_hand_are_symmetric(kind: str) -> None:
-    crossings = allegro_kinds()[kind].crossings
+    crossings = load_allegro_kinds()[kind].crossings
     assert np.array_equal(crossings, crossings[:, ::-1])
 
 
 def test_the_palm_has_most_unused_crossings_on_the_thumb_side() -> None:
-    unused = ~allegro_kinds()["palm"].crossings
+    unused = ~load_allegro_kinds()["palm"].crossings
     assert unused[:, 6:].sum() > unused[:, :5].sum()
 
 
 def test_proximal_front_and_back_boards_do_not_overlap_on_the_flanks() -> None:
     """Both boards wrap around the same link, so only one of them may be wide at each height."""
-    kinds = allegro_kinds()
-    heights = {}
+    kinds = load_allegro_kinds()
+    wide_row_heights_mm = {}
     for name in ("proximal_front", "proximal_back"):
         rows = kinds[name].tx_count
         along = (np.arange(rows) - (rows - 1) / 2) * 5.0  # mm, from the middle of the link
-        heights[name] = along[kinds[name].crossings.sum(axis=1) == 11]
-    distance = np.abs(heights["proximal_front"][:, None] - heights["proximal_back"][None, :])
+        wide_row_heights_mm[name] = along[kinds[name].crossings.sum(axis=1) == WIDE_ROW_TAXELS]
+    distance = np.abs(wide_row_heights_mm["proximal_front"][:, None] - wide_row_heights_mm["proximal_back"][None, :])
     assert distance.min() >= 5.0
 
 

@@ -237,8 +237,8 @@ def test_flipped_bytes_raise_an_error_of_one_line(tmp_path, mcap, seed):
     assert "\n" not in str(caught.value), f"seed {seed}"
 
 
-def test_mcap_file_without_skin_topics_is_refused(tmp_path):
-    path = tmp_path / "other.mcap"
+def test_mcap_file_that_is_cut_short_is_refused(tmp_path):
+    path = tmp_path / "short.mcap"
     path.write_bytes(b"\x89MCAP0\r\n" + b"\x0f" + (4).to_bytes(8, "little") + bytes(4))
     with pytest.raises(CaptureError, match="truncated"):
         taxel.open(f"file:{path}")

@@ -18,7 +18,8 @@ from taxel.signal import (
 
 
 @st.composite
-def recordings(draw):
+def sample_recordings(draw):
+    """Strategy for (raw counts, valid mask, number of baseline samples)."""
     frames, taxels = draw(st.integers(1, 40)), draw(st.integers(1, 5))
     raw = draw(hnp.arrays(np.uint16, (frames, taxels)))
     valid = draw(hnp.arrays(np.bool_, (frames, taxels)))
@@ -26,13 +27,14 @@ def recordings(draw):
 
 
 def stream_baseline(raw, valid, samples):
+    """Baseline after all frames, one after the other."""
     baseline = Baseline(raw.shape[1], samples)
     for frame, mask in zip(raw, valid, strict=True):
         baseline.update(frame, mask)
     return baseline
 
 
-@given(recordings())
+@given(sample_recordings())
 def test_streamed_and_vectorised_baselines_are_identical(recording):
     raw, valid, samples = recording
     baseline = stream_baseline(raw, valid, samples)
@@ -48,7 +50,7 @@ def test_streamed_and_vectorised_baselines_are_identical(recording):
     assert result.count.tolist() == [samples] * raw.shape[1]
 
 
-@given(recordings())
+@given(sample_recordings())
 def test_mean_and_noise_equal_exact_rational_arithmetic(recording):
     raw, valid, samples = recording
     baseline = stream_baseline(raw, valid, samples)
@@ -132,6 +134,7 @@ def test_reset_discards_all_samples():
 
 
 def make_touched_recording():
+    """Counts u16[100, 8]: the first seven taxels are touched for a third of the frames."""
     raw = np.full((100, 8), 30_000, np.uint16)
     raw[30:63, :7] -= 400
     return raw

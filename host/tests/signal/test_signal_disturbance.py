@@ -19,6 +19,7 @@ def rng(request):
 
 
 def make_untouched(rng, sigma=MAX_SIGMA, taxels=SKIN_TAXELS):
+    """Values f64[frames, taxels] with white noise of `sigma` counts around the baseline."""
     return BASELINE_COUNTS + sigma * rng.standard_normal((SAMPLES, taxels))
 
 
@@ -26,10 +27,10 @@ def to_counts(values):
     return np.rint(values).astype(np.uint16)
 
 
-def add_touch(values, first, length, counts):
-    """Add a touch of every taxel, from frame first[taxel] on."""
+def add_touch(values, first_frame, length, counts):
+    """Add a touch of every taxel, from frame first_frame[taxel] on."""
     frame = np.arange(SAMPLES)[:, None]
-    return values - counts * ((frame >= first) & (frame < first + length))
+    return values - counts * ((frame >= first_frame) & (frame < first_frame + length))
 
 
 def test_white_noise_of_28_counts_is_not_reported_as_a_touch(rng):
@@ -56,22 +57,22 @@ def test_impulses_with_the_largest_noise_are_not_reported_as_a_touch(rng):
 
 @pytest.mark.parametrize("length", [10, 11, 20, 33, 50, 67, 80, 90])
 def test_a_touch_of_150_counts_is_detected_with_the_largest_noise(rng, length):
-    first = rng.integers(0, SAMPLES - length + 1, SKIN_TAXELS)
-    assert find_disturbed_taxels(to_counts(add_touch(make_untouched(rng), first, length, 150))).all()
+    first_frame = rng.integers(0, SAMPLES - length + 1, SKIN_TAXELS)
+    assert find_disturbed_taxels(to_counts(add_touch(make_untouched(rng), first_frame, length, 150))).all()
 
 
 @pytest.mark.parametrize("length", range(10, 91))
 def test_a_touch_of_150_counts_without_noise_is_detected_at_any_position(length):
-    first = np.arange(SAMPLES - length + 1)
-    values = np.full((SAMPLES, first.size), float(BASELINE_COUNTS))
-    assert find_disturbed_taxels(to_counts(add_touch(values, first, length, 150))).all()
+    first_frame = np.arange(SAMPLES - length + 1)
+    values = np.full((SAMPLES, first_frame.size), float(BASELINE_COUNTS))
+    assert find_disturbed_taxels(to_counts(add_touch(values, first_frame, length, 150))).all()
 
 
 def test_only_the_touched_taxels_are_reported(rng):
     raw = make_untouched(rng)
-    touched = rng.random(SKIN_TAXELS) < 0.1
-    raw[40:73, touched] -= 400
-    assert find_disturbed_taxels(to_counts(raw)).tolist() == touched.tolist()
+    is_touched = rng.random(SKIN_TAXELS) < 0.1
+    raw[40:73, is_touched] -= 400
+    assert find_disturbed_taxels(to_counts(raw)).tolist() == is_touched.tolist()
 
 
 def test_short_taps_in_a_third_of_the_samples_are_detected(rng):

@@ -14,6 +14,7 @@ SEEDS = range(10)
 
 
 def make_stream(hub, frames=40):
+    """Bytes of taxel frames of three boards, with log frames and stray bytes between them."""
     rng = random.Random(1)
     data = bytearray(b"\0")
     for cycle in range(frames):
@@ -24,12 +25,13 @@ def make_stream(hub, frames=40):
 
 
 def write_capture(path, data, rng, largest):
+    """Write `data` as records of random sizes up to `largest` bytes; return the path."""
     with CaptureWriter(path, {"baud": 500000}) as writer:
-        at = time_ns = 0
-        while at < len(data):
+        position = time_ns = 0
+        while position < len(data):
             size = min(62, rng.randrange(largest + 1)) if rng.random() < 0.5 else rng.randrange(largest + 1)
-            writer.write(data[at : at + size], time_ns)
-            at += size
+            writer.write(data[position : position + size], time_ns)
+            position += size
             time_ns += rng.randrange(1000)
     return path
 
@@ -53,6 +55,7 @@ def decode_by_record(path):
 
 
 def decode_by_block(path):
+    """Decode with the block decoder; return (batches, records, error message or None)."""
     batches, records, end = [], [], None
     try:
         for batch, arrivals in CaptureDecoder(path):
@@ -65,7 +68,8 @@ def decode_by_block(path):
     return batches, records, end
 
 
-def get_content(batches):
+def list_contents(batches):
+    """Contents of all batches: (rows, counts, payloads)."""
     rows = [row for batch in batches for row in batch.taxel_rows[["stream_position", "address", "cycle"]].tolist()]
     counts = np.concatenate([batch.counts for batch in batches]) if batches else np.zeros(0)
     return rows, counts.tolist(), b"".join(batch.payloads for batch in batches)
@@ -78,7 +82,7 @@ def test_decoding_by_block_equals_decoding_by_record(tmp_path, hub, monkeypatch,
     path = write_capture(tmp_path / "a.bin", make_stream(hub), rng, rng.choice([20, 62, 70, 4096, 1 << 16]))
     batches, _, end = decode_by_block(path)
     expected, _, _ = decode_by_record(path)
-    assert get_content(batches) == get_content(expected), f"seed {seed}"
+    assert list_contents(batches) == list_contents(expected), f"seed {seed}"
     assert end is None
 
 
@@ -97,7 +101,7 @@ def test_a_damaged_or_truncated_capture_gives_the_frames_before_the_error_and_th
         data[i : i + 4] = rng.choice([b"\xff\xff\xff\xff", b"\x00\x00\x00\x01", b"\x01\x00\x00\x01"])
     path.write_bytes(data)
     (batches, _, end), (expected, _, problem) = decode_by_block(path), decode_by_record(path)
-    assert get_content(batches) == get_content(expected), f"seed {seed}"
+    assert list_contents(batches) == list_contents(expected), f"seed {seed}"
     assert end == problem
 
 
@@ -120,10 +124,10 @@ def test_a_record_length_beyond_the_end_of_the_file_allocates_no_memory(tmp_path
     with CaptureWriter(path) as writer:
         writer.write(b"x", 0)
     path.write_bytes(path.read_bytes() + struct.pack("<QI", 0, 1 << 24) + b"few")
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    memory_before_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(CaptureError, match="cut short in a record at byte 31"):
         list(decode_capture(path))
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 4096  # KiB
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory_before_kib < 4096  # KiB
 
 
 def test_a_file_that_is_no_capture_is_rejected_at_once(tmp_path):

@@ -51,10 +51,11 @@ def make_cycles(hub, count, first=0, boards=BOARDS):
 
 def test_a_complete_stream_has_no_losses(count_losses, hub):
     account = count_losses(b"".join(wire for _, wire in make_cycles(hub, 20)))
-    assert (account.frames_received, account.lost_on_wire, account.restarts) == (63, 0, 0)
-    assert account.frames_sent == 63
+    frame_count = 3 * 20 + 3  # taxel frames of three boards and a log frame every seven cycles
+    assert (account.frames_received, account.lost_on_wire, account.restarts) == (frame_count, 0, 0)
+    assert account.frames_sent == frame_count
     counts = {address: tuple(count) for address, count in account.boards.items()}
-    assert counts == dict.fromkeys(BOARDS, (20, 0, 0))
+    assert counts == dict.fromkeys(BOARDS, (20, 0, 0))  # received, missing, damaged
 
 
 def test_frames_before_the_first_received_frame_are_not_counted_as_lost(count_losses, make_hub):
@@ -88,22 +89,22 @@ def test_dropped_frames_are_counted_exactly(count_losses, make_hub, seed, first,
 @pytest.mark.parametrize("lost", [1, 2, 1000, 65_535])
 def test_a_gap_is_exact_up_to_65535_frames(count_losses, make_hub, lost):
     hub = make_hub(65_000)
-    first = hub.encode_log()
+    first_frame = hub.encode_log()
     hub.sequence = (hub.sequence + lost) % 65536
-    assert count_losses(first + hub.encode_log()).lost_on_wire == lost
+    assert count_losses(first_frame + hub.encode_log()).lost_on_wire == lost
 
 
 def test_a_frame_damaged_on_the_wire_is_lost(count_losses, hub):
-    parts = [hub.encode_taxels(0x20, cycle) for cycle in range(5)]
-    parts[2] = parts[2][:10] + bytes([parts[2][10] ^ 4 or 1]) + parts[2][11:]
-    account = count_losses(b"".join(parts))
+    frames = [hub.encode_taxels(0x20, cycle) for cycle in range(5)]
+    frames[2] = frames[2][:10] + bytes([frames[2][10] ^ 4 or 1]) + frames[2][11:]
+    account = count_losses(b"".join(frames))
     assert (account.frames_received, account.lost_on_wire) == (4, 1)
     assert account.boards[0x20].missing == 1
 
 
 def test_a_frame_with_a_wrong_board_crc_is_damaged_and_not_missing(hub, make_prepared_link, divide):
-    parts = [hub.encode_taxels(0x20, cycle, damage=cycle == 2) for cycle in range(5)]
-    stream = FrameStream(make_prepared_link(divide(b"".join(parts))), lambda message: None)
+    frames = [hub.encode_taxels(0x20, cycle, damage=cycle == 2) for cycle in range(5)]
+    stream = FrameStream(make_prepared_link(divide(b"".join(frames))), lambda message: None)
     stream.poll()
     assert [frame.cycle for frame in stream.frames] == [0, 1, 3, 4]
     count = stream.losses.boards[0x20]
@@ -226,8 +227,8 @@ def test_a_board_with_a_scan_period_above_the_poll_period_has_no_missing_frames(
 
 
 def test_a_lost_frame_of_a_slow_board_is_missing(count_losses, hub):
-    parts = [hub.encode_taxels(0x20, cycle, board_sequence=cycle // 4) for cycle in range(0, 80, 4)]
-    assert count_losses(b"".join(parts[:5] + parts[6:])).boards[0x20].missing == 1
+    frames = [hub.encode_taxels(0x20, cycle, board_sequence=cycle // 4) for cycle in range(0, 80, 4)]
+    assert count_losses(b"".join(frames[:5] + frames[6:])).boards[0x20].missing == 1
 
 
 def test_a_board_with_only_damaged_frames_is_counted_and_gives_no_frames(hub, make_prepared_link, divide):
@@ -235,7 +236,8 @@ def test_a_board_with_only_damaged_frames_is_counted_and_gives_no_frames(hub, ma
     stream = FrameStream(make_prepared_link(divide(data)), lambda message: None)
     frames, _ = drain(stream)
     assert frames == []
-    assert {address: tuple(count) for address, count in stream.losses.boards.items()} == {0x20: (0, 0, 3)}
+    counts = {address: tuple(count) for address, count in stream.losses.boards.items()}
+    assert counts == {0x20: (0, 0, 3)}  # received, missing, damaged
 
 
 def test_a_capture_written_according_to_the_specification_is_read(hub, tmp_path):

@@ -19,9 +19,9 @@ from taxel_protocol.layout import flatten
 from taxel_protocol.limits import ADDRESS_MIN, WHO_AM_I
 
 FOLDER = Path(__file__).resolve().parents[3] / "tools" / "fuzz"
-NAMES = ("construct_oracle", "damage_campaign")
+MODULES = ("construct_oracle", "damage_campaign")
 EXAMPLES = os.environ.get("TAXEL_PROPERTY_EXAMPLES")
-bounded = settings(
+property_settings = settings(
     max_examples=int(EXAMPLES or "150"), deadline=None, derandomize=EXAMPLES is None, database=None,
     suppress_health_check=list(HealthCheck),
 )  # fmt: skip
@@ -33,13 +33,13 @@ TAXEL_KINDS = (FrameType.TAXELS, FrameType.COMPACT_TAXELS)
 @pytest.fixture(scope="module")
 def tool():
     sys.path.insert(0, str(FOLDER))
-    yield SimpleNamespace(**{name: importlib.import_module(name) for name in NAMES})
+    yield SimpleNamespace(**{name: importlib.import_module(name) for name in MODULES})
     while str(FOLDER) in sys.path:
         sys.path.remove(str(FOLDER))
 
 
 @st.composite
-def messages(draw):
+def sample_messages(draw):
     """Strategy for (type, sequence, payload) of a hub frame that is not a taxel frame."""
     kind = draw(st.sampled_from([kind for kind in FRAMES if kind < 0x80 and kind not in TAXEL_KINDS]))
     spec = FRAMES[kind]
@@ -57,8 +57,8 @@ def to_dict(value):
     return value
 
 
-@bounded
-@given(sent=st.lists(messages(), max_size=8))
+@property_settings
+@given(sent=st.lists(sample_messages(), max_size=8))
 def test_messages_have_the_same_fields_as_with_construct(sent):
     batches = StreamDecoder().push(b"".join(encode_frame(*frame) for frame in sent))
     decoded = [message for batch in batches for message in decode_messages(batch)]
@@ -66,15 +66,15 @@ def test_messages_have_the_same_fields_as_with_construct(sent):
     for message, (kind, _, payload) in zip(decoded, sent, strict=True):
         parsed = flatten(to_dict(FRAMES[FrameType(kind)].payload.parse(payload)))
         assert {name: parsed[name] for name in message.fields} == message.fields
-        tails = [value for name, value in parsed.items() if name not in message.fields]
-        assert tails == ([message.trailing_bytes] if tails else [])
+        trailing_values = [value for name, value in parsed.items() if name not in message.fields]
+        assert trailing_values == ([message.trailing_bytes] if trailing_values else [])
 
 
-@bounded
-@given(sent=st.lists(messages(), max_size=8), lost=st.sets(st.integers(0, 7)))
-def test_losses_of_any_sequence_numbers_agree_with_the_definition(tool, sent, lost):
+@property_settings
+@given(sent=st.lists(sample_messages(), max_size=8), lost_indices=st.sets(st.integers(0, 7)))
+def test_losses_of_any_sequence_numbers_agree_with_the_definition(tool, sent, lost_indices):
     """Sequence numbers in any order (repeated, decreasing, wrapped), with handshakes of a restarted hub."""
-    arrived = [frame for i, frame in enumerate(sent) if i not in lost]
+    arrived = [frame for i, frame in enumerate(sent) if i not in lost_indices]
     decoder = StreamDecoder()
     decoder.push(b"".join(encode_frame(*frame) for frame in arrived))
     assert decoder.totals.tolist() == tool.construct_oracle.count_losses(arrived).to_totals()
@@ -92,8 +92,8 @@ def test_damaged_streams_lose_only_the_damaged_frames(tool, seed):
 
 
 def test_a_decoder_that_loses_an_undamaged_frame_is_detected(tool, monkeypatch):
-    check = tool.damage_campaign
-    monkeypatch.setattr(check.Decoders, "decode_frames", lambda self, pieces: check.decode_reference(pieces)[1:])
-    _, _, difference = check.check_range(1, 0, 50)
+    campaign = tool.damage_campaign
+    monkeypatch.setattr(campaign.Decoders, "decode_frames", lambda self, pieces: campaign.decode_reference(pieces)[1:])
+    _, _, difference = campaign.check_range(1, 0, 50)
     assert difference is not None
     assert "C deframer differs" in difference

@@ -71,6 +71,7 @@ def test_flash_updates_all_boards_and_prints_a_table(run, files):
 
 
 def test_flash_updates_a_list_of_boards_and_prints_json(run, files):
+    # 83 is 0x53 in decimal notation.
     status, out, _ = run("flash", URL, *files(), "--board", "0x51", "--board", "83", "--json")
     document = json.loads(out)
     assert status == 0
@@ -129,9 +130,9 @@ def test_flash_that_fails_on_a_board_ends_with_the_error_of_the_board(run, files
     assert "taxel: not updated: 1 of 1 board: board 0x50: the free slot is B, but " in err
 
 
-@pytest.mark.parametrize("expected_text", [[], ["--hub"]])
-def test_flash_of_a_file_for_the_hub_updates_the_hub(run, files, expected_text):
-    status, out, err = run("flash", URL, *files("hub", device=BootDevice.HUB), *expected_text)
+@pytest.mark.parametrize("options", [[], ["--hub"]])
+def test_flash_of_a_file_for_the_hub_updates_the_hub(run, files, options):
+    status, out, err = run("flash", URL, *files("hub", device=BootDevice.HUB), *options)
     assert status == 0, err
     assert "the hub: 8 rows of version 1.2.3 (slot A and B) will be written to its free slot" in err
     assert "0.1.0 -> 1.2.3, 4 boards polled" in err
@@ -156,16 +157,16 @@ def test_a_dry_run_for_the_hub_prints_the_changes_and_writes_nothing(run, files)
 
 
 def test_boards_and_the_hub_are_not_flashed_by_one_command(run, files):
-    both = [files()[0], files("hub", device=BootDevice.HUB)[1]]
-    status, out, err = run("flash", URL, *both, "--all")
+    mixed_files = [files()[0], files("hub", device=BootDevice.HUB)[1]]
+    status, out, err = run("flash", URL, *mixed_files, "--all")
     assert (status, out) == (1, "")
     assert err.endswith("found hub; flash boards and the hub with separate commands\n")
-    assert f"{both[1]}: image device: expected board, as in {both[0]}" in err
+    assert f"{mixed_files[1]}: image device: expected board, as in {mixed_files[0]}" in err
     assert err.count("\n") == 1
 
 
 @pytest.mark.parametrize(
-    ("device", "url", "expected_text", "problem"),
+    ("device", "url", "options", "problem"),
     [
         (BootDevice.HUB, URL, ["--all"], "found an image for the hub; leave --board and --all out"),
         (BootDevice.HUB, URL, ["--board", "0x50"], "found an image for the hub; leave --board and --all out"),
@@ -175,8 +176,8 @@ def test_boards_and_the_hub_are_not_flashed_by_one_command(run, files):
         (BootDevice.HUB, "serial:///dev/ttyNONE", [], "/dev/ttyNONE: cannot be opened"),
     ],
 )
-def test_flash_refuses_files_options_and_urls_that_do_not_fit_the_hub(run, files, device, url, expected_text, problem):
-    status, out, err = run("flash", url, *files(device=device), *expected_text)
+def test_flash_refuses_files_options_and_urls_that_do_not_fit_the_hub(run, files, device, url, options, problem):
+    status, out, err = run("flash", url, *files(device=device), *options)
     assert (status, out) == (1, "")
     assert problem in err
     assert err.count("\n") == 1

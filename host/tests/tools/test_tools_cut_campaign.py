@@ -69,9 +69,9 @@ def test_the_plan_of_the_cuts_depends_only_on_the_seed():
 
 def test_a_repeated_world_has_the_same_cuts():
     plan = cut_plan.plan_worlds(60, SEED)[0]
-    first, second = power_cuts.run_world(plan), power_cuts.run_world(plan)
-    assert first == second
-    assert first.cut_records
+    first_run, second_run = power_cuts.run_world(plan), power_cuts.run_world(plan)
+    assert first_run == second_run
+    assert first_run.cut_records
 
 
 def test_an_interrupted_operation_is_named_by_the_data_to_be_written():
@@ -101,18 +101,18 @@ def test_a_board_that_does_not_start_counts_as_bricked(monkeypatch):
 
 
 def test_a_changed_slot_in_use_counts_as_damaged(monkeypatch):
-    """The content of the running slot is falsified, as if a bootloader had overwritten the slot."""
-    monkeypatch.setattr(cut_runs._Update, "_read_slot", lambda self, flash, slot: flash[: next(counted)])
-    counted = iter(range(100))
+    """Each read of the slot returns one byte more than the read before, as if a bootloader had changed the slot."""
+    monkeypatch.setattr(cut_runs._Update, "_read_slot", lambda self, flash, slot: flash[: next(lengths)])
+    lengths = iter(range(100))
     result = power_cuts.run_world(make_world_plan())
     assert [cut.outcome for cut in result.cut_records] == ["damaged"]
 
 
 def test_a_running_image_that_differs_from_the_file_counts_as_damaged(monkeypatch):
     plan = make_world_plan(sequences=[(2, 5, 0.0204)])
-    other = cut_runs.make_firmware_images(cut_runs.BootDevice.BOARD, 2, (1, 0, 0), seed=99)
+    other_firmware = cut_runs.make_firmware_images(cut_runs.BootDevice.BOARD, 2, (1, 0, 0), seed=99)
     update = cut_routes.BoardRoute.update
-    monkeypatch.setattr(cut_routes.BoardRoute, "update", lambda self, firmware: update(self, other))
+    monkeypatch.setattr(cut_routes.BoardRoute, "update", lambda self, firmware: update(self, other_firmware))
     result = power_cuts.run_world(plan)
     assert [cut.outcome for cut in result.cut_records] == ["damaged"]
 

@@ -7,6 +7,7 @@ import pytest
 
 from taxel.errors import TaxelError
 from taxel.link.virtual import VirtualMemoryLink
+from taxel_protocol.limits import REGISTER_SETTINGS, WHO_AM_I
 from taxel_tools.application import read_identity
 from taxel_tools.errors import LostError, NackError
 from taxel_tools.firmware_update import update_board
@@ -17,15 +18,31 @@ from taxel_tools.wires import HubWire
 
 BOTH_WAYS = ("usb_latency_down_ms 16",)
 FLOW_CONTROL = (*BOTH_WAYS, "flow_control 1")
+ABSENT = 0x60
+"""Address without a board."""
+WHO_AM_I_REPLY = bytes([WHO_AM_I])
+SECOND_SLOT = 128 * 128
+"""Offset of the second image slot in the flash of a board: 128 rows of 128 bytes."""
+
+
+def make_long_transfer(address: int) -> Transfer:
+    """Transfer that writes 12 bytes (the register number and 11 zeros) and reads the 12 bytes of the settings."""
+    return Transfer(address, bytes([REGISTER_SETTINGS]) + bytes(11), 12)
+
+
+def make_short_transfer(address: int) -> Transfer:
+    """Transfer that reads the first register, whose value is always WHO_AM_I."""
+    return Transfer(address, b"\x00", 1)
 
 
 def update_all(wire, firmware, addresses, report=lambda progress: None):
+    """Update the boards concurrently and return their results by address."""
     return run_all(wire, {address: update_board(address, firmware, wire.now_s, report) for address in addresses})
 
 
-def read_often(address: int, times: int):
+def read_settings_repeatedly(address: int, times: int):
     for _ in range(times):
-        yield Transfer(address, bytes([0x60]) + bytes(11), 12)
+        yield make_long_transfer(address)
 
 
 def run_burst(*transfers: Transfer):
@@ -55,7 +72,7 @@ def test_only_a_link_with_flow_control_gets_a_window_larger_than_the_ring_buffer
 def test_no_byte_is_lost_with_many_commands_in_flight(worlds, hub, lines):
     world = worlds(*lines, hand="allegro")
     wire = hub(world)
-    results = run_all(wire, {address: read_often(address, 30) for address in wire.scan()})
+    results = run_all(wire, {address: read_settings_repeatedly(address, 30) for address in wire.scan()})
     assert not any(isinstance(result, TaxelError) for result in results.values())
     assert not wire.hub.logs
 
@@ -64,12 +81,12 @@ def test_a_hub_whose_processor_stalls_loses_no_command(worlds, hub):
     world = worlds("flow_control 1", hand="allegro")
     wire = hub(world)
     addresses = wire.scan()
-    procedures = {address: read_often(address, 30) for address in addresses}
+    procedures = {address: read_settings_repeatedly(address, 30) for address in addresses}
 
     def stall():
         for _ in range(5):
             world.inject("hub_stall", 0, 15)
-            yield Transfer(addresses[0], bytes([0x60]), 12)
+            yield Transfer(addresses[0], bytes([REGISTER_SETTINGS]), 12)
 
     results = run_all(wire, procedures | {0: stall()})
     assert not any(isinstance(result, TaxelError) for result in results.values())
@@ -83,8 +100,10 @@ def test_an_unconnected_rts_line_is_detected_and_costs_only_time(worlds, make_fi
     link.has_flow_control = True
     wire = HubWire(link)
     assert wire.hub.window == FLOW_CONTROL_WINDOW
-    run_all(wire, {address: read_often(address, 30) for address in range(0x50, 0x54)})
-    assert wire.hub.window == FLOW_CONTROL_WINDOW, "four boards alone have no more under way than the ring holds"
+    run_all(wire, {address: read_settings_repeatedly(address, 30) for address in range(0x50, 0x54)})
+    assert wire.hub.window == FLOW_CONTROL_WINDOW, (
+        "four boards alone have no more bytes in flight than the ring buffer holds"
+    )
     run_all(wire, {i: run_burst(*(Transfer(0x50 + i % 4, b"\x00", 60),) * 3) for i in range(40)})
     assert "bytes lost" in wire.hub.logs
     assert wire.hub.window == RING_WINDOW
@@ -125,25 +144,25 @@ def test_damage_on_the_uart_costs_only_time(worlds, hub, make_firmware, fault):
     results = update_all(wire, firmware, wire.scan(), disturb)
     assert {result.after for result in results.values()} == {(1, 2, 3)}
     for address in results:
-        assert world.read_flash(address).data[128 * 128 :].startswith(firmware.select_image_for(1).data)
+        assert world.read_flash(address).data[SECOND_SLOT:].startswith(firmware.select_image_for(1).data)
 
 
 def test_a_burst_returns_every_outcome_in_order(worlds, open_wire):
     wire = open_wire(worlds(boards=2))
-    reads = (Transfer(0x50, b"\x00", 1), Transfer(0x50, b"\x06", 1), Transfer(0x50, b"\x01", 1))
-    assert run(wire, run_burst(*reads)) == [b"\x54", b"\x50", b"\x02"]
+    reads = (make_short_transfer(0x50), Transfer(0x50, b"\x06", 1), Transfer(0x50, b"\x01", 1))
+    assert run(wire, run_burst(*reads)) == [WHO_AM_I_REPLY, b"\x50", b"\x02"]
 
 
 def test_an_adapter_ends_a_burst_with_the_first_failure(worlds, adapter):
     wire = adapter(worlds(boards=1))
-    outcomes = run(wire, run_burst(Transfer(0x50, b"\x00", 1), Transfer(0x60, b"\x00", 1), Transfer(0x50, b"\x00", 1)))
-    assert outcomes[0] == b"\x54"
+    outcomes = run(wire, run_burst(*(make_short_transfer(address) for address in (0x50, ABSENT, 0x50))))
+    assert outcomes[0] == WHO_AM_I_REPLY
     assert [type(outcome) for outcome in outcomes] == [bytes, NackError]
 
 
 def test_the_hub_runs_every_transfer_of_a_burst(worlds, hub):
     wire = hub(worlds(boards=1))
-    outcomes = run(wire, run_burst(Transfer(0x50, b"\x00", 1), Transfer(0x60, b"\x00", 1), Transfer(0x50, b"\x00", 1)))
+    outcomes = run(wire, run_burst(*(make_short_transfer(address) for address in (0x50, ABSENT, 0x50))))
     assert [type(outcome) for outcome in outcomes] == [bytes, NackError, bytes]
 
 
@@ -151,11 +170,11 @@ def test_a_burst_reports_a_lost_command(worlds, hub):
     world = worlds(boards=2)
     wire = hub(world)
 
-    def lose(address):
+    def lose_command(address):
         world.inject("down_drop", 0, 2, 1)
-        return (yield from run_burst(*(Transfer(address, b"\x00", 1) for _ in range(3))))
+        return (yield from run_burst(*(make_short_transfer(address) for _ in range(3))))
 
-    outcomes = run_all(wire, {0: lose(0x50), 1: read_identity(0x51)})[0]
+    outcomes = run_all(wire, {0: lose_command(0x50), 1: read_identity(0x51)})[0]
     assert [type(outcome) for outcome in outcomes].count(LostError) == 1
 
 
@@ -165,19 +184,17 @@ def test_transfers_with_one_board_are_separated_by_transfers_with_others(worlds,
     sent = []
     send_frame = wire.hub._send_frame
 
-    def record_transfer(number, transfer, *rest):
+    def record_transfer(number, transfer, *arguments):
         if number:
             sent.append((transfer.address, len(wire.hub._sent)))
-        send_frame(number, transfer, *rest)
+        send_frame(number, transfer, *arguments)
 
     wire.hub._send_frame = record_transfer
-    transfers = (Transfer(0x50, bytes([0x60]) + bytes(11), 12), Transfer(0x50, b"\x00", 1))
+    transfers = (make_long_transfer(0x50), make_short_transfer(0x50))
     run(wire, run_burst(*transfers))
     assert [address for address, _ in sent] == [0x50, 0x50]
     sent.clear()
-    bursts = {
-        address: run_burst(*(Transfer(address, bytes([0x60]) + bytes(11), 12),) * 3) for address in range(0x50, 0x54)
-    }
+    bursts = {address: run_burst(*(make_long_transfer(address),) * 3) for address in range(0x50, 0x54)}
     run_all(wire, bursts)
     addresses = [address for address, _ in sent]
     assert all(first != second for first, second in itertools.pairwise(addresses))

@@ -8,6 +8,7 @@ import pytest
 
 from taxel.errors import TaxelError
 from taxel_protocol.bootloader import BootCommand
+from taxel_protocol.limits import REGISTER_SETTINGS, WHO_AM_I
 from taxel_tools.errors import BoardError, FirmwareFileError, LostError, NackError, PlanError, StatusError, WireError
 from taxel_tools.procedure import Pause, Transfer
 from taxel_tools.scheduler import run, run_all
@@ -29,17 +30,18 @@ class BrokenBus:
 
 
 def read_once(address: int, size: int = 1):
+    """Procedure that reads the first registers of a board; the first byte is WHO_AM_I."""
     return (yield Transfer(address, b"\0", size))
 
 
 def test_a_procedure_receives_the_bytes_read(worlds, open_wire):
-    assert run(open_wire(worlds(boards=1)), read_once(0x50)) == b"\x54"
+    assert run(open_wire(worlds(boards=1)), read_once(0x50)) == bytes([WHO_AM_I])
 
 
 def test_procedures_run_concurrently_and_fail_independently(worlds, open_wire):
     wire = open_wire(worlds(boards=2))
     results = run_all(wire, {address: read_once(address) for address in (0x50, 0x51, 0x52)})
-    assert results[0x50] == results[0x51] == b"\x54"
+    assert results[0x50] == results[0x51] == bytes([WHO_AM_I])
     assert isinstance(results[0x52], NackError)
 
 
@@ -47,11 +49,11 @@ def test_pauses_of_several_procedures_overlap(worlds, open_wire):
     world = worlds(boards=1)
     wire = open_wire(world)
 
-    def idle():
+    def pause_procedure():
         yield Pause(0.2)
 
     start_s = world.now_s
-    run_all(wire, dict.fromkeys(range(1)) | {i: idle() for i in range(9)})
+    run_all(wire, {i: pause_procedure() for i in range(9)})
     assert 0.2 <= world.now_s - start_s < 0.21
 
 
@@ -76,7 +78,7 @@ def test_the_ring_buffer_of_the_hub_never_overflows_and_replies_are_flushed(worl
 
     def read_repeatedly(address):
         for _ in range(20):
-            yield Transfer(address, bytes([0x60]) + bytes(11), 12)
+            yield Transfer(address, bytes([REGISTER_SETTINGS]) + bytes(11), 12)
 
     start_s = world.now_s
     results = run_all(wire, {address: read_repeatedly(address) for address in addresses})
@@ -101,7 +103,7 @@ def test_a_refused_packet_gives_one_error_line_with_its_status(worlds, adapter):
 def test_writes_to_rows_of_the_bootloader_are_refused(worlds, adapter):
     world = worlds(boards=1)
     wire = adapter(world)
-    before = world.read_flash(0x50).data
+    flash_content = world.read_flash(0x50).data
     session = BootSession(0x50, wire.now_s)
 
     def procedure():
@@ -110,7 +112,7 @@ def test_writes_to_rows_of_the_bootloader_are_refused(worlds, adapter):
 
     with pytest.raises(StatusError, match="a write to a protected row"):
         run(wire, procedure())
-    assert world.read_flash(0x50).data == before
+    assert world.read_flash(0x50).data == flash_content
 
 
 def test_a_bootloader_without_a_session_refuses_commands(worlds, adapter):
