@@ -89,16 +89,16 @@ def test_each_pose_is_sampled_at_its_report_time(pair: Pair) -> None:
     virtual, host = pair
     send(host, SetPeriod(3, 0, 0), SystemOn(), *make_torques(1.0))
     virtual.step(0.03)
-    first = [m.angles[1] for m in read_messages(host) if isinstance(m, FingerPose) and m.finger == 0]
-    assert sorted(set(first)) == first
-    assert len(first) == 10
+    first_finger_angles = [m.angles[1] for m in read_messages(host) if isinstance(m, FingerPose) and m.finger == 0]
+    assert sorted(set(first_finger_angles)) == first_finger_angles
+    assert len(first_finger_angles) == 10
 
 
 def test_a_period_of_zero_stops_the_reports(pair: Pair) -> None:
     virtual, host = pair
     send(host, SetPeriod(1, 1, 1))
     virtual.step(0.001)
-    assert len(read_messages(host)) == 4 + 1 + 4
+    assert len(read_messages(host)) == 4 + 1 + 4  # poses of four fingers, the IMU, four temperatures
     send(host, SetPeriod(0, 0, 0))
     virtual.step(1.0)
     assert read_messages(host) == []

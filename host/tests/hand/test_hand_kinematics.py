@@ -253,7 +253,7 @@ def test_taxel_positions_require_a_hand_but_link_poses_do_not() -> None:
 
 def test_the_index_finger_flexes_towards_the_front_of_the_palm() -> None:
     straight, bent = np.zeros(22), np.zeros(22)
-    bent[7] = 0.5
+    bent[ROBOT.joint_names.index("ff_j1")] = 0.5  # rad
     palm = tf.inverse(KINEMATICS.compute_link_poses(straight)[ROBOT.get_link_index("palm")])
     tips = [
         tf.apply(palm, KINEMATICS.compute_link_poses(q)[ROBOT.get_link_index("ff_distal")][:3, 3])

@@ -145,7 +145,8 @@ def test_a_moving_link_without_shapes_has_the_mass_of_a_small_sphere() -> None:
     root = parse_urdf()
     mass = root.find("link[@name='forearm']/inertial/mass")
     assert mass is not None
-    assert float(mass.attrib["value"]) == pytest.approx(800 * 4 / 3 * np.pi * DEFAULT_RADIUS_M**3)
+    volume_m3 = 4 / 3 * np.pi * DEFAULT_RADIUS_M**3
+    assert float(mass.attrib["value"]) == pytest.approx(800 * volume_m3)  # density 800 kg/m3
     assert root.find("link[@name='flange']/inertial") is None
 
 

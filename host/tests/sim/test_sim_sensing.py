@@ -146,10 +146,10 @@ def simulate_soft_grasp():
 
 def test_taxel_forces_of_a_soft_layer_agree_with_its_law_and_the_board_wrenches():
     """The margin without taxels carries the remainder of the board wrench."""
-    simulate_rigid_grasp, hold = simulate_soft_grasp(), simulate_soft_grasp().phase == Phase.HOLD
-    result = sense(HAND, OBJECT.shape, simulate_rigid_grasp, Sensing())
-    assert result.contact_force is simulate_rigid_grasp.taxel_force
-    board_load = np.linalg.norm(simulate_rigid_grasp.wrench[hold][:, :, :3], axis=2).sum(axis=1)
+    soft_grasp, hold = simulate_soft_grasp(), simulate_soft_grasp().phase == Phase.HOLD
+    result = sense(HAND, OBJECT.shape, soft_grasp, Sensing())
+    assert result.contact_force is soft_grasp.taxel_force
+    board_load = np.linalg.norm(soft_grasp.wrench[hold][:, :, :3], axis=2).sum(axis=1)
     assert (result.contact_force[hold].sum(axis=1) < 1.05 * board_load).all()
     assert (result.contact_force[hold].sum(axis=1) > 0.4 * board_load).all()
     palm = HAND.get_slice(HAND.find_board("palm").address)
@@ -162,16 +162,11 @@ def test_taxel_forces_of_a_soft_layer_agree_with_its_law_and_the_board_wrenches(
 
 
 def test_with_a_soft_layer_the_spring_of_the_mount_balances_the_hand_at_the_end_of_hold():
-    simulate_rigid_grasp = simulate_soft_grasp()
-    end = int(np.flatnonzero(simulate_rigid_grasp.phase == Phase.HOLD)[-1])
-    displacement = (
-        simulate_rigid_grasp.object_pose[end, :3, 3]
-        + simulate_rigid_grasp.object_pose[end, :3, 2] * OBJECT.shape.height / 2
-    )
+    soft_grasp = simulate_soft_grasp()
+    end = int(np.flatnonzero(soft_grasp.phase == Phase.HOLD)[-1])
+    displacement = soft_grasp.object_pose[end, :3, 3] + soft_grasp.object_pose[end, :3, 2] * OBJECT.shape.height / 2
     displacement -= make_standing_pose()[:3, 3] + np.array([0.0, 0.0, OBJECT.shape.height / 2])
-    forces = np.einsum(
-        "sij,sj->si", simulate_rigid_grasp.sensor_poses[end, :, :3, :3], simulate_rigid_grasp.wrench[end, :, :3]
-    )
+    forces = np.einsum("sij,sj->si", soft_grasp.sensor_poses[end, :, :3, :3], soft_grasp.wrench[end, :, :3])
     np.testing.assert_allclose(-forces.sum(axis=0), MOUNT_STIFFNESS_N_PER_M * displacement, atol=0.3)
 
 
