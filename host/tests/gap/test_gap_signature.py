@@ -110,7 +110,7 @@ def test_a_weak_line_is_named_with_its_factor(of_drop):
 def test_compressed_counts_are_a_curve_over_the_drop(of_drop):
     found = of_drop(lambda drop: 20.0 * np.sqrt(np.maximum(drop, 0.0)))
     assert found["signature"].startswith(("nonlinear in the signal", "grows with the signal, with a bend"))
-    assert "counts too small at a predicted signal" in found["signature"]
+    assert "counts below a predicted signal" in found["signature"]
     assert "on all boards" in found["signature"]
     assert of(found, "amplitude") == max(found["bank"], key=lambda one: one["share"])
     assert of(found, "amplitude")["scope"] == "hand"
@@ -180,7 +180,7 @@ def test_a_remaining_signal_after_release_is_reported_as_history(of_drop, plain)
     found = of_drop(sticky)
     assert first(found) == "history"
     assert "decays too slowly" in found["signature"]
-    assert "15.0 % of the hold signal too much in recovery" in found["signature"]
+    assert "15.0 % of the hold signal more than predicted in recovery" in found["signature"]
 
 
 def test_a_contact_patch_that_is_too_wide_is_reported_as_radial(of_drop):

@@ -110,7 +110,7 @@ def _amplitude(numbers: FloatArray, knots: FloatArray) -> str:
         way = "more" if line > 0 else "less"
         return f"proportional to the signal: the hand has {100 * abs(line):.0f} % {way} signal"
     signs = np.sign(np.where(np.abs(numbers) < ONE_WAY * largest, 0.0, numbers))
-    high = _too(float(numbers[-1]), float(knots[-1])) if signs[-1] else "none at the largest signal"
+    high = _too(float(numbers[-1]), float(knots[-1])) if signs[-1] else "no deviation at the largest signal"
     if signs[-1] == 0 or (signs[:-1] * signs[-1] < 0).any():
         other = np.where(signs[:-1] * signs[-1] < 0, np.abs(numbers[:-1]), 0.0) if signs[-1] else np.abs(numbers[:-1])
         k = int(other.argmax())
@@ -121,15 +121,15 @@ def _amplitude(numbers: FloatArray, knots: FloatArray) -> str:
 
 
 def _too(counts: float, drop: float) -> str:
-    way = "large" if counts > 0 else "small"
-    return f"the signal is {abs(counts):.0f} counts too {way} at a predicted signal of {drop:.0f} counts"
+    way = "above" if counts > 0 else "below"
+    return f"the signal of the hand is {abs(counts):.0f} counts {way} a predicted signal of {drop:.0f} counts"
 
 
 def _history(numbers: FloatArray, layout: Layout) -> str:
     bins = layout.phase[: layout.bins]
     later = bins[np.isin(bins, [Phase.RELEASE, Phase.RECOVERY])]
     parts = [
-        f"{100 * abs(value):.1f} % of the hold signal too {'much' if value > 0 else 'little'} in {name}"
+        f"{100 * abs(value):.1f} % of the hold signal {'more' if value > 0 else 'less'} than predicted in {name}"
         for phase, name in ((Phase.RELEASE, "release"), (Phase.RECOVERY, "recovery"))
         for value in [_strongest(numbers[later == phase])]
         if value != 0.0
