@@ -16,6 +16,7 @@ SECONDS ?= 60
 PORT := firmware/boards/psoc4200
 IMAGES := build/psoc4200
 QUICK := protocol/tests $(addprefix host/tests/,cli emulated grasp hand link signal skin stream testing)
+GUIDES := $(addprefix host/tests/,docs bench/test_bench_docs.py tools/test_tools_guide.py monitor/test_monitor_docs.py ros/test_record_guide.py cli/test_cli_import.py)
 EXECUTED := i2c commands hub_bootloader
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
@@ -75,6 +76,16 @@ test-python: $(STAMP)  ## Python tests, without those that are marked slow; prin
 
 test-slow: $(STAMP)  ## the Python tests that are marked slow: whole diagnoses and campaigns
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --durations=10 -m slow
+
+.PHONY: coverage
+coverage: $(STAMP)  ## functions that no command, example or guide reaches (an hour; needs `pip install coverage`)
+	@$(BIN)/python -c 'import coverage' || { echo "coverage is missing: $(BIN)/pip install coverage"; exit 1; }
+	@rm -rf out/coverage && mkdir -p out/coverage
+	@export TAXEL_COVERAGE=$(abspath out/coverage); \
+		TAXEL_DOCS=all $(BIN)/python -m coverage run --rcfile=tools/coverage/coverage.ini -m pytest -q $(GUIDES); \
+		$(BIN)/python -m coverage combine -q --rcfile=tools/coverage/coverage.ini $$TAXEL_COVERAGE; \
+		$(BIN)/python -m coverage json -q --rcfile=tools/coverage/coverage.ini -o out/coverage/commands.json
+	@$(BIN)/python tools/coverage/unreached.py out/coverage/commands.json
 
 test-executed: $(STAMP)  ## I2C, command and flash tests on images that are executed as ARM code (`make hil RIG=cortex-m0`: all)
 	@command -v arm-none-eabi-gcc > /dev/null || \
