@@ -72,7 +72,7 @@ def scale_signals(signal: FloatArray) -> FloatArray:
     return np.asarray(signal / SCALE_COUNTS)
 
 
-def active_taxels(signal: FloatArray) -> FloatArray:
+def find_active_taxels(signal: FloatArray) -> FloatArray:
     """f64[g, n]: 1 for an active taxel, 0 for another one, from signals f64[g, n]."""
     return np.asarray(signal > ACTIVE_SIGNAL_COUNTS, dtype=np.float64)
 
@@ -80,12 +80,12 @@ def active_taxels(signal: FloatArray) -> FloatArray:
 def count_active_by_board(signal: FloatArray) -> FloatArray:
     """Number of active taxels of each board, divided by `SCALE_TAXELS`, f64[g, 17]: the size of contacts."""
     board = load_hand("allegro").board_index
-    return np.asarray(active_taxels(signal) @ (board[:, None] == np.unique(board)) / SCALE_TAXELS)
+    return np.asarray(find_active_taxels(signal) @ (board[:, None] == np.unique(board)) / SCALE_TAXELS)
 
 
 VIEWS = {
     "every taxel's signal": scale_signals,
-    "which taxels are active": active_taxels,
+    "which taxels are active": find_active_taxels,
     "how many on each board": count_active_by_board,
 }
 """Inputs of the classifiers, computed from the signals during hold."""

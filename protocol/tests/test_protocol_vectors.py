@@ -54,7 +54,7 @@ def values_of(fields: Mapping[str, Any]) -> dict[str, Any]:
     return {name: bytes.fromhex(value) if isinstance(value, str) else value for name, value in fields.items()}
 
 
-def json_values(values: Mapping[str, Any]) -> dict[str, Any]:
+def to_json_values(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value.hex() if isinstance(value, bytes) else value for name, value in values.items()}
 
 
@@ -114,7 +114,7 @@ def test_construct_parses_the_fields_of_the_vector(vector: dict[str, Any]) -> No
     expected = nested(definition, flat_of(vector))
     assert definition.build(payload) == definition.build(expected)
     common = {name: value for name, value in flatten(expected).items() if name in vector["fields"]}
-    assert json_values(common) == {name: v for name, v in vector["fields"].items() if not name.endswith("who_am_i")}
+    assert to_json_values(common) == {name: v for name, v in vector["fields"].items() if not name.endswith("who_am_i")}
 
 
 @every_frame
@@ -131,7 +131,7 @@ def test_the_reference_codec_decodes_the_fields_of_the_vector(vector: dict[str, 
         assert tail[:-4] == encode_counts(vector["counts"])
     else:
         assert tail.hex() == vector["tail"]
-    assert json_values(fields) == vector["fields"]
+    assert to_json_values(fields) == vector["fields"]
 
 
 @every_frame
@@ -162,7 +162,7 @@ def test_a_register_vector_packs_and_unpacks(vector: dict[str, Any]) -> None:
     fields, tail = unpack(definition, data)
     assert definition.build(nested(definition, values_of(vector["fields"]))) == data
     assert pack(definition, values_of(vector["fields"])) == data
-    assert (json_values(fields), tail) == (vector["fields"], b"")
+    assert (to_json_values(fields), tail) == (vector["fields"], b"")
     if "crc32" in fields:
         assert crc32(prefix + data[:-4]) == fields["crc32"]
 

@@ -32,7 +32,7 @@ def _make_short_plan() -> list[PlannedGrasp]:
     return [replace(planned) for planned in plan]
 
 
-def _rate(run_campaign: Callable[[Path], object], count: int) -> float:
+def _measure_rate(run_campaign: Callable[[Path], object], count: int) -> float:
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         start = time.perf_counter()
         run_campaign(Path(folder) / "campaign.h5")
@@ -42,8 +42,8 @@ def _rate(run_campaign: Callable[[Path], object], count: int) -> float:
 def measure() -> list[Figure]:
     """Grasps per second of both sources, including the start of the processes."""
     plan = _make_short_plan()
-    sim = _rate(lambda path: run_simulated(path, plan, SimSettings()), len(plan))
-    emulated = _rate(lambda path: run_emulated(path, plan, EmulatedSettings()), len(plan))
+    sim = _measure_rate(lambda path: run_simulated(path, plan, SimSettings()), len(plan))
+    emulated = _measure_rate(lambda path: run_emulated(path, plan, EmulatedSettings()), len(plan))
     own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     child = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     memory = f"largest process {max(own, child) / 1024:.0f} MB"

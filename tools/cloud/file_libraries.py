@@ -173,12 +173,12 @@ def load_plyfile() -> FileLibrary:
     """The library plyfile."""
     import plyfile  # type: ignore[import-not-found,unused-ignore]
 
-    def columns_of(element: Any) -> Table:
+    def read_columns(element: Any) -> Table:
         return {name: np.asarray(element.data[name], np.float64) for name in element.data.dtype.names}
 
     def read_points(path: Path) -> Contents:
         data = plyfile.PlyData.read(path)
-        tables = {element.name: columns_of(element) for element in data.elements}
+        tables = {element.name: read_columns(element) for element in data.elements}
         contents = build_contents(tables["vertex"], tables.get("silent"))
         names = [line.split(" ", 3)[3] for line in data.comments if line.startswith("taxel.grasp ")]
         contents.grasps = names or None

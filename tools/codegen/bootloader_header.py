@@ -8,7 +8,7 @@ import random
 import sys
 from pathlib import Path
 
-from c_header import enumeration, structure
+from c_header import format_enumeration, format_structure
 
 from taxel_protocol import bootloader as boot
 from taxel_protocol.bootloader_images import build_image, build_record
@@ -38,7 +38,7 @@ STRUCTS = {
 ENUMS = (boot.BootCommand, boot.BootStatus, boot.BootDevice, boot.BootChecksum, boot.BootStay)
 
 
-def header() -> str:
+def format_header() -> str:
     """Text of the C header: constants, names, the table of flash layouts, packed structs."""
     lines = [f"/* {MARK} */", "#ifndef TAXEL_BOOT_PROTOCOL_H", "#define TAXEL_BOOT_PROTOCOL_H", ""]
     lines += ['#include "generated/taxel_protocol.h"', ""]
@@ -50,18 +50,18 @@ def header() -> str:
     rows = [f"    X({d.name}, {s.first_rows[0]}u, {s.first_rows[1]}u, {s.slot_rows}u)" for d, s in boot.LAYOUTS.items()]
     lines += [" \\\n".join(rows), ""]
     for enum in ENUMS:
-        lines += enumeration(enum)
+        lines += format_enumeration(enum)
     for name, definition in STRUCTS.items():
-        lines += structure(name, definition)
+        lines += format_structure(name, definition)
     return "\n".join([*lines, "#endif", ""])
 
 
-def _array(name: str, data: bytes) -> list[str]:
+def _format_array(name: str, data: bytes) -> list[str]:
     body = [", ".join(f"0x{byte:02X}" for byte in data[i : i + 16]) for i in range(0, len(data), 16)]
     return [f"static const uint8_t {name}[{len(data)}] = {{", *[f"    {line}," for line in body], "};"]
 
 
-def vectors() -> str:
+def format_vectors() -> str:
     """Packets with both checksums, an image, a metadata row and a configuration row, built by the Python
     definitions.
     """
@@ -72,11 +72,11 @@ def vectors() -> str:
     commands += [(boot.BootCommand.SEND_DATA, draw.randbytes(size)) for size in (1, 56, 57)]
     for kind in (boot.BootChecksum.SUM, boot.BootChecksum.CRC):
         for i, (command, data) in enumerate(commands):
-            lines += _array(f"packet_{kind.name.lower()}_{i}", build_packet(command, data, kind))
-    lines += _array("image_a", build_image(boot.BootDevice.BOARD, 0, 3, (1, 2, 3), draw.randbytes(301)))
-    lines += _array("image_b", build_image(boot.BootDevice.HUB, 1, 0, (4, 5, 6), draw.randbytes(96)))
+            lines += _format_array(f"packet_{kind.name.lower()}_{i}", build_packet(command, data, kind))
+    lines += _format_array("image_a", build_image(boot.BootDevice.BOARD, 0, 3, (1, 2, 3), draw.randbytes(301)))
+    lines += _format_array("image_b", build_image(boot.BootDevice.HUB, 1, 0, (4, 5, 6), draw.randbytes(96)))
     metadata = pack(boot.Metadata, {"confirmed": 1, "pending": 0, "tries": bytes([2, 3])})
-    lines += _array("metadata_row", build_record(boot.BOOT_METADATA_MAGIC, 7, metadata))
+    lines += _format_array("metadata_row", build_record(boot.BOOT_METADATA_MAGIC, 7, metadata))
     configuration = pack(
         boot.Configuration,
         {
@@ -88,15 +88,15 @@ def vectors() -> str:
             "idac_codes": draw.randbytes(16),
         },
     )
-    lines += _array("configuration", configuration)
-    lines += _array("configuration_row", build_record(boot.BOOT_CONFIGURATION_MAGIC, 0xFFFFFFFF, configuration))
+    lines += _format_array("configuration", configuration)
+    lines += _format_array("configuration_row", build_record(boot.BOOT_CONFIGURATION_MAGIC, 0xFFFFFFFF, configuration))
     return "\n".join([*lines, "", "#endif", ""])
 
 
 def main() -> int:
     """Write or check both files."""
     stale = 0
-    for path, text in ((HEADER, header()), (VECTORS, vectors())):
+    for path, text in ((HEADER, format_header()), (VECTORS, format_vectors())):
         if "--check" not in sys.argv[1:]:
             path.write_text(text)
         elif not path.exists() or path.read_text() != text:

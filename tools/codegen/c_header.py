@@ -62,35 +62,35 @@ ENUMS: tuple[type[IntEnum], ...] = (
 C_TYPES = {"B": "uint8_t", "H": "uint16_t", "I": "uint32_t", "Q": "uint64_t"}
 
 
-def snake(name: str) -> str:
+def to_snake_case(name: str) -> str:
     """FrameType to frame_type."""
     return "".join(("_" + c.lower()) if c.isupper() and i else c.lower() for i, c in enumerate(name))
 
 
-def constants() -> list[str]:
+def format_constants() -> list[str]:
     """The limits and the tables of the compact coding as #defines."""
     lines = []
     for name, value in (vars(limits) | vars(compact_tables)).items():
         if name.isupper() and isinstance(value, tuple):
-            lines += [f"#define TAXEL_{name} \\", *_table(value)]
+            lines += [f"#define TAXEL_{name} \\", *_format_table(value)]
         elif name.isupper():
             lines.append(f"#define TAXEL_{name} {value}u")
     return lines
 
 
-def _table(values: tuple[int, ...]) -> list[str]:
+def _format_table(values: tuple[int, ...]) -> list[str]:
     rows = [", ".join(str(value) for value in values[i : i + 16]) for i in range(0, len(values), 16)]
     return ["    {" + ", \\\n     ".join(rows) + "}"]
 
 
-def enumeration(enum: type[IntEnum]) -> list[str]:
+def format_enumeration(enum: type[IntEnum]) -> list[str]:
     """One C enum."""
-    prefix = f"TAXEL_{snake(enum.__name__).upper()}"
+    prefix = f"TAXEL_{to_snake_case(enum.__name__).upper()}"
     body = [f"    {prefix}_{member.name} = 0x{member.value:02X}," for member in enum]
-    return [f"enum taxel_{snake(enum.__name__)} {{", *body, "};", ""]
+    return [f"enum taxel_{to_snake_case(enum.__name__)} {{", *body, "};", ""]
 
 
-def _member(field: Field) -> str:
+def _format_member(field: Field) -> str:
     if field.is_bytes:
         return f"    uint8_t {field.name}[{field.size}];"
     return f"    {C_TYPES[field.code]} {field.name};"
@@ -108,7 +108,7 @@ def _unpack_line(field: Field) -> str:
     return f"    value->{field.name} = taxel_get_u{8 * field.size}(bytes + {field.offset});"
 
 
-def structure(name: str, definition: Struct) -> list[str]:
+def format_structure(name: str, definition: Struct) -> list[str]:
     """One C struct with its size, its offsets, and its pack and unpack functions."""
     fields = list_fields(definition)
     size = sum(field.size for field in fields)
@@ -118,7 +118,7 @@ def structure(name: str, definition: Struct) -> list[str]:
         f"#define TAXEL_{upper}_SIZE {size}u",
         *offsets,
         f"struct taxel_{name} {{",
-        *[_member(field) for field in fields],
+        *[_format_member(field) for field in fields],
         "};",
         f"static inline void taxel_{name}_pack(const struct taxel_{name} *value, uint8_t *bytes)",
         "{",
@@ -193,7 +193,7 @@ static inline uint16_t taxel_compact_size(uint8_t length)
 """
 
 
-def text() -> str:
+def format_text() -> str:
     """The whole header."""
     lines = [
         "/* Generated from protocol/taxel_protocol by tools/codegen/c_header.py (make generate). Do not edit. */",
@@ -203,14 +203,14 @@ def text() -> str:
         "#include <stdint.h>",
         "#include <string.h>",
         "",
-        *constants(),
+        *format_constants(),
         "",
     ]
     for enum in ENUMS:
-        lines += enumeration(enum)
+        lines += format_enumeration(enum)
     lines.append(ACCESSORS)
     for name, definition in STRUCTS.items():
-        lines += structure(name, definition)
+        lines += format_structure(name, definition)
     lines += format_frame_rules()
     lines += ["#endif", ""]
     return "\n".join(lines)
@@ -219,12 +219,12 @@ def text() -> str:
 def main() -> int:
     """Write or check the header."""
     if "--check" in sys.argv[1:]:
-        if not HEADER.exists() or HEADER.read_text() != text():
+        if not HEADER.exists() or HEADER.read_text() != format_text():
             print(f"{HEADER.name} is stale: run `make generate`", file=sys.stderr)
             return 1
         return 0
     HEADER.parent.mkdir(parents=True, exist_ok=True)
-    HEADER.write_text(text())
+    HEADER.write_text(format_text())
     return 0
 
 

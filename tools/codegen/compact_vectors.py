@@ -53,7 +53,7 @@ def simulate_history(
     return {"name": name, "address": address, "snapshots": steps}
 
 
-def text() -> str:
+def format_text() -> str:
     """The whole file."""
     noises = (0, 0.3, 1.5, 28, 300)
     histories = [
@@ -78,11 +78,11 @@ def main() -> int:
     """Write or check the file."""
     path = VECTORS / "compact.json"
     if "--check" in sys.argv[1:]:
-        if not path.exists() or path.read_text() != text():
+        if not path.exists() or path.read_text() != format_text():
             print(f"{path.name} is stale: run `make generate`", file=sys.stderr)
             return 1
         return 0
-    path.write_text(text())
+    path.write_text(format_text())
     return 0
 
 

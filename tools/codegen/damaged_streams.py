@@ -183,7 +183,7 @@ class Streams:
         self.add("both_ways", [b, handshake], stream, [0, 1, 0], BOTH_WAYS)
 
 
-def text() -> str:
+def format_text() -> str:
     """The whole file."""
     frames = json.loads((VECTORS / "frames.json").read_text())["frames"]
     streams = Streams({vector["name"]: Sent(vector) for vector in frames})
@@ -202,11 +202,11 @@ def main() -> int:
     """Write or check the file."""
     path = VECTORS / "damaged.json"
     if "--check" in sys.argv[1:]:
-        if not path.exists() or path.read_text() != text():
+        if not path.exists() or path.read_text() != format_text():
             print(f"{path.name} is stale: run `make generate`", file=sys.stderr)
             return 1
         return 0
-    path.write_text(text())
+    path.write_text(format_text())
     return 0
 
 

@@ -30,7 +30,7 @@ def find_tail_name(definition: Struct) -> str | None:
     return str(last.name) if last.subcon is GreedyBytes else None
 
 
-def json_values(fields: Sequence[Field], values: Mapping[str, Any]) -> dict[str, Any]:
+def to_json_values(fields: Sequence[Field], values: Mapping[str, Any]) -> dict[str, Any]:
     """Field values for a JSON file: numbers, and byte strings in hexadecimal."""
     converted: dict[str, Any] = {}
     for field in fields:
@@ -44,7 +44,7 @@ def compute_board_crc(address: int, data: bytes) -> int:
     return crc32(data, crc32(bytes([address])))
 
 
-def filled(fields: Sequence[Field], value: Callable[[Field], int], has_address: bool) -> dict[str, Any]:
+def fill_fields(fields: Sequence[Field], value: Callable[[Field], int], has_address: bool) -> dict[str, Any]:
     """A value for every field, computed by `value`; an address is limited to the valid range."""
     values: dict[str, Any] = {}
     for field in fields:

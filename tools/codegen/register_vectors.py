@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from construct import Struct
-from field_values import SEED, compute_board_crc, filled, json_values, nest
+from field_values import SEED, compute_board_crc, fill_fields, nest, to_json_values
 
 from taxel_protocol import limits, registers
 from taxel_protocol.framing import crc32
@@ -24,29 +24,29 @@ REGISTERS: dict[str, Struct] = {
 }
 
 
-def register_vector(name: str, struct: str, start: int, values: Mapping[str, Any]) -> dict[str, Any]:
+def build_register_vector(name: str, struct: str, start: int, values: Mapping[str, Any]) -> dict[str, Any]:
     """Vector of a register block without a CRC over the address."""
     definition = REGISTERS[struct]
     data = definition.build(nest(definition, values))
-    shown = json_values(list_fields(definition), values)
+    shown = to_json_values(list_fields(definition), values)
     return {"name": name, "struct": struct, "register": start, "fields": shown, "bytes": data.hex()}
 
 
-def _identity(name: str, values: dict[str, Any]) -> dict[str, Any]:
+def _build_identity(name: str, values: dict[str, Any]) -> dict[str, Any]:
     without_crc = registers.Identity.build(nest(registers.Identity, values | {"crc32": 0}))[:-4]
-    return register_vector(name, "identity", limits.REGISTER_IDENTITY, values | {"crc32": crc32(without_crc)})
+    return build_register_vector(name, "identity", limits.REGISTER_IDENTITY, values | {"crc32": crc32(without_crc)})
 
 
-def _settings(name: str, address: int, numbers: Sequence[int]) -> dict[str, Any]:
+def _build_settings(name: str, address: int, numbers: Sequence[int]) -> dict[str, Any]:
     fields = [field.name for field in list_fields(registers.SettingsRegister)][:-1]
     values = dict(zip(fields, numbers, strict=True))
     without_crc = registers.SettingsRegister.build(nest(registers.SettingsRegister, values | {"crc32": 0}))[:-4]
     values["crc32"] = compute_board_crc(address, without_crc)
-    vector = register_vector(name, "settings_register", limits.REGISTER_SETTINGS, values)
+    vector = build_register_vector(name, "settings_register", limits.REGISTER_SETTINGS, values)
     return vector | {"address": address}
 
 
-def _snapshot(name: str, address: int, header: tuple[int, int], counts: Sequence[int]) -> dict[str, Any]:
+def _build_snapshot(name: str, address: int, header: tuple[int, int], counts: Sequence[int]) -> dict[str, Any]:
     """Vector of a snapshot with these header values (sequence, timestamp in us) and raw counts."""
     flat: dict[str, Any] = {"header_sequence": header[0], "header_timestamp_us": header[1]}
     flat |= {"raw_counts": list(counts), "crc32": 0}
@@ -64,7 +64,7 @@ def _snapshot(name: str, address: int, header: tuple[int, int], counts: Sequence
     }
 
 
-def _compact() -> list[dict[str, Any]]:
+def _build_compact() -> list[dict[str, Any]]:
     rng = random.Random(SEED + 1)  # a separate generator: the vectors of version 1 do not change
     vectors = []
     for name in ("compact_packed", "compact_delta", "compact_acknowledge"):
@@ -72,7 +72,7 @@ def _compact() -> list[dict[str, Any]]:
         values = {
             field.name: rng.randbytes(3) if field.is_bytes else rng.getrandbits(8 * field.size) for field in fields
         }
-        vectors.append(register_vector(name, name, limits.REGISTER_COMPACT, values))
+        vectors.append(build_register_vector(name, name, limits.REGISTER_COMPACT, values))
     return vectors
 
 
@@ -91,23 +91,25 @@ def build_register_vectors() -> list[dict[str, Any]]:
     board |= {"taxel_count": 63, "snapshot_size": 136, "crossing_map": b"\xff" * 7 + b"\x7f" + bytes(24)}
     status_fields = list_fields(registers.Status)
     vectors = [
-        _identity("identity", board),
-        _identity("identity_zeros", filled(list_fields(registers.Identity), lambda field: 0, False)),
-        register_vector("status_zeros", "status", 0x40, filled(status_fields, lambda field: 0, False)),
-        register_vector("status", "status", 0x40, filled(status_fields, lambda f: rng.getrandbits(8 * f.size), False)),
-        _settings("settings", 0x20, (100, 40, 1, 96, 240)),
-        _settings("settings_of_another_board", 0x21, (100, 40, 1, 96, 240)),
-        _settings("settings_largest", 0x77, (0xFFFF, 0xFFFF, 0xFF, 0xFF, 0xFFFF)),
+        _build_identity("identity", board),
+        _build_identity("identity_zeros", fill_fields(list_fields(registers.Identity), lambda field: 0, False)),
+        build_register_vector("status_zeros", "status", 0x40, fill_fields(status_fields, lambda field: 0, False)),
+        build_register_vector(
+            "status", "status", 0x40, fill_fields(status_fields, lambda f: rng.getrandbits(8 * f.size), False)
+        ),
+        _build_settings("settings", 0x20, (100, 40, 1, 96, 240)),
+        _build_settings("settings_of_another_board", 0x21, (100, 40, 1, 96, 240)),
+        _build_settings("settings_largest", 0x77, (0xFFFF, 0xFFFF, 0xFF, 0xFF, 0xFFFF)),
     ]
     for command in BoardCommand:
         values = {"command": int(command), "complement": 0xFF ^ command}
-        vectors.append(register_vector(f"command_{command.name.lower()}", "command_register", 0x70, values))
+        vectors.append(build_register_vector(f"command_{command.name.lower()}", "command_register", 0x70, values))
     counts = [rng.getrandbits(16) for _ in range(limits.TAXELS_MAX)]
     return [
         *vectors,
-        _snapshot("snapshot_shortest", 0x08, (0, 0), [0]),
-        _snapshot("snapshot", 0x20, (1234, 56_789_012), counts[:63]),
-        _snapshot("snapshot_of_another_board", 0x21, (1234, 56_789_012), counts[:63]),
-        _snapshot("snapshot_longest", 0x77, (0xFFFF, 0xFFFFFFFF), counts),
-        *_compact(),
+        _build_snapshot("snapshot_shortest", 0x08, (0, 0), [0]),
+        _build_snapshot("snapshot", 0x20, (1234, 56_789_012), counts[:63]),
+        _build_snapshot("snapshot_of_another_board", 0x21, (1234, 56_789_012), counts[:63]),
+        _build_snapshot("snapshot_longest", 0x77, (0xFFFF, 0xFFFFFFFF), counts),
+        *_build_compact(),
     ]

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from construct import Struct
-from field_values import SEED, compute_board_crc, filled, find_tail_name, json_values, nest
+from field_values import SEED, compute_board_crc, fill_fields, find_tail_name, nest, to_json_values
 from register_vectors import build_register_vectors
 
 from taxel_protocol import frames, limits, registers
@@ -76,14 +76,14 @@ def sample(
         "type_name": frame_type.name,
         "sequence": sequence,
     }
-    vector["fields"] = json_values(list_fields(definition), flat)
+    vector["fields"] = to_json_values(list_fields(definition), flat)
     vector["tail"] = tail.hex()
     if inner:
         vector["inner"] = inner
-    return Sample(vector | _bytes_of(frame_type, sequence, nest(definition, flat)))
+    return Sample(vector | _encode(frame_type, sequence, nest(definition, flat)))
 
 
-def _bytes_of(frame_type: FrameType, sequence: int, payload: Mapping[str, Any]) -> dict[str, str]:
+def _encode(frame_type: FrameType, sequence: int, payload: Mapping[str, Any]) -> dict[str, str]:
     content = {"type": int(frame_type), "sequence": sequence, "payload": payload}
     body = Body.build({"content": {"value": content}})
     return {"payload": body[5:-4].hex(), "body": body.hex(), "wire": WireFrame.build(content).hex()}
@@ -114,7 +114,7 @@ def taxels(
     without_crc = definition.build(nest(definition, flat, "snapshot_"))[:-4]
     flat["snapshot_crc32"] = compute_board_crc(address, without_crc) ^ crc_error
     payload = FRAMES[FrameType.TAXELS].payload
-    fields = json_values(list_fields(payload), flat) | {"snapshot_crc32": flat["snapshot_crc32"]}
+    fields = to_json_values(list_fields(payload), flat) | {"snapshot_crc32": flat["snapshot_crc32"]}
     vector = {
         "name": name,
         "type": int(FrameType.TAXELS),
@@ -123,7 +123,7 @@ def taxels(
         "fields": fields,
     }
     vector |= {"counts": list(counts), "board_crc_ok": not crc_error, "tail": ""}
-    return Sample(vector | _bytes_of(FrameType.TAXELS, sequence, nest(payload, flat)))
+    return Sample(vector | _encode(FrameType.TAXELS, sequence, nest(payload, flat)))
 
 
 VERSION_1 = tuple(kind for kind in FRAMES if kind not in (FrameType.COMPACT_TAXELS, FrameType.ACKNOWLEDGE))
@@ -131,7 +131,7 @@ VERSION_2 = (FrameType.COMPACT_TAXELS, FrameType.ACKNOWLEDGE)
 """Each version has its own random generator, so that the vectors of a released version do not change."""
 
 
-def every_type(rng: random.Random, types: Sequence[FrameType]) -> list[Sample]:
+def build_every_type(rng: random.Random, types: Sequence[FrameType]) -> list[Sample]:
     """Each of `types` but TAXELS: zeros, ones, arbitrary numbers; with the shortest and the longest tail."""
     samples = []
     fillings: tuple[tuple[str, Callable[[Field], int], int], ...] = (
@@ -148,7 +148,7 @@ def every_type(rng: random.Random, types: Sequence[FrameType]) -> list[Sample]:
         shortest, longest = spec.minimum - fixed, spec.maximum - fixed
         for filling, value, sequence in fillings:
             name = f"{frame_type.name.lower()}_{filling}"
-            values = filled(fields, value, spec.has_address)
+            values = fill_fields(fields, value, spec.has_address)
             tail = bytes(value(Field("", "B", 0, 1)) for _ in range(longest))
             samples.append(sample(name, frame_type, sequence, values, tail[:shortest]))
             if longest > shortest:
@@ -162,10 +162,10 @@ def _inner(name: str, values: Mapping[str, Any], tail: bytes = b"") -> tuple[byt
     if find_tail_name(definition):
         flat[str(find_tail_name(definition))] = tail
     data = definition.build(nest(definition, flat))
-    return data, {"struct": name, "fields": json_values(list_fields(definition), flat), "tail": tail.hex()}
+    return data, {"struct": name, "fields": to_json_values(list_fields(definition), flat), "tail": tail.hex()}
 
 
-def every_command() -> list[Sample]:
+def build_every_command() -> list[Sample]:
     """One frame of each command, and the reply that carries a struct."""
     settings = {"sub_conversions": 100, "sense_clock_divider": 40, "modulator_clock_divider": 1}
     settings |= {"idac_code": 96, "settle_cycles": 240}
@@ -190,7 +190,7 @@ def every_command() -> list[Sample]:
     return [*samples, sample("reply_get_time", FrameType.REPLY, 77, values, tail, inner)]
 
 
-def _fill_with_zeros(frame: Sample) -> list[int]:
+def _find_zeros(frame: Sample) -> list[int]:
     body = whiten(bytes.fromhex(frame.vector["body"]))
     return [i for i, byte in enumerate(body) if byte == 0]
 
@@ -205,7 +205,7 @@ def _with_zeros_at(name: str, taxel_count: int, zeros: list[int]) -> Sample:
     for attempt in range(10_000):
         times = (0x51525354 + attempt, 0x61626364)
         frame = taxels(name, sequence, counts, 0x31, 0x4142, times, board_sequence=0x3132)
-        if _fill_with_zeros(frame) == zeros:
+        if _find_zeros(frame) == zeros:
             return frame
     raise AssertionError(f"{name}: no frame has zeros at these positions")
 
@@ -240,7 +240,7 @@ def build_stuffing_edges() -> list[Sample]:
     raise AssertionError("no sequence number gives a CRC that ends in zero")
 
 
-def taxel_frames(rng: random.Random) -> list[Sample]:
+def build_taxel_frames(rng: random.Random) -> list[Sample]:
     """Taxel frames from 1 to 240 taxels; 63 is the average board of the default hand."""
     arbitrary = [rng.getrandbits(16) for _ in range(limits.TAXELS_MAX)]
     last = {"address": limits.ADDRESS_MAX, "cycle": 0xFFFF, "times_us": (0xFFFFFFFF, 0xFFFFFFFF)}
@@ -255,7 +255,7 @@ def taxel_frames(rng: random.Random) -> list[Sample]:
     ]
 
 
-def quotations(quoted: Sample) -> list[Sample]:
+def build_quotations(quoted: Sample) -> list[Sample]:
     """Frames whose payload holds the wire bytes of another frame."""
     once, twice, stuffed = quoted.wire, quoted.wire * 2, quoted.wire[1:-1]
     log = {"level": 2, "code": 0x102, "hub_time_us": 123_456}
@@ -267,12 +267,17 @@ def quotations(quoted: Sample) -> list[Sample]:
     return samples
 
 
-def all_frames() -> list[Sample]:
+def build_all_frames() -> list[Sample]:
     """Content of frames.json."""
     rng = random.Random(SEED)
-    samples = [*every_type(rng, VERSION_1), *every_command(), *taxel_frames(rng), *build_stuffing_edges()]
-    samples += quotations(next(s for s in samples if s.vector["name"] == "time_sync_arbitrary"))
-    return [*samples, *every_type(random.Random(SEED + 1), VERSION_2)]
+    samples = [
+        *build_every_type(rng, VERSION_1),
+        *build_every_command(),
+        *build_taxel_frames(rng),
+        *build_stuffing_edges(),
+    ]
+    samples += build_quotations(next(s for s in samples if s.vector["name"] == "time_sync_arbitrary"))
+    return [*samples, *build_every_type(random.Random(SEED + 1), VERSION_2)]
 
 
 def format_json(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> str:
@@ -287,7 +292,9 @@ def format_json(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> s
 def main() -> int:
     """Write or check the files, then run the other generators."""
     texts = {
-        "frames.json": format_json("frames", "UART frames: fields and bytes", [frame.vector for frame in all_frames()]),
+        "frames.json": format_json(
+            "frames", "UART frames: fields and bytes", [frame.vector for frame in build_all_frames()]
+        ),
         "registers.json": format_json("registers", "I2C registers: fields and bytes", build_register_vectors()),
     }
     for name, text in texts.items():

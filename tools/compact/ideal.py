@@ -38,7 +38,7 @@ def _compute_cumulative(distance: NDArray[np.float64]) -> NDArray[np.float64]:
     return probability
 
 
-def _cost(counts: IntArray, mean: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
+def _compute_cost(counts: IntArray, mean: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
     """Bits of each count. A count beyond the truncation costs 14 bits plus the bits of its distance."""
     share = _compute_cumulative((counts + 0.5 - mean) / scale) - _compute_cumulative((counts - 0.5 - mean) / scale)
     escape_bits = 9 + 5 + np.floor(np.log2(np.maximum(np.abs(counts - mean), 1.0)))
@@ -55,7 +55,7 @@ def compute_predictor_bits(counts: IntArray, mean_gain: float, scale_gain: float
     total = 0.0
     for t in range(1, len(counts)):
         if t >= WARM_UP:
-            total += float(_cost(counts[t], mean, scale).sum())
+            total += float(_compute_cost(counts[t], mean, scale).sum())
         residual = counts[t] - mean
         size = np.abs(residual) / scale
         gain = np.where(size >= jump, 1.0, max(mean_gain, 1 / (t + 1)))

@@ -99,7 +99,7 @@ def _run(command: list[str]) -> None:
         raise ImageError(f"{command[0]} failed: {reason}")
 
 
-def _read_text_at(memory: bytes) -> str:
+def _decode_text(memory: bytes) -> str:
     return memory.split(b"\0", 1)[0].decode("ascii")
 
 
@@ -118,7 +118,7 @@ def run_emulator(image: Image, cpu: BareCpu | None = None) -> Run:
             return Run("".join(outputs), cpu.cycle - begin)
         address = int(state[1])
         end = FLASH_SIZE if address < FLASH_SIZE else RAM_BASE + RAM_SIZE
-        outputs.append(_read_text_at(cpu.read_memory(address, min(64, end - address))))
+        outputs.append(_decode_text(cpu.read_memory(address, min(64, end - address))))
         cpu.skip_breakpoint()
     raise ImageError(f"{image.name} did not end: {reason.name}, {cpu.describe_fault()}")
 
@@ -149,7 +149,7 @@ class UnicornRun:
             engine.emu_stop()
             return
         address = engine.reg_read(self._arm.UC_ARM_REG_R1)
-        self._outputs.append(_read_text_at(bytes(engine.mem_read(address, 64))))
+        self._outputs.append(_decode_text(bytes(engine.mem_read(address, 64))))
         engine.reg_write(self._arm.UC_ARM_REG_PC, (engine.reg_read(self._arm.UC_ARM_REG_PC) + 2) | 1)
 
     def run(self, instructions_per_call: int = 0) -> str:

@@ -67,9 +67,9 @@ class _Board:
     def __init__(self, world: VirtualWorld, images: Path) -> None:
         self.world, self.images = world, images
         self.route = BoardRoute(world, through_hub=False)
-        self.version = self._find_running()
+        self.version = self._read_version()
 
-    def _find_running(self) -> Version:
+    def _read_version(self) -> Version:
         version = self.route.version()
         if version is None:
             raise TaxelError("bricked: no application starts")
@@ -85,7 +85,7 @@ class _Board:
         for _ in range(RUNS_MAX):
             failure = self._try(firmware)
             self.world.run(POWER_OFF_S + 0.01)
-            version = self._find_running()
+            version = self._read_version()
             for cut in self.world.read_power_cuts(BOARD, counted_cuts):
                 result.outcomes[name_moment(cut.after_s), "new" if version == target else "old"] += 1
             counted_cuts = self.world.count_power_cuts(BOARD)

@@ -35,7 +35,7 @@ def make_plan(name="warmup"):
 
 def test_a_phase_of_another_package_runs_in_a_plan(benches, tmp_path):
     with installed_package(tmp_path, "my_phases", SOURCE, {BENCH_PHASES: {"warmup": "my_phases:Warmup"}}):
-        assert registry.phase_names()[-1] == "warmup"
+        assert registry.list_phase_names()[-1] == "warmup"
         record = benches().run(make_plan())
     assert record.outcome is Outcome.PASS
     assert find_value(record, "warmup", "change") < 50.0
@@ -119,5 +119,5 @@ def test_an_unusable_probe_gives_one_error_line_with_its_package(benches, tmp_pa
 
 
 def test_every_name_of_the_project_can_be_loaded():
-    assert [phase.name for phase in registry.load_phases(registry.phase_names())] == list(registry.PHASES)
+    assert [phase.name for phase in registry.load_phases(registry.list_phase_names())] == list(registry.PHASES)
     assert isinstance(registry.open_probe(registry.ProbeRequest("none", None, 0.005, NoOperator(), 0x2C)), NoProbe)

@@ -46,17 +46,17 @@ PROBES: Final[Mapping[str, str]] = MappingProxyType(
 """Probes of the project, by the name in ``--probe``."""
 
 
-def phase_names() -> tuple[str, ...]:
+def list_phase_names() -> tuple[str, ...]:
     """Names of all phases. Raises `PluginError` if two packages use one name."""
     return list_plugin_names(BENCH_PHASES, PHASES)
 
 
 def load_phases(names: Collection[str]) -> tuple[Phase, ...]:
-    """The phases with these names, in the order of `phase_names()`; unknown names are ignored.
+    """The phases with these names, in the order of `list_phase_names()`; unknown names are ignored.
 
     Raises `PluginError` as one line, with entry point and distribution, for a phase that cannot be used.
     """
-    return tuple(_load_phase(name) for name in phase_names() if name in names)
+    return tuple(_load_phase(name) for name in list_phase_names() if name in names)
 
 
 def _load_phase(name: str) -> Phase:

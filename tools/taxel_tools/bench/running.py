@@ -68,7 +68,7 @@ def load_plan_phases(plan: Plan, kinds: Iterable[str] = ()) -> tuple[Phase, ...]
     Raises `PlanError` for an invalid plan, `PluginError` for a phase of another package that cannot be used.
     """
     phases = registry.load_phases(plan.phases)
-    check_plan(plan, phases, registry.phase_names())
+    check_plan(plan, phases, registry.list_phase_names())
     if known_kinds := set(kinds):
         plan.check_kinds(known_kinds)
     for kind in ("", *plan.kinds):

@@ -52,8 +52,8 @@ class Limit:
         """
         if not isinstance(value, int | float) or math.isnan(value):
             return math.inf
-        above = 0.0 if self.maximum is None else _count_times_above(value, self.maximum)
-        below = 0.0 if self.minimum is None else _count_times_above(-value, -self.minimum)
+        above = 0.0 if self.maximum is None else _compute_ratio_above(value, self.maximum)
+        below = 0.0 if self.minimum is None else _compute_ratio_above(-value, -self.minimum)
         return max(above, below)
 
     def __str__(self) -> str:
@@ -66,7 +66,7 @@ class Limit:
         return f"{self.minimum:.10g} to {self.maximum:.10g}"
 
 
-def _count_times_above(value: float, bound: float) -> float:
+def _compute_ratio_above(value: float, bound: float) -> float:
     # Of two negative numbers, the number nearer to 0 is the larger one, so the ratio is inverted.
     part, whole = (value, bound) if bound > 0 else (-bound, -value)
     if part < 0 or whole <= 0 or math.isinf(whole):

@@ -212,18 +212,18 @@ def _compute_chance_of_equality(counts: RestCounts, pair: list[FloatArray]) -> t
     sigma = np.sqrt(2.0) * counts.spread * float(np.median(counts.hardware))
     equality = float(np.prod(np.minimum(2.0 * tolerance / (np.sqrt(2.0 * np.pi) * sigma), 1.0)))
     # The two crossings of a common crossing line are equal, so that each crossing line counts once.
-    p_values = [_p_value(level - 1.0, counts.spread, int(common.sum()))]
+    p_values = [_compute_p_value(level - 1.0, counts.spread, int(common.sum()))]
     unshared = relative[:, np.isfinite(hardware).sum(axis=0) == 1]
     unshared = unshared[np.isfinite(unshared)]
     at_full_scale = bool((hardware[:, common] > counts.full_scale - STOP_COUNTS).all())
     if len(unshared) and not at_full_scale:
         if (np.abs(unshared - level / 2.0) > SPREAD_SIGMAS * counts.spread).any():
             return 1.0, level
-        p_values.append(_p_value(float(np.mean(unshared)) - 1.0, counts.spread, len(unshared)))
+        p_values.append(_compute_p_value(float(np.mean(unshared)) - 1.0, counts.spread, len(unshared)))
     return equality * _combine_p_values(p_values), level
 
 
-def _p_value(deviation: float, spread: float, count: int) -> float:
+def _compute_p_value(deviation: float, spread: float, count: int) -> float:
     """Two-sided probability of a mean deviation of `count` crossings with standard deviation `spread`."""
     return float(erfc(abs(deviation) / spread * np.sqrt(count / 2.0)))
 
