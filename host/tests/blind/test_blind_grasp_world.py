@@ -10,21 +10,22 @@ from taxel.blind.grasp_world import make_small_plans, sample_grasp_world
 from taxel.blind.seal import commitment
 
 
-def conditions(plan):
+def list_conditions(plan):
+    """All pairs of object and approach in the plan."""
     return {(planned.object, planned.approach) for planned in plan}
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_both_sides_have_two_approaches_of_every_object(seed):
     real, sim = make_small_plans(seed)
-    assert conditions(real) == conditions(sim)
-    assert Counter(item for item, _ in conditions(real)) == dict.fromkeys(
+    assert list_conditions(real) == list_conditions(sim)
+    assert Counter(object_name for object_name, _ in list_conditions(real)) == dict.fromkeys(
         ("cylinder", "rectangular_prism", "triangular_prism"), grasp_world.APPROACHES_PER_OBJECT
     )
     assert Counter((grasp.object, grasp.approach, grasp.session) for grasp in real).most_common(1)[0][1] == 1
     assert {grasp.session for grasp in real} == set(range(grasp_world.SESSIONS))
     repeats = Counter((grasp.object, grasp.approach) for grasp in sim)
-    assert repeats == dict.fromkeys(conditions(real), grasp_world.SIM_REPEATS)
+    assert repeats == dict.fromkeys(list_conditions(real), grasp_world.SIM_REPEATS)
     for plan in (real, sim):
         ids = [grasp.id for grasp in plan]
         assert ids == sorted(set(ids))

@@ -192,7 +192,7 @@ def test_an_unconfigured_board_responds_at_the_default_address(scanning_board):
 
 
 @pytest.mark.parametrize(
-    ("bits", "cause"),
+    ("reset_bits", "cause"),  # bits of the register RES_CAUSE
     [
         (0, ResetCause.POWER_ON),
         (1 << 0, ResetCause.WATCHDOG),
@@ -203,8 +203,8 @@ def test_an_unconfigured_board_responds_at_the_default_address(scanning_board):
         (1 << 7, ResetCause.POWER_ON),
     ],
 )
-def test_an_image_reports_the_reset_cause(flash_with, bits, cause):
-    part = Part(bits, flash_with("board", "a", CONFIRMED_A, CONFIGURATION))
+def test_an_image_reports_the_reset_cause(flash_with, reset_bits, cause):
+    part = Part(reset_bits, flash_with("board", "a", CONFIRMED_A, CONFIGURATION))
     part.speed = 20
     bus, front_end = SlaveBus(part), create_front_end(part)
     part.run_until(lambda: front_end.conversions > 0)

@@ -247,15 +247,15 @@ def test_external_storage_and_virtual_datasets_are_not_followed(tmp_path):
     (tmp_path / "secret.bin").write_bytes(bytes(1000))
     name = "grasps/0003/timestamp"
 
-    def external(file):
+    def create_external_dataset(file):
         file.create_dataset(name, (FRAMES,), "f8", external=[(tmp_path / "secret.bin", 0, h5py.h5f.UNLIMITED)])
 
-    def virtual(file):
+    def create_virtual_dataset(file):
         layout = h5py.VirtualLayout((FRAMES,), "f8")
         layout[:] = h5py.VirtualSource("other.h5", "x", (FRAMES,))
         file.create_virtual_dataset(name, layout)
 
-    for write_replacement in (external, virtual):
+    for write_replacement in (create_external_dataset, create_virtual_dataset):
         error = read_error(write_replaced(tmp_path / "x.h5", name, write_replacement))
         assert error.field == f"/{name}"
         assert error.found == "data in another file"
@@ -308,15 +308,16 @@ def test_excessive_size_is_refused_before_memory_is_allocated(tmp_path):
 
 
 def test_empty_values_and_objects_of_another_kind_are_refused(tmp_path):
-    def empty(file):
+    def write_empty_dataset(file):
         file["taxels/size"] = h5py.Empty("f8")
 
-    assert read_error(write_replaced(tmp_path / "x.h5", "taxels/size", empty)).found == "an empty dataset"
+    assert read_error(write_replaced(tmp_path / "x.h5", "taxels/size", write_empty_dataset)).found == "an empty dataset"
 
-    def empty_attribute(file):
+    def write_empty_attribute(file):
         file["grasps/0003"].attrs["session"] = h5py.Empty("i8")
 
-    assert read_error(write_replaced(tmp_path / "x.h5", "nothing", empty_attribute)).field == "/grasps/0003/session"
+    error = read_error(write_replaced(tmp_path / "x.h5", "nothing", write_empty_attribute))
+    assert error.field == "/grasps/0003/session"
     group = read_error(write_replaced(tmp_path / "x.h5", "taxels/size", lambda file: file.create_group("taxels/size")))
     assert (group.field, group.found) == ("/taxels/size", "a group")
     dataset = read_error(write_replaced(tmp_path / "x.h5", "nothing", lambda file: file.__setitem__("grasps/0005", 1)))
@@ -324,17 +325,18 @@ def test_empty_values_and_objects_of_another_kind_are_refused(tmp_path):
 
 
 def test_text_that_is_not_utf_8_is_refused(tmp_path):
-    def broken(file):
+    def write_invalid_text(file):
         file.attrs["hand"] = np.bytes_(b"\xff\xfe")
 
-    assert read_error(write_replaced(tmp_path / "x.h5", "nothing", broken)).field == "/hand"
+    assert read_error(write_replaced(tmp_path / "x.h5", "nothing", write_invalid_text)).field == "/hand"
 
 
 def test_error_for_a_name_with_a_line_break_is_one_line(tmp_path):
-    def hostile(file):
+    def create_group_with_line_break(file):
         file.create_group("grasps/a\nb")
 
-    assert read_error(write_replaced(tmp_path / "x.h5", "nothing", hostile)).field == r"'/grasps/a\nb/object'"
+    error = read_error(write_replaced(tmp_path / "x.h5", "nothing", create_group_with_line_break))
+    assert error.field == r"'/grasps/a\nb/object'"
 
 
 def test_files_that_are_no_dataset_are_refused(tmp_path):

@@ -184,7 +184,7 @@ def test_a_damaged_read_is_repeated_by_writing_the_pointer(skin):
 def test_boards_stop_encoding_compact_frames_that_no_host_reads(skin):
     address = ADDRESSES[0]
     assert skin.read(address)
-    skin.world.run(11.0)
-    assert skin.read(address) == b""
+    skin.world.run(11.0)  # s; longer than the time after which a board stops to encode
+    assert skin.read(address) == b""  # this read starts the encoding again
     skin.world.run(0.05)
     assert skin.read(address)

@@ -258,9 +258,9 @@ def test_a_test_is_stored_completely_or_not_at_all(path, make_board_record, monk
 def test_a_locked_history_gives_an_error(path, make_board_record, monkeypatch):
     monkeypatch.setattr("taxel_tools.testing.history.LOCK_TIMEOUT_S", 0.0)
     with History(path) as history:
-        other = sqlite3.connect(path, isolation_level=None)
-        other.execute("BEGIN IMMEDIATE")
+        other_connection = sqlite3.connect(path, isolation_level=None)
+        other_connection.execute("BEGIN IMMEDIATE")
         with pytest.raises(HistoryError, match="database is locked"):
             history.add(make_board_record(4.0))
-        other.close()
+        other_connection.close()
         assert history.add(make_board_record(4.0)) is True

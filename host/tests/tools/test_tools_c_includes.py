@@ -54,33 +54,33 @@ PERMITTED = {
 }
 
 
-def source_files() -> list[Path]:
+def list_source_files() -> list[Path]:
     """C files of the firmware, except test code."""
     files = [path for path in FIRMWARE.rglob("*") if path.suffix in (".c", ".h")]
     return [path for path in files if path.relative_to(FIRMWARE).parts[0] not in UNRESTRICTED]
 
 
-def folder_of(path: Path) -> str:
+def get_top_folder(path: Path) -> str:
     """The folder of a file, relative to firmware/."""
     return path.parent.relative_to(FIRMWARE).as_posix()
 
 
-def included_headers(source: Path) -> list[Path]:
+def list_included_headers(source: Path) -> list[Path]:
     """Headers of the firmware that a source includes; headers that the build writes have no path here."""
     names = INCLUDE.findall(source.read_text())
     return [FIRMWARE / name for name in names if "/" in name]
 
 
 def test_every_folder_with_c_files_has_a_rule():
-    assert {folder_of(path) for path in source_files()} == set(PERMITTED)
+    assert {get_top_folder(path) for path in list_source_files()} == set(PERMITTED)
 
 
 def test_a_folder_includes_only_permitted_folders():
     forbidden = [
         f"{source.relative_to(ROOT)} includes {header.relative_to(FIRMWARE)}"
-        for source in source_files()
-        for header in included_headers(source)
-        if folder_of(header) not in (folder_of(source), *PERMITTED[folder_of(source)])
+        for source in list_source_files()
+        for header in list_included_headers(source)
+        if get_top_folder(header) not in (get_top_folder(source), *PERMITTED[get_top_folder(source)])
     ]
     assert forbidden == []
 
@@ -88,8 +88,8 @@ def test_a_folder_includes_only_permitted_folders():
 def test_every_included_header_exists():
     missing = [
         f"{source.relative_to(ROOT)} includes {header.relative_to(FIRMWARE)}"
-        for source in source_files()
-        for header in included_headers(source)
+        for source in list_source_files()
+        for header in list_included_headers(source)
         if not header.is_file()
     ]
     assert missing == []
@@ -105,8 +105,8 @@ def test_permitted_includes_have_no_cycle():
 def test_internal_headers_are_included_only_in_their_folder():
     foreign = [
         f"{source.relative_to(ROOT)} includes {header.relative_to(FIRMWARE)}"
-        for source in source_files()
-        for header in included_headers(source)
+        for source in list_source_files()
+        for header in list_included_headers(source)
         if "internal" in header.stem and header.parent != source.parent
     ]
     assert foreign == []

@@ -109,7 +109,7 @@ def test_a_changed_slot_in_use_counts_as_damaged(monkeypatch):
 
 
 def test_a_running_image_that_differs_from_the_file_counts_as_damaged(monkeypatch):
-    plan = make_world_plan(sequences=[(2, 5, 0.0204)])
+    plan = make_world_plan(sequences=[(2, 5, 0.0204)])  # cut after the fifth and last write of the update
     other_firmware = cut_runs.make_firmware_images(cut_runs.BootDevice.BOARD, 2, (1, 0, 0), seed=99)
     update = cut_routes.BoardRoute.update
     monkeypatch.setattr(cut_routes.BoardRoute, "update", lambda self, firmware: update(self, other_firmware))
