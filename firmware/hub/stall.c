@@ -76,6 +76,7 @@ TAXEL_OWN_FRAME static void discard_queued(struct taxel_hub *hub)
     for (uint8_t i; (i = outbox->large_next) != first_index && outbox->large[i].remaining;) {
         struct taxel_large *large = &outbox->large[i];
         const uint16_t mark = large->mark; /* frames in the ring keep their position between the large ones */
+        /* NOLINTNEXTLINE(clang-analyzer-core.uninitialized.Assign): set above for every queued frame */
         outbox->sequence = numbers[i];
         /* the LOG frame becomes the entry `large` of the queue */
         taxel_hub_log_at(hub, TAXEL_LOG_LEVEL_WARNING, TAXEL_LOG_CODE_FRAME_DROPPED, "no reader", end);

@@ -193,8 +193,9 @@ int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose
         double left[3];
         cross(poses[square].normal, poses[square].distal, left);
         for (int i = 0; i < CELLS_PER_TAXEL; i++) {
-            const double a = (0.5 * (CELLS_PER_SIDE - 1) - i / CELLS_PER_SIDE) * CELL_SIDE_M;
-            const double b = (0.5 * (CELLS_PER_SIDE - 1) - i % CELLS_PER_SIDE) * CELL_SIDE_M;
+            const int row = i / CELLS_PER_SIDE, column = i % CELLS_PER_SIDE;
+            const double a = (0.5 * (CELLS_PER_SIDE - 1) - row) * CELL_SIDE_M;
+            const double b = (0.5 * (CELLS_PER_SIDE - 1) - column) * CELL_SIDE_M;
             place_cell(&patch->margins[square * CELLS_PER_TAXEL + (size_t)i], &poses[square], left, a, b, 0.0, 0.0);
         }
     }

