@@ -1,7 +1,17 @@
 /* A world inside the caller's process, advanced by the caller: C interface of the library of the virtual test rig
  * (host/taxel/link/virtual).
  *
- * Times are picoseconds since the world started (vtime.h). Nothing happens between two calls. */
+ * Times are picoseconds since the world started (vtime.h). Nothing happens between two calls.
+ *
+ * Integration:
+ *
+ *     struct taxel_bench *bench = taxel_bench_open("world.txt", "memory", 0);
+ *     taxel_bench_set_stimulus(bench, forces);             // newtons, one value per taxel
+ *     taxel_bench_send(bench, command, sizeof command);    // bytes from the host to the hub
+ *     taxel_bench_run(bench, 100000000000u);               // up to 0.1 s
+ *     size = taxel_bench_receive(bench, bytes, sizeof bytes);
+ *     taxel_bench_close(bench);
+ */
 #ifndef EMULATOR_BENCH_H
 #define EMULATOR_BENCH_H
 

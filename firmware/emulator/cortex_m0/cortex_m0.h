@@ -3,7 +3,24 @@
  *
  * Flash and RAM are memory of the caller and are accessed directly; every other access calls one of two functions of
  * the caller. The caller sets the cycle up to which the processor runs. No state is shared between processors: a
- * process may create any number of them, and each is used by one thread at a time. */
+ * process may create any number of them, and each is used by one thread at a time.
+ *
+ * Integration (`read_peripheral`, `write_peripheral`: functions of type cortex_m0_access_function):
+ *
+ *     static struct cortex_m0 cpu;
+ *     const struct cortex_m0_config config = {
+ *         .flash = flash, .flash_base = 0, .flash_size = sizeof flash,
+ *         .ram = ram, .ram_base = 0x20000000u, .ram_size = sizeof ram,
+ *         .context = NULL, .read = read_peripheral, .write = write_peripheral,
+ *         .timing = {.multiply = 1, .flash_wait = 1},  // further members: README.md
+ *     };
+ *     if (cortex_m0_init(&cpu, &config)) {
+ *         return -1;
+ *     }
+ *     cortex_m0_reset(&cpu, 0);            // vector table at address 0
+ *     cortex_m0_set_line(&cpu, 10, true);  // raise the line of interrupt 10
+ *     reason = cortex_m0_run(&cpu, 48000000u);
+ */
 #ifndef CORTEX_M0_H
 #define CORTEX_M0_H
 
@@ -72,17 +89,17 @@ struct cortex_m0_timing {
 };
 
 struct cortex_m0_config {
-    const uint8_t *flash; /* readable and executable; after a change call cortex_m0_memory_changed() */
-    uint32_t flash_base, flash_size;
-    uint8_t *ram;
-    uint32_t ram_base, ram_size; /* sizes are multiples of 4 */
-    void *context;
+    const uint8_t *flash; /* [flash_size] readable and executable; after a change call cortex_m0_memory_changed() */
+    uint32_t flash_base, flash_size;         /* address and size in bytes, multiples of 4 */
+    uint8_t *ram;                            /* [ram_size] readable, writable and executable */
+    uint32_t ram_base, ram_size;             /* address and size in bytes, multiples of 4 */
+    void *context;                           /* argument of `read` and `write`; may be NULL */
     cortex_m0_access_function *read, *write; /* stores to flash call `write`; NULL: every access faults */
     struct cortex_m0_timing timing;
     uint32_t systick_reference;   /* cycles of one tick of SysTick's reference clock; 0: no reference clock */
     uint32_t systick_calibration; /* SYST_CALIB */
     bool halt_on_breakpoint;      /* otherwise a BKPT is a HardFault, as without a debugger */
-    bool halt_on_fault;
+    bool halt_on_fault;           /* end the run at a fault, before its handler */
 };
 
 enum cortex_m0_fault_kind {

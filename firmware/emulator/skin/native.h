@@ -1,5 +1,14 @@
 /* C interface of libtaxel_contact: contact forces of the skin for a caller outside the emulator, from the poses of
- * object and brackets. */
+ * object and brackets.
+ *
+ * Integration (for a world file with two boards; poses are 3 rows of 4: rotation and translation in metres):
+ *
+ *     double load[2][42], bracket_poses[2][12], object_pose[12];
+ *     struct taxel_contact *contact = taxel_contact_open("world.txt");
+ *     touching = taxel_contact_evaluate(contact, 0, object_pose, &bracket_poses[0][0], &load[0][0], NULL);
+ *     use_wrench(&load[0][0]);  // of board 0: force (N) and moment (N m), then the 6 x 6 stiffness
+ *     taxel_contact_close(contact);
+ */
 #ifndef EMULATOR_SKIN_NATIVE_H
 #define EMULATOR_SKIN_NATIVE_H
 
