@@ -2,6 +2,8 @@
 
 #include "bootloader/internal.h"
 
+/* Initialise the bootloader. A bootloader that the application requested before the reset stays without a time limit;
+ * otherwise it waits TAXEL_BOOT_LISTEN_US for a host. `config` must stay valid. */
 void taxel_boot_init(struct taxel_boot *boot, const struct taxel_boot_config *config)
 {
     const struct taxel_boot_hal *const hal = config->flash.hal;
@@ -40,6 +42,8 @@ static void start_image(struct taxel_boot *boot)
     }
 }
 
+/* Main loop: restart if a command requested a restart, or start the application when no host has sent ENTER in time.
+ * After a reset by command the application starts at once. */
 void taxel_boot_run(struct taxel_boot *boot)
 {
     const struct taxel_boot_hal *const hal = boot->config->flash.hal;

@@ -1,6 +1,8 @@
 /* Selection of the slot to start. An unconfirmed image starts only while it has tries left. */
 #include "bootloader/internal.h"
 
+/* Slot of the image to start, or TAXEL_BOOT_SLOT_NONE: the pending image, else the confirmed one, else any valid image.
+ * An unconfirmed image must have tries left. */
 uint8_t taxel_boot_choose(const struct taxel_boot_flash *flash, const struct taxel_boot_metadata *metadata)
 {
     const uint8_t order[] = {metadata->pending, metadata->confirmed, 0, 1};

@@ -2,7 +2,9 @@
 
 #define ANY_LENGTH 0xFFu
 
-static uint8_t enter(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
+/* Command ENTER: begin a session with the host, which must send the key if a key is configured. The reply contains
+ * silicon id, silicon revision and bootloader version. */
+static uint8_t enter_session(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_config *const config = boot->config;
     if (packet->length != 0 && packet->length != TAXEL_BOOT_KEY_SIZE) {
@@ -32,6 +34,8 @@ static uint8_t synchronize(struct taxel_boot *boot, const struct taxel_boot_pack
     return TAXEL_BOOT_STATUS_OK;
 }
 
+/* Command SET_ACTIVE: select the image that is started after the next reset. Status APPLICATION if the image is
+ * invalid. */
 static uint8_t set_active(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;
@@ -67,7 +71,7 @@ static const struct command commands[] = {
     {synchronize, TAXEL_BOOT_COMMAND_SYNC, 0, 0, true},
     {set_active, TAXEL_BOOT_COMMAND_SET_ACTIVE, 1, 0, true},
     {taxel_boot_send_data, TAXEL_BOOT_COMMAND_SEND_DATA, ANY_LENGTH, 0, true},
-    {enter, TAXEL_BOOT_COMMAND_ENTER, ANY_LENGTH, TAXEL_BOOT_ENTER_REPLY_SIZE, false},
+    {enter_session, TAXEL_BOOT_COMMAND_ENTER, ANY_LENGTH, TAXEL_BOOT_ENTER_REPLY_SIZE, false},
     {taxel_boot_program_row, TAXEL_BOOT_COMMAND_PROGRAM_ROW, ANY_LENGTH, 0, true},
     {taxel_boot_verify_row, TAXEL_BOOT_COMMAND_VERIFY_ROW, TAXEL_BOOT_ROW_ADDRESS_SIZE, 1, true},
     {leave, TAXEL_BOOT_COMMAND_EXIT, 0, 0, true},
@@ -80,8 +84,10 @@ static const struct command commands[] = {
      TAXEL_BOOT_WRITE_CONFIGURATION_ARGUMENTS_SIZE, 0, true},
 };
 
-static uint8_t carry_out(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply,
-                         uint8_t *length)
+/* Execute a parsed packet with the handler of its command. Returns the status; `reply` and `length` receive the data of
+ * the response. All commands that need a session are unknown before ENTER. */
+static uint8_t execute_command(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply,
+                               uint8_t *length)
 {
     for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
         const struct command *const command = &commands[i];
@@ -110,6 +116,8 @@ static uint8_t parse(struct taxel_boot *boot, struct taxel_boot_packet *packet, 
     return status;
 }
 
+/* Execute a received packet and write the response packet; returns its size in bytes. No response (0) to SYNC, to EXIT,
+ * and from a board that a SEARCH command has silenced. */
 size_t taxel_boot_take_packet(struct taxel_boot *boot, const uint8_t *bytes, size_t size, uint8_t *response)
 {
     struct taxel_boot_packet packet;
@@ -119,7 +127,7 @@ size_t taxel_boot_take_packet(struct taxel_boot *boot, const uint8_t *bytes, siz
         return 0;
     }
     if (status == TAXEL_BOOT_STATUS_OK) {
-        status = carry_out(boot, &packet, response + TAXEL_BOOT_DATA_OFFSET, &length);
+        status = execute_command(boot, &packet, response + TAXEL_BOOT_DATA_OFFSET, &length);
         const bool is_mute =
             boot->silent || packet.command == TAXEL_BOOT_COMMAND_SYNC || packet.command == TAXEL_BOOT_COMMAND_EXIT;
         if (is_mute && status == TAXEL_BOOT_STATUS_OK) {

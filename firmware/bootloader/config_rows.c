@@ -7,6 +7,8 @@ const uint8_t *taxel_boot_configuration(const struct taxel_boot_flash *flash)
     return record ? record + TAXEL_BOOT_RECORD_OFFSET_PAYLOAD : NULL;
 }
 
+/* Command READ_CONFIGURATION: the board's stored configuration (I2C address, kind of board). Status DATA if none is
+ * stored. */
 uint8_t taxel_boot_read_configuration(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const uint8_t *const configuration = taxel_boot_configuration(&boot->config->flash);
@@ -18,6 +20,8 @@ uint8_t taxel_boot_read_configuration(struct taxel_boot *boot, const struct taxe
     return TAXEL_BOOT_STATUS_OK;
 }
 
+/* Command WRITE_CONFIGURATION: store the board's configuration. The arguments begin with the unique id of the
+ * processor, so that only the intended board changes if several share an I2C address. */
 uint8_t taxel_boot_write_configuration(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;

@@ -8,6 +8,8 @@ bool taxel_boot_is_confirmed(const struct taxel_boot_flash *flash, uint8_t slot)
     return metadata.confirmed == slot;
 }
 
+/* Called by the application: mark the image in `slot` as confirmed, so that it is started after every reset. Returns 0,
+ * or a negative number if the flash could not be written. */
 int taxel_boot_confirm(const struct taxel_boot_flash *flash, uint8_t slot)
 {
     struct taxel_boot_metadata metadata;

@@ -26,6 +26,8 @@ static void end_write(struct taxel_boot_i2c *slave)
     }
 }
 
+/* I2C interrupt: the bootloader was addressed. Returns whether to acknowledge: no write while a packet is being
+ * executed; a read then returns no response yet. A silenced board does not acknowledge reads. */
 bool taxel_boot_i2c_on_address(struct taxel_boot_i2c *slave, bool reading)
 {
     end_write(slave);
@@ -41,6 +43,8 @@ bool taxel_boot_i2c_on_address(struct taxel_boot_i2c *slave, bool reading)
     return true;
 }
 
+/* I2C interrupt: store a byte of a packet. Returns whether to acknowledge; the bytes of a packet that is too long are
+ * not acknowledged. */
 bool taxel_boot_i2c_on_write(struct taxel_boot_i2c *slave, uint8_t byte)
 {
     if (slave->has_packet) {
@@ -71,6 +75,7 @@ void taxel_boot_i2c_on_bus_error(struct taxel_boot_i2c *slave)
     }
 }
 
+/* Main loop: execute a received packet and prepare the response for the next read. */
 void taxel_boot_i2c_run(struct taxel_boot_i2c *slave)
 {
     if (slave->has_packet) {

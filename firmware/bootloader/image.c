@@ -11,6 +11,8 @@ static bool kind_fits(const struct taxel_boot_flash *flash, uint8_t kind)
     return kind == 0 || own == 0 || kind == own;
 }
 
+/* First byte of the image in a slot (0 or 1), or NULL if the image is invalid: header for another device, slot or kind
+ * of board, a length or vector table outside the slot, or a wrong CRC-32. */
 const uint8_t *taxel_boot_image(const struct taxel_boot_flash *flash, uint8_t slot)
 {
     if (slot > 1u) {

@@ -1,5 +1,7 @@
 #include "bootloader/internal.h"
 
+/* Checksum of a packet, least significant byte sent first: 16-bit two's complement of the sum of all bytes
+ * (TAXEL_BOOT_CHECKSUM_SUM) or CRC-16/X-25 with swapped bytes. */
 uint16_t taxel_boot_packet_checksum(const uint8_t *bytes, size_t size, uint8_t checksum)
 {
     if (checksum == TAXEL_BOOT_CHECKSUM_SUM) {
@@ -20,6 +22,8 @@ uint16_t taxel_boot_packet_checksum(const uint8_t *bytes, size_t size, uint8_t c
     return (uint16_t)((crc << 8) | (crc >> 8));
 }
 
+/* Parse a received packet. `packet->data` points into `bytes`. Returns TAXEL_BOOT_STATUS_OK or the status that the
+ * response must contain. */
 uint8_t taxel_boot_packet_parse(struct taxel_boot_packet *packet, const uint8_t *bytes, size_t size, uint8_t checksum)
 {
     if (size < TAXEL_BOOT_PACKET_OVERHEAD || size > TAXEL_BOOT_PACKET_MAX ||
@@ -39,6 +43,7 @@ uint8_t taxel_boot_packet_parse(struct taxel_boot_packet *packet, const uint8_t 
     return TAXEL_BOOT_STATUS_OK;
 }
 
+/* Complete a response packet whose `length` data bytes are already in `bytes`. Returns its size in bytes. */
 size_t taxel_boot_packet_build(uint8_t *bytes, uint8_t status, uint8_t length, uint8_t checksum)
 {
     const size_t end = TAXEL_BOOT_DATA_OFFSET + (size_t)length;

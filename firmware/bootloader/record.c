@@ -28,6 +28,7 @@ const uint8_t *taxel_boot_row(const struct taxel_boot_flash *flash, uint16_t row
     return flash->hal->flash + (size_t)row * TAXEL_BOOT_ROW_SIZE;
 }
 
+/* Write one flash row if its content differs, and verify it. Returns 0 or TAXEL_BOOT_ERROR_FLASH. */
 int taxel_boot_write_row(const struct taxel_boot_flash *flash, uint16_t row, const uint8_t *bytes)
 {
     const uint8_t *const stored = taxel_boot_row(flash, row);
@@ -51,6 +52,8 @@ static uint32_t sequence_of(const uint8_t *row)
     return taxel_boot_u32(row + TAXEL_BOOT_RECORD_OFFSET_SEQUENCE);
 }
 
+/* Newest valid record in a pair of flash rows, or NULL. The two rows are written in turn, so that a power cut during a
+ * write leaves the older record. */
 const uint8_t *taxel_boot_record_newest(const struct taxel_boot_flash *flash, uint16_t first_row, uint32_t magic)
 {
     const uint8_t *const first = taxel_boot_row(flash, first_row);
@@ -72,6 +75,8 @@ static uint32_t balance_of(const uint8_t *row)
     return sum == 0;
 }
 
+/* Store `size` bytes as the newest record of a pair of flash rows, in the row that does not hold the current record. An
+ * equal record is not written again. Returns 0 or TAXEL_BOOT_ERROR_FLASH. */
 int taxel_boot_record_write(const struct taxel_boot_flash *flash, uint16_t first_row, uint32_t magic,
                             const uint8_t *content, uint8_t size)
 {

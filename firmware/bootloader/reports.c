@@ -10,6 +10,8 @@ uint8_t taxel_boot_get_flash_size(struct taxel_boot *boot, const struct taxel_bo
     return packet->data[0] ? TAXEL_BOOT_STATUS_ARRAY : TAXEL_BOOT_STATUS_OK;
 }
 
+/* Command GET_APPLICATION_STATUS: whether the image in a slot is invalid, and whether this slot must be kept because it
+ * contains the image to fall back to. */
 uint8_t taxel_boot_get_application_status(struct taxel_boot *boot, const struct taxel_boot_packet *packet,
                                           uint8_t *reply)
 {
@@ -22,6 +24,8 @@ uint8_t taxel_boot_get_application_status(struct taxel_boot *boot, const struct 
     return TAXEL_BOOT_STATUS_OK;
 }
 
+/* Command GET_METADATA: entry address, length, version and kind of the image in a slot, in the layout of the
+ * manufacturer's bootloader. Its field for a custom id contains the CRC-32 of the image. */
 uint8_t taxel_boot_get_metadata(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const uint8_t *const image = taxel_boot_image(&boot->config->flash, packet->data[0]);
@@ -44,6 +48,8 @@ uint8_t taxel_boot_get_metadata(struct taxel_boot *boot, const struct taxel_boot
     return TAXEL_BOOT_STATUS_OK;
 }
 
+/* Command GET_INFO: state of the bootloader, slot for a new image, boot metadata, I2C address, kind of board and unique
+ * id. Also permitted before ENTER. */
 uint8_t taxel_boot_get_info(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;

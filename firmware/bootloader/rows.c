@@ -1,6 +1,7 @@
 /* Writes to the free slot. Other rows of the flash cannot be written by these commands. */
 #include "bootloader/internal.h"
 
+/* Append data to the row buffer. More than one flash row of data clears the buffer and returns status LENGTH. */
 static uint8_t append(struct taxel_boot *boot, const uint8_t *data, unsigned size)
 {
     if (size > TAXEL_BOOT_ROW_SIZE - boot->fill) {
@@ -54,6 +55,8 @@ static uint8_t write_row(struct taxel_boot *boot, const struct taxel_boot_packet
     return taxel_boot_write_row(&boot->config->flash, row, boot->row) ? TAXEL_BOOT_STATUS_VERIFY : TAXEL_BOOT_STATUS_OK;
 }
 
+/* Command PROGRAM_ROW: write one flash row from the data of earlier SEND_DATA packets and of this packet, which must
+ * fill the row exactly. */
 uint8_t taxel_boot_program_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     (void)reply;
@@ -76,6 +79,7 @@ uint8_t taxel_boot_erase_row(struct taxel_boot *boot, const struct taxel_boot_pa
     return write_row(boot, packet);
 }
 
+/* Command VERIFY_ROW: low byte of the two's-complement sum of a stored flash row. */
 uint8_t taxel_boot_verify_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const uint8_t status = address_status(packet);
@@ -86,6 +90,8 @@ uint8_t taxel_boot_verify_row(struct taxel_boot *boot, const struct taxel_boot_p
     return status;
 }
 
+/* Command VERIFY_APPLICATION: whether the target slot contains a valid image. A valid image that was programmed in this
+ * session becomes the pending image. */
 uint8_t taxel_boot_verify_application(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;

@@ -11,6 +11,8 @@ void taxel_boot_uart_init(struct taxel_boot_uart *uart, struct taxel_boot *boot)
     uart->boot = boot;
 }
 
+/* UART interrupt: store a byte of a packet. A packet ends at the length stated in its header; after a silence of
+ * TAXEL_BOOT_GAP_US a new packet begins. */
 void taxel_boot_uart_on_byte(struct taxel_boot_uart *uart, uint8_t byte)
 {
     const struct taxel_boot_hal *const hal = uart->boot->config->flash.hal;
@@ -48,6 +50,7 @@ size_t taxel_boot_uart_pull(struct taxel_boot_uart *uart, uint8_t *bytes, size_t
     return taken;
 }
 
+/* Main loop: execute a received packet and queue the response for the UART interrupt. */
 void taxel_boot_uart_run(struct taxel_boot_uart *uart)
 {
     if (uart->has_packet) {

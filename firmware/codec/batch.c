@@ -52,6 +52,8 @@ static void account(struct taxel_batch *batch, struct taxel_batch_row *row, cons
     batch->last_scan[address] = row->board_sequence;
 }
 
+/* Decode a COMPACT_TAXELS frame into a row and its counts. Without the key frame, or with a wrong CRC of the board, the
+ * row has a flag and no counts. */
 static void store_compact(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
 {
     struct taxel_batch_output *output = batch->output;
@@ -90,6 +92,8 @@ static void unpack_counts(uint16_t *restrict counts, const uint8_t *restrict byt
     }
 }
 
+/* CRC table for `size` zero bytes, built at the first use of this size. Returns NULL if TAXEL_BATCH_SIZES tables are in
+ * use. */
 static const struct taxel_crc32_zeros *zeros_of(struct taxel_batch *batch, size_t size)
 {
     for (size_t i = 0; i < batch->size_count; i++) {
@@ -123,6 +127,8 @@ static bool board_crc_is_right(struct taxel_batch *batch, const struct taxel_fra
     return (~taxel_get_u32(snapshot + size) ^ ONES_AND_FOUR_ZEROS) == taxel_crc32_zeros_after(zeros, difference);
 }
 
+/* Decode a TAXELS frame into a row and its counts. A wrong CRC of the board is flagged; the counts are stored
+ * nevertheless. */
 static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
 {
     struct taxel_batch_output *output = batch->output;
@@ -158,6 +164,8 @@ void taxel_batch_forget_cycles(struct taxel_batch *batch)
     memset(batch->has_cycle, 0, sizeof batch->has_cycle);
 }
 
+/* Count the frame and the frames lost before it, from the 16-bit frame sequence. A restart of the hub begins a new
+ * sequence without loss. */
 static void count_sequence(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_frame *frame)
 {
     if (is_start_of_hub(frame)) {
@@ -173,7 +181,9 @@ static void count_sequence(struct taxel_batch *batch, struct taxel_batch_row *ro
     batch->next_sequence = (uint16_t)(row->sequence + 1u);
 }
 
-static void store(void *context, const struct taxel_frame *frame)
+/* Handler of the deframer: append a valid frame to the taxel rows or, with its payload, to the message rows of the
+ * output. */
+static void store_frame(void *context, const struct taxel_frame *frame)
 {
     struct taxel_batch *batch = context;
     struct taxel_batch_output *output = batch->output;
@@ -197,6 +207,8 @@ static void store(void *context, const struct taxel_frame *frame)
     output->payload_count += frame->length;
 }
 
+/* Initialise a batch decoder. `directions`: which frames to accept (TAXEL_DIRECTION_TO_HOST, TAXEL_DIRECTION_TO_HUB).
+ */
 void taxel_batch_init(struct taxel_batch *batch, uint8_t directions)
 {
     const struct taxel_deframer_config config = {
@@ -205,7 +217,7 @@ void taxel_batch_init(struct taxel_batch *batch, uint8_t directions)
         .body = batch->body,
         .payload_max = TAXEL_PAYLOAD_MAX,
         .directions = directions,
-        .handler = store,
+        .handler = store_frame,
         .context = batch,
     };
     memset(batch, 0, sizeof *batch);
@@ -228,6 +240,8 @@ static bool has_space(const struct taxel_batch *batch)
            output->payload_capacity - output->payload_count > SEARCHED_MAX;
 }
 
+/* Decode stream bytes into rows until the bytes or the space of `output` are used up. Returns the number of bytes
+ * taken. */
 size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_t size,
                           struct taxel_batch_output *output)
 {
@@ -240,6 +254,7 @@ size_t taxel_batch_decode(struct taxel_batch *batch, const uint8_t *bytes, size_
     return taken;
 }
 
+/* Decode the bytes of an incomplete chunk at the end of the stream. Returns false if `output` has too little space. */
 bool taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *output)
 {
     set_output(batch, output);
@@ -260,6 +275,8 @@ uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch)
     return batch->deframer.discarded_bytes;
 }
 
+/* Write the pending answers to key frames as the payload of an ACKNOWLEDGE frame and mark them as sent. Returns its
+ * size in bytes, 0 if none are pending. */
 size_t taxel_batch_take_acknowledgements(struct taxel_batch *batch, uint8_t *payload, size_t capacity)
 {
     size_t size = 0;
@@ -280,6 +297,8 @@ size_t taxel_batch_take_acknowledgements(struct taxel_batch *batch, uint8_t *pay
     return size;
 }
 
+/* Encode one frame into `out`. Returns its length in bytes, or 0 if `capacity` is less than the largest encoded size of
+ * this payload. */
 size_t taxel_batch_encode(uint8_t type, uint16_t sequence, const uint8_t *payload, uint16_t length, uint8_t *out,
                           size_t capacity)
 {

@@ -16,6 +16,8 @@ static uint64_t get_uint(const uint8_t *bytes, size_t size)
     return value;
 }
 
+/* Move `length` bytes from `from` to a lower address. `readable`: bytes that may be read at `from`; with enough of them
+ * a copy of fixed size is faster. */
 static void move_down(uint8_t *to, const uint8_t *from, size_t length, size_t readable)
 {
     if (length <= PACKET && length + TAXEL_CAPTURE_RECORD_HEAD >= PACKET && readable >= PACKET) {
@@ -27,6 +29,8 @@ static void move_down(uint8_t *to, const uint8_t *from, size_t length, size_t re
     }
 }
 
+/* Join the payloads of the capture records in `bytes`, in place, and list the arrival time (ns) of each with its end
+ * position in the stream (`position`: before these bytes). An incomplete last record stays; its size is in `block`. */
 void taxel_capture_gather(uint8_t *bytes, size_t size, uint64_t position, struct taxel_capture_arrival *arrivals,
                           struct taxel_capture_block *block)
 {

@@ -27,6 +27,8 @@ static uint32_t peek(const struct range_decoder *decoder, uint8_t bits)
     return target < last ? target : last;
 }
 
+/* Remove a decoded symbol from the range decoder. Its interval is [first, first + size) of 2^bits equal shares of the
+ * range. */
 static void take(struct range_decoder *decoder, uint32_t first, uint32_t size, uint8_t bits)
 {
     const uint32_t share = decoder->range >> bits;
@@ -45,6 +47,8 @@ static uint32_t take_bits(struct range_decoder *decoder, uint8_t bits)
     return value;
 }
 
+/* Decode a count outside the modelled distribution: sign, exponent and mantissa of its distance from the centre.
+ * Returns false if the count is not in 0 to 65535, which only damaged bytes cause. */
 static bool take_escape(struct range_decoder *decoder, taxel_compact_state state, uint16_t *count)
 {
     take(decoder, 0, TAXEL_COMPACT_ESCAPE, TAXEL_COMPACT_TOTAL_BITS);
@@ -59,6 +63,8 @@ static bool take_escape(struct range_decoder *decoder, taxel_compact_state state
     return true;
 }
 
+/* Decode one count with the model `state` of its taxel, by bisection of the cumulative distribution. Returns false for
+ * bytes that no encoder produces. */
 static bool take_count(struct range_decoder *decoder, taxel_compact_state state, uint16_t *count)
 {
     const uint32_t target = peek(decoder, TAXEL_COMPACT_TOTAL_BITS);
@@ -91,6 +97,8 @@ static bool take_count(struct range_decoder *decoder, taxel_compact_state state,
     return true;
 }
 
+/* Decode the counts of a delta frame with the taxels' states at the key frame. Returns false if the bytes are no valid
+ * code; bytes beyond `size` read as 0. */
 bool taxel_compact_decode(const taxel_compact_state *states, size_t taxels, const uint8_t *bytes, size_t size,
                           uint16_t *counts)
 {
@@ -106,6 +114,7 @@ bool taxel_compact_decode(const taxel_compact_state *states, size_t taxels, cons
     return true;
 }
 
+/* Unpack `taxels` counts of `width` bits each (1 to 16), least significant bit first. */
 void taxel_compact_unpack(const uint8_t *bytes, size_t taxels, uint8_t width, uint16_t *counts)
 {
     uint32_t buffer = 0;

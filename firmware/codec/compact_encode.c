@@ -13,6 +13,7 @@ struct range_encoder {
     uint32_t range;
 };
 
+/* Add 1 to the number formed by the bytes already written: the carry of the range encoder. */
 static void carry(struct range_encoder *encoder)
 {
     for (size_t i = encoder->size; i > 0; i--) {
@@ -44,6 +45,8 @@ static bool put(struct range_encoder *encoder, uint32_t first, uint32_t size, ui
     return true;
 }
 
+/* Encode a count outside the modelled distribution: sign, exponent and mantissa of its distance from the centre.
+ * Returns false if the buffer is full. */
 static bool put_escape(struct range_encoder *encoder, taxel_compact_state state, uint16_t count)
 {
     const uint16_t centre = taxel_compact_centre(state);
@@ -58,6 +61,8 @@ static bool put_escape(struct range_encoder *encoder, taxel_compact_state state,
            put(encoder, size - (1u << exponent), 1, exponent);
 }
 
+/* Encode one count with the model `state` of its taxel; low bits that the model treats as uniform follow without
+ * modelling. Returns false if the buffer is full. */
 static bool put_count(struct range_encoder *encoder, taxel_compact_state state, uint16_t count)
 {
     const struct taxel_compact_interval interval = taxel_compact_interval(state, count);
@@ -98,6 +103,8 @@ static bool finish(struct range_encoder *encoder)
     return true;
 }
 
+/* Encode counts (2 bytes each, little-endian) with the taxels' states at the key frame. Returns false if the code needs
+ * more than `capacity` bytes; otherwise `size` is set to its length. */
 bool taxel_compact_encode(const taxel_compact_state *states, const uint8_t *counts, size_t taxels, uint8_t *bytes,
                           size_t capacity, size_t *size)
 {
@@ -114,6 +121,7 @@ bool taxel_compact_encode(const taxel_compact_state *states, const uint8_t *coun
     return true;
 }
 
+/* Number of bits (1 to 16) of the largest count; `counts`: 2 bytes each, little-endian. */
 uint8_t taxel_compact_width(const uint8_t *counts, size_t taxels)
 {
     unsigned all = 1;
@@ -132,6 +140,7 @@ size_t taxel_compact_packed_size(uint8_t width, size_t taxels)
     return (width * taxels + 7u) >> 3;
 }
 
+/* Pack counts (2 bytes each, little-endian) with `width` bits each, least significant bit first. */
 void taxel_compact_pack(const uint8_t *counts, size_t taxels, uint8_t width, uint8_t *bytes)
 {
     uint32_t buffer = 0;

@@ -47,6 +47,9 @@ uint8_t taxel_compact_raw_bits(taxel_compact_state state)
     return (uint8_t)(octave > TAXEL_COMPACT_COARSE_OCTAVE ? octave - TAXEL_COMPACT_COARSE_OCTAVE : 0u);
 }
 
+/* Cumulative frequency, out of 2^TAXEL_COMPACT_TOTAL_BITS, of all symbols below `symbol`. The distribution is symmetric
+ * about the mean of the state and scales with its level; a table is interpolated linearly. The lowest share is the
+ * escape. */
 uint32_t taxel_compact_cumulative(taxel_compact_state state, uint32_t symbol)
 {
     const uint32_t middle = TAXEL_COMPACT_ESCAPE + cumulative[TAXEL_COMPACT_REACH >> TAXEL_COMPACT_STEP_BITS];
@@ -71,6 +74,8 @@ struct taxel_compact_interval taxel_compact_interval(taxel_compact_state state, 
     return (struct taxel_compact_interval){first, taxel_compact_cumulative(state, symbol + 1u) - first, raw_bits};
 }
 
+/* Distance of a count from the centre of the model in one byte: sign bit, then exact up to 63 counts and above that in
+ * quarters of an octave. The board stores only this byte per taxel until the acknowledgement. */
 uint8_t taxel_compact_residual(taxel_compact_state state, uint16_t count)
 {
     const uint16_t centre = taxel_compact_centre(state);
@@ -105,6 +110,8 @@ static uint32_t shifted(uint32_t value, bool down, uint32_t by, uint32_t largest
     return by < largest - value ? value + by : largest;
 }
 
+/* State of a taxel after one more key frame: mean and scale (level) move towards the residual by a gain that falls with
+ * the number of `updates`. A residual beyond TAXEL_COMPACT_JUMP scales, such as a contact, sets the mean only. */
 taxel_compact_state taxel_compact_update(taxel_compact_state state, uint8_t residual, uint8_t updates)
 {
     const uint32_t gain = gains[updates - 1u], mean = mean_of(state);

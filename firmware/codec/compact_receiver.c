@@ -29,6 +29,8 @@ static void repeat_answer(struct taxel_compact_receiver *receiver, enum taxel_co
     }
 }
 
+/* Discard the key frames and request a new one from the board with a FORGET answer, repeated at intervals. Returns
+ * TAXEL_COMPACT_NO_KEY_FRAME. */
 static enum taxel_compact_result reject_without_key_frame(struct taxel_compact_receiver *receiver)
 {
     if (receiver->key_frame.is_valid || receiver->pending.is_valid) {
@@ -39,6 +41,8 @@ static enum taxel_compact_result reject_without_key_frame(struct taxel_compact_r
     return TAXEL_COMPACT_NO_KEY_FRAME;
 }
 
+/* Decode a packed snapshot, which needs no key frame. A packed snapshot marked as a key frame replaces all states of
+ * the board. */
 static enum taxel_compact_result receive_packed(struct taxel_compact_receiver *receiver, uint8_t taxels,
                                                 const uint8_t *bytes, size_t size,
                                                 struct taxel_compact_snapshot *snapshot)
@@ -63,6 +67,8 @@ static enum taxel_compact_result receive_packed(struct taxel_compact_receiver *r
     return TAXEL_COMPACT_OK;
 }
 
+/* Derive the pending key frame from the current one and the counts of a delta frame, with the same integer arithmetic
+ * as on the board. */
 static void update_pending(struct taxel_compact_receiver *receiver, const uint16_t *counts)
 {
     const struct taxel_compact_key_frame *key_frame = &receiver->key_frame;
@@ -75,6 +81,8 @@ static void update_pending(struct taxel_compact_receiver *receiver, const uint16
     pending->updates = (uint8_t)(key_frame->updates + (key_frame->updates < TAXEL_COMPACT_UPDATES_MAX));
 }
 
+/* Decode a delta frame with the key frame whose id the frame contains. The first frame that refers to the pending key
+ * frame proves that the board received the acknowledgement. */
 static enum taxel_compact_result receive_delta(struct taxel_compact_receiver *receiver, uint8_t taxels,
                                                const uint8_t *bytes, size_t size,
                                                struct taxel_compact_snapshot *snapshot)
@@ -102,6 +110,8 @@ static enum taxel_compact_result receive_delta(struct taxel_compact_receiver *re
     return TAXEL_COMPACT_OK;
 }
 
+/* Decode one compact snapshot (`size` bytes with CRC) of a board into time and counts, and prepare the answer that the
+ * host is to send. The CRC covers the I2C address; its low half is the id of a key frame. */
 enum taxel_compact_result taxel_compact_receive(struct taxel_compact_receiver *receiver, uint8_t address,
                                                 uint8_t taxels, const uint8_t *bytes, size_t size,
                                                 struct taxel_compact_snapshot *snapshot)

@@ -53,6 +53,8 @@ CLMUL __m128i shifted(__m128i vector, int n)
     return _mm_shuffle_epi8(vector, _mm_or_si128(from, outside));
 }
 
+/* CRC-32 of at least TAXEL_CRC32_CLMUL_MIN bytes by carry-less multiplication (x86 PCLMULQDQ): blocks of 16 bytes are
+ * folded, in four independent streams for long messages. `crc`: CRC of the preceding bytes, 0 at the start. */
 __attribute__((target("pclmul,sse4.1"))) uint32_t taxel_crc32_clmul(uint32_t crc, const uint8_t *bytes, size_t size)
 {
     /* The first block holds the bytes beyond whole blocks at its upper end; zeros before them have no effect. The

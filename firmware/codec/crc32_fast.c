@@ -31,6 +31,8 @@ static uint32_t little_endian_u32(const uint8_t *bytes)
     return (uint32_t)bytes[0] | ((uint32_t)bytes[1] << 8) | ((uint32_t)bytes[2] << 16) | ((uint32_t)bytes[3] << 24);
 }
 
+/* CRC-32 with 16 look-up tables, 16 bytes per step, for processors without carry-less multiplication and for short
+ * messages. `crc`: CRC of the preceding bytes, 0 at the start. */
 uint32_t taxel_crc32_sliced(uint32_t crc, const uint8_t *bytes, size_t size)
 {
     crc = ~crc;

@@ -4,6 +4,7 @@
 
 #define BLOCK 64u
 
+/* CRC register after `size` zero bytes, from the register `state`. */
 static uint32_t after_zeros(uint32_t state, size_t size)
 {
     static const uint8_t zeros[BLOCK];
@@ -14,6 +15,8 @@ static uint32_t after_zeros(uint32_t state, size_t size)
     return ~taxel_crc32(crc, zeros, size);
 }
 
+/* Build the tables that advance a CRC register over `size` zero bytes. The operation is linear over GF(2): one column
+ * per bit of the register, combined to a table per byte. */
 void taxel_crc32_zeros_init(struct taxel_crc32_zeros *zeros, size_t size)
 {
     zeros->size = size;

@@ -27,6 +27,8 @@ void taxel_deframer_init(struct taxel_deframer *deframer, const struct taxel_def
     deframer->frames = 0;
 }
 
+/* Permitted lengths of a frame type, or NULL if the type is undefined or belongs to a direction that is not accepted.
+ * Bit 7 of the type: from host to hub. */
 static const struct rule *rule_of(const struct taxel_deframer *deframer, uint8_t type)
 {
     const uint8_t direction = type & 0x80u ? TAXEL_DIRECTION_TO_HUB : TAXEL_DIRECTION_TO_HOST;
@@ -52,6 +54,8 @@ static size_t expected_length(const struct taxel_deframer *deframer, const uint8
     return TAXEL_FRAME_HEADER_SIZE + (size_t)length + TAXEL_FRAME_CRC_SIZE;
 }
 
+/* Whether an unstuffed body has a valid I2C address, a length that agrees with its number of taxels, and a correct CRC.
+ * `size`: header, payload and CRC. */
 static bool body_is_valid(const struct taxel_deframer *deframer, const uint8_t *body, size_t size)
 {
     const uint8_t *payload = body + TAXEL_FRAME_HEADER_SIZE;
@@ -70,6 +74,7 @@ static bool body_is_valid(const struct taxel_deframer *deframer, const uint8_t *
     return taxel_crc32(0, body, size - TAXEL_FRAME_CRC_SIZE) == taxel_get_u32(body + size - TAXEL_FRAME_CRC_SIZE);
 }
 
+/* Call the handler with the frame in the body buffer; `size`: header, payload and CRC. */
 static void deliver(struct taxel_deframer *deframer, size_t size)
 {
     const uint8_t *body = deframer->config.body;
@@ -151,6 +156,8 @@ static void make_space(struct taxel_deframer *deframer)
     memmove(deframer->config.chunk, deframer->config.chunk + used, deframer->fill);
 }
 
+/* Append bytes without a delimiter to the chunk buffer. A full buffer is searched for frames first, so that any amount
+ * of input is accepted. */
 static void append(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size)
 {
     while (size) {
@@ -172,6 +179,8 @@ void taxel_deframer_finish(struct taxel_deframer *deframer)
     deframer->fill = 0;
 }
 
+/* Take bytes up to the first delimiter (0), or all if there is none; returns their number. Frames that a delimiter
+ * completes are delivered. */
 size_t taxel_deframer_push_chunk(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size)
 {
     const uint8_t *zero = memchr(bytes, 0, size);

@@ -63,6 +63,8 @@ static void put_body(struct taxel_encoder *encoder, const uint8_t *bytes, size_t
     encoder->code = (uint8_t)code;
 }
 
+/* Begin a frame at `position` of a ring of `capacity` bytes: delimiter, then the header as the first encoded bytes.
+ * `payload_length` bytes must follow with taxel_encoder_put(). */
 void taxel_encoder_begin(struct taxel_encoder *encoder, uint8_t *ring, size_t capacity, size_t position, uint8_t type,
                          uint16_t sequence, uint16_t payload_length)
 {
@@ -89,6 +91,7 @@ void taxel_encoder_put(struct taxel_encoder *encoder, const uint8_t *bytes, size
     }
 }
 
+/* End a frame with its CRC-32 and a delimiter. Returns the encoded length in bytes, both delimiters included. */
 size_t taxel_encoder_end(struct taxel_encoder *encoder)
 {
     uint8_t crc[TAXEL_FRAME_CRC_SIZE];

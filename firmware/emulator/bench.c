@@ -18,6 +18,8 @@ struct taxel_bench {
     struct host_script script;
 };
 
+/* Open an emulated hand for a test program. `uart`: endpoint of the host; `counts`: the stimulus is in counts instead
+ * of forces. Returns NULL after an error line on stderr. */
 struct taxel_bench *taxel_bench_open(const char *world_path, const char *uart, int counts)
 {
     struct taxel_bench *bench = calloc(1, sizeof *bench);
@@ -40,6 +42,7 @@ struct taxel_bench *taxel_bench_open(const char *world_path, const char *uart, i
     return bench;
 }
 
+/* Close the emulated hand and free its memory. NULL is permitted. */
 void taxel_bench_close(struct taxel_bench *bench)
 {
     if (bench) {
@@ -66,6 +69,8 @@ uint64_t taxel_bench_now(const struct taxel_bench *bench)
     return bench->world.now;
 }
 
+/* Run the emulation until a virtual time. With a pseudo-terminal, input is read between short steps. Returns 0, or -1
+ * after an error. */
 int taxel_bench_run(struct taxel_bench *bench, uint64_t until)
 {
     struct world *world = &bench->world;
@@ -105,6 +110,7 @@ int taxel_bench_set_stimulus(struct taxel_bench *bench, const float *values)
     return world_set_stimulus(&bench->world, values);
 }
 
+/* Board with this I2C address in the world, or NULL. */
 static const struct board_node *find_board(const struct taxel_bench *bench, uint8_t address)
 {
     for (size_t i = 0; i < bench->description.board_count; i++) {
@@ -115,6 +121,8 @@ static const struct board_node *find_board(const struct taxel_bench *bench, uint
     return NULL;
 }
 
+/* Inject the fault with this name and its parameters, at once. `address` is used by faults of a board. Returns 0 or a
+ * TAXEL_BENCH_... error. */
 int taxel_bench_inject_fault(struct taxel_bench *bench, const char *name, uint8_t address, double value,
                              double second_value)
 {
@@ -129,6 +137,8 @@ int taxel_bench_inject_fault(struct taxel_bench *bench, const char *name, uint8_
     return world_inject_fault(&bench->world, &fault) ? TAXEL_BENCH_TOO_MANY_FAULTS : 0;
 }
 
+/* Execute an I2C transfer as a second master on the bus, and run the emulation until its end. Returns enum
+ * taxel_i2c_result; TIMEOUT after the virtual time `timeout`. */
 int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const uint8_t *write_bytes, size_t write_size,
                              uint8_t *read_bytes, size_t read_size, uint64_t timeout)
 {
@@ -156,6 +166,8 @@ int taxel_bench_transfer_i2c(struct taxel_bench *bench, uint8_t address, const u
     return world->adapter.result;
 }
 
+/* Copy up to `size` entries of the fault log from number `first` on; returns how many. `lost`: entries that had already
+ * been overwritten. */
 size_t taxel_bench_read_fault_log(const struct taxel_bench *bench, uint64_t first, struct fault_log_entry *entries,
                                   size_t size, uint64_t *lost)
 {
@@ -214,6 +226,8 @@ static const struct psoc *find_current_processor(struct taxel_bench *bench, uint
     return find_processor(bench, address);
 }
 
+/* State of the emulated processor at an I2C address (HUB_ADDRESS: the hub): cycles, sleep time, faults, lowest stack
+ * pointer. Only with instruction-level emulation; otherwise NO_SUCH_BOARD. */
 int taxel_bench_read_processor(struct taxel_bench *bench, uint8_t address, struct taxel_bench_processor *processor)
 {
     const struct psoc *psoc = find_current_processor(bench, address);
@@ -238,6 +252,8 @@ int taxel_bench_read_processor(struct taxel_bench *bench, uint8_t address, struc
     return 0;
 }
 
+/* Measured cost of an exception handler of an emulated processor, in CPU cycles: own time, time with nested handlers,
+ * and latency. */
 int taxel_bench_read_handler_cost(struct taxel_bench *bench, uint8_t address, unsigned exception,
                                   struct taxel_bench_cost *cost)
 {
@@ -259,6 +275,8 @@ int taxel_bench_read_handler_cost(struct taxel_bench *bench, uint8_t address, un
     return 0;
 }
 
+/* Program that runs on a board or the hub (enum program: bootloader, application, hanging), or -1 for an unknown
+ * address. */
 int taxel_bench_running_program(const struct taxel_bench *bench, uint8_t address)
 {
     const struct board_node *board = find_board(bench, address);
@@ -270,6 +288,8 @@ int taxel_bench_running_program(const struct taxel_bench *bench, uint8_t address
     return board ? (int)board->program : address == HUB_ADDRESS ? (int)bench->world.hub.program : -1;
 }
 
+/* Plan a power cut of a board or the hub during its flash write number `write_number`, `delay` after its start. Returns
+ * 0 or a TAXEL_BENCH_... error. */
 int taxel_bench_plan_power_cut(struct taxel_bench *bench, uint8_t address, uint64_t write_number, uint64_t delay,
                                uint64_t off_time)
 {
@@ -289,6 +309,8 @@ uint64_t taxel_bench_power_cut_count(const struct taxel_bench *bench, uint8_t ad
     return flash ? flash->cut_count : 0;
 }
 
+/* Record of power cut `number`: flash row, delay after the start of the write, and which bytes already had their new
+ * value. */
 int taxel_bench_read_power_cut(const struct taxel_bench *bench, uint8_t address, uint64_t number, uint16_t *row,
                                uint64_t *delay, uint8_t *new_bytes)
 {

@@ -51,6 +51,8 @@ static uint16_t on_convert(void *context, const struct psoc_conversion *conversi
     return raw < conversion->period ? (uint16_t)(conversion->period - raw) : 0;
 }
 
+/* Create the emulated processor of a board, which executes the firmware image instruction by instruction. Returns 0, or
+ * -1 after an error line on stderr. */
 int board_cortex_open(struct board_node *board, const struct world_description *world)
 {
     char name[16];
@@ -91,6 +93,7 @@ void board_cortex_set_power(struct board_node *board, bool on, vtime now, uint8_
     }
 }
 
+/* Run the board's processor until a virtual time, with power cuts at their times. */
 void board_cortex_advance(struct board_node *board, vtime until)
 {
     while (board->is_powered) {

@@ -13,6 +13,7 @@ struct interval {
     bool is_constant; /* the fields do not change before `until` */
 };
 
+/* Time interval that the current pair of field samples covers, and whether the fields are constant in it. */
 static struct interval present_interval(const struct board_fields *fields)
 {
     const struct skin *skin = fields->skin;
@@ -55,6 +56,8 @@ static double past_rise(const struct board_fields *fields, const struct late_spa
                                 : rise_at_force(before->force + span->fraction * (after.force - before->force));
 }
 
+/* Relative capacitance rises of all taxels at a past time, for effects that delay the response. `from`: start of the
+ * present interval. */
 static void past_rises(const struct board_fields *fields, const struct late_span *span, vtime from, double *rise)
 {
     const struct taxel_field *before = span->before, *after = span->fraction != 0.0 ? span->after : span->before;
@@ -85,6 +88,8 @@ static bool find_past_span(const struct board_fields *fields, vtime *time, struc
     return true;
 }
 
+/* Relative rise of the capacitance of one taxel at a virtual time, from the history, the skin model or the force of the
+ * stimulus. */
 double board_fields_rise(const struct board_fields *fields, size_t taxel, vtime time)
 {
     struct late_span span;
@@ -97,6 +102,8 @@ double board_fields_rise(const struct board_fields *fields, size_t taxel, vtime 
     return layer_rise_at_force(stimulus_value(fields->stimulus, fields->first_taxel + taxel, time));
 }
 
+/* Relative capacitance rises of all taxels in the present interval, interpolated linearly in force (stimulus) or in
+ * rise (skin model). */
 static void present_rises(const struct board_fields *fields, vtime time, double *rise)
 {
     const struct skin *skin = fields->skin;
@@ -117,6 +124,7 @@ static void present_rises(const struct board_fields *fields, vtime time, double 
     }
 }
 
+/* Relative capacitance rises of all taxels of the board at a virtual time. */
 void board_fields_all_rises(const struct board_fields *fields, vtime time, double *rise)
 {
     struct late_span span;
@@ -135,6 +143,8 @@ bool board_fields_are_constant(const struct board_fields *fields, vtime time)
     return fields->are_equal || present_interval(fields).is_constant;
 }
 
+/* Capacitance (farad) that contacts add to all taxels together, at the start or the end of the present interval.
+ * `fringe_f`: fringe capacitances, `stride` bytes apart. */
 double board_fields_added_capacitance_f(const struct board_fields *fields, bool at_end, const double *fringe_f,
                                         size_t stride)
 {
@@ -147,6 +157,8 @@ double board_fields_added_capacitance_f(const struct board_fields *fields, bool 
     return farad;
 }
 
+/* Add the fields at the start of the present interval to the history, if an effect needs one. Returns 0, or -1 without
+ * memory. */
 int board_fields_remember(struct board_fields *fields, vtime now)
 {
     const struct interval interval = present_interval(fields);
@@ -170,6 +182,8 @@ int board_fields_remember(struct board_fields *fields, vtime now)
     return 0;
 }
 
+/* Whether the fields are the same at both ends of the present interval, so that unchanged conversions need no new
+ * computation. */
 static bool ends_are_equal(const struct board_fields *fields)
 {
     const struct stimulus *stimulus = fields->stimulus;
@@ -180,6 +194,8 @@ static bool ends_are_equal(const struct board_fields *fields)
     return stimulus->until != VTIME_NEVER && memcmp(before, after, fields->taxels * sizeof *before) == 0;
 }
 
+/* Count a change of the board's fields at the start of a new interval. Conversions of unchanged fields reuse earlier
+ * results. */
 void board_fields_update(struct board_fields *fields, vtime now)
 {
     if (!fields->tracks_changes) {

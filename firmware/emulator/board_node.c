@@ -46,6 +46,8 @@ static vtime systick_delay(struct board_node *board, vtime from, vtime to)
     return last == board->clock_origin || last + length <= from ? 0 : last > from ? length : last + length - from;
 }
 
+/* Processor interface: start of a conversion. Schedules its end from the processor time until the start, interrupts of
+ * the system tick, and the drift of the board's clock. */
 static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
 {
     struct board_node *board = context;
@@ -71,6 +73,7 @@ static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
     board->conversion_end = board->interrupt_begin + duration;
 }
 
+/* Processor interface: the board's clock in microseconds, with its rate error and drift. */
 static uint32_t on_clock_us(void *context)
 {
     const struct board_node *board = context;
@@ -107,6 +110,8 @@ static void on_enter_bootloader(void *context)
     board->restart_requested = true;
 }
 
+/* Fill the table of taxel indices by TX and RX line: taxels are numbered in the order of the bits set in the crossing
+ * map. */
 static void fill_taxel_table(struct board_node *board)
 {
     uint8_t taxel = 0;
@@ -150,6 +155,7 @@ static int open_effects(struct board_node *board, const struct world_description
     return 0;
 }
 
+/* Free the memory of a board. */
 void board_node_free(struct board_node *board)
 {
     board_cortex_close(board);
@@ -161,6 +167,9 @@ void board_node_free(struct board_node *board)
     board->fields.history = NULL;
 }
 
+/* Create a board of the world and power it on. `board_index`: index in the world; `first_taxel`: index of its first
+ * taxel in the stimulus; `loads`: TX loads of all boards, for voltage droop. Returns 0, or -1 after an error line on
+ * stderr. */
 int board_node_init(struct board_node *board, const struct board_description *description,
                     const struct world_description *world, const struct stimulus *stimulus, const struct skin *skin,
                     size_t board_index, size_t first_taxel, const struct droop_loads *loads)
@@ -244,6 +253,8 @@ static void get_all_rises(const void *context, vtime time, double *rise)
     board_fields_all_rises(context, time, rise);
 }
 
+/* Raw count of the conversion that ends now, with the fields in the middle of the conversion. A stimulus in counts is
+ * returned directly. */
 uint16_t board_run_conversion(struct board_node *board)
 {
     const vtime middle = board->conversion_end - board->front_end.conversion_time / 2u;
@@ -303,6 +314,8 @@ static void start_main_loop(struct board_node *board)
     }
 }
 
+/* Run the firmware's main loop until a virtual time: each pass ends when the coding of a compact snapshot would end on
+ * the processor. */
 static void run_main_loop(struct board_node *board, vtime until)
 {
     start_main_loop(board);
@@ -314,6 +327,8 @@ static void run_main_loop(struct board_node *board, vtime until)
     }
 }
 
+/* Advance the board to a virtual time: conversions, their interrupts and the main loop. An interrupt waits while the
+ * CPU is busy with the bus. */
 void board_advance(struct board_node *board, vtime until)
 {
     if (!board->is_powered) {

@@ -17,6 +17,8 @@ static void override_map_version(struct board_node *board)
     }
 }
 
+/* Start the board's application after the bootloader, with configuration and version from the flash. The board scans
+ * from the end of its boot time on. */
 static void start_application(struct board_node *board)
 {
     const struct boot_node *boot = board->boot;
@@ -37,6 +39,8 @@ static void start_application(struct board_node *board)
     taxel_scan_start(&board->sensor);
 }
 
+/* Continue after the bootloader has run: start the application, hang until the watchdog resets the board, restart, or
+ * stay in the bootloader. */
 void board_handle_boot_outcome(struct board_node *board, enum boot_outcome outcome)
 {
     board->conversion_end = VTIME_NEVER;
@@ -58,6 +62,8 @@ void board_handle_boot_outcome(struct board_node *board, enum boot_outcome outco
     }
 }
 
+/* Switch a board's power off, or reset it at virtual time `now`; `reset_cause`: enum taxel_reset_cause. All pending
+ * conversions and held lines end. */
 void board_set_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause)
 {
     board->is_powered = on;
@@ -90,6 +96,7 @@ vtime board_next_power_event(const struct board_node *board)
     return vtime_min(board->boot->flash.cut_time, board->power_return_time);
 }
 
+/* Execute planned power cuts, and the returns of power after them, until a virtual time. */
 void board_run_power_events(struct board_node *board, vtime until)
 {
     while (board_next_power_event(board) <= until) {
@@ -100,6 +107,8 @@ void board_run_power_events(struct board_node *board, vtime until)
     }
 }
 
+/* Advance a board that is not running its application: time limit of the bootloader, watchdog of a hanging image, power
+ * cuts. */
 void board_advance_bootloader(struct board_node *board, vtime until)
 {
     for (;;) {
@@ -117,6 +126,8 @@ void board_advance_bootloader(struct board_node *board, vtime until)
     }
 }
 
+/* Mark the running image as confirmed, as the application does, after CONFIRM_SCANS scans and a read by the hub. The
+ * CPU and the bus are blocked during the flash write. */
 void board_confirm_image(struct board_node *board, vtime now)
 {
     if (board->has_confirmed || board->sensor.scan.scans < CONFIRM_SCANS || !board->sensor.slave.snapshot_reads) {

@@ -12,6 +12,8 @@ static void run_bootloader(struct board_node *board, vtime now)
     }
 }
 
+/* Whether the board would acknowledge this I2C address now: power on, address equal, and neither booting nor writing
+ * flash. */
 bool board_can_respond(struct board_node *board, vtime now, uint8_t address)
 {
     if (!board->is_powered) {
@@ -43,6 +45,8 @@ static void log_fault(struct board_node *board, vtime now, enum fault_kind kind)
     }
 }
 
+/* The board is addressed on the bus. Returns the time at which it releases SCL; `acknowledge`: whether it acknowledges.
+ * Injected faults apply first. */
 vtime board_on_address(struct board_node *board, vtime now, bool reading, bool *acknowledge)
 {
     if (board->nacks_left) {
@@ -74,6 +78,8 @@ vtime board_on_address(struct board_node *board, vtime now, bool reading, bool *
     return ready;
 }
 
+/* The master has written a byte. Returns the time at which the board releases SCL; `acknowledge`: whether it
+ * acknowledges. */
 vtime board_on_write(struct board_node *board, vtime now, uint8_t byte, bool *acknowledge)
 {
     if (board->psoc) {
@@ -89,6 +95,7 @@ vtime board_on_write(struct board_node *board, vtime now, uint8_t byte, bool *ac
     return begin + board_cycles_to_time(board, COST_SLAVE_BYTE_HOLD);
 }
 
+/* The master reads a byte. Returns the time at which the board releases SCL. An injected fault may flip a bit. */
 vtime board_on_read(struct board_node *board, vtime now, uint8_t *byte)
 {
     vtime released = now;
@@ -115,6 +122,7 @@ vtime board_on_read(struct board_node *board, vtime now, uint8_t *byte)
     return released;
 }
 
+/* A start or stop condition at a wrong position ends the transfer of this board. */
 void board_on_bus_error(struct board_node *board, vtime now)
 {
     if (board->psoc) {
@@ -130,6 +138,7 @@ void board_on_bus_error(struct board_node *board, vtime now)
     taxel_sensor_on_bus_error(&board->sensor);
 }
 
+/* Stop condition. The firmware executes the bytes written; a requested restart takes place now. */
 void board_on_stop(struct board_node *board, vtime now)
 {
     if (board->psoc) {

@@ -64,6 +64,8 @@ static uint8_t *get_slot_bytes(struct boot_node *boot, uint8_t slot)
     return boot->flash.bytes + (size_t)boot->config.flash.layout->first_rows[slot] * FLASH_ROW_SIZE;
 }
 
+/* Write an image with a valid header and CRC into slot A, as after production. It contains only a vector table, because
+ * the emulator does not execute it. */
 static void store_factory_image(struct boot_node *boot, const uint8_t version[3])
 {
     const struct taxel_boot_layout *const layout = boot->config.flash.layout;
@@ -86,6 +88,8 @@ static void store_factory_image(struct boot_node *boot, const uint8_t version[3]
                   taxel_crc32(header_crc, image + TAXEL_BOOT_IMAGE_HEADER_SIZE, VECTORS_SIZE));
 }
 
+/* Write the board's configuration record: I2C address, kind of board, and a serial number derived from the unique id.
+ */
 static void store_factory_configuration(struct boot_node *boot, const struct board_description *description)
 {
     uint8_t bytes[TAXEL_BOOT_CONFIGURATION_SIZE] = {0};
@@ -99,6 +103,8 @@ static void store_factory_configuration(struct boot_node *boot, const struct boa
                                   bytes, sizeof bytes);
 }
 
+/* Initialise the bootloader of a board or of the hub with an erased flash. `boot_ms`: total boot time in milliseconds,
+ * of which the bootloader takes at most half. */
 static void init_common(struct boot_node *boot, const struct world_description *world,
                         const struct taxel_boot_layout *layout, const uint8_t unique_id[8], double boot_ms)
 {
@@ -135,6 +141,8 @@ static void finish_production(struct boot_node *boot)
     boot->busy_until = 0;
 }
 
+/* Initialise flash and bootloader of a board: the image of the world file, or a factory image; a blank board has no
+ * configuration. */
 void boot_node_init(struct boot_node *boot, const struct world_description *world,
                     const struct board_description *description)
 {
@@ -151,6 +159,7 @@ void boot_node_init(struct boot_node *boot, const struct world_description *worl
     }
 }
 
+/* Initialise flash and bootloader of the hub. */
 void boot_node_init_hub(struct boot_node *boot, const struct world_description *world, const uint8_t unique_id[8])
 {
     static const uint8_t version[3] = WORLD_FIRMWARE_VERSION;
@@ -170,6 +179,8 @@ static bool is_hanging_image(struct boot_node *boot)
     return memcmp(image + TAXEL_BOOT_IMAGE_HEADER_SIZE + VECTORS_SIZE, HANG, sizeof HANG - 1u) == 0;
 }
 
+/* One pass of the bootloader's main loop at virtual time `now`. The node is then busy for the time that packet, CRC
+ * check or flash write take. Returns what happens next. */
 enum boot_outcome boot_node_run(struct boot_node *boot, vtime now)
 {
     const bool has_packet = boot->is_hub ? boot->uart.has_packet : boot->i2c.has_packet;
@@ -202,6 +213,7 @@ vtime boot_node_next_deadline(const struct boot_node *boot)
                                                         : VTIME_NEVER;
 }
 
+/* Reset the bootloader at virtual time `now`; it starts after its initialisation time. Returns what happens next. */
 enum boot_outcome boot_node_reset(struct boot_node *boot, vtime now, uint8_t reset_cause)
 {
     boot->reset_cause = reset_cause;
@@ -237,6 +249,8 @@ uint8_t boot_node_get_kind(const struct boot_node *boot)
     return configuration ? configuration[TAXEL_BOOT_CONFIGURATION_OFFSET_KIND] : 0;
 }
 
+/* Write the confirmation of the running image to flash. Returns the virtual time at which the write ends, or 0 if the
+ * image is confirmed already. */
 vtime boot_node_confirm_image(struct boot_node *boot, vtime now)
 {
     if (taxel_boot_is_confirmed(&boot->config.flash, boot->slot)) {

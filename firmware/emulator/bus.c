@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+/* Initialise an idle I2C bus with the boards of the world; `scl_hz`: clock rate in Hz. */
 void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, double scl_hz, struct fault_log *log)
 {
     memset(bus, 0, sizeof *bus);
@@ -23,6 +24,8 @@ bool bus_is_sda_high(const struct bus *bus)
     return bus->sda_high && !bus_sda_is_held(bus);
 }
 
+/* Levels of SCL and SDA driven by the hub during bus recovery. Each falling edge of SCL brings a board that holds SDA
+ * one clock closer to releasing it. */
 void bus_drive_lines(struct bus *bus, bool scl_high, bool sda_high)
 {
     if (bus->scl_high && !scl_high) {
@@ -36,6 +39,8 @@ void bus_drive_lines(struct bus *bus, bool scl_high, bool sda_high)
     bus->sda_high = sda_high;
 }
 
+/* Begin a transfer on the free bus: the first event is the end of the address byte. If a line is held low, the transfer
+ * ends with TAXEL_I2C_BUSY. */
 void bus_begin_transfer(struct bus *bus, enum bus_master master, const struct taxel_i2c_transfer *transfer, vtime now)
 {
     bus->master = master;
@@ -59,6 +64,7 @@ void bus_begin_transfer(struct bus *bus, enum bus_master master, const struct ta
     bus->next = now + bus->scl_period + BUS_CLOCKS_PER_BYTE * bus->scl_period;
 }
 
+/* Begin a transfer, or let it wait until the other master has released the bus. */
 void bus_start_transfer(struct bus *bus, enum bus_master master, const struct taxel_i2c_transfer *transfer, vtime now)
 {
     if (bus->phase != BUS_IDLE && bus->master != master) {
@@ -69,6 +75,7 @@ void bus_start_transfer(struct bus *bus, enum bus_master master, const struct ta
     bus_begin_transfer(bus, master, transfer, now);
 }
 
+/* End the current master's use of the bus and begin the transfer for which the other master waits. */
 void bus_release(struct bus *bus, vtime now)
 {
     const enum bus_master other = bus->master == BUS_HUB ? BUS_ADAPTER : BUS_HUB;
@@ -203,6 +210,8 @@ void bus_handle_collision(struct bus *bus, int8_t result)
     lose_bus(bus, result);
 }
 
+/* End of an address byte: address the boards that match and continue with data, a stop condition or a NACK. Injected
+ * faults may change the address or its read bit. */
 static void end_address(struct bus *bus, bool reading)
 {
     vtime released;
@@ -236,6 +245,8 @@ static void end_address(struct bus *bus, bool reading)
     }
 }
 
+/* End of a byte from the master: deliver it to all addressed boards. SDA is a wired AND, so that one acknowledge is
+ * enough; a board that transmits meanwhile causes lost arbitration. */
 static void end_write(struct bus *bus)
 {
     bool acknowledged = false;
@@ -290,6 +301,8 @@ static uint8_t transmit_from_slaves(struct bus *bus, vtime *released)
     return line;
 }
 
+/* End of a byte to the master: the wired AND of all transmitting boards, 0 while SDA is held low. The first byte of a
+ * length-prefixed transfer sets the number of bytes that follow. */
 static void end_read(struct bus *bus)
 {
     vtime released = bus->next;
@@ -316,6 +329,7 @@ static void end_read(struct bus *bus)
     }
 }
 
+/* End of a stop condition: inform the addressed boards. If SDA is held low, the result is TAXEL_I2C_BUS_ERROR. */
 static void end_stop(struct bus *bus)
 {
     for (size_t i = 0; i < bus->slave_count; i++) {
@@ -330,6 +344,8 @@ static void end_stop(struct bus *bus)
     bus->phase = BUS_DONE;
 }
 
+/* Process the bus events until virtual time `horizon`. Returns whether a transfer has ended or, byte by byte, the hub
+ * must give the next command. */
 bool bus_run(struct bus *bus, vtime horizon)
 {
     while (bus->next <= horizon) {

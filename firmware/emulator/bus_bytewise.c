@@ -9,6 +9,8 @@ static void begin_address(struct bus *bus, uint8_t address_byte, vtime now)
     bus->next = vtime_max(now, bus_scl_held_until(bus)) + bus->scl_period + BUS_CLOCKS_PER_BYTE * bus->scl_period;
 }
 
+/* Begin a transfer of a hub that controls each byte itself, as an emulated processor does. `address_byte`: address and
+ * read bit. While SDA is held low, no event occurs until the hub aborts the transfer. */
 void bus_bytewise_begin(struct bus *bus, uint8_t address_byte, vtime now)
 {
     const struct taxel_i2c_transfer transfer = {.address = address_byte >> 1};
@@ -21,6 +23,7 @@ void bus_bytewise_begin(struct bus *bus, uint8_t address_byte, vtime now)
     }
 }
 
+/* Event with which the end of a byte-wise transfer is reported to the hub. */
 enum bus_event bus_bytewise_result(const struct bus *bus)
 {
     switch (bus->result) {
@@ -33,6 +36,8 @@ enum bus_event bus_bytewise_result(const struct bus *bus)
     }
 }
 
+/* Command of the hub: start or repeated start condition with this address byte. Waits if the other master uses the bus.
+ */
 void bus_bytewise_start(struct bus *bus, uint8_t address_byte, vtime now)
 {
     if (bus->phase == BUS_HELD) {
@@ -63,6 +68,8 @@ void bus_bytewise_read(struct bus *bus, vtime now)
     begin_commanded_byte(bus, BUS_READ, now);
 }
 
+/* Command of the hub: stop condition. If a board transmits although the master writes, the stop condition collides with
+ * its data. */
 void bus_bytewise_stop(struct bus *bus, vtime now)
 {
     bus->next = now;

@@ -1,5 +1,7 @@
 #include "emulator/bus_faults.h"
 
+/* Schedule a fault of one byte of a future transfer: `value` is the byte's position in the transfer, address bytes
+ * included; `second_value` is the parameter of the fault. Returns false if too many are pending. */
 bool bus_faults_add(struct bus_faults *faults, const struct fault_description *fault)
 {
     if (faults->count == BUS_FAULTS_MAX) {
@@ -13,6 +15,8 @@ bool bus_faults_add(struct bus_faults *faults, const struct fault_description *f
     return true;
 }
 
+/* Add the effect of one fault to the damage of a byte. `value`: bit number, microseconds or milliseconds, depending on
+ * the kind. */
 static void add_damage(struct byte_damage *damage, enum fault_kind kind, double value)
 {
     switch (kind) {
@@ -38,6 +42,8 @@ static void add_damage(struct byte_damage *damage, enum fault_kind kind, double 
     }
 }
 
+/* Damage of the byte at `position` of a transfer with the board at `address`; a fault with address 0 applies to any
+ * board. Faults that have applied are removed and logged. */
 struct byte_damage bus_faults_apply(struct bus_faults *faults, uint8_t address, unsigned position, vtime now,
                                     struct fault_log *log)
 {

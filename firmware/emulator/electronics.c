@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Whether the effect `dead` concerns a taxel of this board. */
 static bool has_dead_taxel(const struct dead_effect *dead, size_t board)
 {
     for (size_t i = 0; i < dead->count; i++) {
@@ -13,6 +14,7 @@ static bool has_dead_taxel(const struct dead_effect *dead, size_t board)
     return false;
 }
 
+/* Whether two lines of this board are exchanged. */
 static bool has_exchanged_lines(const struct exchange_effect *exchange, size_t board)
 {
     for (size_t i = 0; i < exchange->count; i++) {
@@ -24,6 +26,8 @@ static bool has_exchanged_lines(const struct exchange_effect *exchange, size_t b
     return false;
 }
 
+/* Whether any effect of the world requires the detailed electronics for this board. Otherwise, the faster front end
+ * alone computes the counts. */
 bool electronics_are_needed(const struct world_description *world, size_t board)
 {
     const struct effects *effects = &world->effects;
@@ -61,6 +65,7 @@ static void init_wiring(struct electronics *electronics, const struct board_desc
     }
 }
 
+/* Update the capacitance of each taxel at rest and its change per relative rise (farad) for the current drift. */
 static void update_rest_capacitances(struct electronics *electronics)
 {
     for (uint16_t taxel = 0; taxel < electronics->front_end->taxel_count; taxel++) {
@@ -73,6 +78,8 @@ static void update_rest_capacitances(struct electronics *electronics)
     }
 }
 
+/* Create the detailed electronics of a board (index `board`) with the effects of the world. Returns NULL without
+ * memory. */
 struct electronics *electronics_open(const struct world_description *world, size_t board, struct front_end *front_end)
 {
     struct electronics *electronics = calloc(1, sizeof *electronics);
@@ -105,6 +112,7 @@ struct electronics *electronics_open(const struct world_description *world, size
     return electronics;
 }
 
+/* Update everything that depends on the scan settings; called after the front end was configured. */
 void electronics_configure(struct electronics *electronics)
 {
     coupling_configure(&electronics->coupling, &electronics->effects->coupling.board[electronics->board],
@@ -145,6 +153,8 @@ static void compute_crossings(struct electronics *electronics, const struct elec
     }
 }
 
+/* Whether the solved currents of all crossings of TX line `tx` can be reused for this conversion, because no
+ * capacitance has changed since. */
 static bool are_crossings_valid(const struct electronics *electronics, const struct electronics_conversion *conversion,
                                 int tx)
 {
@@ -177,6 +187,8 @@ static double sensed_capacitance(struct electronics *electronics, const struct e
                                      : electronics->mutual[tx][rx];
 }
 
+/* Count before noise, saturation and quantisation: capacitance of the crossing with crosstalk, droop of the supply, and
+ * lag. `seconds`: virtual time. */
 static double hardware_count(struct electronics *electronics, const struct electronics_conversion *conversion,
                              double seconds)
 {
@@ -206,6 +218,8 @@ static double hardware_count(struct electronics *electronics, const struct elect
     return count;
 }
 
+/* Raw count of a conversion with all effects of the board, in the order of the signal path. Noise is taken from the
+ * requested crossing, the signal from the crossing that exchanged lines connect. */
 uint16_t electronics_convert(struct electronics *electronics, const struct electronics_conversion *conversion)
 {
     const struct effects *effects = electronics->effects;

@@ -67,6 +67,8 @@ static int open_capture(struct endpoint *endpoint, const char *path, double baud
     return 0;
 }
 
+/* Open the host's end of the UART: none, pty (pseudo-terminal), fd:N, capture:FILE or memory. `baud` is written to a
+ * capture. Returns 0, or -1 after an error line on stderr. */
 int endpoint_open(struct endpoint *endpoint, const char *target, double baud)
 {
     memset(endpoint, 0, sizeof *endpoint);
@@ -100,6 +102,7 @@ int endpoint_open(struct endpoint *endpoint, const char *target, double baud)
     return report_error(target, "expected none, pty, fd:N, capture:FILE or memory");
 }
 
+/* Close the endpoint and free its memory. */
 void endpoint_close(struct endpoint *endpoint)
 {
     if (endpoint->capture) {
@@ -120,6 +123,7 @@ static size_t store_in_memory(struct endpoint *endpoint, const uint8_t *bytes, s
     return stored;
 }
 
+/* Remove up to `size` bytes from a memory endpoint; returns their number. */
 size_t endpoint_read_memory(struct endpoint *endpoint, uint8_t *bytes, size_t size)
 {
     const size_t count = size < endpoint->memory_fill ? size : endpoint->memory_fill;
@@ -147,6 +151,8 @@ static bool has_client(const struct endpoint *endpoint)
     return poll(&state, 1, 0) >= 0 && !(state.revents & POLLHUP);
 }
 
+/* Write bytes to the file descriptor without blocking; returns the number accepted. In fast mode the emulation waits
+ * for a reader instead. */
 static size_t send_to_fd(struct endpoint *endpoint, const uint8_t *bytes, size_t size)
 {
     size_t sent = 0;
@@ -167,6 +173,8 @@ static size_t send_to_fd(struct endpoint *endpoint, const uint8_t *bytes, size_t
     return sent;
 }
 
+/* Deliver bytes to the host at virtual time `now`; returns the number accepted. Bytes to a muted endpoint or to a
+ * pseudo-terminal without a client are not accepted. */
 size_t endpoint_send(struct endpoint *endpoint, const uint8_t *bytes, size_t size, vtime now)
 {
     size_t sent = size;
@@ -184,6 +192,7 @@ size_t endpoint_send(struct endpoint *endpoint, const uint8_t *bytes, size_t siz
     return sent;
 }
 
+/* Read up to `size` bytes from the host without waiting; returns their number. */
 size_t endpoint_receive(struct endpoint *endpoint, uint8_t *bytes, size_t size)
 {
     if (endpoint->fd < 0 || !size) {

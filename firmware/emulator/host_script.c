@@ -18,6 +18,8 @@ static uint64_t get_le(const uint8_t *bytes, size_t size)
     return value;
 }
 
+/* Open a capture file whose records are sent to the hub at their recorded times. `path` NULL: nothing is sent. Returns
+ * 0, or -1 after an error line on stderr. */
 int host_script_open(struct host_script *script, const char *path)
 {
     uint8_t start[16];
@@ -40,6 +42,8 @@ int host_script_open(struct host_script *script, const char *path)
     return host_script_advance(script);
 }
 
+/* Read the next record: time in nanoseconds (8 bytes), length (4 bytes), data. `next` is VTIME_NEVER at the end of the
+ * file. Returns 0, or -1 after an error line on stderr. */
 int host_script_advance(struct host_script *script)
 {
     uint8_t head[12];

@@ -77,6 +77,8 @@ static size_t pull_uart_byte(void *context, uint8_t *bytes, size_t size)
     return size && psoc_uart_take(node->psoc, bytes);
 }
 
+/* Create the emulated processor of the hub, which executes the firmware image instruction by instruction. Returns 0, or
+ * -1 after an error line on stderr. */
 int hub_cortex_open(struct hub_node *node, const struct world_description *world)
 {
     struct psoc_config config = {
@@ -119,6 +121,7 @@ void hub_cortex_close(struct hub_node *node)
     }
 }
 
+/* Switch the hub's processor off, or reset it at virtual time `now`; `reset_cause`: enum taxel_reset_cause. */
 void hub_cortex_set_power(struct hub_node *node, bool on, vtime now, uint8_t reset_cause)
 {
     psoc_power_off(node->psoc);
@@ -135,6 +138,7 @@ void hub_cortex_run(struct hub_node *node, vtime until)
     }
 }
 
+/* Pass an event of the bus to the I2C block of the hub's processor, after the processor has run until then. */
 void hub_cortex_on_bus_event(struct hub_node *node, vtime now)
 {
     static const enum psoc_i2c_event events[] = {

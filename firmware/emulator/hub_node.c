@@ -112,6 +112,7 @@ static size_t pull_from_bootloader(void *context, uint8_t *bytes, size_t size)
     return taxel_boot_uart_pull(&((struct hub_node *)context)->boot.uart, bytes, size);
 }
 
+/* Create the hub of the world, without power. Returns 0, or -1 after an error line on stderr. */
 int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, const struct world_description *world)
 {
     memset(node, 0, sizeof *node);
@@ -156,6 +157,7 @@ void hub_node_free(struct hub_node *node)
     hub_cortex_close(node);
 }
 
+/* Start the hub's firmware at the end of its bootloader. */
 static void start_application(struct hub_node *node)
 {
     node->program = PROGRAM_APPLICATION;
@@ -166,6 +168,8 @@ static void start_application(struct hub_node *node)
     taxel_hub_init(&node->hub, &node->config, node->boot.reset_cause);
 }
 
+/* Continue after the bootloader has run: start the application, hang until the watchdog resets the hub, restart, or
+ * stay in the bootloader. */
 static void handle_boot_outcome(struct hub_node *node, enum boot_outcome outcome)
 {
     const vtime deadline = boot_node_next_deadline(&node->boot);
@@ -189,6 +193,8 @@ static void handle_boot_outcome(struct hub_node *node, enum boot_outcome outcome
     }
 }
 
+/* Reset the hub at virtual time `now`; `reset_cause`: enum taxel_reset_cause. A transfer in progress is aborted and RTS
+ * is released. */
 void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause)
 {
     bus_abort(node->bus, BUS_HUB, now);
@@ -224,6 +230,7 @@ static void run_bootloader(struct hub_node *node, vtime now)
     }
 }
 
+/* Switch the hub's power off. The bus is released and the UART stops. */
 void hub_node_unplug(struct hub_node *node, vtime now)
 {
     bus_abort(node->bus, BUS_HUB, now);
@@ -246,6 +253,8 @@ void hub_node_stall(struct hub_node *node, vtime until)
     node->cpu_free = vtime_max(node->cpu_free, until);
 }
 
+/* The hub's I2C transfer has ended: interrupt of the firmware, and a pass of its main loop after the interrupt's
+ * processor time. */
 void hub_node_on_i2c_done(struct hub_node *node, vtime now)
 {
     if (node->psoc) {
@@ -294,6 +303,8 @@ vtime hub_node_next_time(const struct hub_node *node)
     return node->wake == VTIME_NEVER ? VTIME_NEVER : vtime_max(node->wake, node->cpu_free);
 }
 
+/* One pass of the hub's main loop or, with an emulated processor, its instructions until `horizon`. The time to frame a
+ * snapshot occupies the CPU after the pass. */
 void hub_node_run(struct hub_node *node, vtime horizon)
 {
     if (node->psoc) {

@@ -38,6 +38,7 @@ static void on_signal(int number)
     endpoint_stop_waiting = 1;
 }
 
+/* Print the usage and an error message to stderr. Returns -1. */
 static int report_usage(const char *message)
 {
     fprintf(stderr,
@@ -49,6 +50,7 @@ static int report_usage(const char *message)
     return -1;
 }
 
+/* Parse and check the command line. Returns 0, or -1 after a message on stderr. */
 static int parse_options(struct options *options, int argc, char **argv)
 {
     *options = (struct options){.uart = "pty", .duration = DURATION_MAX_S, .threads = 1};
@@ -93,6 +95,8 @@ static int parse_options(struct options *options, int argc, char **argv)
     return options->world ? 0 : report_usage("--world: expected the path of a world file");
 }
 
+/* Open the stimulus file, or a file descriptor given as fd:N; `taxels`: number of values per record. Returns 0, or -1
+ * after an error line on stderr. */
 static int open_stimulus(struct stimulus *stimulus, const struct options *options, size_t taxels)
 {
     int fd = -1;
@@ -133,6 +137,8 @@ static bool can_run_fast(const struct options *options, const struct world *worl
     return options->fast && (!interactive || world->hub.hub.streaming);
 }
 
+/* Run the world until its duration has passed, a signal arrives or the client leaves. In real time, each step lasts as
+ * long as the wall clock has advanced. Returns 0, or -1 after an error. */
 static int run(struct world *world, const struct options *options)
 {
     const vtime end = (vtime)(options->duration * (double)VTIME_SECOND);
@@ -155,6 +161,7 @@ static int run(struct world *world, const struct options *options)
     return 0;
 }
 
+/* Command line taxel-emulator. Exit status: 0, 1 after an error, 2 for a wrong command line. */
 int main(int argc, char **argv)
 {
     static struct world_description description;

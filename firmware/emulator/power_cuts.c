@@ -14,6 +14,7 @@ vtime power_cuts_next_time(const struct world *world)
     return next;
 }
 
+/* Execute a planned power cut of the hub at virtual time `now`, or the return of its power. */
 static void run_hub_power_event(struct hub_node *hub, vtime now)
 {
     if (now == hub->power_return_time) {
@@ -25,6 +26,7 @@ static void run_hub_power_event(struct hub_node *hub, vtime now)
     }
 }
 
+/* Execute all planned power cuts of boards and hub that are due at virtual time `now`. */
 void power_cuts_run(struct world *world, vtime now)
 {
     for (size_t i = 0; i < world->board_count; i++) {

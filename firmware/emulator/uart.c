@@ -6,6 +6,7 @@
 #define USB_FRAME_TIME (1u * VTIME_MS) /* of USB full speed: minimum latency of the host's bytes */
 #define FLUSH_RETRY_TIME VTIME_MS
 
+/* Initialise the UART between hub and host, with the latencies of a USB adapter. */
 void uart_init(struct uart *uart, struct endpoint *endpoint, const struct world_description *world,
                struct fault_log *log)
 {
@@ -31,6 +32,8 @@ void uart_stop_transmit(struct uart *uart)
     uart->is_blocked = false;
 }
 
+/* Send the bytes that the USB adapter has collected to the host. Bytes that the host does not accept stay, and are sent
+ * again later; the hub's transmitter waits while the adapter's buffer is full. */
 void uart_flush_packet(struct uart *uart, vtime now)
 {
     if (now < uart->to_host_faults.held_until) {
@@ -47,6 +50,8 @@ void uart_flush_packet(struct uart *uart, vtime now)
     }
 }
 
+/* Deliver a byte from the hub to the USB adapter at its arrival time. Injected faults may change, remove or double it.
+ * A packet is sent to the host when it is full or its latency has passed. */
 static void transmit_to_adapter(struct uart *uart, uint8_t sent, vtime arrival)
 {
     uint8_t bytes[2];
@@ -62,6 +67,8 @@ static void transmit_to_adapter(struct uart *uart, uint8_t sent, vtime arrival)
     }
 }
 
+/* Fill the hub's transmit FIFO and send its bytes, one FIFO at a time; returns their number. While the adapter has no
+ * space, nothing is taken from the hub. */
 size_t uart_refill_transmitter(struct uart *uart)
 {
     uint8_t bytes[UART_FIFO_SIZE];
@@ -99,6 +106,8 @@ static void schedule_next_byte(struct uart *uart, vtime start)
     uart->receive_next = is_empty || is_adapter_stopped(uart) ? VTIME_NEVER : vtime_max(start, ready) + uart->byte_time;
 }
 
+/* Queue bytes from the host to the hub in the USB adapter; returns the number accepted, less than `size` if its buffer
+ * is full. */
 size_t uart_send_from_host(struct uart *uart, const uint8_t *bytes, size_t size, vtime now)
 {
     size_t accepted = 0;
@@ -113,6 +122,7 @@ size_t uart_send_from_host(struct uart *uart, const uint8_t *bytes, size_t size,
     return accepted;
 }
 
+/* Level of RTS from the hub: while held, the adapter sends only the bytes that its transmitter already contains. */
 void uart_set_hold(struct uart *uart, bool hold, vtime now)
 {
     const bool was_stopped = is_adapter_stopped(uart);
@@ -123,6 +133,8 @@ void uart_set_hold(struct uart *uart, bool hold, vtime now)
     }
 }
 
+/* Deliver the next byte from the adapter to the hub, with injected faults, and schedule the one after it. A hub without
+ * power loses the byte. */
 void uart_deliver_to_hub(struct uart *uart, bool hub_is_powered)
 {
     uint8_t bytes[2];

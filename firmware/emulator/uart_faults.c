@@ -10,6 +10,8 @@ static bool removes_byte(enum fault_kind kind)
     return kind == FAULT_UP_DROP || kind == FAULT_DOWN_DROP;
 }
 
+/* Schedule a fault of one direction of the UART: a delay in milliseconds, or a change of bytes from `value` bytes after
+ * the current position on. Returns false if too many are pending. */
 bool uart_faults_add(struct uart_faults *line, const struct fault_description *fault, vtime now)
 {
     if (fault->kind == FAULT_UP_DELAY || fault->kind == FAULT_DOWN_DELAY) {
@@ -29,6 +31,7 @@ bool uart_faults_add(struct uart_faults *line, const struct fault_description *f
     return true;
 }
 
+/* Apply the pending faults to one byte; returns the number of bytes in `out`: 0 (removed), 1 or 2 (doubled). */
 size_t uart_faults_apply(struct uart_faults *line, uint8_t byte, uint8_t out[2], vtime now, struct fault_log *log)
 {
     const uint64_t position = line->position++;

@@ -28,6 +28,8 @@ static size_t find_first_taxel(const struct world_description *description, size
     return first;
 }
 
+/* Create the world: skin, boards, bus, UART and hub, all powered on at virtual time 0. Returns 0, or -1 after an error
+ * line on stderr. */
 int world_init(struct world *world, const struct world_description *description, struct stimulus *stimulus,
                struct endpoint *endpoint, struct host_script *script)
 {
@@ -96,6 +98,7 @@ enum event {
     EVENT_COUNT,
 };
 
+/* Virtual time of the next event of each kind, VTIME_NEVER if none is scheduled. */
 static void list_event_times(const struct world *world, vtime times[EVENT_COUNT])
 {
     times[EVENT_STIMULUS] = world->stimulus->until;
@@ -110,6 +113,8 @@ static void list_event_times(const struct world *world, vtime times[EVENT_COUNT]
     times[EVENT_HUB] = hub_node_next_time(&world->hub);
 }
 
+/* Kind and virtual time of the next event. Of several events at the same time, the first kind in the enum has
+ * precedence, so that runs are reproducible. */
 static enum event find_earliest_event(const struct world *world, vtime *time)
 {
     vtime times[EVENT_COUNT];
@@ -157,6 +162,8 @@ static void end_transfer(struct world *world)
     bus_release(&world->bus, end);
 }
 
+/* Execute one event at virtual time `now`. Bus and processor may run ahead until the next other event, at most to
+ * `until`. Returns 0, or -1 after an error. */
 static int handle_event(struct world *world, enum event event, vtime now, vtime until)
 {
     switch (event) {
@@ -195,6 +202,7 @@ static int handle_event(struct world *world, enum event event, vtime now, vtime 
     }
 }
 
+/* Execute all events until a virtual time. Returns 0, or -1 after an error. */
 int world_run(struct world *world, vtime until)
 {
     for (;;) {
@@ -221,6 +229,8 @@ int world_set_stimulus(struct world *world, const float *values)
     return world_fields_set_live(world, values);
 }
 
+/* Take bytes from the host and live records of the stimulus at the current virtual time. Returns 0, or -1 after an
+ * error. */
 int world_poll_inputs(struct world *world)
 {
     uint8_t bytes[512];
@@ -235,6 +245,8 @@ int world_poll_inputs(struct world *world)
     return 0;
 }
 
+/* Write the counters of the run as a JSON object to a file. `wall_seconds`: elapsed time of the wall clock. Returns 0
+ * or -1. */
 int world_write_statistics(const struct world *world, const char *path, double wall_seconds)
 {
     const double seconds = (double)world->now / (double)VTIME_SECOND;

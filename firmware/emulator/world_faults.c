@@ -1,6 +1,8 @@
 /* Injects faults: faults of boards, hub and host take effect at once, faults at a byte are passed to bus and UART. */
 #include "emulator/world.h"
 
+/* Apply a fault to one board, which is first advanced to the current time; `value`: clocks, microseconds, bytes or
+ * number of NACKs, depending on the kind. */
 static void apply_to_board(struct world *world, struct board_node *board, const struct fault_description *fault)
 {
     const vtime now = world->now;
@@ -36,6 +38,7 @@ static void apply_to_board(struct world *world, struct board_node *board, const 
     }
 }
 
+/* Apply a fault of the hub, the UART, the endpoint or the bus. Returns 0, or -1 if too many faults are pending. */
 static int apply_fault(struct world *world, const struct fault_description *fault)
 {
     const vtime now = world->now;
@@ -70,6 +73,7 @@ static int apply_fault(struct world *world, const struct fault_description *faul
     }
 }
 
+/* Apply a fault now and log it. Returns 0, or -1 if too many faults are pending. */
 int world_inject_fault(struct world *world, const struct fault_description *fault)
 {
     fault_log_add(&world->log, world->now, fault->kind, fault->address);

@@ -50,6 +50,8 @@ static int finish_fields(struct world *world, vtime now)
     return 0;
 }
 
+/* Task of one board at the start of a field interval: count changes of its fields and, for voltage droop, compute its
+ * TX load at both ends of the interval (farad). */
 static void start_board_field(void *context, size_t index)
 {
     const struct board_task *task = context;
@@ -65,6 +67,7 @@ static void start_board_field(void *context, size_t index)
     }
 }
 
+/* Begin a new field interval for all boards at virtual time `now`, and add up their TX loads for voltage droop. */
 void world_fields_start(struct world *world, vtime now)
 {
     struct board_task task = {
@@ -78,6 +81,7 @@ void world_fields_start(struct world *world, vtime now)
     }
 }
 
+/* Advance the stimulus to its next record. Returns 0, or -1 after an error. */
 int world_fields_next_record(struct world *world, vtime now)
 {
     if (finish_fields(world, now) || stimulus_advance(world->stimulus, now)) {
@@ -88,6 +92,7 @@ int world_fields_next_record(struct world *world, vtime now)
     return 0;
 }
 
+/* Advance the skin model by one of the time steps between two stimulus records. Returns 0, or -1 without memory. */
 int world_fields_step(struct world *world, vtime now)
 {
     if (finish_fields(world, now)) {
@@ -98,6 +103,8 @@ int world_fields_step(struct world *world, vtime now)
     return 0;
 }
 
+/* Set the stimulus to `values` now, or (NULL) to the record received from a live stimulus. Returns 0, or -1 after an
+ * error. */
 int world_fields_set_live(struct world *world, const float *values)
 {
     struct stimulus *stimulus = world->stimulus;

@@ -23,6 +23,8 @@ bool model_settings_are_valid(const uint8_t settings[MODEL_SETTINGS_SIZE])
     return largest >= 1 && largest <= 65535 && settings[4] && settings[5];
 }
 
+/* Reset of the model of a sensor board: identity register and settings as after power-on; wiring and clock are kept.
+ * The byte layout is written out here, independently of the generated code under test. */
 void model_boot(struct board_model *model, const uint8_t version[3], uint8_t kind, const uint8_t unique_id[8])
 {
     const struct board_model old = *model;
@@ -49,6 +51,7 @@ void model_boot(struct board_model *model, const uint8_t version[3], uint8_t kin
     model->configured = 1;
 }
 
+/* Model of the start of a scan: pending settings take effect and the first conversion begins. */
 static void begin_scan(struct board_model *model)
 {
     if (model->settings_pending) {
@@ -65,6 +68,7 @@ static void begin_scan(struct board_model *model)
     model->conversions_started++;
 }
 
+/* Model of the start of continuous scans. A conversion that is still running is discarded at its end. */
 void model_start(struct board_model *model)
 {
     if (model->scanning) {
@@ -78,6 +82,7 @@ void model_start(struct board_model *model)
     }
 }
 
+/* Index (tx * columns + rx) of the crossing of the taxel being converted, or 0xFFFF if the map has no such taxel. */
 uint16_t model_crossing(const struct board_model *model)
 {
     unsigned remaining = model->taxel;
@@ -89,6 +94,7 @@ uint16_t model_crossing(const struct board_model *model)
     return 0xFFFF;
 }
 
+/* Model of the end of a scan: CRC over I2C address and snapshot, and a copy as the newest snapshot. */
 static void complete_scan(struct board_model *model)
 {
     uint8_t *const bytes = model->being_scanned.bytes;
@@ -100,6 +106,7 @@ static void complete_scan(struct board_model *model)
     model->newest.exists = true;
 }
 
+/* Model of the end of a conversion with this raw count; 0 counts as saturated. */
 void model_conversion(struct board_model *model, uint16_t raw_count)
 {
     const bool is_dropped = model->dropped_conversion;
@@ -132,6 +139,7 @@ static void answer_with(struct board_model *model, const uint8_t *bytes, size_t 
     model->answer_position = position;
 }
 
+/* Model of a read of the status registers from 0x40 on. */
 static void answer_with_status(struct board_model *model)
 {
     uint8_t bytes[28] = {model->scanning, model->error_flags, model->reset_cause, model->settings_generation};
@@ -153,6 +161,8 @@ static void answer_with_settings(struct board_model *model)
     answer_with(model, bytes, sizeof bytes, model->pointer - 0x60u);
 }
 
+/* Model of a read of the snapshot registers 0x80 to 0x8F, 32 bytes apart. Register 0x80 latches the newest snapshot.
+ * Returns false (NACK) if no scan has been completed. */
 static bool answer_with_snapshot(struct board_model *model)
 {
     if (model->pointer == 0x80 && model->newest.exists) {
@@ -168,6 +178,7 @@ static bool answer_with_snapshot(struct board_model *model)
     return true;
 }
 
+/* Model of the board being addressed. Returns whether it acknowledges. */
 bool model_address(struct board_model *model, bool reading)
 {
     model->refused = false;
@@ -202,6 +213,7 @@ static void reject(struct board_model *model, uint8_t flag)
     model->error_flags |= flag;
 }
 
+/* Model of a byte written by the master. Returns whether the board acknowledges. */
 bool model_write(struct board_model *model, uint8_t byte)
 {
     if (model->pointer_next) {
@@ -222,6 +234,7 @@ bool model_write(struct board_model *model, uint8_t byte)
     return true;
 }
 
+/* Model of a write to the settings register 0x60: 8 bytes of settings and a CRC that covers the I2C address. */
 static void take_settings(struct board_model *model)
 {
     uint8_t crc[4];
@@ -235,6 +248,8 @@ static void take_settings(struct board_model *model)
     model->settings_pending = true;
 }
 
+/* Model of a write to the command register 0x70: code and complement. 1 start, 2 stop, 3 clear counters, 4 restart, 5
+ * bootloader. */
 static void take_command(struct board_model *model)
 {
     const bool is_whole = model->written_size == 2 && model->written[0] + model->written[1] == 0xFF;
@@ -262,6 +277,7 @@ static void take_command(struct board_model *model)
     }
 }
 
+/* Model of a stop condition, at which written bytes take effect. */
 void model_stop(struct board_model *model)
 {
     if (model->written_size && model->pointer == 0x60) {

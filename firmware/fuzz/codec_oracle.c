@@ -14,6 +14,7 @@ static const struct type_rule type_rules[] = {
     {0x81, 0, 3, 3},   {0x82, 0, 2, 68},   {0x83, 0, 3, 66},
 };
 
+/* Permitted lengths of a frame type in the accepted directions, or NULL. Types from 0x80 on are sent by the host. */
 static const struct type_rule *rule_of(uint8_t type, uint8_t directions)
 {
     for (size_t i = 0; i < sizeof type_rules / sizeof type_rules[0]; i++) {
@@ -41,7 +42,9 @@ static uint16_t u16_at(const uint8_t *bytes)
     return (uint16_t)(bytes[0] | bytes[1] << 8);
 }
 
-static bool body_is_good(const uint8_t *body, size_t size, uint8_t directions)
+/* Whether an unstuffed body has a valid I2C address, number of taxels and CRC. Independent of the deframer under test.
+ */
+static bool is_body_valid(const uint8_t *body, size_t size, uint8_t directions)
 {
     const struct type_rule *rule = rule_of(body[0], directions);
     const size_t length = size - 9;
@@ -85,7 +88,7 @@ static size_t body_at(const uint8_t *bytes, size_t size, uint8_t directions, uin
         }
         if (expected && length >= expected) {
             *taken = position;
-            return length == expected && body_is_good(body, length, directions) ? length : 0;
+            return length == expected && is_body_valid(body, length, directions) ? length : 0;
         }
         if (!is_full) {
             if (length == TAXEL_BODY_MAX) {
@@ -98,6 +101,7 @@ static size_t body_at(const uint8_t *bytes, size_t size, uint8_t directions, uin
     return 0;
 }
 
+/* Append a valid frame to the expected frames. */
 static void add_frame(struct oracle *oracle, const uint8_t *body, size_t size)
 {
     FUZZ_CHECK(oracle->frame_count < ORACLE_FRAMES_MAX);
@@ -111,6 +115,8 @@ static void add_frame(struct oracle *oracle, const uint8_t *body, size_t size)
     oracle->payload_size += size - 9;
 }
 
+/* Search the bytes between two delimiters for frames, starting at each byte in turn. Bytes that belong to no frame are
+ * counted as discarded. */
 static void search_chunk(struct oracle *oracle, const uint8_t *bytes, size_t size, uint8_t directions)
 {
     uint8_t body[TAXEL_BODY_MAX];
@@ -133,6 +139,8 @@ struct board_history {
     uint16_t cycle, scan;
 };
 
+/* Expected counters and flags of a frame with taxel data: wrong CRC of the board, and missing cycles since the board's
+ * last frame. */
 static void count_board(struct oracle *oracle, struct oracle_frame *frame, struct board_history *history)
 {
     struct taxel_batch_totals *totals = &oracle->totals;
@@ -156,6 +164,7 @@ static void count_board(struct oracle *oracle, struct oracle_frame *frame, struc
     history[address] = (struct board_history){true, cycle, scan};
 }
 
+/* Expected losses from the frame sequence; a handshake with sequence 0 and tag 0 is a restart of the hub. */
 static void count_losses(struct oracle *oracle)
 {
     struct board_history history[TAXEL_BATCH_ADDRESSES] = {{0}};
@@ -176,6 +185,8 @@ static void count_losses(struct oracle *oracle)
     oracle->totals.frames = oracle->frame_count;
 }
 
+/* Decode a stream in the simplest possible way. The result is the expectation with which the optimised decoders are
+ * compared. */
 void oracle_decode(struct oracle *oracle, const uint8_t *bytes, size_t size, uint8_t directions)
 {
     size_t start = 0;

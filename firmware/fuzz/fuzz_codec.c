@@ -84,6 +84,8 @@ static size_t make_payload(struct fuzz_input *input, uint8_t type, uint8_t *payl
     return length;
 }
 
+/* Append one encoded frame with payload from the fuzz input to the stream; bits of `op` select its type and omit a
+ * delimiter. Also checks that the encoded frame contains no inner zero and fits the stated maximum. */
 static void append_frame(struct fuzz_input *input, uint8_t op)
 {
     static const uint8_t types[16] = {0x01, 0x02, 0x08, 0x09, 0x0A, 0x0B, 0x0C, 0x0D,
@@ -101,6 +103,8 @@ static void append_frame(struct fuzz_input *input, uint8_t op)
     append(wire + (op & 4u ? 1u : 0u), size - (op & 4u ? 1u : 0u) - (op & 8u ? 1u : 0u));
 }
 
+/* Damage the stream at a position from the fuzz input: change, remove or insert a byte, repeat a part, truncate, or add
+ * to a run of bytes. */
 static void damage_stream(struct fuzz_input *input, uint8_t op)
 {
     const size_t back = fuzz_u16(input);
@@ -145,6 +149,7 @@ static void damage_stream(struct fuzz_input *input, uint8_t op)
     }
 }
 
+/* Append bytes that are no frame: from the fuzz input, or pseudo-random. */
 static void append_random_bytes(struct fuzz_input *input, uint8_t op)
 {
     uint64_t state = fuzz_u16(input);
@@ -159,6 +164,7 @@ static void append_random_bytes(struct fuzz_input *input, uint8_t op)
     }
 }
 
+/* Build a stream of frames and damage from the steps in the fuzz input. */
 static void build_stream(struct fuzz_input *input)
 {
     for (unsigned step = 0; input->remaining && step < STEPS_MAX; step++) {
@@ -180,6 +186,7 @@ static void build_stream(struct fuzz_input *input)
 
 static size_t frames_decoded; /* by the decoder under test */
 
+/* Handler of the deframer: the frame must be the next one that the oracle expects. */
 static void expect_frame(void *context, const struct taxel_frame *frame)
 {
     (void)context;
@@ -190,6 +197,8 @@ static void expect_frame(void *context, const struct taxel_frame *frame)
     FUZZ_CHECK(memcmp(frame->payload, oracle.payloads + expected->offset, frame->length) == 0);
 }
 
+/* Decode the stream with the deframer in pieces whose sizes derive from `sizes`, and compare frames and counters with
+ * the oracle. */
 static void check_deframer(uint8_t directions, const uint8_t *sizes, size_t size_count)
 {
     const struct taxel_deframer_config config = {chunk,      sizeof chunk, body, TAXEL_PAYLOAD_MAX,
@@ -215,6 +224,7 @@ static bool is_taxels(uint8_t type)
     return type == TAXEL_FRAME_TYPE_TAXELS || type == TAXEL_FRAME_TYPE_COMPACT_TAXELS;
 }
 
+/* Compare a decoded row, its counts or its payload with the frame that the oracle expects. */
 static void check_row(const struct taxel_batch_row *row, const struct oracle_frame *expected,
                       const struct taxel_batch_output *output)
 {
@@ -258,6 +268,8 @@ static void check_rows(const struct taxel_batch_output *output, size_t *taxels, 
     }
 }
 
+/* Decode the stream with the batch decoder in pieces, with space for `rows` rows, and compare rows and totals with the
+ * oracle. */
 static void check_batch(uint8_t directions, size_t rows, const uint8_t *sizes, size_t size_count)
 {
     struct taxel_batch_output output = {
@@ -311,6 +323,8 @@ static void check_encoded_again(size_t wrap)
     }
 }
 
+/* Compare the fast CRC-32 and whitening of the host with the small ones of the boards and, for the CRC, with a bitwise
+ * computation. */
 static void check_arithmetic(void)
 {
     uint8_t fast[TAXEL_BODY_MAX], small[TAXEL_BODY_MAX];
@@ -325,6 +339,7 @@ static void check_arithmetic(void)
     FUZZ_CHECK(memcmp(fast, small, size) == 0);
 }
 
+/* Each packed struct must be unpacked and packed to the same bytes. */
 static void check_layouts(void)
 {
     for (size_t i = 0; i < sizeof layouts / sizeof layouts[0]; i++) {
@@ -341,6 +356,8 @@ static void check_layouts(void)
     }
 }
 
+/* One fuzz input: build or take a stream, decode it with oracle, deframer and batch decoder, and compare the results.
+ * `data` ends at the end of its array, so that a sanitizer detects reads behind it. */
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
     struct fuzz_input input = {bytes, size};

@@ -87,7 +87,9 @@ static void boot(void)
     taxel_scan_start(&sensor);
 }
 
-static void scan(uint8_t kind, uint64_t *state)
+/* One complete scan of the board with small changes of the counts, jumps (contacts), or unchanged counts, selected by
+ * `kind`. */
+static void run_scan(uint8_t kind, uint64_t *state)
 {
     struct scan *slot = &history[sensor.scan.scans % HISTORY];
     slot->exists = true;
@@ -104,7 +106,8 @@ static void scan(uint8_t kind, uint64_t *state)
     }
 }
 
-static void write(uint8_t pointer, const uint8_t *bytes, size_t size, bool stop)
+/* I2C write to register `pointer` of the board, optionally without the stop condition. */
+static void write_bytes(uint8_t pointer, const uint8_t *bytes, size_t size, bool stop)
 {
     FUZZ_CHECK(taxel_sensor_on_address(&sensor, false));
     FUZZ_CHECK(taxel_sensor_on_write(&sensor, pointer));
@@ -116,7 +119,9 @@ static void write(uint8_t pointer, const uint8_t *bytes, size_t size, bool stop)
     }
 }
 
-static void answer(uint8_t delivery)
+/* Deliver the host's answer to a key frame to the board: at once, late, or never, selected by the low bits of
+ * `delivery`. */
+static void send_answer(uint8_t delivery)
 {
     uint8_t bytes[3] = {0};
     uint8_t size = 0;
@@ -128,16 +133,17 @@ static void answer(uint8_t delivery)
     }
     host.answer = TAXEL_COMPACT_ANSWER_NONE;
     if ((delivery & 3u) == 3u && late_size) { /* the earlier answer arrives now */
-        write(TAXEL_REGISTER_COMPACT, late_answer, late_size, true);
+        write_bytes(TAXEL_REGISTER_COMPACT, late_answer, late_size, true);
         late_size = 0;
     } else if ((delivery & 3u) == 2u && size) {
         memcpy(late_answer, bytes, size);
         late_size = size;
     } else if ((delivery & 3u) == 0 && size) {
-        write(TAXEL_REGISTER_COMPACT, bytes, size, true);
+        write_bytes(TAXEL_REGISTER_COMPACT, bytes, size, true);
     }
 }
 
+/* If board and host use the same key frame, their taxel states must be equal. */
 static void check_states(void)
 {
     const struct taxel_compact *compact = &sensor.compact;
@@ -149,6 +155,8 @@ static void check_states(void)
     FUZZ_CHECK(memcmp(key_frame->states, config.compact.states, config.taxel_count * sizeof key_frame->states[0]) == 0);
 }
 
+/* Decode a compact snapshot as the host. Damaged bytes must be rejected without an effect; undamaged ones must give the
+ * counts of the scan. */
 static void receive(const uint8_t *bytes, size_t size, uint8_t damage)
 {
     uint8_t *copy = malloc(size); /* exact size, so that a sanitizer detects an access behind it */
@@ -175,13 +183,15 @@ static void receive(const uint8_t *bytes, size_t size, uint8_t damage)
     free(copy);
 }
 
-static void poll(bool again, uint8_t damage)
+/* Read register COMPACT of the board as the hub does, with the main loop running in the middle of the read. `again`:
+ * the register pointer is written first, which permits a repetition. */
+static void poll_board(bool again, uint8_t damage)
 {
     uint8_t bytes[FRAME_MAX];
     if (again) {
-        write(TAXEL_REGISTER_COMPACT, NULL, 0, false);
+        write_bytes(TAXEL_REGISTER_COMPACT, NULL, 0, false);
     } else if (sensor.slave.pointer != TAXEL_REGISTER_COMPACT) {
-        write(TAXEL_REGISTER_COMPACT, NULL, 0, true);
+        write_bytes(TAXEL_REGISTER_COMPACT, NULL, 0, true);
     }
     FUZZ_CHECK(taxel_sensor_on_address(&sensor, true));
     const size_t size = taxel_compact_size(taxel_sensor_on_read(&sensor));
@@ -219,9 +229,10 @@ static void forge(struct fuzz_input *input)
     host = before;
 }
 
+/* Read the uncompressed snapshot through another register, which latches a newer scan. */
 static void read_uncompressed(uint8_t blocks)
 {
-    write((uint8_t)(TAXEL_REGISTER_SNAPSHOT + (blocks & 3u)), NULL, 0, false);
+    write_bytes((uint8_t)(TAXEL_REGISTER_SNAPSHOT + (blocks & 3u)), NULL, 0, false);
     if (taxel_sensor_on_address(&sensor, true)) {
         for (unsigned i = 0; i < 8u * blocks; i++) {
             (void)taxel_sensor_on_read(&sensor);
@@ -230,7 +241,8 @@ static void read_uncompressed(uint8_t blocks)
     taxel_sensor_on_stop(&sensor);
 }
 
-static void event(struct fuzz_input *input, uint64_t *state)
+/* Execute one event from the fuzz input: scan, poll, answer, restart, elapsed time or damaged data. */
+static void run_event(struct fuzz_input *input, uint64_t *state)
 {
     const uint8_t op = fuzz_u8(input), high = op >> 4;
     switch (op & 15u) {
@@ -238,28 +250,28 @@ static void event(struct fuzz_input *input, uint64_t *state)
     case 1:
     case 2:
     case 3:
-        scan(high, state);
+        run_scan(high, state);
         break;
     case 4:
     case 5:
         taxel_sensor_run(&sensor);
         break;
     case 6: /* scan, poll and acknowledge without a fault */
-        scan(high & 1u, state);
+        run_scan(high & 1u, state);
         taxel_sensor_run(&sensor);
-        answer(0);
-        poll(false, 0);
+        send_answer(0);
+        poll_board(false, 0);
         break;
     case 7:
     case 8:
-        poll(high & 1u, 0);
+        poll_board(high & 1u, 0);
         break;
     case 9:
-        poll(high & 1u, fuzz_u8(input));
+        poll_board(high & 1u, fuzz_u8(input));
         break;
     case 10:
     case 11:
-        answer(high);
+        send_answer(high);
         break;
     case 12:
         memset(&host, 0, sizeof host); /* another host */
@@ -281,6 +293,8 @@ static void event(struct fuzz_input *input, uint64_t *state)
     check_states();
 }
 
+/* One fuzz input: a board with 1 to TAXELS_MAX taxels and a host exchange compact snapshots with lost, late and damaged
+ * messages. All buffers have exactly the required size. */
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
     struct fuzz_input input = {bytes, size};
@@ -312,7 +326,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
     now_us = (uint32_t)state << 16;
     boot();
     for (unsigned i = 0; input.remaining && i < EVENTS_MAX; i++) {
-        event(&input, &state);
+        run_event(&input, &state);
     }
     for (size_t i = 0; i < 3u; i++) {
         free(config.snapshots[i]);

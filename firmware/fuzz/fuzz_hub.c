@@ -38,6 +38,8 @@ static void send_bytes(struct fuzz_input *input, size_t size_max)
     bench_receive(bytes, size);
 }
 
+/* Encode a COMMAND frame with code and arguments from the fuzz input, some with a wrong length. Returns its size in
+ * bytes. */
 static size_t make_command(struct fuzz_input *input, uint8_t *wire)
 {
     static const uint8_t lengths[16] = {0, 0, 0, 4, 0, 2, 9, 0, 0, 1, 0, 0, 0, 0, 0, 0};
@@ -51,6 +53,7 @@ static size_t make_command(struct fuzz_input *input, uint8_t *wire)
     return bench_frame(TAXEL_FRAME_TYPE_COMMAND, payload, size, wire, WIRE_MAX);
 }
 
+/* Send one command to the hub, or (`variant`) two without a delimiter between them, or one with a damaged byte. */
 static void send_command(struct fuzz_input *input, uint8_t variant)
 {
     uint8_t wire[2u * WIRE_MAX];
@@ -68,6 +71,7 @@ static void send_command(struct fuzz_input *input, uint8_t variant)
     bench_receive(wire, size);
 }
 
+/* Send an ACKNOWLEDGE frame with `count` entries for boards on the bus. */
 static void send_acknowledge(struct fuzz_input *input, size_t count)
 {
     uint8_t wire[WIRE_MAX], payload[3u * 8u];
@@ -85,6 +89,7 @@ static void send_handshake(struct fuzz_input *input)
     bench_receive(wire, bench_frame(TAXEL_FRAME_TYPE_HOST_HANDSHAKE, payload, sizeof payload, wire, sizeof wire));
 }
 
+/* Select the result of the next I2C transfer: a fault, a damaged byte, random bytes, or a transfer that never ends. */
 static void choose_outcome(struct fuzz_input *input, uint8_t high)
 {
     static const int outcomes[16] = {
@@ -111,6 +116,8 @@ static void choose_outcome(struct fuzz_input *input, uint8_t high)
     run(1);
 }
 
+/* Change a board or the bus as a fault would: unplug, restart, replace or exchange the board, or hold SDA or SCL low.
+ */
 static void change_board(struct fuzz_input *input, uint8_t high)
 {
     struct bench_board *board = &bench.boards[fuzz_u8(input) % BENCH_BOARDS];
@@ -154,7 +161,8 @@ static void change_board(struct fuzz_input *input, uint8_t high)
     }
 }
 
-static void event(struct fuzz_input *input)
+/* Execute one event from the fuzz input: elapsed time, a fault, a frame of the host, or a changed board. */
+static void run_event(struct fuzz_input *input)
 {
     const uint8_t op = fuzz_u8(input), high = op >> 4;
     switch (op & 15u) {
@@ -217,6 +225,8 @@ static void run_without_faults(void)
     FUZZ_CHECK(!bench.hub.command.active || bench.hub.restart_requested);
 }
 
+/* Final checks after all bytes were taken: counters of frames and bytes agree, and each command got a reply unless a
+ * frame was dropped. */
 static void check_end(void)
 {
     const struct taxel_hub *hub = &bench.hub;
@@ -230,6 +240,8 @@ static void check_end(void)
                hub->inbox.commands_rejected <= bench.replies_bad + lost);
 }
 
+/* One fuzz input: a hub with simulated boards, started in one of several states, with faults and commands. It must then
+ * run without faults again. */
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
     struct fuzz_input input = {bytes, size};
@@ -239,7 +251,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
     steps = 0;
     sent_invalid_bytes = false;
     for (unsigned i = 0; input.remaining && i < EVENTS_MAX && !bench.restarted; i++) {
-        event(&input);
+        run_event(&input);
     }
     if (!bench.restarted) {
         run_without_faults();

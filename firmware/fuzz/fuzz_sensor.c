@@ -83,6 +83,8 @@ static const struct taxel_sensor_hal hal = {
     .enter_bootloader = on_bootloader,
 };
 
+/* The state of the firmware must be equal to that of the model: counters, identity, settings, current crossing, and
+ * three distinct snapshot buffers. */
 static void check_state(void)
 {
     FUZZ_CHECK(converting == model.converting && started == model.conversions_started &&
@@ -99,6 +101,7 @@ static void check_state(void)
                sensor.scan.latched != sensor.scan.scanning);
 }
 
+/* Initialise firmware and model and start scanning. Returns false if the configuration is rejected. */
 static bool boot(void)
 {
     converting = false;
@@ -130,6 +133,7 @@ static void read(size_t size)
     }
 }
 
+/* Stop condition for firmware and model. A requested restart takes place at once. */
 static void stop(void)
 {
     taxel_sensor_on_stop(&sensor);
@@ -141,6 +145,8 @@ static void stop(void)
     }
 }
 
+/* End up to `count` conversions with raw counts first, first + step, ...; `step` is also the elapsed time of each in
+ * microseconds. */
 static void convert(unsigned count, uint16_t first, uint8_t step)
 {
     for (unsigned i = 0; i < count && conversions < CONVERSIONS_MAX && converting; i++, conversions++) {
@@ -152,6 +158,7 @@ static void convert(unsigned count, uint16_t first, uint8_t step)
     }
 }
 
+/* Complete I2C write to register `pointer`. */
 static void write_whole(uint8_t pointer, const uint8_t *bytes, size_t size)
 {
     address(false);
@@ -162,6 +169,7 @@ static void write_whole(uint8_t pointer, const uint8_t *bytes, size_t size)
     stop();
 }
 
+/* Write scan settings from the fuzz input; `flags` selects a wrong length, or a CRC for another I2C address. */
 static void write_settings(struct fuzz_input *input, uint8_t flags)
 {
     uint8_t bytes[12];
@@ -175,6 +183,7 @@ static void write_settings(struct fuzz_input *input, uint8_t flags)
     write_whole(0x60, bytes, sizeof bytes - (flags == 8));
 }
 
+/* Complete I2C read that starts at one of sixteen registers, `extra` bytes beyond its end. */
 static void read_whole(uint8_t which, size_t extra)
 {
     static const uint8_t pointers[16] = {0x80, 0x80, 0x80, 0x81, 0x82, 0x8F, 0x00, 0x10,
@@ -187,7 +196,8 @@ static void read_whole(uint8_t which, size_t extra)
     stop();
 }
 
-static void event(struct fuzz_input *input)
+/* Execute one event from the fuzz input on firmware and model, and compare their states. */
+static void run_event(struct fuzz_input *input)
 {
     const uint8_t op = fuzz_u8(input), high = op >> 4;
     switch (op & 15u) {
@@ -259,6 +269,7 @@ static void fill_counters(void)
     sensor.scan.crc = fuzz_crc32(fuzz_crc32(0, &model.address, 1), sensor.scan.scanning, 6);
 }
 
+/* Choose the crossing map: all crossings, a pseudo-random half, or any 32 bytes. */
 static void choose_map(struct fuzz_input *input, uint8_t options)
 {
     const unsigned crossings = (unsigned)model.rows * model.columns;
@@ -274,6 +285,7 @@ static void choose_map(struct fuzz_input *input, uint8_t options)
     }
 }
 
+/* Whether taxel_sensor_init() must accept the configuration of the model. */
 static bool config_is_valid(uint16_t claimed_taxels)
 {
     for (unsigned i = (unsigned)model.rows * model.columns; i < 256; i++) {
@@ -286,6 +298,7 @@ static bool config_is_valid(uint16_t claimed_taxels)
            model.address <= 0x77 && model_settings_are_valid(model.boot_settings);
 }
 
+/* Choose the configuration of the board, mostly a valid one. Returns whether its counters start near their limits. */
 static bool choose_board(struct fuzz_input *input)
 {
     static const uint8_t usual[MODEL_SETTINGS_SIZE] = {160, 0, 40, 0, 1, 16, 96, 0};
@@ -318,6 +331,7 @@ static bool choose_board(struct fuzz_input *input)
     return options & 0x80u;
 }
 
+/* One fuzz input: the firmware of a sensor board and an independent model execute the same events. */
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
     struct fuzz_input input = {bytes, size};
@@ -334,7 +348,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
             fill_counters();
         }
         for (unsigned i = 0; input.remaining && i < EVENTS_MAX; i++) {
-            event(&input);
+            run_event(&input);
         }
     } else {
         FUZZ_CHECK(!is_valid);

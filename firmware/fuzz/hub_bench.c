@@ -32,6 +32,8 @@ static uint64_t on_clock_us(void *context)
     return bench.now_us;
 }
 
+/* End the hub's I2C transfer with the selected outcome, damage included. The bytes to write must be unchanged since its
+ * start. */
 static void end_transfer(void)
 {
     const struct taxel_i2c_transfer *transfer = &bench.transfer;
@@ -79,6 +81,8 @@ static void check_buffer(size_t offset, size_t size)
     }
 }
 
+/* Processor interface: start of a transfer. Checks address, sizes and buffer, and schedules the end after the time on
+ * the bus. */
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     (void)context;
@@ -113,6 +117,8 @@ static void on_i2c_abort(void *context)
     bench.done_us = BENCH_NEVER;
 }
 
+/* Processor interface: the hub drives SCL and SDA during bus recovery. Each falling edge of SCL advances a slave that
+ * holds SDA. */
 static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
 {
     (void)context;
@@ -212,6 +218,7 @@ static void on_frame(void *context, const struct taxel_frame *frame)
     }
 }
 
+/* Take up to `size` bytes from the hub as the UART does and decode them as the host. No byte may belong to no frame. */
 void bench_pull(size_t size)
 {
     uint8_t bytes[64];
@@ -224,6 +231,7 @@ void bench_pull(size_t size)
     FUZZ_CHECK(bench.deframer.discarded_bytes == 0);
 }
 
+/* Check the hub's slots: sorted valid addresses, and every ended poll in exactly one outcome counter. */
 static void check_slots(void)
 {
     const struct taxel_hub *hub = &bench.hub;
@@ -246,6 +254,7 @@ static void check_slots(void)
     }
 }
 
+/* Check the hub's positions, counters and flow control after a pass of its main loop. */
 static void check_hub(void)
 {
     const struct taxel_hub *hub = &bench.hub;
@@ -263,6 +272,7 @@ static void check_hub(void)
                waiting > TAXEL_HUB_RECEIVE_RING - 1u - TAXEL_HUB_RELEASE_SPACE);
 }
 
+/* One pass of the hub's main loop, with checks. */
 void bench_pass(void)
 {
     bench.wake_us = BENCH_NEVER;
@@ -279,6 +289,8 @@ void bench_pass(void)
                bench.hub.job_done);
 }
 
+/* Advance the simulated time to the next event, at most to `until_us`, and run the hub. Returns false if no event is
+ * due until then. */
 bool bench_step(uint64_t until_us)
 {
     const uint64_t next = bench.hub.job_done              ? bench.now_us
@@ -312,6 +324,7 @@ size_t bench_frame(uint8_t type, const uint8_t *payload, size_t size, uint8_t *w
     return taxel_encoder_end(&encoder);
 }
 
+/* Reset bench and hub with the boards of bus number `bus`. */
 static void boot(unsigned bus)
 {
     memset(&bench, 0, sizeof bench);
@@ -346,6 +359,7 @@ static void run_for(uint64_t microseconds)
     }
 }
 
+/* Bring the hub into a state: started, handshake done, or streaming. */
 static void warm_up(enum bench_state state)
 {
     static const uint8_t handshake[3] = {77, 1, TAXEL_PROTOCOL_VERSION}, start[2] = {78, TAXEL_COMMAND_START};
@@ -377,6 +391,8 @@ static struct blocks new_blocks(void)
     };
 }
 
+/* Restore a hub that has already reached `state`. The state is reached once per bus and copied afterwards, which makes
+ * each fuzz input faster. */
 void bench_restore(unsigned bus, enum bench_state state)
 {
     struct saved *const snapshot = &saved[bus][state];

@@ -30,6 +30,7 @@ static const struct bus buses[BENCH_BUSES] = {
     {3, 112, 500, {{0x20, 51, false}, {0x21, 52, false}, {0x22, 5, false}}},
 };
 
+/* Set the boards and the sizes of the hub's memory for bus number `bus`. */
 void bench_populate(unsigned bus)
 {
     static const uint8_t settings[TAXEL_SCAN_SETTINGS_SIZE] = {160, 0, 40, 0, 1, 16, 96, 0};
@@ -48,6 +49,7 @@ void bench_populate(unsigned bus)
     }
 }
 
+/* Connected board with this I2C address, or NULL. */
 static struct bench_board *board_at(uint8_t address)
 {
     for (size_t i = 0; i < BENCH_BOARDS; i++) {
@@ -63,6 +65,7 @@ static uint32_t crc_with_address(const struct bench_board *board, const uint8_t 
     return fuzz_crc32(fuzz_crc32(0, &board->address, 1), bytes, size);
 }
 
+/* Content of a board's identity register: TAXEL_IDENTITY_SIZE bytes with CRC-32. */
 static void read_identity(const struct bench_board *board, uint8_t *bytes)
 {
     memset(bytes, 0, TAXEL_IDENTITY_SIZE);
@@ -76,6 +79,7 @@ static void read_identity(const struct bench_board *board, uint8_t *bytes)
     fuzz_put_u32(bytes + 54, fuzz_crc32(0, bytes, 54));
 }
 
+/* Next uncompressed snapshot of a board. A board that holds its scan repeats the last sequence number. */
 static void read_snapshot(struct bench_board *board, uint8_t *bytes)
 {
     const size_t size = 10u + 2u * (size_t)board->taxel_count;
@@ -106,7 +110,9 @@ static size_t read_compact(struct bench_board *board, uint8_t *bytes)
     return 1u + size;
 }
 
-static void answer(struct bench_board *board, uint8_t *bytes, size_t size)
+/* Bytes that a board returns from its register pointer; beyond the register, or for an undefined one, 0xFF. A device of
+ * another kind returns a constant byte. */
+static void answer_read(struct bench_board *board, uint8_t *bytes, size_t size)
 {
     /* a compact snapshot has a length byte and is padded to a multiple of four bytes */
     uint8_t registers[1u + LARGEST + 4u];
@@ -153,6 +159,7 @@ static void take_settings(struct bench_board *board, const uint8_t *bytes)
     }
 }
 
+/* Execute a transfer on the simulated bus. Returns TAXEL_I2C_OK, or NACK_ADDRESS without a board at the address. */
 int8_t bench_transfer(const struct taxel_i2c_transfer *transfer)
 {
     struct bench_board *board = board_at(transfer->address);
@@ -166,7 +173,7 @@ int8_t bench_transfer(const struct taxel_i2c_transfer *transfer)
         take_settings(board, transfer->write_bytes + 1);
     }
     if (transfer->read_size) {
-        answer(board, transfer->read_bytes, transfer->read_size);
+        answer_read(board, transfer->read_bytes, transfer->read_size);
     }
     return TAXEL_I2C_OK;
 }

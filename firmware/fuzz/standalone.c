@@ -11,6 +11,7 @@
 
 static unsigned files;
 
+/* Run the fuzz target with the content of one file. Returns 1 if it cannot be read, otherwise 0. */
 static int replay_file(const char *path)
 {
     FILE *file = fopen(path, "rb");
@@ -37,6 +38,8 @@ static int replay_file(const char *path)
     return is_complete ? 0 : 1;
 }
 
+/* Run the fuzz target with each file of a directory, or with a single file. Returns the number of files that could not
+ * be read. */
 static int replay_directory(const char *path)
 {
     char name[PATH_SIZE];
@@ -55,6 +58,7 @@ static int replay_directory(const char *path)
     return failures;
 }
 
+/* Replay corpus files without libFuzzer; the arguments are files or directories. */
 int main(int argc, char **argv)
 {
     int failures = 0;

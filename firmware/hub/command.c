@@ -5,6 +5,8 @@
 #define VERSION_OF_COMPACT 2u
 #define RESTART_TIMEOUT_US 500000u /* limit for sending the reply to REBOOT, for a UART without a reader */
 
+/* Queue a HUB_HANDSHAKE frame: identity, firmware version and uptime of the hub. `version`: the negotiated protocol
+ * version, 0 if none; `tag`: copied from the host's handshake, 0 for the unrequested frame after a reset. */
 void taxel_hub_send_handshake(struct taxel_hub *hub, uint8_t tag, uint8_t version)
 {
     const struct taxel_hub_config *config = taxel_hub_config_of(hub);
@@ -25,6 +27,8 @@ void taxel_hub_send_handshake(struct taxel_hub *hub, uint8_t tag, uint8_t versio
     (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_HUB_HANDSHAKE, bytes, sizeof bytes, NULL, 0);
 }
 
+/* End the command in progress: queue its REPLY frame with `status` (enum taxel_reply_status) and `size` bytes of data.
+ */
 void taxel_hub_reply(struct taxel_hub *hub, uint8_t status, const uint8_t *data, size_t size)
 {
     uint8_t bytes[TAXEL_REPLY_HEADER_SIZE];
@@ -41,6 +45,8 @@ void taxel_hub_reply(struct taxel_hub *hub, uint8_t status, const uint8_t *data,
     }
 }
 
+/* Answer a HOST_HANDSHAKE frame, which is in the inbox. The highest protocol version common to both sides is used; 0
+ * means that there is none, and commands are then rejected. */
 void taxel_hub_handle_handshake(struct taxel_hub *hub)
 {
     struct taxel_host_handshake handshake;
@@ -66,7 +72,9 @@ static void set_rate(struct taxel_hub *hub, const uint8_t *bytes)
     reply_ok(hub);
 }
 
-static void transfer(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
+/* Command I2C_TRANSFER: store the requested transfer for the scheduler, which starts it when the bus is free. The reply
+ * follows at the end of the transfer. `bytes`, `size`: arguments of the command. */
+static void request_transfer(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
 {
     struct taxel_command_in_progress *command = &hub->command;
     struct taxel_transfer_arguments arguments;
@@ -81,7 +89,8 @@ static void transfer(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
     command->transfer_size = (uint8_t)(size - TAXEL_TRANSFER_ARGUMENTS_SIZE);
 }
 
-static void start(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
+/* Command START: begin to poll the boards. The optional flags byte (protocol version 2) requests compact snapshots. */
+static void execute_start(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
 {
     const uint8_t flags = size ? bytes[TAXEL_START_ARGUMENTS_OFFSET_FLAGS] : 0;
     if (flags & ~TAXEL_START_FLAG_COMPACT || (size && hub->version < VERSION_OF_COMPACT)) {
@@ -93,6 +102,9 @@ static void start(struct taxel_hub *hub, const uint8_t *bytes, size_t size)
     reply_ok(hub);
 }
 
+/* Entry of an ACKNOWLEDGE frame: the host has decoded the board's key frame `key_frame_id`, or, with the flag
+ * TAXEL_ACKNOWLEDGE_FORGET in `address`, has no key frame of the board. The entry is written to the board before its
+ * next poll. */
 void taxel_hub_handle_acknowledgement(struct taxel_hub *hub, uint8_t address, uint16_t key_frame_id)
 {
     const uint8_t slot = taxel_hub_slot_of(hub, address & (uint8_t)~TAXEL_ACKNOWLEDGE_FORGET);
@@ -110,6 +122,8 @@ static bool is_selected(uint8_t address, const struct taxel_hub_slot *board)
     return address == 0 || board->address == address;
 }
 
+/* Command SET_SCAN_SETTINGS: mark the settings as to be written to the selected boards (address 0: all) that are
+ * streaming. The reply follows when all of these boards have read them back. */
 static void set_scan_settings(struct taxel_hub *hub, const uint8_t *bytes)
 {
     hub->command.address = bytes[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_OFFSET_ADDRESS];
@@ -133,6 +147,8 @@ static void set_scan_settings(struct taxel_hub *hub, const uint8_t *bytes)
     }
 }
 
+/* Command GET_BOARD_INFO: request the identity of the selected boards (address 0: all) to be read and forwarded as
+ * BOARD_INFO frames. The reply follows after the last of them. */
 static void get_board_info(struct taxel_hub *hub, const uint8_t *bytes)
 {
     bool any = false;
@@ -199,7 +215,9 @@ static const struct argument_rule argument_rules[] = {
     {TAXEL_COMMAND_ENTER_BOOTLOADER, TAXEL_ENTER_BOOTLOADER_ARGUMENTS_SIZE, TAXEL_ENTER_BOOTLOADER_ARGUMENTS_SIZE},
 };
 
-static uint8_t check(const struct taxel_hub *hub, uint8_t command, size_t size)
+/* Status (enum taxel_reply_status) with which a command must be rejected, or OK: handshake done, command defined,
+ * `size` of its arguments within the limits. */
+static uint8_t check_command(const struct taxel_hub *hub, uint8_t command, size_t size)
 {
     if (!hub->version) {
         return TAXEL_REPLY_STATUS_NO_HANDSHAKE;
@@ -220,6 +238,8 @@ static void restart(struct taxel_hub *hub)
     reply_ok(hub);
 }
 
+/* Command ENTER_BOOTLOADER: restart into the hub's bootloader. The key in the arguments prevents an accidental restart.
+ */
 static void enter_bootloader(struct taxel_hub *hub, const uint8_t *arguments)
 {
     if (taxel_get_u32(arguments) != TAXEL_BOOTLOADER_KEY) {
@@ -230,11 +250,13 @@ static void enter_bootloader(struct taxel_hub *hub, const uint8_t *arguments)
     restart(hub);
 }
 
-static void execute(struct taxel_hub *hub, uint8_t command, const uint8_t *arguments, size_t size)
+/* Execute a checked command. The reply is queued at once, or by the scheduler when the requested transfers have ended.
+ */
+static void execute_command(struct taxel_hub *hub, uint8_t command, const uint8_t *arguments, size_t size)
 {
     switch (command) {
     case TAXEL_COMMAND_START:
-        start(hub, arguments, size);
+        execute_start(hub, arguments, size);
         break;
     case TAXEL_COMMAND_STOP:
         hub->streaming = false;
@@ -247,7 +269,7 @@ static void execute(struct taxel_hub *hub, uint8_t command, const uint8_t *argum
         taxel_hub_start_bus_scan(hub, true);
         break;
     case TAXEL_COMMAND_I2C_TRANSFER:
-        transfer(hub, arguments, size);
+        request_transfer(hub, arguments, size);
         break;
     case TAXEL_COMMAND_SET_SCAN_SETTINGS:
         set_scan_settings(hub, arguments);
@@ -270,6 +292,8 @@ static void execute(struct taxel_hub *hub, uint8_t command, const uint8_t *argum
     }
 }
 
+/* Check and execute the COMMAND frame in the inbox; `size`: bytes of its payload. The previous command has been
+ * answered. */
 void taxel_hub_handle_command(struct taxel_hub *hub, size_t size)
 {
     struct taxel_command_header header;
@@ -280,10 +304,10 @@ void taxel_hub_handle_command(struct taxel_hub *hub, size_t size)
     hub->command.command = header.command;
     hub->inbox.commands++;
     size -= TAXEL_COMMAND_HEADER_SIZE;
-    const uint8_t status = check(hub, header.command, size);
+    const uint8_t status = check_command(hub, header.command, size);
     if (status != TAXEL_REPLY_STATUS_OK) {
         taxel_hub_reply(hub, status, NULL, 0);
         return;
     }
-    execute(hub, header.command, payload + TAXEL_COMMAND_HEADER_SIZE, size);
+    execute_command(hub, header.command, payload + TAXEL_COMMAND_HEADER_SIZE, size);
 }

@@ -21,6 +21,7 @@ void taxel_hub_wake_in(const struct taxel_hub *hub, uint32_t microseconds)
     hal->wake_at(hal->context, taxel_hub_clock(hub) + microseconds);
 }
 
+/* Index of the slot of the board with this I2C address, or TAXEL_NO_SLOT. */
 uint8_t taxel_hub_slot_of(const struct taxel_hub *hub, uint8_t address)
 {
     for (uint8_t i = 0; i < hub->slot_count; i++) {
@@ -31,6 +32,8 @@ uint8_t taxel_hub_slot_of(const struct taxel_hub *hub, uint8_t address)
     return TAXEL_NO_SLOT;
 }
 
+/* Initialise the hub, queue a HUB_HANDSHAKE frame and begin a bus scan. `config` must stay valid; `reset_cause`: enum
+ * taxel_reset_cause. */
 void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config, uint8_t reset_cause)
 {
     memset(hub, 0, sizeof *hub);
@@ -51,6 +54,8 @@ void taxel_hub_on_i2c_done(struct taxel_hub *hub, int8_t result)
     hub->job_done = true;
 }
 
+/* Evaluate the I2C transfer in progress if it has ended, or abort it if its time limit has passed. After a successful
+ * poll, the next transfer is started first. */
 static void process_job_outcome(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
@@ -85,6 +90,8 @@ static void clamp_past_time(uint32_t now, uint32_t *time)
     }
 }
 
+/* Reset the processor, into the bootloader if requested, once the UART has sent all queued bytes or the time limit has
+ * passed. */
 static void restart_when_drained(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
@@ -97,6 +104,8 @@ static void restart_when_drained(struct taxel_hub *hub)
     }
 }
 
+/* One pass of the main loop: evaluate the last transfer, execute received commands, start the next transfer, send
+ * status frames, and request the time of the next pass. */
 TAXEL_OWN_FRAME void taxel_hub_run(struct taxel_hub *hub)
 {
     if (hub->restart_requested) { /* start no new work; drain the transmit queue first */

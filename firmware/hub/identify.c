@@ -41,6 +41,8 @@ static void end_turn(struct taxel_hub *hub, struct taxel_hub_slot *board, uint32
     }
 }
 
+/* End the board's turn after a failed transfer: count the failure by its kind and mark the board as absent. A stuck bus
+ * is freed first, unless the board only did not acknowledge. */
 static void end_turn_after_transfer(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     if (result == TAXEL_I2C_NACK_ADDRESS || result == TAXEL_I2C_NACK_DATA) {
@@ -55,6 +57,8 @@ static void end_turn_after_transfer(struct taxel_hub *hub, struct taxel_hub_slot
     }
 }
 
+/* Evaluate the read of a board's identity register. A valid identity is followed by a read of the scan settings; an
+ * identity of another device makes the board INCOMPATIBLE after repeated reads. */
 void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.pool_offset);

@@ -28,6 +28,8 @@ static uint8_t free_space(const struct taxel_inbox *inbox)
     return (uint8_t)(inbox->tail - inbox->head - 1u); /* the ring has 256 bytes: indices wrap by themselves */
 }
 
+/* Store a byte from the host in the receive ring; called from the UART interrupt. RTS stops the host when the ring is
+ * nearly full; a byte without space is counted as an overrun. */
 void taxel_hub_on_uart_byte(struct taxel_hub *hub, uint8_t byte)
 {
     struct taxel_inbox *inbox = &hub->inbox;
@@ -52,6 +54,8 @@ struct body {
     uint8_t whitening;
 };
 
+/* Read the code byte of the next COBS block (its length plus 1). Returns false if the block does not fit in the bytes
+ * up to the delimiter. */
 static bool open_block(struct body *body)
 {
     const uint8_t code = body->ring[body->at];
@@ -88,7 +92,8 @@ static int next_byte(struct body *body)
     return byte;
 }
 
-static bool header_is_right(const uint8_t *header)
+/* Whether a frame header contains a type that the host may send and a payload length that this type allows. */
+static bool is_header_valid(const uint8_t *header)
 {
     const uint16_t length = taxel_get_u16(header + 3);
     if (header[0] == TAXEL_FRAME_TYPE_HOST_HANDSHAKE) {
@@ -123,7 +128,7 @@ TAXEL_OWN_FRAME static uint8_t find_frame(const struct taxel_inbox *inbox, uint8
             header[i] = byte;
         }
         if (i == TAXEL_FRAME_HEADER_SIZE - 1u) {
-            if (!header_is_right(header)) {
+            if (!is_header_valid(header)) {
                 return 0;
             }
             expected += taxel_get_u16(header + 3) + TAXEL_FRAME_CRC_SIZE;
@@ -205,6 +210,8 @@ void taxel_hub_inbox_init(struct taxel_hub *hub)
     }
 }
 
+/* Main loop: answer a command whose transfers have ended, then take complete frames out of the receive ring until one
+ * must wait for the command in progress. Lets the host send again when enough space is free. */
 void taxel_hub_read_inbox(struct taxel_hub *hub)
 {
     struct taxel_inbox *inbox = &hub->inbox;

@@ -20,6 +20,8 @@ static bool polls_compact(const struct taxel_hub *hub, const struct taxel_hub_sl
     return hub->use_compact && board->has_compact;
 }
 
+/* Start the I2C transfer of a job (`kind`: enum taxel_job_kind) into the buffer at hub->job.pool_offset and set its
+ * time limit. Writes hub->job.write_bytes first; pass-through and settings are written from other buffers. */
 void taxel_hub_launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t address, size_t read_size)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
@@ -56,6 +58,8 @@ void taxel_hub_launch(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t
     hal->i2c_start(hal->context, &transfer);
 }
 
+/* Start a read of `size` bytes from register `pointer` of a board. A poll omits the write of the register pointer if
+ * the board's pointer is already at its snapshot. */
 void taxel_hub_launch_read(struct taxel_hub *hub, uint8_t kind, uint8_t slot, uint8_t pointer, size_t size)
 {
     struct taxel_hub_slot *board = slot_at(hub, slot);
@@ -89,6 +93,8 @@ void taxel_hub_launch_poll(struct taxel_hub *hub, uint8_t slot)
                           taxel_hub_poll_size(hub, board) + is_compact);
 }
 
+/* Start the write of a pending acknowledgement (key-frame id, 2 bytes) or of a "forget" (one zero byte) to the board's
+ * register COMPACT. Returns false if nothing is pending. */
 bool taxel_hub_launch_acknowledge(struct taxel_hub *hub, uint8_t slot)
 {
     struct taxel_hub_slot *board = slot_at(hub, slot);
@@ -107,6 +113,8 @@ bool taxel_hub_launch_acknowledge(struct taxel_hub *hub, uint8_t slot)
     return true;
 }
 
+/* Start the write of the board's scan settings with their CRC-32, which covers the I2C address and the settings, so
+ * that a board rejects settings meant for another one. */
 void taxel_hub_launch_write_settings(struct taxel_hub *hub, uint8_t slot)
 {
     struct taxel_hub_slot *board = slot_at(hub, slot);

@@ -20,6 +20,8 @@ TAXEL_OWN_FRAME size_t taxel_hub_uart_pending(const struct taxel_hub *hub)
     return size;
 }
 
+/* Copy up to `size` queued bytes for the UART to `bytes`; returns their number. Called from the UART interrupt. Large
+ * frames come directly from the transfer pool when the ring has been sent up to their mark. */
 size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
 {
     const struct taxel_hub_config *config = taxel_hub_config_of(hub);
@@ -85,6 +87,8 @@ bool taxel_hub_has_space_for_reply(const struct taxel_hub *hub)
     return used_bytes(hub) + REPLY_ENCODED_MAX < taxel_hub_config_of(hub)->transmit_ring_size;
 }
 
+/* Encode one frame (payload: `prefix` followed by `data`) into the transmit ring, or as a large frame at `pool_offset`,
+ * and start the UART. Returns false if the ring has too little space after the reserve of its type. */
 TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size,
                                     const uint8_t *data, size_t data_size, uint16_t pool_offset)
 {
@@ -126,6 +130,9 @@ TAXEL_OWN_FRAME bool taxel_hub_emit(struct taxel_hub *hub, uint8_t type, const u
     return true;
 }
 
+/* Queue a frame whose data was read by a transfer into the buffer at `pool_offset`. The data is framed in place, or
+ * copied into the ring while another large frame is being sent. Returns false if the UART is stalled or no entry is
+ * free. */
 bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size,
                            uint16_t pool_offset, size_t size)
 {
@@ -154,6 +161,8 @@ bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, 
     return false;
 }
 
+/* Queue a BOARD_FAULT frame; `fault`: enum taxel_board_fault, where RECOVERED reports the end of consecutive failures.
+ */
 void taxel_hub_send_fault(struct taxel_hub *hub, const struct taxel_hub_slot *slot, uint8_t fault)
 {
     uint8_t bytes[TAXEL_BOARD_FAULT_REPORT_SIZE];
@@ -168,6 +177,8 @@ void taxel_hub_send_fault(struct taxel_hub *hub, const struct taxel_hub_slot *sl
     (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_BOARD_FAULT, bytes, sizeof bytes, NULL, 0);
 }
 
+/* Queue a LOG frame with a text. `pool_offset`: position in the transfer pool, or TAXEL_HUB_IN_RING for the transmit
+ * ring. */
 void taxel_hub_log_at(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text, uint16_t pool_offset)
 {
     uint8_t bytes[TAXEL_LOG_HEADER_SIZE];

@@ -6,6 +6,8 @@
 #define FAILURES_UNTIL_ABSENT 3u
 #define BUS_DOWN_US 10000u
 
+/* Record a failed poll (`fault`: enum taxel_board_fault). The first of consecutive failures is reported to the host;
+ * after three the board is absent, except for CRC errors, which show that the board responds. */
 void taxel_hub_fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t fault)
 {
     board->last_fault = fault;
@@ -29,6 +31,7 @@ void taxel_hub_succeed(struct taxel_hub *hub, struct taxel_hub_slot *board)
     }
 }
 
+/* Queue a LOG frame about a change of the bus: SCL or SDA held low, or (TAXEL_BOARD_FAULT_NONE) free again. */
 static void report_bus_fault(struct taxel_hub *hub, uint8_t fault)
 {
     if (fault == TAXEL_BOARD_FAULT_NONE) {
@@ -48,6 +51,8 @@ static void note_bus_fault(struct taxel_hub *hub, uint8_t fault)
     }
 }
 
+/* Recover the I2C bus after a failed transfer. If a line stays low, no transfer starts for 10 ms. Returns the remaining
+ * fault, or TAXEL_BOARD_FAULT_NONE. */
 uint8_t taxel_hub_free_bus(struct taxel_hub *hub)
 {
     const uint8_t fault = taxel_hub_recover_bus(hub);
@@ -75,6 +80,8 @@ static uint8_t fault_of(int8_t result, uint8_t bus_fault)
 
 /* NOLINTBEGIN(clang-analyzer-core.NullDereference): the transfers that these functions evaluate always have a slot */
 
+/* Schedule a second poll of the board in the same cycle. Returns false if the board has already had its second attempt.
+ */
 bool taxel_hub_retry(struct taxel_hub *hub, struct taxel_hub_slot *board)
 {
     if (board->attempts >= RETRIES) {
@@ -114,6 +121,8 @@ static void finish_failed_poll(struct taxel_hub *hub, struct taxel_hub_slot *boa
     }
 }
 
+/* Evaluate the probe that replaces the poll of an absent board. A board that acknowledges its address again is
+ * identified and polled in the same cycle. */
 static void finish_slot_probe(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     if (result == TAXEL_I2C_OK) {
@@ -133,6 +142,8 @@ static void finish_slot_probe(struct taxel_hub *hub, struct taxel_hub_slot *boar
     finish_failed_poll(hub, board, result);
 }
 
+/* Add a newly found board. Slots are sorted by I2C address, so the indices of later slots in use elsewhere move up by
+ * 1. Does nothing if all slots are occupied. */
 static void add_slot(struct taxel_hub *hub, uint8_t address)
 {
     uint8_t position = hub->slot_count;
@@ -158,6 +169,8 @@ static void add_slot(struct taxel_hub *hub, uint8_t address)
     }
 }
 
+/* Evaluate a probe of one address by the bus scan: add a new board, or update the state of a known one. The result for
+ * SCAN_BUS is a bitmap in the inbox's payload buffer. */
 static void finish_address_probe(struct taxel_hub *hub, int8_t result)
 {
     const struct taxel_job *job = &hub->job;
@@ -180,6 +193,8 @@ static void finish_address_probe(struct taxel_hub *hub, int8_t result)
     }
 }
 
+/* Queue a TIME_SYNC frame: the board's clock just read (microseconds, 32 bits) and the hub's clock at the same instant.
+ */
 TAXEL_OWN_FRAME static void send_clock(struct taxel_hub *hub, const struct taxel_hub_slot *board)
 {
     uint8_t bytes[TAXEL_TIME_SYNC_SIZE];
@@ -214,6 +229,7 @@ static void finish_acknowledge(struct taxel_hub *hub, struct taxel_hub_slot *boa
 
 /* NOLINTEND(clang-analyzer-core.NullDereference) */
 
+/* Status of the reply to I2C_TRANSFER for a transfer result (enum taxel_i2c_result). */
 static uint8_t reply_status_of(int8_t result)
 {
     switch (result) {
@@ -238,6 +254,8 @@ static void finish_pass_through(struct taxel_hub *hub, int8_t result)
                     result == TAXEL_I2C_OK ? hub->job.read_size : 0);
 }
 
+/* Evaluate a finished transfer by the kind of its job; `result`: enum taxel_i2c_result. Successful polls are not
+ * evaluated here but in snapshot.c. */
 void taxel_hub_finish_job(struct taxel_hub *hub, int8_t result)
 {
     struct taxel_job *job = &hub->job;

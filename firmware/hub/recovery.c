@@ -5,6 +5,8 @@
 #define HALF_CLOCK_US 5u /* 100 kHz: slow enough for every device */
 #define CLOCKS 9u
 
+/* Free an I2C bus whose SDA is held low by a slave: up to nine clocks at 100 kHz, then start and stop condition.
+ * Returns SCL_STUCK or SDA_STUCK if a line stays low, otherwise TAXEL_BOARD_FAULT_NONE. */
 uint8_t taxel_hub_recover_bus(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);

@@ -15,6 +15,7 @@ static uint8_t boards_streaming(const struct taxel_hub *hub)
     return count;
 }
 
+/* Queue a HUB_STATUS frame with the counters of the hub. Returns false if the ring has no space. */
 TAXEL_OWN_FRAME static bool send_hub_status(struct taxel_hub *hub)
 {
     uint8_t bytes[TAXEL_HUB_STATUS_SIZE];
@@ -42,6 +43,7 @@ uint32_t taxel_hub_polls(const struct taxel_hub_slot *slot)
     return ended + (uint8_t)(slot->polls - ended);
 }
 
+/* Queue a BOARD_STATUS frame with the poll counters of one board. Returns false if the ring has no space. */
 TAXEL_OWN_FRAME static bool send_board_status(struct taxel_hub *hub, const struct taxel_hub_slot *slot)
 {
     uint8_t bytes[TAXEL_BOARD_STATUS_SIZE];
@@ -97,6 +99,8 @@ static void report_overruns(struct taxel_hub *hub)
     }
 }
 
+/* One step of the status report per pass of the main loop: begins a report every second while streaming, sends at most
+ * one frame, and requests the next pass. */
 void taxel_hub_report_step(struct taxel_hub *hub)
 {
     struct taxel_report *report = &hub->report;

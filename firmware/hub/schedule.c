@@ -36,6 +36,8 @@ static bool launch_upkeep(struct taxel_hub *hub, uint8_t slot)
     return false;
 }
 
+/* Start a transfer that any board needs apart from polls: identity or scan settings. Returns false if none is needed.
+ */
 static bool launch_any_upkeep(struct taxel_hub *hub)
 {
     for (uint8_t i = 0; i < hub->slot_count; i++) {
@@ -68,6 +70,7 @@ static enum launch launch_poll(struct taxel_hub *hub, uint8_t slot)
     return LAUNCH_NOTHING;
 }
 
+/* Start the second attempt of a poll that failed in this cycle. */
 static enum launch launch_retry(struct taxel_hub *hub)
 {
     for (uint8_t i = 0; hub->has_retry && i < hub->slot_count; i++) {
@@ -98,6 +101,8 @@ static bool is_unchecked(const struct taxel_hub *hub)
     return hub->unframed.size && !hub->unframed.is_checked;
 }
 
+/* Start the next transfer of the cycle's poll stage. Each known board is visited once: identity, settings or
+ * acknowledgement first, then its poll, or a probe if the board is absent. */
 static enum launch launch_from_polls(struct taxel_hub *hub)
 {
     struct taxel_cycle *cycle = &hub->cycle;
@@ -141,6 +146,8 @@ static enum launch launch_from_polls(struct taxel_hub *hub)
     return is_unchecked(hub) && !upkeep_is_due(hub) ? LAUNCH_WAIT : LAUNCH_NOTHING;
 }
 
+/* Start a clock reading (register CLOCK) of the next streaming board; one board per call, in turn. Returns false if no
+ * board is streaming. */
 static bool launch_clock(struct taxel_hub *hub)
 {
     struct taxel_cycle *cycle = &hub->cycle;
@@ -161,6 +168,8 @@ static uint8_t next_address(uint8_t address)
     return is_outside ? (uint8_t)TAXEL_ADDRESS_MIN : (uint8_t)(address + 1u);
 }
 
+/* Start a probe of the next I2C address that belongs to no known board. Returns false if this cycle's probes are used
+ * up. */
 static bool launch_unknown_probe(struct taxel_hub *hub)
 {
     struct taxel_cycle *cycle = &hub->cycle;
@@ -251,6 +260,7 @@ void taxel_hub_set_compact(struct taxel_hub *hub, bool compact)
     hub->use_compact = compact;
 }
 
+/* Begin poll cycles and the periodic status report. Does nothing if the hub is streaming. */
 void taxel_hub_start_streaming(struct taxel_hub *hub)
 {
     if (hub->streaming) {
@@ -264,6 +274,8 @@ void taxel_hub_start_streaming(struct taxel_hub *hub)
     begin_cycle(hub);
 }
 
+/* Begin to probe all I2C addresses. `for_command`: the command SCAN_BUS requested the scan, and the addresses that
+ * respond are collected for its reply. */
 void taxel_hub_start_bus_scan(struct taxel_hub *hub, bool for_command)
 {
     hub->bus_scan.active = true;
@@ -274,6 +286,7 @@ void taxel_hub_start_bus_scan(struct taxel_hub *hub, bool for_command)
     }
 }
 
+/* End a bus scan and schedule the next one. For SCAN_BUS, queue the reply: one byte for each address that responded. */
 static void end_bus_scan(struct taxel_hub *hub)
 {
     struct taxel_bus_scan *bus_scan = &hub->bus_scan;
@@ -293,6 +306,7 @@ static void end_bus_scan(struct taxel_hub *hub)
     taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, addresses, count);
 }
 
+/* Start the probe of the next address of a bus scan. Returns false, and ends the scan, after the last address. */
 static bool launch_from_bus_scan(struct taxel_hub *hub)
 {
     struct taxel_bus_scan *bus_scan = &hub->bus_scan;
@@ -305,6 +319,8 @@ static bool launch_from_bus_scan(struct taxel_hub *hub)
     return false;
 }
 
+/* Start a transfer while the hub is not streaming: identity or settings of a board, or, every 20 ms, a bus scan. The
+ * host's transfers have precedence: no bus scan begins within 0.1 s of one. */
 static void launch_from_idle(struct taxel_hub *hub)
 {
     const uint32_t now = taxel_hub_now(hub);
@@ -326,6 +342,8 @@ static bool pass_through_is_requested(const struct taxel_hub *hub)
     return hub->command.active && hub->command.command == TAXEL_COMMAND_I2C_TRANSFER;
 }
 
+/* Start the transfer of the command I2C_TRANSFER. It may move the board's register pointer, so the next poll writes the
+ * pointer again. */
 static void launch_pass_through(struct taxel_hub *hub)
 {
     const uint8_t slot = taxel_hub_slot_of(hub, hub->command.address);
@@ -350,6 +368,8 @@ static bool bus_is_down(const struct taxel_hub *hub)
     return true;
 }
 
+/* Start the next I2C transfer, if any. Order: reading settings back, second attempts, the host's transfer, bus scan,
+ * then the poll cycle or, when not streaming, the idle bus. */
 void taxel_hub_start_next_job(struct taxel_hub *hub)
 {
     const uint8_t slot = hub->settings_read_slot;

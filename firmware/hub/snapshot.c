@@ -26,6 +26,8 @@ static bool board_was_restarted(const struct taxel_hub_slot *board, uint32_t sta
     return board->has_clock && (went_back || difference > CLOCK_SLACK_US + (elapsed >> CLOCK_SLACK_SHIFT));
 }
 
+/* Record that `size` bytes read by the last transfer are to become a frame of this type. They are framed while the next
+ * transfer runs. */
 void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size)
 {
     struct taxel_unframed *unframed = &hub->unframed;
@@ -38,6 +40,8 @@ void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size)
     unframed->is_checked = false;
 }
 
+/* Record the bytes read by a successful poll as an unframed snapshot. The size of a compact snapshot follows from its
+ * length byte, which was read first. */
 void taxel_hub_keep_snapshot(struct taxel_hub *hub)
 {
     const struct taxel_job *job = &hub->job;
@@ -65,7 +69,9 @@ static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct ta
     return expected + (uint32_t)((int32_t)(low - (expected << 8)) >> 8);
 }
 
-static bool send(struct taxel_hub *hub, const struct taxel_hub_slot *board)
+/* Queue the unframed bytes as a frame. Snapshots get a header with address, cycle and the hub's time at the start of
+ * their poll. Returns false if the UART has no reader. */
+static bool send_unframed(struct taxel_hub *hub, const struct taxel_hub_slot *board)
 {
     const struct taxel_unframed *unframed = &hub->unframed;
     uint8_t head[TAXEL_TAXEL_HEADER_SIZE];
@@ -81,12 +87,14 @@ static bool send(struct taxel_hub *hub, const struct taxel_hub_slot *board)
                                  unframed->size);
 }
 
+/* Queue the checked, unframed bytes as a frame and count the poll as forwarded or dropped. A BOARD_INFO frame is no
+ * poll and changes no counter of the board. */
 void taxel_hub_forward(struct taxel_hub *hub)
 {
     struct taxel_unframed *unframed = &hub->unframed;
     struct taxel_hub_slot *board = taxel_hub_slot_at(hub, unframed->slot);
     const bool is_taxels = unframed->type != TAXEL_FRAME_TYPE_BOARD_INFO;
-    if (send(hub, board)) {
+    if (send_unframed(hub, board)) {
         board->forwarded += is_taxels;
     } else {
         board->dropped += is_taxels;
@@ -131,6 +139,8 @@ static bool snapshot_is_new(struct taxel_hub *hub, struct taxel_hub_slot *board)
     return true;
 }
 
+/* Check the snapshot of the last poll and forward it if it is valid and new. A compact snapshot of length 0 means that
+ * the board has no new scan. */
 void taxel_hub_process_snapshot(struct taxel_hub *hub)
 {
     struct taxel_hub_slot *board = taxel_hub_slot_at(hub, hub->unframed.slot);

@@ -10,6 +10,8 @@
 #define PREFIX_SEQUENCE 1u
 #define PREFIX_ADDRESS TAXEL_FRAME_HEADER_SIZE
 
+/* Decode the first PREFIX_SIZE bytes of an encoded frame (COBS and whitening): type, sequence number, length, and the
+ * I2C address of its board. `frame` begins with the delimiter. */
 static void decode_prefix(const uint8_t *frame, uint8_t prefix[PREFIX_SIZE])
 {
     uint8_t remaining = frame[1], whitening = (uint8_t)TAXEL_WHITENING_SEED;
@@ -89,6 +91,8 @@ TAXEL_OWN_FRAME static void discard_queued(struct taxel_hub *hub)
     config->hal->uart_kick(config->hal->context);
 }
 
+/* Whether the UART has taken no byte for 0.1 s. Call it repeatedly: each call compares the number of taken bytes with
+ * the previous call. The start of a stall requests that queued frames be discarded. */
 bool taxel_hub_uart_is_stalled(struct taxel_hub *hub)
 {
     const uint32_t mark = hub->outbox.bytes_sent - (uint32_t)taxel_hub_uart_pending(hub);
@@ -103,6 +107,8 @@ bool taxel_hub_uart_is_stalled(struct taxel_hub *hub)
     return hub->uart_is_stalled;
 }
 
+/* Discard the queued frames after the start of a stall, unless the UART sends again. Waits until no transfer and no
+ * unframed bytes use the pool. */
 void taxel_hub_discard_queued(struct taxel_hub *hub)
 {
     if (!hub->discard_requested || hub->job.kind != TAXEL_JOB_NONE || hub->unframed.size ||

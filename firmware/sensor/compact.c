@@ -40,6 +40,8 @@ void taxel_sensor_compact_init(struct taxel_sensor *sensor)
     compact->pending.timeout_reads = TIMEOUT_READS_FIRST;
 }
 
+/* I2C interrupt: a read of register COMPACT begins. The reader gets length byte and newest compact snapshot, or a
+ * single 0 if it has read this snapshot already; `again`: the same snapshot may be read twice. */
 void taxel_sensor_compact_begin_read(struct taxel_sensor *sensor, bool again)
 {
     static const uint8_t nothing_new;
@@ -69,6 +71,8 @@ void taxel_sensor_compact_end_read(struct taxel_sensor *sensor)
     sensor->compact.read_in_progress = false;
 }
 
+/* I2C interrupt: a write to register COMPACT has ended. Two bytes acknowledge a key frame by its id; one zero byte
+ * requests a new key frame. Returns whether the bytes are one of these. */
 bool taxel_sensor_compact_write(struct taxel_sensor *sensor, const uint8_t *bytes, size_t size)
 {
     struct taxel_compact *compact = &sensor->compact;
@@ -81,6 +85,8 @@ bool taxel_sensor_compact_write(struct taxel_sensor *sensor, const uint8_t *byte
     return size == 1 && bytes[0] == 0;
 }
 
+/* Make the acknowledged pending key frame the current one. After a packed key frame `states` are already set; otherwise
+ * each state is updated with the residual of its taxel. */
 static void accept_key_frame(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;
@@ -128,6 +134,8 @@ static bool may_latch(const struct taxel_sensor *sensor)
            (pointer < TAXEL_REGISTER_SNAPSHOT || pointer > TAXEL_REGISTER_SNAPSHOT_LAST);
 }
 
+/* Latch the newest complete scan for coding; returns whether there is one to code. `latches` is set to the number of
+ * this latch, by which a later latch of a reader is detected. A reader that was silent for IDLE_US is forgotten. */
 static bool latch_newest(struct taxel_sensor *sensor, uint8_t *latches)
 {
     struct taxel_compact *compact = &sensor->compact;
@@ -144,6 +152,8 @@ static bool latch_newest(struct taxel_sensor *sensor, uint8_t *latches)
     return is_latched;
 }
 
+/* Whether the next compact snapshot must be marked as a key frame: none is acknowledged yet, the model still adapts,
+ * the size has grown, the period has ended, or the acknowledgement of the pending key frame is overdue. */
 static bool needs_key_frame(struct taxel_compact *compact)
 {
     struct taxel_compact_pending_key_frame *pending = &compact->pending;
@@ -198,8 +208,10 @@ static size_t code_delta(struct taxel_sensor *sensor, const struct taxel_snapsho
     return TAXEL_COMPACT_DELTA_SIZE + size;
 }
 
-static void pack(const struct taxel_sensor *sensor, const struct taxel_snapshot_header *snapshot, const uint8_t *counts,
-                 uint8_t width, uint8_t *bytes)
+/* Write a packed snapshot (header, then each count with `width` bits, without reference to a key frame) to `bytes`.
+ * `counts`: 2 bytes each. */
+static void pack_snapshot(const struct taxel_sensor *sensor, const struct taxel_snapshot_header *snapshot,
+                          const uint8_t *counts, uint8_t width, uint8_t *bytes)
 {
     const struct taxel_compact_packed head = {
         .sequence = snapshot->sequence,
@@ -250,6 +262,8 @@ static void discard_key_frame(struct taxel_compact *compact)
     compact->has_key_frame = false;
 }
 
+/* Code a scan into the work buffer: as a delta frame if possible, otherwise packed. Decides whether it is a key frame;
+ * its id, the low half of the CRC, must then differ from the ids in use. `bytes`: uncompressed snapshot. */
 static void code_snapshot(struct taxel_sensor *sensor, const uint8_t *bytes)
 {
     struct taxel_compact *compact = &sensor->compact;
@@ -263,7 +277,7 @@ static void code_snapshot(struct taxel_sensor *sensor, const uint8_t *bytes)
     size_t size = code_delta(sensor, &snapshot, counts, packed_size, compact->work_buffer + 1);
     const bool is_delta = size != 0;
     if (!is_delta) {
-        pack(sensor, &snapshot, counts, width, compact->work_buffer + 1);
+        pack_snapshot(sensor, &snapshot, counts, width, compact->work_buffer + 1);
         size = packed_size;
         if (compact->has_key_frame) {
             discard_key_frame(compact);
@@ -316,6 +330,7 @@ bool taxel_sensor_has_work(const struct taxel_sensor *sensor)
                                                 (compact->work_ready ? !compact->read_in_progress : may_latch(sensor)));
 }
 
+/* Main loop: process acknowledgements, code the newest scan, and exchange the buffers when no read is in progress. */
 void taxel_sensor_run(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;

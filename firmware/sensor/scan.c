@@ -15,6 +15,8 @@ static bool is_taxel(const struct taxel_sensor *sensor, uint16_t crossing)
     return ((unsigned)sensor->config->crossing_map[crossing >> 3] >> (crossing & 7u)) & 1u;
 }
 
+/* Start the conversion of the scan's next taxel. Crossings that are no taxels in the crossing map are skipped; a
+ * crossing's index is tx * columns + rx. */
 static void convert_next(struct taxel_sensor *sensor)
 {
     struct taxel_scan *scan = &sensor->scan;
@@ -29,7 +31,9 @@ static void convert_next(struct taxel_sensor *sensor)
     hal->conversion_start(hal->context, tx, rx);
 }
 
-static void begin(struct taxel_sensor *sensor)
+/* Begin a scan: apply new settings, write the snapshot's header with the start time, and start the first conversion.
+ * The CRC begins with the I2C address, so that a snapshot of another board is detected. */
+static void begin_scan(struct taxel_sensor *sensor)
 {
     struct taxel_scan *scan = &sensor->scan;
     const struct taxel_sensor_hal *hal = sensor->config->hal;
@@ -52,7 +56,9 @@ static void begin(struct taxel_sensor *sensor)
     convert_next(sensor);
 }
 
-static void complete(struct taxel_sensor *sensor)
+/* Complete the snapshot with its CRC and exchange it with the newest one. Interrupts are off meanwhile, because a
+ * reader may latch the newest snapshot. */
+static void complete_scan(struct taxel_sensor *sensor)
 {
     struct taxel_scan *scan = &sensor->scan;
     const struct taxel_sensor_hal *hal = sensor->config->hal;
@@ -67,6 +73,7 @@ static void complete(struct taxel_sensor *sensor)
     hal->interrupts_restore(hal->context, interrupts);
 }
 
+/* Start continuous scans. If the last conversion before a stop is still running, the first scan begins at its end. */
 void taxel_scan_start(struct taxel_sensor *sensor)
 {
     struct taxel_scan *scan = &sensor->scan;
@@ -78,7 +85,7 @@ void taxel_scan_start(struct taxel_sensor *sensor)
         scan->begin_after_conversion = true; /* the last conversion before the stop is still running */
         return;
     }
-    begin(sensor);
+    begin_scan(sensor);
 }
 
 void taxel_scan_stop(struct taxel_sensor *sensor)
@@ -86,6 +93,8 @@ void taxel_scan_stop(struct taxel_sensor *sensor)
     sensor->state = TAXEL_SENSOR_STOPPED;
 }
 
+/* End of a conversion (interrupt): store the raw count, then start the next conversion or complete the scan. A raw
+ * count of 0 counts as saturated. */
 void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count)
 {
     struct taxel_scan *scan = &sensor->scan;
@@ -96,7 +105,7 @@ void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count)
         return; /* stopped during a scan: the incomplete scan is discarded */
     }
     if (is_stale) {
-        begin(sensor);
+        begin_scan(sensor);
         return;
     }
     uint8_t *const bytes = scan->scanning + TAXEL_SNAPSHOT_HEADER_SIZE + 2u * scan->taxel;
@@ -111,10 +120,11 @@ void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count)
         convert_next(sensor);
         return;
     }
-    complete(sensor);
-    begin(sensor);
+    complete_scan(sensor);
+    begin_scan(sensor);
 }
 
+/* Give the newest complete snapshot to the reader. Without a new scan, the reader keeps the previous snapshot. */
 void taxel_scan_latch(struct taxel_sensor *sensor)
 {
     struct taxel_scan *scan = &sensor->scan;

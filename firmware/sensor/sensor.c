@@ -2,6 +2,7 @@
 
 #include "codec/crc32.h"
 
+/* Number of bits set in a crossing map of TAXEL_CROSSING_MAP_SIZE bytes: the number of taxels. */
 static uint16_t count_bits(const uint8_t *map)
 {
     uint16_t bits = 0;
@@ -34,6 +35,8 @@ static bool config_is_valid(const struct taxel_sensor_config *config)
            taxel_scan_settings_are_valid(&config->settings);
 }
 
+/* Write the identity register with its CRC-32. The register-map version is the lower one if the board has no compact
+ * snapshots. */
 static void fill_identity(struct taxel_sensor *sensor)
 {
     const struct taxel_sensor_config *config = sensor->config;
@@ -57,6 +60,8 @@ static void fill_identity(struct taxel_sensor *sensor)
     taxel_identity_pack(&identity, sensor->identity);
 }
 
+/* Initialise the board; it does not scan yet. Returns 0, or TAXEL_ERROR_INVALID if crossing map, sizes or settings are
+ * invalid. */
 int taxel_sensor_init(struct taxel_sensor *sensor, const struct taxel_sensor_config *config)
 {
     if (!config_is_valid(config)) {

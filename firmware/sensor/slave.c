@@ -11,6 +11,7 @@ static void count_u16(uint16_t *counter)
     }
 }
 
+/* Copy the current status into the shadow register, so that all bytes of one read belong to the same instant. */
 static void fill_status(struct taxel_sensor *sensor)
 {
     const struct taxel_sensor_hal *hal = sensor->config->hal;
@@ -52,6 +53,8 @@ static void read_from(struct taxel_slave *slave, const uint8_t *bytes, size_t si
     slave->source_position = skip;
 }
 
+/* Begin a read of the snapshot registers. The first register latches the newest snapshot; register n of them begins n
+ * SMBus blocks later in the same snapshot. Returns false (NACK) before the first complete scan. */
 static bool begin_snapshot_read(struct taxel_sensor *sensor)
 {
     struct taxel_slave *slave = &sensor->slave;
@@ -67,6 +70,8 @@ static bool begin_snapshot_read(struct taxel_sensor *sensor)
     return true;
 }
 
+/* Begin a read at the register pointer. Status and settings are copied first, so that a read is consistent; undefined
+ * registers read as 0xFF. Returns whether the address is acknowledged. */
 static bool begin_read(struct taxel_sensor *sensor)
 {
     struct taxel_slave *slave = &sensor->slave;
@@ -98,6 +103,8 @@ static void reject_write(struct taxel_sensor *sensor, uint8_t flag)
     sensor->error_flags |= flag;
 }
 
+/* Accept the scan settings written to register SETTINGS if length, range and CRC are right. They take effect at the
+ * start of the next scan. */
 static void write_settings(struct taxel_sensor *sensor)
 {
     const uint8_t *bytes = sensor->slave.write_bytes;
@@ -121,6 +128,7 @@ static void clear_counters(struct taxel_sensor *sensor)
     sensor->scan.saturated_conversions = 0;
 }
 
+/* Execute the command written to register COMMAND: code and its complement, so that a damaged byte has no effect. */
 static void write_command(struct taxel_sensor *sensor)
 {
     const struct taxel_sensor_hal *hal = sensor->config->hal;
@@ -148,6 +156,7 @@ static void write_command(struct taxel_sensor *sensor)
     }
 }
 
+/* I2C interrupt: the board was addressed, for reading or for writing. Returns whether to acknowledge. */
 bool taxel_sensor_on_address(struct taxel_sensor *sensor, bool reading)
 {
     struct taxel_slave *slave = &sensor->slave;
@@ -162,6 +171,8 @@ bool taxel_sensor_on_address(struct taxel_sensor *sensor, bool reading)
     return true;
 }
 
+/* I2C interrupt: a byte was written. The first one is the register pointer; the others are kept until the stop
+ * condition. Returns whether to acknowledge. */
 bool taxel_sensor_on_write(struct taxel_sensor *sensor, uint8_t byte)
 {
     struct taxel_slave *slave = &sensor->slave;
@@ -194,6 +205,8 @@ uint8_t taxel_sensor_on_read(struct taxel_sensor *sensor)
     return slave->source[slave->source_position++];
 }
 
+/* I2C interrupt: stop condition. Bytes written to SETTINGS, COMMAND or COMPACT take effect now; writes to other
+ * registers are rejected and counted. */
 void taxel_sensor_on_stop(struct taxel_sensor *sensor)
 {
     struct taxel_slave *slave = &sensor->slave;

@@ -22,6 +22,8 @@ static struct taxel_boot_i2c wire;
 
 static struct taxel_boot boot;
 
+/* Processor interface of the bootloader: write a flash row. The I2C slave is off during the write, so that the bus is
+ * not held. */
 static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
 {
     (void)context;
@@ -171,6 +173,7 @@ static void wire_run(void)
 
 #endif
 
+/* Bootloader of a board (I2C) or of the hub (UART): runs until it starts the application. */
 int main(void)
 {
     watchdog_start();

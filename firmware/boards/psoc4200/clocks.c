@@ -12,6 +12,7 @@ static void settle(void)
     }
 }
 
+/* Set the main oscillator to 48 MHz, with flash wait states and the factory trims. */
 void clocks_init(void)
 {
     CLK->imo_config = CLK->imo_config | CLK_ENABLE;

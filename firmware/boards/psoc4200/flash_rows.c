@@ -25,6 +25,8 @@ __attribute__((noinline)) static void call(struct parameters *parameters, uint32
     __asm__ volatile("nop\n\tnop\n\tnop" ::: "memory"); /* the ROM runs here, in an NMI, and reads the parameters */
 }
 
+/* Erase and write one flash row of TAXEL_BOOT_ROW_SIZE bytes by calls of the ROM, with interrupts off. The processor
+ * stops until the write has ended. */
 void flash_rows_write(uint16_t row, const uint8_t *bytes)
 {
     struct parameters parameters;

@@ -43,6 +43,8 @@ static void hold_low(uint8_t pin)
     pin_connect(pin, PIN_MODE_STRONG, PIN_GPIO);
 }
 
+/* Initialise the capacitive sensing block (CSD): lines held low, clocks and trims. `idac_codes`: calibrated current
+ * code of each RX line, or NULL; a code 0 selects the current code of the scan settings. */
 void front_end_init(uint8_t tx_lines, uint8_t rx_lines, const uint8_t *idac_codes)
 {
     front_end.idac_codes = idac_codes;
@@ -63,6 +65,7 @@ void front_end_init(uint8_t tx_lines, uint8_t rx_lines, const uint8_t *idac_code
     interrupt_enable(IRQ_CSD);
 }
 
+/* Apply scan settings: clock dividers in CPU clocks, and the length of a conversion in sample clocks. */
 void front_end_configure(const struct taxel_scan_settings *settings)
 {
     const uint32_t sense = settings->sense_clock_divider / SENSE_HALVES;
@@ -73,6 +76,7 @@ void front_end_configure(const struct taxel_scan_settings *settings)
     front_end.idac_code = settings->idac_code;
 }
 
+/* Connect a TX line to the sense clock; the previous line is held low again. */
 static void connect_tx(uint8_t line)
 {
     if (line == front_end.tx || line >= BOARD_TX_LINES) {
@@ -85,6 +89,7 @@ static void connect_tx(uint8_t line)
     front_end.tx = line;
 }
 
+/* Connect an RX line to the analog bus of the CSD block; the previous line is held low again. */
 static void connect_rx(uint8_t line)
 {
     if (line == front_end.rx || line >= BOARD_RX_LINES) {
@@ -118,6 +123,8 @@ static void settle(void)
     __asm__ volatile("1: sub %0, #1\n\tbne 1b" : "+l"(loops)::"cc");
 }
 
+/* Start the conversion of the crossing of a TX and an RX line, after the settling time. The CSD interrupt follows at
+ * its end. */
 void front_end_start(uint8_t tx, uint8_t rx)
 {
     const uint8_t calibrated = front_end.idac_codes && rx < BOARD_RX_LINES ? front_end.idac_codes[rx] : 0;

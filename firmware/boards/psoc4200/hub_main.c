@@ -172,6 +172,8 @@ static void sleep_until_event(void)
     interrupts_unmask(interrupts);
 }
 
+/* Application of the hub: run its main loop after each interrupt and at the requested times, sleep otherwise. A new
+ * image confirms itself once it has worked. */
 int main(void)
 {
     clocks_init();

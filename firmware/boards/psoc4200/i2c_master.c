@@ -35,6 +35,7 @@ static void reset(void)
     master.state = IDLE;
 }
 
+/* Set up serial block SCB0 as the I2C master. */
 void i2c_master_init(void)
 {
     bus_clock_init();
@@ -102,6 +103,8 @@ static void send_address(bool reading)
     SCB0->tx_fifo_wr = ((uint32_t)master.transfer.address << 1) | reading;
 }
 
+/* Start a transfer. If a line is low, the transfer ends at once with TAXEL_I2C_BUSY. After manual control of the lines,
+ * the pins are first given back to the serial block. */
 void i2c_master_start(const struct taxel_i2c_transfer *transfer)
 {
     if (master.is_manual) {
@@ -144,6 +147,8 @@ static bool is_sending(void)
     return master.state >= ADDRESS_TO_WRITE && master.state <= WRITING;
 }
 
+/* The slave acknowledged the address or a byte: send the next byte, a repeated start for reading, or the stop
+ * condition. */
 static void take_acknowledge(void)
 {
     struct taxel_i2c_transfer *const transfer = &master.transfer;
@@ -162,7 +167,8 @@ static void take_acknowledge(void)
     }
 }
 
-static void take(size_t count)
+/* Move `count` received bytes from the RX FIFO to the transfer's buffer. */
+static void take_bytes(size_t count)
 {
     uint8_t *bytes = master.transfer.read_bytes;
     master.transfer.read_size -= count;
@@ -172,22 +178,26 @@ static void take(size_t count)
     }
 }
 
+/* Take received bytes while the serial block acknowledges by itself. The last SCB_FIFO_SIZE bytes fill the FIFO, which
+ * stops the automatic acknowledge before the final NACK. */
 static void take_collected(void)
 {
     const size_t count = SCB0->rx_fifo_status & SCB_FIFO_STATUS_USED;
     const size_t spare = master.transfer.read_size - SCB_FIFO_SIZE;
     if (spare) {
-        take(count < spare ? count : spare);
+        take_bytes(count < spare ? count : spare);
         if (master.transfer.read_size == SCB_FIFO_SIZE) {
             collect_if_long();
         }
     } else if (count == SCB_FIFO_SIZE) {
         SCB0->i2c_ctrl = CONTROL; /* first, because free space in the FIFO would cause an acknowledge */
         stop(SCB_I2C_M_CMD_NACK, TAXEL_I2C_OK);
-        take(SCB_FIFO_SIZE);
+        take_bytes(SCB_FIFO_SIZE);
     }
 }
 
+/* Take one received byte and acknowledge it, or end the transfer after the last byte with a NACK. The first byte of a
+ * length-prefixed transfer sets the number of bytes that follow. */
 static void take_byte(void)
 {
     struct taxel_i2c_transfer *const transfer = &master.transfer;
@@ -227,6 +237,7 @@ static void take_bytes_if_any(void)
 /* SCL is held low after each acknowledge and after each byte that the SCB does not acknowledge itself, until a
  * command or a byte to send is written: events occur one at a time. */
 void scb0_handler(void);
+/* Interrupt of the I2C master: events of the bus, and received bytes. */
 void scb0_handler(void)
 {
     const uint32_t events = SCB0->intr_m_masked;

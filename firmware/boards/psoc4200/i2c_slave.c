@@ -24,6 +24,7 @@ __attribute__((noinline)) static void forget_unsent(void)
     SCB0->tx_fifo_ctrl = SCB_FIFO_CTRL_LEVEL(REFILL_BELOW);
 }
 
+/* Switch the I2C slave on with empty FIFOs and no pending events. */
 void i2c_slave_on(void)
 {
     is_selected = false;
@@ -54,6 +55,7 @@ void i2c_slave_end(void)
     bus_pins_disconnect();
 }
 
+/* Set up serial block SCB0 as an I2C slave with this 7-bit address. */
 void i2c_slave_init(uint8_t address)
 {
     bus_clock_init();
@@ -86,6 +88,7 @@ static void take_byte(void)
     SCB0->intr_rx = SCB_INTR_RX_NOT_EMPTY;
 }
 
+/* Handle a stop condition. Bytes that the master did not read are removed from the FIFO. */
 static void take_stop(void)
 {
     SCB0->intr_s = SCB_INTR_I2C_STOP;
@@ -96,6 +99,8 @@ static void take_stop(void)
     }
 }
 
+/* Handle an address match: acknowledge or not, as the register machine decides. For a read, the FIFO is filled before
+ * the acknowledge. */
 static void take_address(void)
 {
     const bool reading = (SCB0->i2c_status & SCB_I2C_STATUS_S_READ) != 0;
@@ -113,6 +118,8 @@ static void take_address(void)
 /* Handles the pending events in the only order in which they can occur: SCL is held low after an address and after a
  * byte, so no further event occurs before the acknowledge. */
 void scb0_handler(void);
+/* Interrupt of the I2C slave. The order of the events matters: a byte and a stop condition of the last transfer precede
+ * a new address. */
 void scb0_handler(void)
 {
     const uint32_t events = SCB0->intr_s_masked;

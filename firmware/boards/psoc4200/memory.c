@@ -4,6 +4,7 @@
 #include <stdint.h>
 #include <string.h>
 
+/* Copy bytes between ranges that do not overlap. The images are linked without a C library. */
 void *memcpy(void *restrict to, const void *restrict from, size_t size)
 {
     uint8_t *out = to;
@@ -14,6 +15,7 @@ void *memcpy(void *restrict to, const void *restrict from, size_t size)
     return to;
 }
 
+/* Copy bytes between ranges that may overlap. */
 void *memmove(void *to, const void *from, size_t size)
 {
     uint8_t *out = to;
@@ -36,6 +38,7 @@ void *memset(void *to, int value, size_t size)
     return to;
 }
 
+/* Difference of the first pair of unequal bytes, 0 if all are equal. */
 int memcmp(const void *a, const void *b, size_t size)
 {
     const uint8_t *first = a;
@@ -47,6 +50,7 @@ int memcmp(const void *a, const void *b, size_t size)
     return difference;
 }
 
+/* First byte with this value, or NULL. */
 void *memchr(const void *bytes, int value, size_t size)
 {
     const uint8_t *in = bytes;

@@ -29,6 +29,8 @@ bool reset_was_commanded(void)
     return (handover.cause & RES_CAUSE_SOFT) != 0;
 }
 
+/* Cause of the last reset (enum taxel_reset_cause). Of several cause bits, watchdog, lockup and protection fault have
+ * precedence over a software reset, and a software reset over a brown-out. */
 uint8_t reset_cause(void)
 {
     const uint32_t bits = handover.cause;

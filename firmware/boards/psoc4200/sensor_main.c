@@ -110,6 +110,7 @@ void front_end_on_conversion(uint16_t raw_count)
     taxel_sensor_on_conversion(&sensor, raw_count);
 }
 
+/* Lines and crossing map of the kind of board with this code; `unknown_kind` if the image contains no such kind. */
 static const struct kind *kind_of(uint8_t code)
 {
     for (uint8_t i = 0; i < kind_count; i++) {
@@ -120,6 +121,8 @@ static const struct kind *kind_of(uint8_t code)
     return &unknown_kind;
 }
 
+/* Fill the configuration of the sensor firmware from the stored configuration (NULL: none, default I2C address) and the
+ * kind of board. */
 static void configure(const uint8_t *configuration, const struct kind *kind)
 {
     const struct taxel_scan_settings settings = BOARD_SCAN_SETTINGS;
@@ -181,6 +184,8 @@ static __attribute__((noinline)) void code_compact(void)
     taxel_sensor_run(&sensor);
 }
 
+/* Application of a sensor board: starts scanning and the I2C slave; the main loop codes compact snapshots. A new image
+ * confirms itself once it has worked. */
 int main(void)
 {
     clocks_init();

@@ -76,6 +76,8 @@ VECTORS(".vectors.4") interrupt_10[] = {{scb0_handler}};
 
 #endif
 
+/* First function after a reset: clear and initialise RAM and call main(). An application also moves its vector table to
+ * RAM and disables the interrupts that the bootloader left active. */
 void reset_handler(void)
 {
     memset(bss_begin, 0, (size_t)((uintptr_t)bss_end - (uintptr_t)bss_begin));

@@ -81,6 +81,8 @@ bool ticks_interrupts_before(uint64_t us)
     return us >> US_SHIFT > ticks_us() >> US_SHIFT;
 }
 
+/* Set SysTick to its longest period for a time without interrupts. Returns the microseconds since the last counted
+ * wrap, to be passed to ticks_shrink(). */
 uint32_t ticks_stretch(void)
 {
     uint32_t whole;
@@ -92,6 +94,8 @@ uint32_t ticks_stretch(void)
     return part;
 }
 
+/* Return SysTick to its normal period and add the elapsed microseconds to the clock. `begin`: result of
+ * ticks_stretch(). */
 void ticks_shrink(uint32_t begin)
 {
     const uint32_t us = begin + third_of((CYCLES_MAX - SYSTICK->value) >> 4);

@@ -22,6 +22,7 @@
 _Static_assert(BOARD_PIN_UART_RX >> 4 == BOARD_PIN_UART_RTS >> 4, "RTS is on the port of RX and TX");
 _Static_assert(DIVIDER * OVERSAMPLE * UART_BAUD == CPU_HZ, "the baud rate divides 3 or 2 MHz");
 
+/* Set up serial block SCB1 as the UART to the host, 8 data bits and 1 stop bit, with RTS as a manually driven pin. */
 void uart_init(void)
 {
     PERI_CLK->divider_b[0] = (DIVIDER - 1u) | PERI_CLK_DIVIDER_ENABLE;
@@ -64,7 +65,8 @@ void uart_hold(bool hold)
     UART_PORT->data = (uint32_t)hold << NUMBER(RTS);
 }
 
-static void receive(void)
+/* Pass all bytes of the RX FIFO to uart_on_byte(). An overflow of the FIFO is reported first. */
+static void receive_bytes(void)
 {
     if (SCB1->intr_rx & SCB_INTR_RX_OVERFLOW) {
         SCB1->intr_rx = SCB_INTR_RX_OVERFLOW;
@@ -76,7 +78,8 @@ static void receive(void)
     SCB1->intr_rx = SCB_INTR_RX_NOT_EMPTY;
 }
 
-static void send(void)
+/* Fill the TX FIFO with queued bytes, and disable its interrupt when none are left. */
+static void refill_fifo(void)
 {
     uint8_t bytes[SCB_FIFO_SIZE];
     const size_t space = SCB_FIFO_SIZE - (SCB1->tx_fifo_status & SCB_FIFO_STATUS_USED);
@@ -91,12 +94,13 @@ static void send(void)
 }
 
 void scb1_handler(void);
+/* Interrupt of the UART: received bytes, and space in the TX FIFO. */
 void scb1_handler(void)
 {
     if (SCB1->intr_rx_masked) {
-        receive();
+        receive_bytes();
     }
     if (SCB1->intr_tx_masked) {
-        send();
+        refill_fifo();
     }
 }

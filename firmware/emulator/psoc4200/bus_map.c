@@ -38,6 +38,7 @@ static const struct block {
     {0x0FFFF000u, 0x1000u, psoc_sflash_read, NULL},
 };
 
+/* Peripheral block at an address of the PSoC 4200, or NULL. */
 static const struct block *block_at(uint32_t address)
 {
     for (unsigned i = 0; i < sizeof blocks / sizeof blocks[0]; i++) {
@@ -48,6 +49,8 @@ static const struct block *block_at(uint32_t address)
     return NULL;
 }
 
+/* Processor reads from a peripheral register. A register that the emulator does not model is reported and stops the
+ * processor; an address without a block is a bus fault. */
 enum cortex_m0_bus_status psoc_on_read(void *context, struct cortex_m0_access *access)
 {
     struct psoc *psoc = context;
@@ -61,6 +64,8 @@ enum cortex_m0_bus_status psoc_on_read(void *context, struct cortex_m0_access *a
     return CORTEX_M0_OK;
 }
 
+/* Processor writes to a peripheral register. A register that the emulator does not model is reported and stops the
+ * processor; an address without a writable block is a bus fault. */
 enum cortex_m0_bus_status psoc_on_write(void *context, struct cortex_m0_access *access)
 {
     struct psoc *psoc = context;

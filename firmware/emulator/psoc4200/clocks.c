@@ -6,6 +6,8 @@
 #define CASCADE (1u << 30)
 #define SELECTS 0x200u
 
+/* Register of the peripheral clock dividers at an offset, or NULL: dividers A (0x000), B (0x040) and C (0x080), and the
+ * divider selected by each peripheral. */
 static uint32_t *register_at(struct psoc_clocks *clocks, uint32_t offset)
 {
     const uint32_t index = offset >> 2 & 15u;
@@ -26,6 +28,7 @@ static uint32_t *register_at(struct psoc_clocks *clocks, uint32_t offset)
     }
 }
 
+/* Read a register of the peripheral clock dividers. Returns false if the access is not modelled. */
 bool psoc_clocks_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     const uint32_t *target = register_at(&psoc->clocks, offset);
@@ -36,6 +39,7 @@ bool psoc_clocks_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_acces
     return true;
 }
 
+/* Write a register of the peripheral clock dividers. Returns false if the access is not modelled. */
 bool psoc_clocks_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     uint32_t *target = register_at(&psoc->clocks, offset);
@@ -51,6 +55,8 @@ static uint32_t divider_cycles(uint32_t divider)
     return divider & ENABLE ? (divider & 0xFFFFu) + 1u : 0u;
 }
 
+/* Clock cycles of the processor per cycle of a peripheral's clock; 0 if the clock is off. A cascaded divider B
+ * multiplies divider A. */
 uint32_t psoc_clock_divider(const struct psoc *psoc, unsigned peripheral)
 {
     const struct psoc_clocks *clocks = &psoc->clocks;

@@ -8,6 +8,7 @@
 #define START (1u << 31)
 #define OPCODE 0xFFFFu
 
+/* Read a register of the CPU subsystem. Returns false if it is not modelled. */
 bool psoc_cpuss_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     const struct psoc_cpuss *cpuss = &psoc->cpuss;
@@ -26,6 +27,8 @@ bool psoc_cpuss_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access
     }
 }
 
+/* Write a register of the CPU subsystem: vector table in RAM (CONFIG), or a call of the ROM, which writes flash rows
+ * (SYSREQ). Returns false if the access is not modelled. */
 bool psoc_cpuss_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     struct psoc_cpuss *cpuss = &psoc->cpuss;

@@ -24,6 +24,8 @@ static void update_interrupt(struct psoc *psoc)
     psoc_set_line(psoc, PSOC_IRQ_CSD, psoc->csd.intr & 1u);
 }
 
+/* Start a conversion of `period` sample clocks at a processor cycle. Returns false if the block is off or its clocks
+ * are not set up. */
 static bool start_conversion(struct psoc *psoc, uint32_t period, uint64_t cycle)
 {
     struct psoc_csd *csd = &psoc->csd;
@@ -41,6 +43,8 @@ static bool start_conversion(struct psoc *psoc, uint32_t period, uint64_t cycle)
     return true;
 }
 
+/* End the conversion: compute the count from the connected TX and RX lines, the clocks and the current code, and raise
+ * the interrupt. */
 void psoc_csd_end(struct psoc *psoc)
 {
     struct psoc_csd *csd = &psoc->csd;
@@ -71,6 +75,7 @@ static uint32_t counter_at(const struct psoc_csd *csd, uint64_t cycle)
     return (csd->period - (uint32_t)((cycle - csd->begin) / csd->sample)) << 16;
 }
 
+/* Read a register of the capacitive sensing block (CSD). Returns false if it is not modelled. */
 bool psoc_csd_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     const struct psoc_csd *csd = &psoc->csd;
@@ -98,6 +103,8 @@ bool psoc_csd_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *
     }
 }
 
+/* Write a register of the capacitive sensing block (CSD); a write to COUNTER starts a conversion. Returns false if the
+ * access is not modelled. */
 bool psoc_csd_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     struct psoc_csd *csd = &psoc->csd;

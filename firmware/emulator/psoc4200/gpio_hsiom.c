@@ -41,6 +41,7 @@ static bool is_high(const struct psoc *psoc, unsigned port, unsigned number)
            psoc->gpio.port[port].data >> number & 1u;
 }
 
+/* Pass a change of the manually driven lines SCL, SDA and RTS to the bus and the UART. */
 static void update_wires(struct psoc *psoc, uint64_t cycle)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
@@ -60,6 +61,7 @@ static void update_wires(struct psoc *psoc, uint64_t cycle)
     gpio->rts_high = rts_high;
 }
 
+/* Levels of a port's pins (register PS): the driven levels, but for SCL and SDA the levels of the bus. */
 static uint32_t state_of(const struct psoc *psoc, unsigned port, uint64_t cycle)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
@@ -73,6 +75,7 @@ static uint32_t state_of(const struct psoc *psoc, unsigned port, uint64_t cycle)
     return state;
 }
 
+/* Read a register of a GPIO port. Returns false if it is not modelled. */
 bool psoc_gpio_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     const unsigned port = offset / PORT_SIZE;
@@ -97,6 +100,7 @@ bool psoc_gpio_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access 
     }
 }
 
+/* Write a register of a GPIO port. Returns false if it is not modelled. */
 bool psoc_gpio_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     const unsigned port = offset / PORT_SIZE;
@@ -129,6 +133,8 @@ bool psoc_hsiom_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access
     return true;
 }
 
+/* Write the pin multiplexer (HSIOM): four bits per pin select its function. Returns false if the access is not
+ * modelled. */
 bool psoc_hsiom_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     if (offset / 4u >= PSOC_PORTS || access->size != 4u) {

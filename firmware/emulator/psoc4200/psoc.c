@@ -18,6 +18,7 @@ vtime psoc_time(const struct psoc *psoc, uint64_t cycle)
     return psoc->origin + (vtime)((double)(cycle - psoc->origin_cycle) * psoc->ps_per_cycle);
 }
 
+/* First processor cycle that does not precede a virtual time. */
 uint64_t psoc_cycle(const struct psoc *psoc, vtime time)
 {
     if (time <= psoc->origin) {
@@ -81,6 +82,7 @@ void psoc_report_unmodelled(struct psoc *psoc, const char *action, uint32_t addr
     cortex_m0_stop(&psoc->cpu);
 }
 
+/* Create a PSoC 4200 without power. Returns 0, or -1 without memory. */
 int psoc_init(struct psoc *psoc, const struct psoc_config *config)
 {
     memset(psoc, 0, sizeof *psoc);
@@ -131,6 +133,8 @@ static void reset(struct psoc *psoc, vtime now, uint32_t causes)
     psoc->stalled_until = 0;
 }
 
+/* Power on the processor at virtual time `now`: random RAM content, as on silicon, then a reset with these cause bits.
+ */
 void psoc_power_on(struct psoc *psoc, vtime now, uint32_t causes)
 {
     for (unsigned i = 0; i < PSOC_RAM_SIZE; i += 8u) {
@@ -150,6 +154,8 @@ void psoc_power_off(struct psoc *psoc)
     psoc->powered = false;
 }
 
+/* Reset during operation (watchdog, software or lockup): release SCL, SDA and RTS and restart the processor. RAM keeps
+ * its content. */
 static void reset_by(struct psoc *psoc, uint32_t cause)
 {
     struct psoc_scb *const scb = &psoc->scb[0];
@@ -172,6 +178,7 @@ static uint64_t next_of_blocks(const struct psoc *psoc)
     return psoc->csd.end < psoc->srss.reset_cycle ? psoc->csd.end : psoc->srss.reset_cycle;
 }
 
+/* Execute the events of the peripheral blocks that are due: end of a conversion, and reset by the watchdog. */
 static void run_blocks(struct psoc *psoc)
 {
     if (psoc->csd.end <= psoc->cpu.cycle) {
@@ -200,6 +207,7 @@ static enum cortex_m0_reason run_stalled(struct psoc *psoc, uint64_t until)
     return cortex_m0_run(cpu, tick < until ? tick : until);
 }
 
+/* Execute instructions up to a processor cycle. A processor that writes flash is stalled until the write has ended. */
 static void run_processor(struct psoc *psoc, uint64_t until)
 {
     const bool stalled = psoc->stalled_until && psoc_now(psoc) < psoc->stalled_until;
@@ -215,6 +223,7 @@ static void run_processor(struct psoc *psoc, uint64_t until)
     }
 }
 
+/* Run the processor until a virtual time or until `is_done` becomes true; returns `is_done`. */
 static bool run(struct psoc *psoc, vtime until, const bool *is_done)
 {
     psoc->input_changed = false;
@@ -247,6 +256,8 @@ void psoc_stall(struct psoc *psoc, vtime until)
     psoc->stalled_until = until;
 }
 
+/* Virtual time until which the processor does nothing: now while it executes, else its next timer, conversion end or
+ * watchdog reset; VTIME_NEVER if none is scheduled. */
 vtime psoc_next_event(const struct psoc *psoc)
 {
     if (!psoc->powered || psoc->has_stopped) {

@@ -11,6 +11,7 @@ void psoc_fifo_push(struct psoc_fifo *fifo, uint8_t byte)
     }
 }
 
+/* Remove the oldest byte of a FIFO; 0 if it is empty. */
 uint8_t psoc_fifo_pop(struct psoc_fifo *fifo)
 {
     if (!fifo->count) {
@@ -45,6 +46,7 @@ void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb)
     }
 }
 
+/* Plain control register of a serial block (SCB) at an offset, or NULL. */
 static uint32_t *register_at(struct psoc_scb *scb, uint32_t offset)
 {
     switch (offset) {
@@ -79,6 +81,7 @@ struct interrupt_group {
     uint32_t *raised, *mask;
 };
 
+/* Interrupt group (master, slave, TX or RX) to which a register offset belongs. Returns false if it belongs to none. */
 static bool interrupt_group_at(struct psoc_scb *scb, uint32_t offset, struct interrupt_group *group)
 {
     switch (offset & ~15u) {
@@ -104,6 +107,8 @@ static uint32_t i2c_status(const struct psoc_scb *scb)
     return (scb->state != PSOC_SCB_IDLE ? SCB_STATUS_BUS_BUSY : 0u) | (scb->reading ? SCB_STATUS_S_READ : 0u);
 }
 
+/* Read a register of a serial block (SCB). A read of the RX FIFO removes a byte and may let the master continue.
+ * Returns false if the access is not modelled. */
 bool psoc_scb_read(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, struct cortex_m0_access *access)
 {
     struct interrupt_group group;
@@ -133,6 +138,8 @@ bool psoc_scb_read(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, str
     return true;
 }
 
+/* Write the register CTRL: mode and enable. Disabling the block releases the bus and empties its FIFOs. Returns false
+ * for settings that are not modelled. */
 static bool set_ctrl(struct psoc *psoc, struct psoc_scb *scb, uint32_t value, uint64_t cycle)
 {
     const bool was_on = scb->ctrl & SCB_ENABLED;
@@ -150,6 +157,8 @@ static bool set_ctrl(struct psoc *psoc, struct psoc_scb *scb, uint32_t value, ui
     return true;
 }
 
+/* Write one register of an interrupt group: 0 clears events, 1 sets them, 2 is the mask. Returns false for the
+ * read-only register. */
 static bool write_interrupt_group(struct interrupt_group group, uint32_t register_index, uint32_t value)
 {
     switch (register_index) {
@@ -167,6 +176,7 @@ static bool write_interrupt_group(struct interrupt_group group, uint32_t registe
     }
 }
 
+/* Write a byte into the TX FIFO; the slave, master or UART that waits for it continues. */
 static void write_tx_fifo(struct psoc *psoc, struct psoc_scb *scb, uint8_t byte, uint64_t cycle)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
@@ -183,6 +193,8 @@ static void write_tx_fifo(struct psoc *psoc, struct psoc_scb *scb, uint8_t byte,
     }
 }
 
+/* Write a control register; the CLEAR bit of a FIFO's control register empties it. Returns false for settings that are
+ * not modelled. */
 static bool set_settings(struct psoc_scb *scb, uint32_t *value_register, uint32_t offset, uint32_t value)
 {
     if (offset == SCB_I2C_CTRL && value & ~SCB_I2C_CTRL_MODELLED) {
@@ -198,6 +210,7 @@ static bool set_settings(struct psoc_scb *scb, uint32_t *value_register, uint32_
     return true;
 }
 
+/* Write a register of a serial block (SCB). Returns false if the access is not modelled. */
 bool psoc_scb_write(struct psoc *psoc, struct psoc_scb *scb, uint32_t offset, struct cortex_m0_access *access)
 {
     struct interrupt_group group;

@@ -90,6 +90,7 @@ static bool has_byte_waiting(const struct psoc_scb *scb)
     return scb->state == PSOC_SCB_MASTER_HOLDING && scb->reading && scb->acknowledged;
 }
 
+/* The RX FIFO has free space again: a master that acknowledges automatically reads the next byte. */
 void psoc_master_rx_drained(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle)
 {
     if (is_master(scb) && has_byte_waiting(scb) && acknowledges_automatically(scb)) {
@@ -100,6 +101,7 @@ void psoc_master_rx_drained(struct psoc *psoc, struct psoc_scb *scb, uint64_t cy
     }
 }
 
+/* The address or a data byte was acknowledged: read the first byte, or continue with the next byte of the TX FIFO. */
 static void handle_acknowledge(struct psoc *psoc, struct psoc_scb *scb, vtime now)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
@@ -113,6 +115,8 @@ static void handle_acknowledge(struct psoc *psoc, struct psoc_scb *scb, vtime no
     send_next_byte(psoc, scb, now);
 }
 
+/* Event of the bus for the I2C master, at virtual time `now`; `byte`: received byte of PSOC_I2C_BYTE. Raises the
+ * interrupt and holds SCL until the firmware gives the next command. */
 void psoc_i2c_on_event(struct psoc *psoc, vtime now, enum psoc_i2c_event event, uint8_t byte)
 {
     const struct psoc_wires *wires = &psoc->config.wires;

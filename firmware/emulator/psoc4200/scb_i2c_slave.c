@@ -29,6 +29,8 @@ static vtime wait_for_command(struct psoc *psoc, struct psoc_scb *scb, vtime now
     return in_time ? vtime_max(now, psoc_time(psoc, scb->reply_cycle)) : now + CLOCK_STRETCH_MAX;
 }
 
+/* Move the next byte of the TX FIFO to the shift register of the slave. If the FIFO is empty, the slave holds SCL at
+ * the next read. */
 static void load_shift_register(struct psoc *psoc, struct psoc_scb *scb, vtime time)
 {
     scb->shift_begin = time;
@@ -40,6 +42,8 @@ static void load_shift_register(struct psoc *psoc, struct psoc_scb *scb, vtime t
     }
 }
 
+/* The slave was addressed: raise the interrupt and run the firmware until it acknowledges or not. Returns the virtual
+ * time at which SCL is released. */
 vtime psoc_i2c_on_address(struct psoc *psoc, vtime now, bool reading, bool *acknowledge)
 {
     struct psoc_scb *scb = &psoc->scb[0];
@@ -54,6 +58,8 @@ vtime psoc_i2c_on_address(struct psoc *psoc, vtime now, bool reading, bool *ackn
     return released;
 }
 
+/* The master has written a byte: run the firmware until it acknowledges or not. Returns the virtual time at which SCL
+ * is released. */
 vtime psoc_i2c_on_write(struct psoc *psoc, vtime now, uint8_t byte, bool *acknowledge)
 {
     struct psoc_scb *scb = &psoc->scb[0];
@@ -92,6 +98,7 @@ vtime psoc_i2c_on_read(struct psoc *psoc, vtime now, uint8_t *byte)
     return released;
 }
 
+/* Stop condition: ends the transfer of an addressed slave and raises its interrupt. */
 void psoc_i2c_on_stop(struct psoc *psoc)
 {
     struct psoc_scb *scb = &psoc->scb[0];
@@ -102,6 +109,7 @@ void psoc_i2c_on_stop(struct psoc *psoc)
     }
 }
 
+/* Bus error: ends the transfer and raises the interrupt of the slave. */
 void psoc_i2c_on_bus_error(struct psoc *psoc)
 {
     struct psoc_scb *scb = &psoc->scb[0];
@@ -119,6 +127,7 @@ static void reply(struct psoc *psoc, struct psoc_scb *scb, bool acknowledge, uin
     psoc_end_wait(psoc);
 }
 
+/* Write to the register I2C_S_CMD: the firmware acknowledges the address or the byte just received, or not. */
 void psoc_slave_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t command, uint64_t cycle)
 {
     const bool acknowledge = command & SCB_S_ACK;
@@ -131,6 +140,7 @@ void psoc_slave_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t comman
     }
 }
 
+/* A byte was written into the TX FIFO: a slave that holds SCL for it continues to send. */
 void psoc_slave_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle)
 {
     if (scb->state == PSOC_SCB_SLAVE_SENDING && !scb->shift_full && scb->tx.count) {

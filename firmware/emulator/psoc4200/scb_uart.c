@@ -9,6 +9,7 @@ static bool is_on(const struct psoc *psoc, const struct psoc_scb *scb)
     return psoc->powered && (scb->ctrl & (SCB_ENABLED | SCB_MODE)) == (SCB_ENABLED | SCB_MODE_UART);
 }
 
+/* Byte from the host: into the RX FIFO, or an overflow event if the FIFO is full. */
 void psoc_uart_receive(struct psoc *psoc, uint8_t byte)
 {
     struct psoc_scb *scb = &psoc->scb[1];

@@ -10,6 +10,8 @@
 #define IMO_TRIM 0x1D0u
 #define IMO_TRIMS 46u
 
+/* Byte of the supervisory flash at an offset: unique id and oscillator and CSD trims. Returns false if the content is
+ * not modelled. */
 static bool byte_at(const struct psoc *psoc, uint32_t offset, uint8_t *value)
 {
     if (offset - DIE < 8u) {
@@ -26,6 +28,8 @@ static bool byte_at(const struct psoc *psoc, uint32_t offset, uint8_t *value)
     return true;
 }
 
+/* Read the supervisory flash, which contains the values of the factory calibration. Returns false if the content is not
+ * modelled. */
 bool psoc_sflash_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     uint8_t value;

@@ -28,6 +28,8 @@ static uint32_t read_word(const uint8_t *bytes)
     return value;
 }
 
+/* ROM call "load latch": copy bytes from RAM (`address`) into the page latch, from the byte offset in the first
+ * parameter word on. Returns the status word. */
 static uint32_t load_latch(struct psoc *psoc, uint32_t first, uint32_t address)
 {
     const uint8_t *parameters = ram_at(psoc, address, PARAMETER_SIZE);
@@ -40,6 +42,8 @@ static uint32_t load_latch(struct psoc *psoc, uint32_t first, uint32_t address)
     return SUCCEEDED;
 }
 
+/* ROM calls "write row" (with erase) and "program row" (bits can only be set): write the page latch to a flash row.
+ * `stall`: cycles for which the processor stops. Returns the status word. */
 static uint32_t write_row(struct psoc *psoc, uint32_t row, bool erases, uint64_t cycle, uint32_t *stall)
 {
     struct flash *flash = psoc->config.flash;
@@ -58,6 +62,8 @@ static uint32_t write_row(struct psoc *psoc, uint32_t row, bool erases, uint64_t
     return SUCCEEDED;
 }
 
+/* Execute a call of the ROM with the parameters at the address in SYSARG, which receives the status word. Returns the
+ * cycles for which the processor stops. */
 uint32_t psoc_srom_call(struct psoc *psoc, uint32_t opcode, uint64_t cycle)
 {
     const uint32_t address = psoc->cpuss.sysarg;

@@ -28,6 +28,7 @@
 #define CONTROL_ENABLED (1u << 1)
 #define CONTROL_RESET (1u << 3)
 
+/* Register of the system resources (clocks, watchdog, reset cause, trims) at an offset, or NULL. */
 static uint32_t *register_at(struct psoc_srss *srss, uint32_t offset)
 {
     switch (offset) {
@@ -58,6 +59,7 @@ static uint32_t *register_at(struct psoc_srss *srss, uint32_t offset)
     }
 }
 
+/* Reset the system resources; the oscillator then runs at 24 MHz. `causes`: bits of the register RES_CAUSE. */
 void psoc_srss_reset(struct psoc *psoc, uint32_t causes)
 {
     psoc->srss = (struct psoc_srss){
@@ -84,6 +86,8 @@ static void schedule_watchdog(struct psoc *psoc, uint64_t cycle)
     }
 }
 
+/* Set the main oscillator to 24 or 48 MHz from its frequency code. Returns false for other codes, and for 48 MHz
+ * without flash wait states. */
 static bool set_frequency(struct psoc *psoc, uint32_t code, uint64_t cycle)
 {
     if (code != TRIM2_24MHZ && code != TRIM2_48MHZ) {
@@ -97,6 +101,7 @@ static bool set_frequency(struct psoc *psoc, uint32_t code, uint64_t cycle)
     return true;
 }
 
+/* Read a register of the system resources. Returns false if it is not modelled. */
 bool psoc_srss_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     const uint32_t *target = register_at(&psoc->srss, offset);
@@ -110,6 +115,8 @@ bool psoc_srss_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access 
     return true;
 }
 
+/* Write a register of the system resources: flash wait states, oscillator frequency, watchdog, or reset causes (cleared
+ * by 1 bits). Returns false if the access is not modelled. */
 bool psoc_srss_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     struct psoc_srss *srss = &psoc->srss;
