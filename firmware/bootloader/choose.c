@@ -15,6 +15,7 @@ uint8_t taxel_boot_choose(const struct taxel_boot_flash *flash, const struct tax
     return TAXEL_BOOT_SLOT_NONE;
 }
 
+/* Slot of the image that is started if the pending image fails; new images must not overwrite it. */
 uint8_t taxel_boot_kept_slot(const struct taxel_boot_flash *flash)
 {
     struct taxel_boot_metadata metadata;

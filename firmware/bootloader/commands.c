@@ -26,6 +26,7 @@ static uint8_t enter_session(struct taxel_boot *boot, const struct taxel_boot_pa
     return TAXEL_BOOT_STATUS_OK;
 }
 
+/* Command SYNC: discard the data of earlier SEND_DATA packets. */
 static uint8_t synchronize(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     (void)packet;
@@ -47,7 +48,8 @@ static uint8_t set_active(struct taxel_boot *boot, const struct taxel_boot_packe
     return taxel_boot_metadata_set_pending(flash, slot) ? TAXEL_BOOT_STATUS_VERIFY : TAXEL_BOOT_STATUS_OK;
 }
 
-static uint8_t leave(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
+/* Command EXIT: restart, which starts the application. */
+static uint8_t leave_session(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     (void)packet;
     (void)reply;
@@ -74,7 +76,7 @@ static const struct command commands[] = {
     {enter_session, TAXEL_BOOT_COMMAND_ENTER, ANY_LENGTH, TAXEL_BOOT_ENTER_REPLY_SIZE, false},
     {taxel_boot_program_row, TAXEL_BOOT_COMMAND_PROGRAM_ROW, ANY_LENGTH, 0, true},
     {taxel_boot_verify_row, TAXEL_BOOT_COMMAND_VERIFY_ROW, TAXEL_BOOT_ROW_ADDRESS_SIZE, 1, true},
-    {leave, TAXEL_BOOT_COMMAND_EXIT, 0, 0, true},
+    {leave_session, TAXEL_BOOT_COMMAND_EXIT, 0, 0, true},
     {taxel_boot_get_metadata, TAXEL_BOOT_COMMAND_GET_METADATA, 1, TAXEL_BOOT_STOCK_METADATA_SIZE, true},
     {taxel_boot_get_info, TAXEL_BOOT_COMMAND_GET_INFO, 0, TAXEL_BOOT_INFO_SIZE, false},
     {taxel_boot_search, TAXEL_BOOT_COMMAND_SEARCH, TAXEL_BOOT_SEARCH_ARGUMENTS_SIZE, TAXEL_BOOT_SEARCH_REPLY_SIZE,
@@ -86,8 +88,8 @@ static const struct command commands[] = {
 
 /* Execute a parsed packet with the handler of its command. Returns the status; `reply` and `length` receive the data of
  * the response. All commands that need a session are unknown before ENTER. */
-static uint8_t execute_command(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply,
-                               uint8_t *length)
+static uint8_t execute_packet(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply,
+                              uint8_t *length)
 {
     for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
         const struct command *const command = &commands[i];
@@ -127,7 +129,7 @@ size_t taxel_boot_take_packet(struct taxel_boot *boot, const uint8_t *bytes, siz
         return 0;
     }
     if (status == TAXEL_BOOT_STATUS_OK) {
-        status = execute_command(boot, &packet, response + TAXEL_BOOT_DATA_OFFSET, &length);
+        status = execute_packet(boot, &packet, response + TAXEL_BOOT_DATA_OFFSET, &length);
         const bool is_mute =
             boot->silent || packet.command == TAXEL_BOOT_COMMAND_SYNC || packet.command == TAXEL_BOOT_COMMAND_EXIT;
         if (is_mute && status == TAXEL_BOOT_STATUS_OK) {

@@ -1,5 +1,6 @@
 #include "bootloader/internal.h"
 
+/* Stored configuration of the board (TAXEL_BOOT_CONFIGURATION_SIZE bytes in flash), or NULL. */
 const uint8_t *taxel_boot_configuration(const struct taxel_boot_flash *flash)
 {
     const uint8_t *const record =

@@ -18,6 +18,7 @@ uint8_t taxel_boot_i2c_address(const struct taxel_boot_flash *flash)
     return configuration ? configuration[TAXEL_BOOT_CONFIGURATION_OFFSET_ADDRESS] : TAXEL_BOOT_DEFAULT_ADDRESS;
 }
 
+/* A stop or repeated start condition ends a write. Bytes that begin like a packet are passed to the main loop. */
 static void end_write(struct taxel_boot_i2c *slave)
 {
     if (!slave->has_packet && slave->received && slave->packet[0] == TAXEL_BOOT_PACKET_START) {

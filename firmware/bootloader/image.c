@@ -4,6 +4,7 @@
 #define VECTORS_SIZE 8u /* stack pointer and reset vector at least */
 #define LENGTH_MIN (TAXEL_BOOT_IMAGE_HEADER_SIZE + VECTORS_SIZE)
 
+/* Whether an image may run on this board. Kind 0 of an image, or of a board without configuration, fits all kinds. */
 static bool kind_fits(const struct taxel_boot_flash *flash, uint8_t kind)
 {
     const uint8_t *const configuration = taxel_boot_configuration(flash);

@@ -4,6 +4,7 @@
  * Cortex-M0. */
 _Static_assert(sizeof(struct taxel_boot_metadata) == TAXEL_BOOT_METADATA_SIZE, "metadata are bytes");
 
+/* Read the newest boot metadata: confirmed slot, pending slot, and remaining tries of both. */
 void taxel_boot_metadata_read(const struct taxel_boot_flash *flash, struct taxel_boot_metadata *metadata)
 {
     /* No valid record: no image is confirmed. */
@@ -19,6 +20,7 @@ int taxel_boot_metadata_write(const struct taxel_boot_flash *flash, const struct
                                    sizeof *metadata);
 }
 
+/* Select the image that is started next, with its full number of tries. Returns 0 or TAXEL_BOOT_ERROR_FLASH. */
 int taxel_boot_metadata_set_pending(const struct taxel_boot_flash *flash, uint8_t slot)
 {
     struct taxel_boot_metadata metadata;

@@ -1,6 +1,7 @@
 /* Commands that report on the flash, the images and the board. */
 #include "bootloader/internal.h"
 
+/* Command GET_FLASH_SIZE: first and last row that the host may program, which are those of the target slot. */
 uint8_t taxel_boot_get_flash_size(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     const struct taxel_boot_layout *const layout = boot->config->flash.layout;

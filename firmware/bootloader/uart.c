@@ -41,6 +41,7 @@ void taxel_boot_uart_on_byte(struct taxel_boot_uart *uart, uint8_t byte)
     uart->has_packet = uart->received >= size || uart->skipping;
 }
 
+/* UART interrupt: copy up to `size` bytes of the response; returns their number. */
 size_t taxel_boot_uart_pull(struct taxel_boot_uart *uart, uint8_t *bytes, size_t size)
 {
     size_t taken = 0;

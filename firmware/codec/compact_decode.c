@@ -13,6 +13,7 @@ struct range_decoder {
     uint32_t range;
 };
 
+/* Shift the next byte into the range decoder; 0 after the end of the bytes. */
 static void shift(struct range_decoder *decoder)
 {
     const uint8_t byte = decoder->position < decoder->size ? decoder->bytes[decoder->position] : 0;
@@ -20,6 +21,7 @@ static void shift(struct range_decoder *decoder)
     decoder->code = decoder->code << 8 | byte;
 }
 
+/* Share of the range, out of 2^bits equal shares, to which the next symbol belongs. */
 static uint32_t peek(const struct range_decoder *decoder, uint8_t bits)
 {
     const uint32_t target = decoder->code / (decoder->range >> bits), last = (1u << bits) - 1u;
@@ -40,6 +42,7 @@ static void take(struct range_decoder *decoder, uint32_t first, uint32_t size, u
     }
 }
 
+/* Decode `bits` bits of equal probability. */
 static uint32_t take_bits(struct range_decoder *decoder, uint8_t bits)
 {
     const uint32_t value = peek(decoder, bits);

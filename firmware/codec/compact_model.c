@@ -28,6 +28,8 @@ static uint32_t distance(taxel_compact_state state, uint32_t difference)
     return (difference * multipliers[(level >> 3) & 7u]) >> (level >> 6);
 }
 
+/* State of a taxel after a packed key frame: the mean is the count; the scale (level) follows from the start bits of
+ * `format`. */
 taxel_compact_state taxel_compact_initial_state(uint16_t count, uint8_t format)
 {
     const uint32_t start = (format & TAXEL_COMPACT_START_MASK) >> TAXEL_COMPACT_START_SHIFT;
@@ -66,6 +68,8 @@ uint32_t taxel_compact_cumulative(taxel_compact_state state, uint32_t symbol)
     return below ? middle - share : middle + share;
 }
 
+/* Interval of a count in the cumulative distribution, and the number of its low bits that are coded without the model.
+ */
 struct taxel_compact_interval taxel_compact_interval(taxel_compact_state state, uint16_t count)
 {
     const uint8_t raw_bits = taxel_compact_raw_bits(state);
@@ -102,6 +106,7 @@ static uint32_t size_of(uint8_t residual)
     return (72u + 16u * (code & 3u)) << ((code - EXACT_RESIDUALS) >> 2);
 }
 
+/* `value` moved down or up by `by`, limited to 0 to `largest`. */
 static uint32_t shifted(uint32_t value, bool down, uint32_t by, uint32_t largest)
 {
     if (down) {

@@ -27,6 +27,8 @@ CLMUL __m128i load(const uint8_t *bytes)
     return _mm_loadu_si128((const __m128i *)(const void *)bytes);
 }
 
+/* Move the remainder over the distance that `constants` stand for (x^n modulo the polynomial) and add the block there.
+ */
 CLMUL __m128i fold(__m128i remainder, __m128i constants, __m128i block)
 {
     const __m128i low = _mm_clmulepi64_si128(remainder, constants, 0x00);
@@ -34,6 +36,7 @@ CLMUL __m128i fold(__m128i remainder, __m128i constants, __m128i block)
     return _mm_xor_si128(_mm_xor_si128(low, high), block);
 }
 
+/* Reduce a 128-bit remainder to the 32-bit CRC register: folding to 64 bits, then Barrett reduction. */
 CLMUL uint32_t reduce(__m128i remainder)
 {
     const __m128i lower = _mm_set_epi32(0, -1, 0, -1);

@@ -198,6 +198,7 @@ size_t taxel_deframer_push_chunk(struct taxel_deframer *deframer, const uint8_t 
     return used;
 }
 
+/* Take any number of stream bytes; each complete frame is passed to the handler. */
 void taxel_deframer_push(struct taxel_deframer *deframer, const uint8_t *bytes, size_t size)
 {
     while (size) {

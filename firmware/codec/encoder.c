@@ -5,6 +5,8 @@
 #include "codec/crc32.h"
 #include "generated/taxel_protocol.h"
 
+/* Largest encoded size in bytes of a frame with this payload length: body, one COBS code byte per 254 bytes or part of
+ * it, two delimiters. */
 size_t taxel_encoded_size_max(size_t payload_length)
 {
     const size_t body = TAXEL_FRAME_HEADER_SIZE + payload_length + TAXEL_FRAME_CRC_SIZE;
@@ -83,6 +85,7 @@ void taxel_encoder_begin(struct taxel_encoder *encoder, uint8_t *ring, size_t ca
     taxel_encoder_put(encoder, header, sizeof header);
 }
 
+/* Encode the next bytes of the payload and include them in the CRC. */
 void taxel_encoder_put(struct taxel_encoder *encoder, const uint8_t *bytes, size_t size)
 {
     if (size) { /* `bytes` may be NULL for an empty piece */

@@ -15,6 +15,8 @@ __attribute__((constructor)) static void fill_sequence(void)
     }
 }
 
+/* Whiten, or restore, `size` bytes of a frame body that begin at position `first` of the body: XOR with the whitening
+ * sequence. */
 void taxel_whiten(uint8_t *out, const uint8_t *bytes, size_t first, size_t size)
 {
     for (size_t i = 0; i < size; i++) {

@@ -18,6 +18,8 @@ static uint8_t element(size_t index)
     return value;
 }
 
+/* Whiten, or restore, `size` bytes of a frame body that begin at position `first` of the body: XOR with the whitening
+ * sequence, which is computed to save RAM. */
 void taxel_whiten(uint8_t *out, const uint8_t *bytes, size_t first, size_t size)
 {
     uint8_t value = element(first);

@@ -21,6 +21,7 @@ static void apply_conversion_settings(struct board_node *board, const struct pso
     }
 }
 
+/* Set the processor's clock rate from the drift of the board's clock at virtual time `now`. */
 static void update_clock_rate(struct board_node *board, vtime now)
 {
     if (board->clock_drift.amplitude != 0.0) {

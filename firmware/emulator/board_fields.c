@@ -26,6 +26,8 @@ static struct interval present_interval(const struct board_fields *fields)
     return interval;
 }
 
+/* Position of a virtual time in the present interval, 0 at its start to 1 at its end; 0 while the fields are constant.
+ */
 double board_fields_fraction(const struct board_fields *fields, vtime time)
 {
     const struct interval interval = present_interval(fields);
@@ -135,6 +137,7 @@ void board_fields_all_rises(const struct board_fields *fields, vtime time, doubl
     past_rises(fields, &span, present_interval(fields).from, rise);
 }
 
+/* Whether the board's fields, with the delay of its history, do not change around this virtual time. */
 bool board_fields_are_constant(const struct board_fields *fields, vtime time)
 {
     if (fields->history && time < fields->last_change + fields->history->delay + CONVERSION_MARGIN) {

@@ -357,6 +357,8 @@ void board_advance(struct board_node *board, vtime until)
     run_main_loop(board, until);
 }
 
+/* Begin an interrupt of the board's CPU that takes this number of cycles. Returns its start, which is delayed while
+ * another interrupt runs. */
 vtime board_begin_interrupt(struct board_node *board, vtime now, unsigned cycles)
 {
     board_advance(board, now);

@@ -8,6 +8,7 @@
 
 #define CONFIRM_SCANS 10u /* an image on trial is confirmed after these scans and one snapshot that was read */
 
+/* Set the register-map version that the world file prescribes, for tests of incompatible boards. */
 static void override_map_version(struct board_node *board)
 {
     uint8_t *identity = board->sensor.identity;

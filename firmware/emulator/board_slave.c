@@ -5,6 +5,7 @@
 
 #define CORRUPTED_BIT 0x10u
 
+/* Execute a packet that the board's bootloader has received. */
 static void run_bootloader(struct board_node *board, vtime now)
 {
     if (board->program == PROGRAM_BOOTLOADER && board->boot->i2c.has_packet) {

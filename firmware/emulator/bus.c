@@ -90,6 +90,7 @@ void bus_release(struct bus *bus, vtime now)
     }
 }
 
+/* Abort a master's transfer, in progress or waiting, and release both lines. */
 void bus_abort(struct bus *bus, enum bus_master master, vtime now)
 {
     bus->is_waiting[master] = false;
@@ -201,6 +202,8 @@ static void continue_after_write(struct bus *bus, vtime released)
     }
 }
 
+/* Master and board drive the bus at the same time: the master loses the bus and the boards remain in the middle of a
+ * byte, holding SDA until it is clocked out. */
 void bus_handle_collision(struct bus *bus, int8_t result)
 {
     for (size_t i = 0; i < bus->slave_count; i++) {

@@ -43,6 +43,7 @@ static int open_pty(struct endpoint *endpoint)
     return set_nonblocking(endpoint->fd);
 }
 
+/* Write the `size` low bytes of a value, least significant byte first. */
 static void put_le(uint8_t *bytes, uint64_t value, size_t size)
 {
     for (size_t i = 0; i < size; i++) {
@@ -136,6 +137,7 @@ size_t endpoint_read_memory(struct endpoint *endpoint, uint8_t *bytes, size_t si
     return count;
 }
 
+/* Append a record to the capture file: time in nanoseconds, length, bytes. */
 static void write_capture_record(struct endpoint *endpoint, const uint8_t *bytes, size_t size, vtime now)
 {
     uint8_t head[12];

@@ -69,6 +69,7 @@ static void on_delay_us(void *context, uint32_t microseconds)
     ((struct hub_node *)context)->now += microseconds * VTIME_US;
 }
 
+/* Processor interface: run the main loop at the latest when the hub's clock reaches this value. */
 static void on_wake_at(void *context, uint64_t clock_us)
 {
     struct hub_node *node = context;
@@ -244,6 +245,7 @@ void hub_node_unplug(struct hub_node *node, vtime now)
     uart_stop_transmit(node->uart);
 }
 
+/* Occupy the hub's CPU until a virtual time. */
 void hub_node_stall(struct hub_node *node, vtime until)
 {
     if (node->psoc) {
@@ -266,6 +268,7 @@ void hub_node_on_i2c_done(struct hub_node *node, vtime now)
     wake_not_after(node, now + cycles_to_time(node, COST_MASTER_DONE));
 }
 
+/* A byte has arrived at the hub: time of its interrupt, then a pass of the main loop. */
 void hub_node_on_uart_received(struct hub_node *node, vtime now)
 {
     if (node->psoc) {
@@ -275,6 +278,7 @@ void hub_node_on_uart_received(struct hub_node *node, vtime now)
     wake_not_after(node, node->cpu_free);
 }
 
+/* Time of the interrupt in which the hub refilled its transmit FIFO with this number of bytes. */
 void hub_node_on_uart_sent(struct hub_node *node, vtime now, size_t bytes)
 {
     if (node->psoc) {
@@ -295,6 +299,7 @@ static void confirm_image(struct hub_node *node)
     node->cpu_free = vtime_max(node->cpu_free, boot_node_confirm_image(&node->boot, node->now));
 }
 
+/* Virtual time at which hub_node_run() must be called next. */
 vtime hub_node_next_time(const struct hub_node *node)
 {
     if (node->psoc) {

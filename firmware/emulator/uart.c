@@ -19,6 +19,7 @@ void uart_init(struct uart *uart, struct endpoint *endpoint, const struct world_
     uart->transmit_next = uart->packet_deadline = uart->receive_next = VTIME_NEVER;
 }
 
+/* The hub has bytes to send: start its transmitter if idle. */
 void uart_start_transmit(struct uart *uart, vtime now)
 {
     if (uart->transmit_next == VTIME_NEVER && !uart->is_blocked) {

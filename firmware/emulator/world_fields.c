@@ -19,6 +19,7 @@ static void advance_board(void *context, size_t board)
     board_advance(&task->world->boards[board], task->time);
 }
 
+/* Advance all boards to a virtual time, in parallel if a thread pool is used. */
 void world_advance_boards(struct world *world, vtime until)
 {
     struct board_task task = {.world = world, .time = until};
@@ -26,6 +27,7 @@ void world_advance_boards(struct world *world, vtime until)
     world->boards_advanced_until = until;
 }
 
+/* Task of one board at the end of a field interval: advance the board and store its fields in the history. */
 static void finish_board_field(void *context, size_t index)
 {
     struct board_task *task = context;

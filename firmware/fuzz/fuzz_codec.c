@@ -46,6 +46,7 @@ static struct taxel_batch_row taxel_rows[ROWS_MAX], message_rows[ROWS_MAX];
 static uint16_t counts[COUNTS_MIN];
 static uint8_t payloads[PAYLOADS_MIN];
 
+/* Append bytes to the stream; bytes without space are ignored. */
 static void append(const uint8_t *bytes, size_t size)
 {
     const size_t space = sizeof stream - stream_size;

@@ -23,6 +23,7 @@
 static unsigned steps;
 static bool sent_invalid_bytes; /* bytes that are not exactly one frame between two delimiters */
 
+/* Run the hub for up to `count` events. */
 static void run(unsigned count)
 {
     while (count-- && steps < STEPS_MAX && !bench.restarted && bench_step(BENCH_NEVER - 2u)) {

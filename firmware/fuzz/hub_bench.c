@@ -307,6 +307,7 @@ bool bench_step(uint64_t until_us)
     return true;
 }
 
+/* Deliver bytes of the host to the hub's UART interrupt, then run the main loop once. */
 void bench_receive(const uint8_t *bytes, size_t size)
 {
     for (size_t i = 0; i < size; i++) {
@@ -315,6 +316,7 @@ void bench_receive(const uint8_t *bytes, size_t size)
     bench_pass();
 }
 
+/* Encode a frame of the host with sequence number 0. Returns its length in bytes. */
 size_t bench_frame(uint8_t type, const uint8_t *payload, size_t size, uint8_t *wire, size_t capacity)
 {
     struct taxel_encoder encoder;

@@ -150,6 +150,7 @@ static void answer_read(struct bench_board *board, uint8_t *bytes, size_t size)
     }
 }
 
+/* Write to the settings register of a board; settings with a wrong CRC are ignored. */
 static void take_settings(struct bench_board *board, const uint8_t *bytes)
 {
     uint8_t crc[4];

@@ -64,6 +64,7 @@ static void reply_ok(struct taxel_hub *hub)
     taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, NULL, 0);
 }
 
+/* Command SET_RATE: period of the poll cycle in microseconds; 0: as fast as possible. */
 static void set_rate(struct taxel_hub *hub, const uint8_t *bytes)
 {
     struct taxel_set_rate_arguments arguments;
@@ -231,6 +232,7 @@ static uint8_t check_command(const struct taxel_hub *hub, uint8_t command, size_
     return TAXEL_REPLY_STATUS_UNKNOWN_COMMAND;
 }
 
+/* Request a reset of the processor after the reply to REBOOT or ENTER_BOOTLOADER has been sent. */
 static void restart(struct taxel_hub *hub)
 {
     hub->restart_requested = true;

@@ -47,6 +47,7 @@ void taxel_hub_init(struct taxel_hub *hub, const struct taxel_hub_config *config
     taxel_hub_start_bus_scan(hub, false);
 }
 
+/* I2C interrupt: the transfer has ended with `result` (enum taxel_i2c_result). The main loop evaluates it. */
 void taxel_hub_on_i2c_done(struct taxel_hub *hub, int8_t result)
 {
     hub->job_result = result;

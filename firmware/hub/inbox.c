@@ -194,7 +194,8 @@ static int chunk_at_tail(struct taxel_inbox *inbox)
     return inbox->search_position != head || size > LONGEST_ENCODED ? size : WAIT;
 }
 
-static void skip(struct taxel_inbox *inbox)
+/* Discard the oldest byte of the receive ring. */
+static void skip_byte(struct taxel_inbox *inbox)
 {
     if (inbox->search_position == inbox->tail) {
         inbox->search_position = (uint8_t)(inbox->search_position + 1u);
@@ -202,6 +203,7 @@ static void skip(struct taxel_inbox *inbox)
     inbox->tail = (uint8_t)(inbox->tail + 1u);
 }
 
+/* Release RTS, so that the host can send. */
 void taxel_hub_inbox_init(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
@@ -226,7 +228,7 @@ void taxel_hub_read_inbox(struct taxel_hub *hub)
             break;
         }
         if (!used) {
-            skip(inbox); /* a byte at which no frame begins, or a delimiter */
+            skip_byte(inbox); /* a byte at which no frame begins, or a delimiter */
         }
     }
     if (free_space(inbox) >= TAXEL_HUB_RELEASE_SPACE) {

@@ -8,6 +8,8 @@
 
 #define slot_at taxel_hub_slot_at
 
+/* Time limit of a transfer in microseconds: twice the bus time of `bytes` data bytes and the address bytes, and a
+ * constant for clock stretching. */
 static uint32_t timeout_us(const struct taxel_hub *hub, size_t bytes)
 {
     const uint32_t scl_hz = taxel_hub_config_of(hub)->scl_hz;
@@ -84,6 +86,7 @@ size_t taxel_hub_poll_size(const struct taxel_hub *hub, const struct taxel_hub_s
                                      : TAXEL_SNAPSHOT_OVERHEAD + 2u * (size_t)board->taxel_count;
 }
 
+/* Start the poll of a board: a read of its compact or its uncompressed snapshot. */
 void taxel_hub_launch_poll(struct taxel_hub *hub, uint8_t slot)
 {
     const struct taxel_hub_slot *board = slot_at(hub, slot);

@@ -11,6 +11,7 @@ static size_t used_bytes(const struct taxel_hub *hub)
     return head >= tail ? head - tail : head + taxel_hub_config_of(hub)->transmit_ring_size - tail;
 }
 
+/* Number of bytes queued for the UART, in the ring and in large frames. */
 TAXEL_OWN_FRAME size_t taxel_hub_uart_pending(const struct taxel_hub *hub)
 {
     size_t size = used_bytes(hub);
@@ -151,6 +152,7 @@ bool taxel_hub_send_buffer(struct taxel_hub *hub, uint8_t type, const uint8_t *p
     return taxel_hub_emit(hub, type, prefix, prefix_size, bytes, size, pool_offset);
 }
 
+/* Queue a frame in the transmit ring. Without space the frame is dropped and counted; returns false. */
 bool taxel_hub_send(struct taxel_hub *hub, uint8_t type, const uint8_t *prefix, size_t prefix_size, const uint8_t *data,
                     size_t data_size)
 {

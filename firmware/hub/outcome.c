@@ -23,6 +23,8 @@ void taxel_hub_fail(struct taxel_hub *hub, struct taxel_hub_slot *board, uint8_t
     }
 }
 
+/* Record a successful poll: the first one after failures is reported to the host as BOARD_FAULT with fault RECOVERED.
+ */
 void taxel_hub_succeed(struct taxel_hub *hub, struct taxel_hub_slot *board)
 {
     if (board->consecutive_failures) {
@@ -43,6 +45,7 @@ static void report_bus_fault(struct taxel_hub *hub, uint8_t fault)
     }
 }
 
+/* Record the state of the bus lines, and report a change to the host. */
 static void note_bus_fault(struct taxel_hub *hub, uint8_t fault)
 {
     if (fault != hub->bus_fault) {
@@ -63,6 +66,7 @@ uint8_t taxel_hub_free_bus(struct taxel_hub *hub)
     return fault;
 }
 
+/* Clear the bus fault after a transfer that reached its stop condition, which proves that both lines can move. */
 void taxel_hub_note_result(struct taxel_hub *hub, int8_t result)
 {
     if (result == TAXEL_I2C_OK || result == TAXEL_I2C_NACK_ADDRESS || result == TAXEL_I2C_NACK_DATA) {
@@ -70,6 +74,8 @@ void taxel_hub_note_result(struct taxel_hub *hub, int8_t result)
     }
 }
 
+/* Fault to be reported for a failed poll (enum taxel_board_fault): the bus fault that remains after the recovery, or a
+ * fault derived from the transfer's result. */
 static uint8_t fault_of(int8_t result, uint8_t bus_fault)
 {
     if (bus_fault != TAXEL_BOARD_FAULT_NONE) {
@@ -209,6 +215,7 @@ TAXEL_OWN_FRAME static void send_clock(struct taxel_hub *hub, const struct taxel
     (void)taxel_hub_send(hub, TAXEL_FRAME_TYPE_TIME_SYNC, bytes, sizeof bytes, NULL, 0);
 }
 
+/* Evaluate the clock reading of a board and send it to the host as TIME_SYNC. */
 static void finish_clock(struct taxel_hub *hub, const struct taxel_hub_slot *board, int8_t result)
 {
     if (result == TAXEL_I2C_OK) {
@@ -245,6 +252,7 @@ static uint8_t reply_status_of(int8_t result)
     }
 }
 
+/* Evaluate the transfer of the command I2C_TRANSFER and reply with the bytes read. */
 static void finish_pass_through(struct taxel_hub *hub, int8_t result)
 {
     if (result == TAXEL_I2C_TIMEOUT || result == TAXEL_I2C_BUSY || result == TAXEL_I2C_BUS_ERROR) {

@@ -6,7 +6,8 @@
 #define STEP_US 100u      /* between two frames of a report */
 #define NO_SPACE_US 2000u /* before a frame without space is tried again */
 
-static uint8_t boards_streaming(const struct taxel_hub *hub)
+/* Number of boards in the state STREAMING. */
+static uint8_t count_streaming_boards(const struct taxel_hub *hub)
 {
     uint8_t count = 0;
     for (uint8_t i = 0; i < hub->slot_count; i++) {
@@ -29,13 +30,15 @@ TAXEL_OWN_FRAME static bool send_hub_status(struct taxel_hub *hub)
         .commands = hub->inbox.commands,
         .commands_rejected = hub->inbox.commands_rejected,
         .bus_recoveries = hub->bus_recoveries,
-        .boards_streaming = boards_streaming(hub),
+        .boards_streaming = count_streaming_boards(hub),
         .streaming = hub->streaming,
     };
     taxel_hub_status_pack(&status, bytes);
     return taxel_hub_try_send(hub, TAXEL_FRAME_TYPE_HUB_STATUS, bytes, sizeof bytes, NULL, 0);
 }
 
+/* Number of polls of a board, modulo 2^32. The slot stores only the low 8 bits; the sum of the outcome counters, at
+ * most one smaller, supplies the others. */
 uint32_t taxel_hub_polls(const struct taxel_hub_slot *slot)
 {
     const uint32_t ended = slot->forwarded + slot->repeated + slot->nacks + slot->timeouts + slot->crc_errors +
@@ -65,6 +68,7 @@ TAXEL_OWN_FRAME static bool send_board_status(struct taxel_hub *hub, const struc
     return taxel_hub_try_send(hub, TAXEL_FRAME_TYPE_BOARD_STATUS, bytes, sizeof bytes, NULL, 0);
 }
 
+/* Begin a status report: the hub's status, then that of each board. `for_command`: a reply to GET_STATUS follows. */
 void taxel_hub_start_report(struct taxel_hub *hub, bool for_command)
 {
     hub->report.active = true;
@@ -91,6 +95,7 @@ static bool send_next(struct taxel_hub *hub)
     return true;
 }
 
+/* Send a LOG frame if bytes from the host were lost since the last report. */
 static void report_overruns(struct taxel_hub *hub)
 {
     if (hub->inbox.overruns_reported != hub->inbox.overruns) {

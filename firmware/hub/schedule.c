@@ -252,6 +252,8 @@ static void launch_from_cycle(struct taxel_hub *hub)
     }
 }
 
+/* Select compact or uncompressed snapshots for all polls. After a change, each board's register pointer must be written
+ * again. */
 void taxel_hub_set_compact(struct taxel_hub *hub, bool compact)
 {
     for (uint8_t i = 0; hub->use_compact != compact && i < hub->slot_count; i++) {

@@ -6,6 +6,7 @@
 #define CLOCK_SLACK_SHIFT 3    /* plus an eighth of the elapsed time, more than the error of any oscillator */
 #define HALF_CLOCK_RANGE 0x80000000u
 
+/* Whether the snapshot's CRC, which covers the I2C address and all bytes before it, is right. */
 static bool snapshot_is_whole(const struct taxel_hub_slot *board, const uint8_t *bytes, size_t size)
 {
     if (size < TAXEL_COMPACT_OVERHEAD_DELTA) {

@@ -323,6 +323,8 @@ static void exchange_buffers(struct taxel_sensor *sensor)
     unmask(sensor, interrupts);
 }
 
+/* Whether taxel_sensor_run() has work: an acknowledgement to process, a new scan to code, or coded bytes to exchange
+ * while no read is in progress. */
 bool taxel_sensor_has_work(const struct taxel_sensor *sensor)
 {
     const struct taxel_compact *compact = &sensor->compact;

@@ -3,6 +3,8 @@
 #include "codec/crc32.h"
 #include "sensor/sensor.h"
 
+/* Whether the largest raw count, sub-conversions times sense clock divider, fits in 16 bits, and no divider and current
+ * code is 0. */
 bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings)
 {
     const uint32_t largest_count = (uint32_t)settings->sub_conversions * settings->sense_clock_divider;

@@ -4,6 +4,7 @@
 #include "codec/crc32.h"
 #include "sensor/sensor.h"
 
+/* Increment a counter that stops at its largest value. */
 static void count_u16(uint16_t *counter)
 {
     if (*counter < 0xFFFFu) {
@@ -36,6 +37,8 @@ static uint32_t settings_crc(const struct taxel_sensor *sensor, const uint8_t *b
     return taxel_crc32(taxel_crc32(0, &sensor->config->address, 1), bytes, TAXEL_SCAN_SETTINGS_SIZE);
 }
 
+/* Copy the scan settings with their CRC into the shadow register. Settings that take effect with the next scan are
+ * already returned. */
 static void fill_settings(struct taxel_sensor *sensor)
 {
     const struct taxel_scan_settings *settings =
@@ -196,6 +199,7 @@ bool taxel_sensor_on_write(struct taxel_sensor *sensor, uint8_t byte)
     return true;
 }
 
+/* I2C interrupt: next byte for the master; 0xFF beyond the end of the register. */
 uint8_t taxel_sensor_on_read(struct taxel_sensor *sensor)
 {
     struct taxel_slave *slave = &sensor->slave;
@@ -226,6 +230,7 @@ void taxel_sensor_on_stop(struct taxel_sensor *sensor)
     slave->pointer_written = false;
 }
 
+/* I2C interrupt: a start or stop condition at a wrong position. The bytes written in this transfer are discarded. */
 void taxel_sensor_on_bus_error(struct taxel_sensor *sensor)
 {
     count_u16(&sensor->slave.bus_errors);

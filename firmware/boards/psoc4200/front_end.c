@@ -138,6 +138,8 @@ void front_end_start(uint8_t tx, uint8_t rx)
 }
 
 void csd_handler(void);
+/* Interrupt at the end of a conversion. The raw count is the period minus the clocks in which the current source was
+ * on, so that contact lowers it; 0 if the count exceeds the period. */
 void csd_handler(void)
 {
     const uint32_t counted = (CSD->counter & CSD_COUNTER_COUNT) - front_end.early_count;

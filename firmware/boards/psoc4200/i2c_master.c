@@ -67,6 +67,7 @@ bool i2c_master_sda(void)
     return (BUS_PORT->state & BUS_SDA) != 0;
 }
 
+/* Drive SCL and SDA manually (true: released), for bus recovery. */
 void i2c_master_drive(bool scl_high, bool sda_high)
 {
     bus_pins_drive(scl_high, sda_high);
@@ -85,6 +86,7 @@ static bool collects(void)
     return !master.transfer.length_prefixed && master.transfer.read_size >= SCB_FIFO_SIZE;
 }
 
+/* Let the serial block acknowledge by itself while at least a FIFO of bytes remains to be read. */
 static void collect_if_long(void)
 {
     const bool is_long = collects();
@@ -122,6 +124,7 @@ void i2c_master_start(const struct taxel_i2c_transfer *transfer)
     SCB0->i2c_m_cmd = SCB_I2C_M_CMD_START_ON_IDLE;
 }
 
+/* Abort the transfer: a reset of the serial block releases both lines. */
 void i2c_master_abort(void)
 {
     const uint32_t interrupts = interrupts_mask();
@@ -135,6 +138,7 @@ static void end(int8_t result)
     i2c_master_on_done(result);
 }
 
+/* Send a stop condition, with `command` (NACK of the last byte, or 0); the transfer then ends with `result`. */
 static void stop(uint32_t command, int8_t result)
 {
     master.state = STOPPING;

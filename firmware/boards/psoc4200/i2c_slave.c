@@ -17,6 +17,7 @@
 
 static volatile bool is_selected; /* a master addressed this slave, and no stop condition followed yet */
 
+/* Empty the TX FIFO: its bytes belong to a read that has ended. */
 __attribute__((noinline)) static void forget_unsent(void)
 {
     SCB0->intr_tx_mask = 0;
@@ -40,6 +41,7 @@ static void off(void)
     SCB0->ctrl = SCB_CTRL_MODE_I2C;
 }
 
+/* Switch the slave off for a flash write. Returns false while the slave is addressed in a transfer. */
 bool i2c_slave_try_off(void)
 {
     if (is_selected) {
@@ -71,6 +73,7 @@ void i2c_slave_init(uint8_t address)
     interrupt_enable(IRQ_SCB0);
 }
 
+/* Fill the TX FIFO with the bytes that the master reads next. */
 static void fill(void)
 {
     do {
@@ -79,6 +82,7 @@ static void fill(void)
     SCB0->intr_tx = SCB_INTR_TX_TRIGGER;
 }
 
+/* Pass a received byte to the register machine and acknowledge it or not. */
 static void take_byte(void)
 {
     if (SCB0->rx_fifo_status & SCB_FIFO_STATUS_USED) { /* at most one byte: the next follows after the acknowledge */

@@ -46,6 +46,7 @@ uint8_t reset_cause(void)
     return TAXEL_RESET_CAUSE_POWER_ON;
 }
 
+/* Whether the application requested to stay in the bootloader. The request is cleared. */
 bool reset_stay_requested(void)
 {
     const bool stay = handover.stay == STAY;

@@ -64,6 +64,7 @@ static uint32_t read(uint32_t *whole)
     return third_of(since >> 4);
 }
 
+/* Microseconds since ticks_init(), 64 bits. */
 uint64_t ticks_us(void)
 {
     uint32_t whole;
@@ -108,6 +109,7 @@ void ticks_shrink(uint32_t begin)
     SYSTICK->reload = CYCLES - 1u;
 }
 
+/* Wait for at least this number of microseconds. */
 void ticks_delay_us(uint32_t microseconds)
 {
     const uint32_t begin = ticks_us_32();

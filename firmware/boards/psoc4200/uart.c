@@ -47,6 +47,7 @@ void uart_init(void)
     interrupt_enable(IRQ_SCB1);
 }
 
+/* Switch the UART off and disconnect its pins, as after a reset. */
 void uart_off(void)
 {
     SCB1->ctrl = 0;

@@ -4,6 +4,7 @@
 
 #define MATCH 0xFFFFu /* of the 32 kHz oscillator, which has been running since the reset */
 
+/* Start the watchdog, which resets the processor unless watchdog_feed() is called in time. */
 void watchdog_start(void)
 {
     WDT->match = MATCH; /* a running counter accepts no settings; it already has these */

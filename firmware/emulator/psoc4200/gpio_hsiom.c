@@ -124,6 +124,7 @@ bool psoc_gpio_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access
     return true;
 }
 
+/* Read the pin multiplexer (HSIOM). Returns false if the access is not modelled. */
 bool psoc_hsiom_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     if (offset / 4u >= PSOC_PORTS || access->size != 4u) {

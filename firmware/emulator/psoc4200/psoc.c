@@ -43,6 +43,7 @@ void psoc_set_frequency(struct psoc *psoc, double hz, uint64_t cycle)
     psoc->ps_per_cycle = (double)VTIME_SECOND / hz / psoc->config.clock_rate;
 }
 
+/* Set the rate of the processor's oscillator relative to its nominal frequency. */
 void psoc_set_clock_rate(struct psoc *psoc, double clock_rate)
 {
     const double hz = (double)VTIME_SECOND / psoc->ps_per_cycle / psoc->config.clock_rate;
@@ -73,6 +74,8 @@ void psoc_end_wait(struct psoc *psoc)
     cortex_m0_stop(&psoc->cpu);
 }
 
+/* Report an access that the emulator does not model, and stop the processor, because the program would continue with
+ * wrong values. */
 void psoc_report_unmodelled(struct psoc *psoc, const char *action, uint32_t address)
 {
     fprintf(stderr,

@@ -4,6 +4,7 @@
 #include "emulator/psoc4200/internal.h"
 #include "emulator/psoc4200/scb_registers.h"
 
+/* Append a byte to a FIFO; a full FIFO loses it. */
 void psoc_fifo_push(struct psoc_fifo *fifo, uint8_t byte)
 {
     if (fifo->count < PSOC_FIFO) {

@@ -77,6 +77,7 @@ bool psoc_master_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t comma
     return true;
 }
 
+/* A byte was written into the TX FIFO: a master that holds SCL sends it. */
 void psoc_master_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle)
 {
     if (is_master(scb)) {
@@ -153,6 +154,7 @@ void psoc_i2c_on_event(struct psoc *psoc, vtime now, enum psoc_i2c_event event, 
     psoc_scb_update(psoc, scb);
 }
 
+/* The serial block was disabled: a master's transfer is aborted without a stop condition. */
 void psoc_master_disabled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle)
 {
     const struct psoc_wires *wires = &psoc->config.wires;

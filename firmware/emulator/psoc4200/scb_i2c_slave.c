@@ -5,6 +5,7 @@
 
 #define CLOCK_STRETCH_MAX (25u * VTIME_MS) /* maximum clock stretching of a slave: SMBus 2.0, table 1 */
 
+/* Whether the slave is on and this I2C address matches its address register under the mask. */
 bool psoc_i2c_matches_address(const struct psoc *psoc, uint8_t address)
 {
     const struct psoc_scb *scb = &psoc->scb[0];
@@ -120,6 +121,7 @@ void psoc_i2c_on_bus_error(struct psoc *psoc)
     }
 }
 
+/* Command of the firmware for which the bus waits: acknowledge or not, at this processor cycle. */
 static void reply(struct psoc *psoc, struct psoc_scb *scb, bool acknowledge, uint64_t cycle)
 {
     scb->acknowledged = acknowledge;
@@ -151,6 +153,7 @@ void psoc_slave_tx_filled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycl
     }
 }
 
+/* The serial block was disabled: an addressed slave does not acknowledge. */
 void psoc_slave_disabled(struct psoc *psoc, struct psoc_scb *scb, uint64_t cycle)
 {
     if (scb->state >= PSOC_SCB_SLAVE_ADDRESSED && scb->state <= PSOC_SCB_SLAVE_SENDING) {
