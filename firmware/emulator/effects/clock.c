@@ -10,6 +10,8 @@
 #define PI 3.14159265358979323846
 #define PARTS_PER_MILLION 1e-6
 
+/* Read a world-file line `effect clock`: `skew` is a constant error of the oscillator (ppm), `wander` a sinusoidal
+ * thermal drift (amplitude in ppm, period in seconds). Returns 0, or -1 after an error line on stderr. */
 int clock_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"skew", "wander", NULL};
@@ -28,6 +30,8 @@ int clock_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
+/* Thermal drift of the oscillator of one board, with a phase that depends on the seed and the I2C address. The
+ * amplitude is 0 (no drift) if the world requests none. */
 struct clock_drift clock_drift_open(const struct clock_effect *clock, size_t board, uint64_t seed, uint8_t address)
 {
     struct random_source random;
@@ -42,11 +46,13 @@ struct clock_drift clock_drift_open(const struct clock_effect *clock, size_t boa
     };
 }
 
+/* Clock rate relative to nominal at `time` (seconds): 1 + a sin(w t + phase). */
 double clock_drift_factor(const struct clock_drift *drift, double time)
 {
     return 1.0 + drift->amplitude * sin(drift->angular_frequency * time + drift->phase);
 }
 
+/* Seconds by which the drift has advanced the clock since time 0: the integral of a sin(w t + phase). */
 double clock_drift_offset(const struct clock_drift *drift, double time)
 {
     return drift->amplitude / drift->angular_frequency *

@@ -12,6 +12,8 @@
 #define GROUND_PF 8.0       /* trace of about 10 cm on a flexible board */
 #define TRACES_OHM 1000.0   /* driver or multiplexer plus a line of silver ink */
 
+/* Read a world-file line `effect coupling`: series resistance of the TX and RX lines (ohm), capacitance of a line to
+ * ground and, for form `traces`, between neighbouring traces (pF). Returns 0, or -1 after an error line on stderr. */
 int coupling_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"resistive", "traces", NULL};
@@ -43,6 +45,8 @@ bool coupling_is_on(const struct coupling_effect *coupling, size_t board)
     return coupling->board[board].tx_ohm > 0.0 || coupling->board[board].rx_ohm > 0.0;
 }
 
+/* Set the electrical parameters of the line network of one board; `tx_hz` is the frequency of the TX excitation.
+ * Incrementing the version invalidates the stored solutions of all TX lines. */
 void coupling_configure(struct coupling_lines *lines, const struct coupling_board *board, int tx_count, int rx_count,
                         double tx_hz)
 {
@@ -65,6 +69,9 @@ void coupling_set_capacitances(struct coupling_lines *lines, double mutual_f[TAX
     lines->version++;
 }
 
+/* Choose the gain that restores the mean effective capacitance over all taxels to its ideal value, as firmware
+ * calibrates its current source once at rest. `mutual_f`: capacitances at rest [tx][rx], farad, 0 without a taxel; the
+ * gain is limited by the range of the current source. */
 void coupling_calibrate(struct coupling_lines *lines, double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX])
 {
     double ideal = 0.0, effective = 0.0;
@@ -81,6 +88,8 @@ void coupling_calibrate(struct coupling_lines *lines, double mutual_f[TAXEL_LINE
     lines->calibration = effective * CALIBRATION_MAX > ideal ? ideal / effective : CALIBRATION_MAX;
 }
 
+/* Capacitance (farad) that the converter measures at a crossing, crosstalk included. The network is solved only if a
+ * capacitance has changed since the last solution for this TX line. */
 double coupling_effective_capacitance(struct coupling_lines *lines, int tx, int rx)
 {
     if (lines->solved_version[tx] != lines->version) {

@@ -10,6 +10,8 @@
 #define TAXEL_SHARE 0.3
 #define LAYER_SLOWER 3.0
 
+/* Read a world-file line `effect drift`: amplitude (counts), time constant (seconds), and relative standard deviation
+ * between taxels (`share`) of a warm-up or a random ambient drift. Returns 0, or -1 after an error line on stderr. */
 int drift_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"warm_up", "wander", NULL};
@@ -37,6 +39,7 @@ static bool acts_on(const struct drift_slot *slot, size_t board)
     return slot->counts != 0.0 && effect_boards_contain(&slot->boards, board);
 }
 
+/* Whether any requested drift acts on this board. */
 bool drift_is_on(const struct drift_effect *drift, size_t board)
 {
     for (size_t i = 0; i < drift->count; i++) {
@@ -47,6 +50,8 @@ bool drift_is_on(const struct drift_effect *drift, size_t board)
     return false;
 }
 
+/* Sample the constant random numbers of all drifts that act on one board: the amplitude of the board (log-normal for a
+ * warm-up) and the deviation of each taxel. Each drift has its own random stream. */
 void drift_open(struct drift_board *drift, const struct drift_effect *effect, size_t board, uint64_t seed,
                 uint8_t address)
 {
@@ -67,6 +72,9 @@ void drift_open(struct drift_board *drift, const struct drift_effect *effect, si
     }
 }
 
+/* Advance all drifts of a board to the start of a scan (`time`; `powered`: power-on time; seconds). A random drift is
+ * an Ornstein-Uhlenbeck process with an exact update; a warm-up is 1 - exp(-t / s) for the traces and the response of
+ * two lags in series, s and 3 s, for the layer that the traces heat. */
 void drift_begin_scan(struct drift_board *drift, double time, double powered)
 {
     for (size_t i = 0; i < drift->count; i++) {
@@ -90,6 +98,8 @@ void drift_begin_scan(struct drift_board *drift, double time, double powered)
     }
 }
 
+/* Drift of one taxel during the current scan, in counts under the scan settings of the world: the drift common to the
+ * board plus the part that is proportional to the deviation of the taxel. */
 double drift_counts(const struct drift_board *drift, size_t taxel)
 {
     double sum = 0.0;

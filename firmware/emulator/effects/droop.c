@@ -7,6 +7,9 @@
 
 #define FALL_MAX 0.5
 
+/* Read a world-file line `effect droop`: output resistance (ohm) of the regulator that supplies all boards, or of the
+ * voltage reference of a board, which follows its load with a time constant (seconds). Returns 0, or -1 after an error
+ * line on stderr. */
 int droop_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"supply", "reference", NULL};
@@ -31,6 +34,7 @@ int droop_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
+/* Whether the supply, or the reference of any board, has an output resistance. */
 bool droop_is_on(const struct droop_effect *droop)
 {
     for (size_t i = 0; i < EFFECT_BOARDS_MAX; i++) {
@@ -46,6 +50,9 @@ static double limit_fall(double fall)
     return fmin(fall, FALL_MAX);
 }
 
+/* Factor by which voltage droop changes the hardware counts of a board. The drivers draw I = f C V, so a voltage falls
+ * by the relative amount R f C: a lower supply lowers the TX swing and the count; a lower reference lowers the
+ * balancing current and raises the count. `fraction` interpolates the load C (farad) between two records. */
 double droop_factor(const struct droop_effect *droop, size_t board, const struct droop_loads *loads, double fraction,
                     double tx_hz, double time, struct first_order *reference)
 {
@@ -62,6 +69,8 @@ double droop_factor(const struct droop_effect *droop, size_t board, const struct
     return factor;
 }
 
+/* Output of a first-order low-pass filter with time constant `seconds` at `time` (seconds); exact if the input changes
+ * linearly between calls. The first call sets the output to the input. */
 double first_order_step(struct first_order *filter, double time, double input, double seconds)
 {
     if (!filter->has_started) {

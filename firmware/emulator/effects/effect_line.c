@@ -15,6 +15,8 @@ int effect_line_report_error(const struct effect_line *line, const char *message
     return -1;
 }
 
+/* Start to parse the words `effect NAME FORM key=value ...` of a world-file line. `boards`: the boards described in
+ * earlier lines, to which `board=` can refer. Returns 0, or -1 after an error line on stderr. */
 int effect_line_open(struct effect_line *line, const struct world_line *source, const struct board_description *boards,
                      size_t board_count)
 {
@@ -30,6 +32,8 @@ int effect_line_open(struct effect_line *line, const struct world_line *source, 
     return 0;
 }
 
+/* Index of the FORM of the line in the NULL-terminated list `forms`, or -1 after an error line on stderr that lists the
+ * valid forms. */
 int effect_line_form_index(struct effect_line *line, const char *const *forms)
 {
     char known_forms[160] = "";
@@ -62,6 +66,8 @@ bool effect_line_has_key(const struct effect_line *line, const char *key)
     return find_key(line, key) != 0;
 }
 
+/* Read the number of the required word `key=number`, which must lie in [low, high], and mark the word as used. Returns
+ * 0, or -1 after an error line on stderr. */
 int effect_line_number(struct effect_line *line, const char *key, double low, double high, double *value)
 {
     const int index = find_key(line, key);
@@ -88,6 +94,7 @@ int effect_line_optional(struct effect_line *line, const char *key, double low, 
     return find_key(line, key) ? effect_line_number(line, key, low, high, value) : 0;
 }
 
+/* Read a required whole number after `key=` in [low, high]. Returns 0, or -1 after an error line on stderr. */
 int effect_line_integer(struct effect_line *line, const char *key, long low, long high, long *value)
 {
     double real;
@@ -98,6 +105,8 @@ int effect_line_integer(struct effect_line *line, const char *key, long low, lon
     return real == floor(real) ? 0 : effect_line_report_error(line, "expected a whole number");
 }
 
+/* Index of the board whose I2C address follows `board=` (required; decimal or 0x). Returns 0, or -1 after an error line
+ * on stderr if the world has no board with this address. */
 int effect_line_board(struct effect_line *line, size_t *index)
 {
     const int word = find_key(line, "board");
@@ -113,6 +122,8 @@ int effect_line_board(struct effect_line *line, size_t *index)
     return effect_line_report_error(line, "expected board= with the address of one of this world's boards");
 }
 
+/* Reject an effect line that contains a word that no read function has used, so that a misspelt key is not silently
+ * ignored. Returns 0, or -1 after an error line on stderr. */
 int effect_line_check_keys(const struct effect_line *line)
 {
     for (int i = FIRST_KEY; i < line->source->count; i++) {

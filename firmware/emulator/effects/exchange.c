@@ -5,9 +5,11 @@
 #include "emulator/effects/effect_line.h"
 #include "emulator/effects/effects.h"
 
-static int read_boards(struct effect_line *line, struct exchange *one)
+/* Read the second board of two boards plugged into each other's socket. Both must have the same lines and crossing map,
+ * so that every taxel has a counterpart. Returns 0, or -1 after an error line on stderr. */
+static int read_boards(struct effect_line *line, struct exchange *entry)
 {
-    const struct board_description *board = &line->boards[one->board];
+    const struct board_description *board = &line->boards[entry->board];
     long address;
     if (effect_line_integer(line, "other", TAXEL_ADDRESS_MIN, TAXEL_ADDRESS_MAX, &address)) {
         return -1;
@@ -15,8 +17,8 @@ static int read_boards(struct effect_line *line, struct exchange *one)
     for (size_t i = 0; i < line->board_count; i++) {
         const struct board_description *other = &line->boards[i];
         if (other->address == address) {
-            one->other_board = i;
-            return i != one->board && other->rows == board->rows && other->columns == board->columns &&
+            entry->other_board = i;
+            return i != entry->board && other->rows == board->rows && other->columns == board->columns &&
                            memcmp(other->crossing_map, board->crossing_map, sizeof other->crossing_map) == 0
                        ? 0
                        : effect_line_report_error(line, "expected two boards of one size and crossing map");
@@ -25,9 +27,11 @@ static int read_boards(struct effect_line *line, struct exchange *one)
     return effect_line_report_error(line, "expected other= with the address of one of this world's boards");
 }
 
-static int read_lines(struct effect_line *line, struct exchange *one)
+/* Read the axis (0 TX, 1 RX) and the indices of two lines that are exchanged in the harness of one board. Returns 0, or
+ * -1 after an error line on stderr. */
+static int read_lines(struct effect_line *line, struct exchange *entry)
 {
-    const struct board_description *board = &line->boards[one->board];
+    const struct board_description *board = &line->boards[entry->board];
     long axis, index, other;
     if (effect_line_integer(line, "axis", 0, 1, &axis)) {
         return -1;
@@ -36,49 +40,55 @@ static int read_lines(struct effect_line *line, struct exchange *one)
     if (effect_line_integer(line, "index", 0, last, &index) || effect_line_integer(line, "other", 0, last, &other)) {
         return -1;
     }
-    one->lines = true;
-    one->axis = (int)axis;
-    one->index = (int)index;
-    one->other = (int)other;
+    entry->lines = true;
+    entry->axis = (int)axis;
+    entry->index = (int)index;
+    entry->other = (int)other;
     return 0;
 }
 
+/* Read a world-file line `effect exchange`: two boards or two lines connected to each other's socket. Returns 0, or -1
+ * after an error line on stderr. */
 int exchange_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"boards", "lines", NULL};
     struct exchange_effect *exchange = &effects->exchange;
-    struct exchange one = {0};
+    struct exchange entry = {0};
     const int form = effect_line_form_index(line, forms);
-    if (form < 0 || effect_line_board(line, &one.board)) {
+    if (form < 0 || effect_line_board(line, &entry.board)) {
         return -1;
     }
     if (exchange->count == EXCHANGES_MAX) {
         return effect_line_report_error(line, "more than 32 exchanges");
     }
-    if (form == 0 ? read_boards(line, &one) : read_lines(line, &one)) {
+    if (form == 0 ? read_boards(line, &entry) : read_lines(line, &entry)) {
         return -1;
     }
-    exchange->exchanges[exchange->count++] = one;
+    exchange->exchanges[exchange->count++] = entry;
     return 0;
 }
 
+/* Index of the board whose skin the given board measures. Exchanges apply in the order of their lines in the world
+ * file, so several of them compose to a permutation. */
 size_t exchange_source_board(const struct exchange_effect *exchange, size_t board)
 {
     for (size_t i = 0; i < exchange->count; i++) {
-        const struct exchange *one = &exchange->exchanges[i];
-        if (!one->lines && (board == one->board || board == one->other_board)) {
-            board = board == one->board ? one->other_board : one->board;
+        const struct exchange *entry = &exchange->exchanges[i];
+        if (!entry->lines && (board == entry->board || board == entry->other_board)) {
+            board = board == entry->board ? entry->other_board : entry->board;
         }
     }
     return board;
 }
 
+/* Index of the line to which a line of a board is wired (axis 0: TX, 1: RX). Exchanges apply in the order of their
+ * lines in the world file. */
 int exchange_source_line(const struct exchange_effect *exchange, size_t board, int axis, int index)
 {
     for (size_t i = 0; i < exchange->count; i++) {
-        const struct exchange *one = &exchange->exchanges[i];
-        if (one->lines && one->board == board && one->axis == axis && (index == one->index || index == one->other)) {
-            index = index == one->index ? one->other : one->index;
+        const struct exchange *entry = &exchange->exchanges[i];
+        if (entry->lines && entry->board == board && entry->axis == axis && (index == entry->index || index == entry->other)) {
+            index = index == entry->index ? entry->other : entry->index;
         }
     }
     return index;

@@ -9,6 +9,8 @@
 #define ELECTRODE_STREAM 0x6761696E00000000ull
 #define IDAC_STREAM 0x6964616300000000ull
 
+/* Read a world-file line `effect gain`: a factor and a log-normal tolerance of the electrodes or of the current source
+ * (IDAC) of a board. Lines multiply: log factors and variances add. Returns 0, or -1 after an error line on stderr. */
 int gain_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"electrode", "idac", NULL};
@@ -28,6 +30,8 @@ int gain_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
+/* Multiply the fringe capacitance of each taxel and the IDAC gain of the board by random factors exp(log_factor +
+ * log_std n), n standard normal. Call once, before the front end is configured. */
 void gain_apply(const struct gain_effect *gain, size_t board, uint64_t seed, uint8_t address,
                 struct front_end *front_end)
 {

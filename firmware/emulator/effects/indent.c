@@ -8,6 +8,9 @@
 
 #define NEGLIGIBLE_M 1e-8 /* about a hundredth of a count */
 
+/* Read a world-file line `effect indent`: compression set (`set`: fraction, threshold in metres, recovery in seconds)
+ * or permanent bedding of the pillar tips (`bedding`: fraction, work in J/m2). Returns 0, or -1 after an error line on
+ * stderr. */
 int indent_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {[INDENT_SET] = "set", [INDENT_BEDDING] = "bedding", NULL};
@@ -39,6 +42,8 @@ double indent_decay(const struct indent_effect *indent, double seconds)
     return indent->form == INDENT_SET ? exp(-seconds / indent->recovery_s) : 1.0;
 }
 
+/* Compression set of one cell: the larger of the recovering old set and a fraction of the compression `c` (metres)
+ * above the threshold remains. Returns c + set (1 - c / pillar height): pressure shortens only the remaining pillar. */
 static double apply_set(const struct indent_effect *indent, double decay, struct indent_state *cell, double c)
 {
     const double recovered = cell->depth * decay, added = indent->fraction * (c - indent->threshold_m);
@@ -47,6 +52,9 @@ static double apply_set(const struct indent_effect *indent, double decay, struct
     return cell->depth + c * (1.0 - cell->depth / LAYER_PILLAR_HEIGHT_M);
 }
 
+/* Compression (metres) of a cell whose pillar tips bed in with the work done on them: c (1 - fraction (1 - exp(-work /
+ * work_j_m2))). Only increases of the compression `c` add work; the work at the previous compression is kept from call
+ * to call while the load increases. */
 static double apply_bedding(const struct indent_effect *indent, struct indent_state *cell, double c)
 {
     if (c > cell->last_compression) {
@@ -60,6 +68,9 @@ static double apply_bedding(const struct indent_effect *indent, struct indent_st
     return c * (1.0 + indent->fraction * cell->bedding);
 }
 
+/* Replace the compression (metres) of each cell by the compression including its permanent deformation, and update that
+ * deformation. `decay`: remaining fraction of a compression set after the elapsed time. Returns whether a cell is
+ * deformed or loaded, so that the next step must not skip the cells. */
 bool indent_advance(const struct indent_effect *indent, double decay, struct indent_state *cells, size_t count,
                     double *compression)
 {

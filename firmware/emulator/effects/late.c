@@ -3,6 +3,8 @@
 #include "emulator/effects/effect_line.h"
 #include "emulator/effects/effects.h"
 
+/* Read a world-file line `effect late`: delay of the counts of a board, or time constant of a low-pass filter, in
+ * seconds. Returns 0, or -1 after an error line on stderr. */
 int late_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"delay", "lag", NULL};

@@ -5,6 +5,8 @@
 
 #define FIRST_CAPACITY 64u
 
+/* Allocate an empty history of the fields of `taxels` taxels that reaches back at least `delay_s` seconds. Returns NULL
+ * if out of memory. */
 struct late_history *late_history_open(size_t taxels, double delay_s)
 {
     struct late_history *history = calloc(1, sizeof *history);
@@ -24,6 +26,8 @@ void late_history_free(struct late_history *history)
     }
 }
 
+/* Make room for one more record behind the last: move the records to the start of the array if discarded records left
+ * space there, otherwise double the capacity. Returns false if out of memory. */
 static bool reserve_record(struct late_history *history)
 {
     const size_t taxels = history->taxels;
@@ -48,6 +52,8 @@ static bool reserve_record(struct late_history *history)
     return true;
 }
 
+/* Append a record for the field from `time` on and return its values [taxels], which the caller fills in; NULL if out
+ * of memory. `is_constant`: the field does not change until the next record. */
 struct taxel_field *late_history_add(struct late_history *history, vtime time, bool is_constant, vtime now)
 {
     /* A conversion uses the field at its middle, slightly before `now`: keep records for longer than the delay. */
@@ -64,6 +70,8 @@ struct taxel_field *late_history_add(struct late_history *history, vtime time, b
     return history->fields + at * history->taxels;
 }
 
+/* Records before and after a past `time`, found by bisection, and the fraction for interpolation between them. After
+ * the last record the field changes linearly to the present field, which the caller has. */
 struct late_span late_history_span_at(const struct late_history *history, vtime time, vtime present_time)
 {
     const struct late_record *records = history->records + history->first;

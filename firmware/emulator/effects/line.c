@@ -6,20 +6,22 @@
 #define PICO 1e-12
 #define STUB_PF 0.05
 
+/* Read a world-file line `effect line`: an open TX or RX line (axis 0 or 1) with a remaining stub capacitance (pF), or
+ * a short circuit to the following line. Returns 0, or -1 after an error line on stderr. */
 int line_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"open", "short", NULL};
     struct line_effect *lines = &effects->line;
-    struct broken_line one = {0};
+    struct broken_line entry = {0};
     const int form = effect_line_form_index(line, forms);
     long axis, index;
-    if (form < 0 || effect_line_board(line, &one.board)) {
+    if (form < 0 || effect_line_board(line, &entry.board)) {
         return -1;
     }
     if (lines->count == LINE_EFFECTS_MAX) {
         return effect_line_report_error(line, "more than 64 broken lines");
     }
-    const struct board_description *board = &line->boards[one.board];
+    const struct board_description *board = &line->boards[entry.board];
     if (effect_line_integer(line, "axis", 0, 1, &axis)) {
         return -1;
     }
@@ -28,18 +30,19 @@ int line_read(struct effect_line *line, struct effects *effects)
         return effect_line_report_error(line, "the line has no following neighbour to join");
     }
     if (effect_line_integer(line, "index", 0, last, &index) ||
-        (form == 0 && effect_line_optional(line, "stub_pf", 0.0, 1.0, STUB_PF, &one.stub_f)) ||
-        (form == 1 && effect_line_optional(line, "share", 0.1, 1.0, 0.5, &one.share))) {
+        (form == 0 && effect_line_optional(line, "stub_pf", 0.0, 1.0, STUB_PF, &entry.stub_f)) ||
+        (form == 1 && effect_line_optional(line, "share", 0.1, 1.0, 0.5, &entry.share))) {
         return -1;
     }
-    one.stub_f *= PICO;
-    one.is_joined = form == 1;
-    one.axis = (int)axis;
-    one.index = (int)index;
-    lines->lines[lines->count++] = one;
+    entry.stub_f *= PICO;
+    entry.is_joined = form == 1;
+    entry.axis = (int)axis;
+    entry.index = (int)index;
+    lines->lines[lines->count++] = entry;
     return 0;
 }
 
+/* Whether a line of this board is open or short-circuited. */
 bool line_is_on(const struct line_effect *lines, size_t board)
 {
     for (size_t i = 0; i < lines->count; i++) {
@@ -50,11 +53,14 @@ bool line_is_on(const struct line_effect *lines, size_t board)
     return false;
 }
 
+/* Capacitance of crossing number `n` on a TX line (axis 0) or an RX line (axis 1). */
 static double *crossing_of(double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX], int axis, int line, int n)
 {
     return axis == 0 ? &mutual_f[line][n] : &mutual_f[n][line];
 }
 
+/* Change the mutual capacitances [tx][rx] (farad) for the broken lines of a board: crossings of an open line keep only
+ * the stub; two joined lines both measure a share of the sum of their parallel crossings. */
 void line_apply(const struct line_effect *lines, size_t board, int tx_count, int rx_count,
                 double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX])
 {

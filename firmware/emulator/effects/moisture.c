@@ -10,6 +10,9 @@
 #define WATER_PERMITTIVITY 80.0 /* at 20 degrees C, below 1 GHz */
 #define NEGLIGIBLE_WATER 1e-7   /* water fraction with an effect far below one count */
 
+/* Read a world-file line `effect moisture`: a moist disc on one board, centred at (tx, rx) in line numbers, with radius
+ * and edge width in metres and `water` as a share of the pore volume. Returns 0, or -1 after an error line on stderr.
+ */
 int moisture_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {[MOISTURE_FILM] = "film", [MOISTURE_DRYING] = "drying", NULL};
@@ -35,6 +38,8 @@ bool moisture_is_on(const struct moisture_effect *moisture)
     return moisture->water != 0.0;
 }
 
+/* Share (0 to 1) of the maximum water content in each cell of the board: 1 inside the moist disc, 0 outside, with a
+ * tanh edge. Shares far below one count are set to 0, so that dry cells need no computation. */
 void moisture_fill(const struct moisture_effect *moisture, const struct patch *patch, double *weight)
 {
     for (size_t i = 0; i < patch->cell_count; i++) {
@@ -46,6 +51,8 @@ void moisture_fill(const struct moisture_effect *moisture, const struct patch *p
     }
 }
 
+/* Water content at the centre of the moist patch at `time` (seconds), as a share of the pore volume; a drying patch
+ * loses its water exponentially. */
 double moisture_water(const struct moisture_effect *moisture, double time)
 {
     if (moisture->form == MOISTURE_FILM) {
@@ -55,6 +62,8 @@ double moisture_water(const struct moisture_effect *moisture, double time)
     return water < NEGLIGIBLE_WATER ? 0.0 : water;
 }
 
+/* Relative rise of the permittivity of a cell whose pores contain the share `water` of water, from its dry rise.
+ * Lichtenecker's rule: water multiplies the permittivity by 80^(water * air fraction). */
 double moisture_rise(double water, double rise)
 {
     return rise + (1.0 + rise) * expm1(water * log(WATER_PERMITTIVITY) * layer_air_fraction(rise));

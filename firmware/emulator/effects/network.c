@@ -19,6 +19,8 @@ static inline ALWAYS_INLINE void set_response(struct network_response *response,
     response->im[line] = -reactance / square;
 }
 
+/* Compute from the total capacitance of each line its response 1 / (1 + j omega R C) to injected current, and the
+ * transposed matrix of mutual capacitances for the update of the TX lines. */
 static inline ALWAYS_INLINE void set_responses(struct network *network)
 {
     double rx_f[TAXEL_LINES_MAX];
@@ -92,6 +94,8 @@ static inline ALWAYS_INLINE double update_rx(const struct network *network, cons
     return change;
 }
 
+/* Gauss-Seidel update of the complex voltages of all TX lines from the present RX currents; line `driven` has a drive
+ * of amplitude 1, all other TX lines are grounded through their resistance. */
 static inline ALWAYS_INLINE void update_tx(const struct network *network, const struct network_response *response,
                                            struct network_state *state, int driven)
 {
@@ -120,6 +124,8 @@ static inline ALWAYS_INLINE bool is_converged(double change, double last_change,
     return change <= tolerance || change * factor <= tolerance * (1.0 - factor);
 }
 
+/* Solve the network for one driven TX line by Gauss-Seidel iteration from the previous solution in `state`. Writes the
+ * effective capacitance (farad) of the driven line to each RX line; returns the number of iterations. */
 static inline ALWAYS_INLINE int solve(struct network *network, int driven, struct network_state *state,
                                       double *effective_f)
 {
@@ -151,6 +157,8 @@ __attribute__((target("avx2"))) static int solve_wide(struct network *network, i
 }
 #endif
 
+/* Solve the network for one driven TX line, with AVX2 instructions if the processor has them. Writes the effective
+ * capacitance (farad) of the driven line to each RX line; returns the number of iterations. */
 int network_solve(struct network *network, int driven, struct network_state *state, double *effective_f)
 {
 #ifdef __x86_64__

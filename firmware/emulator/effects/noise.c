@@ -9,6 +9,8 @@
 #define SHORTEST_RELAXATION_S 0.020
 #define STEPS_PER_RELAXATION 8.0
 
+/* Read the keys of a noise line that only its form has: the axis of line noise; whether taxels share the 1/f noise;
+ * rate (Hz) and duration (ms) of impulses. Returns 0, or -1 after an error line on stderr. */
 static int read_form(struct effect_line *line, struct noise_slot *slot)
 {
     long axis, shared = 0;
@@ -34,6 +36,8 @@ static int read_form(struct effect_line *line, struct noise_slot *slot)
     return 0;
 }
 
+/* Read a world-file line `effect noise`: the form of a noise source, its boards and its amplitude in counts. Returns 0,
+ * or -1 after an error line on stderr. */
 int noise_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {
@@ -62,6 +66,7 @@ static bool acts_on(const struct noise_slot *slot, size_t board)
     return !is_off && effect_boards_contain(&slot->boards, board);
 }
 
+/* Whether a noise source with a nonzero amplitude acts on this board. */
 bool noise_is_on(const struct noise_effect *noise, size_t board)
 {
     for (size_t i = 0; i < noise->count; i++) {
@@ -72,6 +77,8 @@ bool noise_is_on(const struct noise_effect *noise, size_t board)
     return false;
 }
 
+/* Start the random streams of all noise sources of a board. The stream number contains the index of the source and the
+ * I2C address, so that adding a source does not change the samples of the others. */
 void noise_open(struct noise_board *noise, const struct noise_effect *effect, size_t board, uint64_t seed,
                 uint8_t address)
 {
@@ -98,6 +105,8 @@ static double approximate_normal(struct random_source *random)
     return ((double)sum - 8.0 * 127.5) / 209.02153; /* sqrt(8 (256^2 - 1) / 12) */
 }
 
+/* Advance 1/f noise to `time` (seconds): the sum of eight relaxation processes with equal variance and time constants
+ * one octave apart. A process steps only after an eighth of its time constant, which saves most samples. */
 static void step_pink(const struct noise_slot *slot, struct noise_state *state, double time, size_t taxels)
 {
     const double process_std = slot->counts / sqrt((double)NOISE_OCTAVES);
@@ -121,6 +130,7 @@ static void step_pink(const struct noise_slot *slot, struct noise_state *state, 
     state->has_started = true;
 }
 
+/* Sample the noise that is constant during a scan: 1/f noise, and line noise of each RX line or of the whole scan. */
 void noise_begin_scan(struct noise_board *noise, double time, size_t taxels)
 {
     noise->tx = -1;
@@ -139,11 +149,14 @@ void noise_begin_scan(struct noise_board *noise, double time, size_t taxels)
     }
 }
 
+/* Seconds until the next event of a Poisson process: exponentially distributed with mean 1 / rate_hz. */
 static double waiting_time(struct noise_state *state, double rate_hz)
 {
     return -log(1.0 - random_uniform(&state->random)) / rate_hz;
 }
 
+/* Counts that impulsive noise adds at `time` (seconds): +counts or -counts during an event of a Poisson process,
+ * otherwise 0. */
 static double impulse(const struct noise_slot *slot, struct noise_state *state, double time)
 {
     if (!state->has_started) {
@@ -158,6 +171,8 @@ static double impulse(const struct noise_slot *slot, struct noise_state *state, 
     return time < state->event_end ? state->sign * slot->counts : 0.0;
 }
 
+/* Sum of the noise of all sources, in counts before quantisation, for the conversion of one crossing at `time`
+ * (seconds). Noise of a TX line is sampled again when `tx` differs from that of the previous conversion. */
 double noise_counts(struct noise_board *noise, double time, int tx, int rx, size_t taxel)
 {
     const bool is_new_line = tx != noise->tx;

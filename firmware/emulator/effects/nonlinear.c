@@ -8,6 +8,8 @@
 #define BOW_SKEW 0.5
 #define DENOMINATOR_MAX 12
 
+/* Read a world-file line `effect nonlinear`: leak of the modulator's integrator per clock (`dead_zone`), or bow of the
+ * transfer curve in counts at mid-scale (`bow`). Returns 0, or -1 after an error line on stderr. */
 int nonlinear_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"dead_zone", "bow", NULL};
@@ -52,6 +54,8 @@ static double lock_to_plateau(double share, double leak)
     return share;
 }
 
+/* Hardware count of a converter with a bow (a skewed parabola, zero at both ends of the range) and with the dead zones
+ * of a leaky first-order modulator, which locks to simple fractions of full scale. */
 double nonlinear_count(const struct nonlinear_effect *nonlinear, size_t board, double largest_count,
                        double hardware_count)
 {

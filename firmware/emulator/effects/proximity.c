@@ -9,6 +9,8 @@
 
 #define IMAGE_FAR 5.0 /* in units of the electrode distance */
 
+/* Read a world-file line `effect proximity`: the response to an object that does not touch yet (`share` of the fringe
+ * capacitance) and the distance in metres over which it decays. Returns 0, or -1 after an error line on stderr. */
 int proximity_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {[PROXIMITY_IMAGE] = "image", [PROXIMITY_WEDGE] = "wedge", NULL};
@@ -25,12 +27,15 @@ bool proximity_is_on(const struct proximity_effect *proximity)
     return proximity->share != 0.0;
 }
 
+/* Smallest gap (metres) at which an object has no influence; 0 if the effect is inactive. */
 double proximity_reach(const struct proximity_effect *proximity)
 {
     const double reach = proximity->form == PROXIMITY_IMAGE ? IMAGE_FAR * proximity->reach_m : proximity->reach_m;
     return proximity_is_on(proximity) ? fmin(reach, CONTACT_FAR_M) : 0.0;
 }
 
+/* Response to an object at a gap, without normalisation: `image` has the flux of two line electrodes through the face
+ * of the object; `wedge` has the series capacitance of an air film and the layer. */
 static double response(const struct proximity_effect *proximity, double thickness, double gap)
 {
     const double ratio = 0.5 * proximity->reach_m / (thickness + gap);
@@ -38,6 +43,8 @@ static double response(const struct proximity_effect *proximity, double thicknes
                                               : 1.0 / (1.0 + layer_rest_permittivity() * gap / thickness);
 }
 
+/* Tabulate the contribution of an object over u = thickness / (thickness + gap), normalised to `share` in contact and 0
+ * at the reach; the contribution is smooth in u. `thickness`: of the layer, metres. */
 void proximity_prepare(struct proximity_curve *curve, const struct proximity_effect *proximity, double thickness)
 {
     curve->thickness = thickness;
@@ -52,6 +59,8 @@ void proximity_prepare(struct proximity_curve *curve, const struct proximity_eff
     }
 }
 
+/* Contribution of an object at `gap` (metres) to the relative rise of the permittivity of a cell, by linear
+ * interpolation in the table. */
 double proximity_rise(const struct proximity_curve *curve, double gap)
 {
     if (gap >= curve->reach) {

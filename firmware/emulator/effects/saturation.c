@@ -3,6 +3,8 @@
 #include "emulator/effects/effect_line.h"
 #include "emulator/effects/effects.h"
 
+/* Read a world-file line `effect saturation`: limit of the signal in counts, sharp (`clip`) or gradual (`soft`), and
+ * the strength of the effect (0 to 1). Returns 0, or -1 after an error line on stderr. */
 int saturation_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"clip", "soft", NULL};
@@ -21,6 +23,8 @@ int saturation_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
+/* Hardware count of a taxel after saturation. The distance x from the count at rest is limited to `counts` (clip), or
+ * becomes x counts / (x + counts) because of the output resistance of the current source (soft). */
 double saturation_limit(const struct saturation_board *board, double rest_count, double hardware_count)
 {
     const double above = hardware_count - rest_count;

@@ -6,6 +6,8 @@
 #define SILENT_STREAM 0x73696C6500000000ull
 #define UNLIMITED_S 1e30
 
+/* Read the keys of an outage: a board that does not acknowledge its address from a start time on, for a duration or
+ * without end (seconds). Returns 0, or -1 after an error line on stderr. */
 static int read_from(struct effect_line *line, struct silent_effect *silent)
 {
     double duration;
@@ -23,6 +25,8 @@ static int read_from(struct effect_line *line, struct silent_effect *silent)
     return 0;
 }
 
+/* Read a world-file line `effect silent`: a scheduled outage of a board, or a loose contact that loses addressings with
+ * probability p in bursts of a mean length. Returns 0, or -1 after an error line on stderr. */
 int silent_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"from", "flaky", NULL};
@@ -47,6 +51,7 @@ int silent_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
+/* Start the random stream of the contact of a board; the first state is bad with the stationary probability. */
 void silent_open(struct silent_contact *contact, const struct silent_effect *silent, size_t board, uint64_t seed,
                  uint8_t address)
 {
@@ -54,6 +59,8 @@ void silent_open(struct silent_contact *contact, const struct silent_effect *sil
     contact->is_bad = random_uniform(&contact->random) < silent->probability[board];
 }
 
+/* Whether a board fails to acknowledge its I2C address at `time` (seconds). Each call is one addressing and one step of
+ * the two-state Markov chain (Gilbert and Elliott) of a loose contact. */
 bool silent_loses_addressing(const struct silent_effect *silent, size_t board, double time,
                              struct silent_contact *contact)
 {

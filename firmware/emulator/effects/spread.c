@@ -10,6 +10,8 @@
 
 #define GRID_MAX (TAXEL_LINES_MAX * CELLS_PER_SIDE)
 
+/* Read a world-file line `effect spread`: decay length of pressure in the cover film (`film`, metres), or slope of the
+ * cover around a pressed cell (`pillars`, metres per metre). Returns 0, or -1 after an error line on stderr. */
 int spread_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {[SPREAD_FILM] = "film", [SPREAD_PILLARS] = "pillars", NULL};
@@ -81,6 +83,9 @@ static int init_pillars(struct spread_state *state, const struct patch *patch)
     return 0;
 }
 
+/* Allocate the grids of the effect for one board. For form `film` also compute 1 / (sum of the kernel weights) of each
+ * cell along its row and its column, so that smoothing preserves the total force at the edges of the sheet. Returns 0,
+ * or -1 if out of memory. */
 int spread_init(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch)
 {
     const int rows = patch->grid_rows, columns = patch->grid_columns, grid_size = rows * columns;
@@ -183,6 +188,9 @@ static bool grow_along(double *row, const double *barrier, double decrement, int
     return can_grow;
 }
 
+/* Form `pillars`: extend the compression (metres) of each cell to its surroundings, falling by `slope` with distance.
+ * Two chamfer passes, forward and backward, over the grid of cells; rows without a compression that can raise a
+ * neighbour are skipped. */
 void spread_compression(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch,
                         double *compression)
 {

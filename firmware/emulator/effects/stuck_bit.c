@@ -3,6 +3,8 @@
 #include "emulator/effects/effect_line.h"
 #include "emulator/effects/effects.h"
 
+/* Read a world-file line `effect stuck_bit`: add one bit to the mask of bits of the raw count that always read 0
+ * (`low`) or 1 (`high`). Returns 0, or -1 after an error line on stderr. */
 int stuck_bit_read(struct effect_line *line, struct effects *effects)
 {
     static const char *const forms[] = {"low", "high", NULL};
