@@ -12,6 +12,8 @@ void flash_init(struct flash *flash, uint64_t seed, uint8_t address)
     flash->cut_time = VTIME_NEVER;
 }
 
+/* Plan a power cut during a later write of the flash. Write numbers of the first plan count from this call. Returns
+ * false if the list of plans is full. */
 bool flash_plan_cut(struct flash *flash, const struct flash_cut_plan *plan)
 {
     if (flash->plan_count == FLASH_CUTS_MAX) {
@@ -42,6 +44,7 @@ static void schedule_planned_cut(struct flash *flash, const struct flash_pending
     memmove(flash->plans, flash->plans + 1, flash->plan_count * sizeof flash->plans[0]);
 }
 
+/* Forget the writes that ended before `now`: a power cut can no longer tear their rows. */
 static void remove_completed_writes(struct flash *flash, vtime now)
 {
     unsigned kept = 0;
@@ -53,6 +56,8 @@ static void remove_completed_writes(struct flash *flash, vtime now)
     flash->pending_count = kept;
 }
 
+/* Store a row of 128 bytes at once, but keep its old content until the write has ended (20 ms after the previous
+ * write): a power cut before the end tears or restores the row. Returns the end time of the write. */
 vtime flash_write_row(struct flash *flash, uint16_t row, const uint8_t *bytes, vtime now)
 {
     uint8_t *const stored = flash->bytes + (size_t)row * FLASH_ROW_SIZE;
@@ -100,6 +105,8 @@ static void tear_row(struct flash *flash, const struct flash_pending_write *writ
     flash->torn_count++;
 }
 
+/* Apply a power failure at `now`: a write that has not started is undone, a running write tears its row. Writes are
+ * processed from the latest to the earliest, so that a row written twice regains its oldest content. */
 void flash_cut_power(struct flash *flash, vtime now)
 {
     remove_completed_writes(flash, now);

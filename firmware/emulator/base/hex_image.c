@@ -76,6 +76,8 @@ static const char *apply_record(const uint8_t *record, size_t size, uint32_t *ba
     }
 }
 
+/* Read an Intel HEX file into a buffer of `size` bytes, filled with 0 where the file has no data. Returns NULL, or an
+ * error message for the line number in *line (0: the file cannot be opened). */
 const char *hex_image_read(const char *path, uint8_t *bytes, size_t size, int *line)
 {
     char text[LINE_SIZE_MAX];

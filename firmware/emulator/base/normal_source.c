@@ -32,6 +32,7 @@ static void sample_pairs(struct random_source *source, struct pairs *pairs)
     *source = local;
 }
 
+/* Convert points in the unit circle to pairs of independent standard normal numbers (polar method). */
 static inline INLINED void scale_pairs(const struct pairs *pairs, double *values)
 {
     for (unsigned i = 0; i < NORMAL_SOURCE_PAIRS; i++) {
@@ -50,6 +51,8 @@ __attribute__((target("avx2"))) static void scale_pairs_avx2(const struct pairs 
 }
 #endif
 
+/* Compute the next block of standard normal numbers with the polar method, with AVX2 instructions if the processor has
+ * them. */
 void normal_source_fill(struct normal_source *normals)
 {
     struct pairs pairs;

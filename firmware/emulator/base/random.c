@@ -2,6 +2,7 @@
 
 #include "emulator/base/polar.h"
 
+/* The next number of the generator splitmix64 (Steele et al., 2014). */
 static uint64_t splitmix64(uint64_t *state)
 {
     uint64_t z = (*state += 0x9E3779B97F4A7C15ull);
@@ -10,6 +11,8 @@ static uint64_t splitmix64(uint64_t *state)
     return z ^ (z >> 31);
 }
 
+/* Seed a generator. splitmix64 mixes seed and stream number, so that every pair of them gives an independent sequence.
+ */
 void random_init(struct random_source *source, uint64_t seed, uint64_t stream)
 {
     uint64_t state = seed;

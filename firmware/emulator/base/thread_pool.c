@@ -56,6 +56,8 @@ static bool has_work_or_is_closing(struct thread_pool *pool)
     return get_first_item(ticket) != get_items_end(ticket) || atomic_load(&pool->is_closing);
 }
 
+/* Wait until a task has items that no thread has started, or until the pool closes. The worker spins for about 1 ms
+ * before it sleeps on the condition variable, because the kernel wakes a thread more slowly. */
 static void wait_for_work(struct thread_pool *pool)
 {
     for (int i = 0; i < SPINS; i++) {
@@ -73,6 +75,7 @@ static void wait_for_work(struct thread_pool *pool)
     pthread_mutex_unlock(&pool->mutex);
 }
 
+/* Main function of a worker thread: run items of tasks until the pool closes. */
 static void *run_worker(void *context)
 {
     struct thread_pool *pool = context;
@@ -117,6 +120,7 @@ int thread_pool_open(struct thread_pool *pool, size_t threads)
     return 0;
 }
 
+/* Stop and join all workers. No task may be running. */
 void thread_pool_close(struct thread_pool *pool)
 {
     atomic_store(&pool->is_closing, true);
@@ -141,6 +145,8 @@ static void wait_for_last_items(struct thread_pool *pool, size_t count)
     }
 }
 
+/* Run `task` for items 0 to count - 1 on all threads and return when every item is done. The caller's thread runs items
+ * too; without workers it runs them all. */
 void thread_pool_run(struct thread_pool *pool, size_t count, thread_pool_task task, void *context)
 {
     if (!pool || pool->worker_count == 0) {

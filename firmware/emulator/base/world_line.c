@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Split a line into words at white space, in place. `#` starts a comment; the words point into `text`. */
 void world_line_split(struct world_line *line, char *text)
 {
     char *saved;
@@ -27,6 +28,7 @@ int world_line_report_error(const struct world_line *line, const char *message)
     return -1;
 }
 
+/* Read word number `index` as a finite number in [low, high]. Returns 0, or -1 after an error line on stderr. */
 int world_line_read_number(const struct world_line *line, int index, double low, double high, double *value)
 {
     char *end;
@@ -43,6 +45,8 @@ int world_line_read_number(const struct world_line *line, int index, double low,
     return 0;
 }
 
+/* Read word number `index` as a whole number in [low, high]; a form such as 1e3 is accepted. Returns 0, or -1 after an
+ * error line on stderr. */
 int world_line_read_integer(const struct world_line *line, int index, double low, double high, long *value)
 {
     double real;
@@ -56,6 +60,8 @@ int world_line_read_integer(const struct world_line *line, int index, double low
     return 0;
 }
 
+/* Read word number `index` as `size` bytes, written as exactly 2 * size hexadecimal digits. Returns 0, or -1 after an
+ * error line on stderr. */
 int world_line_read_hex(const struct world_line *line, int index, uint8_t *bytes, size_t size)
 {
     if (index >= line->count || strlen(line->words[index]) != 2 * size) {
@@ -71,6 +77,8 @@ int world_line_read_hex(const struct world_line *line, int index, uint8_t *bytes
     return 0;
 }
 
+/* Read `count` consecutive words as numbers in [low, high], starting at word number `first`. Returns 0, or -1 after an
+ * error line on stderr. */
 int world_line_read_numbers(const struct world_line *line, int first, int count, double low, double high,
                             double *values)
 {

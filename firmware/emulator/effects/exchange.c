@@ -87,7 +87,8 @@ int exchange_source_line(const struct exchange_effect *exchange, size_t board, i
 {
     for (size_t i = 0; i < exchange->count; i++) {
         const struct exchange *entry = &exchange->exchanges[i];
-        if (entry->lines && entry->board == board && entry->axis == axis && (index == entry->index || index == entry->other)) {
+        if (entry->lines && entry->board == board && entry->axis == axis &&
+            (index == entry->index || index == entry->other)) {
             index = index == entry->index ? entry->other : entry->index;
         }
     }

@@ -9,6 +9,8 @@
 #define TAXEL_REACH_M (1.5 * TAXEL_PITCH_M)
 #define DEEPEST_M 0.006 /* a line that enters deeper below the electrode hits the opposite side of the object */
 
+/* Add the force of one compressed cell to the wrench on the board, and its contribution to the stiffness k l l^T. l =
+ * (n, r x n) is the line of action through the cell at r; `compression` is in metres. */
 static void add_cell(struct contact_load *load, const struct cell *cell, double compression)
 {
     const double *n = cell->normal, *r = cell->position;
@@ -24,6 +26,8 @@ static void add_cell(struct contact_load *load, const struct cell *cell, double 
     }
 }
 
+/* Whether the bounding spheres of board and object are farther apart than `reach` (metres). False does not imply a
+ * contact. */
 bool contact_is_far(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket,
                     double reach)
 {
@@ -83,6 +87,9 @@ static bool press_margins(const struct patch *patch, const struct shape *shape, 
     return is_touching;
 }
 
+/* Compress every cell to the depth at which the object enters the layer along the normal of the cell. Writes the
+ * compression and the gap (metres) of each cell and the wrench and stiffness of the board; returns whether the object
+ * touches the board. Each cell is an independent spring. */
 bool contact_solve(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket,
                    double thickness, double reach, double *compression, double *gap, struct contact_load *load)
 {

@@ -19,6 +19,7 @@ void frame_point(const struct frame *frame, const double in[3], double out[3])
     }
 }
 
+/* Composition of two rigid transforms: b is applied first, then a. */
 struct frame frame_product(const struct frame *a, const struct frame *b)
 {
     struct frame product;
@@ -37,6 +38,7 @@ struct frame frame_product(const struct frame *a, const struct frame *b)
     return product;
 }
 
+/* Inverse of a rigid transform: rotation R^T, translation -R^T t. */
 struct frame frame_inverse(const struct frame *a)
 {
     struct frame inverse;

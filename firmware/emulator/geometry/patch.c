@@ -54,6 +54,7 @@ static void place_flat(const struct layout *layout, struct taxel_pose *poses)
     }
 }
 
+/* Pose of the taxel at a crossing of TX and RX line; NULL if the crossing lies outside the board or has no taxel. */
 static const struct taxel_pose *neighbour(const struct layout *layout, const struct taxel_pose *poses, int tx, int rx)
 {
     if (tx < 0 || rx < 0 || tx >= layout->tx_count || rx >= layout->rx_count || layout->taxel_at[tx][rx] < 0) {
@@ -100,6 +101,8 @@ static void place_cell(struct cell *cell, const struct taxel_pose *pose, const d
     }
 }
 
+/* Place the 4 x 4 cells of one taxel on a paraboloid through the taxel whose curvatures follow from the normals of the
+ * neighbouring taxels, and enter them in the grid of the unrolled sheet. */
 static void add_taxel_cells(struct patch *patch, const struct layout *layout, const struct taxel_pose *poses, int tx,
                             int rx)
 {
@@ -125,6 +128,7 @@ static void add_taxel_cells(struct patch *patch, const struct layout *layout, co
     }
 }
 
+/* Compute the bounding sphere of the cells about their mean position. */
 static void enclose(struct patch *patch)
 {
     memset(patch->centre, 0, sizeof patch->centre);
@@ -144,6 +148,8 @@ static void enclose(struct patch *patch)
     }
 }
 
+/* Build the cells of a board from its crossing map and the poses of its taxels (NULL: flat sheet). Returns 0, or -1 if
+ * out of memory. */
 int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const uint8_t *crossing_map, size_t taxel_count,
                const struct taxel_pose *poses)
 {
@@ -181,6 +187,8 @@ int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const ui
     return 0;
 }
 
+/* Add squares of bare sheet, one pitch wide, beside the taxels. They carry load but are not measured. Returns 0, or -1
+ * if out of memory. */
 int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose *poses)
 {
     patch->margins = malloc((count ? count : 1) * CELLS_PER_TAXEL * sizeof *patch->margins);

@@ -7,7 +7,9 @@ struct span {
     double enter, leave;
 };
 
-/* Divides only if the interval changes, because most planes do not bound it. */
+/* Clip the interval of a line by a half-space. `slope`: change of the distance from the plane per metre of the line;
+ * `excess`: distance of the origin of the line outside the plane, metres. Divides only if the interval changes, because
+ * most planes do not bound it. */
 static inline void clip(struct span *span, double slope, double excess)
 {
     if (slope < 0.0) {
@@ -19,6 +21,7 @@ static inline void clip(struct span *span, double slope, double excess)
     }
 }
 
+/* Clip the interval of the line o + t d by all half-spaces of a polyhedron. */
 static void clip_planes(struct span *span, const struct shape *shape, const double o[3], const double d[3])
 {
     for (size_t i = 0; i < shape->plane_count; i++) {
@@ -27,6 +30,8 @@ static void clip_planes(struct span *span, const struct shape *shape, const doub
     }
 }
 
+/* Clip the interval of the line o + t d by the two caps and the wall of an upright cylinder, the latter from the roots
+ * of a quadratic equation in t. */
 static void clip_cylinder(struct span *span, const struct shape *shape, const double o[3], const double d[3])
 {
     clip(span, -d[2], -o[2]);
@@ -48,6 +53,8 @@ static void clip_cylinder(struct span *span, const struct shape *shape, const do
     span->leave = leave < span->leave ? leave : span->leave;
 }
 
+/* Distance (metres) along the unit vector `direction` from `origin` to the point where the line enters the shape:
+ * negative behind the origin, INFINITY if the line misses the shape. */
 double shape_entry(const struct shape *shape, const double origin[3], const double direction[3])
 {
     struct span span = {-INFINITY, INFINITY};
@@ -75,6 +82,8 @@ static void clip_lines(const double *plane, const struct shape_lines *lines, dou
     }
 }
 
+/* Entry distances (metres) of a group of lines, as shape_entry() for each line. Planes that are too far from the group
+ * to change an entry within `reach` are skipped; results beyond `reach` may be wrong but stay beyond it. */
 void shape_entries(const struct shape *shape, struct shape_lines *lines, double reach)
 {
     double enter[SHAPE_LINES], leave[SHAPE_LINES];
@@ -102,6 +111,8 @@ void shape_entries(const struct shape *shape, struct shape_lines *lines, double 
     }
 }
 
+/* Lower bound (metres) of the distance from a point to the shape: the largest distance from any of its planes or
+ * surfaces; 0 or less if the point may lie inside. */
 double shape_distance_bound(const struct shape *shape, const double point[3])
 {
     double bound = -INFINITY;

@@ -10,6 +10,8 @@
 #define FRINGE_CAPACITANCE_F 0.70e-12
 #define CAPACITANCE_STD 0.05 /* relative standard deviation of the fixed capacitance (thesis, section 2.5) */
 
+/* Set the capacitances of the taxels: a fixed part with a random tolerance (standard deviation 5 %), which contact does
+ * not change, and the fringe capacitance through the layer. `noise_counts`: standard deviation of the white noise. */
 void front_end_init(struct front_end *front_end, uint16_t taxel_count, double noise_counts,
                     struct normal_source *normals)
 {
@@ -51,6 +53,8 @@ bool front_end_apply_settings(struct front_end *front_end, const struct front_en
     return true;
 }
 
+/* Apply the scan settings of the protocol: conversion time and counts per farad follow from them. `clock_rate`: CPU
+ * clock relative to its nominal frequency. */
 void front_end_configure(struct front_end *front_end, const struct taxel_scan_settings *scan, double clock_rate)
 {
     const struct front_end_settings settings = {
@@ -64,6 +68,8 @@ void front_end_configure(struct front_end *front_end, const struct taxel_scan_se
     front_end->settle_time = (vtime)(scan->settle_cycles / CPU_HZ / clock_rate * (double)VTIME_SECOND);
 }
 
+/* Hardware count of a taxel before noise and quantisation. `rise`: relative rise of the permittivity of the layer,
+ * which multiplies the fringe capacitance. */
 double front_end_hardware_count(const struct front_end *front_end, uint16_t taxel, double rise)
 {
     const struct front_end_taxel *electrode = &front_end->taxels[taxel];

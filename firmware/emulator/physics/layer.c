@@ -94,6 +94,8 @@ static double sheet_compression(double pressure)
     return (1.0 - 0.5 * (low + high)) * LAYER_SHEET_HEIGHT_M;
 }
 
+/* Compute the tables of the layer's curve over force, pressure and compression, which replace the inversion of the
+ * stress law for every cell. Call once, before any other function of this file. */
 void layer_init(void)
 {
     log_min = log(FORCE_MIN_N);
@@ -123,6 +125,8 @@ void layer_init(void)
     }
 }
 
+/* Relative rise of the permittivity under a force (newtons) on the area of one taxel. Interpolates a logarithmic table;
+ * linear below the smallest force, constant above the largest. */
 double layer_rise_at_force(double force_n)
 {
     if (force_n <= 0.0) {
@@ -153,6 +157,7 @@ static int find_pressure_index(double pressure, double *fraction)
     return (int)(offset >> CURVE_SHIFT);
 }
 
+/* Compression (metres) of the pillars under a pressure (Pa); linear below the table, constant above it. */
 double layer_compression(double pressure_pa)
 {
     double fraction;
@@ -166,6 +171,7 @@ double layer_compression(double pressure_pa)
     return at_pressure[i].compression + fraction * (at_pressure[i + 1].compression - at_pressure[i].compression);
 }
 
+/* Relative rise of the permittivity under a pressure (Pa); linear below the table, constant above it. */
 double layer_rise_at_pressure(double pressure_pa)
 {
     double fraction;
@@ -179,6 +185,7 @@ double layer_rise_at_pressure(double pressure_pa)
     return at_pressure[i].rise + fraction * (at_pressure[i + 1].rise - at_pressure[i].rise);
 }
 
+/* Relative rise of the permittivity at a compression (metres) of the pillars; constant once no air is left. */
 double layer_rise_at_compression(double compression_m)
 {
     const double position = compression_m * (DEPTH_STEPS / (LAYER_PILLAR_HEIGHT_M * (1.0 - PILLAR_FRACTION)));
@@ -212,6 +219,8 @@ static double pillar_pressure_slope(double stretch)
     return pillars + BULK_STIFFNESS_PA * bulk / (1.0 - PILLAR_FRACTION);
 }
 
+/* Pressure (Pa) at a compression (metres) of the pillars. Where almost no air is left the curve continues as its
+ * tangent, so that a solver always gets a finite value. */
 double layer_pressure(double compression_m)
 {
     const double stretch = 1.0 - compression_m / LAYER_PILLAR_HEIGHT_M;
@@ -240,6 +249,8 @@ static double pillar_work(double stretch)
     return pillars + BULK_STIFFNESS_PA * (1.0 - PILLAR_FRACTION) * open;
 }
 
+/* Work per area (J/m2) that compresses the pillars by `compression_m`: the integral of layer_pressure(), by the
+ * trapezoid rule on the straight part. */
 double layer_work(double compression_m)
 {
     const double stretch = 1.0 - compression_m / LAYER_PILLAR_HEIGHT_M;

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+/* Rigid transform from 12 numbers: three rows of rotation and translation (metres). */
 static struct frame frame_at(const float *values)
 {
     struct frame frame;
@@ -11,6 +12,9 @@ static struct frame frame_at(const float *values)
     return frame;
 }
 
+/* Pose of the bracket of a board in the frame of the object, from the nominal poses in a record of a scene (object
+ * number, pose of the object, poses of the brackets) and the errors of mounting and placement that the world file
+ * states. */
 static struct frame object_of_bracket_at(const struct world_description *description, const float *values, long object,
                                          size_t index)
 {
@@ -22,6 +26,8 @@ static struct frame object_of_bracket_at(const struct world_description *descrip
     return frame_product(&object_from_world, &world_from_bracket);
 }
 
+/* Compute the load of a board from the poses in a record of a scene. The previous load is copied if no pose changed;
+ * the contact is solved only if the object is near enough to touch or to be sensed through the air. */
 void board_load_from_scene(struct skin_board *board, const struct world_description *description, size_t index,
                            const float *values, const struct field_load *last, struct field_load *load)
 {
@@ -52,6 +58,8 @@ void board_load_from_scene(struct skin_board *board, const struct world_descript
     }
 }
 
+/* Compute the load of a board from a force (newtons) on each of its taxels; a board without any force is cleared
+ * without computation. */
 void board_load_from_forces(struct skin_board *board, const float *force, struct field_load *load)
 {
     for (size_t taxel = 0; taxel < board->patch.taxel_count; taxel++) {

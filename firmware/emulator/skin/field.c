@@ -8,6 +8,8 @@
 
 #define NEGLIGIBLE_PA 1.0 /* about a hundredth of a count; the pressure of a film decays without a limit */
 
+/* Whether the world requests an effect that acts on the cells of the skin. Otherwise forces act on the front ends
+ * directly, without a model of cells. */
 bool field_effects_are_on(const struct effects *effects)
 {
     return spread_is_on(&effects->spread) || rheology_is_on(&effects->rheology) || indent_is_on(&effects->indent) ||
@@ -15,12 +17,14 @@ bool field_effects_are_on(const struct effects *effects)
            modulus_is_on(&effects->modulus);
 }
 
+/* Whether the response of the skin changes with time while the load is constant. */
 bool field_effects_are_dynamic(const struct effects *effects)
 {
     return rheology_is_on(&effects->rheology) || indent_is_on(&effects->indent) ||
            (moisture_is_on(&effects->moisture) && effects->moisture.form == MOISTURE_DRYING);
 }
 
+/* Allocate the arrays of a load for one board and set the load to zero. Returns 0, or -1 if out of memory. */
 int field_load_init(struct field_load *load, const struct patch *patch)
 {
     load->pressure = malloc(patch->cell_count * sizeof *load->pressure);
@@ -45,6 +49,8 @@ void field_load_free(struct field_load *load)
     memset(load, 0, sizeof *load);
 }
 
+/* Set a load to zero: no pressure, no force, every gap beyond the range of contact. A load that is already zero is not
+ * written again. */
 void field_load_clear(struct field_load *load, const struct patch *patch)
 {
     if (load->is_unloaded) {
@@ -68,6 +74,8 @@ void field_load_copy(struct field_load *load, const struct field_load *from, con
     load->is_unloaded = from->is_unloaded;
 }
 
+/* Allocate the water share of each cell of the board with the moist patch and compute it. Returns 0, or -1 if out of
+ * memory. */
 static int init_moisture(struct field *field)
 {
     field->moisture = malloc(field->patch->cell_count * sizeof *field->moisture);
@@ -78,6 +86,8 @@ static int init_moisture(struct field *field)
     return 0;
 }
 
+/* Allocate the state of the skin effects of one board and prepare their tables; arrays of inactive effects stay NULL.
+ * Returns 0, or -1 if out of memory. */
 int field_init(struct field *field, const struct world_description *description, size_t index,
                const struct patch *patch)
 {
@@ -108,6 +118,7 @@ int field_init(struct field *field, const struct world_description *description,
     return 0;
 }
 
+/* Free the state of the skin effects of a board; the struct may be initialised again. */
 void field_free(struct field *field)
 {
     spread_free(&field->spread);
@@ -141,6 +152,9 @@ static void finish_load(struct field *field, struct field_load *load)
     load->is_unloaded = false;
 }
 
+/* Compute a load from the compression (metres) of each cell: the pillars extend the compression laterally, and
+ * `pressure_law` converts it to pressure. For a contact this is the law of pillars and sheet together; for prescribed
+ * forces it is the law of the pillars alone. */
 static void load_from_contact(struct field *field, bool is_touching, double (*pressure_law)(double),
                               double *compression, struct field_load *load)
 {
@@ -158,6 +172,8 @@ void field_load_contact(struct field *field, bool is_touching, double *compressi
     load_from_contact(field, is_touching, layer_contact_pressure, compression, load);
 }
 
+/* Compute a load from a force (newtons) on each taxel, distributed evenly over the cells of the taxel. If pillars
+ * spread the contact, the pressure is first converted to a compression, because spreading acts on compressions. */
 void field_load_forces(struct field *field, const float *force, double *compression, struct field_load *load)
 {
     const bool spreads_by_pillars =
@@ -185,6 +201,7 @@ bool field_has_history(const struct field *field, double time)
            (field->moisture && moisture->form == MOISTURE_DRYING && moisture_water(moisture, time) > 0.0);
 }
 
+/* Linear interpolation of element i between two arrays, exact at both ends. */
 static double interpolate(const double *before, const double *after, size_t i, double fraction)
 {
     return fraction == 0.0 ? before[i] : fraction == 1.0 ? after[i] : before[i] + fraction * (after[i] - before[i]);
@@ -237,6 +254,8 @@ static void layer_rise(struct field *field, const struct step *step, size_t taxe
     }
 }
 
+/* Field of one taxel at a time between two loads: mean over its cells of the relative rise of the permittivity, after
+ * load history, moisture and proximity, and of the gap (metres); and the force (newtons). */
 static struct taxel_field taxel_field_at(struct field *field, const struct step *step, size_t taxel)
 {
     struct taxel_field sum = {0.0, 0.0, interpolate(step->before->force, step->after->force, taxel, step->fraction)};
@@ -257,6 +276,8 @@ static struct taxel_field taxel_field_at(struct field *field, const struct step 
     return sum;
 }
 
+/* Compute the fields of all taxels of a board at a time between two loads, and advance the load history to that time.
+ * Taxels without load, history and water are skipped. */
 void field_advance(struct field *field, const struct field_load *before, const struct field_load *after,
                    const struct field_moment *moment, struct taxel_field *fields)
 {

@@ -13,6 +13,8 @@ struct taxel_contact {
     struct skin skin;
 };
 
+/* Read a world file and prepare the skins of its boards for contact queries. Returns NULL if out of memory, or after an
+ * error line on stderr. */
 struct taxel_contact *taxel_contact_open(const char *world_path)
 {
     struct taxel_contact *contact = calloc(1, sizeof *contact);
@@ -61,6 +63,7 @@ void taxel_contact_bracket_offset(const struct taxel_contact *contact, size_t bo
     memcpy(offset, &contact->description.boards[board].bracket_offset, sizeof(struct frame));
 }
 
+/* Write the normal force (newtons) on each taxel: contact pressure times area, summed over the cells. */
 static void write_forces(const struct skin_board *board, bool is_touching, double *force)
 {
     for (size_t taxel = 0; taxel < board->patch.taxel_count; taxel++) {
@@ -71,6 +74,9 @@ static void write_forces(const struct skin_board *board, bool is_touching, doubl
     }
 }
 
+/* Solve the contact of all boards with one object at given nominal poses (3 x 4, by rows). Writes wrench and stiffness
+ * of each board (6 + 36 numbers, in its bracket's frame) and, unless `force` is NULL, the force (newtons) on each
+ * taxel; returns the number of boards in contact. */
 int taxel_contact_evaluate(struct taxel_contact *contact, int object, const double *object_pose,
                            const double *bracket_poses, double *load, double *force)
 {

@@ -12,6 +12,8 @@
 
 static const struct field_moment initial_moment = {0.0, 0.0, 0.0, false};
 
+/* Build the cells, the two loads and the field state of one board, and compute its fields at rest. Returns 0, or -1 if
+ * out of memory. */
 static int init_board(struct skin_board *board, const struct world_description *description, size_t index)
 {
     const struct board_description *sheet = &description->boards[index];
@@ -34,6 +36,7 @@ static int init_board(struct skin_board *board, const struct world_description *
     return 0;
 }
 
+/* Whether the world file states the pose of every taxel, which a scene needs. */
 static bool is_placed(const struct world_description *description)
 {
     for (size_t i = 0; i < description->board_count; i++) {
@@ -44,6 +47,8 @@ static bool is_placed(const struct world_description *description)
     return true;
 }
 
+/* Check that a stimulus of poses fits the world: taxels have poses, and each record has one bracket pose per board.
+ * Returns 0, or -1 after an error line on stderr. */
 static int check_scene(const struct world_description *description, const struct stimulus *stimulus)
 {
     if (!is_placed(description)) {
@@ -59,6 +64,9 @@ static int check_scene(const struct world_description *description, const struct
     return 0;
 }
 
+/* Build the skins of all boards and apply the first record of the stimulus. No skin is built (`boards` stays NULL) if
+ * the stimulus consists of raw counts, or of forces while no skin effect is active: these act on the front ends
+ * directly. Returns 0, or -1 after an error line on stderr. */
 int skin_init(struct skin *skin, const struct world_description *description, const struct stimulus *stimulus)
 {
     memset(skin, 0, sizeof *skin);
@@ -87,6 +95,7 @@ int skin_init(struct skin *skin, const struct world_description *description, co
     return skin->boards ? 0 : -1;
 }
 
+/* Free the skins of all boards. */
 void skin_free(struct skin *skin)
 {
     for (size_t i = 0; skin->boards && i < skin->board_count; i++) {
@@ -109,6 +118,7 @@ struct load_task {
     const float *values;
 };
 
+/* Task of the thread pool: compute the load of board `item` at the next record into the slot of the later load. */
 static void load_board(void *context, size_t item)
 {
     const struct load_task *load_task = context;
@@ -134,6 +144,8 @@ struct advance_task {
     struct field_moment moment;
 };
 
+/* Task of the thread pool: compute the fields of board `item` at the end of the step. From the third step without a
+ * change on, `before` and `after` both equal the result and the board is skipped. */
 static void advance_board(void *context, size_t item)
 {
     const struct advance_task *advance_task = context;
@@ -171,6 +183,7 @@ static void advance_fields(struct skin *skin, double fraction, vtime time)
     thread_pool_run(skin->thread_pool, skin->board_count, advance_board, &advance_task);
 }
 
+/* Whether the load changes continuously until the next record. */
 static bool load_changes(const struct stimulus *stimulus)
 {
     return stimulus->until != VTIME_NEVER && !stimulus->is_step &&
@@ -194,6 +207,8 @@ static void start_step(struct skin *skin, const struct stimulus *stimulus)
     advance_fields(skin, skin->until == end ? 1.0 : changes ? elapsed / interval : 0.0, skin->until);
 }
 
+/* Start the interval between the record at `now` and the next record: compute the load of the next record, if it is
+ * known, and the fields at the end of the first step. */
 static void begin_interval(struct skin *skin, const struct stimulus *stimulus, vtime now)
 {
     skin->from = now;
@@ -230,6 +245,8 @@ static void freeze_fields(struct skin *skin, vtime now)
     skin->until = VTIME_NEVER;
 }
 
+/* Apply a record that arrived at `now`. The fields at `now` become the start of a new interval. If the record takes
+ * effect at once, its load replaces the present load as a step. */
 void skin_apply_live_record(struct skin *skin, const struct stimulus *stimulus, vtime now)
 {
     if (!skin->boards) {
@@ -246,6 +263,8 @@ void skin_apply_live_record(struct skin *skin, const struct stimulus *stimulus, 
     begin_interval(skin, stimulus, now);
 }
 
+/* Weight of the fields at `until` for a time between `from` and `until`: linear, or 0 while the fields change only in a
+ * step at `until`. */
 static double fraction_at(const struct skin *skin, vtime time)
 {
     if (skin->until == VTIME_NEVER) {
@@ -254,6 +273,8 @@ static double fraction_at(const struct skin *skin, vtime time)
     return skin->is_step || time <= skin->from ? 0.0 : (double)(time - skin->from) / (double)(skin->until - skin->from);
 }
 
+/* Field of a taxel at `time`: relative rise of the permittivity, gap (metres) and force (newtons), interpolated between
+ * the start and the end of the present step. */
 struct taxel_field skin_field(const struct skin *skin, size_t board, size_t taxel, vtime time)
 {
     const struct taxel_field *before = &skin->boards[board].before[taxel];

@@ -53,6 +53,9 @@ static int allocate_values(struct stimulus *stimulus, size_t count)
     return stimulus->before && stimulus->after && stimulus->record ? 0 : report_error(stimulus, "out of memory");
 }
 
+/* Read and check the header of a stimulus stream for a world with `taxels` taxels, and read the first record unless the
+ * stream is live. fd -1: no stream; the stimulus is constant until values are set. Returns 0, or -1 after an error line
+ * on stderr. */
 int stimulus_open(struct stimulus *stimulus, int fd, const char *name, size_t taxels, bool live)
 {
     uint8_t header[HEADER_SIZE];
@@ -89,6 +92,7 @@ int stimulus_open(struct stimulus *stimulus, int fd, const char *name, size_t ta
     return live ? 0 : stimulus_advance(stimulus, 0);
 }
 
+/* Close the stream and free the records. */
 void stimulus_close(struct stimulus *stimulus)
 {
     if (stimulus->fd >= 0) {
@@ -99,6 +103,8 @@ void stimulus_close(struct stimulus *stimulus)
     free(stimulus->record);
 }
 
+/* Convert the bytes of a complete record (f64 time in seconds, f32 values) to the next record. A negative time means
+ * `now`, and the record then takes effect as a step. Returns 0, or -1 after an error line on stderr. */
 static int parse_record(struct stimulus *stimulus, vtime now)
 {
     double seconds;
@@ -122,6 +128,8 @@ static int parse_record(struct stimulus *stimulus, vtime now)
     return 0;
 }
 
+/* Make the next record the present one; the following record is then unknown. Nothing happens if no next record is
+ * known. */
 static void activate_pending_record(struct stimulus *stimulus)
 {
     if (stimulus->until == VTIME_NEVER) {
@@ -134,6 +142,8 @@ static void activate_pending_record(struct stimulus *stimulus)
     stimulus->until = VTIME_NEVER;
 }
 
+/* Make the next record the present one and read the record after it, which blocks on a pipe or socket. The last record
+ * stays in effect after the end of the stream. Returns 0, or -1 after an error line on stderr. */
 int stimulus_advance(struct stimulus *stimulus, vtime now)
 {
     activate_pending_record(stimulus);
@@ -152,6 +162,8 @@ int stimulus_advance(struct stimulus *stimulus, vtime now)
     return parse_record(stimulus, now);
 }
 
+/* Read the bytes that a live stream has available, without blocking. Returns true when they complete a record; further
+ * bytes stay in the stream for the next call. */
 bool stimulus_receive_live(struct stimulus *stimulus)
 {
     struct pollfd readable = {.fd = stimulus->fd, .events = POLLIN};
@@ -187,6 +199,8 @@ double stimulus_value(const struct stimulus *stimulus, size_t taxel, vtime time)
     return fraction == 0.0 ? before : before + fraction * (stimulus->after[taxel] - before);
 }
 
+/* Apply the record that stimulus_receive_live() completed: at once if its time has passed, otherwise as the next
+ * record. Returns 0, or -1 after an error line on stderr. */
 int stimulus_apply_live(struct stimulus *stimulus, vtime now)
 {
     if (parse_record(stimulus, now)) {

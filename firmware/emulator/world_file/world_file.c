@@ -12,6 +12,7 @@
 
 #define LINE_SIZE_MAX 512 /* with line end and terminator */
 
+/* The description of the board with an I2C address, or NULL. */
 static struct board_description *find_board(struct world_description *world, uint8_t address)
 {
     for (size_t i = 0; i < world->board_count; i++) {
@@ -56,6 +57,9 @@ static int read_board(const struct world_reader *reader)
     return 0;
 }
 
+/* scan SUB_CONVERSIONS SENSE_CLOCK_DIVIDER MODULATOR_CLOCK_DIVIDER IDAC_CODE SETTLE_CYCLES: the scan settings of all
+ * boards. The product of the first two is the full-scale count and must fit into 16 bits. Returns 0, or -1 after an
+ * error line on stderr. */
 static int read_scan(const struct world_reader *reader)
 {
     struct taxel_scan_settings *scan = &reader->world->scan;
@@ -176,6 +180,7 @@ static int read_image(const struct world_reader *reader, int index, uint8_t **im
     return 0;
 }
 
+/* Read the word after the keyword as a flag, 0 or 1. Returns 0, or -1 after an error line on stderr. */
 static int read_flag(const struct world_reader *reader, bool *flag)
 {
     long value;
@@ -186,6 +191,8 @@ static int read_flag(const struct world_reader *reader, bool *flag)
     return 0;
 }
 
+/* blank ADDRESS: the board has neither application nor configuration, as after assembly. Returns 0, or -1 after an
+ * error line on stderr. */
 static int read_blank(const struct world_reader *reader)
 {
     struct board_description *board = find_addressed_board(reader);
@@ -195,6 +202,8 @@ static int read_blank(const struct world_reader *reader)
     return board ? 0 : -1;
 }
 
+/* Read the word after the keyword as an unsigned 64-bit number, which a double cannot represent exactly. Returns 0, or
+ * -1 after the error line `error` on stderr. */
 static int read_seed(const struct world_reader *reader, const char *error, uint64_t *seed)
 {
     const struct world_line *line = &reader->line;
@@ -207,6 +216,8 @@ static int read_seed(const struct world_reader *reader, const char *error, uint6
     return *end || errno || !isdigit((unsigned char)line->words[1][0]) ? world_line_report_error(line, error) : 0;
 }
 
+/* Read one line of a world file after its header: dispatch on the keyword, or set the numeric setting of that name.
+ * Returns 0, or -1 after an error line on stderr. */
 static int read_line(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
@@ -289,6 +300,8 @@ static bool is_header(const struct world_line *line)
     return line->count == 2 && strcmp(line->words[0], "taxel-world") == 0 && strcmp(line->words[1], "1") == 0;
 }
 
+/* Read all lines of a world file: the header `taxel-world 1`, then keyword lines, and check that the description is
+ * complete. Returns 0, or -1 after an error line on stderr. */
 static int read_lines(struct world_reader *reader, FILE *file)
 {
     struct world_line *line = &reader->line;
@@ -313,6 +326,8 @@ static int read_lines(struct world_reader *reader, FILE *file)
                                       : world_line_report_error(&reader->line, "no board is described");
 }
 
+/* Read a world file into a description, with defaults for absent settings. parts_seed, the seed of manufacturing
+ * tolerances, defaults to the seed. Returns 0, or -1 after an error line on stderr. */
 int world_file_read(struct world_description *world, const char *path)
 {
     struct world_reader reader = {.line = {.path = path}, .world = world};
@@ -341,6 +356,7 @@ int world_file_read(struct world_description *world, const char *path)
     return result;
 }
 
+/* Free the arrays of a world description and clear it. */
 void world_file_free(struct world_description *world)
 {
     for (size_t i = 0; i < world->board_count; i++) {

@@ -11,6 +11,8 @@
 #define COMPONENT_MAX 1.1 /* of a unit vector; normalise() checks the length */
 #define UNIT_TOLERANCE 1e-3
 
+/* Scale a direction vector to length 1, which removes the rounding of its decimal digits in the file. Returns 0, or -1
+ * after an error line on stderr if the length deviates from 1 by more than 0.001. */
 static int normalise(const struct world_reader *reader, double vector[3])
 {
     const double length = sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]);
@@ -109,6 +111,8 @@ static int read_object(const struct world_reader *reader)
     return 0;
 }
 
+/* Shape of the object that the file described last, to which plane and cylinder lines belong; NULL after an error line
+ * on stderr if there is no object. */
 static struct shape *latest_shape(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
@@ -168,12 +172,14 @@ static int read_offset(const struct world_reader *reader, int first, struct fram
     return 0;
 }
 
+/* bracket_offset ADDRESS X Y Z RX RY RZ: actual pose of a bracket relative to its nominal pose. */
 static int read_bracket_offset(const struct world_reader *reader)
 {
     const int index = world_reader_find_board(reader, 1);
     return index < 0 ? -1 : read_offset(reader, 2, &reader->world->boards[index].bracket_offset);
 }
 
+/* object_offset NAME X Y Z RX RY RZ: actual pose of an object relative to its nominal pose. */
 static int read_object_offset(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
@@ -190,6 +196,8 @@ static int read_layer(const struct world_reader *reader)
     return world_line_read_number(&reader->line, 1, 1e-5, 0.005, &reader->world->layer_thickness);
 }
 
+/* Read a line that describes the geometry of the scene. Returns 0, 1 if the keyword is none of these, or -1 after an
+ * error line on stderr. */
 int world_scene_read_line(const struct world_reader *reader)
 {
     static const struct {
@@ -213,6 +221,8 @@ int world_scene_read_line(const struct world_reader *reader)
     return 1;
 }
 
+/* Check after the last line that every board has a pose for all or none of its taxels and that every polyhedron has at
+ * least 4 planes. Returns 0, or -1 after an error line on stderr. */
 int world_scene_check(const struct world_reader *reader)
 {
     const struct world_description *world = reader->world;
