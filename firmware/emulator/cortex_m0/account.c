@@ -9,6 +9,8 @@ void cortex_m0_set_account(struct cortex_m0 *cpu, struct cortex_m0_account *acco
     }
 }
 
+/* Record the entry into the handler of exception `number` at cycle `begin`: its latency since it became pending, and a
+ * new level of nesting. */
 void cortex_m0_account_begin(struct cortex_m0 *cpu, unsigned number, uint64_t begin)
 {
     struct cortex_m0_account *const account = cpu->account;
@@ -26,6 +28,7 @@ void cortex_m0_account_begin(struct cortex_m0 *cpu, unsigned number, uint64_t be
     account->depth_max = account->depth > account->depth_max ? account->depth : account->depth_max;
 }
 
+/* Add one execution of a handler to the sum, minimum and maximum of its cycles. */
 static void add_cost(uint64_t cycles, bool first, uint64_t *sum, uint64_t *minimum, uint64_t *maximum)
 {
     *sum += cycles;
@@ -33,6 +36,8 @@ static void add_cost(uint64_t cycles, bool first, uint64_t *sum, uint64_t *minim
     *maximum = cycles > *maximum ? cycles : *maximum;
 }
 
+/* Record the end of the handler of exception `number` at cycle `end`. Inclusive cycles contain the handlers that
+ * preempted it, exclusive cycles do not. */
 void cortex_m0_account_end(struct cortex_m0 *cpu, unsigned number, uint64_t end)
 {
     struct cortex_m0_account *const account = cpu->account;

@@ -52,6 +52,8 @@ static struct cortex_m0_operation decode_arithmetic(uint32_t half)
     }
 }
 
+/* Decode a data-processing instruction with two low registers (0100 00xx): the 4-bit opcode selects the operation, the
+ * first operand is also the destination. */
 static struct cortex_m0_operation decode_two_registers(uint32_t half)
 {
     static const uint8_t kinds[16] = {
@@ -90,6 +92,8 @@ static struct cortex_m0_operation decode_any_registers(uint32_t half)
     }
 }
 
+/* Decode LDR, STR and their byte and halfword forms with a register offset, an immediate offset or an SP-relative
+ * offset. */
 static struct cortex_m0_operation decode_load_store(uint32_t half)
 {
     const uint8_t t = bits(half, 0, 3), n = bits(half, 3, 3), m = bits(half, 6, 3), offset = bits(half, 6, 5);
@@ -118,6 +122,7 @@ static struct cortex_m0_operation decode_load_store(uint32_t half)
     }
 }
 
+/* Decode NOP, YIELD, WFE, WFI and SEV. The encodings of IT, which ARMv6-M does not have, are undefined. */
 static struct cortex_m0_operation decode_hint(uint32_t half)
 {
     if (half & 0xFu) {
@@ -127,6 +132,7 @@ static struct cortex_m0_operation decode_hint(uint32_t half)
     return hint >= 2 && hint <= 4 ? SPECIAL : OPERATION(NOP, 0, 0, 0, 0); /* WFE, WFI, SEV */
 }
 
+/* Decode PUSH and POP; bit 8 adds LR to a PUSH and PC to a POP. An empty register list is unpredictable. */
 static struct cortex_m0_operation decode_push_pop(uint32_t half)
 {
     const bool special = bits(half, 8, 1);
@@ -141,6 +147,7 @@ static struct cortex_m0_operation decode_push_pop(uint32_t half)
     return special ? OPERATION(POP_PC, 0, 0, count, list) : OPERATION(POP, 0, 0, count, list);
 }
 
+/* Decode the group 1011: SP adjustment, sign and zero extension, byte reversal, PUSH and POP, CPS, BKPT and hints. */
 static struct cortex_m0_operation decode_miscellaneous(uint32_t half)
 {
     static const uint8_t extend[4] = {CORTEX_M0_OP_SXTH, CORTEX_M0_OP_SXTB, CORTEX_M0_OP_UXTH, CORTEX_M0_OP_UXTB};
@@ -197,6 +204,7 @@ static struct cortex_m0_operation branch(const struct cortex_m0_code *code, uint
     return (struct cortex_m0_operation){kind, 0, 0, 0, (uint32_t)(target / 2 - index)};
 }
 
+/* Decode a 32-bit instruction from both halfwords: BL, MSR, MRS and the barriers are the only ones of ARMv6-M. */
 static struct cortex_m0_operation decode_wide(const struct cortex_m0_code *code, uint32_t index, uint32_t half)
 {
     if (index * 2u + 4u > code->size) {
@@ -215,6 +223,8 @@ static struct cortex_m0_operation decode_wide(const struct cortex_m0_code *code,
     return msr || mrs || barrier ? SPECIAL : UNDEFINED;
 }
 
+/* Decode the instruction whose first halfword is `half`, at halfword number `index` of the memory, by its top four bits
+ * (ARM DDI 0419, A5.2). */
 static struct cortex_m0_operation decode_half(const struct cortex_m0_code *code, uint32_t index, uint32_t half)
 {
     const uint8_t d = bits(half, 8, 3);
@@ -255,6 +265,8 @@ static struct cortex_m0_operation decode_half(const struct cortex_m0_code *code,
     }
 }
 
+/* Decode the instruction at halfword number `index` and extend the range of decoded instructions, which a later store
+ * must invalidate. */
 void cortex_m0_decode(struct cortex_m0_code *code, uint32_t index)
 {
     const uint32_t offset = index * 2u;
@@ -265,6 +277,8 @@ void cortex_m0_decode(struct cortex_m0_code *code, uint32_t index)
     code->decoded_high = end > code->decoded_high ? end : code->decoded_high; /* as if the instruction had 32 bits */
 }
 
+/* Allocate one operation per halfword of an executable memory, all still to be decoded, and a last operation that
+ * leaves the memory. Returns -1 if out of memory or if base or size is not a multiple of 4. */
 int cortex_m0_code_open(struct cortex_m0_code *code, const uint8_t *bytes, uint32_t base, uint32_t size)
 {
     if (size % 4u || base % 4u || (size && !bytes)) {

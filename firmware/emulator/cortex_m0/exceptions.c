@@ -10,12 +10,14 @@
 #define PSR_EXCEPTION 0x3Fu
 #define LOCKUP_ADDRESS 0xFFFFFFFEu
 
+/* Enter lockup: the processor no longer executes instructions until a reset. */
 void cortex_m0_lock_up(struct cortex_m0 *cpu)
 {
     cpu->locked_up = true;
     cpu->r[CORTEX_M0_PC] = LOCKUP_ADDRESS;
 }
 
+/* Make HardFault pending; a fault in HardFault or NMI locks the processor up. */
 void cortex_m0_take_fault(struct cortex_m0 *cpu)
 {
     if (cpu->priority <= CORTEX_M0_PRIORITY_HARD_FAULT) {
@@ -25,6 +27,8 @@ void cortex_m0_take_fault(struct cortex_m0 *cpu)
     cortex_m0_set_pending(cpu, CORTEX_M0_HARD_FAULT, cpu->cycle);
 }
 
+/* Begin an exception entry: write the frame of eight words to the stack in use. The handler is chosen later, in cycle
+ * entry_choice, because a late exception of higher priority can still replace the first one (late arrival). */
 void cortex_m0_begin_entry(struct cortex_m0 *cpu)
 {
     const uint32_t *const r = cpu->r;
@@ -49,6 +53,8 @@ void cortex_m0_begin_entry(struct cortex_m0 *cpu)
     }
 }
 
+/* Start the handler of exception `number` after stacking or tail-chaining: update the exception state and load the
+ * vector. */
 static void enter(struct cortex_m0 *cpu, unsigned number)
 {
     uint32_t vector;
@@ -68,6 +74,8 @@ static void enter(struct cortex_m0 *cpu, unsigned number)
     cortex_m0_set_fetch_address(cpu, vector & ~UINT32_C(1));
 }
 
+/* End an exception entry: the pending exception with the highest priority is taken, which may have become pending
+ * during the stacking. */
 void cortex_m0_finish_entry(struct cortex_m0 *cpu)
 {
     const unsigned best = cortex_m0_next_exception(cpu, cpu->priority);
@@ -101,6 +109,8 @@ static enum cortex_m0_event unstack(struct cortex_m0 *cpu, bool to_thread)
     return CORTEX_M0_EVENT_NONE;
 }
 
+/* Whether an EXC_RETURN value fits the active exceptions: a return to a handler needs another active exception, a
+ * return to thread mode must end the last one. */
 static bool is_valid_return(const struct cortex_m0 *cpu, uint32_t value)
 {
     const uint64_t other_active = cpu->active & ~CORTEX_M0_BIT(cpu->ipsr);
@@ -125,6 +135,8 @@ static void deactivate(struct cortex_m0 *cpu, unsigned number)
     }
 }
 
+/* Return from the handler in IPSR by the EXC_RETURN value in exit_value. A pending exception that has a sufficient
+ * priority is entered without unstacking (tail-chaining). */
 enum cortex_m0_event cortex_m0_leave_exception(struct cortex_m0 *cpu)
 {
     const uint32_t value = cpu->exit_value;

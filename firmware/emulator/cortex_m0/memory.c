@@ -4,6 +4,8 @@
 #define SYSTEM_CONTROL_SPACE 0xE000E000u
 #define SYSTEM_CONTROL_SIZE 0x1000u
 
+/* Store kind, address, PC and cycle of a fault in cpu->fault for the caller; HardFault is entered later. Returns
+ * CORTEX_M0_EVENT_FAULT. */
 enum cortex_m0_event cortex_m0_record_fault(struct cortex_m0 *cpu, enum cortex_m0_fault_kind kind, uint32_t address)
 {
     cpu->fault =
@@ -12,6 +14,8 @@ enum cortex_m0_event cortex_m0_record_fault(struct cortex_m0 *cpu, enum cortex_m
     return CORTEX_M0_EVENT_FAULT;
 }
 
+/* Discard the decoded instructions in the bytes [offset, offset + size) of a memory; they are decoded again when
+ * executed. */
 void cortex_m0_invalidate_code(struct cortex_m0_code *code, uint32_t offset, uint32_t size)
 {
     /* a 32-bit instruction may start one halfword earlier */
@@ -45,6 +49,8 @@ static const uint8_t *memory_at(const struct cortex_m0_code *code, uint32_t addr
     return address - code->base < code->size ? code->bytes + (address - code->base) : NULL;
 }
 
+/* Pass an access outside flash and RAM to the bus function of the caller and add its wait states. No function, an
+ * error, or a retry where none is allowed is a bus fault. */
 static enum cortex_m0_event access_bus(struct cortex_m0 *cpu, cortex_m0_access_function *function,
                                        struct cortex_m0_access *access, bool can_retry)
 {
@@ -59,6 +65,8 @@ static enum cortex_m0_event access_bus(struct cortex_m0 *cpu, cortex_m0_access_f
     return CORTEX_M0_EVENT_NONE;
 }
 
+/* Read `size` bytes (1, 2 or 4) at any address: flash, RAM, system control space or bus. An unaligned address is a
+ * fault. `can_retry`: the bus may postpone the access. */
 enum cortex_m0_event cortex_m0_read(struct cortex_m0 *cpu, uint32_t address, unsigned size, bool can_retry,
                                     uint32_t *value)
 {
@@ -85,6 +93,8 @@ enum cortex_m0_event cortex_m0_read(struct cortex_m0 *cpu, uint32_t address, uns
     return event;
 }
 
+/* Write `size` bytes (1, 2 or 4) at any address: RAM, system control space or bus. A store to flash goes to the bus,
+ * and an unaligned address is a fault. `can_retry`: the bus may postpone the access. */
 enum cortex_m0_event cortex_m0_write(struct cortex_m0 *cpu, uint32_t address, unsigned size, bool can_retry,
                                      uint32_t value)
 {

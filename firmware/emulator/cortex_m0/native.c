@@ -13,6 +13,8 @@ struct taxel_cortex_m0 {
     uint8_t *flash, *ram;
 };
 
+/* Allocate a processor with zeroed flash at 0 and RAM at 0x20000000 (sizes in bytes). `flash_wait`: wait states;
+ * `multiply`: cycles of MULS. Returns NULL if out of memory or if a size is not a multiple of 4. */
 struct taxel_cortex_m0 *taxel_cortex_m0_open(uint32_t flash_size, uint32_t ram_size, uint8_t flash_wait,
                                              uint8_t multiply, int halt_flags)
 {
@@ -41,6 +43,7 @@ struct taxel_cortex_m0 *taxel_cortex_m0_open(uint32_t flash_size, uint32_t ram_s
     return core;
 }
 
+/* Free a processor with its memories; NULL is allowed. */
 void taxel_cortex_m0_close(struct taxel_cortex_m0 *core)
 {
     if (core) {
@@ -62,6 +65,8 @@ static uint8_t *memory_at(struct taxel_cortex_m0 *core, uint32_t address, uint32
     return offset < ram_size && size <= ram_size - offset ? core->ram + offset : NULL;
 }
 
+/* Copy bytes to flash or RAM from outside the processor and discard the instructions decoded there. Returns -1 unless
+ * the whole range lies in one memory. */
 int taxel_cortex_m0_write_memory(struct taxel_cortex_m0 *core, uint32_t address, const uint8_t *bytes, uint32_t size)
 {
     uint8_t *const memory = memory_at(core, address, size);
@@ -73,6 +78,7 @@ int taxel_cortex_m0_write_memory(struct taxel_cortex_m0 *core, uint32_t address,
     return 0;
 }
 
+/* Copy bytes from flash or RAM. Returns -1 unless the whole range lies in one memory. */
 int taxel_cortex_m0_read_memory(struct taxel_cortex_m0 *core, uint32_t address, uint8_t *bytes, uint32_t size)
 {
     const uint8_t *const memory = memory_at(core, address, size);
@@ -98,6 +104,8 @@ int taxel_cortex_m0_step(struct taxel_cortex_m0 *core)
     return (int)cortex_m0_step(&core->cpu);
 }
 
+/* Number of instructions and exception entries that the processor executes until the cycle `until` or until another
+ * reason stops it. */
 uint64_t taxel_cortex_m0_count_instructions(struct taxel_cortex_m0 *core, uint64_t until)
 {
     uint64_t count = 0;
@@ -122,6 +130,7 @@ uint64_t taxel_cortex_m0_get_cycle(const struct taxel_cortex_m0 *core)
     return core->cpu.cycle;
 }
 
+/* Copy registers, flags, both stack pointers and the latest fault to `state`. */
 void taxel_cortex_m0_get_state(const struct taxel_cortex_m0 *core, struct taxel_cortex_m0_state *state)
 {
     const struct cortex_m0 *const cpu = &core->cpu;
@@ -154,6 +163,8 @@ void taxel_cortex_m0_set_state(struct taxel_cortex_m0 *core, const struct taxel_
     cortex_m0_set_xpsr(cpu, state->xpsr);
 }
 
+/* Execute one instruction from each of `count` independent states and overwrite each state by the result and its
+ * cycles. One call for many states avoids the cost of a foreign function call per instruction. */
 void taxel_cortex_m0_run_cases(struct taxel_cortex_m0 *core, struct taxel_cortex_m0_state *states, uint32_t count)
 {
     for (uint32_t i = 0; i < count; i++) {

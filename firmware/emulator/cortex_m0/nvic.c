@@ -5,6 +5,8 @@
     (CORTEX_M0_BIT(CORTEX_M0_NMI) | CORTEX_M0_BIT(CORTEX_M0_HARD_FAULT) | CORTEX_M0_BIT(CORTEX_M0_SVCALL) | \
      CORTEX_M0_BIT(CORTEX_M0_PENDSV) | CORTEX_M0_BIT(CORTEX_M0_SYSTICK))
 
+/* Reset the exception state: every interrupt disabled and at priority 0; an interrupt whose input is high is pending.
+ */
 void cortex_m0_reset_nvic(struct cortex_m0 *cpu)
 {
     cpu->active = 0;
@@ -15,6 +17,8 @@ void cortex_m0_reset_nvic(struct cortex_m0 *cpu)
     cortex_m0_update_priority(cpu);
 }
 
+/* Make exception `number` pending, and store the cycle for the latency. With SEVONPEND a newly pending interrupt also
+ * sets the event register, which ends WFE. */
 void cortex_m0_set_pending(struct cortex_m0 *cpu, unsigned number, uint64_t cycle)
 {
     if (cpu->pending & CORTEX_M0_BIT(number)) {
@@ -28,6 +32,8 @@ void cortex_m0_set_pending(struct cortex_m0 *cpu, unsigned number, uint64_t cycl
     }
 }
 
+/* Number of the enabled pending exception that preempts execution at `priority` (a lower number is a higher priority),
+ * or 0. NMI and HardFault have the fixed priorities -2 and -1. */
 unsigned cortex_m0_next_exception(const struct cortex_m0 *cpu, int priority)
 {
     const uint64_t ready = cpu->pending & cpu->enabled;
@@ -49,6 +55,7 @@ unsigned cortex_m0_next_exception(const struct cortex_m0 *cpu, int priority)
     return 0;
 }
 
+/* Configured priority, 0 (highest) to 3, of an exception. */
 unsigned cortex_m0_level_of(const struct cortex_m0 *cpu, unsigned number)
 {
     unsigned level = 0;
@@ -58,6 +65,7 @@ unsigned cortex_m0_level_of(const struct cortex_m0 *cpu, unsigned number)
     return level;
 }
 
+/* Set the configured priority, 0 (highest) to 3, of an exception. */
 void cortex_m0_set_level(struct cortex_m0 *cpu, unsigned number, unsigned level)
 {
     for (unsigned i = 0; i < 4; i++) {
@@ -66,6 +74,7 @@ void cortex_m0_set_level(struct cortex_m0 *cpu, unsigned number, unsigned level)
     cpu->level[level] |= CORTEX_M0_BIT(number);
 }
 
+/* Priority of an exception: fixed for NMI (-2) and HardFault (-1), otherwise the configured level 0 to 3. */
 int cortex_m0_priority_of(const struct cortex_m0 *cpu, unsigned number)
 {
     switch (number) {
@@ -78,6 +87,8 @@ int cortex_m0_priority_of(const struct cortex_m0 *cpu, unsigned number)
     }
 }
 
+/* Execution priority without the effect of PRIMASK: the highest priority (lowest number) of all active exceptions, 4 in
+ * thread mode. */
 int cortex_m0_priority_unmasked(const struct cortex_m0 *cpu)
 {
     int priority = CORTEX_M0_PRIORITY_THREAD;
@@ -95,6 +106,8 @@ void cortex_m0_update_priority(struct cortex_m0 *cpu)
     cpu->attention = true;
 }
 
+/* Set the level of an interrupt input. A rising edge makes the interrupt pending; while the input stays high, the
+ * interrupt becomes pending again after its handler. */
 void cortex_m0_set_line(struct cortex_m0 *cpu, unsigned irq, bool high)
 {
     const uint32_t bit = UINT32_C(1) << irq;

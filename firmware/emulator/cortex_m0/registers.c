@@ -22,6 +22,7 @@ void cortex_m0_set_xpsr(struct cortex_m0 *cpu, uint32_t xpsr)
     cpu->thumb = xpsr & FLAG_T;
 }
 
+/* Whether a condition code of the manual (0 EQ to 13 LE) holds; an odd code is the inverse of the code before it. */
 bool cortex_m0_condition(const struct cortex_m0 *cpu, unsigned condition)
 {
     const bool z = cpu->z == 0, c = cpu->c, n = cpu->n >> 31, v = cpu->v >> 31;
@@ -29,6 +30,8 @@ bool cortex_m0_condition(const struct cortex_m0 *cpu, unsigned condition)
     return results[condition / 2u] != (condition & 1u);
 }
 
+/* Select the process stack (PSP) or the main stack (MSP) as r[13], and store pointer and low-water mark of the other
+ * stack. */
 void cortex_m0_use_stack(struct cortex_m0 *cpu, bool process)
 {
     if (process == cpu->process_stack) {

@@ -4,6 +4,7 @@
 
 #define EXC_RETURN_FIRST 0xF0000000u
 
+/* Number of bytes that a load or store operation accesses. */
 static unsigned access_size(uint8_t kind)
 {
     switch (kind) {
@@ -24,6 +25,8 @@ static unsigned access_size(uint8_t kind)
     }
 }
 
+/* Execute a load that the fast path does not finish: another address than RAM or flash, or an unaligned one. Two cycles
+ * plus the wait states of the bus. */
 enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
                                             uint32_t address)
 {
@@ -43,6 +46,8 @@ enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex
     return CORTEX_M0_EVENT_NONE;
 }
 
+/* Execute a store that the fast path does not finish: another address than RAM, or an unaligned one. Two cycles plus
+ * the wait states of the bus. */
 enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
                                              uint32_t address)
 {
@@ -80,6 +85,8 @@ static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_op
     return CORTEX_M0_EVENT_NONE;
 }
 
+/* Execute PUSH, POP, STM or LDM outside RAM, one cycle per word and one more, then write back the base register; POP
+ * with PC ends with a branch. */
 enum cortex_m0_event cortex_m0_execute_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation,
                                             uint32_t address)
 {

@@ -46,6 +46,7 @@ static enum cortex_m0_event execute_any_registers(struct cortex_m0 *cpu, uint32_
     return finish_instruction(cpu, 2, 1);
 }
 
+/* Execute WFE, WFI or SEV. WFE does not sleep if the event register is set, but clears it. */
 static enum cortex_m0_event execute_hint(struct cortex_m0 *cpu, uint32_t half)
 {
     enum { WFE = 2, WFI = 3 };
@@ -63,6 +64,8 @@ static enum cortex_m0_event execute_hint(struct cortex_m0 *cpu, uint32_t half)
     return CORTEX_M0_EVENT_NONE;
 }
 
+/* Execute MRS: r[d] = special register `number`. Unknown numbers and the destinations SP and PC are unpredictable and
+ * handled as undefined instructions. */
 static enum cortex_m0_event read_special(struct cortex_m0 *cpu, uint32_t d, uint32_t number)
 {
     const uint32_t xpsr = cortex_m0_xpsr(cpu);
@@ -94,6 +97,7 @@ static enum cortex_m0_event read_special(struct cortex_m0 *cpu, uint32_t d, uint
     return finish_instruction(cpu, 4, SPECIAL_CYCLES);
 }
 
+/* Write MSP or PSP (`process`), whether or not that stack is in use, and update its low-water mark. */
 static void set_stack_pointer(struct cortex_m0 *cpu, bool process, uint32_t value)
 {
     if (process == cpu->process_stack) {
@@ -104,6 +108,8 @@ static void set_stack_pointer(struct cortex_m0 *cpu, bool process, uint32_t valu
     cpu->other_lowest_sp = cpu->other_sp < cpu->other_lowest_sp ? cpu->other_sp : cpu->other_lowest_sp;
 }
 
+/* Execute MSR: special register `number` = r[n]. Writes to IPSR and EPSR have no effect, and CONTROL can change only in
+ * thread mode. */
 static enum cortex_m0_event write_special(struct cortex_m0 *cpu, uint32_t n, uint32_t number)
 {
     if (n == CORTEX_M0_SP || n == CORTEX_M0_PC) {
@@ -152,6 +158,7 @@ static enum cortex_m0_event execute_far_branch(struct cortex_m0 *cpu, uint32_t h
     return finish_jump(cpu, pc + (uint32_t)cortex_m0_link_offset(half, second), 4);
 }
 
+/* Execute a 32-bit instruction outside the fast path: a far BL, MRS, MSR or a barrier. */
 static enum cortex_m0_event execute_wide(struct cortex_m0 *cpu, uint32_t half, uint32_t second)
 {
     if ((second & 0xD000u) == 0xD000u) {
@@ -164,6 +171,8 @@ static enum cortex_m0_event execute_wide(struct cortex_m0 *cpu, uint32_t half, u
                            : write_special(cpu, half & 15u, second & 0xFFu);
 }
 
+/* Execute the instruction at r[15], which the decoder has classified as outside the fast path: far branches, SVC, BKPT,
+ * CPS, hints, MRS, MSR, barriers, and ADD or MOV with PC or SP. */
 enum cortex_m0_event cortex_m0_execute_special(struct cortex_m0 *cpu)
 {
     const struct cortex_m0_code *const code = cortex_m0_code_at(cpu, cpu->r[CORTEX_M0_PC]);

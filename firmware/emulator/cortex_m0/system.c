@@ -39,6 +39,7 @@
 #define SCR_SLEEPDEEP 4u
 #define SCR_SEVONPEND 16u
 
+/* Value of ICSR: active exception, next pending exception, and the pending bits of NMI, PendSV and SysTick. */
 static uint32_t read_interrupt_control(const struct cortex_m0 *cpu)
 {
     const uint64_t pending = cpu->pending;
@@ -49,6 +50,8 @@ static uint32_t read_interrupt_control(const struct cortex_m0 *cpu)
            (pending & CORTEX_M0_BIT(CORTEX_M0_NMI) ? ICSR_NMIPENDSET : 0);
 }
 
+/* Priority register of four consecutive exceptions, from number `first` on: each level occupies the top two bits of a
+ * byte. */
 static uint32_t read_four_priorities(const struct cortex_m0 *cpu, unsigned first)
 {
     uint32_t value = 0;
@@ -58,6 +61,7 @@ static uint32_t read_four_priorities(const struct cortex_m0 *cpu, unsigned first
     return value;
 }
 
+/* Set the priorities of four consecutive exceptions, from number `first` on, from the top two bits of each byte. */
 static void set_four_priorities(struct cortex_m0 *cpu, unsigned first, uint32_t value)
 {
     for (unsigned i = 0; i < 4; i++) {
@@ -66,6 +70,8 @@ static void set_four_priorities(struct cortex_m0 *cpu, unsigned first, uint32_t 
     cortex_m0_update_priority(cpu);
 }
 
+/* Value of a register of the system control space; unimplemented registers read as 0. SysTick must be settled to the
+ * cycle of the access. Reading SYST_CSR clears COUNTFLAG. */
 static uint32_t read_register(struct cortex_m0 *cpu, uint32_t offset)
 {
     if (offset >= NVIC_IPR && offset < NVIC_IPR_END) {
@@ -109,6 +115,8 @@ static uint32_t read_register(struct cortex_m0 *cpu, uint32_t offset)
     }
 }
 
+/* Write ICSR: NMIPENDSET, PENDSVSET and PENDSTSET make their exception pending; PENDSVCLR and PENDSTCLR end the pending
+ * state. A set bit has precedence over the clear bit of the same exception. */
 static void set_interrupt_control(struct cortex_m0 *cpu, uint32_t value, uint64_t cycle)
 {
     const struct {
@@ -149,6 +157,8 @@ static void set_sleep_control(struct cortex_m0 *cpu, uint32_t value)
     cpu->event_on_pending = value & SCR_SEVONPEND;
 }
 
+/* Write a register of the system control space in cycle `cycle`; unimplemented registers ignore the write. Any write to
+ * SYST_CVR sets the counter to 0. */
 static void write_register(struct cortex_m0 *cpu, uint32_t offset, uint64_t cycle, uint32_t value)
 {
     if (offset >= NVIC_IPR && offset < NVIC_IPR_END) {

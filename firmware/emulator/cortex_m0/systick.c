@@ -22,6 +22,9 @@ static uint64_t ticks_to_zero(const struct cortex_m0_systick *timer)
     return timer->reload ? timer->reload + UINT64_C(1) : 0;
 }
 
+/* Advance SysTick to `cycle`: compute the counter value, set COUNTFLAG if it has passed 0, and make the exception
+ * pending as of the cycle in which it first did. Called at accesses and between runs of instructions, not once per
+ * tick. */
 void cortex_m0_systick_settle(struct cortex_m0 *cpu, uint64_t cycle)
 {
     struct cortex_m0_systick *timer = &cpu->systick;
@@ -50,6 +53,8 @@ void cortex_m0_systick_settle(struct cortex_m0 *cpu, uint64_t cycle)
     }
 }
 
+/* Cycle in which the SysTick exception becomes pending next; UINT64_MAX if the counter is stopped or its interrupt is
+ * disabled. */
 uint64_t cortex_m0_systick_due(const struct cortex_m0 *cpu)
 {
     const struct cortex_m0_systick *timer = &cpu->systick;
@@ -65,6 +70,8 @@ uint32_t cortex_m0_systick_control(const struct cortex_m0 *cpu)
            (timer->processor_clock ? CLKSOURCE : 0) | (timer->count_flag ? COUNTFLAG : 0);
 }
 
+/* Write SYST_CSR: enable, interrupt enable and clock source. Without a reference clock the counter always uses the
+ * processor clock. */
 void cortex_m0_systick_set_control(struct cortex_m0 *cpu, uint32_t value)
 {
     struct cortex_m0_systick *timer = &cpu->systick;
@@ -74,6 +81,7 @@ void cortex_m0_systick_set_control(struct cortex_m0 *cpu, uint32_t value)
     cpu->attention = true;
 }
 
+/* Stop the clock of SysTick for `cycles`, as in deep sleep. */
 void cortex_m0_systick_pause(struct cortex_m0 *cpu, uint64_t cycles)
 {
     cpu->systick.origin += cycles;

@@ -23,6 +23,8 @@ static uint8_t *row_at(unsigned row)
     return rows + (row - FIRST_ROW) * ROW;
 }
 
+/* HAL function of the bootloader: store a row of the emulated flash. Fails while `write_fails` is set, and for rows
+ * below the first slot. */
 static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
 {
     (void)context;
@@ -54,6 +56,7 @@ static bool on_stay(void *context)
     return requested;
 }
 
+/* HAL function of the bootloader: record the slot in which the vector table of the started image lies. */
 static void on_start(void *context, uint32_t vectors)
 {
     (void)context;
@@ -134,6 +137,8 @@ static void report_start(const char *description, uint8_t with_cause)
     put_word("  flash", hash());
 }
 
+/* Start the bootloader in every state of the two slots (empty, unconfirmed, confirmed, on trial, damaged, not writable)
+ * and print the slot that it selects. */
 int main(void)
 {
     uintptr_t begin = (uintptr_t)rows - FIRST_ROW * ROW; /* the rows before FIRST_ROW are never accessed */

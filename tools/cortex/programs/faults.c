@@ -9,6 +9,8 @@ struct frame {
 static volatile uint32_t faults, return_address, hide_address;
 static uint32_t word = 0x12345678u;
 
+/* Print the frame that the processor stacked for a fault, then change it so that the handler returns to the instruction
+ * after the faulting one, in Thumb state. */
 __attribute__((used)) static void report(struct frame *frame, uint32_t exc_return)
 {
     faults++;
@@ -21,6 +23,8 @@ __attribute__((used)) static void report(struct frame *frame, uint32_t exc_retur
     frame->xpsr |= 1u << 24;
 }
 
+/* HardFault handler: passes the stacked frame and EXC_RETURN to report(). Naked, because a compiled prologue would move
+ * the stack pointer. */
 __attribute__((naked)) void on_hard_fault(void)
 {
     __asm__ volatile("mov r0, sp\n\t"
@@ -56,6 +60,7 @@ __attribute__((naked)) void on_hard_fault(void)
         put_word("  after r1", r1); \
     } while (0)
 
+/* Execute each kind of instruction that can fault, once, and print the resulting frames for comparison with QEMU. */
 int main(void)
 {
     const uint32_t address = (uint32_t)&word;

@@ -33,6 +33,8 @@ static void on_frame(void *context, const struct taxel_frame *frame)
     checksum = taxel_crc32(checksum, frame->payload, frame->length) + frame->sequence + frame->type;
 }
 
+/* Encode random taxel frames and pass them to the deframer, every fourth with one flipped bit; print a checksum of the
+ * frames and the number found and discarded. */
 static void test_frames(void)
 {
     struct taxel_deframer deframer;
@@ -133,6 +135,8 @@ static const struct taxel_sensor_config board = {
     .snapshots = {snapshots[0], snapshots[1], snapshots[2]},
 };
 
+/* Read `size` registers of the board, starting at `pointer`, by the calls that the I2C interrupt handler makes, and add
+ * the bytes to the checksum. */
 static void read_registers(uint8_t pointer, unsigned size)
 {
     taxel_sensor_on_address(&sensor, false);
@@ -146,6 +150,8 @@ static void read_registers(uint8_t pointer, unsigned size)
     taxel_sensor_on_stop(&sensor);
 }
 
+/* Scan 20 times with random raw counts and read registers every 100 conversions; print the numbers of scans and
+ * conversions and a checksum of the registers. */
 static void test_scans(void)
 {
     put_word("accepted", (uint32_t)taxel_sensor_init(&sensor, &board));
@@ -161,6 +167,7 @@ static void test_scans(void)
     put_word("registers", checksum);
 }
 
+/* Run the codec and the board firmware without hardware; every emulator must print the same checksums. */
 int main(void)
 {
     memset(crossing_map, 0, sizeof crossing_map);

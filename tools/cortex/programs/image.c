@@ -5,6 +5,7 @@ enum { SYS_WRITE0 = 4, SYS_EXIT = 0x18, APPLICATION_EXIT = 0x20026 };
 
 extern uint32_t stack_top, data_begin, data_end, data_source, bss_begin, bss_end;
 
+/* Call the host by semihosting: BKPT 0xAB with the operation in r0 and its argument in r1. */
 static uint32_t call_host(uint32_t operation, uint32_t argument)
 {
     register uint32_t r0 __asm__("r0") = operation;
@@ -18,6 +19,7 @@ void put_text(const char *text)
     call_host(SYS_WRITE0, (uint32_t)text);
 }
 
+/* Print one line: a name and a value in eight hexadecimal digits. */
 void put_word(const char *name, uint32_t value)
 {
     char text[] = " 00000000\n";
@@ -28,6 +30,7 @@ void put_word(const char *name, uint32_t value)
     put_text(text);
 }
 
+/* End the program by semihosting; the loop repeats the call in case the host ignores it. */
 void end(void)
 {
     for (;;) {
@@ -35,6 +38,8 @@ void end(void)
     }
 }
 
+/* Reset handler: copy initialised data from flash to RAM, clear the other variables, call main() and end the program.
+ */
 static void start(void)
 {
     for (uint32_t *to = &data_begin, *from = &data_source; to < &data_end;) {
@@ -47,6 +52,7 @@ static void start(void)
     end();
 }
 
+/* Default exception handler: print the exception number (IPSR) and end the program. */
 static void report_unexpected(void)
 {
     uint32_t number;

@@ -9,6 +9,7 @@
 static uint32_t words[COUNT], state = 1;
 static uint8_t bytes[1024], copy[1024];
 
+/* The next number of the generator xorshift32 (Marsaglia, 2003): the same on every processor. */
 static uint32_t next_random(void)
 {
     state ^= state << 13;
@@ -16,6 +17,7 @@ static uint32_t next_random(void)
     return state ^= state << 5;
 }
 
+/* CRC-32 (IEEE 802.3) of a buffer, bit by bit: shifts and conditional XOR. */
 static uint32_t crc32(const uint8_t *data, size_t size)
 {
     uint32_t crc = ~0u;
@@ -34,6 +36,7 @@ static int compare_values(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+/* Sort 200 random numbers with qsort() and print their checksum. */
 static void test_sort(void)
 {
     for (size_t i = 0; i < COUNT; i++) {
@@ -43,6 +46,8 @@ static void test_sort(void)
     put_word("sorted", crc32((const uint8_t *)words, sizeof words));
 }
 
+/* Divide, multiply and shift 64-bit and 32-bit numbers, signed and unsigned, with the library functions that the
+ * compiler calls for them; print a checksum of the results. */
 static void test_arithmetic(void)
 {
     uint64_t sum = 0;
@@ -57,6 +62,8 @@ static void test_arithmetic(void)
     put_word("64 bit, low", (uint32_t)sum);
 }
 
+/* Compute with float and double in software, since the Cortex-M0 has no floating-point unit, and print the exact bits
+ * of the results. */
 static void test_floating_point(void)
 {
     float f = 1.5f;
@@ -74,6 +81,8 @@ static void test_floating_point(void)
     put_word("double, low", (uint32_t)double_bits);
 }
 
+/* Call memcpy, memmove, memset, memcmp and strlen with random offsets and sizes, aligned and unaligned; print checksums
+ * of the buffers. */
 static void test_memory(void)
 {
     for (size_t i = 0; i < sizeof bytes; i++) {

@@ -62,6 +62,7 @@ void on_irq1(void) __attribute__((alias("handler_body")));
 void on_irq2(void) __attribute__((alias("handler_body")));
 void on_irq3(void) __attribute__((alias("handler_body")));
 
+/* Print the logged entries and exits of handlers, by exception number, and clear the log. */
 static void print_log(const char *name)
 {
     put_text(name);
@@ -72,6 +73,7 @@ static void print_log(const char *name)
     log_count = 0;
 }
 
+/* Set the priority, 0 (highest) to 3, of each exception of the test. */
 static void set_priorities(unsigned svcall, unsigned pendsv, unsigned systick, unsigned irq0, unsigned irq1,
                            unsigned irq2, unsigned irq3)
 {
@@ -81,6 +83,8 @@ static void set_priorities(unsigned svcall, unsigned pendsv, unsigned systick, u
     barrier();
 }
 
+/* Make four interrupts, PendSV and SysTick pending while PRIMASK masks them, unmask, and print the order in which they
+ * run. */
 static void raise_all_at_once(const char *name)
 {
     __asm__ volatile("cpsid i");
@@ -93,6 +97,8 @@ static void raise_all_at_once(const char *name)
     print_log(name);
 }
 
+/* Start a chain in which each handler raises the next exception, and print the order of entries and exits: preemption
+ * or tail-chaining, depending on the priorities. */
 static void raise_in_handlers(const char *name)
 {
     raise_in[16] = 2;
@@ -105,6 +111,7 @@ static void raise_in_handlers(const char *name)
     print_log(name);
 }
 
+/* Raise two interrupts and PendSV in the SVC handler and print the order of entries and exits. */
 static void raise_in_svc(const char *name)
 {
     raise_in[11] = 5;
@@ -114,6 +121,8 @@ static void raise_in_svc(const char *name)
     print_log(name);
 }
 
+/* Print the NVIC registers after writes, and the handlers that run: a disabled interrupt stays pending until it is
+ * enabled or cleared. */
 static void test_registers(void)
 {
     put_word("IPR0", IPR0);
@@ -133,6 +142,8 @@ static void test_registers(void)
     print_log("enabled again");
 }
 
+/* Wait for COUNTFLAG without the SysTick interrupt, then raise an interrupt in the SysTick handler and print the order.
+ */
 static void test_systick(void)
 {
     SYST_RVR = PERIOD;
@@ -151,6 +162,7 @@ static void test_systick(void)
     print_log("raised in SysTick");
 }
 
+/* Print the order of execution of all exceptions for seven assignments of priorities, for comparison with QEMU. */
 int main(void)
 {
     ISER = 15;

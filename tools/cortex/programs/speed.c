@@ -7,6 +7,7 @@
 static uint32_t table[256], words[WORDS];
 static uint8_t bytes[2048];
 
+/* Table of the CRC-32 (IEEE 802.3) of each byte. */
 static void make_table(void)
 {
     for (uint32_t i = 0; i < 256; i++) {
@@ -18,6 +19,7 @@ static void make_table(void)
     }
 }
 
+/* CRC-32 (IEEE 802.3) of a buffer by table look-up: loads of bytes and words at computed addresses. */
 static uint32_t crc32(const uint8_t *data, size_t size)
 {
     uint32_t crc = ~0u;
@@ -27,6 +29,7 @@ static uint32_t crc32(const uint8_t *data, size_t size)
     return ~crc;
 }
 
+/* Fill the array with numbers of a linear congruential generator. */
 static void fill(uint32_t seed)
 {
     for (size_t i = 0; i < WORDS; i++) {
@@ -35,6 +38,7 @@ static void fill(uint32_t seed)
     }
 }
 
+/* Restore the heap order below `root`: the word moves down until both children are smaller. */
 static void sift_down(size_t root, size_t size)
 {
     for (;;) {
@@ -53,6 +57,7 @@ static void sift_down(size_t root, size_t size)
     }
 }
 
+/* Sort the words in ascending order: build a heap, then move its largest word to the end repeatedly. */
 static void heap_sort(void)
 {
     for (size_t i = WORDS / 2; i-- > 0;) {
@@ -66,6 +71,8 @@ static void heap_sort(void)
     }
 }
 
+/* FIR filter with 8 taps over the upper halves of the words: multiplications and byte stores. Returns the sum of the
+ * outputs. */
 static uint32_t filter(void)
 {
     uint32_t sum = 0;
@@ -80,6 +87,8 @@ static uint32_t filter(void)
     return sum;
 }
 
+/* Run the benchmark and print a checksum, which verifies the results and prevents the compiler from removing the work.
+ */
 int main(void)
 {
     uint32_t check = 0;

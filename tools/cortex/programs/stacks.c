@@ -61,6 +61,7 @@ __attribute__((naked)) void on_pendsv(void)
                      : \
                      : "r0", "r1", "r2", "r3", "r4", "r12", "cc", "memory")
 
+/* Print r0 to r3 after an exception, which the return must have restored from the frame. */
 static void print_restored(const char *name)
 {
     put_text(name);
@@ -70,6 +71,7 @@ static void print_restored(const char *name)
     }
 }
 
+/* Write and read the special registers: bits that do not exist must read as 0. */
 static void special_registers(void)
 {
     uint32_t value;
@@ -83,6 +85,8 @@ static void special_registers(void)
     READ("CONTROL", "control");
 }
 
+/* Call SVC and PendSV with the main and the process stack, at stack pointers that are a multiple of 8 and that are not,
+ * and print frames and restored registers. */
 int main(void)
 {
     special_registers();

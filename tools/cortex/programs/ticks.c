@@ -15,6 +15,7 @@ void systick_handler(void);
 
 static volatile uint32_t ticks, delay_max, work;
 
+/* SysTick handler: measure the delay (cycles) since the end of the period, then run the handler of the firmware. */
 void on_systick(void)
 {
     const uint32_t delay = SYSTICK->reload - SYSTICK->value;
@@ -55,6 +56,7 @@ static void busy_loop(uint32_t iterations)
     }
 }
 
+/* Duration of a busy loop, microseconds, measured with the clock under test. */
 static uint32_t time_busy_loop(uint32_t iterations)
 {
     const uint64_t begin = ticks_us();
@@ -77,6 +79,7 @@ static void check_stretched_wrap(void)
     put_word("time lost in a long wrap", difference * 100u > normal_us);
 }
 
+/* Count waits for an interrupt that do not end with exactly one tick. */
 static void check_waits(void)
 {
     uint32_t errors = 0;
@@ -88,6 +91,8 @@ static void check_waits(void)
     put_word("waits that did not end with a tick", errors);
 }
 
+/* Count delays from 10 us to 20 ms that are shorter than requested, or longer by more than the maximum difference of
+ * two readings. */
 static void check_delays(void)
 {
     uint32_t errors = 0;
@@ -100,6 +105,8 @@ static void check_delays(void)
     put_word("delays too short or long", errors);
 }
 
+/* Keep interrupts disabled for longer than a period: no tick may be handled, one must be pending, and it must be
+ * handled after unmasking. */
 static void check_masked_ticks(void)
 {
     const uint32_t interrupts = interrupts_mask(), before = ticks;
@@ -111,6 +118,7 @@ static void check_masked_ticks(void)
     put_word("  served after unmasking", ticks - before);
 }
 
+/* Run all checks of the clock and print their error counts. */
 int main(void)
 {
     ticks_init();

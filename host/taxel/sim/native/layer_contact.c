@@ -293,6 +293,9 @@ static int load_board(const struct sim_layer *layer, size_t board, const double 
     return has_contact;
 }
 
+/* Wrench and stiffness on each board from its contact with the solid, in the world, and the force on each taxel. The
+   near pieces of a board are searched again only after the board has moved farther, relative to the solid, than the
+   slack of the last search. */
 void sim_layer_load(struct sim_layer *layer, const double *poses, const double *solid_pose, double *wrench,
                     double *stiffness, double *taxel_force)
 {

@@ -90,6 +90,8 @@ static void enter_cylinder(const struct sim_solid *solid, const struct sim_lines
     }
 }
 
+/* Signed distance (metres) along each line from its point to the entry into the solid; INFINITY if the line misses the
+   solid or the whole solid lies behind the point. */
 void sim_entries(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *entry)
 {
     if (solid->faces) {
@@ -119,6 +121,8 @@ static void compute_heights(const struct sim_solid *solid, size_t face, const st
     }
 }
 
+/* Lower bound (metres) of the distance from each point to the solid: exact for a cylinder, the largest height over any
+   half-space for a polytope. */
 void sim_distance_bounds(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *bound)
 {
     double height[RAY_BLOCK];
@@ -136,6 +140,8 @@ void sim_distance_bounds(const struct sim_solid *solid, const struct sim_lines *
     }
 }
 
+/* Largest height (metres) of a block of points over one face of a polytope; negative if all points lie behind the face.
+ */
 double sim_max_height(const struct sim_solid *polytope, size_t face, const struct sim_lines *lines, size_t count)
 {
     double height[RAY_BLOCK], max_height = -INFINITY;
