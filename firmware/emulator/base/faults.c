@@ -35,6 +35,7 @@ static const struct {
     [FAULT_MUTE] = {"mute_host", FAULT_TARGET_NONE},
 };
 
+/* Kind of the fault with this name in a world file, or FAULT_KINDS if no fault has the name. */
 enum fault_kind fault_find_kind(const char *name)
 {
     enum fault_kind kind = FAULT_UNPLUG;

@@ -26,7 +26,8 @@ bool flash_plan_cut(struct flash *flash, const struct flash_cut_plan *plan)
     return true;
 }
 
-/* If the next plan is for this write, set the time of the cut and fill in its record. */
+/* If the next planned power cut is for this write (counted from the previous cut), set the time of the cut and fill in
+ * its record; the owner of the flash switches off the power at that time. */
 static void schedule_planned_cut(struct flash *flash, const struct flash_pending_write *write, const uint8_t *new_bytes)
 {
     const struct flash_cut_plan *plan = &flash->plans[0];
@@ -79,9 +80,9 @@ vtime flash_write_row(struct flash *flash, uint16_t row, const uint8_t *bytes, v
     return write->end;
 }
 
-/* In the first half of the write time the row is erased, in the second half it is programmed, in both word by word; the
- * word in progress contains random bits. One torn row in four is a random mixture of old, erased, new and random words,
- * as data sheets allow. */
+/* Leave a row in the state of a write that a power failure interrupts at `now`. In the first half of the write time the
+ * row is erased, in the second half it is programmed, in both word by word; the word in progress contains random bits.
+ * One torn row in four is a random mixture of old, erased, new and random words, as data sheets allow. */
 static void tear_row(struct flash *flash, const struct flash_pending_write *write, vtime now)
 {
     uint8_t *const stored = flash->bytes + (size_t)write->row * FLASH_ROW_SIZE;

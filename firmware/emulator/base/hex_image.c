@@ -11,13 +11,14 @@
 
 enum record_type { DATA = 0, END = 1, SEGMENT = 2, START_SEGMENT = 3, LINEAR = 4, START_LINEAR = 5 };
 
-/* Returns -1 for a character that is not a hexadecimal digit. */
+/* Value of a hexadecimal digit, or -1 for any other character. */
 static int parse_digit(char c)
 {
     return isdigit((unsigned char)c) ? c - '0' : isxdigit((unsigned char)c) ? tolower((unsigned char)c) - 'a' + 10 : -1;
 }
 
-/* Convert the digits after the colon of a line to bytes. Returns their number, or 0 if the line is no record. */
+/* Convert the digits after the colon of a line of an Intel HEX file to bytes. Returns their number, or 0 if the line is
+ * no record. */
 static size_t parse_line(const char *line, uint8_t record[RECORD_MAX])
 {
     size_t size = 0;
@@ -35,7 +36,8 @@ static size_t parse_line(const char *line, uint8_t record[RECORD_MAX])
     return size;
 }
 
-/* Returns NULL or an error message. `capacity`: size of `bytes`. */
+/* Check a record of an Intel HEX file and copy its data to `bytes` (size `capacity`). *base is the address offset that
+ * an earlier address record has set. Returns NULL or an error message. */
 static const char *apply_record(const uint8_t *record, size_t size, uint32_t *base, uint8_t *bytes, size_t capacity,
                                 bool *has_ended)
 {

@@ -15,8 +15,9 @@ void normal_source_init(struct normal_source *normals, uint64_t seed, uint64_t s
     normals->used = 2u * NORMAL_SOURCE_PAIRS;
 }
 
-/* Each point is stored, and overwritten by the next one unless it lies inside the unit circle. This avoids a branch
- * that a processor would predict wrongly for one point in five. */
+/* Sample uniformly distributed points inside the unit circle. Each point is stored, and overwritten by the next one
+ * unless it lies inside the circle. This avoids a branch that a processor would predict wrongly for one point in five.
+ */
 static void sample_pairs(struct random_source *source, struct pairs *pairs)
 {
     struct random_source local = *source; /* lets the compiler keep the state in registers */

@@ -23,7 +23,8 @@ void random_init(struct random_source *source, uint64_t seed, uint64_t stream)
     source->has_spare = false;
 }
 
-/* Marsaglia's polar method (1964) generates pairs; the second number of a pair is kept for the next call. */
+/* Standard normal number. Marsaglia's polar method (1964) generates pairs; the second number of a pair is kept for the
+ * next call. */
 double random_normal(struct random_source *source)
 {
     if (source->has_spare) {

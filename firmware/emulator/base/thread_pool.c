@@ -96,8 +96,9 @@ static void wake_workers(struct thread_pool *pool)
     }
 }
 
-/* Workers block all signals: a signal delivered to a worker would not interrupt a system call in which the caller
- * waits. */
+/* Start `threads` - 1 workers; the caller's thread is the remaining one. Workers block all signals: a signal delivered
+ * to a worker would not interrupt a system call in which the caller waits. Returns 0, or -1 after an error line on
+ * stderr. */
 int thread_pool_open(struct thread_pool *pool, size_t threads)
 {
     sigset_t all, before;
@@ -132,7 +133,8 @@ void thread_pool_close(struct thread_pool *pool)
     pthread_mutex_destroy(&pool->mutex);
 }
 
-/* The caller's share is done; workers still run their last items. */
+/* Wait until all `count` items of a task are done. The caller has no item left to start, but workers still run their
+ * last items. */
 static void wait_for_last_items(struct thread_pool *pool, size_t count)
 {
     for (int spins = 0; atomic_load(&pool->items_done) != count;) {

@@ -101,6 +101,7 @@ void cortex_m0_reset(struct cortex_m0 *cpu, uint32_t vectors)
     cortex_m0_reset_stack_marks(cpu);
 }
 
+/* Put the processor to sleep after WFI or WFE (wakes_on_event). */
 void cortex_m0_sleep(struct cortex_m0 *cpu, bool wakes_on_event)
 {
     cpu->asleep = true;
@@ -109,7 +110,8 @@ void cortex_m0_sleep(struct cortex_m0 *cpu, bool wakes_on_event)
     cpu->attention = true;
 }
 
-/* Advance the cycle counter without executing anything. */
+/* Advance the cycle counter to `until` without executing instructions. In deep sleep the clock of SysTick is stopped.
+ */
 static void advance_idle(struct cortex_m0 *cpu, uint64_t until)
 {
     if (cpu->deep_sleep && cpu->asleep) {
@@ -118,7 +120,8 @@ static void advance_idle(struct cortex_m0 *cpu, uint64_t until)
     cpu->cycle = until;
 }
 
-/* A pending exception that PRIMASK masks ends WFI and stays pending (ARM DDI 0419, B1.5.19). */
+/* End the sleep of WFI or WFE if an exception or, for WFE, an event is due; returns whether the processor is awake. A
+ * pending exception that PRIMASK masks ends WFI and stays pending (ARM DDI 0419, B1.5.19). */
 static bool try_to_wake(struct cortex_m0 *cpu)
 {
     const bool by_event = cpu->wakes_on_event && cpu->event;
@@ -134,6 +137,7 @@ static bool try_to_wake(struct cortex_m0 *cpu)
     return true;
 }
 
+/* Cycle in which SysTick wakes the sleeping processor; UINT64_MAX if it never does, or if the processor is awake. */
 uint64_t cortex_m0_wake_cycle(const struct cortex_m0 *cpu)
 {
     return cpu->asleep && !cpu->deep_sleep ? cortex_m0_systick_due(cpu) : UINT64_MAX;

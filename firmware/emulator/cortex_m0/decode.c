@@ -18,7 +18,8 @@ static uint32_t registers_in(uint32_t list)
     return (uint32_t)__builtin_popcount(list);
 }
 
-/* LSL, LSR, ASR by a constant; ADD and SUB of three operands; MOV, CMP, ADD, SUB with 8 bits. */
+/* Decode the 16-bit group 000x and 001x: LSL, LSR, ASR by a constant; ADD and SUB of three operands; MOV, CMP, ADD, SUB
+ * with an 8-bit constant. A shift by the encoded constant 0 is MOV or a shift by 32. */
 static struct cortex_m0_operation decode_arithmetic(uint32_t half)
 {
     const uint8_t d = bits(half, 0, 3), m = bits(half, 3, 3), shift = bits(half, 6, 5), third = bits(half, 6, 3);
@@ -66,7 +67,8 @@ static struct cortex_m0_operation decode_two_registers(uint32_t half)
     return (struct cortex_m0_operation){kinds[bits(half, 6, 4)], d, d, m, 0};
 }
 
-/* ADD, CMP, MOV with any register; BX, BLX. */
+/* Decode ADD, CMP and MOV with any of the 16 registers, BX and BLX. ADD and MOV that write PC or SP or read PC are
+ * SPECIAL. */
 static struct cortex_m0_operation decode_any_registers(uint32_t half)
 {
     const uint8_t d = (uint8_t)(bits(half, 0, 3) | (half >> 4 & 8u)), m = bits(half, 3, 4);
@@ -178,7 +180,7 @@ static struct cortex_m0_operation decode_miscellaneous(uint32_t half)
     }
 }
 
-/* LDM, STM. */
+/* Decode LDM and STM of a register list. LDM does not write back a base register that is in the list. */
 static struct cortex_m0_operation decode_multiple(uint32_t half)
 {
     const uint8_t n = bits(half, 8, 3);
@@ -193,9 +195,10 @@ static struct cortex_m0_operation decode_multiple(uint32_t half)
     return list >> n & 1u ? OPERATION(LDM_KEEP, 0, n, count, list) : OPERATION(LDM, 0, n, count, list);
 }
 
-/* A branch within the same memory. Other targets become SPECIAL, which handles branches out of the memory. */
-static struct cortex_m0_operation branch(const struct cortex_m0_code *code, uint32_t index, uint8_t kind,
-                                         int32_t offset)
+/* Branch operation to a target within the same memory, as a number of operations to skip. Other targets become SPECIAL,
+ * which handles branches out of the memory. */
+static struct cortex_m0_operation decode_branch(const struct cortex_m0_code *code, uint32_t index, uint8_t kind,
+                                                int32_t offset)
 {
     const int64_t target = (int64_t)index * 2 + 4 + offset;
     if (target < 0 || target >= code->size) {
@@ -215,7 +218,7 @@ static struct cortex_m0_operation decode_wide(const struct cortex_m0_code *code,
         return UNDEFINED;
     }
     if ((second & 0xD000u) == 0xD000u) {
-        return branch(code, index, CORTEX_M0_OP_BL, cortex_m0_link_offset(half, second));
+        return decode_branch(code, index, CORTEX_M0_OP_BL, cortex_m0_link_offset(half, second));
     }
     const bool msr = (half & 0xFFF0u) == 0xF380u && (second & 0xFF00u) == 0x8800u;
     const bool mrs = half == 0xF3EFu && (second & 0xF000u) == 0x8000u;
@@ -251,11 +254,11 @@ static struct cortex_m0_operation decode_half(const struct cortex_m0_code *code,
         if (bits(half, 8, 4) >= 14) {
             return bits(half, 8, 1) ? SPECIAL : UNDEFINED; /* SVC, UDF */
         }
-        return branch(code, index, (uint8_t)(CORTEX_M0_OP_BEQ + bits(half, 8, 4)),
-                      cortex_m0_sign_extend(half & 0xFFu, 8) * 2);
+        return decode_branch(code, index, (uint8_t)(CORTEX_M0_OP_BEQ + bits(half, 8, 4)),
+                             cortex_m0_sign_extend(half & 0xFFu, 8) * 2);
     case 0xE:
         if (!bits(half, 11, 1)) {
-            return branch(code, index, CORTEX_M0_OP_B, cortex_m0_sign_extend(half & 0x7FFu, 11) * 2);
+            return decode_branch(code, index, CORTEX_M0_OP_B, cortex_m0_sign_extend(half & 0x7FFu, 11) * 2);
         }
         return decode_wide(code, index, half);
     case 0xF:

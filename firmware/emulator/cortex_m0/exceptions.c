@@ -55,7 +55,7 @@ void cortex_m0_begin_entry(struct cortex_m0 *cpu)
 
 /* Start the handler of exception `number` after stacking or tail-chaining: update the exception state and load the
  * vector. */
-static void enter(struct cortex_m0 *cpu, unsigned number)
+static void enter_handler(struct cortex_m0 *cpu, unsigned number)
 {
     uint32_t vector;
     cortex_m0_account_begin(cpu, number, cpu->entry_begin);
@@ -81,10 +81,11 @@ void cortex_m0_finish_entry(struct cortex_m0 *cpu)
     const unsigned best = cortex_m0_next_exception(cpu, cpu->priority);
     cpu->entering = false;
     cpu->cycle = cpu->entry_choice + cpu->config.timing.exception_entry - cpu->config.timing.late_arrival;
-    enter(cpu, best ? best : cpu->entry_number);
+    enter_handler(cpu, best ? best : cpu->entry_number);
 }
 
-/* Restore the registers from the frame at the stack pointer. */
+/* Restore registers and flags from the exception frame at the stack pointer. The frame must contain exception number 0
+ * exactly if the return is to thread mode. */
 static enum cortex_m0_event unstack(struct cortex_m0 *cpu, bool to_thread)
 {
     uint32_t words[FRAME_WORDS], *const r = cpu->r;
@@ -125,7 +126,7 @@ static bool is_valid_return(const struct cortex_m0 *cpu, uint32_t value)
     }
 }
 
-/* End an active exception. An interrupt whose line is still high becomes pending again. */
+/* End the active state of an exception. An interrupt whose input is still high becomes pending again. */
 static void deactivate(struct cortex_m0 *cpu, unsigned number)
 {
     cpu->active &= ~CORTEX_M0_BIT(number);
@@ -153,7 +154,7 @@ enum cortex_m0_event cortex_m0_leave_exception(struct cortex_m0 *cpu)
         cpu->entry_begin = cpu->cycle;
         cpu->entry_return = value;
         cpu->cycle += cpu->config.timing.tail_chain;
-        enter(cpu, next_number);
+        enter_handler(cpu, next_number);
         return CORTEX_M0_EVENT_NONE;
     }
     cortex_m0_use_stack(cpu, value == EXC_RETURN_PROCESS);

@@ -26,7 +26,8 @@ void cortex_m0_invalidate_code(struct cortex_m0_code *code, uint32_t offset, uin
     }
 }
 
-/* Invalidate the decoded part of an address range. */
+/* Discard the decoded instructions in an address range; only the part of the memory that contains decoded instructions
+ * is searched. */
 static void invalidate_range(struct cortex_m0_code *code, uint32_t address, uint32_t size)
 {
     const uint64_t first = (uint64_t)code->base + code->decoded_low, last = (uint64_t)code->base + code->decoded_high;

@@ -145,7 +145,8 @@ void taxel_cortex_m0_get_state(const struct taxel_cortex_m0 *core, struct taxel_
     state->lowest_msp = cortex_m0_lowest_msp(cpu);
 }
 
-/* Enters thread mode without active or pending exceptions. r[13] is MSP unless `control` selects PSP. */
+/* Set registers, flags and stack pointers, in thread mode without active or pending exceptions. r[13] is MSP unless
+ * `control` selects PSP. */
 void taxel_cortex_m0_set_state(struct taxel_cortex_m0 *core, const struct taxel_cortex_m0_state *state)
 {
     struct cortex_m0 *const cpu = &core->cpu;

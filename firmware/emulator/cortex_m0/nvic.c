@@ -99,6 +99,8 @@ int cortex_m0_priority_unmasked(const struct cortex_m0 *cpu)
     return priority;
 }
 
+/* Recompute the execution priority after a change of the active exceptions, a priority or PRIMASK; PRIMASK raises it to
+ * 0. */
 void cortex_m0_update_priority(struct cortex_m0 *cpu)
 {
     const int priority = cortex_m0_priority_unmasked(cpu);

@@ -7,12 +7,15 @@
 #define FLAG_V (1u << 28)
 #define FLAG_T (1u << 24)
 
+/* Assemble xPSR. N, Z and V are stored as the result words from which they are derived, which is faster than single
+ * bits. */
 uint32_t cortex_m0_xpsr(const struct cortex_m0 *cpu)
 {
     return (cpu->n & FLAG_N) | (cpu->z ? 0 : FLAG_Z) | (cpu->c ? FLAG_C : 0) | (cpu->v >> 31 ? FLAG_V : 0) |
            (cpu->thumb ? FLAG_T : 0) | cpu->ipsr;
 }
 
+/* Set the flags and the T bit from a value of xPSR; the exception number is not changed. */
 void cortex_m0_set_xpsr(struct cortex_m0 *cpu, uint32_t xpsr)
 {
     cpu->n = xpsr;

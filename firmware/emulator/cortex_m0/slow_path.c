@@ -5,7 +5,7 @@
 #define EXC_RETURN_FIRST 0xF0000000u
 
 /* Number of bytes that a load or store operation accesses. */
-static unsigned access_size(uint8_t kind)
+static unsigned get_access_size(uint8_t kind)
 {
     switch (kind) {
     case CORTEX_M0_OP_STRB_R:
@@ -31,7 +31,7 @@ enum cortex_m0_event cortex_m0_execute_load(struct cortex_m0 *cpu, struct cortex
                                             uint32_t address)
 {
     uint32_t value;
-    const enum cortex_m0_event event = cortex_m0_read(cpu, address, access_size(operation.kind), true, &value);
+    const enum cortex_m0_event event = cortex_m0_read(cpu, address, get_access_size(operation.kind), true, &value);
     if (event) {
         return event;
     }
@@ -52,7 +52,7 @@ enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct corte
                                              uint32_t address)
 {
     const enum cortex_m0_event event =
-        cortex_m0_write(cpu, address, access_size(operation.kind), true, cpu->r[operation.a]);
+        cortex_m0_write(cpu, address, get_access_size(operation.kind), true, cpu->r[operation.a]);
     if (event) {
         return event;
     }
@@ -61,7 +61,8 @@ enum cortex_m0_event cortex_m0_execute_store(struct cortex_m0 *cpu, struct corte
     return CORTEX_M0_EVENT_NONE;
 }
 
-/* Transfer the words of a register list in order, one per cycle. Registers change only if every word could be read. */
+/* Transfer the words of a register list in order of register number, one per cycle. Registers change only if every word
+ * could be read, so that the instruction can be repeated. */
 static enum cortex_m0_event move_list(struct cortex_m0 *cpu, struct cortex_m0_operation operation, uint32_t address,
                                       bool is_load, uint32_t words[])
 {
@@ -128,7 +129,7 @@ struct cortex_m0_code *cortex_m0_code_at(struct cortex_m0 *cpu, uint32_t address
     return address - cpu->ram_code.base < cpu->ram_code.size ? &cpu->ram_code : NULL;
 }
 
-/* Set the address of the next instruction and add its fetch wait states. */
+/* Set r[15] to the address of the next instruction and add the wait states of the fetch. */
 void cortex_m0_set_fetch_address(struct cortex_m0 *cpu, uint32_t address)
 {
     const struct cortex_m0_code *const code = cortex_m0_code_at(cpu, address);
@@ -136,7 +137,8 @@ void cortex_m0_set_fetch_address(struct cortex_m0 *cpu, uint32_t address)
     cpu->cycle += code ? code->refill : 0;
 }
 
-/* BX, BLX, POP: bit 0 selects the state; in a handler, the topmost addresses are exception returns. */
+/* Branch to an address in a register (BX, BLX) or from the stack (POP): bit 0 selects the Thumb state; in a handler,
+ * the topmost addresses are exception returns. */
 enum cortex_m0_event cortex_m0_branch(struct cortex_m0 *cpu, uint32_t target)
 {
     if (target >= EXC_RETURN_FIRST && cpu->ipsr) {

@@ -29,7 +29,7 @@ static enum cortex_m0_event record_undefined(struct cortex_m0 *cpu)
     return cortex_m0_record_fault(cpu, CORTEX_M0_FAULT_UNDEFINED, cpu->r[CORTEX_M0_PC]);
 }
 
-/* ADD and MOV with the program counter or the stack pointer. */
+/* Execute ADD or MOV with PC or SP as an operand or destination. PC reads as the address of the instruction plus 4. */
 static enum cortex_m0_event execute_any_registers(struct cortex_m0 *cpu, uint32_t half)
 {
     const uint32_t d = (half & 7u) | (half >> 4 & 8u), m = half >> 3 & 15u, pc = cpu->r[CORTEX_M0_PC] + 4u;
@@ -142,7 +142,7 @@ static enum cortex_m0_event write_special(struct cortex_m0 *cpu, uint32_t n, uin
     return finish_instruction(cpu, 4, SPECIAL_CYCLES);
 }
 
-/* B, B<cond> and BL whose target lies in another memory or in none. */
+/* Execute B, B<cond> or BL whose target lies in another memory or in none. */
 static enum cortex_m0_event execute_far_branch(struct cortex_m0 *cpu, uint32_t half, uint32_t second)
 {
     const uint32_t pc = cpu->r[CORTEX_M0_PC] + 4u;

@@ -136,6 +136,7 @@ static void set_interrupt_control(struct cortex_m0 *cpu, uint32_t value, uint64_
     }
 }
 
+/* Make the interrupts of the bit mask `irqs` pending. */
 static void pend_interrupts(struct cortex_m0 *cpu, uint32_t irqs, uint64_t cycle)
 {
     for (uint32_t remaining = irqs; remaining; remaining &= remaining - 1u) {
@@ -143,7 +144,8 @@ static void pend_interrupts(struct cortex_m0 *cpu, uint32_t irqs, uint64_t cycle
     }
 }
 
-/* An interrupt whose line is still high stays pending, unless its handler is active. */
+/* End the pending state of the interrupts of the bit mask `irqs`. An interrupt whose input is still high stays pending,
+ * unless its handler is active. */
 static void unpend_interrupts(struct cortex_m0 *cpu, uint32_t irqs)
 {
     const uint64_t held_by_line = (uint64_t)cpu->lines << CORTEX_M0_IRQ0 & ~cpu->active;

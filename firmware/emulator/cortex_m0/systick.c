@@ -13,7 +13,7 @@ static uint64_t cycles_per_tick(const struct cortex_m0 *cpu)
     return cpu->systick.processor_clock ? 1u : cpu->config.systick_reference;
 }
 
-/* Ticks from the origin until the counter reaches 0; 0 if the counter is stopped at 0. */
+/* Ticks from the cycle `origin` until the counter reaches 0; 0 if the counter is stopped at 0. */
 static uint64_t ticks_to_zero(const struct cortex_m0_systick *timer)
 {
     if (timer->value) {

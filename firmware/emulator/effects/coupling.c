@@ -62,6 +62,8 @@ void coupling_configure(struct coupling_lines *lines, const struct coupling_boar
     lines->version++;
 }
 
+/* Set the mutual capacitances [tx][rx] of the crossings (farad, 0 without a taxel); the stored solutions of all TX
+ * lines become invalid. */
 void coupling_set_capacitances(struct coupling_lines *lines, double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX])
 {
     memcpy(lines->network.mutual, mutual_f, sizeof lines->network.mutual);

@@ -49,7 +49,7 @@ int effect_line_form_index(struct effect_line *line, const char *const *forms)
     return -1;
 }
 
-/* Index of the text `key=...` in the line, or 0. */
+/* Index of the word `key=...` in the line, or 0 if the key is absent. */
 static int find_key(const struct effect_line *line, const char *key)
 {
     const size_t length = strlen(key);
@@ -87,6 +87,8 @@ int effect_line_number(struct effect_line *line, const char *key, double low, do
     return -1;
 }
 
+/* Read the number of the optional word `key=number`, which must lie in [low, high]; `fallback` if the key is absent.
+ * Returns 0, or -1 after an error line on stderr. */
 int effect_line_optional(struct effect_line *line, const char *key, double low, double high, double fallback,
                          double *value)
 {

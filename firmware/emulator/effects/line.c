@@ -54,7 +54,7 @@ bool line_is_on(const struct line_effect *lines, size_t board)
 }
 
 /* Capacitance of crossing number `n` on a TX line (axis 0) or an RX line (axis 1). */
-static double *crossing_of(double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX], int axis, int line, int n)
+static double *get_crossing(double mutual_f[TAXEL_LINES_MAX][TAXEL_LINES_MAX], int axis, int line, int n)
 {
     return axis == 0 ? &mutual_f[line][n] : &mutual_f[n][line];
 }
@@ -68,9 +68,9 @@ void line_apply(const struct line_effect *lines, size_t board, int tx_count, int
         const struct broken_line *line = &lines->lines[i];
         const int length = line->board != board ? 0 : line->axis == 0 ? rx_count : tx_count;
         for (int n = 0; n < length; n++) {
-            double *const farad = crossing_of(mutual_f, line->axis, line->index, n);
+            double *const farad = get_crossing(mutual_f, line->axis, line->index, n);
             if (line->is_joined) {
-                double *const neighbour = crossing_of(mutual_f, line->axis, line->index + 1, n);
+                double *const neighbour = get_crossing(mutual_f, line->axis, line->index + 1, n);
                 *farad = *neighbour = line->share * (*farad + *neighbour);
             } else if (*farad > 0.0) {
                 *farad = line->stub_f;

@@ -11,7 +11,7 @@
 
 typedef double block __attribute__((vector_size(BLOCK * sizeof(double))));
 
-/* Response of a line to the sum of its currents: 1 / (1 + j reactance). */
+/* Complex response of a line to the sum of its currents: 1 / (1 + j reactance), where reactance = omega R C. */
 static inline ALWAYS_INLINE void set_response(struct network_response *response, int line, double reactance)
 {
     const double square = 1.0 + reactance * reactance;
@@ -41,7 +41,7 @@ static inline ALWAYS_INLINE void set_responses(struct network *network)
     }
 }
 
-/* sum += farad * (sum of the values of the neighbouring lines) */
+/* Add the coupling between adjacent traces: sum[i] += farad * (value[i - 1] + value[i + 1]). */
 static inline ALWAYS_INLINE void add_neighbours(double farad, const double *value, int count, double *sum)
 {
     if (farad == 0.0 || count < 2) {
@@ -54,8 +54,8 @@ static inline ALWAYS_INLINE void add_neighbours(double farad, const double *valu
     sum[count - 1] += farad * value[count - 2];
 }
 
-/* re, im [out_count] = sum over n of row[n][.] * (value_re[n], value_im[n]), in blocks that fit into vector registers.
- */
+/* Complex vector times real matrix: re, im [out_count] = sum over n of row[n][.] * (value_re[n], value_im[n]), in
+ * blocks that fit into vector registers. */
 static inline ALWAYS_INLINE void multiply(const double row[][TAXEL_LINES_MAX], int rows, int out_count,
                                           const double *value_re, const double *value_im, double *re, double *im)
 {
@@ -71,7 +71,9 @@ static inline ALWAYS_INLINE void multiply(const double row[][TAXEL_LINES_MAX], i
     }
 }
 
-/* RX lines are solved for their currents, V = omega rx_ohm * current, so that a resistance of 0 is allowed. */
+/* Gauss-Seidel update of the currents of all RX lines (divided by omega) from the present TX voltages. RX lines are
+ * solved for their currents, V = omega rx_ohm * current, so that a resistance of 0 is allowed. Returns the largest
+ * change; *largest is the largest quadrature component. */
 static inline ALWAYS_INLINE double update_rx(const struct network *network, const struct network_response *response,
                                              struct network_state *state, double *largest)
 {
@@ -117,7 +119,8 @@ static inline ALWAYS_INLINE void update_tx(const struct network *network, const 
     state->tx_im[driven] += response->im[driven];
 }
 
-/* Iterations converge by a constant factor, so the remaining change follows from the last two changes. */
+/* Whether the remaining change of an iteration is below the tolerance. Iterations converge by a constant factor, so the
+ * sum of all later changes follows from the last two changes. */
 static inline ALWAYS_INLINE bool is_converged(double change, double last_change, double tolerance)
 {
     const double factor = change < last_change ? change / last_change : 1.0;

@@ -150,23 +150,23 @@ void noise_begin_scan(struct noise_board *noise, double time, size_t taxels)
 }
 
 /* Seconds until the next event of a Poisson process: exponentially distributed with mean 1 / rate_hz. */
-static double waiting_time(struct noise_state *state, double rate_hz)
+static double sample_waiting_time(struct noise_state *state, double rate_hz)
 {
     return -log(1.0 - random_uniform(&state->random)) / rate_hz;
 }
 
 /* Counts that impulsive noise adds at `time` (seconds): +counts or -counts during an event of a Poisson process,
  * otherwise 0. */
-static double impulse(const struct noise_slot *slot, struct noise_state *state, double time)
+static double sample_impulse(const struct noise_slot *slot, struct noise_state *state, double time)
 {
     if (!state->has_started) {
         state->has_started = true;
-        state->next_event = waiting_time(state, slot->rate_hz);
+        state->next_event = sample_waiting_time(state, slot->rate_hz);
     }
     while (time >= state->next_event) {
         state->event_end = state->next_event + slot->duration_s;
         state->sign = random_u64(&state->random) >> 63 ? 1.0 : -1.0;
-        state->next_event += waiting_time(state, slot->rate_hz);
+        state->next_event += sample_waiting_time(state, slot->rate_hz);
     }
     return time < state->event_end ? state->sign * slot->counts : 0.0;
 }
@@ -195,7 +195,7 @@ double noise_counts(struct noise_board *noise, double time, int tx, int rx, size
             sum += state->pink[slot->shared ? 0 : taxel];
             break;
         default:
-            sum += impulse(slot, state, time);
+            sum += sample_impulse(slot, state, time);
             break;
         }
     }

@@ -33,8 +33,9 @@ bool nonlinear_is_on(const struct nonlinear_effect *nonlinear, size_t board)
     return nonlinear->leak[board] > 0.0 || nonlinear->bow_counts[board] != 0.0;
 }
 
-/* Fraction with the smallest denominator whose plateau contains `share`, else `share`. Longer patterns do not persist
- * in a modulator with noise. */
+/* Output of a first-order modulator with a leaky integrator for an input of `share` of full scale: the fraction with
+ * the smallest denominator whose plateau contains `share`, else `share`. Longer patterns do not persist in a modulator
+ * with noise. */
 static double lock_to_plateau(double share, double leak)
 {
     int near_plateau = 0; /* rarely true, so one test without branches covers all denominators */

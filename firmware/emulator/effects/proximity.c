@@ -36,7 +36,7 @@ double proximity_reach(const struct proximity_effect *proximity)
 
 /* Response to an object at a gap, without normalisation: `image` has the flux of two line electrodes through the face
  * of the object; `wedge` has the series capacitance of an air film and the layer. */
-static double response(const struct proximity_effect *proximity, double thickness, double gap)
+static double compute_response(const struct proximity_effect *proximity, double thickness, double gap)
 {
     const double ratio = 0.5 * proximity->reach_m / (thickness + gap);
     return proximity->form == PROXIMITY_IMAGE ? log1p(ratio * ratio)
@@ -51,11 +51,11 @@ void proximity_prepare(struct proximity_curve *curve, const struct proximity_eff
     curve->reach = proximity_reach(proximity);
     curve->u_min = thickness / (thickness + curve->reach);
     curve->steps_per_u = PROXIMITY_STEPS / (1.0 - curve->u_min);
-    const double far_response = response(proximity, thickness, curve->reach);
-    const double range = response(proximity, thickness, 0.0) - far_response;
+    const double far_response = compute_response(proximity, thickness, curve->reach);
+    const double range = compute_response(proximity, thickness, 0.0) - far_response;
     for (int i = 0; i <= PROXIMITY_STEPS; i++) {
         const double gap = thickness / (curve->u_min + i / curve->steps_per_u) - thickness;
-        curve->value[i] = proximity->share * (response(proximity, thickness, gap) - far_response) / range;
+        curve->value[i] = proximity->share * (compute_response(proximity, thickness, gap) - far_response) / range;
     }
 }
 

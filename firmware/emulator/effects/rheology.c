@@ -36,7 +36,7 @@ bool rheology_is_on(const struct rheology_effect *rheology)
 
 /* Exact coefficients of a first-order lag over a step: decay exp(-x) of an initial difference, and lag (1 - exp(-x)) /
  * x behind a linear ramp, with x = seconds / time_constant. */
-static struct rheology_lag lag_over(double seconds, double time_constant)
+static struct rheology_lag compute_lag(double seconds, double time_constant)
 {
     const double x = seconds / time_constant;
     return (struct rheology_lag){.decay = exp(-x), .ramp = x > 0.0 ? -expm1(-x) / x : 1.0};
@@ -44,7 +44,7 @@ static struct rheology_lag lag_over(double seconds, double time_constant)
 
 /* Output (metres) of a first-order lag after a step in which its input changed linearly; `slow` is the output before. A
  * negligible output becomes 0, so that an unloaded cell ends its history. */
-static inline double follow(const struct rheology_lag *lag, double slow, double from, double to)
+static inline double step_lag(const struct rheology_lag *lag, double slow, double from, double to)
 {
     const double next = to - (to - from) * lag->ramp + (slow - from) * lag->decay;
     return next < NEGLIGIBLE_M ? 0.0 : next;
@@ -57,7 +57,7 @@ struct rheology_span rheology_span(const struct rheology_effect *rheology, doubl
     struct rheology_span span = {.is_step = is_step};
     for (int k = 0; k < RHEOLOGY_CREEPS; k++) {
         const double scale = rheology->form == RHEOLOGY_SOLID ? 1.0 : pow(10.0, k - 1);
-        span.lags[k] = lag_over(seconds, rheology->seconds * scale);
+        span.lags[k] = compute_lag(seconds, rheology->seconds * scale);
     }
     return span;
 }
@@ -67,7 +67,7 @@ struct rheology_span rheology_span(const struct rheology_effect *rheology, doubl
 static double apply_solid(const struct rheology_effect *rheology, const struct rheology_span *span,
                           struct rheology_state *cell, double c)
 {
-    cell->slow[0] = follow(&span->lags[0], cell->slow[0], cell->input, span->is_step ? cell->input : c);
+    cell->slow[0] = step_lag(&span->lags[0], cell->slow[0], cell->input, span->is_step ? cell->input : c);
     cell->input = c;
     return c + rheology->fraction * (cell->slow[0] - c);
 }
@@ -87,7 +87,7 @@ static double apply_play(const struct rheology_effect *rheology, const struct rh
     }
     const double x = c + rheology->fraction * (play_sum * (1.0 / RHEOLOGY_PLAYS) - c);
     for (int k = 0; rheology->creep > 0.0 && k < RHEOLOGY_CREEPS; k++) {
-        cell->slow[k] = follow(&span->lags[k], cell->slow[k], cell->input, span->is_step ? cell->input : x);
+        cell->slow[k] = step_lag(&span->lags[k], cell->slow[k], cell->input, span->is_step ? cell->input : x);
         creep_sum += cell->slow[k];
     }
     cell->input = x;

@@ -30,8 +30,8 @@ bool spread_is_on(const struct spread_effect *spread)
     return spread->strength != 0.0;
 }
 
-/* Sums along a row of the sheet with weights attenuation^distance in both directions. attenuation and value are 0 where
- * the sheet has no cell, so nothing propagates across a gap. */
+/* Convolve a row of cells with the kernel attenuation^distance, in one pass per direction. attenuation and value are 0
+ * where the sheet has no cell, so nothing propagates across a gap. */
 static void sum_row(const double *in, double *out, const double *attenuation, int columns)
 {
     double from_before = 0.0, from_after = 0.0;
@@ -45,7 +45,8 @@ static void sum_row(const double *in, double *out, const double *attenuation, in
     }
 }
 
-/* The same sums along all columns at once. */
+/* Convolve every column of the grid with the kernel attenuation^distance, all columns at once, in one pass per
+ * direction. attenuation and value are 0 where the sheet has no cell. */
 static void sum_columns(const double *in, double *out, const double *attenuation, int rows, int columns)
 {
     double from_after[GRID_MAX] = {0.0};
@@ -62,7 +63,8 @@ static void sum_columns(const double *in, double *out, const double *attenuation
     }
 }
 
-/* The grid has a margin of one position on every side, so that every position has eight neighbours. */
+/* Allocate the grid of form `pillars`. It has a margin of one position on every side, so that every position has eight
+ * neighbours. Returns 0, or -1 if out of memory. */
 static int init_pillars(struct spread_state *state, const struct patch *patch)
 {
     const int width = patch->grid_columns + 2, grid_size = width * (patch->grid_rows + 2);
@@ -127,7 +129,8 @@ void spread_free(struct spread_state *state)
     memset(state, 0, sizeof *state);
 }
 
-/* The weights of each source cell are normalised to 1, so that the total force is preserved. */
+/* Form `film`: smooth the pressure (pascal) of the cells along rows and columns with a kernel that falls exponentially.
+ * The weights of each source cell are normalised to 1, so that the total force is preserved. */
 void spread_pressure(struct spread_state *state, const struct spread_effect *spread, const struct patch *patch,
                      double *pressure)
 {
@@ -160,8 +163,9 @@ void spread_pressure(struct spread_state *state, const struct spread_effect *spr
     }
 }
 
-/* Chamfer pass: each position takes the larger of its own value and the values of the neighbours in row `from` minus
- * the slope times the distance. The barrier removes values at positions without a cell. */
+/* Chamfer pass from one row of cells to the next: each position takes the larger of its own compression and the
+ * compressions of its three neighbours in row `from` minus the slope times the distance. The barrier (-INFINITY)
+ * removes values at positions without a cell. */
 static void grow_across(double *row, const double *from, const double *barrier, double decrement, int columns)
 {
     const double diagonal_decrement = decrement * 1.4142135623730951;
@@ -173,7 +177,8 @@ static void grow_across(double *row, const double *from, const double *barrier, 
     }
 }
 
-/* Returns whether the row can raise its neighbours. */
+/* Chamfer pass along one row of cells: each position takes the larger of its own compression and the compression of the
+ * position before it minus `decrement`. Returns whether the row can raise its neighbours. */
 static bool grow_along(double *row, const double *barrier, double decrement, int columns, int direction)
 {
     const int first = direction > 0 ? 0 : columns - 1;

@@ -40,7 +40,8 @@ bool contact_is_far(const struct patch *patch, const struct shape *shape, const 
     return square > limit * limit;
 }
 
-/* Whether every cell of a square is farther than `reach`. This holds for most squares of a hand most of the time. */
+/* Whether every cell of a square of skin is farther from the object than `reach` (metres), by a test of one cell. This
+ * holds for most squares of a hand most of the time. */
 static bool square_is_far(const struct cell *cells, const struct shape *shape, const struct frame *object_from_bracket,
                           double reach)
 {
@@ -49,7 +50,7 @@ static bool square_is_far(const struct cell *cells, const struct shape *shape, c
     return shape_distance_bound(shape, point) >= reach + TAXEL_REACH_M;
 }
 
-/* The cells of a taxel as lines along their normals, in the object's frame. */
+/* Transform the cells of a taxel to the object's frame, as lines along their normals. */
 static void place_lines(struct shape_lines *lines, const struct cell *cells, const struct frame *object_from_bracket)
 {
     frame_point(object_from_bracket, cells[0].position, lines->middle);
@@ -64,7 +65,8 @@ static void place_lines(struct shape_lines *lines, const struct cell *cells, con
     }
 }
 
-/* Add the load of bare sheet beside the taxels. Returns whether it touches the object. */
+/* Add the load (wrench and stiffness) of the bare sheet beside the taxels. Returns whether that sheet touches the
+ * object. */
 static bool press_margins(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket,
                           double thickness, struct contact_load *load)
 {

@@ -52,7 +52,8 @@ struct frame frame_inverse(const struct frame *a)
     return inverse;
 }
 
-/* Rodrigues' formula: rotation by |rotation_vector| radians about its direction, then translation. */
+/* Rigid transform of a rotation by |rotation_vector| radians about the direction of the vector (Rodrigues' formula),
+ * followed by a translation (metres). */
 struct frame frame_of_offset(const double translation[3], const double rotation_vector[3])
 {
     const double *w = rotation_vector;

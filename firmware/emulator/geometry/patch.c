@@ -22,8 +22,8 @@ static void cross(const double a[3], const double b[3], double out[3])
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* The firmware later rejects a map whose taxel count differs from `taxels`; until then it must not cause invalid
- * accesses. */
+/* Number the taxels in the order of the crossing map (one bit per crossing, by TX line). The firmware later rejects a
+ * map whose taxel count differs from `taxels`; until then the map must not cause invalid accesses. */
 static void read_layout(struct layout *layout, uint8_t tx_count, uint8_t rx_count, const uint8_t *map, size_t taxels)
 {
     int taxel = 0;
@@ -38,7 +38,7 @@ static void read_layout(struct layout *layout, uint8_t tx_count, uint8_t rx_coun
     }
 }
 
-/* Poses on a flat sheet, for worlds without taxel poses: x is distal, y is left. */
+/* Taxel poses on a flat sheet, for worlds without taxel poses: x is distal, y is left, one pitch per line. */
 static void place_flat(const struct layout *layout, struct taxel_pose *poses)
 {
     for (int tx = 0; tx < layout->tx_count; tx++) {
@@ -55,7 +55,8 @@ static void place_flat(const struct layout *layout, struct taxel_pose *poses)
 }
 
 /* Pose of the taxel at a crossing of TX and RX line; NULL if the crossing lies outside the board or has no taxel. */
-static const struct taxel_pose *neighbour(const struct layout *layout, const struct taxel_pose *poses, int tx, int rx)
+static const struct taxel_pose *find_neighbour(const struct layout *layout, const struct taxel_pose *poses, int tx,
+                                               int rx)
 {
     if (tx < 0 || rx < 0 || tx >= layout->tx_count || rx >= layout->rx_count || layout->taxel_at[tx][rx] < 0) {
         return NULL;
@@ -63,8 +64,10 @@ static const struct taxel_pose *neighbour(const struct layout *layout, const str
     return &poses[layout->taxel_at[tx][rx]];
 }
 
-/* Change of the normal along a direction, 1/m: mean over the neighbours on both sides; 0 without neighbours. */
-static double curvature(const struct taxel_pose *centre, const struct taxel_pose *const sides[2], const double along[3])
+/* Curvature of the sheet at a taxel (1/m): change of the normal per metre in the direction `along`, mean over the
+ * neighbours on both sides; 0 without neighbours. */
+static double compute_curvature(const struct taxel_pose *centre, const struct taxel_pose *const sides[2],
+                                const double along[3])
 {
     double sum = 0.0;
     int count = 0;
@@ -85,7 +88,8 @@ static double curvature(const struct taxel_pose *centre, const struct taxel_pose
     return count ? sum / count : 0.0;
 }
 
-/* Place a cell at (a, b) metres along the distal and the left direction, on the paraboloid of the two curvatures. */
+/* Place a cell at (a, b) metres from a taxel along its distal and left direction, on the paraboloid with the curvatures
+ * bend_distal and bend_left (1/m). */
 static void place_cell(struct cell *cell, const struct taxel_pose *pose, const double left[3], double a, double b,
                        double bend_distal, double bend_left)
 {
@@ -108,14 +112,14 @@ static void add_taxel_cells(struct patch *patch, const struct layout *layout, co
 {
     const int taxel = layout->taxel_at[tx][rx];
     const struct taxel_pose *pose = &poses[taxel];
-    const struct taxel_pose *const along_tx[2] = {neighbour(layout, poses, tx - 1, rx),
-                                                  neighbour(layout, poses, tx + 1, rx)};
-    const struct taxel_pose *const along_rx[2] = {neighbour(layout, poses, tx, rx - 1),
-                                                  neighbour(layout, poses, tx, rx + 1)};
+    const struct taxel_pose *const along_tx[2] = {find_neighbour(layout, poses, tx - 1, rx),
+                                                  find_neighbour(layout, poses, tx + 1, rx)};
+    const struct taxel_pose *const along_rx[2] = {find_neighbour(layout, poses, tx, rx - 1),
+                                                  find_neighbour(layout, poses, tx, rx + 1)};
     double left[3];
     cross(pose->normal, pose->distal, left);
-    const double bend_distal = curvature(pose, along_tx, pose->distal);
-    const double bend_left = curvature(pose, along_rx, left);
+    const double bend_distal = compute_curvature(pose, along_tx, pose->distal);
+    const double bend_left = compute_curvature(pose, along_rx, left);
     for (int i = 0; i < CELLS_PER_TAXEL; i++) {
         const int row = i / CELLS_PER_SIDE, column = i % CELLS_PER_SIDE;
         const int index = taxel * CELLS_PER_TAXEL + i;
@@ -129,7 +133,7 @@ static void add_taxel_cells(struct patch *patch, const struct layout *layout, co
 }
 
 /* Compute the bounding sphere of the cells about their mean position. */
-static void enclose(struct patch *patch)
+static void compute_bounding_sphere(struct patch *patch)
 {
     memset(patch->centre, 0, sizeof patch->centre);
     for (size_t i = 0; i < patch->cell_count; i++) {
@@ -183,7 +187,7 @@ int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const ui
             }
         }
     }
-    enclose(patch);
+    compute_bounding_sphere(patch);
     return 0;
 }
 

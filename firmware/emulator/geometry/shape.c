@@ -66,7 +66,7 @@ double shape_entry(const struct shape *shape, const double origin[3], const doub
     return span.enter < span.leave ? span.enter : INFINITY;
 }
 
-/* Clip all lines by one plane, without branches, so that the compiler vectorises the loop. */
+/* Clip a group of lines by one plane, without branches, so that the compiler vectorises the loop. */
 static void clip_lines(const double *plane, const struct shape_lines *lines, double *enter, double *leave)
 {
     const double (*o)[SHAPE_LINES] = lines->origin, (*d)[SHAPE_LINES] = lines->direction;

@@ -31,8 +31,9 @@ static bool are_settings_equal(const struct front_end_settings *a, const struct 
            a->modulator_divider == b->modulator_divider && a->idac_code == b->idac_code;
 }
 
-/* The modulator balances the charge 2 C V of each TX period with the current of the IDAC: hardware count = max_count *
- * 2 C V F_tx / I_dac, over sub_conversions TX periods of sense_clock_divider modulator clocks each. */
+/* Compute timing and counts per farad from the registers of the converter. The modulator balances the charge 2 C V of
+ * each TX period with the current of the IDAC: hardware count = max_count * 2 C V F_tx / I_dac. Returns false if no
+ * register has changed; `clock_rate`: CPU clock relative to its nominal frequency. */
 bool front_end_apply_settings(struct front_end *front_end, const struct front_end_settings *settings, double clock_rate)
 {
     if (are_settings_equal(&front_end->settings, settings)) {
@@ -85,6 +86,7 @@ double front_end_sample_noise(struct front_end *front_end)
     return front_end->noise_counts > 0.0 ? front_end->noise_counts * normal_source_sample(front_end->normals) : 0.0;
 }
 
+/* Raw count of a hardware count: full scale minus the integer part, limited to the range of the converter. */
 uint16_t front_end_quantise(const struct front_end *front_end, double hardware_count)
 {
     /* Contact raises the capacitance and so lowers the raw count (thesis, Figure 2.5). */
@@ -92,6 +94,7 @@ uint16_t front_end_quantise(const struct front_end *front_end, double hardware_c
     return raw <= 0.0 ? 0 : raw >= front_end->max_count ? (uint16_t)front_end->max_count : (uint16_t)raw;
 }
 
+/* Raw count of a taxel, with noise. `rise`: relative rise of the permittivity of the layer above the taxel. */
 uint16_t front_end_convert(struct front_end *front_end, uint16_t taxel, double rise)
 {
     const double hardware_count = front_end_hardware_count(front_end, taxel, rise);

@@ -43,7 +43,8 @@ static double contact_pressures[TABLE_SIZE]; /* at these compressions */
 static uint16_t contact_starts[CONTACT_STARTS + 1];
 static double log_min, log_step;
 
-/* Pressure that compresses the pillars to `stretch` times their height (1: unloaded; PILLAR_FRACTION: no air left). */
+/* Pressure (Pa) that compresses the pillars to `stretch` times their height (1: unloaded; PILLAR_FRACTION: no air
+ * left): neo-Hookean pillars, and a stiffness that diverges as their sides touch. */
 static double pillar_pressure(double stretch)
 {
     const double pillars = PILLAR_FRACTION * SHEAR_MODULUS_PA * (1.0 / (stretch * stretch) - stretch);
@@ -51,7 +52,8 @@ static double pillar_pressure(double stretch)
     return pillars + BULK_STIFFNESS_PA * (1.0 / air - 1.0) * (1.0 - air) * (1.0 - air);
 }
 
-/* Inverse of pillar_pressure(), by bisection. */
+/* Relative height (1: unloaded) to which a pressure (Pa) compresses the pillars: inverse of pillar_pressure(), by
+ * bisection. */
 static double find_stretch(double pressure)
 {
     double low = PILLAR_FRACTION + 1e-9, high = 1.0;
@@ -68,18 +70,21 @@ static double find_stretch(double pressure)
     }
 }
 
-/* Logarithmic mixing rule by volume (Lichtenecker, 1926) for air and silicone. */
+/* Relative permittivity of pillars and air at a relative height `stretch` of the pillars: logarithmic mixing rule by
+ * volume (Lichtenecker, 1926). */
 static double mixture_permittivity(double stretch)
 {
     return pow(SILICONE_PERMITTIVITY, PILLAR_FRACTION / stretch);
 }
 
+/* Relative rise of the permittivity over the unloaded layer at a relative height `stretch` of the pillars. */
 static double permittivity_rise(double stretch)
 {
     return mixture_permittivity(stretch) / mixture_permittivity(1.0) - 1.0;
 }
 
-/* Compression (m) of the sheet below the pillars, neo-Hookean: p = E / 3 (1 / s^2 - s). */
+/* Compression (metres) of the silicone sheet below the pillars under a pressure (Pa): neo-Hookean, p = E / 3 (1 / s^2 -
+ * s), solved by bisection. */
 static double sheet_compression(double pressure)
 {
     double low = 1e-3, high = 1.0;
@@ -144,8 +149,8 @@ double layer_rise_at_force(double force_n)
     return rise_at_force[index] + fraction * (rise_at_force[index + 1] - rise_at_force[index]);
 }
 
-/* Index of a pressure >= CURVE_MIN_PA in at_pressure[], and the fraction up to the next entry: the index is the
- * exponent and the first bits of the mantissa of the pressure. */
+/* Index of a pressure >= CURVE_MIN_PA in at_pressure[], and the fraction up to the next entry: the exponent and the
+ * first bits of the mantissa of the pressure are the index, so that no logarithm is needed. */
 static int find_pressure_index(double pressure, double *fraction)
 {
     const double minimum = CURVE_MIN_PA;
@@ -199,6 +204,7 @@ double layer_rise_at_compression(double compression_m)
     return rise_at_depth[index] + (position - index) * (rise_at_depth[index + 1] - rise_at_depth[index]);
 }
 
+/* Volume fraction of air at a relative rise of the permittivity: inverse of Lichtenecker's mixing rule. */
 double layer_air_fraction(double rise)
 {
     return fmax(1.0 - PILLAR_FRACTION - log1p(rise) / log(SILICONE_PERMITTIVITY), 0.0);
@@ -233,6 +239,7 @@ double layer_pressure(double compression_m)
     return pillar_pressure(stretch);
 }
 
+/* Derivative (Pa/m) of layer_pressure() at a compression (metres) of the pillars. */
 double layer_stiffness(double compression_m)
 {
     const double stretch = 1.0 - compression_m / LAYER_PILLAR_HEIGHT_M;
@@ -240,7 +247,8 @@ double layer_stiffness(double compression_m)
     return compression_m <= 0.0 ? 0.0 : -slope / LAYER_PILLAR_HEIGHT_M;
 }
 
-/* Integral of pillar_pressure() from `stretch` to 1: the sum of the integrals of its two terms. */
+/* Work to compress pillars of height 1 to the relative height `stretch`, per area (Pa): integral of pillar_pressure()
+ * from `stretch` to 1, the sum of the integrals of its two terms. */
 static double pillar_work(double stretch)
 {
     const double pillars = PILLAR_FRACTION * SHEAR_MODULUS_PA * (1.0 / stretch - 1.0 - 0.5 * (1.0 - stretch * stretch));
@@ -265,8 +273,9 @@ double layer_work(double compression_m)
     return pillar_work(stretch) * LAYER_PILLAR_HEIGHT_M;
 }
 
-/* The pressure at a compression of pillars and sheet together, and its derivative *rate. The pressure is exponential in
- * the compression between two entries of the table, and linear before the first and after the last entry. */
+/* Pressure (Pa) at a compression (metres) of pillars and sheet together, and its derivative *rate (Pa/m). The pressure
+ * is exponential in the compression between two entries of the table, and linear before the first and after the last
+ * entry. */
 static double evaluate_contact_pressure(double compression_m, double *rate)
 {
     const double last = contact_depths[TABLE_SIZE - 1];

@@ -3,7 +3,7 @@
 #include <string.h>
 
 /* Rigid transform from 12 numbers: three rows of rotation and translation (metres). */
-static struct frame frame_at(const float *values)
+static struct frame read_frame(const float *values)
 {
     struct frame frame;
     for (int i = 0; i < 12; i++) {
@@ -15,11 +15,11 @@ static struct frame frame_at(const float *values)
 /* Pose of the bracket of a board in the frame of the object, from the nominal poses in a record of a scene (object
  * number, pose of the object, poses of the brackets) and the errors of mounting and placement that the world file
  * states. */
-static struct frame object_of_bracket_at(const struct world_description *description, const float *values, long object,
-                                         size_t index)
+static struct frame compute_bracket_in_object(const struct world_description *description, const float *values,
+                                              long object, size_t index)
 {
-    const struct frame nominal_object = frame_at(values + 1);
-    const struct frame nominal_bracket = frame_at(values + 13 + 12 * index);
+    const struct frame nominal_object = read_frame(values + 1);
+    const struct frame nominal_bracket = read_frame(values + 13 + 12 * index);
     const struct frame world_from_object = frame_product(&nominal_object, &description->objects[object].offset);
     const struct frame world_from_bracket = frame_product(&nominal_bracket, &description->boards[index].bracket_offset);
     const struct frame object_from_world = frame_inverse(&world_from_object);
@@ -35,7 +35,7 @@ void board_load_from_scene(struct skin_board *board, const struct world_descript
     const bool has_object = values[0] >= 0.0f && values[0] < (float)description->object_count;
     load->object = has_object ? (long)values[0] : -1;
     load->object_from_bracket =
-        has_object ? object_of_bracket_at(description, values, load->object, index) : frame_identity;
+        has_object ? compute_bracket_in_object(description, values, load->object, index) : frame_identity;
     /* A comparison of bytes: if it takes equal poses for different (0.0 and -0.0), the load is only computed again. */
     load->equals_previous =
         load->object == last->object && /* NOLINTNEXTLINE(bugprone-suspicious-memory-comparison,cert-*) */

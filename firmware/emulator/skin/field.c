@@ -130,7 +130,9 @@ void field_free(struct field *field)
     memset(field, 0, sizeof *field);
 }
 
-/* Complete a load whose cell pressures are set: film, taxel forces, stiffness. */
+/* Complete a load whose cell pressures are set: smooth the pressure by the film, sum the forces on the taxels, and
+ * divide the pressure by the relative stiffness, because pillars of k times the modulus shorten under p as nominal
+ * pillars do under p / k. */
 static void finish_load(struct field *field, struct field_load *load)
 {
     const struct patch *patch = field->patch;
@@ -167,6 +169,8 @@ static void load_from_contact(struct field *field, bool is_touching, double (*pr
     finish_load(field, load);
 }
 
+/* Compute a load from the compression (metres) of the cells in a contact, which is overwritten. The gaps of the load
+ * are already set. */
 void field_load_contact(struct field *field, bool is_touching, double *compression, struct field_load *load)
 {
     load_from_contact(field, is_touching, layer_contact_pressure, compression, load);
@@ -194,6 +198,7 @@ void field_load_forces(struct field *field, const float *force, double *compress
     }
 }
 
+/* Whether fields may change although no load touches the board: a cell has load history, or its moisture dries. */
 bool field_has_history(const struct field *field, double time)
 {
     const struct moisture_effect *moisture = &field->effects->moisture;
@@ -214,9 +219,9 @@ struct step {
     struct rheology_span span;
 };
 
-/* Rise of the layer in a taxel's cells, including load history. The field of an electrode extends across its cells, so
- * every cell responds to the mean pressure; the history of a cell adds the deviation of its compression from the
- * elastic value. */
+/* Relative rise of the permittivity in each cell of a taxel, including load history. The field of an electrode extends
+ * across its cells, so every cell responds to the mean pressure; the history of a cell adds the deviation of its
+ * compression from the elastic value. */
 static void layer_rise(struct field *field, const struct step *step, size_t taxel, double rise[CELLS_PER_TAXEL])
 {
     const size_t first = taxel * CELLS_PER_TAXEL;
@@ -256,7 +261,7 @@ static void layer_rise(struct field *field, const struct step *step, size_t taxe
 
 /* Field of one taxel at a time between two loads: mean over its cells of the relative rise of the permittivity, after
  * load history, moisture and proximity, and of the gap (metres); and the force (newtons). */
-static struct taxel_field taxel_field_at(struct field *field, const struct step *step, size_t taxel)
+static struct taxel_field compute_taxel_field(struct field *field, const struct step *step, size_t taxel)
 {
     struct taxel_field sum = {0.0, 0.0, interpolate(step->before->force, step->after->force, taxel, step->fraction)};
     double rise[CELLS_PER_TAXEL];
@@ -293,7 +298,7 @@ void field_advance(struct field *field, const struct field_load *before, const s
     for (size_t taxel = 0; taxel < field->patch->taxel_count; taxel++) {
         const bool is_loaded = before->is_loaded[taxel] || (moment->fraction > 0.0 && after->is_loaded[taxel]);
         if (is_loaded || field->has_history[taxel] || step.water > 0.0) {
-            fields[taxel] = taxel_field_at(field, &step, taxel);
+            fields[taxel] = compute_taxel_field(field, &step, taxel);
         } else {
             const double force = interpolate(before->force, after->force, taxel, moment->fraction);
             fields[taxel] = (struct taxel_field){.rise = 0.0, .gap = CONTACT_FAR_M, .force = force};

@@ -166,7 +166,8 @@ static void advance_board(void *context, size_t item)
     field_advance(&board->field, before, after, moment, board->after);
 }
 
-/* Compute the fields at `until`; the previous fields become those at `from`. */
+/* Compute the fields of all boards at `time`, the end of a step; the previous fields become those at its start.
+ * `fraction`: position of `time` between the two loads. */
 static void advance_fields(struct skin *skin, double fraction, vtime time)
 {
     struct advance_task advance_task = {
@@ -190,7 +191,9 @@ static bool load_changes(const struct stimulus *stimulus)
            memcmp(stimulus->before, stimulus->after, stimulus->value_count * sizeof *stimulus->after) != 0;
 }
 
-/* Start the next step, which ends at the next record or earlier. The step length grows while no load changes. */
+/* Start the next time step of the skin, which ends at the next record or earlier. Steps before the record are needed if
+ * effects depend on time, or if changing forces pass through the nonlinear layer. The step length grows while no load
+ * changes. */
 static void start_step(struct skin *skin, const struct stimulus *stimulus)
 {
     const bool changes = load_changes(stimulus);
@@ -219,6 +222,7 @@ static void begin_interval(struct skin *skin, const struct stimulus *stimulus, v
     start_step(skin, stimulus);
 }
 
+/* Start the next interval when the stimulus has reached its next record: the later load becomes the earlier one. */
 void skin_advance(struct skin *skin, const struct stimulus *stimulus)
 {
     if (skin->boards) {
@@ -233,7 +237,7 @@ void skin_step(struct skin *skin, const struct stimulus *stimulus)
     start_step(skin, stimulus);
 }
 
-/* Make the fields at a time in [from, until] the start of the next step. */
+/* Interpolate the fields at `now`, which lies within the present step, and make them the start of the next step. */
 static void freeze_fields(struct skin *skin, vtime now)
 {
     for (size_t i = 0; i < skin->board_count; i++) {
@@ -265,7 +269,7 @@ void skin_apply_live_record(struct skin *skin, const struct stimulus *stimulus, 
 
 /* Weight of the fields at `until` for a time between `from` and `until`: linear, or 0 while the fields change only in a
  * step at `until`. */
-static double fraction_at(const struct skin *skin, vtime time)
+static double compute_fraction(const struct skin *skin, vtime time)
 {
     if (skin->until == VTIME_NEVER) {
         return 1.0;
@@ -279,7 +283,7 @@ struct taxel_field skin_field(const struct skin *skin, size_t board, size_t taxe
 {
     const struct taxel_field *before = &skin->boards[board].before[taxel];
     const struct taxel_field *after = &skin->boards[board].after[taxel];
-    const double fraction = fraction_at(skin, time);
+    const double fraction = compute_fraction(skin, time);
     if (fraction == 1.0) {
         return *after;
     }

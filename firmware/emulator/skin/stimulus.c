@@ -22,7 +22,8 @@ static int report_error(const struct stimulus *stimulus, const char *message)
     return -1;
 }
 
-/* Returns the number of bytes read, which is less than `size` only at the end of the stream. */
+/* Read `size` bytes, blocking. Returns the number of bytes read, which is less than `size` only at the end of the
+ * stream. */
 static size_t read_fully(int fd, uint8_t *bytes, size_t size)
 {
     size_t count = 0;
@@ -44,6 +45,8 @@ static size_t record_size(const struct stimulus *stimulus)
     return sizeof(double) + stimulus->value_count * sizeof(float);
 }
 
+/* Allocate the buffers of two records of `count` values and of the bytes of one record. Returns 0, or -1 after an error
+ * line on stderr. */
 static int allocate_values(struct stimulus *stimulus, size_t count)
 {
     stimulus->value_count = count;
@@ -183,6 +186,8 @@ bool stimulus_receive_live(struct stimulus *stimulus)
     return false;
 }
 
+/* Interpolation weight (0 to 1) of the next record at a time before that record. Counts and steps are held until the
+ * next record, without interpolation. */
 double stimulus_fraction(const struct stimulus *stimulus, vtime time)
 {
     if (stimulus->until == VTIME_NEVER || stimulus->is_step || stimulus->kind == STIMULUS_COUNTS ||
@@ -192,6 +197,7 @@ double stimulus_fraction(const struct stimulus *stimulus, vtime time)
     return (double)(time - stimulus->from) / (double)(stimulus->until - stimulus->from);
 }
 
+/* Force (newtons) or raw count of a taxel at a time between the present and the next record. */
 double stimulus_value(const struct stimulus *stimulus, size_t taxel, vtime time)
 {
     const double before = stimulus->before[taxel];
@@ -212,6 +218,8 @@ int stimulus_apply_live(struct stimulus *stimulus, vtime now)
     return 0;
 }
 
+/* Set the values of a stimulus without a stream, effective from `now` on. Returns 0, or -1 after an error line on
+ * stderr. */
 int stimulus_set_values(struct stimulus *stimulus, const float *values, vtime now)
 {
     const double time_now = -1.0; /* a negative time means "now" */

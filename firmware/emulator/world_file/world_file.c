@@ -23,7 +23,8 @@ static struct board_description *find_board(struct world_description *world, uin
     return NULL;
 }
 
-/* board ADDRESS KIND ROWS COLUMNS TAXELS MAP UNIQUE_ID CLOCK_PPM BOOT_MS [MAP_VERSION] */
+/* Read a line of a world file: board ADDRESS KIND ROWS COLUMNS TAXELS MAP UNIQUE_ID CLOCK_PPM BOOT_MS [MAP_VERSION].
+ * MAP and UNIQUE_ID are hexadecimal. Returns 0, or -1 after an error line on stderr. */
 static int read_board(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
@@ -57,9 +58,9 @@ static int read_board(const struct world_reader *reader)
     return 0;
 }
 
-/* scan SUB_CONVERSIONS SENSE_CLOCK_DIVIDER MODULATOR_CLOCK_DIVIDER IDAC_CODE SETTLE_CYCLES: the scan settings of all
- * boards. The product of the first two is the full-scale count and must fit into 16 bits. Returns 0, or -1 after an
- * error line on stderr. */
+/* Read a line of a world file: scan SUB_CONVERSIONS SENSE_CLOCK_DIVIDER MODULATOR_CLOCK_DIVIDER IDAC_CODE
+ * SETTLE_CYCLES, the scan settings of all boards. The product of the first two is the full-scale count and must fit
+ * into 16 bits. Returns 0, or -1 after an error line on stderr. */
 static int read_scan(const struct world_reader *reader)
 {
     struct taxel_scan_settings *scan = &reader->world->scan;
@@ -82,7 +83,8 @@ static int read_scan(const struct world_reader *reader)
     return 0;
 }
 
-/* fault TIME_S NAME ADDRESS [VALUE [SECOND_VALUE]] */
+/* Read a line of a world file: fault TIME_S NAME ADDRESS [VALUE [SECOND_VALUE]], a fault that takes effect at that
+ * time. Returns 0, or -1 after an error line on stderr. */
 static int read_fault(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
@@ -114,7 +116,8 @@ static int read_fault(const struct world_reader *reader)
     return 0;
 }
 
-/* The board whose address is the first word after the keyword, or NULL after an error line. */
+/* Description of the board whose I2C address is the first word after the keyword, or NULL after an error line on
+ * stderr. */
 static struct board_description *find_addressed_board(const struct world_reader *reader)
 {
     long address;
@@ -128,7 +131,8 @@ static struct board_description *find_addressed_board(const struct world_reader 
     return board;
 }
 
-/* firmware ADDRESS MAJOR MINOR PATCH */
+/* Read a line of a world file: firmware ADDRESS MAJOR MINOR PATCH, the firmware version that a board reports. Returns
+ * 0, or -1 after an error line on stderr. */
 static int read_firmware(const struct world_reader *reader)
 {
     struct board_description *board = find_addressed_board(reader);
@@ -142,7 +146,8 @@ static int read_firmware(const struct world_reader *reader)
     return board ? 0 : -1;
 }
 
-/* clock_start ADDRESS SECONDS */
+/* Read a line of a world file: clock_start ADDRESS SECONDS, the reading of the clock of a board at its start. Returns
+ * 0, or -1 after an error line on stderr. */
 static int read_clock_start(const struct world_reader *reader)
 {
     double seconds;
@@ -154,7 +159,8 @@ static int read_clock_start(const struct world_reader *reader)
     return 0;
 }
 
-/* A relative path starts at the folder of the world file. */
+/* Read the firmware image (Intel HEX) whose file name is word number `index` of the line. A relative path starts at the
+ * folder of the world file. Returns 0, or -1 after an error line on stderr. */
 static int read_image(const struct world_reader *reader, int index, uint8_t **image)
 {
     const struct world_line *line = &reader->line;
@@ -191,8 +197,8 @@ static int read_flag(const struct world_reader *reader, bool *flag)
     return 0;
 }
 
-/* blank ADDRESS: the board has neither application nor configuration, as after assembly. Returns 0, or -1 after an
- * error line on stderr. */
+/* Read a line of a world file: blank ADDRESS. The board has neither application nor configuration, as after assembly.
+ * Returns 0, or -1 after an error line on stderr. */
 static int read_blank(const struct world_reader *reader)
 {
     struct board_description *board = find_addressed_board(reader);

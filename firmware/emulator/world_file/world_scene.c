@@ -25,7 +25,8 @@ static int normalise(const struct world_reader *reader, double vector[3])
     return 0;
 }
 
-/* ADDRESS X Y Z NX NY NZ DX DY DZ */
+/* Read ADDRESS X Y Z NX NY NZ DX DY DZ: position (metres), outward normal and distal direction of a taxel or margin in
+ * the frame of its bracket. Returns 0, or -1 after an error line on stderr. */
 static int read_taxel_pose(const struct world_reader *reader, struct taxel_pose *pose)
 {
     const struct world_line *line = &reader->line;
@@ -36,7 +37,8 @@ static int read_taxel_pose(const struct world_reader *reader, struct taxel_pose 
     return is_valid ? 0 : -1;
 }
 
-/* margin ADDRESS X Y Z NX NY NZ DX DY DZ: a square of sheet, one pitch wide, that no taxel measures */
+/* Read a line of a world file: margin ADDRESS X Y Z NX NY NZ DX DY DZ, a square of sheet, one pitch wide, that no taxel
+ * measures. Returns 0, or -1 after an error line on stderr. */
 static int read_margin(const struct world_reader *reader)
 {
     const int index = world_reader_find_board(reader, 1);
@@ -57,7 +59,8 @@ static int read_margin(const struct world_reader *reader)
     return 0;
 }
 
-/* surface ADDRESS X Y Z NX NY NZ DX DY DZ: the pose of the next taxel of the board */
+/* Read a line of a world file: surface ADDRESS X Y Z NX NY NZ DX DY DZ, the pose of the next taxel of the board.
+ * Returns 0, or -1 after an error line on stderr. */
 static int read_surface(const struct world_reader *reader)
 {
     const int index = world_reader_find_board(reader, 1);
@@ -82,7 +85,8 @@ static int read_surface(const struct world_reader *reader)
     return 0;
 }
 
-/* object NAME X Y Z RADIUS: a new object and its bounding sphere */
+/* Read a line of a world file: object NAME X Y Z RADIUS, a new object and its bounding sphere (metres). Returns 0, or
+ * -1 after an error line on stderr. */
 static int read_object(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
@@ -113,7 +117,7 @@ static int read_object(const struct world_reader *reader)
 
 /* Shape of the object that the file described last, to which plane and cylinder lines belong; NULL after an error line
  * on stderr if there is no object. */
-static struct shape *latest_shape(const struct world_reader *reader)
+static struct shape *get_latest_shape(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
     if (!world->object_count) {
@@ -123,10 +127,11 @@ static struct shape *latest_shape(const struct world_reader *reader)
     return &world->objects[world->object_count - 1].shape;
 }
 
-/* plane NX NY NZ OFFSET: the points p of the latest object fulfil normal . p <= offset */
+/* Read a line of a world file: plane NX NY NZ OFFSET. The points p of the latest object fulfil normal . p <= offset
+ * (metres). Returns 0, or -1 after an error line on stderr. */
 static int read_plane(const struct world_reader *reader)
 {
-    struct shape *shape = latest_shape(reader);
+    struct shape *shape = get_latest_shape(reader);
     double plane[4];
     if (!shape) {
         return -1;
@@ -143,10 +148,11 @@ static int read_plane(const struct world_reader *reader)
     return 0;
 }
 
-/* cylinder RADIUS HEIGHT: the latest object is a cylinder about the z axis with its base at z = 0 */
+/* Read a line of a world file: cylinder RADIUS HEIGHT (metres). The latest object is a cylinder about the z axis with
+ * its base at z = 0. Returns 0, or -1 after an error line on stderr. */
 static int read_cylinder(const struct world_reader *reader)
 {
-    struct shape *shape = latest_shape(reader);
+    struct shape *shape = get_latest_shape(reader);
     if (!shape) {
         return -1;
     }
@@ -160,7 +166,8 @@ static int read_cylinder(const struct world_reader *reader)
                : 0;
 }
 
-/* X Y Z (metres) RX RY RZ (rotation vector, radians), starting at word `first` */
+/* Read a pose error X Y Z (metres) RX RY RZ (rotation vector, radians) from six words, starting at word number `first`.
+ * Returns 0, or -1 after an error line on stderr. */
 static int read_offset(const struct world_reader *reader, int first, struct frame *offset)
 {
     double translation[3], rotation[3];
@@ -172,14 +179,16 @@ static int read_offset(const struct world_reader *reader, int first, struct fram
     return 0;
 }
 
-/* bracket_offset ADDRESS X Y Z RX RY RZ: actual pose of a bracket relative to its nominal pose. */
+/* Read a line of a world file: bracket_offset ADDRESS X Y Z RX RY RZ, the actual pose of a bracket relative to its
+ * nominal pose. Returns 0, or -1 after an error line on stderr. */
 static int read_bracket_offset(const struct world_reader *reader)
 {
     const int index = world_reader_find_board(reader, 1);
     return index < 0 ? -1 : read_offset(reader, 2, &reader->world->boards[index].bracket_offset);
 }
 
-/* object_offset NAME X Y Z RX RY RZ: actual pose of an object relative to its nominal pose. */
+/* Read a line of a world file: object_offset NAME X Y Z RX RY RZ, the actual pose of an object relative to its nominal
+ * pose. Returns 0, or -1 after an error line on stderr. */
 static int read_object_offset(const struct world_reader *reader)
 {
     struct world_description *world = reader->world;
@@ -191,6 +200,8 @@ static int read_object_offset(const struct world_reader *reader)
     return world_line_report_error(&reader->line, "no object has this name");
 }
 
+/* Read a line of a world file: layer THICKNESS, the height of the layer above the electrodes in metres. Returns 0, or
+ * -1 after an error line on stderr. */
 static int read_layer(const struct world_reader *reader)
 {
     return world_line_read_number(&reader->line, 1, 1e-5, 0.005, &reader->world->layer_thickness);

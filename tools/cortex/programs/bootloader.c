@@ -85,8 +85,8 @@ static struct taxel_boot_hal hal = {
 };
 static struct taxel_boot_config config = {.flash = {&hal, &layout}, .checksum = TAXEL_BOOT_CHECKSUM_ANY};
 
-/* Write an image of 300 bytes to the slot. */
-static void install(uint8_t slot, uint8_t version)
+/* Write an image of 300 bytes with a valid header and CRC to a slot. */
+static void install_image(uint8_t slot, uint8_t version)
 {
     uint8_t *const image = row_at(layout.first_rows[slot]);
     struct taxel_boot_image_header header = {
@@ -108,7 +108,7 @@ static void install(uint8_t slot, uint8_t version)
 }
 
 /* FNV-1a hash of the flash. A CRC would be constant over rows that end in their own CRC. */
-static uint32_t hash(void)
+static uint32_t hash_flash(void)
 {
     uint32_t value = 0x811C9DC5u;
     for (unsigned i = 0; i < sizeof rows; i++) {
@@ -117,7 +117,8 @@ static uint32_t hash(void)
     return value;
 }
 
-/* Start with a reset cause and print the started slot, the time of the start, and the metadata afterwards. */
+/* Start the bootloader with a reset cause. Print the slot that it starts before and after the time in which it listens
+ * for a host, and the metadata afterwards. */
 static void report_start(const char *description, uint8_t with_cause)
 {
     put_text(description);
@@ -134,7 +135,7 @@ static void report_start(const char *description, uint8_t with_cause)
     put_word("  stays", boot.stay);
     put_word("  kept slot", taxel_boot_kept_slot(&config.flash));
     put_word("  rows written", writes);
-    put_word("  flash", hash());
+    put_word("  flash", hash_flash());
 }
 
 /* Start the bootloader in every state of the two slots (empty, unconfirmed, confirmed, on trial, damaged, not writable)
@@ -145,11 +146,11 @@ int main(void)
     __asm__("" : "+r"(begin));                           /* hides the invalid address from the compiler */
     hal.flash = (const uint8_t *)begin;
     report_start("empty flash", TAXEL_RESET_CAUSE_POWER_ON);
-    install(0, 1);
+    install_image(0, 1);
     report_start("one unconfirmed image", TAXEL_RESET_CAUSE_POWER_ON);
     put_word("confirm", (uint32_t)taxel_boot_confirm(&config.flash, 0));
     report_start("confirmed image", TAXEL_RESET_CAUSE_COMMAND);
-    install(1, 2);
+    install_image(1, 2);
     report_start("second image installed", TAXEL_RESET_CAUSE_POWER_ON);
     put_word("pending", (uint32_t)taxel_boot_metadata_set_pending(&config.flash, 1));
     for (unsigned i = 0; i <= TAXEL_BOOT_TRIES; i++) {

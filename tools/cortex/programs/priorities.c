@@ -33,7 +33,8 @@ static void barrier(void)
     __asm__ volatile("dsb\n\tisb" ::: "memory");
 }
 
-/* Log entry and exit, and pend the configured exceptions in between. */
+/* Common handler of all exceptions: log the entry and the exit, and raise the exceptions that raise_in[] states for
+ * this handler in between. */
 static void handler_body(void)
 {
     uint32_t number;

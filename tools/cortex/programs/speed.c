@@ -30,7 +30,7 @@ static uint32_t crc32(const uint8_t *data, size_t size)
 }
 
 /* Fill the array with numbers of a linear congruential generator. */
-static void fill(uint32_t seed)
+static void fill_words(uint32_t seed)
 {
     for (size_t i = 0; i < WORDS; i++) {
         seed = seed * 1664525u + 1013904223u;
@@ -73,7 +73,7 @@ static void heap_sort(void)
 
 /* FIR filter with 8 taps over the upper halves of the words: multiplications and byte stores. Returns the sum of the
  * outputs. */
-static uint32_t filter(void)
+static uint32_t filter_words(void)
 {
     uint32_t sum = 0;
     for (size_t i = 8; i < WORDS; i++) {
@@ -94,8 +94,8 @@ int main(void)
     uint32_t check = 0;
     make_table();
     for (uint32_t repeat = 0; repeat < REPEATS; repeat++) {
-        fill(repeat);
-        check += filter();
+        fill_words(repeat);
+        check += filter_words();
         heap_sort();
         check ^= words[repeat % WORDS];
         check += crc32(bytes, sizeof bytes);

@@ -15,7 +15,8 @@ static volatile uint32_t restored[4];
         put_word(name, value_); \
     } while (0)
 
-/* msp: MSP at entry; exc_return: EXC_RETURN. */
+/* Print the frame that the processor stacked for an exception, and the special registers. msp: MSP at entry;
+ * exc_return: EXC_RETURN. */
 __attribute__((used)) static void report_frame(uint32_t msp, uint32_t exc_return)
 {
     uint32_t psp;
@@ -72,7 +73,7 @@ static void print_restored(const char *name)
 }
 
 /* Write and read the special registers: bits that do not exist must read as 0. */
-static void special_registers(void)
+static void test_special_registers(void)
 {
     uint32_t value;
     __asm__ volatile("msr apsr_nzcvq, %1\n\tmrs %0, apsr" : "=r"(value) : "r"(0xA5A5A5A5u) : "cc");
@@ -89,7 +90,7 @@ static void special_registers(void)
  * and print frames and restored registers. */
 int main(void)
 {
-    special_registers();
+    test_special_registers();
     CALL(2);
     print_restored("main stack");
     CALL(1);

@@ -24,8 +24,8 @@ void on_systick(void)
     systick_handler();
 }
 
-/* Read the clock continuously from 3 ms after a tick until after the next tick, and count readings that decrease or
- * jump. */
+/* Count the readings of the clock that decrease or jump, reading continuously from 3 ms after a tick until after the
+ * next tick, with interrupts enabled or masked. */
 static void check_monotonic(const char *name, bool masked)
 {
     uint32_t backwards = 0, jumps = 0;
@@ -64,7 +64,8 @@ static uint32_t time_busy_loop(uint32_t iterations)
     return (uint32_t)(ticks_us() - begin);
 }
 
-/* A busy loop of several wraps within a stretched wrap takes the same time on the clock as without it. */
+/* Check that the clock loses no time between ticks_stretch() and ticks_shrink(), with interrupts off for several wraps
+ * of the counter: a busy loop takes the same time as without them. */
 static void check_stretched_wrap(void)
 {
     const uint32_t normal_us = time_busy_loop(RUN), interrupts = interrupts_mask();

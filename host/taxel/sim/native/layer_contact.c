@@ -10,7 +10,7 @@ size_t sim_layer_struct_size(void)
     return sizeof(struct sim_layer);
 }
 
-/* inverse(a) b of the rigid transforms a and b. */
+/* Pose of b in the frame of a: inverse(a) b of two rigid transforms (4 x 4, by rows). */
 static void compute_relative_pose(const double *a, const double *b, double *result)
 {
     for (size_t i = 0; i < 3; i++) {
@@ -24,13 +24,14 @@ static void compute_relative_pose(const double *a, const double *b, double *resu
     memcpy(result + 12, b + 12, 4 * sizeof *b);
 }
 
-/* Component `row` of a vector rotated by a pose. */
+/* Component `row` (x, y or z) of a vector rotated by a pose (4 x 4, by rows). */
 static double rotate_row(const double *pose, size_t row, const double *vector)
 {
     return pose[4 * row] * vector[0] + pose[4 * row + 1] * vector[1] + pose[4 * row + 2] * vector[2];
 }
 
-/* Set point i of the lines to a piece of a board at `pose`. */
+/* Set point i of the lines to the position of a piece of a board in the solid's frame; `pose`: of the board in that
+   frame. */
 static void set_point(const struct sim_layer *layer, const double *pose, size_t piece, struct sim_lines *lines,
                       size_t i)
 {
@@ -39,8 +40,8 @@ static void set_point(const struct sim_layer *layer, const double *pose, size_t 
     }
 }
 
-/* The solid reduced to the faces that the near pieces of a board can touch. */
-static struct sim_solid near_solid(const struct sim_layer *layer, size_t board)
+/* The solid reduced to the faces that the near pieces of a board can touch, which the last search has found. */
+static struct sim_solid select_near_faces(const struct sim_layer *layer, size_t board)
 {
     struct sim_solid solid = layer->solid;
     if (solid.faces) {
@@ -51,7 +52,7 @@ static struct sim_solid near_solid(const struct sim_layer *layer, size_t board)
     return solid;
 }
 
-/* Number of lines of the next block. */
+/* Number of lines of the next block, out of the lines that remain. */
 static size_t limit_to_block(size_t remaining)
 {
     return remaining < RAY_BLOCK ? remaining : RAY_BLOCK;
@@ -70,7 +71,8 @@ static double bound_motion(const double *from, const double *to, double size)
     return sqrt(shift) + sqrt(turn) * size;
 }
 
-/* Store the pieces of [begin, end) within the search distance in `near`, in order; returns their number. */
+/* Find the pieces of [begin, end) that may touch the solid before the next search. Stores them in `near`, in order;
+   returns their number. */
 static size_t find_near_pieces(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
                                uint32_t *near)
 {
@@ -94,7 +96,8 @@ static size_t find_near_pieces(const struct sim_layer *layer, const double *pose
     return stored;
 }
 
-/* As find_near_pieces for complete squares: a square whose middle piece is too far is skipped. */
+/* Find the pieces of complete squares of the sheet that may touch the solid before the next search. As
+   find_near_pieces(), but a square whose middle piece is too far is skipped with one test. */
 static size_t find_near_in_squares(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
                                    uint32_t *near)
 {
@@ -119,8 +122,8 @@ static size_t find_near_in_squares(const struct sim_layer *layer, const double *
     return stored;
 }
 
-/* Store the faces through which a line of a near piece can enter before the next search. Behind any other face the
-   pieces lie so deep that an entry through the face is below the largest depth that counts. */
+/* Find the faces of a polytope through which a line of a near piece can enter before the next search. Behind any other
+   face the pieces lie so deep that an entry through the face is below the largest depth that counts. */
 static void find_faces(struct sim_layer *layer, size_t board, const double *pose)
 {
     const uint32_t *near = layer->near + layer->first[board];
@@ -157,7 +160,8 @@ static void find_faces(struct sim_layer *layer, size_t board, const double *pose
     }
 }
 
-/* Search the near pieces of a board at `pose` in the solid's frame. A far board has none. */
+/* Find the near pieces and faces of a board at `pose` in the solid's frame, and the motion (slack, metres) up to which
+   they remain valid. A far board has no near pieces, and its slack is its clearance. */
 static void search_board(struct sim_layer *layer, size_t board, const double *pose)
 {
     const size_t begin = layer->first[board], end = layer->first[board + 1];
@@ -178,7 +182,8 @@ static void search_board(struct sim_layer *layer, size_t board, const double *po
     }
 }
 
-/* Force of the layer on one taxel, newtons, and its derivative `rate`, N/m, at a compression `depth`, metres. */
+/* Force (newtons) of the layer on one taxel and its derivative `rate` (N/m) at a compression `depth` (metres):
+   stiffness_n_per_m d exp(d / stiffening_m + (d / closing_m)^4), continued along its tangent above straight_m. */
 static void apply_law(const struct sim_law *law, double depth, double *force, double *rate)
 {
     const double curved = depth < law->straight_m ? depth : law->straight_m;
@@ -189,7 +194,8 @@ static void apply_law(const struct sim_law *law, double depth, double *force, do
     *force = curved * growth + (depth - curved) * *rate;
 }
 
-/* Add one compressed piece to the load of its board, in the bracket's frame; of the stiffness the lower triangle. */
+/* Add the force and the stiffness rate l l^T of one compressed piece to the load of its board, in the bracket's frame,
+   with l = (n, r x n). Only the lower triangle of the stiffness is computed. */
 static void add_piece(const struct sim_layer *layer, size_t piece, double force, double rate, double *wrench,
                       double *stiffness)
 {
@@ -205,7 +211,7 @@ static void add_piece(const struct sim_layer *layer, size_t piece, double force,
     }
 }
 
-/* Rotate a wrench, force and moment, from the bracket's frame to the world. */
+/* Rotate a wrench (force and moment) from the bracket's frame to the world; the point of reference is unchanged. */
 static void rotate_wrench(const double *pose, double *wrench)
 {
     for (size_t half = 0; half < TWIST; half += 3) {
@@ -216,7 +222,8 @@ static void rotate_wrench(const double *pose, double *wrench)
     }
 }
 
-/* Rotate a stiffness K, given as its lower triangle, from the bracket's frame to the world: T K T^t. */
+/* Rotate a 6 x 6 stiffness K, given as its lower triangle, from the bracket's frame to the world: T K T^t. T is applied
+   to the rows, the matrix is transposed, and both are repeated. */
 static void rotate_stiffness(const double *pose, double *stiffness)
 {
     for (size_t i = 0; i < TWIST; i++) {
@@ -238,8 +245,8 @@ static void rotate_stiffness(const double *pose, double *stiffness)
     }
 }
 
-/* Store the pieces of a block nearer to the solid than the thickness of the layer, and their lines; returns their
-   number. No other piece can be compressed. */
+/* Find the pieces of a block that are nearer to the solid than the thickness of the layer; no other piece can be
+   compressed. Stores the pieces and the lines along their normals; returns their number. */
 static size_t select_lines(const struct sim_layer *layer, const struct sim_solid *solid, const double *pose,
                            const uint32_t *near, size_t count, uint32_t *piece, struct sim_lines *lines)
 {
@@ -261,12 +268,13 @@ static size_t select_lines(const struct sim_layer *layer, const struct sim_solid
     return stored;
 }
 
-/* Add the load of one board at `pose` in the solid's frame; returns whether the board is in contact. */
+/* Add the wrench, the stiffness and the taxel forces of one board at `pose` in the solid's frame; returns whether the
+   board is in contact. Each piece is a spring with its share of the force law of a taxel. */
 static int load_board(const struct sim_layer *layer, size_t board, const double *pose, double *wrench,
                       double *stiffness, double *taxel_force)
 {
     const uint32_t *near = layer->near + layer->first[board];
-    const struct sim_solid solid = near_solid(layer, board);
+    const struct sim_solid solid = select_near_faces(layer, board);
     const double share = 1.0 / (double)layer->square_pieces;
     int has_contact = 0;
     for (size_t begin = 0; begin < layer->near_count[board]; begin += RAY_BLOCK) {

@@ -12,7 +12,8 @@ static double larger(double a, double b)
     return a > b ? a : b;
 }
 
-/* Clip the lines by one half-space after the other (Cyrus and Beck 1978). */
+/* Distances (metres) along the lines to their entries into a polytope: clip each line by one half-space after the other
+   (Cyrus and Beck 1978). */
 static void enter_polytope(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *entry)
 {
     double leave[RAY_BLOCK];
@@ -50,7 +51,8 @@ struct interval {
 
 static const struct interval ALWAYS = {-INFINITY, INFINITY}, NEVER = {INFINITY, -INFINITY};
 
-/* Interval of a line inside the infinite cylinder. */
+/* Interval (metres) of the line (x, y) + t (dx, dy) inside an infinite upright cylinder, from the roots of a quadratic
+   equation in t. */
 static struct interval cross_wall(double radius, double x, double y, double dx, double dy)
 {
     const double a = dx * dx + dy * dy, b = x * dx + y * dy, c = x * x + y * y - radius * radius;
@@ -68,7 +70,7 @@ static struct interval cross_wall(double radius, double x, double y, double dx, 
     return (struct interval){smaller(first, second), larger(first, second)};
 }
 
-/* Interval of a line between the two caps. */
+/* Interval (metres) of the line z + t dz between the planes of the two caps, z = 0 and z = height. */
 static struct interval cross_caps(double height, double z, double dz)
 {
     if (dz == 0.0) {
@@ -78,7 +80,7 @@ static struct interval cross_caps(double height, double z, double dz)
     return (struct interval){smaller(low, high), larger(low, high)};
 }
 
-/* Distances along the lines to their entries into the cylinder; see sim_entries. */
+/* Distances (metres) along the lines to their entries into an upright cylinder; INFINITY for a line that misses it. */
 static void enter_cylinder(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *entry)
 {
     for (size_t i = 0; i < count; i++) {
@@ -101,7 +103,7 @@ void sim_entries(const struct sim_solid *solid, const struct sim_lines *lines, s
     }
 }
 
-/* Signed distance of a point from the cylinder, metres; negative inside. */
+/* Signed distance (metres) of a point from the surface of an upright cylinder; negative inside. */
 static double cylinder_distance(const struct sim_solid *solid, double x, double y, double z)
 {
     const double radial = sqrt(x * x + y * y) - solid->radius;
@@ -110,7 +112,7 @@ static double cylinder_distance(const struct sim_solid *solid, double x, double 
     return sqrt(over_wall * over_wall + over_cap * over_cap) + smaller(larger(radial, axial), 0.0);
 }
 
-/* Heights of the points over one half-space, metres. */
+/* Heights (metres) of a block of points over the plane of one face; negative inside the solid. */
 static void compute_heights(const struct sim_solid *solid, size_t face, const struct sim_lines *lines, size_t count,
                             double *height)
 {
