@@ -26,8 +26,8 @@ void late_history_free(struct late_history *history)
     }
 }
 
-/* Make room for one more record behind the last: move the records to the start of the array if discarded records left
- * space there, otherwise double the capacity. Returns false if out of memory. */
+/* Reserve memory for one more record behind the last: move the records to the start of the array if discarded records
+ * left space there, otherwise double the capacity. Returns false if out of memory. */
 static bool reserve_record(struct late_history *history)
 {
     const size_t taxels = history->taxels;
