@@ -248,11 +248,15 @@ def _with_crc(address: int, body: bytes) -> bytes:
 def encode_packed(
     address: int, sequence: int, timestamp_us: int, counts: Sequence[int], is_key_frame: bool, start: int = 0
 ) -> bytes:
-    """A packed frame, from `sequence` to `crc32`. `is_key_frame` sets the mark that requests an acknowledgement."""
+    """Bytes of a packed frame, from `sequence` to `crc32`.
+
+    is_key_frame: sets the flag COMPACT_KEY_FRAME of the format byte, which requests an acknowledgement.
+    start: value of the start bits of the format byte.
+    """
     width = max(max(counts).bit_length(), 1)
     format_byte = width | start << COMPACT_START_SHIFT | (COMPACT_KEY_FRAME if is_key_frame else 0)
-    head = {"sequence": sequence, "format": format_byte, "timestamp_us": timestamp_us}
-    return _with_crc(address, pack(CompactPacked, head, pack_counts(counts, width)))
+    header = {"sequence": sequence, "format": format_byte, "timestamp_us": timestamp_us}
+    return _with_crc(address, pack(CompactPacked, header, pack_counts(counts, width)))
 
 
 def encode(
@@ -266,13 +270,13 @@ def encode(
     width = max(max(counts).bit_length(), 1)
     if COMPACT_OVERHEAD_DELTA + len(coded) > COMPACT_OVERHEAD_PACKED + (width * len(counts) + 7) // 8:
         return packed
-    head = {
+    header = {
         "sequence": sequence,
         "format": COMPACT_KEY_FRAME if is_key_frame else 0,
         "key_frame": previous.id,
         "timestamp_low": (timestamp_us & 0xFFFFFF).to_bytes(3, "little"),
     }
-    return _with_crc(address, pack(CompactDelta, head, coded))
+    return _with_crc(address, pack(CompactDelta, header, coded))
 
 
 @dataclass(frozen=True)

@@ -73,37 +73,37 @@ def changes(byte: int, is_short: bool) -> Iterator[int]:
 @pytest.mark.parametrize("delimiters", ["both", "none"])
 def test_a_changed_byte_loses_only_its_own_frame(codec: Any, sent: list[Frame], delimiters: str) -> None:
     stream, ranges = encode_wire(sent, delimiters)
-    for at, byte in enumerate(stream):
-        expected = [frame for frame, own in zip(sent, ranges, strict=True) if at not in own]
+    for position, byte in enumerate(stream):
+        expected = [frame for frame, frame_range in zip(sent, ranges, strict=True) if position not in frame_range]
         assert len(expected) >= len(sent) - 1
-        for number, value in enumerate(changes(byte, sent is SHORT and delimiters == "both"), start=at):
-            damaged = stream[:at] + bytes([value]) + stream[at + 1 :]
-            check(codec, damaged, expected, number, f"byte {at} became {value:#04x}")
+        for number, value in enumerate(changes(byte, sent is SHORT and delimiters == "both"), start=position):
+            damaged = stream[:position] + bytes([value]) + stream[position + 1 :]
+            check(codec, damaged, expected, number, f"byte {position} became {value:#04x}")
 
 
 @every_stream
 @pytest.mark.parametrize("delimiters", ["both", "none"])
 def test_a_lost_byte_loses_only_its_own_frame(codec: Any, sent: list[Frame], delimiters: str) -> None:
     stream, ranges = encode_wire(sent, delimiters)
-    for at in range(len(stream)):
-        expected = [frame for frame, own in zip(sent, ranges, strict=True) if at not in own]
-        check(codec, stream[:at] + stream[at + 1 :], expected, at, f"byte {at} lost")
+    for position in range(len(stream)):
+        expected = [frame for frame, frame_range in zip(sent, ranges, strict=True) if position not in frame_range]
+        check(codec, stream[:position] + stream[position + 1 :], expected, position, f"byte {position} lost")
 
 
 @every_stream
 @pytest.mark.parametrize("delimiters", ["both", "none"])
 def test_an_added_byte_loses_only_the_frame_that_it_splits(codec: Any, sent: list[Frame], delimiters: str) -> None:
     stream, ranges = encode_wire(sent, delimiters)
-    for at in range(len(stream) + 1):
-        neighbours = {*stream[max(at - 1, 0) : at + 1]}
+    for position in range(len(stream) + 1):
+        neighbours = {*stream[max(position - 1, 0) : position + 1]}
         for value in {0, 1, 2, 0x7F, 0xFE, 0xFF} | neighbours:
-            damaged = stream[:at] + bytes([value]) + stream[at:]
-            split = [i for i, own in enumerate(ranges) if own.start < at < own.stop]
+            damaged = stream[:position] + bytes([value]) + stream[position:]
+            split = [i for i, frame_range in enumerate(ranges) if frame_range.start < position < frame_range.stop]
             # A byte equal to its neighbour is equivalent to one added next to the frame, which then stays intact.
             lost = {i for i in split if stream[ranges[i].start : ranges[i].stop] not in damaged}
             assert len(split) <= 1
             expected = [frame for i, frame in enumerate(sent) if i not in lost]
-            check(codec, damaged, expected, at, f"{value:#04x} added before byte {at}")
+            check(codec, damaged, expected, position, f"{value:#04x} added before byte {position}")
 
 
 def test_the_longest_frame_is_decoded_after_any_number_of_bytes_without_a_delimiter(codec: Any) -> None:

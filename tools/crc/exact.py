@@ -126,26 +126,29 @@ def compute_byte_syndromes(count: int) -> WordArray:
 
 
 def count_byte_pattern_spans(count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(two, three)[n]: numbers of undetected patterns of two and of three changed bytes within n bytes, ends included.
+    """Numbers of undetected patterns of two and of three changed bytes, i64[count + 1] each, by span.
 
-    The last byte can cancel any low 8 bits of the syndrome: a pattern is undetected if the other bytes give zero in the
-    upper 24 bits and not zero in the low 8 bits.
+    Element n counts the patterns whose first and last changed bytes span exactly n bytes, both included. The syndrome
+    of an error in the last byte of a word is the error byte itself, in the low 8 bits. A pattern is therefore
+    undetected if the syndrome of its other bytes is zero in the upper 24 bits and equals the last error byte, which is
+    not zero, in the low 8 bits.
     """
     table = compute_byte_syndromes(count)[1:, 1:]
-    two = np.zeros(count + 1, np.int64)
-    three = np.zeros(count + 1, np.int64)
+    two_byte_spans = np.zeros(count + 1, np.int64)
+    three_byte_spans = np.zeros(count + 1, np.int64)
     positions = np.repeat(np.arange(1, count), 255)
     values = table.reshape(-1)
-    np.add.at(two, positions[(values >> 8) == 0] + 1, 1)
+    np.add.at(two_byte_spans, positions[(values >> 8) == 0] + 1, 1)
     order = np.argsort(values >> 8, kind="stable")
     keys, positions, values = (values >> 8)[order], positions[order], values[order]
-    step = 1
-    while step < len(keys) and (same := keys[step:] == keys[:-step]).any():
-        at = np.flatnonzero(same)
-        is_pattern = (positions[at] != positions[at + step]) & (values[at] != values[at + step])
-        np.add.at(three, np.maximum(positions[at], positions[at + step])[is_pattern] + 1, 1)
-        step += 1
-    return two, three
+    offset = 1  # Equal keys are adjacent after sorting: offsets 1, 2, ... give every pair of equal upper 24 bits.
+    while offset < len(keys) and (has_equal_keys := keys[offset:] == keys[:-offset]).any():
+        first = np.flatnonzero(has_equal_keys)
+        second = first + offset
+        is_pattern = (positions[first] != positions[second]) & (values[first] != values[second])
+        np.add.at(three_byte_spans, np.maximum(positions[first], positions[second])[is_pattern] + 1, 1)
+        offset += 1
+    return two_byte_spans, three_byte_spans
 
 
 def count_placements(spans: NDArray[np.int64], length: int) -> int:

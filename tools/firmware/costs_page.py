@@ -94,12 +94,12 @@ reached 52 us.
 
 
 def parse_costs(header: str) -> dict[str, str]:
-    """Parse the figures of costs.h. Raises ValueError if a figure has no definition here, or vice versa."""
-    definitions = dict(re.findall(r"#define COST_(\w+) (\{.*\}|\d+u)", header))
-    unknown = definitions.keys() ^ MEANINGS.keys()
-    if unknown:
-        raise ValueError(f"costs.h and tools/firmware/costs_page.py do not both define {sorted(unknown)[0]}")
-    return {name: value.strip("{}").removesuffix("u") for name, value in definitions.items()}
+    """Values of the constants `COST_*` in costs.h. Raises ValueError unless `MEANINGS` has exactly these constants."""
+    values = dict(re.findall(r"#define COST_(\w+) (\{.*\}|\d+u)", header))
+    unmatched = values.keys() ^ MEANINGS.keys()
+    if unmatched:
+        raise ValueError(f"costs.h and tools/firmware/costs_page.py do not both define {sorted(unmatched)[0]}")
+    return {name: value.strip("{}").removesuffix("u") for name, value in values.items()}
 
 
 def _format_board_line(board: BoardCycles) -> str:

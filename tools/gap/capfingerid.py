@@ -233,7 +233,7 @@ def main() -> int:
         print(f"capfingerid: {error}", file=sys.stderr)
         return 1
     (options.out / "capfingerid.json").write_text(json.dumps(result, allow_nan=False, indent=1))
-    return 0 if all(row["right"] for row in result["faults"].values()) else 2
+    return 0 if all(fault["right"] for fault in result["faults"].values()) else 2
 
 
 if __name__ == "__main__":

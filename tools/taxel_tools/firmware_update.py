@@ -150,6 +150,7 @@ class _Update:
             problem = f"the free slot has rows {first} to {last}, but the file is for other rows; run taxel scan again"
             raise BoardError(self.address, problem)
         self.kept_rows = yield from self._count_valid_rows(first, rows)
+        # First attempt: only the missing rows. Second attempt: all rows.
         for first_row_index in (self.kept_rows, 0):
             self.kept_rows = first_row_index
             for index in range(first_row_index, len(rows)):

@@ -44,9 +44,10 @@ def shrink_text(after: Mapping[str, Any]) -> str:
 
 
 def format_nested_agreement(effect_sets: Sequence[Sequence[str]], effects: Sequence[str]) -> str:
-    """Number of searches without one session that find the same effects as the search in all sessions, as text.
+    """Sentence with the number of leave-one-session-out searches that find the effects of the search in all sessions.
 
-    effect_sets: effects of each search without a session. effects: effects of the search in all sessions.
+    effect_sets: effects of each leave-one-session-out search. effects: effects of the verdict, without "unknown" in the
+    comparison: "unknown" marks a remainder without a catalogue effect and is not the result of a search.
     """
     names = set(effects) - {"unknown"}
     agreeing = sum(set(effect_set) == names for effect_set in effect_sets)

@@ -104,7 +104,8 @@ def sample_effects(recipe: Recipe, number: int) -> tuple[list[ReportedEffect], d
     for index, planned in enumerate(recipe.effects):
         effect, sampled = planned.sample(make_random_stream(recipe, number, _EFFECTS, index))
         values |= sampled
-        effects += [] if effect is None else [effect]
+        if effect is not None:
+            effects.append(effect)
     return sorted(effects, key=lambda effect: effect.order), values
 
 

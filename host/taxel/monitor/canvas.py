@@ -22,7 +22,7 @@ _UPPER, _LOWER, _FULL, _DOT = "▀", "▄", "█", "·"
 
 
 class Canvas:
-    """`height` rows of `width` characters; text outside is clipped. A rich renderable.
+    """Screen of `height` rows of `width` character cells; text outside is clipped. A rich renderable.
 
     has_colour: False: an active taxel is a filled half block, and other characters with a taxel are dots.
     """
@@ -32,7 +32,7 @@ class Canvas:
         self._has_colour = has_colour
         self._glyphs = np.full((height, width), " ", dtype="<U1")
         self._styles = np.zeros((height, width), dtype=np.int64)
-        self._style_names: list[str] = [""]
+        self._style_names: list[str] = [""]  # Style number 0, the initial value of `_styles`, is the default style.
 
     def write(self, row: int, column: int, text: str, style: str = "") -> int:
         """Write text in a rich style; returns the column behind it."""

@@ -29,9 +29,8 @@ class Keys:
             import tty
 
             self._saved = termios.tcgetattr(self._descriptor)
-            tty.setcbreak(
-                self._descriptor, termios.TCSADRAIN
-            )  # keeps the keys that were typed while the skin was opened
+            # TCSADRAIN keeps the keys that were typed while the skin was opened.
+            tty.setcbreak(self._descriptor, termios.TCSADRAIN)
 
     def read(self) -> str:
         """The keys since the last call."""

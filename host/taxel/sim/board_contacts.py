@@ -106,7 +106,7 @@ def find_board_contacts(
     force_n, moment = magnitude[frame, board], wrench[frame, board, 3:]
     approach = -wrench[frame, board, :3] / force_n[:, None]
     pose = inverse(object_poses)[frame] @ sensor_poses[frame, board]
-    group, taxel = _find_bearing_taxels(hand, shape, pose, board, approach)
+    group, taxel = _find_load_bearing_taxels(hand, shape, pose, board, approach)
     has_taxels = np.bincount(group, minlength=len(frame)) > 0
     group = (np.cumsum(has_taxels) - 1)[group]
     frame, board, force_n = frame[has_taxels], board[has_taxels], force_n[has_taxels]
@@ -123,10 +123,15 @@ def find_board_contacts(
     return BoardContacts(frame, board, force_n, pose, centre, rotate(pose, axes), group, taxel, rows)
 
 
-def _find_bearing_taxels(
+def _find_load_bearing_taxels(
     hand: Hand | Sheet, shape: Shape, pose: FloatArray, board: IndexArray, approach: FloatArray
 ) -> tuple[IndexArray, IndexArray]:
-    """Taxels near the object that face both the load and the object: index in [G] and taxel, [m] each."""
+    """Taxels that can bear the load of their board: index of the board in `board` and taxel number, i64[m] each.
+
+    pose: f64[G, 4, 4] of the G boards `board` [G] in the object's frame. approach: f64[G, 3], unit vector opposite to
+    the contact force, bracket frame. Each of the m taxels is near the object; its normal is within the angle of
+    `MIN_FACING_COSINE` of the approach direction and of the reversed normal of the object.
+    """
     group, taxel = _list_taxels(hand, board)
     facing = np.sum(hand.normal[taxel] * approach[group], axis=1) >= MIN_FACING_COSINE
     group, taxel = group[facing], taxel[facing]

@@ -63,9 +63,10 @@ class ConeSensing:
 
     @property
     def threshold_m(self) -> float:
-        """Distance from the tip of a cone to the rim of its base (Figure 4.7), metres.
+        """Largest distance from the centre of a taxel to a contact point that activates the taxel, metres.
 
-        2.35 mm for a height of 1 mm and a base radius of 2.12 mm.
+        Equal to the distance from the tip of a cone to the rim of its base (Figure 4.7): 2.35 mm for a height of 1 mm
+        and a base radius of 2.12 mm.
         """
         return float(np.hypot(self.cone_height_m, self.base_radius_m))
 

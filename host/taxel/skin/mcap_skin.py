@@ -56,7 +56,7 @@ class McapSkin(Skin):
         self._has_baseline = False
 
     def _check_frame(self, frame: TaxelFrame) -> TaxelFrame:
-        """Check a frame, and write its ROS messages and once the baseline to the file."""
+        """Check a frame and write its ROS messages to the file; write the baseline once, when it is complete."""
         frame = super()._check_frame(frame)
         self._bytes.frame_ns = self._topics.time_ns(frame.time_s)
         for message in self._topics.take(frame):

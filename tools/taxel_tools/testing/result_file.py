@@ -211,10 +211,13 @@ def _parse_attachment(field: Field) -> Attachment:
 
 
 def _check_outcome(field: Field, *possible: Outcome) -> Outcome:
-    """The outcome in the file, if the values of the file permit it: otherwise the file was edited by hand."""
+    """The outcome in the file. Raises ResultFileError unless it is one of `possible`.
+
+    possible: the outcomes that follow from the measurements and findings in the file.
+    """
     outcome = field.text()
     if outcome not in possible:
-        field.fail(f"{' or '.join(possible)}, as its values state")
+        field.fail(f"{' or '.join(possible)}, as the values in the file require")
     return Outcome(outcome)
 
 

@@ -98,7 +98,7 @@ def make_meshes(objects: Iterable[GraspObject]) -> dict[str, ObjectMesh]:
 
 
 def _import_grasp(name: str, grasp: PosedGrasp, forces: FloatArray, options: ImportOptions) -> ImportedGrasp:
-    """The grasp with its forces f64[T, n], newtons. name: id in the dataset."""
+    """Join a posed grasp of T frames, the forces f64[T, n] on n taxels in newtons, and the id `name` in the dataset."""
     rows, sensors = grasp.rows, grasp.hand_track.sensor_pose
     return ImportedGrasp(
         name,

@@ -50,7 +50,7 @@ def format_limit(limit: Limit | None) -> str:
 
 
 def format_time(started_utc: str) -> str:
-    """The time of a record, such as 2026-01-31 09:30:00 UTC; invalid times are returned unchanged."""
+    """The time of a record, such as 2026-01-31 09:30:00 UTC, as HTML. A text that is no time is only escaped."""
     try:
         return f"{datetime.fromisoformat(started_utc):%Y-%m-%d %H:%M:%S}{SPACE}UTC"
     except ValueError:
