@@ -22,7 +22,7 @@ _UPPER, _LOWER, _FULL, _DOT = "▀", "▄", "█", "·"
 
 
 class Canvas:
-    """Screen of `height` rows of `width` character cells; text outside is clipped. A rich renderable.
+    """Screen of `height` rows of `width` characters; text outside is clipped. A rich renderable.
 
     has_colour: False: an active taxel is a filled half block, and other characters with a taxel are dots.
     """
