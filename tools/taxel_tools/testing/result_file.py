@@ -217,7 +217,7 @@ def _check_outcome(field: Field, *possible: Outcome) -> Outcome:
     """
     outcome = field.text()
     if outcome not in possible:
-        field.fail(f"{' or '.join(possible)}, as the values in the file require")
+        field.fail(f"{' or '.join(possible)}, as its values require")
     return Outcome(outcome)
 
 
