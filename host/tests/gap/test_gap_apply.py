@@ -116,8 +116,9 @@ WORLDS = {
 OTHERS = set(OWN_EFFECTS) - set(WORLDS)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.parametrize(
+    "name", [name if name == "latency" else pytest.param(name, marks=pytest.mark.slow) for name in WORLDS]
+)
 def test_applied_effects_shrink_the_gap_as_predicted_and_are_not_found_again(world, tmp_path, name):
     real, sim = world(tmp_path, cells=5, sessions=4, **WORLDS[name])
     found = diagnose(real, sim, without=OTHERS)

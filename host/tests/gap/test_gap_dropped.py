@@ -10,8 +10,6 @@ from taxel.gap.dropped import find_dropped
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
 
-pytestmark = pytest.mark.slow
-
 ROWS, COLUMNS = 6, 5
 BOARD = 0x20
 
@@ -51,18 +49,21 @@ def dropout_of(report):
     return next(one for one in report["effects"] if one["name"] == "dropout")
 
 
+@pytest.mark.slow
 def test_shorted_lines_are_localised(world, tmp_path):
     report = diagnose(*world(tmp_path, effect=shorted, sessions=4)).report
     assert report["verdict"]["effects"][:1] == ["dropout"]
     assert dropout_of(report)["where"]["lines"] == [[BOARD, "tx", 2], [BOARD, "tx", 3]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [150.0, 300.0, 500.0])
 def test_saturated_lines_are_not_reported_as_shorted(world, tmp_path, at):
     judge = prepared(read_pair(*world(tmp_path, effect=ended(at), sessions=4, most=3.0))).judge
     assert find_dropped(judge.state, judge.sessions, judge.state.mean).shorts == ()
 
 
+@pytest.mark.slow
 def test_exchanged_lines_are_not_reported_as_dead(world, tmp_path):
     report = diagnose(*world(tmp_path, effect=exchanged, cells=4, sessions=4)).report
     assert "unknown" in report["verdict"]["effects"]
@@ -79,6 +80,7 @@ def broken_beside_own_gains(force, drop):
     return on_rows(drop * gains, cut)
 
 
+@pytest.mark.slow
 def test_an_open_line_is_found_besides_a_gain_for_each_taxel(world, tmp_path):
     report = diagnose(*world(tmp_path, effect=broken_beside_own_gains, cells=6, sessions=4)).report
     assert report["verdict"]["effects"][0] == "dropout"
@@ -94,6 +96,7 @@ def cut_line(force, drop):
     return on_rows(drop, cut)
 
 
+@pytest.mark.slow
 def test_lower_simulated_noise_is_not_reported_besides_an_open_line(world, tmp_path):
     report = diagnose(*world(tmp_path, effect=cut_line, cells=6, sessions=4, noise=2.0)).report
     assert report["verdict"]["effects"] == ["dropout"]
@@ -123,6 +126,7 @@ def test_drift_alone_does_not_count_as_a_response(written):
     assert set(np.flatnonzero(find_dropped(judge.state, judge.sessions, expected).dead)) == set(dead)
 
 
+@pytest.mark.slow
 def test_lost_frames_of_a_single_condition_are_reported_as_dropout(world, tmp_path):
     class Fails:
         presses = 0

@@ -19,8 +19,6 @@ from taxel.gap.standing import Standing
 from taxel.gap.told import amplitude_information, told_elsewhere, told_of
 from taxel.gap.weighing import Weighed
 
-pytestmark = pytest.mark.slow
-
 N = 60
 
 
@@ -112,17 +110,20 @@ def test_a_dead_taxel_does_not_improve_the_score_of_taxel_gains(written):
     assert answers.score(both.held_features).value > 0.9 * answers.score(alone.held_features).value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_taxel_gains_are_named_with_half_of_the_taxels_in_contact_once(world, tmp_path, seed):
     verdict = diagnose(*world(tmp_path, effect=etched(seed), cells=8, seed=seed)).report["verdict"]
     assert verdict["effects"][:1] == ["gain_mismatch"]
 
 
+@pytest.mark.slow
 def test_gains_that_change_between_conditions_are_an_unknown_cause(world, tmp_path):
     verdict = diagnose(*world(tmp_path, effect=anew, cells=8)).report["verdict"]
     assert verdict["effects"] == ["unknown"]
 
 
+@pytest.mark.slow
 def test_taxel_gains_from_single_contacts_leave_an_unknown_cause(world, tmp_path):
     verdict = diagnose(*world(tmp_path, effect=etched(2), cells=4, seed=2)).report["verdict"]
     assert "unknown" in verdict["effects"]
