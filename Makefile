@@ -5,8 +5,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+BUILD_TOOLS := $(VENV)/.build_tools
 BUILD := build/c
 JOBS := $(shell nproc)
+# One process more than cores, because some tests wait for processes, ports or real time.
+TEST_JOBS := $(shell expr $(JOBS) + 1)
 WORLDS ?= 522
 RIG ?= virtual
 HOURS ?= 24
@@ -38,9 +41,12 @@ install: $(STAMP)  ## make the virtual environment and install taxel into it
 $(BIN)/python:
 	@PYTHON="$(PYTHON)" VENV="$(VENV)" tools/make_venv.sh
 
-$(STAMP): $(BIN)/python $(SOURCES)
-	@echo "installing taxel and what it needs (once; later runs reuse it)"
+$(BUILD_TOOLS): $(BIN)/python constraints.txt
 	@$(PIP) $(CONSTRAINTS) scikit-build-core cmake ninja
+	@touch $@
+
+$(STAMP): $(BUILD_TOOLS) $(SOURCES)
+	@echo "installing taxel and what it needs (once; later runs reuse it)"
 	@$(PIP) $(CONSTRAINTS) --no-build-isolation -e '.[test]'
 	@touch $@
 
@@ -50,8 +56,9 @@ demo: $(STAMP)  ## the main job: a campaign on a hand with a hidden effect, its 
 blind: $(STAMP)  ## the full blind check: hours; an interrupted check continues (WORLDS=24 for a short one)
 	@$(BIN)/taxel gap blind --worlds $(WORLDS) --full-hand-worlds $(FULL_HAND) --out out/blind --page docs/blind-check.md
 
-test: $(STAMP)  ## everything that must pass before a merge: style, types, layers, terms, C and Python tests
-	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint test-c fuzz-short
+# The C tests are built while the packages of the Python part are installed.
+test: $(BUILD_TOOLS)  ## everything that must pass before a merge: style, types, layers, terms, C and Python tests
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target test-c lint fuzz-short
 	@$(MAKE) --no-print-directory test-python test-executed
 
 check: $(STAMP)  ## below a minute, before each commit: style, types, layers, terms and the quick Python tests
@@ -60,19 +67,19 @@ check: $(STAMP)  ## below a minute, before each commit: style, types, layers, te
 test-quick: $(STAMP)
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m 'not slow' $(QUICK)
 
-test-c: $(STAMP)  ## C tests, built with address and undefined-behaviour sanitizers
+test-c: $(BUILD_TOOLS)  ## C tests, built with address and undefined-behaviour sanitizers
 	@$(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=Debug -DCMAKE_C_FLAGS_DEBUG='-O1 -g1' > /dev/null
 	@$(BIN)/cmake --build $(BUILD)/sanitized | tail -n 1
 	@$(BIN)/ctest --test-dir $(BUILD)/sanitized --output-on-failure --no-tests=error -j $(JOBS)
 
-test-threads: $(STAMP)  ## the emulator's threads under the thread sanitizer
+test-threads: $(BUILD_TOOLS)  ## the emulator's threads under the thread sanitizer
 	@$(CMAKE) -S firmware -B $(BUILD)/threads -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE_THREADS=ON -DCMAKE_BUILD_TYPE=RelWithDebInfo > /dev/null
 	@$(BIN)/cmake --build $(BUILD)/threads --target test_thread_pool test_effects_world | tail -n 1
 	@$(BIN)/ctest --test-dir $(BUILD)/threads --output-on-failure --no-tests=error -R '^test_(thread_pool|effects_world)$$'
 
 # Files in the order in which they are found: those that wait for real time come first, not alone at the end.
 test-python: $(STAMP)  ## Python tests, without those that are marked slow; prints the ten slowest
-	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations=10 -m 'not slow'
+	@$(BIN)/python -m pytest -q -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder --durations=10 -m 'not slow'
 
 test-slow: $(STAMP)  ## the Python tests that are marked slow: whole diagnoses and campaigns
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --durations=10 -m slow
