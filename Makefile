@@ -47,7 +47,7 @@ $(BUILD_TOOLS): $(BIN)/python constraints.txt
 
 $(STAMP): $(BUILD_TOOLS) $(SOURCES)
 	@echo "installing taxel and what it needs (once; later runs reuse it)"
-	@$(PIP) $(CONSTRAINTS) --no-build-isolation -e '.[test]'
+	@unset MAKEFLAGS; $(PIP) $(CONSTRAINTS) --no-build-isolation -e '.[test]'
 	@touch $@
 
 demo: $(STAMP)  ## the main job: a campaign on a hand with a hidden effect, its diagnosis, and the comparison with the hidden effect
@@ -68,8 +68,8 @@ test-quick: $(STAMP)
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m 'not slow' $(QUICK)
 
 test-c: $(BUILD_TOOLS)  ## C tests, built with address and undefined-behaviour sanitizers
-	@$(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=Debug -DCMAKE_C_FLAGS_DEBUG='-O1 -g1' > /dev/null
-	@$(BIN)/cmake --build $(BUILD)/sanitized | tail -n 1
+	@unset MAKEFLAGS; $(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=Debug -DCMAKE_C_FLAGS_DEBUG='-O1 -g1' > /dev/null
+	@unset MAKEFLAGS; $(BIN)/cmake --build $(BUILD)/sanitized | tail -n 1
 	@$(BIN)/ctest --test-dir $(BUILD)/sanitized --output-on-failure --no-tests=error -j $(JOBS)
 
 test-threads: $(BUILD_TOOLS)  ## the emulator's threads under the thread sanitizer

@@ -14,6 +14,9 @@ from taxel.hand import load_hand
 from taxel.hand.world import format_world
 from taxel.link.virtual import VirtualWorld
 
+# Half a minute of real time, in which other tests must not take all the processor time.
+pytestmark = pytest.mark.slow
+
 REPOSITORY = Path(__file__).parent.parent
 CAN_URL = f"can:udp:239.74.163.2:{40000 + os.getpid() % 20000}"
 """A port of this process: parallel test runs on one machine must not receive each other's frames."""
