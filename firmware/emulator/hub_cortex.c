@@ -62,6 +62,8 @@ static void on_uart_hold(void *context, bool hold, vtime now)
     }
 }
 
+/* A byte of the host has arrived at the RX pin of the hub. The emulated processor of the hub first executes its program up
+ * to the arrival time of the byte; its UART block then receives the byte. */
 static void on_uart_byte(void *context, uint8_t byte)
 {
     struct hub_node *node = context;

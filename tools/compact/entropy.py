@@ -49,6 +49,9 @@ ACKNOWLEDGE_BYTES = 4
 CYCLE_BYTES = 7 + 2 + 4
 """Further bytes per cycle: clock reading of one board, its pointer write, probes of four addresses."""
 
+FURTHER_TRANSACTIONS = 6
+"""Transactions per cycle besides the polls: clock reading of one board, its pointer write, probes of four addresses."""
+
 CLOCKS_PER_BYTE = 9
 CONDITION_CLOCKS = 2
 """Clocks of a start and a stop condition."""
@@ -93,16 +96,20 @@ class Tally:
     counts: list[np.ndarray] = field(default_factory=list)
 
     def count_clocks(self, boards: int) -> float:
-        """Mean number of bus clocks per cycle."""
-        polls = (
+        """Mean number of I2C clocks per poll cycle.
+
+        Contains the bytes of all frames, polls and acknowledgements (9 clocks each), the further bytes of a cycle, and
+        one start and one stop condition for each transaction. boards: number of boards, each of which is polled once.
+        """
+        poll_bytes = (
             self.coded
             + self.packed
             + self.overhead
             + POLL_BYTES * self.snapshots
             + ACKNOWLEDGE_BYTES * self.acknowledgements
         )
-        conditions = CONDITION_CLOCKS * (boards + 6 + self.acknowledgements / self.cycles)
-        return CLOCKS_PER_BYTE * (polls / self.cycles + CYCLE_BYTES) + conditions
+        transactions = boards + FURTHER_TRANSACTIONS + self.acknowledgements / self.cycles
+        return CLOCKS_PER_BYTE * (poll_bytes / self.cycles + CYCLE_BYTES) + CONDITION_CLOCKS * transactions
 
 
 class Skin:
