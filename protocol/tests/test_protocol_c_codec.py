@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from taxel_protocol import ReferenceDecoder
+from taxel_protocol.limits import PAYLOAD_MAX
 from taxel_protocol.names import FrameType
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -64,6 +65,19 @@ def test_c_and_reference_decoder_discard_the_same_number_of_bytes(codec: Any) ->
         frames = reference.push(stream) + reference.finish()
         assert codec.decode([stream]) == frames
         assert codec.discarded_bytes == reference.discarded_bytes
+
+
+def test_c_decodes_a_frame_of_the_largest_size_at_any_position_of_its_chunk_buffer(codec: Any) -> None:
+    """Bytes without a delimiter fill the buffer; the frame behind them must stay in it until its end arrives.
+
+    Payload: board 0x20 with 240 taxels, the largest number.
+    """
+    frame = (int(FrameType.TAXELS), 7, bytes([0x20, 240]) + bytes(1 + i % 255 for i in range(PAYLOAD_MAX - 2)))
+    wire = codec.encode(*frame)
+    for preceding_bytes in range(2 * len(wire)):
+        stream = b"\xff" * preceding_bytes + wire.lstrip(b"\0")
+        pieces = [stream[i : i + 64] for i in range(0, len(stream), 64)]
+        assert codec.decode(pieces) == [frame], preceding_bytes
 
 
 def test_encoding_into_a_buffer_that_is_too_small_returns_0(codec: Any) -> None:
