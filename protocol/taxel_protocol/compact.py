@@ -239,6 +239,7 @@ def pack_counts(counts: Sequence[int], width: int) -> bytes:
 
 
 def _with_crc(address: int, body: bytes) -> bytes:
+    """Append the CRC-32 of address and body to a compact frame, after zero bytes up to an encodable length."""
     size = len(body) + 4
     if size >= COMPACT_LENGTH_FINE:
         body += bytes(-size % COMPACT_LENGTH_STEP)

@@ -29,6 +29,7 @@ def crc32(data: bytes, start: int = 0) -> int:
 
 
 def _whitening(length: int) -> bytes:
+    """Return the first `length` bytes of the pseudo-random sequence that is XORed with a frame to whiten it."""
     sequence = bytearray(length)
     state = WHITENING_SEED
     for i in range(length):
@@ -66,6 +67,7 @@ def cobs_encode(data: bytes) -> bytes:
 
 
 def _split_at_zeros(data: bytes) -> Iterator[tuple[bool, bytes]]:
+    """Yield the pieces of `data` between zero bytes, each as (whether it is the last piece, piece)."""
     runs = data.split(b"\0")
     for i, run in enumerate(runs):
         yield i == len(runs) - 1, run
@@ -192,11 +194,13 @@ class ReferenceDecoder:
         return frames
 
     def _take_chunk(self, chunk: bytes) -> list[tuple[int, int, bytes]]:
+        """Return the frames (type, sequence, payload) in a chunk, the bytes between two zero bytes of the stream."""
         if not chunk:
             return []
         return self._search(chunk, len(chunk))[1]
 
     def _scan(self, head: bytes, chunk: bytes) -> list[tuple[int, int, bytes]]:
+        """Return the frames that start inside `head`, the first part of `chunk`, and remove the searched bytes."""
         used, frames = self._search(chunk, len(head))
         del self._chunk[:used]
         return frames

@@ -38,6 +38,7 @@ class _Delimited(Adapter):  # type: ignore[misc]
     """Whitening, stuffing and the two zeros around a body."""
 
     def _decode(self, data: bytes, context: Any, path: str) -> Any:
+        """Remove the two zero bytes, the byte stuffing and the whitening of a frame, and return its parsed content."""
         if len(data) < 2 or data[0] or data[-1]:
             raise StreamError("a frame begins and ends with a zero byte", path=path)
         return Body.parse(whiten(cobs_decode(data[1:-1]))).content.value

@@ -58,6 +58,12 @@ class ControlLoop:
         *,
         spin_s: float | None = None,
     ) -> None:
+        """Create the timer of a control loop; the first call of `wait` starts the first period.
+
+        period_s: time between two ticks. clock: returns seconds. sleep: waits the given number of seconds; in virtual
+        time, the function that advances the virtual clock. spin_s: last part of each wait, in which the clock is
+        polled; None: 0.2 ms with `time.sleep`, else 0. Raises ValueError for a period that is not positive.
+        """
         if not 0 < period_s < math.inf:
             raise ValueError(f"period_s: expected a finite number above 0, found {period_s}")
         self.period_s = period_s

@@ -47,6 +47,7 @@ class BoardKind:
     surface: Surface | None = None
 
     def __post_init__(self) -> None:
+        """Check the numbers of lines, taxels and surface rows of the board kind; make `crossings` read-only."""
         crossings = np.array(self.crossings, dtype=np.bool_)
         if crossings.ndim != 2 or not all(1 <= lines <= LINES_MAX for lines in crossings.shape):
             raise ValueError(f"kind {self.name!r}: expected 1..{LINES_MAX} TX and RX lines, found {crossings.shape}")
@@ -59,6 +60,7 @@ class BoardKind:
         object.__setattr__(self, "crossings", _make_read_only(crossings))
 
     def __eq__(self, other: object) -> bool:
+        """Whether `other` is a board kind with the same name, code, surface and crossings."""
         if not isinstance(other, BoardKind):
             return NotImplemented
         is_equal = (self.name, self.code, self.surface) == (other.name, other.code, other.surface)
@@ -119,6 +121,7 @@ class Board:
     pose: NDArray[np.float64] | None = None
 
     def __eq__(self, other: object) -> bool:
+        """Whether `other` is a board with the same name, kind, address, link and pose."""
         if not isinstance(other, Board):
             return NotImplemented
         own = (self.name, self.kind, self.address, self.link_name)
@@ -157,6 +160,7 @@ class Hand:
     _slices: dict[int, slice] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        """Sort the boards by address, check that addresses and names are unique; compute each board's taxel slice."""
         boards = tuple(sorted(self.boards, key=lambda board: board.address))
         for key in ("address", "name"):
             if not boards or len({getattr(board, key) for board in boards}) != len(boards):

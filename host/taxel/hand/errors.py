@@ -26,6 +26,11 @@ class UnknownBoardError(TaxelError, LookupError):
     """
 
     def __init__(self, hand: str, board: str, expected_boards: Sequence[str]) -> None:
+        """Create the error for a board that the hand does not have.
+
+        hand: name of the hand description. board: requested address or name. expected_boards: addresses or names of the
+        boards that the hand has.
+        """
         super().__init__(hand, board, tuple(expected_boards))
         self.hand = hand
         self.board = board
@@ -60,6 +65,7 @@ class UnknownLinkError(TaxelError, LookupError):
     """
 
     def __init__(self, robot: str, link_name: str, expected_links: Sequence[str]) -> None:
+        """Create the error for a link that the robot does not have; expected_links: names of the links of the robot."""
         super().__init__(robot, link_name, tuple(expected_links))
         self.robot = robot
         self.link_name = link_name

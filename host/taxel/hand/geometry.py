@@ -31,6 +31,7 @@ class Surface:
     distal: NDArray[np.float64]
 
     def __post_init__(self) -> None:
+        """Check the three arrays [count, 3], normalise `normal` and `distal`, and store read-only copies."""
         for name in ("position", "normal", "distal"):
             array = np.array(getattr(self, name), dtype=np.float64)
             if array.ndim != 2 or array.shape[1] != 3 or len(array) != len(self.position):
@@ -41,6 +42,7 @@ class Surface:
             object.__setattr__(self, name, array)
 
     def __eq__(self, other: object) -> bool:
+        """Whether `other` is a surface with the same taxel positions, normals and distal directions."""
         if not isinstance(other, Surface):
             return NotImplemented
         names = ("position", "normal", "distal")

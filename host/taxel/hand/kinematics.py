@@ -32,6 +32,11 @@ class Kinematics:
     """
 
     def __init__(self, robot: Robot, hand: Hand | None = None) -> None:
+        """Prepare the forward kinematics of a robot, and of the sensor boards on it if a hand description is given.
+
+        Raises HandGeometryError if the hand description contains no bracket poses, and UnknownLinkError if it names a
+        link that the robot does not have.
+        """
         self.robot = robot
         self.hand = hand
         self._parents = [robot.get_link_index(joint.parent) for joint in robot.joints]
@@ -51,6 +56,7 @@ class Kinematics:
         return np.stack([board.pose for board in hand.boards if board.pose is not None])
 
     def _require_hand(self) -> Hand:
+        """Return the hand description given to the constructor; raise ValueError if there was none."""
         if self.hand is None:
             raise ValueError("kinematics: expected a hand, found None; pass a hand to Kinematics()")
         return self.hand

@@ -71,6 +71,7 @@ class Robot:
     link_names: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
+        """Set `joint_names` (revolute joints only) and `link_names` (root first) from the joints."""
         names = tuple(joint.name for joint in self.joints if joint.axis is not None)
         object.__setattr__(self, "joint_names", names)
         object.__setattr__(self, "link_names", (self.root, *(joint.child for joint in self.joints)))

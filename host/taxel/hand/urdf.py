@@ -126,6 +126,11 @@ def _add_shape(element: ET.Element, role: str, shape: Shape) -> None:
 
 
 def _add_geometry(element: ET.Element, role: str, origin: NDArray[np.float64]) -> ET.Element:
+    """Append a URDF element such as "visual" with its pose, and return its new, empty "geometry" element.
+
+    element: parent of the new element. role: tag of the new element. origin: pose f64[4, 4] in the frame of the parent
+    link.
+    """
     part = ET.SubElement(element, role)
     _add_origin(part, origin)
     return ET.SubElement(part, "geometry")

@@ -33,6 +33,11 @@ class CaptureWriter:
     def __init__(
         self, path: str | os.PathLike[str], header: dict[str, object] | None = None, overwrite: bool = False
     ) -> None:
+        """Create a capture file and write its header.
+
+        header: any JSON object, such as hand, baud and note; None: {}. Raises CaptureError if the file exists and
+        `overwrite` is False, if the header is too long, or if the file cannot be written.
+        """
         self.path = Path(path)
         self.records = 0
         text = json.dumps(header or {}).encode()
@@ -80,6 +85,7 @@ class CaptureWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Close the capture file at the end of the `with` block."""
         self.close()
 
 
@@ -95,6 +101,11 @@ class CaptureLink:
     has_flow_control = False
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
+        """Open a capture file for reading and read its header; raise CaptureError if the file is not a capture.
+
+        `has_arrivals` is False if the header states that the arrival times are not valid. `baud` is the baud rate in
+        the header, or 1 Mbit/s if the header has no plausible rate.
+        """
         self.name = str(path)
         try:
             self._file: io.BufferedReader = open(path, "rb")  # noqa: SIM115
@@ -181,4 +192,5 @@ class CaptureLink:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Close the capture file at the end of the `with` block."""
         self.close()

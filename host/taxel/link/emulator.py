@@ -55,6 +55,13 @@ class EmulatorLink:
         live_taxels: int | None = None,
         threads: int = 1,
     ) -> None:
+        """Start an emulator process and connect to the UART of its hub.
+
+        world: text of a world file. stimulus: path of a stimulus file or None. fast: True for virtual time, False for
+        real time. duration_s: end of the emulation; None: until `close`. baud: bits per second of the UART.
+        live_taxels: number of taxels if `apply` sets the forces instead of a file. threads: 1 to 16, for the boards.
+        Raises LinkError if the process cannot be started.
+        """
         self.name = "emulator:"
         self.baud = baud
         self.is_real_time = not fast

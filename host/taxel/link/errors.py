@@ -7,6 +7,7 @@ class LinkError(TaxelError):
     """A link cannot be opened, read or written. name: the port, URL or file. problem: rest of the message."""
 
     def __init__(self, name: str, problem: str) -> None:
+        """Create the error for a link; name: the port, URL or file; problem: remainder of the message."""
         super().__init__(f"{name}: {problem}")
         self.name = name
         self.problem = problem

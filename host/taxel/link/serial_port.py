@@ -27,6 +27,12 @@ class SerialLink:
     is_recorded = False
 
     def __init__(self, port: str, baud: float = 1e6, rtscts: bool | None = None, low_latency: bool = True) -> None:
+        """Open a serial port with 8 data bits, no parity and one stop bit.
+
+        port: device or pyserial URL. baud: bits per second. rtscts: hardware flow control; True: both lines are wired
+        to the hub; None: used if the port has the lines; False: not used. low_latency: set the 1 ms mode of the driver
+        if available. Raises PortMissingError if the port cannot be opened with these settings.
+        """
         self.name = port
         self.baud = baud
         self.has_flow_control = rtscts is True

@@ -30,6 +30,12 @@ class BoardState:
     """
 
     def __init__(self, board: Board, taxels: slice, raw: CountArray, lowest: CountArray, samples: int) -> None:
+        """Create the state of one board before its first frame.
+
+        taxels: position of the board's taxels on the hand's taxel axis. raw, lowest: writable u16 views of the hand's
+        arrays, with the newest and the lowest count of each taxel of the board. samples: number of frames of a
+        baseline.
+        """
         self.board = board
         self.taxels = taxels
         self.frames = 0

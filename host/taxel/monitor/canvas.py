@@ -28,6 +28,10 @@ class Canvas:
     """
 
     def __init__(self, width: int, height: int, has_colour: bool = True) -> None:
+        """Create an empty text canvas of `height` rows and `width` columns of characters.
+
+        has_colour: False: an active taxel is a filled half block, and any other character with a taxel is a dot.
+        """
         self.width, self.height = width, height
         self._has_colour = has_colour
         self._glyphs = np.full((height, width), " ", dtype="<U1")
@@ -69,6 +73,7 @@ class Canvas:
         self._styles[row : row + height, column : column + width][has_taxel] = numbers[has_taxel]
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
+        """Give the package rich the canvas as segments of equal style, row by row."""
         for number, (glyphs, styles) in enumerate(zip(self._glyphs, self._styles, strict=True)):
             borders = [0, *(np.flatnonzero(np.diff(styles)) + 1).tolist(), self.width]
             text = "".join(glyphs.tolist())

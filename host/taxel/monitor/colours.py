@@ -54,6 +54,11 @@ class ColourScale:
     """The end of the scale in round numbers. It follows a larger signal at once and a smaller one after `hold_s`."""
 
     def __init__(self, threshold: float, hold_s: float = 10.0) -> None:
+        """Create a colour scale for signals.
+
+        threshold: activation threshold in counts; the smallest end of the scale is `SMALLEST_TOP` times the threshold.
+        hold_s: seconds for which the end of the scale stays after the last large signal.
+        """
         self.threshold = threshold
         self._hold_s = hold_s
         self._smallest = SMALLEST_TOP * threshold

@@ -10,6 +10,7 @@ class History:
     """Ring buffer of the signals of the last `length` readings, f32[length, n]."""
 
     def __init__(self, n_taxels: int, length: int = 300) -> None:
+        """Create an empty ring buffer for the signals of `n_taxels` taxels in the last `length` readings."""
         self._times = np.full(length, np.nan)
         self._signals = np.full((length, n_taxels), np.nan, dtype=np.float32)
         self._next = 0

@@ -35,6 +35,11 @@ class SkinMonitor:
     def __init__(
         self, skin: Skin, samples: int = BASELINE_SAMPLES, threshold: float = ACTIVATION_THRESHOLD_COUNTS
     ) -> None:
+        """Create a monitor of the frames of an open skin.
+
+        samples: number of frames of each board's baseline. threshold: counts of signal above which a taxel is active.
+        Raises ValueError for a number of samples or a threshold that `taxel.signal` rejects.
+        """
         self.skin = skin
         self.hand = hand = skin.hand
         self.threshold = threshold

@@ -19,6 +19,7 @@ class PacedLink:
     """A recorded link whose chunks arrive at their recorded times, divided by `speed`."""
 
     def __init__(self, link: Link, speed: float = 1.0) -> None:
+        """Create a link that plays the chunks of a recorded link at `speed` times the recorded speed."""
         self._link = link
         self._speed = speed
         self._next: Chunk | None = None

@@ -44,6 +44,7 @@ class Screen:
     """
 
     def __init__(self, hand: Hand, title: str, threshold: float) -> None:
+        """Create the text screen of one hand; title: text of the first line; threshold: of an activation, counts."""
         self._hand = hand
         self._title = title
         self._scale = ColourScale(threshold)

@@ -55,6 +55,7 @@ class TerminalView:
     """
 
     def __init__(self, console: Console, monitor: SkinMonitor, title: str) -> None:
+        """Create a view of a skin monitor on the terminal of `console`; title: text of the first line."""
         self._console = console
         self._monitor = monitor
         self._screen = Screen(monitor.hand, title, monitor.threshold)
@@ -65,6 +66,7 @@ class TerminalView:
         self.last: SkinReading | None = None
 
     def __enter__(self) -> Self:
+        """Take over the keyboard and show the alternate screen of the terminal."""
         self._keys.begin()
         self._alternate.__enter__()
         return self
@@ -72,6 +74,7 @@ class TerminalView:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Leave the alternate screen and restore the keyboard of the terminal."""
         self._alternate.__exit__(kind, error, trace)
         self._keys.end()
 

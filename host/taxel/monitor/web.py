@@ -54,6 +54,11 @@ class WebView:
     """
 
     def __init__(self, monitor: SkinMonitor, title: str, port: int = 8080) -> None:
+        """Start a web server on 127.0.0.1 with a page that shows a 3D drawing of the hand and a control panel.
+
+        title: heading of the page. port: 0 for a free port. Raises MissingPackageError if viser is not installed,
+        WebError if the port is not available, HandGeometryError for a hand description without geometry.
+        """
         self._monitor = monitor
         self._title = title
         self._scene = build_scene(monitor.hand)
@@ -80,6 +85,7 @@ class WebView:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Stop the web server of the view at the end of the `with` block."""
         self.close()
 
     def close(self) -> None:
@@ -138,6 +144,7 @@ class WebView:
 
         @side.on_click
         def _(event: Any) -> None:
+            """Turn the camera of the browser that selected a side of the hand."""
             if event.client is not None:
                 with event.client.atomic():
                     event.client.camera.up_direction = tuple(self._scene.up)

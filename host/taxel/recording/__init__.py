@@ -60,6 +60,7 @@ _MODULE_OF_NAME = {
 
 
 def __getattr__(name: str) -> Any:
+    """Import the submodule that defines `name` on first use, and return the object with this name."""
     if name not in _MODULE_OF_NAME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_MODULE_OF_NAME[name]}"), name)

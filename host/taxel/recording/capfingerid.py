@@ -37,6 +37,7 @@ class TouchRecording:
     task: NDArray[np.str_]
 
     def __post_init__(self) -> None:
+        """Check the shapes of the arrays of the touch recording and the order of its times."""
         frames = len(self.values)
         if self.values.shape != (frames, ROWS, COLUMNS) or self.values.dtype != np.int16:
             raise ValueError(f"values: expected int16 [T, 27, 15], found {self.values.dtype} {self.values.shape}")
@@ -72,6 +73,7 @@ def load_recording(name: str) -> TouchRecording:
 
 
 def _open_archive() -> NpzFile:
+    """Open the .npz archive of touch recordings that is part of the package."""
     data = files("taxel.recording").joinpath("data", _FILE).read_bytes()
     archive: NpzFile = np.load(BytesIO(data), allow_pickle=False)
     return archive

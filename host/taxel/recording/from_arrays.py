@@ -75,6 +75,10 @@ class _Values:
     """Arrays by name. Raises DatasetError for an unknown name at construction, and for a missing name on access."""
 
     def __init__(self, names: Iterable[object], read: Callable[[str], Any], location: Location) -> None:
+        """Create a view of a source's arrays; names: of all arrays; read: function that returns the array of a name.
+
+        Raises DatasetError for a name that the grasp format does not define.
+        """
         self.location = location
         self._names = sorted(str(name) for name in names)
         self._read = read
@@ -111,6 +115,7 @@ class _Npz:
     """The arrays of an .npz file, each read on access."""
 
     def __init__(self, path: Path) -> None:
+        """Open an .npz file, whose arrays are then read on access; raise DatasetError if the path is no such file."""
         self._location = Location(str(path))
         if not path.is_file():
             self._location.fail("an .npz file", "a folder" if path.is_dir() else "nothing", "check the path")

@@ -190,11 +190,13 @@ class Grasp:
         return total, count
 
     def _get_required_array(self, name: str) -> NDArray[Any]:
+        """Return an array that every grasp of the format has."""
         array = self._get_array(name)
         assert array is not None  # __init__ has checked its presence
         return array
 
     def _get_array(self, name: str) -> NDArray[Any] | None:
+        """Return an array of the grasp, or None if the grasp lacks this optional array; read it on first use only."""
         if name not in self._arrays:
             self._arrays[name] = self._read(name)
         return self._arrays[name]

@@ -41,6 +41,11 @@ class GraspDataset:
     """
 
     def __init__(self, path: str | PathLike[str], baseline_frames: int = 0) -> None:
+        """Open a grasp dataset (HDF5) for reading and check its structure, but not yet the values of its arrays.
+
+        baseline_frames: smallest number of baseline frames that each grasp must have; 0: not checked. Raises
+        DatasetError for the first deviation from the format.
+        """
         self.path = Path(path)
         self._location = Location(str(path))
         self._file = open_hdf5(self.path, "r")
@@ -144,6 +149,7 @@ class GraspDataset:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Close the grasp dataset at the end of the `with` block."""
         self.close()
 
 

@@ -59,6 +59,7 @@ class Node:
     """A group of an HDF5 file and its location. Only hard links are followed, so that no other file is read."""
 
     def __init__(self, group: Any, location: Location) -> None:
+        """Wrap an HDF5 group of h5py; location: the place in the file that error messages name."""
         self._group = group
         self.location = location
         self._open_datasets: dict[tuple[str, ArraySpec], Any] = {}

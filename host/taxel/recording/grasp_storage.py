@@ -167,6 +167,7 @@ def _flush(file: Any) -> None:
 
 
 def _group_properties() -> Any:
+    """Return HDF5 creation properties for a group without time stamps, so that equal content gives equal bytes."""
     properties = h5p.create(h5p.GROUP_CREATE)
     properties.set_obj_track_times(False)
     return properties

@@ -169,6 +169,7 @@ class GraspDatasetWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Close the grasp dataset at the end of the `with` block."""
         self.close()
 
 

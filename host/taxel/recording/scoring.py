@@ -34,6 +34,12 @@ class SourceTouches:
     """
 
     def __init__(self, time_s: FloatArray, values: IntArray, threshold: float) -> None:
+        """Find the touches in the recorded frames of a touch panel.
+
+        time_s: f64[T], seconds, not decreasing. values: int[T, n], counts; a touch raises the value. threshold: a taxel
+        is active where its value is above this number of counts. Of several frames with the same time only the last one
+        is used. Raises ValueError for inconsistent shapes.
+        """
         if values.ndim != 2 or time_s.shape != values.shape[:1] or not len(time_s):
             found = f"{time_s.shape} and {values.shape}"
             raise ValueError(f"expected time_s [T] and values [T, n] with T > 0, found {found}")
@@ -138,6 +144,7 @@ class ReplayScore:
         return self.touches - self.touches_found
 
     def __str__(self) -> str:
+        """Return one line of text with F1 score, precision, recall, found and missed touches, and onset delay."""
         onset = "no onset"
         if self.touches_found:
             delays = 1e3 * self.onset_delay_s
@@ -158,6 +165,11 @@ class _BoardComparison:
     """Comparison of one board's samples with the source."""
 
     def __init__(self, source: SourceTouches, board: DecodedBoard, tolerance_s: float) -> None:
+        """Compare the samples of one board with the touches of the source.
+
+        tolerance_s: tolerance of the sampling times. The source is read at each sampling time minus and plus the
+        tolerance.
+        """
         self.board = board
         self._source = source
         self._taxel = np.arange(source.values.shape[1])[board.taxels]

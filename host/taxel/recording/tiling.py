@@ -45,6 +45,7 @@ class Tiling:
     tile_shape: tuple[int, int]
 
     def __post_init__(self) -> None:
+        """Check that each cell of the panel has a taxel of its own, and that the hand has every taxel."""
         taxels = self.taxel_of_cell
         if taxels.shape != (ROWS * COLUMNS,) or len(np.unique(taxels)) != len(taxels):
             raise ValueError(f"taxel_of_cell: expected {ROWS * COLUMNS} different taxels, found shape {taxels.shape}")

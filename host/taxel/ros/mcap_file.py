@@ -46,6 +46,11 @@ class McapFile:
     """
 
     def __init__(self, path: str | os.PathLike[str], head: Mapping[str, object], overwrite: bool = False) -> None:
+        """Create an MCAP file and write the header of the recording.
+
+        head: header of the recording, JSON values. Raises CaptureError if the file exists and `overwrite` is False, or
+        if the file cannot be written.
+        """
         self.path = Path(path)
         self.messages = 0
         self._lock = threading.Lock()
@@ -136,6 +141,7 @@ class McapFile:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Complete and close the MCAP file at the end of the `with` block."""
         self.close()
 
 

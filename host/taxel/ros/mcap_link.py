@@ -38,6 +38,10 @@ class McapReader:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
+        """Open an MCAP file and read up to its first message of a skin.
+
+        Raises CaptureError if the file cannot be read or has no topic of a skin.
+        """
         self.name = os.fspath(path)
         try:
             self._file: BinaryIO = open(path, "rb")  # noqa: SIM115
@@ -170,6 +174,7 @@ class McapLink:
     has_flow_control = False
 
     def __init__(self, reader: McapReader) -> None:
+        """Create a link that returns the hub's bytes which `reader` reads from an MCAP file."""
         self.name = reader.name
         self.header = reader.header
         self.has_arrivals = reader.header.get("clock") != "hub"

@@ -50,6 +50,7 @@ class JointListener:
     """
 
     def __init__(self, node: Node, topic: str, names: Sequence[str]) -> None:
+        """Subscribe to a topic of joint states; names: the joints in the order in which the angles are returned."""
         self._index = {name: index for index, name in enumerate(names)}
         self._lock = threading.Lock()
         self._angles = np.zeros(len(names))

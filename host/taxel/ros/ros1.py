@@ -21,6 +21,7 @@ class Ros1Node:
     """
 
     def __init__(self, name: str = "taxel") -> None:
+        """Create a ROS 1 node; raise RosError if rospy is not installed or no ROS master answers."""
         self._rospy = import_ros1()
         import genpy.dynamic  # type: ignore[import-not-found, unused-ignore]  # installed with rospy
         import rosgraph  # type: ignore[import-not-found, unused-ignore]

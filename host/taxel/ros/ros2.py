@@ -27,6 +27,7 @@ class Ros2Node:
     """
 
     def __init__(self, name: str = "taxel") -> None:
+        """Create a ROS 2 node; raise RosError if rclpy or a message package is not installed."""
         self._rclpy = import_ros2()
         self._qos = importlib.import_module("rclpy.qos")
         self._rclpy.init()

@@ -33,6 +33,11 @@ class FrameTree:
     """
 
     def __init__(self, hand: Hand, joints: Callable[[], npt.ArrayLike] | None = None) -> None:
+        """Create the tree of coordinate frames of a hand: the robot's links and one bracket for each board.
+
+        joints: function that returns the joint angles, radians [j], in the order of the robot's `joint_names`; None:
+        all 0. Raises JointCountError for another number of angles.
+        """
         self._hand = hand
         self._kinematics = _kinematics(hand)
         self._names = _make_bracket_names(hand, self._kinematics)
@@ -64,6 +69,7 @@ class FrameTree:
         return self._names[address]
 
     def _require_kinematics(self) -> Kinematics:
+        """Return the kinematics of the hand; raise HandGeometryError if the hand description has no geometry."""
         if self._kinematics is None:
             raise HandGeometryError(self._hand.name)
         return self._kinematics

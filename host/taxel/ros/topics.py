@@ -59,6 +59,12 @@ class SkinTopics:
         baseline_samples: int = BASELINE_SAMPLES,
         threshold_counts: float = ACTIVATION_THRESHOLD_COUNTS,
     ) -> None:
+        """Create a converter from taxel frames to ROS messages.
+
+        hub: source of the counters in the diagnostics. epoch_offset_ns: added to the stream's clock to obtain Unix
+        time. joints: function that returns the joint angles of the hand's robot; None: all 0. baseline_samples: number
+        of first scans that form the baseline. threshold_counts: signal above which a taxel is active.
+        """
         self._hand = hand
         self._hub = hub
         self._offset_ns = epoch_offset_ns

@@ -55,6 +55,12 @@ class Activation:
         threshold: float = ACTIVATION_THRESHOLD_COUNTS,
         saturation_floor_counts: npt.ArrayLike | None = None,
     ) -> None:
+        """Prepare the comparison of raw counts with a baseline.
+
+        baseline_mean: f64[n], counts, finite. threshold: signal (baseline minus raw count) above which a taxel is
+        active, counts. saturation_floor_counts: f64[n] or one number; a raw count at or below this floor is saturated;
+        None: 0. Raises ValueError for a wrong shape, a number that is not finite, or a threshold that is not positive.
+        """
         mean = np.array(baseline_mean, dtype=np.float64)
         check_shape("baseline_mean", mean, (1,), None)
         if not np.isfinite(mean).all():

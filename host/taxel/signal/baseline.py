@@ -59,6 +59,11 @@ class Baseline:
         samples: int = BASELINE_SAMPLES,
         max_disturbance_counts: float = DISTURBANCE_LIMIT_COUNTS,
     ) -> None:
+        """Create an empty baseline for frames of `n_taxels` taxels.
+
+        samples: number of valid samples of each taxel in a complete baseline, 2 to 46,340. max_disturbance_counts:
+        limit of the test for a touch during the baseline, counts. Raises ValueError for a parameter out of range.
+        """
         if n_taxels < 1:
             raise ValueError(f"n_taxels: expected at least 1, found {n_taxels}")
         self.n_taxels = n_taxels

@@ -9,6 +9,7 @@ class TooFewSamplesError(TaxelError, ValueError):
     """A taxel has fewer valid samples than its baseline requires. Attributes: taxel, needed, found."""
 
     def __init__(self, taxel: int, needed: int, found: int) -> None:
+        """Create the error for a baseline with too few samples; taxel: its index; needed, found: numbers of samples."""
         super().__init__(
             f"baseline: taxel {taxel}: expected {needed} valid samples, found {found}; "
             "record for longer, or check for missing frames"
@@ -20,6 +21,7 @@ class DisturbedBaselineError(TaxelError, ValueError):
     """Taxels were touched while the baseline was taken. Attributes: taxels (their indices)."""
 
     def __init__(self, taxels: list[int], n_taxels: int) -> None:
+        """Create the error of a touch during the baseline; taxels: indices of touched taxels; n_taxels: of a skin."""
         listed = ", ".join(str(taxel) for taxel in taxels[:LISTED_TAXELS])
         more = ", ..." if len(taxels) > LISTED_TAXELS else ""
         super().__init__(

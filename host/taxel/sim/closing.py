@@ -156,6 +156,11 @@ class _Run:
     def __init__(
         self, scene: Scene, controller: GraspController, nominal_pose: FloatArray, push: SoftPush | None
     ) -> None:
+        """Prepare the simulation of one grasp in a MuJoCo scene.
+
+        controller: gives the joint targets and torques of the fingers. nominal_pose: f64[4, 4], pose of the object that
+        the grasp plan assumes. push: time integration of the contact of the soft layer; None: MuJoCo's own contact.
+        """
         self.scene = scene
         self.controller = controller
         self.nominal_pose = nominal_pose

@@ -154,6 +154,7 @@ def _find_bounded(springs: Springs, x: FloatArray, gradient: FloatArray) -> Bool
 
 
 def _make_mask(indices: IndexArray, length: int) -> BoolArray:
+    """Return bool[length], True at the given indices."""
     mask = np.zeros(length, dtype=bool)
     mask[indices] = True
     return mask

@@ -60,6 +60,7 @@ class LayerLoads:
     wrench: FloatArray
 
     def __post_init__(self) -> None:
+        """Check the shapes of poses and wrenches, and that all wrenches are finite; raise ValueError."""
         poses, objects, wrench = self.sensor_poses, self.object_poses, self.wrench
         frames, sensors = len(objects), len(self.hand.boards)
         if (poses.shape, objects.shape, wrench.shape) != (

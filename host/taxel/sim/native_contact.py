@@ -116,6 +116,12 @@ class NativeContact:
     """
 
     def __init__(self, hand: Hand, shape: Shape, law: LayerLaw) -> None:
+        """Prepare the contact of the hand's dielectric layer with a solid for the C library.
+
+        hand: the skin, whose taxels are divided into square springs. shape: the touching solid. law: force law of the
+        layer on one taxel. The C structure points into NumPy arrays, which this object keeps alive. Raises
+        SimLibraryError if the library is missing, and TypeError for a shape that the library does not support.
+        """
         self._call = load_sim_library().sim_layer_load
         self._boards, self._taxels = len(hand.boards), hand.n_taxels
         self._referenced_arrays: list[npt.NDArray[Any]] = []

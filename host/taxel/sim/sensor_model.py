@@ -31,6 +31,7 @@ class SensorModelError(TaxelError, ValueError):
     """A parameter of the sensor model is out of range. Attributes: field, expected, found."""
 
     def __init__(self, field: str, expected: str, found: str) -> None:
+        """Create the error for a parameter out of range; field: its name; expected, found: as text."""
         super().__init__(field, expected, found)
         self.field = field
         self.expected = expected
@@ -57,6 +58,7 @@ class SimSensor:
     noise_line_counts: float = 0.0
 
     def __post_init__(self) -> None:
+        """Check each parameter of the simulated sensor: finite, above 0 (noise may be 0); raise SensorModelError."""
         for field, value in asdict(self).items():
             zero_allowed = field.startswith("noise")
             if not (np.isfinite(value) and (value > 0 or (zero_allowed and value == 0))):

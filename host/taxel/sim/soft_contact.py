@@ -93,6 +93,11 @@ class SoftContact:
     """`LayerContact` in NumPy. law: force law of the layer on one taxel."""
 
     def __init__(self, hand: Hand, shape: Shape, law: LayerLaw) -> None:
+        """Prepare the contact of the hand's dielectric layer with a solid, computed with NumPy.
+
+        hand: the skin, whose taxels are divided into square springs. shape: the touching solid. law: force law of the
+        layer on one taxel.
+        """
         self.hand = hand
         self.sheet: Sheet = build_sheet(hand, SPRINGS_PER_SIDE)
         self._shape, self._law = shape, law

@@ -31,6 +31,11 @@ class SoftPush:
     """Time integration, with step `step_s`, of a scene in which hand and object touch only through `contact`."""
 
     def __init__(self, scene: Scene, contact: LayerContact, step_s: float = SOFT_STEP_S) -> None:
+        """Prepare the time integration of a MuJoCo scene whose only contact is that of the soft dielectric layer.
+
+        contact: computes forces of the layer on the boards. step_s: time step. The scene's model is copied, and
+        contact, constraints and damping of MuJoCo are disabled in the copy, because `step` computes them.
+        """
         self._contact, self.step_s = contact, step_s
         self._model = model = copy.copy(scene.model)
         # The layer replaces MuJoCo's contact; joint friction and joint ranges are part of `step`.

@@ -25,6 +25,7 @@ class McapBytes:
     """Writer of the hub's bytes into an MCAP file that the caller opens and closes."""
 
     def __init__(self, file: McapFile, header: Mapping[str, Any]) -> None:
+        """Create a writer of received bytes into an open MCAP file; header: header of the recording with its clock."""
         self._file = file
         self._offset_ns = int(header["epoch_offset_ns"])
         self._uses_hub_clock = header["clock"] == "hub"
@@ -49,6 +50,11 @@ class McapSkin(Skin):
     def __init__(
         self, link: Link, hand: Hand, file: McapFile, header: Mapping[str, Any], joints: JointSource | None
     ) -> None:
+        """Open a skin on a link and record its bytes and ROS topics in an open MCAP file.
+
+        header: header of the recording. joints: function that returns the joint angles of the hand's robot, radians;
+        None: all 0.
+        """
         self._file = file
         self._bytes = McapBytes(file, header)
         super().__init__(RecordingLink(link, self._bytes), hand)

@@ -32,6 +32,7 @@ class RecordingLink:
     """A link that appends every received chunk to a recording before it returns the chunk to the reader."""
 
     def __init__(self, link: Link, writer: ByteWriter) -> None:
+        """Wrap `link` so that every received chunk of bytes is appended to a recording by `writer`."""
         self._link = link
         self._writer = writer
         self.name = link.name

@@ -51,6 +51,11 @@ class Skin:
     """
 
     def __init__(self, link: Link, hand: Hand, rate_hz: float | None = None, frames: FrameFormat = "plain") -> None:
+        """Start the stream of taxel frames of a hub, unless the link is a recording.
+
+        hand: description of the boards that are connected. rate_hz: scan rate; None: the highest possible rate. frames:
+        format of the frames on the wire, "plain" or "compact".
+        """
         self.hand = hand
         self.hub = HubClient(link)
         self._rate_hz = rate_hz
@@ -143,6 +148,7 @@ class Skin:
         return self._stream.clock.is_synchronised(address)
 
     def __iter__(self) -> Iterator[TaxelFrame]:
+        """Yield the taxel frames of all boards in the order of arrival, until a recording ends."""
         frames = self._stream.frames
         while True:
             while frames:
@@ -165,11 +171,13 @@ class Skin:
         return arrived
 
     def _read_link(self, timeout_s: float = 0.1) -> None:
+        """Wait up to `timeout_s` for bytes of the hub and decode them; restart the stream if the hub has restarted."""
         if not (self.hub.has_handshake or self._stream.link.is_recorded):
             self._resume()
         self._stream.poll(timeout_s)
 
     def _check_frame(self, frame: TaxelFrame) -> TaxelFrame:
+        """Return the frame, or raise an error if the hand has no board with this address and number of taxels."""
         if self._sizes.get(frame.address) != len(frame.raw_counts):
             self._raise_mismatch(frame)
         return frame
@@ -242,4 +250,5 @@ class Skin:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Close the skin and its link at the end of the `with` block."""
         self.close()

@@ -69,6 +69,7 @@ class LossAccount:
         return {int(a): int(table[3, a]) for a in np.flatnonzero(table[3]).tolist()}
 
     def __repr__(self) -> str:
+        """Return the loss counters as text for debugging."""
         return (
             f"LossAccount(frames_received={self.frames_received}, lost_on_wire={self.lost_on_wire}, "
             f"restarts={self.restarts})"

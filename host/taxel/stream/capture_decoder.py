@@ -37,6 +37,7 @@ class CaptureDecoder:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
+        """Open a capture file for decoding; raise CaptureError if the file is no capture."""
         self._link = CaptureLink(path)
         self.header, self.baud, self.has_arrivals = self._link.header, self._link.baud, self._link.has_arrivals
         self.decoder = StreamDecoder()
@@ -49,6 +50,10 @@ class CaptureDecoder:
         self._arrivals = np.empty(size // RECORD_HEAD, dtype=ARRIVAL)
 
     def __iter__(self) -> Iterator[CapturedBatch]:
+        """Yield batches of decoded frames with the arrival times of their bytes, block by block.
+
+        Raises CaptureError after the last valid record of a damaged or truncated file.
+        """
         fill = position = 0
         with self._link as link:
             while size := link.read_into(self._block.data[fill:]):

@@ -47,6 +47,7 @@ class LowerEnvelope:
     """Lower envelope of points (x, y): the line through the edge of the lower convex hull at the middle of the span."""
 
     def __init__(self) -> None:
+        """Create an envelope without points; the line through the points is fitted on first use."""
         self._bins: deque[tuple[float, float, float]] = deque(maxlen=BINS)
         self._fit: tuple[float, float, float] | None = None
         self._fitted_bin = 0.0
@@ -109,6 +110,10 @@ class ClockMap:
     """
 
     def __init__(self, baud: float, has_arrivals: bool) -> None:
+        """Create the clock mapping of one stream; baud: of the hub's port; has_arrivals: arrival times are real.
+
+        The arrays with 128 elements have one element per 7-bit board address.
+        """
         self._byte_us = 10e6 / baud
         self._has_arrivals = has_arrivals
         self._hub_us = 0  # latest hub time, unwrapped

@@ -10,6 +10,7 @@ class CycleSorter:
     """Collects the frames of each poll cycle. `boards`: number of frames in a complete cycle."""
 
     def __init__(self, boards: int) -> None:
+        """Create an empty sorter; boards: number of taxel frames in a complete poll cycle."""
         self._boards = boards
         self._pending: dict[int, list[TaxelFrame]] = {}
         self._has_complete_cycle = False

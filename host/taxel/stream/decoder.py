@@ -67,6 +67,7 @@ class StreamDecoder:
     """Decoder of a stream of hub frames; a damaged frame never hides a valid frame next to it."""
 
     def __init__(self) -> None:
+        """Create a decoder of hub frames with its C state and the output arrays that the C library fills."""
         self._library = load_codec_library()
         assert ROW.itemsize == ROW_SIZE
         self._state = ctypes.create_string_buffer(self._library.taxel_batch_struct_size())

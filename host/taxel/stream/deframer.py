@@ -47,6 +47,7 @@ class Deframer:
     """Decoder of complete hub-to-host streams. library: the codec library; None: the library of the package."""
 
     def __init__(self, library: ctypes.CDLL | None = None) -> None:
+        """Create a decoder of hub frames with its C state and memory; library: C codec, None: the package's own."""
         self._library = load_codec_library() if library is None else library
         self._state = ctypes.create_string_buffer(_STATE_SIZE)
         self._chunk = ctypes.create_string_buffer(2 * (ENCODED_MAX + 2))

@@ -60,6 +60,7 @@ class FramesLink:
     baud = 1e6
 
     def __init__(self, name: str, frames: Iterable[TaxelFrame]) -> None:
+        """Create a link that encodes recorded taxel frames, given in order of arrival, as the bytes of a hub."""
         self.name = name
         self.header: dict[str, object] = {}
         self._frames = iter(frames)

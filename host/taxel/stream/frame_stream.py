@@ -41,6 +41,12 @@ class FrameStream:
         ring_capacity: int = 1 << 22,
         on_acknowledgements: Callable[[bytes], None] | None = None,
     ) -> None:
+        """Create the stream of the taxel frames of `link`, and start its reader thread for a link in real time.
+
+        on_message: called with each hub message. ring_capacity: size of the buffer between the reader thread and the
+        decoder, bytes. on_acknowledgements: called with the payload of each ACKNOWLEDGE frame to send; None: none is
+        sent.
+        """
         self.link = link
         self.frames: deque[TaxelFrame] = deque()
         self._is_stepped = isinstance(link, SteppedLink)

@@ -55,6 +55,7 @@ class HubClient:
     """
 
     def __init__(self, link: Link) -> None:
+        """Create a client of the hub at the other end of `link` and start reading; no command is sent yet."""
         self._link = link
         self._now_s = get_clock(link)
         self.stream = FrameStream(link, self._take, on_acknowledgements=None if link.is_recorded else self._acknowledge)

@@ -15,6 +15,7 @@ class Pump:
     """
 
     def __init__(self, link: Link, ring: RingBuffer) -> None:
+        """Start a thread that reads `link` and writes the bytes into `ring`."""
         self._link = link
         self._ring = ring
         self._stopping = threading.Event()

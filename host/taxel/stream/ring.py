@@ -14,6 +14,11 @@ class RingBuffer:
     """
 
     def __init__(self, capacity: int = 1 << 22, overwrite_oldest: bool = True) -> None:
+        """Create an empty byte queue of `capacity` bytes; raise ValueError for a capacity below 1.
+
+        overwrite_oldest: True: a writer overwrites the oldest bytes of a full queue; False: the writer waits for the
+        reader.
+        """
         if capacity < 1:
             raise ValueError(f"capacity: expected at least 1 byte, found {capacity}")
         self._buffer = bytearray(capacity)

@@ -70,6 +70,7 @@ class _Criterion:
     holds: Callable[[ObjectResult, float], bool]
 
     def evaluate(self, results: Results) -> Finding:
+        """Compute the number of this criterion for every object, and whether the finding holds for it."""
         numbers = {result.printed_name: self.compute(result) for result in results}
         holds = {result.printed_name: bool(self.holds(result, numbers[result.printed_name])) for result in results}
         return Finding(self.number, self.statement, self.unit, numbers, self.printed, holds)

@@ -88,6 +88,14 @@ class AllegroHand:
         reply_timeout_s: float = REPLY_TIMEOUT_S,
         info_period_s: float = INFO_PERIOD_S,
     ) -> None:
+        """Create the driver of an Allegro hand on an open CAN channel; nothing is sent before `__enter__`.
+
+        bus: CAN channel, shut down by the caller. device_id: 0 to 3. clock: returns seconds. advance: function that
+        lets the given number of seconds pass in virtual time; None: real time. position_ms: period of the position
+        reports, ms. silence_limit_s: longest accepted time without a report of a finger. reply_timeout_s: time limit of
+        a reply. info_period_s: period of the status requests. Raises ValueError for a time of 0 or less, or an invalid
+        device id.
+        """
         if not (silence_limit_s > 0 and reply_timeout_s > 0 and info_period_s > 0):
             raise ValueError("silence_limit_s, reply_timeout_s and info_period_s: expected values above 0")
         encode(SystemOff(), device_id)  # raises ValueError for an invalid device id
@@ -104,6 +112,10 @@ class AllegroHand:
         self._info_request_s = 0.0
 
     def __enter__(self) -> Self:
+        """Check the Allegro hand, set the period of its position reports, switch its motors on, and return the driver.
+
+        If a step fails, the motors are switched off and the exception is raised again.
+        """
         try:
             self._check(self._request_and_wait(HandInfo))
             self._request_and_wait(Serial)
@@ -119,6 +131,7 @@ class AllegroHand:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Switch the motors of the Allegro hand off; a bus error does not replace an earlier exception."""
         try:
             self._switch_off()
         except AllegroBusError:
@@ -237,6 +250,7 @@ class AllegroHand:
         raise self._make_silent_error(f"no reply to {_IDS[kind].name} in {self._reply_timeout_s:g} s")
 
     def _request(self, kind: type[HandInfo] | type[Serial]) -> None:
+        """Send a CAN request for a hand info or a serial number, and note the time of a hand info request."""
         if kind is HandInfo:
             self._info_request_s = self._clock()
         self._send(Request(_IDS[kind]))
@@ -283,11 +297,13 @@ class AllegroHand:
             raise self._make_silent_error(f"no pose of {', '.join(silent)} for {max(ages):.3f} s (limit {limit_s:g} s)")
 
     def _make_silent_error(self, problem: str) -> AllegroSilentError:
+        """Create the error for missing reports of the hand; problem: which report is missing."""
         return AllegroSilentError(
             self.channel, self.device_id, f"{problem}; check power, CAN cable, termination, bit rate and device id"
         )
 
     def _require_report(self, value: _T | None, name: str) -> _T:
+        """Return `value`, the latest report called `name`; raise AllegroSilentError if it is None (no report yet)."""
         if value is None:
             raise self._make_silent_error(f"no {name} received; open the hand with 'with'")
         return value

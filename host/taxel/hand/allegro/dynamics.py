@@ -53,6 +53,12 @@ class FreeJoints:
         friction_nm: float = FRICTION_NM,
         external: ExternalTorque | None = None,
     ) -> None:
+        """Create sixteen independent joints at rest, as a model of the Allegro hand without links and gravity.
+
+        angles: start angles f64[16], radians, clipped to the joint ranges; None: middle of the ranges. inertia_kg_m2,
+        damping_nm_s (Nm per rad/s) and friction_nm hold for every joint. external: function (angles, velocities) ->
+        external torque f64[16], Nm; None: no external torque. Raises ValueError for a negative parameter.
+        """
         if not (inertia_kg_m2 > 0 and damping_nm_s >= 0 and friction_nm >= 0):
             raise ValueError("joints: expected an inertia above 0, and damping and friction of at least 0")
         start = (JOINT_MIN_RAD + JOINT_MAX_RAD) / 2 if angles is None else check_joint_values("angles", angles)

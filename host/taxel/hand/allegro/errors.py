@@ -13,6 +13,11 @@ class AllegroError(TaxelError):
     """
 
     def __init__(self, channel: str, device: int, problem: str) -> None:
+        """Create the error for an Allegro hand.
+
+        channel: name of the CAN channel. device: device id of the hand, as text. problem: expected value, found value
+        and remedy.
+        """
         # All three are args, so that the error can be pickled.
         super().__init__(channel, device, problem)
         self.channel = channel
@@ -55,6 +60,7 @@ class CanUrlError(TaxelError):
     """The CAN channel cannot be opened. Attributes: url, problem (cause and remedy)."""
 
     def __init__(self, url: str, problem: str) -> None:
+        """Create the error for a CAN channel that cannot be opened; url: the channel; problem: cause and remedy."""
         super().__init__(url, problem)
         self.url = url
         self.problem = problem
@@ -73,12 +79,14 @@ class AllegroFrameError(TaxelError, ValueError):
     """
 
     def __init__(self, arbitration_id: int, expected: str, found: str) -> None:
+        """Create the error for a CAN frame with invalid content; arbitration_id: the frame's identifier, 11 bits."""
         super().__init__(arbitration_id, expected, found)
         self.arbitration_id = arbitration_id
         self.expected = expected
         self.found = found
 
     def __str__(self) -> str:
+        """Return the message for the user: identifier of the CAN frame, expected and found content, and remedy."""
         return (
             f"CAN frame 0x{self.arbitration_id:03X}: expected {self.expected}, found {self.found}; "
             "check the device id, the firmware version and the bus"

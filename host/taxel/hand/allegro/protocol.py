@@ -217,18 +217,21 @@ def _unpack(layout: struct.Struct, frame: can.Message) -> tuple[int, ...]:
 
 
 def _encode_info(info: HandInfo) -> bytes:
+    """Return the data bytes of the hand info report, whose last byte is a bit mask of the hand's status flags."""
     flags = ((info.servo_on, _SERVO_ON), (info.high_temperature, _HIGH_TEMPERATURE))
     status = sum(bit for is_set, bit in (*flags, (info.communication_fault, _COMMUNICATION_FAULT)) if is_set)
     return _INFO.pack(info.hardware_version, info.firmware_version, info.hand_type, info.temperature_c, status)
 
 
 def _decode_info(frame: can.Message) -> HandInfo:
+    """Decode a hand info report: versions, hand type, temperature (degrees Celsius) and the status flags."""
     hardware, firmware, hand_type, temperature_c, status = _unpack(_INFO, frame)
     servo_on, is_hot, has_fault = (bool(status & bit) for bit in (_SERVO_ON, _HIGH_TEMPERATURE, _COMMUNICATION_FAULT))
     return HandInfo(hardware, firmware, hand_type, temperature_c, servo_on, is_hot, has_fault)
 
 
 def _encode_serial(text: str) -> bytes:
+    """Return a serial number as ASCII bytes, padded with zeros to `SERIAL_LENGTH`; raise ValueError for other text."""
     if not (1 <= len(text) <= SERIAL_LENGTH and text.isascii() and text.isprintable()):
         raise ValueError(f"serial: expected 1 to {SERIAL_LENGTH} printable ASCII characters, found {text!r}")
     return text.encode("ascii").ljust(SERIAL_LENGTH, b"\0")

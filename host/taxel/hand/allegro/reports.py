@@ -40,6 +40,7 @@ class Reports:
     """Latest reports of the hand with id `device_id`; None or NaN before the first."""
 
     def __init__(self, device_id: int) -> None:
+        """Create an empty store for the latest reports of the Allegro hand with this device id; all angles are NaN."""
         self.device_id = device_id
         self.info: HandInfo | None = None
         self.serial: Serial | None = None

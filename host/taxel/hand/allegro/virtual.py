@@ -83,6 +83,12 @@ class VirtualAllegro:
         serial: str = "SAH040VR",
         max_torque_nm: float = MAX_TORQUE_NM,
     ) -> None:
+        """Create a model of an Allegro hand on a CAN channel, with the motors off.
+
+        bus: the hand's end of the channel. dynamics: joints that the commanded torques drive. device_id: 0 to 3.
+        hand_type: 0 for a right hand. serial: serial number, 1 to 8 ASCII characters. max_torque_nm: torque of a joint
+        at full PWM. Raises ValueError for an invalid device id or serial number.
+        """
         encode(Serial(serial), device_id)  # raises ValueError for an invalid serial number or device id
         self.dynamics = dynamics
         self.device_id = device_id
@@ -200,6 +206,7 @@ class VirtualAllegro:
                     self._send_report(report, index)
 
     def _send_report(self, kind: MessageId, index: int) -> None:
+        """Send report number `index` of this kind on the CAN bus, unless an injected fault suppresses the report."""
         if self.faults.is_silent or (kind is MessageId.FINGER_POSE and index in self.faults.dropped_fingers):
             return
         self._bus.send(encode(self._make_report(kind, index), self.device_id))

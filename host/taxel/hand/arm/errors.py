@@ -7,6 +7,7 @@ class ArmError(TaxelError):
     """A command of the arm failed. Attributes: arm (its name), problem (cause and remedy)."""
 
     def __init__(self, arm: str, problem: str) -> None:
+        """Create the error for a failed command; arm: name of the arm; problem: cause and remedy."""
         # Both are args, so that the error can be pickled.
         super().__init__(arm, problem)
         self.arm = arm

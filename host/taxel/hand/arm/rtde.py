@@ -32,6 +32,12 @@ class Ur5eArm:
     """
 
     def __init__(self, host: str, *, acceleration_rad_s2: float = ACCELERATION_RAD_S2) -> None:
+        """Connect to the controller of a UR5e arm with the package ur_rtde.
+
+        host: network address of the controller. acceleration_rad_s2: acceleration of joint motions. Raises
+        ArmPackageMissingError without ur_rtde, and ArmConnectionError if the controller is not reachable or does not
+        grant control.
+        """
         self.name = f"UR5e at {host}"
         self._acceleration = acceleration_rad_s2
         try:
@@ -57,6 +63,7 @@ class Ur5eArm:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Stop the UR5e arm and disconnect; an exception of the `with` block is not replaced by a connection error."""
         try:
             self.close()
         except ArmConnectionError:

@@ -61,6 +61,12 @@ class SimulatedArm:
     def __init__(
         self, angles: npt.ArrayLike | None = None, *, acceleration_rad_s2: float = ACCELERATION_RAD_S2
     ) -> None:
+        """Create a simulated arm at rest, whose time advances only in `step`.
+
+        angles: start angles f64[6], radians; None: all 0. acceleration_rad_s2: acceleration of the joint with the
+        largest motion. Raises ValueError for an acceleration that is not positive, and ArmLimitError for start angles
+        outside the limits.
+        """
         if not 0 < acceleration_rad_s2 < math.inf:
             raise ValueError(f"acceleration_rad_s2: expected a finite number above 0, found {acceleration_rad_s2}")
         start = np.zeros(len(ARM_JOINT_NAMES)) if angles is None else angles

@@ -36,6 +36,7 @@ class VirtualSMBus:
     """
 
     def __init__(self, world: VirtualWorld) -> None:
+        """Connect an emulated I2C adapter to the bus of a virtual world, without packet error checking (pec = 0)."""
         self._world = world
         self.fd: int | None = -1
         self.pec = 0
@@ -112,6 +113,7 @@ class VirtualSMBus:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Close the emulated I2C adapter at the end of the `with` block."""
         self.close()
 
 

@@ -25,6 +25,7 @@ class VirtualMemoryLink:
     is_recorded = False
 
     def __init__(self, world: VirtualWorld, baud: float = 1e6) -> None:
+        """Create a link that exchanges bytes with the hub of a virtual world through memory; baud: bits per second."""
         self.name = "virtual:"
         self.baud = baud
         self.world = world
@@ -66,6 +67,7 @@ class VirtualSerialLink(SerialLink):
     is_real_time = False
 
     def __init__(self, world: VirtualWorld, baud: float = 1e6) -> None:
+        """Open the pseudo-terminal of a virtual world as a serial port; baud: bits per second."""
         self.world = world
         super().__init__(world.pty_name, baud)
         self.has_flow_control = world.has_flow_control

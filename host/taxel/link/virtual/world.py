@@ -145,6 +145,12 @@ class VirtualWorld:
         counts: bool = False,
         files: Mapping[str, Path] | None = None,
     ) -> None:
+        """Create a virtual hub with its boards, bus, UART and skin, at virtual time 0.
+
+        world: text of a world file. uart: connection of the hub's UART: "memory", "pty" (pseudo-terminal) or "none".
+        counts: the values of `set_stimulus` are raw counts instead of newtons. files: paths of firmware images by their
+        names in the world file. Raises LinkError if the emulator rejects the world.
+        """
         self._library = _load_library()
         self._handle: int | None = self._open(world, uart, counts, files or {})
         self.taxels = int(self._library.taxel_bench_taxel_count(self._handle))
@@ -338,4 +344,5 @@ class VirtualWorld:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Release the virtual world at the end of the `with` block."""
         self.close()

@@ -47,6 +47,11 @@ class CsvSink:
         topics: SkinTopics | None = None,
         grasp: tuple[str, str] = ("unknown", "recording"),
     ) -> None:
+        """Create a writer of a folder of CSV files, one per board, and write the recording's header.
+
+        path: final name of the folder; it is written under another name until it is complete. topics: source of the
+        contact cloud for `active.csv`; None: no such file. grasp: (object, approach), columns of `active.csv`.
+        """
         self._path = path
         self._part = path.with_name(f".{path.name}.part")
         shutil.rmtree(self._part, ignore_errors=True)
@@ -61,6 +66,7 @@ class CsvSink:
         self._active = self._create_file(ACTIVE_FILE, ACTIVE_COLUMNS) if has_active else None
 
     def _create_file(self, name: str, columns: tuple[str, ...]) -> TextIO:
+        """Open a new CSV file in the unfinished folder and write the line of column names."""
         file = (self._part / name).open("w", newline="")
         file.write(",".join(columns) + "\n")
         return file

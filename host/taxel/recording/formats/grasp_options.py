@@ -26,6 +26,7 @@ class GraspOptions:
     baseline_frames: int = BASELINE_FRAMES
 
     def __post_init__(self) -> None:
+        """Check that object and approach are printable names without commas, quotes and slashes; raise DatasetError."""
         for name in ("object", "approach"):
             value = getattr(self, name)
             if not value.isprintable() or not value or set(value) & set(',"/'):

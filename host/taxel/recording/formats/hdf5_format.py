@@ -58,6 +58,12 @@ class Hdf5Sink:
         joint_position: FloatArray | None,
         overwrite: bool,
     ) -> None:
+        """Create an HDF5 dataset of one grasp, to which the recorded frames are then added.
+
+        path: final name of the file; it is written under another name until it is complete. generator: name and version
+        of the writing program. joint_position: f64[j], radians; None: all 0. Raises DatasetError for an unknown object,
+        and HandGeometryError for a hand description without geometry.
+        """
         self._path, self._hand, self._options, self._overwrite = path, hand, options, overwrite
         self._location = Location(str(path))
         self._part = path.with_name(f".{path.name}.part")

@@ -45,6 +45,7 @@ class ParquetSink:
     """Writes a Parquet file in row groups. The file gets its final name when it is complete."""
 
     def __init__(self, path: Path, hand: Hand, header: Mapping[str, Any]) -> None:
+        """Create a Parquet file for taxel frames; header: header of the recording, stored as metadata of the file."""
         self._arrow, parquet = _import_pyarrow()
         self._path = path
         self._part = path.with_name(f".{path.name}.part")

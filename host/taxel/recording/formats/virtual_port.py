@@ -51,6 +51,11 @@ class VirtualPort:
     """
 
     def __init__(self, open_link: Callable[[], Link], hand: Hand, speed: float | None = 1.0) -> None:
+        """Create a pseudo-terminal on which a recording is played.
+
+        open_link: function that opens the recording from its start; called several times. speed: factor on the recorded
+        speed; None: as fast as the program reads. Raises CaptureError for a recording without a taxel frame.
+        """
         self._open_link = open_link
         self._hand = hand
         self._speed = speed
@@ -90,6 +95,7 @@ class VirtualPort:
         return True
 
     def _is_open(self) -> bool:
+        """Whether a program has the pseudo-terminal open."""
         poll = select.poll()
         poll.register(self._master, select.POLLIN)
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
@@ -192,6 +198,7 @@ class VirtualPort:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Close the pseudo-terminal at the end of the `with` block."""
         self.close()
 
 

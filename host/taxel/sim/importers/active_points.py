@@ -71,6 +71,7 @@ def import_active(
     motion = read_hand(joints, poses, options)
 
     def compute_forces(grasp: PosedGrasp, report: ImportReport) -> FloatArray:
+        """Return the nominal force of each taxel, f64[T, n], newtons, and count the active points in `report`."""
         centres = compute_taxel_positions(options.hand, grasp.hand_track.sensor_pose)
         is_active = np.zeros(centres.shape[:2], bool)
         for frame, rows in group_rows_by_frame(grasp, np.ones(len(positions), bool)):

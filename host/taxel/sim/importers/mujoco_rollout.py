@@ -167,6 +167,7 @@ class _Run:
     def __init__(
         self, model: mujoco.MjModel, parts: ModelParts, rollout_object: RolloutObject, options: ImportOptions
     ) -> None:
+        """Prepare the replay of a MuJoCo model: its hand and object parts, and the options of the import."""
         self.model, self.parts, self.rollout_object, self.options = model, parts, rollout_object, options
         self.hand: Hand = options.hand
         self.data = mujoco.MjData(model)

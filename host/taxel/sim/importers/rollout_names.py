@@ -117,6 +117,10 @@ class _PartFinder:
     def __init__(
         self, model: mujoco.MjModel, hand: Hand, names: Mapping[str, Sequence[str]], source: FileLocation
     ) -> None:
+        """Create a search for the parts of a hand in a MuJoCo model.
+
+        names: requested names of the model by part of the hand. source: file location that error messages state.
+        """
         self.model, self.hand, self.names, self.source = model, hand, names, source
 
     def find_entry(self, value: Any, location: FileLocation) -> tuple[str, int]:
