@@ -22,6 +22,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    """Register the pytest markers of the hardware-in-the-loop tests."""
     config.addinivalue_line("markers", "needs(ability, ...): abilities of the rig that this test requires")
     config.addinivalue_line("markers", "world(...): emulated world for this test, on a virtual rig")
     config.addinivalue_line("markers", "faulty_image: the test programs an image on which an executed processor faults")
@@ -52,12 +53,14 @@ def skin(rig: Rig) -> Iterator[Skin]:
 
 
 def pytest_report_teststatus(report: pytest.TestReport) -> tuple[str, str, tuple[str, dict[str, bool]]] | None:
+    """Report a test that the selected rig cannot run as "not possible" instead of skipped."""
     if report.when == "setup" and is_not_possible(report):
         return "not possible", "n", ("NOT POSSIBLE", {"yellow": True})
     return None
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print the table of passed, failed and not possible tests of the rig at the end of the pytest output."""
     reports = [
         report
         for reports in terminalreporter.stats.values()

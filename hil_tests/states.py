@@ -47,6 +47,7 @@ def main() -> int:
 
 
 def _start(seed: int, runs: int) -> subprocess.Popen[str]:
+    """Start a pytest process with `runs` random sequences of the state machine test, sampled from `seed`."""
     return subprocess.Popen(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "hil_tests/test_hil_states.py"],
         cwd=REPOSITORY,

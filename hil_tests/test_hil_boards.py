@@ -79,6 +79,7 @@ def test_settings_out_of_range_are_rejected_and_change_nothing(skin: Skin) -> No
 
 
 def _read_frames_of(skin: Skin, address: int, count: int) -> list:
+    """The next `count` frames of the board at `address`; frames of other boards are skipped."""
     frames = []
     for frame in skin:
         if frame.address == address:

@@ -24,6 +24,7 @@ BUSY_S = 0.5  # longest pause of this process on a rig in real time
 
 @pytest.fixture
 def hand(rig: Rig) -> Iterator[AllegroHand]:
+    """The Allegro hand of the rig, connected over CAN."""
     bus = rig.can.open_bus()
     try:
         limit_s = SILENCE_LIMIT_S if rig.description.is_virtual else BUSY_S
@@ -36,6 +37,7 @@ def hand(rig: Rig) -> Iterator[AllegroHand]:
 
 
 def update_hand(rig: Rig, hand: AllegroHand, seconds: float) -> int:
+    """Run the hand for a time with one update per control period. Returns the number of complete poses received."""
     n_poses = 0
     for _ in range(round(seconds / PERIOD_S)):
         rig.can.advance(PERIOD_S)

@@ -12,6 +12,7 @@ CYCLE_AND_SCAN_S = 0.1
 
 
 def check_no_losses(skin: Skin) -> None:
+    """Check that no frame was lost, no processor restarted, and the hub reported no fault."""
     check_polls(skin)
     assert skin.losses.lost_on_wire == 0
     assert skin.losses.restarts == 0

@@ -100,6 +100,7 @@ def read_random_snapshots(world: VirtualWorld, board: Board, forces: np.ndarray)
 
 
 def check_processors(world: VirtualWorld, *addresses: int) -> None:
+    """Check that the processors at the addresses run the application without a fault and within their stack limits."""
     for address in addresses:
         processor = world.read_processor(address)
         assert not processor.is_broken
@@ -209,6 +210,7 @@ def test_wiring_of_the_emulator_equals_the_pins_of_the_port() -> None:
     text = (ROOT / "firmware" / "emulator" / "psoc4200" / "wiring.h").read_text()
 
     def read_numbers(name: str) -> list[int]:
+        """The integers of the C array `name` in the source text of the port."""
         return [
             int(item, 0) for item in text.split(f"{name}[")[1].split("{")[1].split("}")[0].split(",") if item.strip()
         ]

@@ -46,6 +46,9 @@ class HubBootloader:
         raise AssertionError(f"{command.name}: no reply")
 
     def program(self, image: bytes, first_row: int) -> None:
+        """Write an image to the flash of the hub, row by row from `first_row`, and check the sum of each written
+        row.
+        """
         image += bytes(-len(image) % ROW)
         for offset in range(0, len(image), ROW):
             row = image[offset : offset + ROW]
@@ -57,6 +60,7 @@ class HubBootloader:
 
 
 def enter_bootloader(rig: Rig, skin: Skin) -> HubBootloader:
+    """Restart the hub into its bootloader."""
     skin.hub.command(Command.ENTER_BOOTLOADER, struct.pack("<I", BOOTLOADER_KEY))
     rig.clock.wait(0.1)
     while skin.link.read(0.0) is not None:
@@ -72,6 +76,9 @@ def make_program(rig: Rig) -> bytes:
 
 
 def program_image(rig: Rig, skin: Skin, content: bytes) -> HubBootloader:
+    """Write a new image with the given content to the free slot of the hub. Returns the bootloader, which still
+    runs.
+    """
     boot = enter_bootloader(rig, skin)
     boot.request(BootCommand.ENTER)
     first_row, _ = struct.unpack("<HH", boot.request(BootCommand.GET_FLASH_SIZE, b"\x00"))
@@ -87,6 +94,7 @@ def restart(rig: Rig, skin: Skin) -> None:
 
 
 def read_version(rig: Rig) -> tuple[int, ...]:
+    """The firmware version of the hub, after a check that frames of all boards arrive."""
     with Skin(rig.uart.open_link(), rig.hand) as skin:
         frames = read_frames(rig, skin, 0.5)
         assert {frame.address for frame in frames} == {board.address for board in rig.hand.boards}

@@ -32,6 +32,7 @@ def bus(rig: Rig):
 
 
 def read_register(bus, address: int, register: int, size: int) -> bytes:
+    """Read `size` bytes of a register of the board at `address`, by a write and a read with a repeated start."""
     message = i2c_msg.read(address, size)
     bus.i2c_rdwr(i2c_msg.write(address, [register]), message)
     return bytes(message)

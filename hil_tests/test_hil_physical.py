@@ -55,6 +55,7 @@ def output(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def read_row(output: str, suite: str) -> tuple[int, int, int]:
+    """The numbers of passed, failed and not possible tests of a test module in the table that pytest printed."""
     found = re.search(rf"^{suite} +(\d+) +(\d+) +(\d+)", output, re.MULTILINE)
     assert found, output[-3000:]
     return int(found[1]), int(found[2]), int(found[3])

@@ -41,6 +41,7 @@ INVALID_FILES = {
 
 
 def write_rig(folder: Path, text: str) -> str:
+    """Write a rig file with the given text. Returns its path."""
     path = folder / "bench.toml"
     path.write_text(text)
     return str(path)

@@ -129,6 +129,9 @@ def read_recording(path: Path) -> Recording:
 
 
 def _check_order(line: Line, previous: Line) -> None:
+    """Check that a line of a recording has the same finger as the line before and is not earlier. Raises
+    `FormatError`.
+    """
     if line.finger != previous.finger:
         raise FormatError(f"expected {previous.finger} as in the lines before, found {line.finger}")
     if line.time_ns < previous.time_ns:

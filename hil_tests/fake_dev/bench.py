@@ -36,6 +36,11 @@ class FakeBench:
     """
 
     def __init__(self, world: VirtualWorld, i2c_socket: Path, can_url: str | None) -> None:
+        """Create a bench of emulated boards that looks like real hardware to another process.
+
+        world: the emulated hub and boards. i2c_socket: path of the Unix socket that serves the emulated I2C bus.
+        can_url: CAN bus on which an emulated Allegro hand answers; None: no hand.
+        """
         self._world, self._bus = world, VirtualSMBus(world)
         self._stop = threading.Event()
         self._server = socket.socket(socket.AF_UNIX)
@@ -51,11 +56,13 @@ class FakeBench:
             self._threads.append(threading.Thread(target=hand.run, args=(self._stop,)))
 
     def __enter__(self) -> Self:
+        """Start the threads that run the emulated boards and, with a CAN bus, the emulated hand."""
         for thread in self._threads:
             thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
+        """Stop the threads, and close the sockets and the CAN bus."""
         self._stop.set()
         for thread in self._threads:
             thread.join()
@@ -65,6 +72,9 @@ class FakeBench:
             self._can.shutdown()
 
     def _run(self) -> None:
+        """Serve I2C requests, and let the virtual time of the emulated boards follow the real time, until the bench
+        stops.
+        """
         start_s = time.monotonic() - self._world.now_s
         while not self._stop.is_set():
             for key, _ in self._selector.select(STEP_S):
@@ -74,6 +84,9 @@ class FakeBench:
                 self._world.run(behind_s)
 
     def _serve(self, stream: object) -> None:
+        """Handle a readable socket: accept a new client, or execute one I2C transfer of a client. A broken client
+        is closed.
+        """
         assert isinstance(stream, socket.socket)
         if stream is self._server:
             self._selector.register(self._server.accept()[0], selectors.EVENT_READ)
@@ -102,6 +115,7 @@ class FakeBench:
 
 
 def _receive_exactly(stream: socket.socket, size: int) -> bytes:
+    """Receive `size` bytes from a socket. Raises `ConnectionError` if the peer closes the connection before."""
     data = b""
     while len(data) < size:
         received = stream.recv(size - len(data))

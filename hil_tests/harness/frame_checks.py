@@ -32,6 +32,11 @@ class KnownCounts:
     """
 
     def __init__(self, rig: Rig, seed: int = 1) -> None:
+        """Set the first known raw counts on the boards of an emulated rig.
+
+        seed: seed of the random base count of each taxel. `step` counts how often the raw counts have been
+        increased since.
+        """
         assert rig.counts is not None
         self._source, self._hand = rig.counts, rig.hand
         self._base = np.random.default_rng(seed).integers(1, STEP_COUNTS, rig.hand.n_taxels) + LARGEST_BASE

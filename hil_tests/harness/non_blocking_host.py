@@ -17,6 +17,11 @@ class NonBlockingHost:
     """
 
     def __init__(self, link: Link) -> None:
+        """Create a host that reads frames and messages of a hub from `link` without waiting for answers.
+
+        `messages`: all messages received. `board_status`: latest status fields of each board, by I2C address.
+        `status`: latest status fields of the hub.
+        """
         self.stream = FrameStream(link, self._receive_message)
         self.messages: list[HubMessage] = []
         self.board_status: dict[int, dict[str, int]] = {}
@@ -25,6 +30,9 @@ class NonBlockingHost:
         self._sequence = 0
 
     def _receive_message(self, message: HubMessage) -> None:
+        """Store a message of the hub. A handshake with tag 0 announces a restart of the hub: the stored status is
+        deleted.
+        """
         self.messages.append(message)
         if message.type is FrameType.BOARD_STATUS:
             self.board_status[message.fields["address"]] = message.fields

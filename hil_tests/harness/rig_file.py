@@ -100,6 +100,9 @@ def _add_defaults(named: Mapping[str, Device], is_virtual: bool) -> dict[str, De
 
 
 def _read_world(path: Path, world: Any) -> Mapping[str, Any]:
+    """Check the table `[world]` of a rig file, the settings of the emulated boards. Raises `RigError` for an
+    unknown name.
+    """
     names = ", ".join(sorted(WORLD_SETTINGS))
     if not isinstance(world, dict):
         raise RigError(f"rig {path}: world is not a table; expected [world] with numbers for {names}")
@@ -110,6 +113,11 @@ def _read_world(path: Path, world: Any) -> Mapping[str, Any]:
 
 
 def _read_executed(path: Path, entries: Any, board_addresses: set[int]) -> tuple[int, ...]:
+    """Parse the entry `executed` of a rig file: the processors that execute compiled firmware, as I2C addresses
+    (`HUB`: the hub).
+
+    Raises `RigError` for an entry that is neither "hub" nor the address of a board of the rig.
+    """
     expected = f'rig {path}: executed = {entries!r}; expected a list of "hub" and addresses of boards, such as 0x2C'
     if not isinstance(entries, list):
         raise RigError(expected)
@@ -138,6 +146,9 @@ def _read_device(path: Path, device: str, table: Any) -> Device:
 
 
 def _find_driver(path: Path, device: str, name: str) -> RegisteredDriver:
+    """Load the driver `name` of a device such as "can" or "power". Raises `RigError` with the rig file if it is
+    unknown.
+    """
     try:
         names = list_driver_names(device)
         if name not in names:
@@ -148,6 +159,11 @@ def _find_driver(path: Path, device: str, name: str) -> RegisteredDriver:
 
 
 def _read_field(path: Path, table: dict[str, Any], name: str, kind: type, device: str = "") -> Any:
+    """The value of entry `name` in a table of a rig file. Raises `RigError` if it is missing or not of the type
+    `kind`.
+
+    device: name of the table, for the error message; empty for the top level.
+    """
     where = f"rig {path}: " + (f"[{device}] " if device else "")
     if name not in table:
         raise RigError(f"{where}'{name}' is missing; expected a {kind.__name__}")

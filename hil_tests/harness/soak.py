@@ -86,6 +86,10 @@ class Soak:
     """An emulated skin with random faults, and its host. A second call of `run` continues the soak."""
 
     def __init__(self, hand: Hand, seed: int, mean_gap_s: float = 6.0) -> None:
+        """Create an emulated skin for a long test with random faults.
+
+        seed: seed of the faults and of the counts. mean_gap_s: mean virtual time between two faults, in seconds.
+        """
         self._hand, self._random = hand, random.Random(f"soak {seed}")
         self._mean_gap_s = mean_gap_s
         self.world = VirtualWorld(format_world(hand, WorldSettings(seed=seed, usb_latency_ms=1.0)), counts=True)
@@ -166,11 +170,13 @@ class Soak:
         self._sequence = (self._sequence + 1) % 65536
 
     def _send_handshake(self) -> None:
+        """Send a handshake to the hub, and the command that starts the stream of frames."""
         handshake = {"tag": 1, "version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION}
         self._send(FrameType.HOST_HANDSHAKE, pack(HostHandshake, handshake))
         self._send(FrameType.COMMAND, pack(CommandPayload, {"tag": 2, "command": int(Command.START)}))
 
     def _receive(self) -> None:
+        """Decode all bytes that the emulated hub has sent, and check the frames and messages in them."""
         while data := self.world.receive():
             for batch in self._decoder.push(data):
                 self._process_batch(batch)
@@ -195,6 +201,9 @@ class Soak:
         self._send_handshake()
 
     def _process_frames(self, rows: NDArray[np.void], counts: NDArray[np.uint16]) -> None:
+        """Check the counts of received taxel frames and the gaps between them. rows: one per frame; counts: raw
+        counts of all frames, one frame after the other.
+        """
         if not len(rows):
             return
         addresses = rows["address"].tolist()
@@ -205,6 +214,10 @@ class Soak:
         self.report.frames += len(addresses)
 
     def _check_counts(self, counts: NDArray[np.uint16], addresses: list[int]) -> None:
+        """Add to the report the number of frames with a raw count that was never set on the emulated taxel.
+
+        counts: of all frames, one frame after the other. addresses: I2C address of the board of each frame.
+        """
         index = np.concatenate([self._taxel_indices[address] for address in addresses])
         difference = counts.astype(int) - self._base[index]
         is_wrong = (difference % STEP_COUNTS != 0) | (difference < 0) | (difference > STEP_COUNTS * self._step)

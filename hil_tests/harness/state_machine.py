@@ -50,6 +50,10 @@ class SkinMachine(RuleBasedStateMachine):
 
     @initialize(seed=st.integers(0, 2**16), clocks=st.sampled_from((0.0, 2e4)), baud=st.sampled_from((1e6, 1.15e5)))
     def power_up(self, seed: int, clocks: float, baud: float) -> None:
+        """Initial step of the state machine: create the emulated skin, set known raw counts, and start the stream.
+
+        seed: seed of noise and counts. clocks: spread of the clock errors of the boards, in ppm. baud: UART rate.
+        """
         settings = WorldSettings(seed=seed, clock_spread_ppm=clocks, baud=baud, usb_latency_ms=1.0)
         self.world = VirtualWorld(format_world(HAND, settings), counts=True)
         self.host = NonBlockingHost(VirtualMemoryLink(self.world, baud))
@@ -61,6 +65,7 @@ class SkinMachine(RuleBasedStateMachine):
         self.start_stream()
 
     def start_stream(self) -> None:
+        """Send a handshake to the emulated hub and the command that starts the stream of frames."""
         assert self.world is not None
         self.host.send_handshake()
         self.world.run(0.02)
@@ -74,6 +79,7 @@ class SkinMachine(RuleBasedStateMachine):
 
     @rule()
     def change_counts(self) -> None:
+        """Rule of the state machine: increase the raw count of every taxel by the same known step."""
         assert self.world is not None
         self.step += 1
         self.world.set_stimulus(self.base + STEP_COUNTS * self.step)
@@ -144,6 +150,11 @@ class SkinMachine(RuleBasedStateMachine):
         self.start_stream()
 
     def _inject(self, fault: str, address: int = 0, value: float = 0.0, second_value: float = 0.0) -> None:
+        """Inject a fault of the emulator by name. A fault beyond the capacity of the emulator's queue is noted and
+        ignored.
+
+        address: board with the fault; 0 for faults of the hub. value, second_value: parameters of the fault.
+        """
         assert self.world is not None
         try:
             self.world.inject(fault, address, value, second_value)
@@ -152,11 +163,17 @@ class SkinMachine(RuleBasedStateMachine):
 
     @invariant()
     def received_counts_were_set(self) -> None:
+        """Invariant of the state machine: received frames contain only raw counts that have been set on the
+        emulated taxels.
+        """
         if self.world is not None:
             for frame in self.host.read_frames():
                 self._check_frame(frame)
 
     def _check_frame(self, frame: TaxelFrame) -> None:
+        """Check that a frame contains raw counts that were set, that are not from the future, and that are scanned
+        in order.
+        """
         base = self.base[HAND.get_slice(frame.address)]
         difference = frame.raw_counts.astype(int) - base
         assert not (difference % STEP_COUNTS).any(), f"board 0x{frame.address:02X}: counts that were never set"
@@ -166,6 +183,9 @@ class SkinMachine(RuleBasedStateMachine):
 
     @invariant()
     def every_poll_has_one_outcome(self) -> None:
+        """Invariant of the state machine: each finished poll of a board has been counted as success or as one kind
+        of failure.
+        """
         if self.world is None:
             return
         for address, fields in self.host.board_status.items():

@@ -33,6 +33,7 @@ def _make_short_plan() -> list[PlannedGrasp]:
 
 
 def _measure_rate(run_campaign: Callable[[Path], object], count: int) -> float:
+    """Grasps per second of a campaign. run_campaign: writes a campaign of `count` grasps to the given path."""
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         start = time.perf_counter()
         run_campaign(Path(folder) / "campaign.h5")

@@ -49,6 +49,10 @@ def measure_rate(hand: Hand, sigma: float) -> float:
 
 
 def _figure(name: str, hand: Hand, tally: Tally, entropy: float) -> Figure:
+    """The row of the report that compares the coded bytes of compact frames with the entropy of their counts.
+
+    tally: bytes sent by the emulated boards. entropy: bits per taxel.
+    """
     bits = 8.0 * (tally.coded + tally.packed) / (tally.cycles * hand.n_taxels)
     hertz = SCL_HZ / tally.count_clocks(len(hand.boards))
     detail = f"{bits:.3f} bits per taxel, entropy {entropy:.3f}; the bus alone allows {hertz:.1f} Hz"

@@ -34,6 +34,9 @@ def _control(hand: AllegroHand, seconds: float) -> dict[str, float]:
     complete = 0
 
     def tick(period: int) -> None:
+        """One period of the control loop: read the joint angles of the hand, and set torques that follow a swaying
+        target pose.
+        """
         nonlocal last, complete
         hand.update()
         reading = hand.read_joint_angles()

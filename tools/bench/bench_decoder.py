@@ -22,6 +22,7 @@ CONSTRUCT_FRAMES = 200
 
 
 def _stream(path: Path) -> bytes:
+    """All bytes of a capture file, in the order in which the host received them."""
     data = bytearray()
     with CaptureLink(path) as link:
         try:
@@ -64,6 +65,7 @@ def _compare_decoders(capture: Path) -> list[Figure]:
     target = np.empty_like(file)
 
     def construct() -> None:
+        """Parse the bodies of sample frames with the library construct."""
         # Uses unstuffed, unwhitened bodies, so that only construct's own work is measured.
         for body in sample:
             Body.parse(body)

@@ -61,6 +61,9 @@ EFFECTS = (
 
 
 def _write_contacts(path: Path) -> None:
+    """Write a stimulus file with one contact on every board, whose force varies between 1 N and 9 N for `VIRTUAL_S`
+    seconds.
+    """
     hand = load_hand("allegro")
     times = np.arange(0.0, VIRTUAL_S, 0.02)
     share = sum(

@@ -23,6 +23,7 @@ def _commit() -> str:
 
 
 def _number(value: float | None) -> str:
+    """Format a number with two decimals below 10 and without decimals above; empty text for None."""
     if value is None:
         return ""
     return f"{value:.2f}" if value < 10 else f"{value:,.0f}"

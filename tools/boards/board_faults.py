@@ -107,12 +107,18 @@ def _get_lower_limit(plan: Plan, phase: str, name: str) -> float:
 
 
 def _sample_axis(rng: random.Random, kind: BoardKind) -> tuple[Axis, list[int]]:
+    """Sample whether a fault concerns a TX or an RX line. Returns the axis and the numbers of all lines of the
+    board on it.
+    """
     axis = rng.choice(list(Axis))
     lines = kind.tx if axis is Axis.TX else kind.rx
     return axis, sorted(set(lines.tolist()))
 
 
 def _sample_open_line(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
+    """Sample one TX or RX line that is interrupted. The higher the severity, the smaller the capacitance that
+    remains.
+    """
     axis, lines = _sample_axis(rng, kind)
     index = rng.choice(lines)
     stub = min(_get_lower_limit(plan, "electrical", "capacitance") / severity * REST_PF, 1.0)
@@ -121,6 +127,7 @@ def _sample_open_line(rng: random.Random, kind: BoardKind, board: str, severity:
 
 
 def _sample_short(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
+    """Sample two neighbouring TX or RX lines that are shorted."""
     axis, lines = _sample_axis(rng, kind)
     index = rng.choice(lines[:-1])
     effect = f"line short {board} axis={axis} index={index} share={rng.uniform(0.3, 0.7):.3f}"
@@ -128,6 +135,7 @@ def _sample_short(rng: random.Random, kind: BoardKind, board: str, severity: flo
 
 
 def _sample_swapped_lines(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
+    """Sample two TX or RX lines that are connected in the wrong order."""
     axis, lines = _sample_axis(rng, kind)
     first, second = rng.sample(lines, 2)
     effect = f"exchange lines {board} axis={axis} index={first} other={second}"
@@ -135,6 +143,9 @@ def _sample_swapped_lines(rng: random.Random, kind: BoardKind, board: str, sever
 
 
 def _sample_dead_taxel(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
+    """Sample one taxel with a reduced response. With severity 1 the response equals the lower limit of the test
+    plan.
+    """
     taxel = rng.randrange(kind.taxel_count)
     strength = 1.0 - _get_lower_limit(plan, "presses", "weakest") / severity
     effect = f"dead rest {board} taxel={taxel} strength={max(strength, 0.0):.4f}"
@@ -142,12 +153,17 @@ def _sample_dead_taxel(rng: random.Random, kind: BoardKind, board: str, severity
 
 
 def _sample_stuck_taxel(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
+    """Sample one taxel whose raw count is constant."""
     taxel = rng.randrange(kind.taxel_count)
     effect = f"dead stuck {board} taxel={taxel} value={rng.randrange(6400)}"
     return [effect], frozenset({"dead taxel"}), format_taxel_name(taxel)
 
 
 def _make_gain_sampler(component: str) -> Sampler:
+    """Create a sampler of a gain that is too low for the whole board. component: part of the board with the low
+    gain.
+    """
+
     def sample(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
         factor = _get_lower_limit(plan, "presses", "response") / severity / SIGNAL_COUNTS
         return [f"gain {component} {board} factor={factor:.4f}"], frozenset({"low gain"}), "board"
@@ -166,6 +182,7 @@ _NOISE: Final = {
 
 
 def _make_noise_sampler(family: str) -> Sampler:
+    """Create a sampler of noise on the whole board. family: kind of noise, a key of `_NOISE`."""
     effect, limit, name = _NOISE[family]
 
     def sample(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
@@ -176,12 +193,14 @@ def _make_noise_sampler(family: str) -> Sampler:
 
 
 def _sample_impulses(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
+    """Sample impulse noise on the whole board, with 1 to 10 impulses per second."""
     counts = severity * _get_upper_limit(plan, "noise", "impulse")
     effect = f"noise impulse {board} counts={counts:.3f} rate_hz={rng.uniform(1.0, 10.0):.3f}"
     return [effect], frozenset({"impulses"}), "board"
 
 
 def _sample_warm_up(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
+    """Sample the drift of a board that warms up. With severity 1, the drift equals the limit of the test plan."""
     effect = f"drift warm_up {board} seconds={rng.uniform(30.0, 600.0):.2f}"
     target = severity * _get_upper_limit(plan, "drift", "board") * TWIN_S / 60.0
 
@@ -192,6 +211,9 @@ def _sample_warm_up(rng: random.Random, kind: BoardKind, board: str, severity: f
 
 
 def _sample_random_drift(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
+    """Sample a random drift of the whole board. With severity 1, the change of the mean equals the limit of the
+    test plan.
+    """
     effect = f"drift wander {board} seconds={rng.uniform(1.0, 10.0):.2f}"
     target = severity * _get_upper_limit(plan, "noise", "wander")
 

@@ -26,6 +26,11 @@ def _select_faults(results: Sequence[Result]) -> list[Result]:
 
 
 def _format_rows(results: Sequence[Result]) -> list[tuple[str, int, int, int, int]]:
+    """Rows of the detection table, one per family of faults.
+
+    Columns: family; number of faulty boards; boards refused; faults named correctly; faults named correctly without
+    any other finding.
+    """
     rows = []
     for family in FAMILIES:
         family_results = [result for result in _select_faults(results) if result.case.family == family.name]

@@ -115,6 +115,7 @@ def _load_small_gicp() -> Operations:
     import small_gicp
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:
+        """Transform f64[4, 4] that aligns `points` with `target`, both f64[n, 3], by the ICP of small_gicp."""
         cloud = small_gicp.PointCloud(target)
         result = small_gicp.align(
             cloud,
@@ -142,6 +143,9 @@ def _load_open3d() -> Operations:
         return open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:
+        """Transform f64[4, 4] that aligns `points` with `target`, both f64[n, 3], by the point-to-point ICP of
+        Open3D.
+        """
         criteria = registration.ICPConvergenceCriteria(TOLERANCE, TOLERANCE, MAX_ITERATIONS)
         method = registration.TransformationEstimationPointToPoint()
         result = registration.registration_icp(
@@ -150,6 +154,7 @@ def _load_open3d() -> Operations:
         return np.array(result.transformation)
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
+        """Distances f64[n] of `points` f64[n, 3] to a triangle mesh, by the ray casting scene of Open3D."""
         scene = open3d.t.geometry.RaycastingScene(nthreads=1)
         scene.add_triangles(vertices.astype(np.float32), faces.astype(np.uint32))
         return np.asarray(scene.compute_distance(points.astype(np.float32), nthreads=1).numpy(), dtype=np.float64)
@@ -162,6 +167,7 @@ def _load_trimesh() -> Operations:
     import trimesh  # type: ignore[import-not-found,unused-ignore]
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:
+        """Transform f64[4, 4] that aligns `points` with `target`, both f64[n, 3], by the ICP of trimesh."""
         return np.asarray(
             trimesh.registration.icp(
                 points, target, threshold=TOLERANCE, max_iterations=MAX_ITERATIONS, reflection=False, scale=False
@@ -176,6 +182,7 @@ def _load_trimesh() -> Operations:
 
 
 def _load_igl() -> Operations:
+    """Operations of libigl: distances of points to a triangle mesh."""
     import igl
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
@@ -185,6 +192,7 @@ def _load_igl() -> Operations:
 
 
 def _load_point_cloud_utils() -> Operations:
+    """Operations of point_cloud_utils: distances of points to a triangle mesh."""
     import point_cloud_utils  # type: ignore[import-not-found,unused-ignore]
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:

@@ -93,6 +93,9 @@ class CloudCompare:
         return "-SAVE_CLOUDS", "FILE", " ".join([f"{name}.asc", "other.asc"][:clouds])
 
     def _read_table(self, name: str) -> FloatArray:
+        """Read the text table `name`.asc that CloudCompare has written. Raises `RuntimeError` if the file does not
+        exist.
+        """
         path = self.folder / f"{name}.asc"
         if not path.exists():
             raise RuntimeError(f"{path.name}: expected a file of CloudCompare, found none")

@@ -123,6 +123,7 @@ def _print_files(results: dict[str, Result]) -> None:
 
 
 def _print_speed(results: dict[str, Result]) -> None:
+    """Print a table of the computing times in ms: one row per file operation, one column per library."""
     operations = sorted({operation for result in results.values() for operation in result["speed_ms"]})
     print(f"\n| milliseconds | {' | '.join(results)} |")
     print("|---|" + "---|" * len(results))
@@ -132,6 +133,7 @@ def _print_speed(results: dict[str, Result]) -> None:
 
 
 def _read_licence(package: str) -> str:
+    """Licence of an installed Python package, according to its metadata."""
     fields = metadata.metadata(package)
     classifiers: list[str] = fields.get_all("Classifier") or []
     licences = [line.rpartition(" :: ")[2] for line in classifiers if line.startswith("License ::")]

@@ -155,6 +155,7 @@ def _dependencies(package: str) -> set[str]:
 
 
 def _measure_own_size(package: str) -> float:
+    """Size in MB of the installed files of a Python package, without the packages that it requires."""
     files = metadata.files(package) or []
     paths = [Path(str(file.locate())) for file in files]
     return sum(path.stat().st_size for path in paths if path.is_file()) / MEGABYTE

@@ -67,6 +67,7 @@ def load_taxel() -> FileLibrary:
     from taxel.cloud.mesh import TriangleMesh
 
     def read_points(path: Path) -> Contents:
+        """Read a point cloud file with taxel, including grasp names, counts and inactive points."""
         cloud = read_cloud(path)
         named = any(cloud.grasps)
         return Contents(
@@ -110,6 +111,7 @@ def load_trimesh() -> FileLibrary:
             return trimesh.load(file, file_type=path.suffix[1:], process=False)
 
     def read_ply(path: Path) -> Contents:
+        """Read a PLY point cloud with trimesh, from the raw elements that trimesh keeps as metadata."""
         elements = load(path).metadata["_ply_raw"]
         tables = {
             name: {key: np.ravel(element["data"][key]) for key in element["properties"]}
@@ -144,11 +146,13 @@ def load_meshio() -> FileLibrary:
     import meshio  # type: ignore[import-not-found,unused-ignore]
 
     def read_points(path: Path) -> Contents:
+        """Read a PLY point cloud with meshio."""
         mesh = meshio.read(path, file_format="ply")
         columns = {name: np.asarray(column, np.float64) for name, column in mesh.point_data.items()}
         return build_contents({**dict(zip("xyz", np.asarray(mesh.points, np.float64).T, strict=True)), **columns}, None)
 
     def read_triangles(path: Path) -> Contents:
+        """Read a triangle mesh with meshio. The suffix of the file selects the format."""
         mesh = meshio.read(path, file_format=path.suffix[1:])
         faces = np.asarray(mesh.cells_dict["triangle"], np.int64)
         return Contents(vertices=np.asarray(mesh.points, np.float64), faces=faces)
@@ -177,6 +181,7 @@ def load_plyfile() -> FileLibrary:
         return {name: np.asarray(element.data[name], np.float64) for name in element.data.dtype.names}
 
     def read_points(path: Path) -> Contents:
+        """Read a PLY point cloud with plyfile. The names of the grasps are in comments of the file."""
         data = plyfile.PlyData.read(path)
         tables = {element.name: read_columns(element) for element in data.elements}
         contents = build_contents(tables["vertex"], tables.get("silent"))
@@ -185,18 +190,21 @@ def load_plyfile() -> FileLibrary:
         return contents
 
     def read_triangles(path: Path) -> Contents:
+        """Read a PLY triangle mesh with plyfile."""
         data = plyfile.PlyData.read(path)
         points = np.column_stack([np.asarray(data["vertex"][axis], np.float64) for axis in "xyz"])
         faces = np.stack(list(data["face"]["vertex_indices"])).astype(np.int64)
         return Contents(vertices=points, faces=faces)
 
     def write_points(path: Path, table: Table) -> None:
+        """Write columns of numbers as the vertices of a PLY text file with plyfile."""
         rows = np.empty(len(table["x"]), [(name, "f8") for name in table])
         for name, column in table.items():
             rows[name] = column
         plyfile.PlyData([plyfile.PlyElement.describe(rows, "vertex")], text=True).write(path)
 
     def write_triangles(path: Path, vertices: FloatArray, faces: IntArray) -> None:
+        """Write a triangle mesh as a PLY text file with plyfile. vertices: f64[v, 3]; faces: i64[t, 3]."""
         corners = np.empty(len(faces), [("vertex_indices", "i4", (3,))])
         corners["vertex_indices"] = faces
         points = np.array([tuple(row) for row in vertices.tolist()], [(axis, "f8") for axis in "xyz"])
@@ -217,11 +225,13 @@ def load_pypcd4() -> FileLibrary:
     import pypcd4  # type: ignore[import-not-found,unused-ignore]
 
     def read_points(path: Path) -> Contents:
+        """Read a PCD point cloud with pypcd4."""
         cloud = pypcd4.PointCloud.from_path(path)
         names = cloud.fields
         return build_contents({name: np.asarray(cloud.pc_data[name], np.float64) for name in names}, None)
 
     def write_points(path: Path, table: Table) -> None:
+        """Write columns of numbers as a PCD text file with pypcd4."""
         columns = list(table.values())
         pypcd4.PointCloud.from_points(columns, tuple(table), (np.float64,) * len(columns)).save(
             path, pypcd4.Encoding.ASCII

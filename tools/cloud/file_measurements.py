@@ -223,6 +223,7 @@ def _read_and_check(reader: Reader, path: Path) -> str:
 
 
 def _is_usable(contents: Contents) -> bool:
+    """Whether file contents can be processed further: points are finite and not empty, and all indices are in range."""
     values = contents.points if contents.vertices is None else contents.vertices
     if values is None or not len(values) or not np.isfinite(values).all():
         return False
@@ -234,12 +235,14 @@ def _is_usable(contents: Contents) -> bool:
 
 
 def _silence_standard_streams() -> None:
+    """Redirect standard output and standard error of this process, including C libraries, to the null device."""
     with open(os.devnull, "w") as null:
         os.dup2(null.fileno(), 1)
         os.dup2(null.fileno(), 2)
 
 
 def _measure_median_ms(run: Callable[[], object]) -> float:
+    """Median processor time of `REPEATS` calls of a function, in ms."""
     seconds = []
     for _ in range(REPEATS):
         started = time.process_time()

@@ -91,18 +91,21 @@ def format_enumeration(enum: type[IntEnum]) -> list[str]:
 
 
 def _format_member(field: Field) -> str:
+    """The C declaration of a message field as a struct member: an integer or an array of bytes."""
     if field.is_bytes:
         return f"    uint8_t {field.name}[{field.size}];"
     return f"    {C_TYPES[field.code]} {field.name};"
 
 
 def _pack_line(field: Field) -> str:
+    """The line of C code that copies a field from the struct `value` to its offset in the message bytes."""
     if field.is_bytes:
         return f"    memcpy(bytes + {field.offset}, value->{field.name}, {field.size});"
     return f"    taxel_put_u{8 * field.size}(bytes + {field.offset}, value->{field.name});"
 
 
 def _unpack_line(field: Field) -> str:
+    """The line of C code that copies a field from its offset in the message bytes to the struct `value`."""
     if field.is_bytes:
         return f"    memcpy(value->{field.name}, bytes + {field.offset}, {field.size});"
     return f"    value->{field.name} = taxel_get_u{8 * field.size}(bytes + {field.offset});"

@@ -61,6 +61,9 @@ class Streams:
     """Collects damaged streams. Most streams consist of the three frames A, B and C."""
 
     def __init__(self, frames: Mapping[str, Sent]) -> None:
+        """Create an empty collection of test streams with damage. frames: valid frames by name, of which three are
+        damaged.
+        """
         self.frames = frames
         self.rng = random.Random(SEED)
         self.vectors: list[dict[str, Any]] = []

@@ -38,6 +38,11 @@ def _build_identity(name: str, values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _build_settings(name: str, address: int, numbers: Sequence[int]) -> dict[str, Any]:
+    """Build a test vector of the settings register of a board.
+
+    address: I2C address of the board, which is part of the CRC. numbers: values of all fields except the CRC, in
+    order.
+    """
     fields = [field.name for field in list_fields(registers.SettingsRegister)][:-1]
     values = dict(zip(fields, numbers, strict=True))
     without_crc = registers.SettingsRegister.build(nest(registers.SettingsRegister, values | {"crc32": 0}))[:-4]
@@ -65,6 +70,7 @@ def _build_snapshot(name: str, address: int, header: tuple[int, int], counts: Se
 
 
 def _build_compact() -> list[dict[str, Any]]:
+    """Build test vectors of the registers for compact snapshots, with random field values."""
     rng = random.Random(SEED + 1)  # a separate generator: the vectors of version 1 do not change
     vectors = []
     for name in ("compact_packed", "compact_delta", "compact_acknowledge"):

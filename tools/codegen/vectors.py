@@ -84,6 +84,7 @@ def sample(
 
 
 def _encode(frame_type: FrameType, sequence: int, payload: Mapping[str, Any]) -> dict[str, str]:
+    """Hexadecimal texts of a frame: its payload, its body with header and CRC, and its encoded bytes on the wire."""
     content = {"type": int(frame_type), "sequence": sequence, "payload": payload}
     body = Body.build({"content": {"value": content}})
     return {"payload": body[5:-4].hex(), "body": body.hex(), "wire": WireFrame.build(content).hex()}
@@ -157,6 +158,9 @@ def build_every_type(rng: random.Random, types: Sequence[FrameType]) -> list[Sam
 
 
 def _inner(name: str, values: Mapping[str, Any], tail: bytes = b"") -> tuple[bytes, dict[str, Any]]:
+    """Build a struct that is the tail of a command or a reply. Returns its bytes, and its fields as an entry of the
+    file.
+    """
     definition = INNER[name]
     flat = dict(values)
     if find_tail_name(definition):

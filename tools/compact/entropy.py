@@ -116,6 +116,7 @@ class Skin:
     """Emulated boards, polled at register A0."""
 
     def __init__(self, world: VirtualWorld, hand: Hand) -> None:
+        """Create the host of emulated boards whose compact snapshots are polled, and acknowledged two cycles later."""
         self.world, self.hand = world, hand
         self.sizes = {board.address: board.kind.taxel_count for board in hand.boards}
         self.link = _QueueLink()
@@ -124,6 +125,10 @@ class Skin:
         self._sequence = 0
 
     def _queue_acknowledgements(self, payload: bytes) -> None:
+        """Queue the acknowledgements that the host has sent, to be written to the boards two cycles later.
+
+        payload: three bytes per board: I2C address with the bit "forget", id of the key frame.
+        """
         for i in range(0, len(payload), 3):
             forget = payload[i] & ACKNOWLEDGE_FORGET
             self._pending[-1][payload[i] & 0x7F] = b"\0" if forget else payload[i + 1 : i + 3]

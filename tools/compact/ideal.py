@@ -32,6 +32,11 @@ def compute_noise_entropy(sigma: float, phases: int = 64) -> float:
 
 
 def _compute_cumulative(distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cumulative distribution function with which the compact coder models the residual of a count.
+
+    distance: residual divided by the scale of the taxel. The density is a normal one plus a small share of a Cauchy
+    one.
+    """
     limited = np.clip(distance, -REACH, REACH)
     wide = 0.5 + np.arctan(limited / CAUCHY_WIDTH) / (2 * math.atan(REACH / CAUCHY_WIDTH))
     probability: NDArray[np.float64] = (1 - CAUCHY_SHARE) * ndtr(limited) + CAUCHY_SHARE * wide

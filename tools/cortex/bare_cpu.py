@@ -119,6 +119,12 @@ class BareCpu:
         multiply: int = 1,
         halt_on_fault: bool = False,
     ) -> None:
+        """Create an emulated Cortex-M0 without peripherals.
+
+        flash_size, ram_size: bytes. flash_wait: wait states of a flash access. multiply: cycles of a
+        multiplication. halt_on_fault: stop at a hard fault instead of executing its handler. Raises
+        `CortexLibraryError` for wrong sizes.
+        """
         self._library = load_cortex_library()
         halt_flags = 1 | (2 if halt_on_fault else 0)
         self._handle = self._library.taxel_cortex_m0_open(flash_size, ram_size, flash_wait, multiply, halt_flags)
@@ -210,4 +216,5 @@ class BareCpu:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        """Free the emulated processor."""
         self.close()

@@ -90,6 +90,7 @@ def build_image(name: str, optimisation: str = "-Os") -> Image:
 
 
 def _run(command: list[str]) -> None:
+    """Run a compiler command. Raises `ImageError` with the first error message of the command if the command fails."""
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode:
         lines = result.stderr.strip().splitlines()
@@ -127,6 +128,9 @@ class UnicornRun:
     """A program in Unicorn."""
 
     def __init__(self, image: Image) -> None:
+        """Load a compiled program into the processor emulator Unicorn. Raises `UnicornMissingError` if it is not
+        installed.
+        """
         try:
             self._u: Any = importlib.import_module("unicorn")
             self._arm: Any = importlib.import_module("unicorn.arm_const")
@@ -144,6 +148,9 @@ class UnicornRun:
         self._ended = False
 
     def _on_interrupt(self, engine: Any, number: int, _: object) -> None:
+        """Handle an exception of the emulated program: a breakpoint that requests output of a text; any other one
+        ends the run.
+        """
         if number != INTERRUPT_BREAKPOINT or engine.reg_read(self._arm.UC_ARM_REG_R0) != SYS_WRITE0:
             self._ended = True
             engine.emu_stop()

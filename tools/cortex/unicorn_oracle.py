@@ -62,6 +62,11 @@ class UnicornOracle:
     """Cortex-M0 in Unicorn with the memory of `bare_cpu.BareCpu()`. Raises `UnicornMissingError`."""
 
     def __init__(self) -> None:
+        """Create a Cortex-M0 in the emulator Unicorn, with the same flash and RAM as `BareCpu`, for comparison with
+        `BareCpu`.
+
+        Raises `UnicornMissingError` if Unicorn is not installed.
+        """
         self._u, self._arm, self._library = _load_unicorn()
         self._handle = ctypes.c_void_p()
         self._call("open", self._u.UC_ARCH_ARM, self._u.UC_MODE_THUMB, ctypes.byref(self._handle), handle=False)
@@ -73,6 +78,10 @@ class UnicornOracle:
         self._prepare_batches()
 
     def _call(self, name: str, *arguments: Any, handle: bool = True) -> int:
+        """Call the C function uc_`name` of Unicorn. Raises `UnicornMissingError` if the function returns an error.
+
+        handle: whether the first argument is the handle of the emulator.
+        """
         function = getattr(self._library, f"uc_{name}")
         result = int(function(self._handle, *arguments) if handle else function(*arguments))
         if result:
@@ -88,6 +97,8 @@ class UnicornOracle:
         self._call("mem_map", ctypes.c_uint64(address), ctypes.c_uint64(size), ctypes.c_uint32(rights))
 
     def _hook_interrupts(self) -> None:
+        """Stop the emulation at each exception of the program and store the number of the exception."""
+
         def on_interrupt(_: int, number: int, __: int) -> None:
             self._interrupt = number
             self._library.uc_emu_stop(self._handle)
@@ -121,6 +132,11 @@ class UnicornOracle:
 
     @staticmethod
     def _batch(registers: list[int], word_indices: list[int], words: NDArray[np.uint32]) -> tuple[Any, Any, int]:
+        """Arguments of a Unicorn function that transfers several registers in one call.
+
+        registers: register numbers of Unicorn. word_indices: index in `words` of the value of each register.
+        Returns the array of register numbers, the array of pointers to the values, and their count.
+        """
         numbers = (ctypes.c_int * len(registers))(*registers)
         pointers = (ctypes.c_void_p * len(registers))(
             *(words.ctypes.data + 4 * word_index for word_index in word_indices)
@@ -181,4 +197,5 @@ class UnicornOracle:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        """Free the emulated processor."""
         self.close()

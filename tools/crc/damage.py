@@ -67,6 +67,9 @@ def _sample_positions(frames: ByteArray, rng: np.random.Generator) -> NDArray[np
 
 
 def _change_bytes(frames: ByteArray, rng: np.random.Generator, places: NDArray[np.int64]) -> ByteArray:
+    """Replace one byte of each frame by a different nonzero byte. frames: u8[n, size]; places: index of the byte,
+    i64[n].
+    """
     out = frames.copy()
     rows = np.arange(len(frames))
     shift = rng.integers(1, 255, len(frames), dtype=np.uint8)

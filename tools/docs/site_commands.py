@@ -41,6 +41,7 @@ def _format_help(text: str) -> str:
 
 
 def _make_rows(params: list[Any]) -> list[str]:
+    """Markdown table of the arguments and options of a command; empty if the command has none."""
     rows = ["| argument or option | meaning | default |", "|---|---|---|"]
     for param in params:
         name = ", ".join(param.opts) if param.param_type_name == "option" else (param.metavar or param.name.upper())
@@ -50,6 +51,9 @@ def _make_rows(params: list[Any]) -> list[str]:
 
 
 def _format_default(param: Any) -> str:
+    """Text for the default value of a command-line parameter: "required", the value, or empty if there is no
+    default.
+    """
     if param.required:
         return "required"
     value = param.default

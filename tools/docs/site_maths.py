@@ -13,6 +13,7 @@ def convert_formulas(text: str) -> str:
 
 
 def _convert_block(latex: str) -> str:
+    """Convert a LaTeX formula, whose lines are separated by double backslashes, to MathML in an HTML block."""
     lines = [line.removesuffix(r"\\").strip() for line in latex.strip().splitlines()]
     shown = "".join(convert(line, display="block") for line in lines if line)
     return f'<div class="formula">{shown}</div>\n'

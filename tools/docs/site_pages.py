@@ -57,6 +57,9 @@ def read_title(page: Path) -> str:
 
 
 def _copy_linked(root: Path, path: Path, out: Path) -> None:
+    """Copy a file of the repository, to which a page links, to the same place in the site. Markdown pages are not
+    copied.
+    """
     path = path.resolve()
     if path.is_file() and path.suffix != ".md" and path.is_relative_to(root):
         copy = out / path.relative_to(root)
@@ -68,6 +71,7 @@ def _link_readmes(folder: Path, text: str) -> str:
     """Text in which a link to a folder is a link to its README, which a Git host shows for the folder."""
 
     def link_readme(link: re.Match[str]) -> str:
+        """Replace the target of a link to a folder by the README.md in this folder."""
         before, target, anchor, after = link.groups(default="")
         if not target.startswith(OUTSIDE) and (folder / target / "README.md").is_file():
             target = target.rstrip("/") + "/README.md"

@@ -47,6 +47,9 @@ class Drawing:
     """
 
     def __init__(self, width: int, height: int, description: str) -> None:
+        """Create an empty SVG drawing. width, height: pixels. description: text for readers who do not see the
+        drawing.
+        """
         self.width, self.height = width, height
         self._parts = [
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" role="img">',

@@ -28,6 +28,7 @@ def measure_busy_cycles(image: Path, address: int, frames: Literal["plain", "com
     ):
 
         def run(seconds: float) -> None:
+            """Read frames from the emulated hub for a virtual time in seconds."""
             end = world.now_s + seconds
             while world.now_s < end:
                 skin.poll(0.01)

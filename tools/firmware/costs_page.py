@@ -103,6 +103,7 @@ def parse_costs(header: str) -> dict[str, str]:
 
 
 def _format_board_line(board: BoardCycles) -> str:
+    """The table row of a board kind: cycles of a scan and a poll, and their share of the cycles available."""
     share = (board.scan + board.poll) / board.budget
     numbers = f"{board.taxels} | {board.scan:,} | {board.poll:,} | {board.length:,} | {share:.0%}"
     return f"| {board.kind} | {numbers} |"

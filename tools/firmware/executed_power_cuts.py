@@ -65,11 +65,15 @@ class _Board:
     """The board under test and the version that it runs."""
 
     def __init__(self, world: VirtualWorld, images: Path) -> None:
+        """Create the access to an emulated board that executes compiled firmware. images: folder of the firmware
+        images.
+        """
         self.world, self.images = world, images
         self.route = BoardRoute(world, through_hub=False)
         self.version = self._read_version()
 
     def _read_version(self) -> Version:
+        """Firmware version that the board runs. Raises `TaxelError` if no application starts."""
         version = self.route.version()
         if version is None:
             raise TaxelError("bricked: no application starts")
@@ -101,6 +105,7 @@ class _Board:
         result.updates += 1
 
     def _try(self, firmware: Firmware) -> str | None:
+        """Write the firmware to the board. Returns the error message of a failed update, or None."""
         try:
             self.route.update(firmware)
         except TaxelError as error:

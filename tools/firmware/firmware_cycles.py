@@ -111,6 +111,7 @@ def measure_hub(hand: Hand, image: Path) -> HubCycles:
     with VirtualWorld(text, files={HUB_IMAGE: image}) as world, Skin(VirtualMemoryLink(world), hand) as skin:
 
         def stream(seconds: float) -> int:
+            """Number of frames that the emulated hub delivers within a virtual time in seconds."""
             end, frames = world.now_s + seconds, 0
             while world.now_s < end:
                 frames += len(skin.poll(0.01))

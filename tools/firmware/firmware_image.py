@@ -85,6 +85,7 @@ def build_slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, in
 
 
 def _device(linked: LinkedImage) -> BootDevice:
+    """Whether a linked firmware image is for a board or for the hub, according to its symbol `image_device`."""
     value = linked.symbol("image_device")
     if value not in LAYOUTS:
         _fail(linked.path, "image_device", "1 (board) or 2 (hub)", str(value), "link it again")

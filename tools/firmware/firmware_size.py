@@ -138,6 +138,7 @@ def with_cycles(sizes: dict[str, Size], counted: FirmwareCycles) -> dict[str, Si
 
 
 def _format_cycles(cycles: dict[str, int] | None) -> str:
+    """Text such as "scan 120 + poll 30 of 200" for processor cycles by name; the key "of" is the number available."""
     if cycles is None:
         return ""
     parts = [f"{name} {count:,}" for name, count in cycles.items() if name != "of"]

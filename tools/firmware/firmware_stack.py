@@ -121,6 +121,7 @@ def _read_instruction(routine: Routine, begin: int, mnemonic: str, operands: str
 
 
 def _register_count(operands: str) -> int:
+    """Number of registers in the operand list of an ARM instruction; "{r4-r7, lr}" has 5."""
     count = 0
     for part in operands.strip("{}").split(","):
         first, _, last = part.strip().partition("-")
@@ -149,6 +150,11 @@ class CallGraph:
     def __init__(
         self, image: LinkedImage, routines: dict[int, Routine], noted: dict[str, int], table: CallTable
     ) -> None:
+        """Create the call graph of a linked firmware image, from which the largest stack depth is computed.
+
+        routines: disassembled functions by address. noted: bytes of the stack frames by function name, from the
+        compiler. table: permitted targets of calls through function pointers.
+        """
         self._path = image.path
         self._routines = routines
         self._table = table
@@ -174,6 +180,7 @@ class CallGraph:
         return names
 
     def _list_callees(self, address: int) -> set[int]:
+        """Addresses of the functions that a function may call, directly or through a function pointer."""
         routine = self._routines[address]
         callees = set(routine.calls)
         if routine.uses_pointer:
@@ -216,6 +223,7 @@ class CallGraph:
 
 
 def _matches(name: str, patterns: list[str]) -> bool:
+    """Whether a function name matches one of the shell patterns and none of the patterns that begin with "!"."""
     if any(fnmatchcase(name, pattern[1:]) for pattern in patterns if pattern.startswith("!")):
         return False
     return any(fnmatchcase(name, pattern) for pattern in patterns)

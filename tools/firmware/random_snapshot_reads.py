@@ -52,6 +52,11 @@ class _Board:
     """The board, its increasing stimulus, and the snapshots read from it."""
 
     def __init__(self, world: VirtualWorld, address: int, taxels: int, seed: int) -> None:
+        """Create the access to an emulated board whose raw counts increase with time, and select its snapshot
+        register.
+
+        address: I2C address. taxels: number of taxels. seed: of the random times at which snapshots are read.
+        """
         self._world, self._address, self._taxels = world, address, taxels
         self._random = np.random.default_rng(seed)
         self._value, self._steps_s = 1, 0.0

@@ -96,6 +96,11 @@ class _Provision:
         sequence: CutSequence,
         result: WorldResult,
     ) -> None:
+        """Prepare the write of a new configuration to a board during which its power is cut.
+
+        board: number of the board in the emulator. unique_id: id of the processor. index: number of this write in
+        the series. sequence: planned power cuts. result: receives one record per cut.
+        """
         self.world, self.bench, self.board, self.unique_id = world, bench, board, unique_id
         self.sequence, self.result = sequence, result
         self.present_address, address = bench.addresses(board)
@@ -139,6 +144,7 @@ class _Provision:
         return outcome
 
     def _classify_outcome(self, configuration: dict[str, Any] | None) -> str:
+        """The state of a board after a power cut: "old" or "new" configuration, bricked, or damaged."""
         if not self.bench.is_alive(self.board, self.unique_id, configuration):
             return BRICKED
         if configuration == self.old_configuration:
@@ -146,6 +152,7 @@ class _Provision:
         return "new" if configuration is not None and self._matches_entry(configuration) else DAMAGED
 
     def _matches_entry(self, configuration: dict[str, Any]) -> bool:
+        """Whether a configuration in flash equals the entry that was written."""
         entry = self.entry
         assert entry.serial_number is not None
         assert entry.idac_codes is not None

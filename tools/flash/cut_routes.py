@@ -46,6 +46,9 @@ class NeighbourMonitor:
     """Monitors the frames of a neighbour board while the hub polls and another board loses power."""
 
     def __init__(self, client: HubClient) -> None:
+        """Start the stream of the hub, in order to measure the longest time without a frame of a board that keeps
+        its power.
+        """
         self.client = client
         self.longest_gap_s = 0.0
         self._last_s: float | None = None
@@ -71,6 +74,9 @@ class BoardRoute:
     address = BOARD
 
     def __init__(self, world: VirtualWorld, through_hub: bool) -> None:
+        """Connect to an emulated board through the hub or, otherwise, through an I2C adapter while the hub also
+        polls.
+        """
         self.wire: BoardWire
         link = VirtualMemoryLink(world)
         if through_hub:

@@ -79,6 +79,11 @@ class _Update:
     def __init__(
         self, world: VirtualWorld, route: Route, plan: WorldPlan, index: int, sequence: CutSequence, result: WorldResult
     ) -> None:
+        """Prepare a firmware update during which the power is cut.
+
+        route: access to the board or the hub to update. index: number of the update, which determines the new
+        version. sequence: planned power cuts. result: receives one record per cut.
+        """
         self.world = world
         self.route = route
         self.sequence = sequence
@@ -113,6 +118,7 @@ class _Update:
         raise CampaignError(f"{RUNS_MAX} runs of the command did not finish the update; {cause}")
 
     def _try(self) -> str | None:
+        """Run the update command once. Returns the error message of a failed update, or None."""
         try:
             self.route.update(self.firmware)
         except TaxelError as error:
@@ -140,6 +146,11 @@ class _Update:
         return self.world.count_power_cuts(self.route.address) - self.cuts_before
 
     def _record_cuts(self, version: tuple[int, int, int] | None) -> int:
+        """Record the new power cuts with the version that runs afterwards. Returns the number of cuts of this
+        update so far.
+
+        Raises `CampaignError` if the device does not start or its flash is damaged.
+        """
         cuts = self.world.read_power_cuts(self.route.address, self.cuts_before)
         outcome = self._classify_outcome(version)
         for i, cut in enumerate(cuts[self.recorded_count :], start=self.recorded_count):
@@ -152,6 +163,9 @@ class _Update:
         return len(cuts)
 
     def _classify_outcome(self, version: tuple[int, int, int] | None) -> str:
+        """The state after a power cut: "old" or "new" version, bricked (no version runs), or damaged (wrong bytes
+        in flash).
+        """
         if version is None:
             return BRICKED
         flash = self.world.read_flash(self.route.address).data
@@ -164,6 +178,9 @@ class _Update:
         return "old" if version == self.old_version else DAMAGED
 
     def _check_end(self) -> None:
+        """Check that the new image runs and is confirmed after a successful update. Raises `CampaignError`
+        otherwise.
+        """
         flash = self.world.read_flash(self.route.address).data
         if self._classify_outcome(self.route.version()) != "new" or find_confirmed_slot(flash) != 1 - self.old_slot:
             raise CampaignError("the command reported success, but the new image does not run confirmed")

@@ -126,6 +126,7 @@ def render_text(tally: Tally, seed: int) -> str:
 
 
 def _format_columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of a text table with aligned columns: the first column to the left, the others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         "  ".join(

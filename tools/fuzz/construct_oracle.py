@@ -68,6 +68,11 @@ def _parse_frame(wire: bytes, body: bytes, directions: int) -> Frame | None:
 
 
 def _find_first_frame(chunk: bytes, directions: int) -> tuple[int, Frame] | None:
+    """The first valid frame at the start of a chunk of received bytes, and the number of its encoded bytes; None if
+    none.
+
+    directions: bit mask of the permitted directions (host to hub, hub to host).
+    """
     if len(chunk) < 2 or chunk[0] == 1 or chunk[1] ^ WHITENING_SEED not in _TYPES:
         return None  # not a defined frame type, independent of the later bytes (code 01 unstuffs to type A5)
     for end, body in _list_block_ends(chunk):
@@ -116,6 +121,11 @@ class Losses:
 
 
 def _count_board(losses: Losses, last: dict[int, tuple[int, int]], payload: bytes) -> None:
+    """Count a received taxel frame for its board: as valid or damaged, and the frames missing since the previous
+    one.
+
+    last: previous cycle and scan number of each board, by I2C address; updated. payload: of the taxel frame.
+    """
     address = payload[0]
     cycle, scan = int.from_bytes(payload[2:4], "little"), int.from_bytes(payload[8:10], "little")
     is_valid = crc32(payload[8:-4], crc32(payload[:1])) == int.from_bytes(payload[-4:], "little")

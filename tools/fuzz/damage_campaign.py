@@ -47,6 +47,7 @@ class Decoders:
     """The decoders under test; each method decodes a complete stream."""
 
     def __init__(self) -> None:
+        """Load the C library of the codec and create the decoders under test."""
         self._library = load_codec_library()
         self._deframer = Deframer(self._library)
         self._decoder = StreamDecoder()
@@ -65,6 +66,7 @@ class Decoders:
 
 
 def _list_taxel_frames(batch: Batch) -> list[Frame]:
+    """The taxel frames of a decoded batch as (type, sequence, payload bytes), for a comparison with another decoder."""
     names = ("address", "size", "cycle", "hub_time_us", "board_sequence", "board_time_us", "sequence", "offset")
     frames = []
     for row in batch.taxel_rows[list(names)].tolist() if len(batch.taxel_rows) else []:

@@ -59,6 +59,7 @@ class Outcome:
 
 
 def _run_command(command: list[str]) -> str:
+    """Run a command. Returns its standard output; raises `FuzzError` with the last line of its output if it fails."""
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode:
         lines = (result.stdout + result.stderr).strip().splitlines()

@@ -107,6 +107,9 @@ class Frames:
 
 
 def _correct(values: FloatArray, time_s: FloatArray, is_valid: BoolArray) -> FloatArray:
+    """Interpolate invalid counts in time between the valid counts of the same taxel. values, is_valid: [T, n];
+    time_s: f64[T].
+    """
     corrected = np.zeros_like(values)
     for taxel in range(N_TAXELS):
         rows = is_valid[:, taxel]

@@ -53,6 +53,10 @@ def main() -> None:
 
 
 def _make_panel(scene: Scene, approach: Approach, size: int) -> tuple[NDArray[np.uint8], str]:
+    """Simulate the grasp of one approach. Returns a picture of the final pose, and a text with the contact forces.
+
+    size: width and height of the picture in pixels.
+    """
     motion = simulate_grasp(scene, approach, Timeline(baseline_s=0.0, release_s=0.0, recovery_s=0.0))
     force = np.linalg.norm(motion.wrench[-1, :, :3], axis=1)
     text = f"{int((force > CONTACT_N).sum())} boards, {force.sum():.0f} N total, largest {force.max():.1f} N"
@@ -93,12 +97,14 @@ def _make_camera(scene: Scene, approach: Approach, palm: NDArray[np.float64]) ->
 
 
 def _set_pose(model: mujoco.MjModel, data: mujoco.MjData, body: str, pose: NDArray[np.float64]) -> None:
+    """Move a MuJoCo mocap body to a pose. pose: transform f64[4, 4]."""
     index = model.body_mocapid[model.body(body).id]
     data.mocap_pos[index] = pose[:3, 3]
     data.mocap_quat[index] = to_quaternion(pose)
 
 
 def _save_picture(panels: list[tuple[Approach, NDArray[np.uint8], str]], path: Path) -> None:
+    """Save the pictures of all approaches as one figure. panels: approach, picture, text below its title."""
     rows = -(-len(panels) // COLUMNS)
     figure, axes = plt.subplots(rows, COLUMNS, figsize=(3.2 * COLUMNS, 3.5 * rows), squeeze=False)
     for axis in axes.flat:

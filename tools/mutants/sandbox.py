@@ -73,6 +73,9 @@ class SandboxedCopy:
     """A copy of the repository with its builds, isolated from the original; it contains one bug at a time."""
 
     def __init__(self, folder: Path, files: Sequence[str]) -> None:
+        """Create a copy of the repository for tests of planted bugs. files: repository paths to copy to a subfolder
+        of `folder`.
+        """
         self.folder = folder
         self.copy = folder / "copy"
         paths = (folder / "site", self.copy / "host", self.copy / "protocol", self.copy / "tools")
@@ -170,6 +173,7 @@ class SandboxedCopy:
         return Outcome(bug.name, bug.file, bug.what, found_by, test, round(time.monotonic() - begin, 1))
 
     def _run_checked(self, command: list[str]) -> None:
+        """Run a build command in the copy. Raises `PlantError` with its first error message if the command fails."""
         code, output = self._run(command)
         if code:
             errors = [line for line in output.splitlines() if re.search(r"\b[Ee]rror\b[: ]", line)]
@@ -201,6 +205,9 @@ class SandboxPool:
     """Sandboxed copies that run in parallel, each with a different bug or stage."""
 
     def __init__(self, folder: Path, jobs: int) -> None:
+        """Create `jobs` copies of the repository in a folder, each with its own builds, so that bugs can be tested
+        in parallel.
+        """
         listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
         listed = subprocess.run(listing, cwd=ROOT, capture_output=True, check=True).stdout.decode()
         files = [name for name in listed.split("\0") if name and (ROOT / name).is_file()]
@@ -212,6 +219,7 @@ class SandboxPool:
         return self
 
     def __exit__(self, *_: object) -> None:
+        """Stop all tests that still run."""
         self._pool.shutdown(wait=False, cancel_futures=True)
         for sandbox in self._sandboxes:
             sandbox.kill_process()
@@ -231,6 +239,7 @@ class SandboxPool:
                 raise PlantError(f"{stage.name} fail without any bug ({failure}); fix this failure first")
 
     def _failure(self, stage: Stage) -> str | None:
+        """Run a stage of tests in a free copy without any bug. Returns the first failing test, or None."""
         sandbox = self._free.get()
         try:
             return sandbox.find_first_failing_test(stage)
@@ -243,6 +252,10 @@ class SandboxPool:
         return list(self._pool.map(lambda bug: self._try(bug, width), bugs))
 
     def _try(self, bug: Bug, width: int) -> Outcome:
+        """Plant a bug in a free copy and run the tests until one fails. Prints and returns the outcome.
+
+        width: width of the column for the name of the bug.
+        """
         sandbox = self._free.get()
         try:
             outcome = sandbox.try_bug(bug)

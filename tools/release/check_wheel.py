@@ -69,6 +69,10 @@ class Environment:
     """An empty virtual environment with the wheel; its PATH contains no compiler."""
 
     def __init__(self, folder: Path, wheel: Path, extra: str | None) -> None:
+        """Create an empty virtual environment in `folder` and install a wheel of taxel there.
+
+        extra: name of the optional dependencies to install; None: none.
+        """
         self.folder = folder
         folder.mkdir(exist_ok=True)
         subprocess.run([sys.executable, "-m", "venv", str(folder / "venv")], check=True)
@@ -136,6 +140,9 @@ def check_diagnosis(simulating: Environment, diagnosing: Environment) -> list[Ch
 
 
 def _run_checks(folder: Path, wheel: Path, extra: str | None) -> list[Check]:
+    """Check a wheel in new virtual environments below `folder`. extra: optional dependencies to check; None: the
+    core only.
+    """
     if extra is None:
         return check_core(Environment(folder, wheel, None))
     return check_diagnosis(Environment(folder / "sim", wheel, "sim"), Environment(folder / extra, wheel, extra))

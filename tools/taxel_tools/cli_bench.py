@@ -122,6 +122,7 @@ class _BenchOperator(TerminalOperator):
 
     @contextmanager
     def _hide_bars(self) -> Iterator[None]:
+        """Context in which the progress bars are hidden."""
         if self.bars is not None:
             self.bars.stop()
         try:
@@ -132,6 +133,11 @@ class _BenchOperator(TerminalOperator):
 
 
 def _load_plan(file: Path | None, phases: list[str] | None, hand: str) -> Plan:
+    """Read the test plan and check its phases for every board kind of the hand.
+
+    file: plan file; None: the default plan. phases: names of the phases to run; None or empty: all. hand: name of
+    the hand.
+    """
     plan = read_plan(file) if file else load_default_plan()
     load_plan_phases(plan, (board.kind.name for board in load_hand(hand).boards))
     return select_phases(plan, phases) if phases else plan
@@ -151,12 +157,14 @@ def _find_operator(console: Console, plan: Plan, arguments: _BenchArguments) -> 
 
 
 def _format_error(error: TaxelError | OSError) -> str:
+    """Text of an error in one line, with the file name for errors of the operating system."""
     if isinstance(error, OSError) and error.filename and error.strerror:
         return f"{error.filename}: {error.strerror}"
     return str(error).splitlines()[0]
 
 
 def _read_login_name() -> str:
+    """Login name of the user, or an empty text if the system has no name for the user."""
     try:
         return getpass.getuser()
     except (KeyError, OSError):
@@ -190,6 +198,7 @@ def _run_with_bars(
         tasks: dict[str, TaskID] = {}
 
         def report(phase: str, fraction: float) -> None:
+            """Show the progress of a test phase, 0 to 1, in its own bar."""
             if phase not in tasks:
                 tasks[phase] = bars.add_task(titles[phase], total=1.0)
             bars.update(tasks[phase], completed=fraction)

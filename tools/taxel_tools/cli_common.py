@@ -45,6 +45,7 @@ def print_json(value: Any) -> None:
 
 
 def _to_json_value(value: Any) -> Any:
+    """Convert a value that the JSON encoder does not support: bytes to hexadecimal digits, a dataclass to a table."""
     if isinstance(value, bytes):
         return value.hex()
     if is_dataclass(value) and not isinstance(value, type):

@@ -134,6 +134,7 @@ def _run_updates(
         }
 
         def report(progress: Progress) -> None:
+            """Show the progress of the firmware update of one board."""
             task = tasks[progress.address]
             description = f"0x{progress.address:02X} {progress.stage}"
             bars.update(task, description=description, completed=progress.done, total=progress.total or None)

@@ -30,6 +30,7 @@ def flash_hub(url: str, firmware: Firmware, force: bool, dry_run: bool, as_json:
             task = bars.add_task("hub waiting", total=None)
 
             def report(progress: Progress) -> None:
+                """Show the progress of the firmware update of the hub."""
                 bars.update(
                     task, description=f"hub {progress.stage}", completed=progress.done, total=progress.total or None
                 )
@@ -61,6 +62,7 @@ def is_hub_update(firmware: Firmware, hub: bool, board: list[str] | None, all_bo
 
 
 def _announce(console: Console, firmware: Firmware, old_version: str, board_count: int, dry_run: bool) -> None:
+    """Print which firmware will be written to the hub, the present version, and how many boards it polls."""
     slots = " and ".join(format_slot(image.slot) for image in firmware.images)
     rows = max(len(image.rows()) for image in firmware.images)
     assert rows <= LAYOUTS[BootDevice.HUB].slot_rows

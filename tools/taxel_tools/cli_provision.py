@@ -87,6 +87,9 @@ def _decode_serial(configuration: dict[str, Any] | None) -> str:
 
 
 def _describe_change(change: Change) -> str:
+    """One line about a planned configuration of a board: its unique id, present and new address, kind and serial
+    number.
+    """
     board, new = change.candidate, change.configuration
     addresses = f"{board.unique_id.hex()} at 0x{board.address:02X} -> 0x{new['address']:02X}"
     return f"{addresses}, kind {new['kind']}, serial '{_decode_serial(new)}'"

@@ -15,6 +15,9 @@ class WireError(TaxelError):
     """
 
     def __init__(self, wire: str, problem: str) -> None:
+        """Create the error of a failed connection. wire: name of the port or adapter; problem: description and
+        remedy.
+        """
         super().__init__(wire, problem)
         self.wire = wire
         self.problem = problem
@@ -30,6 +33,9 @@ class BoardError(TaxelError):
     """
 
     def __init__(self, address: int, problem: str) -> None:
+        """Create the error of a failed request. address: I2C address of the board or hub; problem: description and
+        remedy.
+        """
         super().__init__(address, problem)
         self.address = address
         self.problem = problem
@@ -54,6 +60,9 @@ class StatusError(BoardError):
     """A bootloader refused a packet. `status`: its code (`taxel_protocol.bootloader.BootStatus`)."""
 
     def __init__(self, address: int, problem: str, status: int) -> None:
+        """Create the error of a packet that a bootloader refused. address: I2C address; status: code in the
+        response.
+        """
         TaxelError.__init__(self, address, problem, status)
         self.address = address
         self.problem = problem

@@ -67,6 +67,10 @@ def update_target(target: Target, firmware: Firmware, report: Report, force: boo
 
 class _Update:
     def __init__(self, target: Target, firmware: Firmware, report: Report, force: bool) -> None:
+        """Prepare the firmware update of one board or hub.
+
+        report: receives the progress. force: write the image even if the device already runs it.
+        """
         self.target = target
         self.address = target.address
         self.firmware = firmware
@@ -104,6 +108,9 @@ class _Update:
         return self._build_outcome(before, image.slot, True, start_s)
 
     def _build_outcome(self, before: Version | None, slot: int, is_written: bool, start_s: float) -> Outcome:
+        """Result of the update. before: version that ran before. slot: flash slot of the image. start_s: begin of
+        the update.
+        """
         seconds = self.now_s() - start_s
         after = self.firmware.version
         return Outcome(self.address, before, after, slot, self.written_rows, self.kept_rows, is_written, seconds)
@@ -126,6 +133,7 @@ class _Update:
             )
 
     def _is_up_to_date(self, info: BootInfo) -> Procedure[bool]:
+        """Whether the slot in use is confirmed and already contains the image of this update."""
         used_slot = 1 - info.target
         metadata = yield from self.session.read_metadata(used_slot)
         image = self.firmware.select_image_for(used_slot)
@@ -133,6 +141,7 @@ class _Update:
         return is_confirmed and metadata is not None and image is not None and metadata["custom_id"] == image.crc
 
     def _leave_unchanged(self, before: Version | None, slot: int, start_s: float) -> Procedure[Outcome]:
+        """End the update without a write: leave the bootloader, and check that the application operates."""
         yield from self.session.exit()
         yield from self.target.wait_for_application(START_TIMEOUT_S)
         yield from self.target.check_operation()

@@ -32,6 +32,7 @@ class HubPackets:
     is_queued = False
 
     def __init__(self, link: Link) -> None:
+        """Create the access to the bootloader of the hub, whose packets are sent directly over the UART `link`."""
         self.name = link.name
         self.now_s = get_clock(link)
         self._link = link
@@ -69,6 +70,9 @@ class HubPackets:
             pass
 
     def _run_transfer(self, transfer: Transfer) -> bytes | TransferError:
+        """Send the bytes of a transfer as a packet. Returns the response of the hub's bootloader, padded with 0xFF,
+        or an error.
+        """
         if transfer.write and not self._send(transfer.write):
             return LostError(transfer.address, f"the bootloader does not answer on {self.name}")
         return self._response[: transfer.read_size].ljust(transfer.read_size, b"\xff")

@@ -81,6 +81,10 @@ class HubQueue(HubClient):
     """
 
     def __init__(self, link: Link) -> None:
+        """Create a client of the hub that keeps several I2C transfers in flight over the UART `link`.
+
+        `window`: largest number of unanswered bytes, limited by the receive buffer of the hub.
+        """
         super().__init__(link)
         self.now_s = get_clock(link)
         self.window = FLOW_CONTROL_WINDOW if link.has_flow_control else RING_WINDOW
@@ -93,6 +97,9 @@ class HubQueue(HubClient):
         self._handshakes = 0
 
     def _take(self, message: HubMessage) -> None:
+        """Process a message of the hub. A logged receive overrun reduces the number of bytes in flight to the ring
+        buffer's size.
+        """
         super()._take(message)
         if message.type is FrameType.LOG and message.fields["code"] == LogCode.RECEIVE_OVERRUN:
             self.window = min(self.window, RING_WINDOW)
@@ -153,6 +160,9 @@ class HubQueue(HubClient):
         return last is not None and self._bus_bytes - last[1] < SAME_BOARD_GAP
 
     def _fits_window(self, transfer: Transfer) -> bool:
+        """Whether the command for a transfer can be sent now without exceeding the permitted number of bytes in
+        flight.
+        """
         if not self._bytes_in_flight:
             return True
         reply_size = REPLY_SIZE + transfer.read_size

@@ -32,6 +32,7 @@ class HubTarget:
     device_name = "hub"
 
     def __init__(self, link: Link) -> None:
+        """Create the access for a firmware update of the hub over its UART `link`."""
         self.wire = HubPackets(link)
         self.now_s = self.wire.now_s
         self.session = BootSession(HUB, self.now_s)
@@ -110,6 +111,7 @@ class HubTarget:
         return self.trigger_confirmation(POLL_TIMEOUT_S)
 
     def _open_client(self) -> HubClient:
+        """The client for the application of the hub, after a successful handshake."""
         if self._client is None:
             self._client = self.wire.frame_client = HubClient(self._link)
         if not self._client.has_handshake:
@@ -117,6 +119,7 @@ class HubTarget:
         return self._client
 
     def _switch_to_packets(self) -> None:
+        """Stop the reading of frames of the application, so that packets of the bootloader can be exchanged."""
         if self._client is not None:
             self._client.stream.release()
             self._client = self.wire.frame_client = None
@@ -124,6 +127,7 @@ class HubTarget:
 
 
 def _read_firmware_version(client: HubClient) -> Version:
+    """Firmware version of the hub (major, minor, patch), from its last handshake."""
     handshake = client.last_handshake
     assert handshake is not None
     return handshake["firmware_major"], handshake["firmware_minor"], handshake["firmware_patch"]

@@ -126,6 +126,7 @@ def _select_boards(hand: Hand, texts: Sequence[str]) -> Hand:
 
 
 def _parse_number(url: str, name: str, text: str) -> float:
+    """The number in option `name` of a port URL. Raises `LinkError` for any other text."""
     try:
         return float(text)
     except ValueError:

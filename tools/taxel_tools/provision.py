@@ -85,6 +85,10 @@ def enter_bootloaders(wire: BoardWire, address: int) -> None:
 
 
 def _request_bootloader(address: int) -> Procedure[None]:
+    """Restart the board at an address into its bootloader. Raises `BoardError` if no board answers.
+
+    A generator of I2C transfers and pauses (`Procedure`).
+    """
     command = BoardCommand.ENTER_BOOTLOADER
     for _ in range(ENTER_ATTEMPTS):
         try:
@@ -156,7 +160,10 @@ def _find_moved_board(wire: BoardWire, entry: Entry, boards: Sequence[Candidate]
 
 
 def _is_acknowledged(wire: BoardWire, address: int) -> bool:
+    """Whether a device acknowledges the I2C address."""
+
     def probe() -> Procedure[bool]:
+        """Send only the address. Returns whether it was acknowledged."""
         try:
             yield Transfer(address)
         except TransferError:

@@ -50,6 +50,11 @@ class _PendingTransfer(Generic[Key]):
 
 class _Scheduler(Generic[Key, Result]):
     def __init__(self, wire: BoardWire, procedures: Mapping[Key, Procedure[Result]]) -> None:
+        """Prepare to run procedures concurrently on one wire.
+
+        procedures: generators of I2C transfers and pauses, by a key. `results`: return value or error of each
+        procedure.
+        """
         self.results: dict[Key, Result | TaxelError] = {}
         self._wire = wire
         self._procedures = procedures
@@ -76,6 +81,9 @@ class _Scheduler(Generic[Key, Result]):
                 self._ready.append((heapq.heappop(self._pauses)[2], b""))
 
     def _store_outcome(self, pending: _PendingTransfer[Key], outcome: bytes | TransferError) -> None:
+        """Store the result of a finished transfer. A procedure that waits for it, or for the end of its burst,
+        becomes ready.
+        """
         burst = pending.burst
         if burst is None:
             self._ready.append((pending.key, outcome))

@@ -83,6 +83,10 @@ class BootSession:
     """
 
     def __init__(self, address: int, now_s: Clock) -> None:
+        """Create a session with the bootloader of one device. address: I2C address of the board, or `HUB`.
+
+        `row_write_s`: time in s that the bootloader needs to write a flash row.
+        """
         self.address = address
         self.now_s = now_s
         self.row_write_s = ROW_WRITE_S
@@ -330,6 +334,7 @@ class BootSession:
 
 
 def _retry_pauses() -> Iterator[float]:
+    """Pauses in s between repetitions of a packet: doubled each time up to `RETRY_PAUSE_MAX_S`, without end."""
     pause = RETRY_PAUSE_S
     while True:
         yield pause
@@ -337,6 +342,7 @@ def _retry_pauses() -> Iterator[float]:
 
 
 def _describe_status(status: int) -> str:
+    """Text for the user about a status code of the bootloader."""
     is_known = status in BootStatus._value2member_map_
     if not is_known:
         return f"unknown bootloader status {status:02X}; update this program"

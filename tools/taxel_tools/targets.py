@@ -43,6 +43,7 @@ class BoardTarget:
     device_name = "board"
 
     def __init__(self, address: int, now_s: Clock) -> None:
+        """Create the access for a firmware update of the board at an I2C address. now_s: clock of the wire, in s."""
         self.address = address
         self.now_s = now_s
         self.session = BootSession(address, now_s)

@@ -77,6 +77,11 @@ class SmbusWire:
         now_s: Callable[[], float] = time.monotonic,
         wait: Callable[[float], None] = time.sleep,
     ) -> None:
+        """Create the access to boards through an I2C adapter.
+
+        bus: open adapter. name: for messages. now_s, wait: clock and pause in s, replaced by virtual time in an
+        emulation.
+        """
         self.name = name
         self._bus = bus
         self._now_s = now_s
@@ -132,6 +137,9 @@ class HubWire:
     is_queued = True
 
     def __init__(self, link: Link) -> None:
+        """Create the access to boards through the hub: make a handshake over the UART `link` and stop the stream of
+        frames.
+        """
         self.name = link.name
         self.hub = HubQueue(link)
         try:

@@ -106,6 +106,10 @@ class CandidateModel:
     """Substitute for the emulated hand: loads of the simulated and the displaced campaigns, boards, meshes."""
 
     def __init__(self, path: Path, displaced: Sequence[Path]) -> None:
+        """Load simulated grasps, from which the signals of a real hand are predicted for any candidate of settings.
+
+        path: campaign of simulated grasps. displaced: campaigns with the same grasps and displaced objects.
+        """
         with GraspDataset(path) as data:
             self.taxels: TaxelTable = data.taxels
             self.used = select_used_taxels(data)
@@ -165,6 +169,11 @@ def build_clouds(model: CandidateModel, candidate: Candidate, seed: int) -> dict
 
 
 def _join_and_treat(model: CandidateModel, name: str, parts: CloudParts) -> ObjectClouds:
+    """Join the point clouds of all grasps of one object, and apply the thesis's treatment to the joined clouds.
+
+    parts: list of (positions f64[n, 3], values f64[n]) of the grasps, for each kind of cloud (real, simulated,
+    spread).
+    """
     joined = {
         key: ContactCloud.from_points(
             np.concatenate([positions for positions, _ in grasps]),

@@ -19,6 +19,11 @@ class ModemLinePower(Power):
     """
 
     def __init__(self, context: DriverContext, port: str, line: str = "rts", on_is_high: bool = True) -> None:
+        """Open the serial port whose output switches the power supply of the rig, and switch the power on.
+
+        port: name or URL of the serial port. line: the output that switches, "rts" or "dtr". on_is_high: whether
+        the power is on while the output is active. Raises `RigError` if the port cannot be opened.
+        """
         if line not in LINES:
             raise RigError(f"power {port}: line = '{line}'; expected {' or '.join(LINES)}")
         self._line, self._on_is_high, self._name = line, on_is_high, port
@@ -30,11 +35,15 @@ class ModemLinePower(Power):
         context.close_at_end(self._close)
 
     def switch(self, on: bool, address: int | None = None) -> None:
+        """Switch the power of the hub and all boards on or off. Raises `RigError` if the address of a single board
+        is given.
+        """
         if address is not None:
             raise RigError(f"power {self._name}: board 0x{address:02X} cannot be switched alone; switch the whole rig")
         setattr(self._port, self._line, on == self._on_is_high)
 
     def _close(self) -> None:
+        """Leave the power on and close the serial port; a disconnected port is ignored."""
         with contextlib.suppress(serial.SerialException, OSError):
             self.switch(True)
             self._port.close()

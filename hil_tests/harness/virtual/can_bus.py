@@ -19,6 +19,9 @@ class VirtualCanBus(CanBus):
     is_virtual: ClassVar[bool] = True
 
     def __init__(self, context: DriverContext) -> None:
+        """Create a virtual CAN channel with an emulated Allegro hand. context: closes the channel at the end of the
+        test.
+        """
         name = f"hil-{next(_CHANNEL_NUMBERS)}"
         host_end, hand_end = (can.Bus(name, "virtual") for _ in range(2))
         for bus in (host_end, hand_end):

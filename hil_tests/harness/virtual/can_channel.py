@@ -11,6 +11,11 @@ class FaultyChannel(can.BusABC):
     """
 
     def __init__(self, bus: can.BusABC) -> None:
+        """Wrap the host's end of a CAN bus so that frames can be lost.
+
+        `frames_to_lose`: number of next frames, of either direction, that disappear. `is_off`: whether the
+        controller has left the bus after too many errors (bus-off).
+        """
         self._bus = bus
         self.frames_to_lose = 0
         self.is_off = False
@@ -28,6 +33,7 @@ class FaultyChannel(can.BusABC):
         raise NotImplementedError("the state of the channel is set by its faults")
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a CAN frame, unless it is to be lost. Raises `can.CanOperationError` while the controller is bus-off."""
         if self.is_off:
             raise can.CanOperationError("bus-off: the controller has left the bus")
         if self.frames_to_lose:
@@ -36,6 +42,7 @@ class FaultyChannel(can.BusABC):
         self._bus.send(msg, timeout)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next CAN frame that is not lost; None if none arrives within `timeout` seconds."""
         while (frame := self._bus.recv(timeout)) is not None:
             if self.is_off:
                 continue

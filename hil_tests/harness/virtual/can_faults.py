@@ -14,6 +14,9 @@ class VirtualCanFaults(CanFaults):
     is_virtual: ClassVar[bool] = True
 
     def __init__(self, context: DriverContext) -> None:
+        """Create the faults of the emulated CAN hand of this rig. Raises `RigError` if the rig has no virtual CAN
+        bus.
+        """
         can_bus = context.drivers["can"]
         if not isinstance(can_bus, VirtualCanBus):
             found = type(can_bus).__name__
@@ -36,6 +39,7 @@ class VirtualCanFaults(CanFaults):
         self._faults.is_silent = is_silent
 
     def set_finger_silent(self, finger: int, is_silent: bool) -> None:
+        """Let the joints of a finger of the emulated hand stop sending their angles, or send them again."""
         if is_silent:
             self._faults.dropped_fingers.add(finger)
         else:

@@ -15,6 +15,7 @@ class VirtualPower(Power):
         self._world = context.world
 
     def switch(self, on: bool, address: int | None = None) -> None:
+        """Connect or disconnect the supply of the emulated hub or, with an address, of one emulated board."""
         fault = "plug" if on else "unplug"
         if address is None:
             self._world.inject(f"hub_{fault}")

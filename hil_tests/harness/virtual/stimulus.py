@@ -17,6 +17,7 @@ class VirtualStimulus(Stimulus):
         self._world, self._hand = context.world, context.hand
 
     def press(self, address: int, taxel: int, force_n: float) -> None:
+        """Apply a force in N to one taxel of the board at `address`, and no force to all other taxels."""
         forces_n = np.zeros(self._world.taxels)
         forces_n[self._hand.get_slice(address).start + taxel] = force_n
         self._world.set_stimulus(forces_n)

@@ -19,6 +19,7 @@ class VirtualUart(Uart):
         self._baud = float(context.description.world.get("baud", WorldSettings.baud))
 
     def open_link(self) -> Link:
+        """Open a link to the emulated hub: in memory, or through a pseudo-terminal of the operating system."""
         if self._port == "memory":
             return VirtualMemoryLink(self._world, self._baud)
         return VirtualSerialLink(self._world, self._baud)

@@ -65,6 +65,7 @@ def _check_processors(world: VirtualWorld, executed: list[int], may_fault: bool)
 
 
 def _select_boards(text: str, board_indices: Sequence[int] | None) -> str:
+    """Remove from the text of a world file all boards except those with the given indices; None keeps all boards."""
     if board_indices is None:
         return text
     lines = text.splitlines()

@@ -86,6 +86,7 @@ class BoardUnderTest:
         """Frames of the next `seconds` seconds. Raises `BoardError`."""
 
         def is_enough(count: int, elapsed: float) -> bool:
+            """Whether the reading time has elapsed and at least two frames have arrived; also reports the progress."""
             if log is not None:
                 log.report_progress(elapsed / seconds)
             return elapsed >= seconds and count > 1

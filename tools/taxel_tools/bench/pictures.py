@@ -68,18 +68,23 @@ def draw_board_map(kind: BoardKind, values: FloatArray, label: str, marked: Bool
 
 
 def _new_figure(width_in: float, height_in: float) -> "Figure":
+    """Create an empty figure of the given size in inches. Raises an error that names the package if matplotlib is
+    missing.
+    """
     with optional_import("matplotlib", "a picture of the bench report"):
         from matplotlib.figure import Figure
     return Figure(figsize=(width_in, height_in), layout="constrained")
 
 
 def _frame(x: int, y: int) -> "Rectangle":
+    """Red frame around one cell of a picture of a matrix. x, y: column and row of the cell."""
     from matplotlib.patches import Rectangle
 
     return Rectangle((x - 0.5, y - 0.5), 1.0, 1.0, fill=False, edgecolor=RED, linewidth=2.0, clip_on=False)
 
 
 def _axes(x: str, y: str, height: float = 3.2) -> "tuple[Figure, Any]":
+    """Create a figure with one diagram in the style of the report. x, y: labels of the axes; height: inches."""
     figure = _new_figure(WIDTH_IN, height)
     axes = figure.add_subplot()
     axes.set_xlabel(x, fontsize=LABEL_PT)

@@ -57,6 +57,9 @@ class Readout(Protocol):
 
 
 def _build_capture(rows: list[Row], taxels: int) -> Capture:
+    """Join frames that were read from a board. rows: (sequence number, host time in s, board clock in us, raw
+    counts).
+    """
     counts = np.array([row[3] for row in rows], dtype=np.uint16).reshape(len(rows), taxels)
     clock = unwrap_counter(np.array([row[2] for row in rows], dtype=np.int64), 2**32)
     sequence = unwrap_counter(np.array([row[0] for row in rows], dtype=np.int64), 2**16)
@@ -74,6 +77,9 @@ class HubReadout:
     """Frames streamed by the hub."""
 
     def __init__(self, wire: HubWire, address: int, taxels: int) -> None:
+        """Create a reader of the frames that the hub streams for one board. address: I2C address; taxels: counts
+        per frame.
+        """
         self._hub = wire.hub
         self._name = wire.name
         self._address = address
@@ -109,6 +115,9 @@ class HubReadout:
                     rows.append((frame.sequence, frame.time_s, frame.board_time_us, frame.raw_counts))
 
     def _poll(self, timeout_s: float) -> None:
+        """Receive the frames that have arrived, after waiting at most `timeout_s`. Raises `WireError` if the link
+        has ended.
+        """
         try:
             self._hub.stream.poll(timeout_s)
         except EOFError:
@@ -128,6 +137,7 @@ class AdapterReadout:
     """Snapshots read from the registers of the board, at the speed of the adapter."""
 
     def __init__(self, wire: BoardWire, address: int, taxels: int) -> None:
+        """Create a reader of the snapshot register of one board. address: I2C address; taxels: counts per snapshot."""
         self._wire = wire
         self._address = address
         self._taxels = taxels

@@ -60,6 +60,9 @@ def load_phases(names: Collection[str]) -> tuple[Phase, ...]:
 
 
 def _load_phase(name: str) -> Phase:
+    """Load a test phase by name, from this package or a plug-in. Raises an error that names the plug-in if it is
+    unusable.
+    """
     factory = load_plugin(BENCH_PHASES, name, PHASES)
     try:
         phase = factory()

@@ -45,10 +45,18 @@ def write_cyacd(image: FirmwareImage, first_row: int, checksum: BootChecksum = B
 def _fail(
     source: str, location: str, expected: str, found: str, remedy: str = "the file is damaged; copy it again"
 ) -> NoReturn:
+    """Raise `FirmwareFileError` for a .cyacd file.
+
+    source: name of the file. location: line or field. expected, found: the value. remedy: what the user can do.
+    """
     raise FirmwareFileError(source, location, expected, found, remedy)
 
 
 def _parse_hex(digits: str, location: str, source: str) -> bytes:
+    """Bytes of a text of hexadecimal digits. Raises `FirmwareFileError` with the position of a wrong digit.
+
+    location: line of the file; source: its name.
+    """
     if len(digits) % 2:
         _fail(source, location, "two hexadecimal digits for each byte", f"{len(digits)} digits")
     for i, digit in enumerate(digits):

@@ -67,6 +67,10 @@ def write_intel_hex(data: bytes, address: int) -> str:
 def _fail(
     source: str, location: str, expected: str, found: str, remedy: str = "the file is damaged; copy it again"
 ) -> NoReturn:
+    """Raise `FirmwareFileError` for an Intel HEX file.
+
+    source: name of the file. location: line or field. expected, found: the value. remedy: what the user can do.
+    """
     raise FirmwareFileError(source, location, expected, found, remedy)
 
 

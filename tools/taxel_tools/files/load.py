@@ -54,6 +54,7 @@ def load_firmware(paths: Sequence[Path]) -> Firmware:
 
 
 def _read_bytes(path: Path) -> bytes:
+    """Content of a firmware file. Raises `FirmwareFileError` if the file is longer than `SIZE_MAX`."""
     with path.open("rb") as file:
         data = file.read(SIZE_MAX + 1)
     if len(data) > SIZE_MAX:

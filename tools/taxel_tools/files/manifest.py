@@ -48,6 +48,9 @@ def read_manifest(path: Path, data: bytes, read_one: ReadOne) -> list[FirmwareIm
 
 
 def _parse_document(path: Path, data: bytes) -> dict[str, Any]:
+    """Parse the JSON or TOML text of a manifest, which lists firmware images. Raises `FirmwareFileError` for
+    invalid text.
+    """
     try:
         text = data.decode()
         document = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
@@ -90,6 +93,11 @@ def _read_image(path: Path, field: str, entry: dict[str, Any], read_one: ReadOne
 
 
 def _add_header(path: Path, field: str, entry: dict[str, Any], file: Path, data: bytes) -> FirmwareImage:
+    """Build a firmware image from a raw image without header and the header values in its entry of the manifest.
+
+    path: manifest. field: position of the entry. file, data: name and bytes of the raw image. Raises
+    `FirmwareFileError`.
+    """
     for key in ("device", "kind", "slot", "version"):
         if key not in entry:
             _fail(path, f"{field}.{key}", "a value, as the raw image has no header", "none", f"add {key}")

@@ -83,6 +83,11 @@ def _shift(value: float | None, centre: float, earlier: list[float], limit: Limi
 
 
 def _width(is_above: bool, centre: float, limit: Limit) -> float | None:
+    """Distance from a median to the bound of its limit, by which a change of the value is judged; None without a
+    bound.
+
+    is_above: whether the value is above the median `centre`; selects the bound.
+    """
     low, high = limit.minimum, limit.maximum
     if low is not None and high is not None:
         return max(abs((high if is_above else low) - centre), WIDTH_MIN * (high - low))

@@ -107,6 +107,9 @@ def check_plan(plan: Plan, phases: Sequence[Phase], phase_names: Collection[str]
 
 
 def _check_phase(plan: Plan, phase: Phase, planned: PhasePlan) -> None:
+    """Check that limits and options of a planned phase exist in the phase. Raises `PlanError` with the location in
+    the plan.
+    """
     for limit in planned.limits:
         if limit not in phase.limit_names:
             remedy = suggest_name(limit, phase.limit_names) if phase.limit_names else "this phase has no limits"

@@ -22,6 +22,7 @@ class SerialNumberError(TaxelError, ValueError):
     """A serial number that the plan does not allow. `found`: the number; `expected`: description of a valid one."""
 
     def __init__(self, found: str, expected: str) -> None:
+        """Create the error of a serial number that the test plan does not allow."""
         super().__init__(found, expected)
         self.found = found
         self.expected = expected
@@ -38,6 +39,7 @@ class HistoryError(TaxelError):
     """A history that cannot be used. `path`: its file; `problem`: the problem and the remedy."""
 
     def __init__(self, path: str, problem: str) -> None:
+        """Create the error of a file with earlier test results that cannot be used."""
         super().__init__(path, problem)
         self.path = path
         self.problem = problem

@@ -62,6 +62,7 @@ class History:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
+        """Open or create a file of test results. Raises `HistoryError` if the file is locked or is no history."""
         self.path = Path(path)
         with self._translated_errors():
             # Explicit transactions: sqlite3 would start them too late to exclude another station.
@@ -78,6 +79,7 @@ class History:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Close the file of test results."""
         self.close()
 
     def close(self) -> None:
@@ -159,6 +161,9 @@ class History:
         ]
 
     def _list_faults(self, run: int) -> list[str]:
+        """Faults found in a test run, with their places, the most severe fault first. run: row of the run in the
+        database.
+        """
         rows = self._connection.execute(
             "SELECT fault, place FROM finding WHERE run = ? ORDER BY severity DESC, rowid", (run,)
         )
@@ -227,6 +232,7 @@ class History:
 
     @contextmanager
     def _translated_errors(self) -> Iterator[None]:
+        """Context that turns errors of SQLite into `HistoryError` with a remedy."""
         try:
             yield
         except sqlite3.OperationalError as error:

@@ -84,6 +84,7 @@ def _build_cases(record: TestRecord, phase: PhaseRecord) -> list[ET.Element]:
 
 
 def _build_measurement_case(kind: str, measurement: Measurement) -> ET.Element:
+    """JUnit test case of a measurement; a failure states the value and the limit. kind: class name of the case."""
     case = _build_case(kind, f"{measurement.name} at {measurement.place}" if measurement.place else measurement.name)
     if measurement.outcome is Outcome.FAIL:
         value = "no value" if measurement.value is None else f"{measurement.value} {measurement.unit}".strip()
@@ -92,6 +93,7 @@ def _build_measurement_case(kind: str, measurement: Measurement) -> ET.Element:
 
 
 def _build_finding_case(kind: str, finding: Finding) -> ET.Element:
+    """JUnit test case of a fault that was found; always a failure. kind: class name of the case."""
     case = _build_case(kind, f"{finding.fault} at {finding.place}" if finding.place else finding.fault)
     _add_result(case, "failure", finding.text or finding.fault)
     return case

@@ -25,6 +25,11 @@ class PhaseLog:
     """
 
     def __init__(self, phase: str, limits: Mapping[str, Limit], report: Report = lambda phase, fraction: None) -> None:
+        """Create an empty log for the measurements, findings, attachments and notes of a test phase.
+
+        limits: permitted range of each measurement, by name. report: receives the name of the phase and its
+        progress, 0 to 1.
+        """
         self._phase = phase
         self._limits = dict(limits)
         self._report = report

@@ -30,6 +30,11 @@ class TerminalOperator:
     def __init__(
         self, console: Console | None = None, check_serial_number: Callable[[str], None] | None = None
     ) -> None:
+        """Create an operator who reads instructions and enters texts at a terminal.
+
+        console: terminal; default: standard error. check_serial_number: raises an error for a serial number that is
+        not allowed.
+        """
         self._console = console or Console(stderr=True, soft_wrap=True)
         self._check_serial_number = check_serial_number
 
@@ -52,6 +57,7 @@ class TerminalOperator:
         self._read_line("press Enter when done ")
 
     def _read_line(self, question: str) -> str:
+        """Answer of the operator to a question. Raises `OperatorNeededError` if the input has ended."""
         try:
             return self._console.input(question, markup=False).strip()
         except EOFError:

@@ -20,6 +20,10 @@ class Options:
     def __init__(
         self, values: Mapping[str, Any], source: str = "options", locations: Mapping[str, str] | None = None
     ) -> None:
+        """Create the options of a test phase, which are checked when they are taken.
+
+        values: by name. source: file for error messages. locations: position of each option in the file.
+        """
         self._values = dict(values)
         self._source = source
         self._locations = locations or {}
@@ -79,6 +83,7 @@ def is_number(value: object) -> bool:
 
 
 def _format_range(minimum: float, maximum: float) -> str:
+    """Text for a permitted range, such as " from 1 to 5"; empty if both bounds are infinite."""
     if math.isinf(minimum) and math.isinf(maximum):
         return ""
     if math.isinf(maximum):

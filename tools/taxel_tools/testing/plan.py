@@ -156,6 +156,9 @@ def parse_plan(data: bytes, source: str) -> Plan:
 
 
 def _check_kinds(plan: Plan, top: Location) -> None:
+    """Check that the tables for single board kinds refer to phases of the plan, and that their limits are
+    consistent.
+    """
     if not plan.phases:
         top.key("phases").fail("one phase or more", "none", "add a table such as [phases.noise]")
     for kind, tables in plan.kinds.items():
@@ -168,6 +171,9 @@ def _check_kinds(plan: Plan, top: Location) -> None:
 
 
 def _build_limit(location: Location, bounds: dict[str, float]) -> Limit:
+    """Limit from the bounds "min" and "max" of a plan; a missing bound is infinite. Fails at `location` if min is
+    above max.
+    """
     low, high = bounds.get("min", -math.inf), bounds.get("max", math.inf)
     if low > high:
         location.fail("min at most max", f"min {low:g}, max {high:g}", "correct one of the bounds")
@@ -175,6 +181,7 @@ def _build_limit(location: Location, bounds: dict[str, float]) -> Limit:
 
 
 def _check_pattern(location: Location, value: object) -> str | None:
+    """Check the regular expression for serial numbers in a test plan. Returns it, or None if the plan has none."""
     if value is None:
         return None
     text = location.line(value, TEXT_LENGTH_MAX)

@@ -110,6 +110,7 @@ def read_phases(location: Location, value: object) -> dict[str, PhaseTable]:
 
 
 def _parse_phase(location: Location, name: str, value: object) -> PhaseTable:
+    """Parse the table of one phase in a test plan: its options, its limits, and whether it is enabled."""
     options = dict(location.table(value))
     enabled = options.pop("enabled", None)
     limits = location.key("limits").table(options.pop("limits", {}))
@@ -123,6 +124,7 @@ def _parse_phase(location: Location, name: str, value: object) -> PhaseTable:
 
 
 def _parse_bounds(location: Location, value: object) -> dict[str, float]:
+    """Parse a limit of a test plan, a table with "min", "max" or both."""
     table = location.table(value)
     location.check_keys(table, (), ("min", "max"))
     if not table:
@@ -131,6 +133,7 @@ def _parse_bounds(location: Location, value: object) -> dict[str, float]:
 
 
 def _parse_bound(location: Location, key: str, value: object) -> float:
+    """Parse one bound of a limit; the infinite value of its side means no bound. key: "min" or "max"."""
     unbounded = float("inf" if key == "max" else "-inf")
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not (value == unbounded or abs(value) < 1e300):  # type: ignore[arg-type, operator, unused-ignore]

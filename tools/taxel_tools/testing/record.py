@@ -29,6 +29,7 @@ class Limit:
     maximum: float | None
 
     def __post_init__(self) -> None:
+        """Check that the lower bound is not above the upper one. Raises ValueError."""
         low, high = self.bounds
         if not low <= high:
             raise ValueError(f"expected a lower bound below the upper bound, found {low} and {high}")
@@ -57,6 +58,7 @@ class Limit:
         return max(above, below)
 
     def __str__(self) -> str:
+        """Text of the permitted range, such as "<= 8" or "1 to 5"."""
         if self.minimum is None:
             return "no limit" if self.maximum is None else f"<= {self.maximum:.10g}"
         if self.maximum is None:
@@ -67,6 +69,10 @@ class Limit:
 
 
 def _compute_ratio_above(value: float, bound: float) -> float:
+    """Factor by which a value exceeds its upper bound, above 1 only beyond the bound.
+
+    If the ratio has no meaning (different signs, a zero): 0 within the bound, infinite beyond.
+    """
     # Of two negative numbers, the number nearer to 0 is the larger one, so the ratio is inverted.
     part, whole = (value, bound) if bound > 0 else (-bound, -value)
     if part < 0 or whole <= 0 or math.isinf(whole):

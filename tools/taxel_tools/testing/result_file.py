@@ -115,6 +115,7 @@ def _parse_document(data: bytes, top: Field) -> object:
         fail("JSON", f"{constant}, which JSON does not have")
 
     def unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
+        """Table from the pairs of a JSON object. Fails if a key occurs twice."""
         table = dict(pairs)
         if len(table) != len(pairs):
             counts = Counter(key for key, _ in pairs)
@@ -179,12 +180,14 @@ def _parse_measurement(field: Field) -> Measurement:
 
 
 def _parse_value(field: Field) -> Value:
+    """Measured value in a result file: a number, a text, or None."""
     if field.content is None or isinstance(field.content, str):
         return field.content
     return field.number()
 
 
 def _parse_limit(field: Field) -> Limit | None:
+    """Limit of a measurement in a result file, or None. Fails if the minimum is above the maximum."""
     if field.content is None:
         return None
     fields = field.table(("minimum", "maximum"))
@@ -195,12 +198,14 @@ def _parse_limit(field: Field) -> Limit | None:
 
 
 def _parse_finding(field: Field) -> Finding:
+    """A fault that the test has found, from its table in a result file."""
     fields = field.table(_FINDING_KEYS)
     fault, place, text = (fields[key].text() for key in ("fault", "place", "text"))
     return Finding(fault, place, text, fields["severity"].number())
 
 
 def _parse_attachment(field: Field) -> Attachment:
+    """An attachment from its table in a result file, where its bytes are coded as base64."""
     fields = field.table(_ATTACHMENT_KEYS)
     name, media_type, caption = (fields[key].text() for key in ("name", "media_type", "caption"))
     try:
@@ -222,6 +227,7 @@ def _check_outcome(field: Field, *possible: Outcome) -> Outcome:
 
 
 def _check_time(field: Field) -> str:
+    """Check that a field is a time in UTC that ends with "Z". Returns its text."""
     text = field.text()
     try:
         zone = datetime.fromisoformat(text).tzinfo
@@ -233,6 +239,7 @@ def _check_time(field: Field) -> str:
 
 
 def _check_sha256(field: Field) -> str:
+    """Check that a field has the format of a SHA-256 sum, 64 hexadecimal digits. Returns its text."""
     text = field.text()
     if not re.fullmatch(r"[0-9a-f]{64}", text):
         field.fail("64 hexadecimal digits")
@@ -240,6 +247,7 @@ def _check_sha256(field: Field) -> str:
 
 
 def _check_unique(field: Field, names: list[str]) -> None:
+    """Check that no name occurs twice; fails at `field` otherwise."""
     known_names: set[str] = set()
     for name in names:
         if name in known_names:

@@ -36,6 +36,9 @@ def write_whole(path: str | os.PathLike[str], data: bytes, overwrite: bool) -> N
 
 
 def _rename(temporary: Path, target: Path, overwrite: bool) -> None:
+    """Move a complete temporary file to its target. Without `overwrite`, an existing target is an error and stays
+    unchanged.
+    """
     if not overwrite:
         try:
             os.link(temporary, target)  # Unlike a rename, a link fails if the target was created meanwhile.

@@ -129,6 +129,7 @@ def _sigma(density: float, band_hz: float) -> float:
 
 
 def _subtract_cubic(counts: FloatArray) -> FloatArray:
+    """Subtract from the counts f64[T, n] of each taxel the best cubic polynomial in time, which removes drift."""
     time = np.linspace(-1.0, 1.0, len(counts))
     basis = np.linalg.qr(np.vander(time, 4))[0]
     return np.asarray(counts - basis @ (basis.T @ counts))

@@ -57,6 +57,9 @@ class Identify:
             self._compare_with_hand(board, board.hand, log)
 
     def _compare_with_hand(self, board: BoardUnderTest, hand: Hand, log: PhaseLog) -> None:
+        """Compare kind and crossing map of the board with the hand description; add a fault or a note for each
+        difference.
+        """
         kind = board.kind
         hand_kind = {hand_board.kind.code: hand_board.kind for hand_board in hand.boards}.get(kind.code)
         if hand_kind is None:

@@ -48,6 +48,7 @@ class EachTaxel:
         self._take_options(options)
 
     def _take_options(self, options: Options) -> tuple[float, float, int]:
+        """Options of this phase from the test plan: force in N, diameter of the tip in m, frames per indentation."""
         return (
             options.take_number("force_n", 1.0, 0.01, 50.0),
             options.take_number("diameter_mm", 3.0, 0.5, 20.0) * 1e-3,

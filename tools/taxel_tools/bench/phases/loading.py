@@ -31,6 +31,9 @@ class Loading:
         self._take_options(options)
 
     def _take_options(self, options: Options) -> tuple[float, float, int, int, int]:
+        """Options of this phase from the test plan: largest force in N, diameter of the tip in m, force steps,
+        taxels, frames per step.
+        """
         return (
             options.take_number("force_n", 50.0, 0.1, 50.0),
             options.take_number("diameter_mm", 12.0, 0.5, 50.0) * 1e-3,

@@ -36,6 +36,7 @@ class SmallForces:
         self._take_options(options)
 
     def _take_options(self, options: Options) -> tuple[float, int, int]:
+        """Options of this phase from the test plan: diameter of the tip in m, taxels, frames per force."""
         return (
             options.take_number("diameter_mm", 1.9, 0.2, 10.0) * 1e-3,
             options.take_integer("taxels", 3, 1, 240),

@@ -30,6 +30,11 @@ class EmulatedProbe:
     def __init__(
         self, world: VirtualWorld, kind: BoardKind, first_taxel: int, pitch_m: float, move_s: float = 0.1
     ) -> None:
+        """Create a probe that indents the taxels of an emulated board.
+
+        first_taxel: index of the board's first taxel in the emulated hand. pitch_m: distance between taxels.
+        move_s: virtual time of a movement.
+        """
         self._world = world
         self._kind = kind
         self._first_taxel = first_taxel

@@ -69,6 +69,11 @@ class GcodeProbe:
     def __init__(
         self, port: Any, port_name: str, kind: BoardKind, pitch_m: float, gantry: Gantry, operator: Operator
     ) -> None:
+        """Connect to a gantry with G-code firmware that indents the taxels of a board, and lift its tip.
+
+        port: open serial port; port_name: its name in messages. pitch_m: distance between taxels. gantry: positions
+        and limits from the URL of the probe. operator: the person who changes the tips.
+        """
         self._port = port
         self._port_name = port_name
         self._kind = kind
@@ -118,12 +123,14 @@ class GcodeProbe:
             self._port.close()
 
     def _change_tip(self, diameter_mm: float) -> None:
+        """Instruct the operator to insert the tip with a diameter in mm, unless this tip is in place."""
         if diameter_mm != self._tip_mm:
             self._move_clear()
             self._operator.prompt(f"insert the {diameter_mm:g} mm tip into the holder of the gantry")
             self._tip_mm = diameter_mm
 
     def _move_clear(self) -> None:
+        """Lift the tip above the board and wait until the movement has ended."""
         self._send(f"G0 Z{self._gantry.touch_z + self._gantry.clear:.3f}")
         self._send("G4 P0")
         self._is_down = False
@@ -146,6 +153,9 @@ class GcodeProbe:
         self._port.timeout = ANSWER_TIMEOUT_S
 
     def _send(self, line: str) -> None:
+        """Send a line of G-code and wait until the gantry has answered it. Raises `ProbeError` if the connection
+        has failed.
+        """
         if self._failure:
             raise ProbeError(self._failure)
         try:
@@ -215,6 +225,7 @@ def _parse_gantry(url: str, options: dict[str, str]) -> Gantry:
 
 
 def _parse_number(url: str, name: str, text: str) -> float:
+    """The finite number in option `name` of the URL of a probe. Raises `ProbeError` for any other text."""
     try:
         value = float(text)
     except ValueError:

@@ -16,6 +16,7 @@ class ManualProbe:
     has_known_force = False
 
     def __init__(self, kind: BoardKind, operator: Operator) -> None:
+        """Create a probe whose indentations are made by hand. operator: the person who receives the instructions."""
         self._kind = kind
         self._operator = operator
         self._is_pressed = False

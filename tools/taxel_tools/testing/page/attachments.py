@@ -28,6 +28,7 @@ def render_attachments(attachments: Sequence[Attachment]) -> str:
 
 
 def _format_picture(attachment: Attachment) -> str:
+    """HTML figure with the embedded picture and its caption."""
     caption = escaped(attachment.caption or attachment.name)
     data = base64.b64encode(attachment.data).decode()
     return (
@@ -41,6 +42,7 @@ def _is_text(attachment: Attachment) -> bool:
 
 
 def _format_text(attachment: Attachment) -> str:
+    """HTML of a text attachment in a block that the reader can unfold."""
     lines = attachment.data.decode("utf-8", "replace").splitlines()
     # Line by line, because `escaped` returns one line; the indentation of each line is kept.
     body = "\n".join(" " * (len(line) - len(line.lstrip(" "))) + escaped(line) for line in lines)
@@ -48,6 +50,7 @@ def _format_text(attachment: Attachment) -> str:
 
 
 def _format_link(attachment: Attachment) -> str:
+    """HTML link that saves an attachment, whose bytes are embedded in the page."""
     # The media type is fixed, so that browsers save the file and never open it.
     data = base64.b64encode(attachment.data).decode()
     name = escaped(attachment.name) or "attachment"

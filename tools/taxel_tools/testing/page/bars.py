@@ -63,6 +63,7 @@ def render_value_strip(axis: Axis, limit: Limit | None, values: Iterable[Value])
 
 
 def _limit_band(axis: Axis, limit: Limit) -> str:
+    """SVG band that shows the permitted range of a measurement on an axis, with a line at each finite bound."""
     low, high = limit.bounds
     left, width = axis.span(max(low, axis.low), min(high, axis.high))
     band = f'<rect x="{left}" width="{width}" y="{_BAND[0]}" height="{_BAND[1]}" class="band"/>'
@@ -75,6 +76,9 @@ def _limit_band(axis: Axis, limit: Limit) -> str:
 
 
 def _render_value_mark(axis: Axis, value: Value, kind: str) -> str:
+    """SVG mark of a value on an axis: a dot, or an arrow at the end of the axis if the value is beyond. kind: CSS
+    class.
+    """
     if not isinstance(value, int | float) or math.isnan(value):
         return ""
     if value > axis.high or value < axis.low:

@@ -73,6 +73,7 @@ def format_size(size: int) -> str:
 
 
 def _round(value: float, digits: int) -> str:
+    """Text of a number with `digits` significant digits. Whole numbers below ten million keep all digits."""
     size = abs(value)
     if value == 0 or (size < 1e7 and value.is_integer()):
         return f"{value:,.0f}"

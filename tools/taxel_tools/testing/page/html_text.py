@@ -64,6 +64,7 @@ def table(columns: Sequence[Column], rows: Iterable[Sequence[str]], caption: str
 
 
 def _row(columns: Sequence[Column], row: Sequence[str]) -> str:
+    """HTML table row; the first cell is its header. row: HTML content of the cells."""
     (name_column, name), *pairs = zip(columns, row, strict=True)
     values = "".join(f"<td{_class(column.kind)}>{content}</td>" for column, content in pairs)
     return f'<tr><th scope="row"{_class(name_column.kind)}>{name}</th>{values}</tr>'

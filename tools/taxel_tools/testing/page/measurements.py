@@ -82,6 +82,9 @@ def _build_axes(measurements: Sequence[Measurement]) -> dict[tuple[str, Limit], 
 
 
 def _table(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis], caption: str) -> str:
+    """HTML table with one row per measurement. axes: axis of the bar for each (unit, limit); empty: a table without
+    limits.
+    """
     columns: tuple[Column, ...] = _COLUMNS_WITH_LIMITS if axes else _COLUMNS_WITHOUT_LIMITS
     has_places = any(measurement.place for measurement in measurements)
     indices = [index for index in range(len(columns)) if index != _PLACE_COLUMN or has_places]
@@ -110,6 +113,10 @@ def _row(measurement: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple
 
 
 def _summary(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis], caption: str) -> str:
+    """HTML table with one row per measured quantity; measurements of several places are combined.
+
+    axes: axis of the bar for each (unit, limit).
+    """
     groups: dict[tuple[str, str, Limit | None], list[Measurement]] = {}
     for measurement in measurements:
         groups.setdefault((measurement.name, measurement.unit, measurement.limit), []).append(measurement)

@@ -59,6 +59,7 @@ def header(record: TestRecord) -> str:
 
 
 def _to_do_list(record: TestRecord) -> str:
+    """HTML list of the problems of a test with their remedies; problems beyond `SHOWN_MAX` can be unfolded."""
     problems = list(_list_problems(record))
     if not problems:
         return ""
@@ -85,6 +86,7 @@ def _list_problems(record: TestRecord) -> Iterator[str]:
 
 
 def _render_skipped_list(record: TestRecord) -> str:
+    """HTML list of the phases that were skipped, each with the reason; empty text if there are none."""
     skipped = [
         f"{_link(phase.title, number)}: {escaped('; '.join(phase.notes)) or 'no reason given'}"
         for number, phase in enumerate(record.phases, start=1)
