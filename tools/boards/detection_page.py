@@ -28,8 +28,8 @@ def _select_faults(results: Sequence[Result]) -> list[Result]:
 def _format_rows(results: Sequence[Result]) -> list[tuple[str, int, int, int, int]]:
     """Rows of the detection table, one per family of faults.
 
-    Columns: family; number of faulty boards; boards refused; faults named correctly; faults named correctly without
-    any other finding.
+    Columns: family; number of faulty boards; boards refused; faults with correct name and place; boards without any
+    wrong finding in addition.
     """
     rows = []
     for family in FAMILIES:

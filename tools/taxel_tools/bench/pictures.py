@@ -77,7 +77,7 @@ def _new_figure(width_in: float, height_in: float) -> "Figure":
 
 
 def _frame(x: int, y: int) -> "Rectangle":
-    """Red frame around one cell of a picture of a matrix. x, y: column and row of the cell."""
+    """Red frame around one element of the picture of a matrix. x, y: column and row of the element."""
     from matplotlib.patches import Rectangle
 
     return Rectangle((x - 0.5, y - 0.5), 1.0, 1.0, fill=False, edgecolor=RED, linewidth=2.0, clip_on=False)
