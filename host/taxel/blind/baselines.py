@@ -13,10 +13,11 @@ NO_GAP: Final = "no_gap"
 
 
 def compute_baseline_verdicts(diagnosis: Diagnosis) -> dict[str, str]:
-    """One effect name per diagnoser.
+    """Compute the verdicts of two simple reference diagnosers, to compare them with the verdict of the diagnosis.
 
-    "rules": a check list that starts with the largest disagreement. "effect_blind": a pseudo-random effect, given that
-    there is a gap.
+    Returns one effect name, or "no_gap", for each diagnoser. "rules": a check list that starts with the largest
+    disagreement. "effect_blind": a pseudo-random effect, chosen by the digest of the dataset. Both use the finding of
+    the diagnosis that there is a gap.
     """
     if diagnosis.verdict.status == NO_GAP:
         return {"rules": NO_GAP, "effect_blind": NO_GAP}
@@ -26,7 +27,11 @@ def compute_baseline_verdicts(diagnosis: Diagnosis) -> dict[str, str]:
 
 
 def _apply_rules(diagnosis: Diagnosis) -> str:
-    """The first matching rule of an engineer's check list."""
+    """Name the effect of the first matching rule of an engineer's check list; a simple reference for the diagnosis.
+
+    The rules use the share of each feature in the squared difference of the real and the simulated signals, then the
+    signals of each taxel in the hold phase, counts.
+    """
     layout, model, real = diagnosis.layout, diagnosis.judge.state.mean, np.nan_to_num(diagnosis.real.mean)
     gap2 = layout.weight[:, None] * (real - model) ** 2
     share = gap2.sum(axis=(0, 2)) / max(float(gap2.sum()), 1e-12)

@@ -33,20 +33,37 @@ SILENT: Final = "silent from"
 
 
 def _film(size: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for a cover film that spreads pressure laterally.
+
+    size: decay length along a line, mm. Returns the arguments and the true value of the parameter that the score
+    compares: the 1/e distance averaged over all directions, mm.
+    """
     return f"length_m={1e-3 * size:.6f}", {"spread_mm": DIRECTION_MEAN * size}
 
 
 def _resistive(ohm: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for crosstalk through the resistances of lines; `ohm`: their mean.
+
+    Returns the arguments and an empty dictionary, because the score compares no parameter of this effect.
+    """
     tx, rx = (ohm * log_uniform(rng, 0.6, 1.6) for _ in range(2))
     return f"tx_ohm={tx:.0f} rx_ohm={rx:.0f}", {}
 
 
 def _pillars(slope: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for pillars that pull down their neighbours. slope: metres per metre.
+
+    Returns the arguments and an empty dictionary, because the score compares no parameter of this effect.
+    """
     return f"slope={slope}", {}
 
 
 def _trace_arguments(picofarad: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Arguments of an effect line of the traces' coupling; no parameters that the score compares."""
+    """Make the arguments of an effect line for an additional capacitance between neighbouring lines, picofarads.
+
+    The resistances of the lines are random. Returns the arguments and an empty dictionary, because the score compares
+    no parameter of this effect.
+    """
     return (
         f"picofarad={picofarad} tx_ohm={log_uniform(rng, 600, 1500):.0f} rx_ohm={log_uniform(rng, 600, 1500):.0f}",
         {},
@@ -58,9 +75,13 @@ MAX_CURRENT_FACTOR: Final = 1.35
 
 
 def _board_factor(name: str, emulator_effect: str, max_factor: float = np.inf) -> CauseType:
-    """One or two boards with a factor; strength 1 is 1.8 or 1 / 1.8, limited to `max_factor`."""
+    """Make a cause type: a sensitivity or stiffness of one or two boards is multiplied by a random factor.
+
+    The factor is up to 1.8, or down to 1 / 1.8, at strength 1; it is limited to `max_factor`.
+    """
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
+        """Sample a cause: one or two boards with a random factor each. strength: 0 (weak) to 1 (strong)."""
         lines, parameters = [], {}
         for board in sample_boards(rng, hand, 2):
             log = log_interpolate(0.045, 0.6, strength) * float(rng.choice([-1.0, 1.0]))
@@ -74,9 +95,16 @@ def _board_factor(name: str, emulator_effect: str, max_factor: float = np.inf) -
 
 
 def _dead_taxels(variant: str) -> CauseType:
-    """Cause type: a patch of dead taxels on one board. variant: "rest" (no signal) or "stuck" (constant count)."""
+    """Make a cause type: a patch of dead taxels on one board.
+
+    variant: "rest" (no signal) or "stuck" (constant count).
+    """
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
+        """Sample a cause: the taxels of one board that are nearest to a random taxel are dead.
+
+        strength: 0 (three dead taxels) to 1 (40 % of the board).
+        """
         (board,) = sample_boards(rng, hand)
         taxels = taxels_of(hand, board)
         count = max(2, round(log_interpolate(3, 0.4 * len(taxels), strength)))
@@ -95,9 +123,10 @@ def _dead_taxels(variant: str) -> CauseType:
 
 
 def _broken_line(variant: str) -> CauseType:
-    """Cause type: one broken line of a board. variant: "open", or "short" to the next line."""
+    """Make a cause type: one TX or RX line of a board is broken. variant: "open", or "short" to the next line."""
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
+        """Sample a cause: a random TX or RX line of a random board is open or shorted. strength: not used."""
         (board,) = sample_boards(rng, hand)
         axis = int(rng.integers(2))
         count = (board.kind.tx_count, board.kind.rx_count)[axis]
@@ -113,28 +142,38 @@ def _broken_line(variant: str) -> CauseType:
 
 
 def _sample_silent_board(rng: Rng, hand: Hand, strength: float) -> Cause:
-    """A cause: one board never sends frames."""
+    """Sample a cause: one random board never sends frames. strength: not used."""
     (board,) = sample_boards(rng, hand)
     line = f"{SILENT} {format_board_argument(board)} seconds=0"
     return Cause("dropout", SILENT, (line,), (FaultLocation(board.address),))
 
 
 def _sample_flaky_board(rng: Rng, hand: Hand, strength: float) -> Cause:
-    """A cause: one board loses frames at random; a stronger cause loses more."""
+    """Sample a cause: one random board loses frames at random, 8 % of them at strength 0 and 70 % at strength 1."""
     (board,) = sample_boards(rng, hand)
     line = f"silent flaky p={log_interpolate(0.08, 0.7, strength)} {format_board_argument(board)}"
     return Cause("dropout", "silent flaky", (line,), (FaultLocation(board.address),))
 
 
 def _sample_unit_vector(rng: Rng) -> np.ndarray:
+    """Sample a direction uniformly: a unit vector f64[3]."""
     vector = rng.normal(size=3)
     return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _offset(keyword: str, low_mm: float, high_mm: float) -> CauseType:
-    """A bracket or an object is displaced; strength 1 is `high_mm` mm and 1.5 times as many degrees."""
+    """Make a cause type: the bracket of a board, or the grasped object, is displaced from its nominal pose.
+
+    keyword: "bracket_offset" or "object_offset". low_mm, high_mm: displacements at strength 0 and at strength 1; the
+    rotation in degrees is 1.5 times the displacement in millimetres.
+    """
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
+        """Sample a cause: a displacement and a rotation in random directions. strength: 0 (smallest) to 1 (largest).
+
+        The effect line has the name of a bracket, or the placeholder OBJECT, then metres and a rotation vector in
+        radians.
+        """
         size_mm = log_interpolate(low_mm, high_mm, strength)
         translation = 1e-3 * size_mm * _sample_unit_vector(rng)
         rotation = np.radians(1.5 * size_mm) * _sample_unit_vector(rng)
@@ -149,9 +188,16 @@ def _offset(keyword: str, low_mm: float, high_mm: float) -> CauseType:
 
 
 def _late_board(variant: str) -> CauseType:
-    """Cause type: the signals of two boards are late. variant: "delay", or "lag" (a first-order low-pass filter)."""
+    """Make a cause type: the signals of one or two boards are late.
+
+    variant: "delay" (shifted in time) or "lag" (a first-order low-pass filter).
+    """
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
+        """Sample a cause: one or two boards are late by 0.04 s at strength 0 and 0.42 s at strength 1.
+
+        Only a delay has a true parameter that the score compares; the time constant of a lag is defined differently.
+        """
         lines, parameters = [], {}
         for board in sample_boards(rng, hand, 2):
             seconds = log_interpolate(0.04, 0.42, strength)
@@ -163,19 +209,33 @@ def _late_board(variant: str) -> CauseType:
 
 
 def _noise_line(counts: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments and true parameters of noise that is common to one line or one scan.
+
+    counts: standard deviation. A random axis selects the TX lines, the RX lines or the whole scan.
+    """
     return f"counts={counts} axis={int(rng.integers(3))}", {"common_counts": counts}
 
 
 def _noise_pink(counts: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of 1/f noise, either independent for each taxel or common to a board.
+
+    counts: standard deviation. Returns the arguments and an empty dictionary, because the score compares no parameter
+    of this effect.
+    """
     return f"counts={counts} shared={int(rng.integers(2))}", {}
 
 
 def _log_std(std: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments and true parameters of a log-normal gain of each taxel; `std`: of the logarithm."""
     return f"log_std={std}", {"log_std": std}
 
 
 def _play_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Arguments of an effect line of hysteresis with play; no parameters that the score compares."""
+    """Make the arguments of an effect line for hysteresis by play operators, with random width and creep.
+
+    fraction: share of the compression that the play operators hold back. Returns the arguments and an empty dictionary,
+    because the score compares no parameter of this effect.
+    """
     width, creep, seconds = (
         log_uniform(rng, 1e-4, 4e-4),
         log_uniform(rng, 0.05, 0.25),
@@ -185,20 +245,36 @@ def _play_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
 
 
 def _solid(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments and true parameters of a standard linear solid, a layer that creeps under load.
+
+    fraction: share of the compliance that acts through a dashpot. The time constant in seconds is random.
+    """
     seconds = log_uniform(rng, 0.3, 2.0)
     return f"fraction={fraction} seconds={seconds}", {"seconds": seconds}
 
 
 def _counts(name: str) -> Callable[[float, Rng], tuple[str, dict[str, float]]]:
+    """Make a function that formats a number of counts as the argument of an effect line.
+
+    The function also returns the number as a true parameter. name: of this parameter in a report.
+    """
     return lambda size, rng: (f"counts={size}", {name: size})
 
 
 def _drifting(low: float, high: float) -> Callable[[float, Rng], tuple[str, dict[str, float]]]:
-    """Counts of a drift with a time constant between `low` and `high` seconds."""
+    """Make a function that formats the arguments of a drift: its size in counts and a random time constant.
+
+    low, high: limits of the time constant, seconds. The score compares no parameter of a drift.
+    """
     return lambda size, rng: (f"counts={size} seconds={log_uniform(rng, low, high)}", {})
 
 
 def _proximity(share: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for a response before contact, with a random reach.
+
+    share: of the fringe capacitance, at gap 0. Returns the arguments and an empty dictionary, because the score
+    compares no parameter of this effect.
+    """
     return f"share={share} reach_m={log_uniform(rng, 0.001, 0.004)}", {}
 
 
@@ -240,12 +316,15 @@ EFFECT_NAMES: Final = tuple(dict.fromkeys(cause_type.name for cause_type in CATA
 
 
 def list_cause_types(name: str) -> tuple[CauseType, ...]:
-    """The cause types of an effect of the catalogue."""
+    """List the cause types that produce one effect of the diagnosis's catalogue.
+
+    name: of the effect, such as "noise".
+    """
     return tuple(cause_type for cause_type in CATALOGUE_CAUSES if cause_type.name == name)
 
 
 def sample_nuisance_lines(rng: Rng) -> tuple[str, ...]:
-    """Effect lines of small deviations of every skin: tolerances of the gains, and temperature drift."""
+    """Sample the effect lines of small deviations that every skin has: gain tolerances and temperature drift."""
     return (
         f"gain electrode log_std={rng.uniform(0.005, 0.02):.4f}",
         f"drift wander counts={rng.uniform(0.5, 2.0):.3f} seconds={rng.uniform(40, 120):.0f}",

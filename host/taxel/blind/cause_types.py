@@ -27,34 +27,34 @@ class CauseType:
 
 
 def log_interpolate(low: float, high: float, strength: float) -> float:
-    """Value between `low` (strength 0) and `high` (strength 1) on a logarithmic scale, with 4 digits."""
+    """Interpolate on a logarithmic scale between `low` (strength 0) and `high` (strength 1); rounded to 4 digits."""
     return float(f"{low * (high / low) ** strength:.4g}")
 
 
 def log_uniform(rng: Rng, low: float, high: float) -> float:
-    """Random value between `low` and `high`, uniform on a logarithmic scale."""
+    """Sample a random value between `low` and `high`, uniform on a logarithmic scale."""
     return log_interpolate(low, high, float(rng.random()))
 
 
 def format_board_argument(board: Board) -> str:
-    """The argument of an effect line that selects a board."""
+    """Format the argument of an effect line that selects a board by its I2C address, such as "board=0x41"."""
     return f"board=0x{board.address:02X}"
 
 
 def _reachable_boards(hand: Hand) -> list[Board]:
-    """Boards that indentations reach."""
+    """List the boards of a hand that indentations reach: all boards except those on the back of the hand."""
     return [board for board in hand.boards if "back" not in board.kind.name]
 
 
 def sample_boards(rng: Rng, hand: Hand, max_count: int = 1) -> list[Board]:
-    """One to `max_count` random boards that indentations reach."""
+    """Sample one to `max_count` different boards of the hand, among the boards that indentations reach."""
     boards = _reachable_boards(hand)
     count = int(rng.integers(1, min(max_count, len(boards)) + 1))
     return [boards[index] for index in sorted(rng.choice(len(boards), count, replace=False).tolist())]
 
 
 def taxels_of(hand: Hand, board: Board) -> list[int]:
-    """Indices of a board's taxels in the hand."""
+    """List the indices of a board's taxels in the arrays of the whole hand."""
     return np.flatnonzero(hand.board_index == hand.boards.index(board)).tolist()
 
 
@@ -65,12 +65,14 @@ def make_whole_hand_cause(
     high: float,
     arguments: Callable[[float, Rng], tuple[str, dict[str, float]]],
 ) -> CauseType:
-    """A cause on the whole hand with one main parameter between `low` and `high`.
+    """Make a cause type that acts on the whole hand and has one main parameter.
 
-    arguments: gives the arguments of the effect line and the true parameters for a value of the main parameter.
+    low, high: values of the main parameter at strength 0 and at strength 1. arguments: function that returns the
+    arguments of the effect line and the true parameters for a value of the main parameter.
     """
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
+        """Sample a cause on the whole hand. strength: 0 to 1, converted to the main parameter."""
         text, parameters = arguments(log_interpolate(low, high, strength), rng)
         return Cause(name, emulator_effect, (f"{emulator_effect} {text}",), (), parameters)
 

@@ -14,7 +14,11 @@ from taxel.blind.version import compute_diagnosis_version
 
 
 def main(folder: str, *hidden: str) -> int:
-    """Serve requests until standard input ends. folder: the only readable data. hidden: always unreadable folders."""
+    """Run the process that diagnoses worlds without access to the hidden causes, until standard input ends.
+
+    Each line of standard input is a job in JSON; each answer is one line of JSON. folder: the only data that the
+    process can read. hidden: folders that are always unreadable. Returns the exit status.
+    """
     version = compute_diagnosis_version()  # before the isolation, which seals this module
     fields = {"diagnosis": version, "blindfold": isolate_process(Path(folder), [Path(path) for path in hidden])}
     for line in sys.stdin:

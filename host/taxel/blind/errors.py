@@ -7,6 +7,10 @@ class BlindRunError(TaxelError):
     """A folder or file that does not belong to this blind check, or a diagnosing process that ended."""
 
     def __init__(self, where: str, expected: str, found: str, remedy: str) -> None:
+        """Create the error of a blind check.
+
+        where: file or process. expected, found: its content. remedy: what to do.
+        """
         super().__init__(where, expected, found, remedy)
 
     def __str__(self) -> str:

@@ -48,12 +48,15 @@ class GraspWorld:
     salt: str
 
     def to_json(self) -> dict[str, object]:
-        """The world as it is sealed."""
+        """Return the world of a demonstration, with its hidden cause and its salt, as the sealed JSON values."""
         return {"seed": self.seed, "hidden": self.hidden.to_json(), "salt": self.salt}
 
 
 def sample_grasp_world(seed: int | None = None) -> GraspWorld:
-    """A world with one random cause. seed: None: random numbers of the operating system."""
+    """Sample a world of the demonstration: an emulated Allegro hand with one random hidden cause.
+
+    seed: of the random numbers; None: random numbers of the operating system.
+    """
     rng = np.random.default_rng(secrets.randbits(256) if seed is None else seed)
     cause_types = [cause_type for cause_type in CATALOGUE_CAUSES if cause_type.emulator_effect in EMULATOR_EFFECTS]
     cause_type = cause_types[int(rng.integers(len(cause_types)))]
@@ -63,9 +66,9 @@ def sample_grasp_world(seed: int | None = None) -> GraspWorld:
 
 
 def make_small_plans(seed: int) -> tuple[tuple[PlannedGrasp, ...], tuple[PlannedGrasp, ...]]:
-    """Plans of the hand and of the simulator, with two random approaches of every object.
+    """Make the plans of the emulated hand and of the simulator, with two random approaches of every object.
 
-    The hand performs each approach once in each of five sessions, the simulator twice.
+    The hand performs each approach once in each of five sessions; the simulator performs each approach twice.
     """
     rng = np.random.default_rng(seed)
     plan = make_thesis_plan(seed)
@@ -93,7 +96,11 @@ def make_small_plans(seed: int) -> tuple[tuple[PlannedGrasp, ...], tuple[Planned
 def make_grasps(
     world: GraspWorld, real: Path, sim: Path, progress: tuple[Progress, Progress], jobs: int | None = None
 ) -> None:
-    """Write both datasets. progress: of the hand and of the simulator. Raises TaxelError with a one-line message."""
+    """Run the grasps of a world on the emulated hand and in the simulator, and write both datasets.
+
+    real, sim: files to write. progress: callbacks of the hand and of the simulator. jobs: number of processes; None:
+    one per core. Raises TaxelError with a one-line message.
+    """
     grasps, simulated = make_small_plans(world.seed)
     settings = UndescribedSettings(seed=world.seed, effects=world.hidden.lines)
     run_emulated(real, grasps, settings, jobs=jobs, progress=progress[0])

@@ -39,7 +39,7 @@ class Cause:
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """The cause as it is sealed."""
+        """Return the hidden cause as the JSON values that are sealed."""
         return {
             "name": self.name,
             "form": self.emulator_effect,
@@ -50,7 +50,7 @@ class Cause:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Cause:
-        """Inverse of `to_json`."""
+        """Create a hidden cause from the JSON values of `to_json`."""
         locations = tuple(FaultLocation(**location) for location in data["places"])
         return cls(data["name"], data["form"], tuple(data["lines"]), locations, dict(data["parameters"]))
 
@@ -69,18 +69,18 @@ class HiddenCauses:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the correct verdict, in no particular order."""
+        """Names of the effects in the correct verdict, in no particular order."""
         return tuple(cause.name for cause in self.causes)
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Effect lines of the emulator's world file."""
+        """Effect lines for the emulator's world file: those of the hidden causes, then those of the nuisances."""
         return (*(line for cause in self.causes for line in cause.lines), *self.nuisances)
 
     def true_parameters(self, cause: Cause) -> dict[str, float]:
-        """Parameters of a cause as a report can estimate them.
+        """Return the true parameters of a hidden cause, as a report can estimate them.
 
-        The variance of a nuisance of the same emulator effect is added to that of the cause.
+        A nuisance (a small deviation of every skin) of the same emulator effect adds its variance to that of the cause.
         """
         parameters = dict(cause.parameters)
         for line in self.nuisances:
@@ -90,12 +90,12 @@ class HiddenCauses:
         return parameters
 
     def to_json(self) -> dict[str, Any]:
-        """The causes as they are sealed."""
+        """Return the hidden causes of a world, with the nuisances, as the JSON values that are sealed."""
         causes = [cause.to_json() for cause in self.causes]
         return {"kind": self.kind, "causes": causes, "nuisances": list(self.nuisances)}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> HiddenCauses:
-        """Inverse of `to_json`."""
+        """Create the hidden causes of a world from the JSON values of `to_json`."""
         causes = tuple(Cause.from_json(cause) for cause in data["causes"])
         return cls(data["kind"], causes, tuple(data["nuisances"]))

@@ -62,6 +62,7 @@ class SealedError(PermissionError):
     """An attempt to access something that a blind diagnosis must not see."""
 
     def __init__(self, resource: str) -> None:
+        """Create the error of a forbidden access. resource: path, module or audit event that was accessed."""
         super().__init__(resource)
 
     def __str__(self) -> str:
@@ -69,10 +70,11 @@ class SealedError(PermissionError):
 
 
 def isolate_process(folder: Path, hidden: Sequence[Path] = ()) -> str:
-    """Restrict this process irrevocably: it can write below `folder` and read `folder` and the Python installation.
+    """Restrict the calling process irrevocably, so that a diagnosis cannot read the hidden causes.
 
-    hidden: folders that are unreadable even inside of that installation. Returns the enforcing mechanisms: "landlock
-    and audit hook", or "audit hook" if the kernel has no Landlock.
+    Afterwards the process can write below `folder`, and read `folder` and the Python installation. hidden: folders that
+    are unreadable even inside the installation. Returns the enforcing mechanisms: "landlock and audit hook", or "audit
+    hook" if the kernel has no Landlock.
     """
     sys.dont_write_bytecode = True
     import_module("taxel.recording")  # its dependency taxel.link imports the emulator, which is removed below
@@ -87,7 +89,7 @@ def isolate_process(folder: Path, hidden: Sequence[Path] = ()) -> str:
 
 
 def is_forbidden(module: str) -> bool:
-    """Whether a module is sealed, by its name."""
+    """Whether a module must not be imported during a blind diagnosis. module: full name, such as "taxel.blind.seal"."""
     package, _, name_in_blind = module.partition(".blind.")
     if package == "taxel" and name_in_blind:
         return name_in_blind not in ALLOWED_IN_BLIND
@@ -100,6 +102,7 @@ class _ImportGuard(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
+        """Raise ImportError for a forbidden module; leave all other modules to the next finder (result None)."""
         if is_forbidden(fullname):
             raise ImportError(f"{fullname} is sealed while a world is diagnosed", name=fullname)
         return None
@@ -112,9 +115,17 @@ class _AccessHook:
     """
 
     def __init__(self, folder: Path, readable: Sequence[Path]) -> None:
+        """Create the audit hook of a sandboxed process.
+
+        folder: writable. readable: resolved paths, including `folder`.
+        """
         self._folder, self._readable = folder, readable
 
     def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
+        """Check one audit event of Python; raises SealedError if it accesses a forbidden file, process or network.
+
+        event: name of the event, such as "open". arguments: values of the event, defined by the Python documentation.
+        """
         if event == "open":
             path, mode, flags = arguments
             self._check(path, _is_write(mode, flags))
@@ -127,7 +138,7 @@ class _AccessHook:
             raise SealedError(event)
 
     def _check(self, name: Any, is_write: bool) -> None:
-        """Raise SealedError for a file outside of the permitted folders. name: path or file descriptor."""
+        """Raise SealedError for a file outside of the permitted folders. name: path, file descriptor or None."""
         # A file descriptor belongs to a file that was checked when it was opened; None is the current folder.
         if name is None or isinstance(name, int):
             return
@@ -138,25 +149,26 @@ class _AccessHook:
 
 
 def _is_write(mode: str | None, flags: int) -> bool:
+    """Whether a file is opened for writing. mode: of Python's `open`, or None. flags: of the system call."""
     return bool(flags & _WRITE_FLAGS) or bool(mode and set(mode) & set("wax+"))
 
 
 def _installation_folders() -> list[Path]:
-    """Folders of Python, of its packages and of the system that the diagnosis may read."""
+    """List the folders of Python, of its packages and of the system that the sandboxed diagnosis may read."""
     paths = sysconfig.get_paths()
     roots = [sys.prefix, sys.base_prefix, *(paths[key] for key in ("stdlib", "platstdlib", "purelib", "platlib"))]
     return sorted({*(Path(os.path.realpath(root)) for root in (*roots, *SYSTEM_PATHS)), *_package_folders()})
 
 
 def _package_folders() -> list[Path]:
-    """Folders of this library's modules and compiled parts."""
+    """List the folders of the packages `taxel` and `taxel_protocol`, which contain this project's modules."""
     import taxel_protocol
 
     return [Path(os.path.realpath(path)) for package in (taxel, taxel_protocol) for path in package.__path__]
 
 
 def _sealed_sources() -> list[Path]:
-    """Files and folders of the forbidden modules, which would otherwise be readable as text."""
+    """List the source files and folders of the forbidden modules, which would otherwise be readable as text."""
     sealed = []
     for root in _package_folders():
         for name in FORBIDDEN:
@@ -168,7 +180,7 @@ def _sealed_sources() -> list[Path]:
 
 
 def _paths_without(root: Path, sealed: Sequence[Path]) -> Iterator[Path]:
-    """`root`, or those of its descendants that contain nothing sealed."""
+    """Yield paths that together cover everything below `root` except the sealed paths."""
     if any(root.is_relative_to(path) for path in sealed):
         return
     if not any(path.is_relative_to(root) and path.exists() for path in sealed):

@@ -28,17 +28,18 @@ ON_FILES: Final = WRITE_FILE | READ_FILE | TRUNCATE
 
 
 def version() -> int:
-    """Version of the kernel's interface; 0 if there is none."""
+    """Return the version of the kernel's Landlock interface (file restrictions of a process); 0 if there is none."""
     if sys.platform != "linux":
         return 0
     return max(_call(CREATE_RULESET, None, 0, VERSION_FLAG), 0)
 
 
 def restrict(readable: Iterable[Path], writable: Iterable[Path]) -> bool:
-    """Restrict this thread and its future threads irrevocably; returns whether the kernel supports it.
+    """Restrict the files of this thread and its future threads irrevocably with Landlock, a function of Linux.
 
-    readable: files, and folders with their content, that can be read. writable: those that can also be written.
-    Nonexistent paths are ignored. No program can be started. Nothing changes if the result is False.
+    readable: files, and folders with their content, that can be read. writable: files and folders that can also be
+    written. Nonexistent paths are ignored. No program can be started. Returns whether the kernel supports Landlock; if
+    not, nothing changes.
     """
     interface = version()
     if not interface:
@@ -62,7 +63,10 @@ def restrict(readable: Iterable[Path], writable: Iterable[Path]) -> bool:
 
 
 def _grant(rules: int, path: Path, rights: int) -> bool:
-    """Permit `rights` on a path and everything below it; false if the kernel refuses. An absent path is ignored."""
+    """Add a Landlock rule that permits `rights` on a path and everything below it; False if the kernel refuses.
+
+    rules: file descriptor of the rule set. rights: bit mask. An absent path is ignored.
+    """
     if not path.exists():
         return True
     beneath = os.open(path, os.O_PATH | os.O_CLOEXEC)
@@ -79,6 +83,9 @@ def _set_no_new_privileges() -> bool:
 
 
 def _call(number: int, *arguments: int | bytes | None) -> int:
-    """Result of a system call without a C library wrapper; -1 on failure."""
+    """Make a Linux system call that has no function in the C library; returns its result, or -1 on failure.
+
+    number: of the system call.
+    """
     converted = [ctypes.c_long(argument) if isinstance(argument, int) else argument for argument in arguments]
     return int(ctypes.CDLL(None, use_errno=True).syscall(ctypes.c_long(number), *converted))

@@ -19,7 +19,10 @@ OBSERVABLE_COUNTS: Final = 60.0
 
 
 def loaded_locations(locations: Sequence[FaultLocation], sim: Path) -> list[FaultLocation]:
-    """The locations that contain a taxel which the simulated dataset `sim` loads."""
+    """Select the fault locations (a board, a line or a taxel) of which at least one taxel has a simulated load.
+
+    sim: simulated dataset.
+    """
     table, max_signal = _max_signals(sim)
     return [
         location for location in locations if max_signal[_taxels_at(location, table)].max(initial=0.0) > LOADED_COUNTS
@@ -27,13 +30,13 @@ def loaded_locations(locations: Sequence[FaultLocation], sim: Path) -> list[Faul
 
 
 def find_observable_taxels(location: FaultLocation, sim: Path) -> list[int]:
-    """Taxels of a location whose absent signal would be observable in the indentations of `sim`."""
+    """List the taxels of a fault location whose missing signal would be observable in the dataset `sim`."""
     table, max_signal = _max_signals(sim)
     return np.flatnonzero(_taxels_at(location, table) & (max_signal > OBSERVABLE_COUNTS)).tolist()
 
 
 def _max_signals(sim: Path) -> tuple[TaxelTable, NDArray[np.float64]]:
-    """The taxels of a dataset, and the largest signal of each over all grasps, counts, f64[n]."""
+    """Return the taxel table of a dataset, and the largest signal of each taxel over all grasps, f64[n] counts."""
     with GraspDataset(sim) as data:
         table, max_signal = data.taxels, np.zeros(len(data.taxels.sensor))
         for grasp in data:
@@ -43,7 +46,7 @@ def _max_signals(sim: Path) -> tuple[TaxelTable, NDArray[np.float64]]:
 
 
 def _taxels_at(location: FaultLocation, table: TaxelTable) -> NDArray[np.bool_]:
-    """Mask bool[n] of the taxels of a location."""
+    """Select the taxels of a fault location (a board, a TX or RX line, or one taxel): mask bool[n]."""
     if location.axis == "taxel":
         return np.asarray(np.arange(len(table.sensor)) == location.index)
     is_on_board = table.sensor == location.address

@@ -16,7 +16,7 @@ from taxel.hand import Hand
 
 
 def _sample_exchanged_lines(rng: Rng, hand: Hand, strength: float) -> Cause:
-    """A cause: two lines of a board are exchanged; a stronger cause exchanges lines that are farther apart."""
+    """Sample a cause: two TX or RX lines of a board are exchanged. strength: 0 to 1, sets their distance in lines."""
     (board,) = sample_boards(rng, hand)
     axis = int(rng.integers(2))
     count = (board.kind.tx_count, board.kind.rx_count)[axis]
@@ -29,7 +29,7 @@ def _sample_exchanged_lines(rng: Rng, hand: Hand, strength: float) -> Cause:
 
 
 def _sample_stuck_bit(rng: Rng, hand: Hand, strength: float) -> Cause:
-    """A cause: one bit of all counts of a board is stuck; a stronger cause has a higher bit."""
+    """Sample a cause: one bit of all counts of a board is stuck, bit 7 at strength 0 and bit 10 at strength 1."""
     board = sample_boards(rng, hand)[0]
     bit = 7 + round(3 * strength)
     level = str(rng.choice(["low", "high"]))
@@ -38,9 +38,10 @@ def _sample_stuck_bit(rng: Rng, hand: Hand, strength: float) -> Cause:
 
 
 def _moisture(variant: str) -> CauseType:
-    """Cause type: a wet spot on a board. variant: as in the world file; "drying" has a time constant."""
+    """Make a cause type: a wet spot on a board. variant: keyword of the world file; "drying" has a time constant."""
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
+        """Sample a cause: a wet spot at a random position of a board. strength: 0 to 1, sets the amount of water."""
         (board,) = sample_boards(rng, hand)
         tx, rx = rng.uniform(1, board.kind.tx_count - 2), rng.uniform(1, board.kind.rx_count - 2)
         radius_m = log_uniform(rng, 0.01, 0.025)
@@ -54,11 +55,19 @@ def _moisture(variant: str) -> CauseType:
 
 
 def _reference(ohms: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for a reference voltage that falls under load. ohms: source resistance.
+
+    Returns the arguments and an empty dictionary, because the score compares no parameter of this effect.
+    """
     return f"ohms={ohms:.0f} seconds={log_uniform(rng, 0.05, 2.0)}", {}
 
 
 def _indent_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
-    """Arguments of an effect line of the compression set of the layer; no parameters that the score compares."""
+    """Make the arguments of an effect line for compression set, an indentation that remains after a contact.
+
+    fraction: share of the compression that remains. Returns the arguments and an empty dictionary, because the score
+    compares no parameter of this effect.
+    """
     return (
         f"fraction={fraction} threshold_m={log_uniform(rng, 1e-4, 3e-4)} recovery_s={log_uniform(rng, 20, 500)}",
         {},
@@ -66,10 +75,18 @@ def _indent_arguments(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]
 
 
 def _bedding(fraction: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for pillar tips that flatten; `fraction`: largest loss of compression.
+
+    Returns the arguments and an empty dictionary, because the score compares no parameter of this effect.
+    """
     return f"fraction={fraction} work_j_m2={log_uniform(rng, 0.1, 10)}", {}
 
 
 def _bow(counts: float, rng: Rng) -> tuple[str, dict[str, float]]:
+    """Make the arguments of an effect line for a bent characteristic curve of the converter, of random sign.
+
+    Returns the arguments and an empty dictionary, because the score compares no parameter of this effect.
+    """
     return f"counts={counts * float(rng.choice([-1.0, 1.0]))}", {}
 
 

@@ -16,13 +16,16 @@ RECORDS: Final = "answers.jsonl.gz"
 
 
 def write_records(path: Path, results: Iterable[WorldResult]) -> None:
-    """Write one JSON object per line, compressed by gzip; numbers have six digits. Equal results give equal bytes."""
+    """Write the results of worlds as one JSON object per line, compressed by gzip; numbers have six digits.
+
+    Equal results give equal bytes.
+    """
     lines = [json.dumps(_result_to_json(result)) + "\n" for result in results]
     path.write_bytes(gzip.compress("".join(lines).encode(), mtime=0))
 
 
 def read_records(path: Path) -> list[WorldResult]:
-    """The results in a file of `write_records`. Raises BlindRunError."""
+    """Read the results of worlds from a file of `write_records`. Raises BlindRunError for any other file."""
     try:
         lines = gzip.decompress(path.read_bytes()).decode().splitlines()
         if not lines:
@@ -35,7 +38,7 @@ def read_records(path: Path) -> list[WorldResult]:
 
 
 def merge_results(first: Sequence[WorldResult], second: Sequence[WorldResult], source: str) -> list[WorldResult]:
-    """Results of two runs. source: origin of the second run, for messages.
+    """Concatenate the results of two runs of the blind check. source: origin of the second run, for messages.
 
     Raises BlindRunError if the runs have different versions of the diagnosis or worlds in common.
     """
@@ -46,12 +49,15 @@ def merge_results(first: Sequence[WorldResult], second: Sequence[WorldResult], s
 
 
 def list_diagnosis_versions(results: Iterable[WorldResult]) -> set[str]:
-    """Versions of the diagnosis that made the reports."""
+    """Return the set of versions of the diagnosis that made the reports, without the worlds that have no report."""
     return {result.diagnosis_version for result in results if not result.error}
 
 
 def require_version(versions: set[str], results: Sequence[WorldResult], source: str) -> None:
-    """Raise BlindRunError unless `results` and `versions` have at most one version of the diagnosis in total."""
+    """Raise BlindRunError unless `results` and `versions` contain at most one version of the diagnosis in total.
+
+    source: origin of the results, for the message.
+    """
     found = sorted(versions | list_diagnosis_versions(results))
     if len(found) > 1:
         remedy = "score the runs separately, because a score refers to one version"
@@ -59,7 +65,7 @@ def require_version(versions: set[str], results: Sequence[WorldResult], source: 
 
 
 def _round(value: Any) -> Any:
-    """The value with all floating-point numbers rounded to six digits."""
+    """Round all floating-point numbers of a nested JSON value to six digits."""
     if isinstance(value, float):
         return float(f"{value:.6g}")
     if isinstance(value, dict):
@@ -68,7 +74,7 @@ def _round(value: Any) -> Any:
 
 
 def _result_to_json(result: WorldResult) -> dict[str, Any]:
-    """The record of a world; the keys are those of the file format."""
+    """Convert the result of one world to a JSON record; the keys are those of the file format."""
     comparison = {
         "named": _verdict_to_json(result.verdict),
         "gap": result.gap,
@@ -91,7 +97,7 @@ def _result_to_json(result: WorldResult) -> dict[str, Any]:
 
 
 def _result_from_json(data: dict[str, Any]) -> WorldResult:
-    """The inverse of `_result_to_json`."""
+    """Create the result of one world from its JSON record, which `_result_to_json` has made."""
     return WorldResult(
         World.from_json(data["world"]),
         _verdict_from_json(data["named"]),
@@ -114,7 +120,7 @@ def _result_from_json(data: dict[str, Any]) -> WorldResult:
 
 
 def _verdict_to_json(verdict: ReportedVerdict) -> dict[str, Any]:
-    """A verdict as JSON values; the keys are those of the file format."""
+    """Convert a verdict of the diagnosis to JSON values; the keys are those of the file format."""
     return {
         "status": verdict.status,
         "effects": verdict.effects,
@@ -124,15 +130,18 @@ def _verdict_to_json(verdict: ReportedVerdict) -> dict[str, Any]:
 
 
 def _optional_verdict_to_json(verdict: ReportedVerdict | None) -> dict[str, Any] | None:
+    """Convert a verdict to JSON values; None for a diagnosis that was not made."""
     return None if verdict is None else _verdict_to_json(verdict)
 
 
 def _verdict_from_json(data: dict[str, Any]) -> ReportedVerdict:
+    """Create a verdict of the diagnosis from JSON values, which `_verdict_to_json` has made."""
     confounded = {name: tuple(names) for name, names in data["alike"].items()}
     return ReportedVerdict(data["status"], tuple(data["effects"]), tuple(data["rivals"]), confounded)
 
 
 def _optional_verdict_from_json(data: dict[str, Any] | None) -> ReportedVerdict | None:
+    """Create a verdict from JSON values; None for a diagnosis that was not made."""
     return None if data is None else _verdict_from_json(data)
 
 
@@ -151,8 +160,10 @@ _PARAMETER_KEYS: Final = {
 
 
 def _parameter_to_json(parameter: ParameterComparison) -> dict[str, Any]:
+    """Convert the estimated and true value of a parameter to JSON values; the keys are those of the file format."""
     return {key: getattr(parameter, field) for field, key in _PARAMETER_KEYS.items()}
 
 
 def _parameter_from_json(data: dict[str, Any]) -> ParameterComparison:
+    """Create the comparison of an estimated and a true parameter from JSON values of `_parameter_to_json`."""
     return ParameterComparison(**{field: data[key] for field, key in _PARAMETER_KEYS.items()})

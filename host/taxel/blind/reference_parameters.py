@@ -25,9 +25,10 @@ from taxel.gap.report.effects import parameters_of
 
 
 def select_models_to_fit(cause: Cause, report: Mapping[str, Any]) -> set[str]:
-    """Keys of the models that the report names for the effect of the cause, if they need a reference fit.
+    """Select the effect models of a report whose true parameters must be found by a fit to noise-free data.
 
-    Empty if the true parameters are known from the cause, and if the gap is not clear.
+    cause: the hidden cause of the world. Returns the keys of the models that the report names for this cause. The set
+    is empty if the true parameters follow from the cause, or if the gap is not clear.
     """
     if cause.parameters or not is_clear(report):
         return set()
@@ -36,9 +37,11 @@ def select_models_to_fit(cause: Cause, report: Mapping[str, Any]) -> set[str]:
 
 
 def fit_reference_parameters(real: Path, sim: Path, name: str, models: Collection[str]) -> dict[str, dict[str, float]]:
-    """Fitted parameters of the effect `name` for each of the model keys, such as {"kept hand": {"spread_mm": 2.1}}.
+    """Fit the effect `name` to noise-free data; the fitted parameters serve as the true values in the score.
 
-    Empty for an effect without a fitted model. Raises DatasetError and GapInputError with one-line messages.
+    real, sim: datasets. models: keys of the models to fit. Returns the parameters by model key, such as {"kept hand":
+    {"spread_mm": 2.1}}; empty for an effect without a fitted model. Raises DatasetError and GapInputError with one-line
+    messages.
     """
     with threadpool_limits(limits=1):
         pair = read_pair(real, sim)
@@ -54,7 +57,7 @@ def fit_reference_parameters(real: Path, sim: Path, name: str, models: Collectio
 
 
 def _fit(judge: Judge, effect: Effect) -> FittedEffect:
-    """The fitted effect; as in a diagnosis, the frames are aligned again after the first fit."""
+    """Fit one effect to the data; as in a diagnosis, the frames are aligned in time again after the first fit."""
     model = judge.in_sample(Chain((started(judge.state, effect),))).chain
     if not is_delay(effect):
         shift, model = shift_beside(judge, model, ())
@@ -63,4 +66,5 @@ def _fit(judge: Judge, effect: Effect) -> FittedEffect:
 
 
 def _number(entry: dict[str, Any]) -> float:
+    """Return the value of a parameter in a report as a number."""
     return float(np.asarray(entry["value"], dtype=np.float64))

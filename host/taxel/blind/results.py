@@ -34,7 +34,7 @@ class ReportedVerdict:
     confounded_with: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def is_first(self, names: Collection[str]) -> bool:
-        """Whether one of `names` is the first effect or confounded with the first effect."""
+        """Whether one of the effects `names` is first in the verdict, or confounded with the first effect."""
         return bool(self.effects) and not set(names).isdisjoint((self.effects[0], *self.confounded_with_first))
 
     @property
@@ -43,7 +43,11 @@ class ReportedVerdict:
         return UNKNOWN in self.effects
 
     def count_named(self, names: Collection[str]) -> int:
-        """Number of the causes `names` that the verdict contains, or that are confounded with a wrong effect of it."""
+        """Count the true causes `names` that the verdict contains.
+
+        A true cause also counts if it is confounded with a wrong effect of the verdict; each wrong effect can replace
+        one true cause.
+        """
         missing = set(names) - set(self.effects)
         for effect in set(self.effects) - set(names):
             missing -= set(sorted(missing & set(self.confounded_with.get(effect, ())))[:1])
@@ -71,7 +75,7 @@ class ParameterComparison:
 
     @property
     def relative_error(self) -> float:
-        """Relative error of the estimate."""
+        """Relative error of the estimate: its absolute difference from the true value, divided by the true value."""
         return abs(self.estimate - self.truth) / max(abs(self.truth), 1e-9)
 
 
@@ -119,22 +123,25 @@ class WorldResult:
 
     @property
     def ratio(self) -> float:
-        """Gap divided by floor."""
+        """Gap divided by the floor, both in counts."""
         return self.gap / max(self.floor, 1e-9)
 
     @property
     def is_clear(self) -> bool:
-        """Whether the cause must be named; a world without a report counts as clear and wrong."""
+        """Whether the gap is so large that the cause must be named.
+
+        A world without a report counts as clear and wrong.
+        """
         return bool(self.error) or self.ratio >= MIN_CLEAR_RATIO
 
     @property
     def is_first_correct(self) -> bool:
-        """Whether a hidden cause is named first, or confounded with the effect that is named first."""
+        """Whether the effect that the verdict names first is a hidden cause, or is confounded with a hidden cause."""
         return self.verdict.is_first(self.world.hidden.names)
 
 
 def read_results(out: Path, worlds: list[World]) -> list[WorldResult]:
-    """Results of all worlds that are finished and have a report."""
+    """Read the results of all worlds of a blind check that are finished and have a report. out: folder of the check."""
     results = []
     for world in worlds:
         folder = get_world_folder(out, world)
@@ -146,7 +153,7 @@ def read_results(out: Path, worlds: list[World]) -> list[WorldResult]:
 
 
 def _make_result(world: World, folder: Path, reference: dict[str, dict[str, float]]) -> WorldResult:
-    """The result of a world from the reports in its folder. reference: reference parameters by model key."""
+    """Make the result of a world from the reports in its folder. reference: reference parameters by model key."""
     report = json.loads((folder / "report.json").read_text())
     result = WorldResult(
         world,
@@ -179,7 +186,7 @@ def _make_result(world: World, folder: Path, reference: dict[str, dict[str, floa
 
 
 def _parse_verdict(report: dict[str, Any]) -> ReportedVerdict:
-    """The verdict of a report; status "error" for a world without a diagnosis."""
+    """Extract the verdict from the JSON of a report; status "error" for a world without a diagnosis."""
     if "error" in report:
         return ReportedVerdict("error", ())
     verdict = report["verdict"]
@@ -189,15 +196,17 @@ def _parse_verdict(report: dict[str, Any]) -> ReportedVerdict:
 
 
 def _read_verdict(path: Path) -> ReportedVerdict | None:
+    """Read the verdict of a report file; None if the file does not exist."""
     return _parse_verdict(json.loads(path.read_text())) if path.exists() else None
 
 
 def _compare_parameters(
     world: World, effects: Sequence[dict[str, Any]], reference: dict[str, dict[str, float]]
 ) -> tuple[ParameterComparison, ...]:
-    """Comparisons for a single world whose effect is in the verdict.
+    """Compare the estimated with the true parameters, for a world with a single cause that the verdict names.
 
-    The truth is the hidden value if a definition fixes the parameter, else the reference value.
+    effects: entries of the report. reference: reference parameters by model key. The true value is the hidden value if
+    the definition of the effect fixes it, otherwise the reference parameter.
     """
     if world.hidden.kind != "single":
         return ()
@@ -237,16 +246,16 @@ def _compare_parameters(
 
 
 def _max_value(truth: Mapping[str, float], name: str) -> float:
-    """Largest absolute true value of a parameter over all boards."""
+    """Return the largest absolute true value of a parameter over all boards. name: such as "scale@65" for board 65."""
     values = [abs(value) for key, value in truth.items() if key.partition("@")[0] == name.partition("@")[0]]
     return max(values, default=0.0)
 
 
 def is_location_found(world: World, effects: Sequence[dict[str, Any]], folder: Path) -> bool | None:
-    """Whether the report names the failed board or open line; None if none of its locations is loaded.
+    """Whether the report names the failed board or open line; None if no fault location is expected or loaded.
 
-    If only one taxel of a line is observable, this taxel is accepted as the location, because a dead taxel and an open
-    line are then indistinguishable.
+    effects: entries of the report. folder: of the world. If only one taxel of a line is observable, this taxel is
+    accepted as the location, because a dead taxel and an open line are then indistinguishable.
     """
     if world.hidden.kind != "single" or world.hidden.causes[0].emulator_effect not in ("silent from", "line open"):
         return None
@@ -260,6 +269,7 @@ def is_location_found(world: World, effects: Sequence[dict[str, Any]], folder: P
     lines = [tuple(line) for line in where["lines"]]
 
     def is_reported(location: FaultLocation) -> bool:
+        """Whether the report names the location: a board, a line, or the only observable taxel of the line."""
         if not location.axis:
             return location.address in where["sensors"]
         if (location.address, location.axis, location.index) in lines:
@@ -271,7 +281,7 @@ def is_location_found(world: World, effects: Sequence[dict[str, Any]], folder: P
 
 
 def _unobservable_causes(world: World, folder: Path) -> tuple[str, ...]:
-    """Those of several causes whose lines or taxels are never loaded."""
+    """List the causes of a world with several causes whose lines or taxels are never loaded in the simulation."""
     if world.hidden.kind != "several":
         return ()
     local = [

@@ -35,9 +35,10 @@ def run_worlds(
     progress: Progress = lambda done, total: None,
     max_seconds: float | None = None,
 ) -> None:
-    """Make and diagnose every world without a result. jobs: parallel worlds; None: one per core.
+    """Make the datasets of every world without a result, diagnose them and write the reports below `out`.
 
-    max_seconds: no further world is started after this time.
+    jobs: number of worlds in parallel; None: one per core. progress: called with the number of finished worlds and the
+    total. max_seconds: no further world is started after this time.
     """
     deadline = None if max_seconds is None else time.monotonic() + max_seconds
     jobs = jobs or os.cpu_count() or 1
@@ -55,6 +56,7 @@ def run_worlds(
     makers = ProcessPoolExecutor(len(runners), get_context("spawn"), initializer=signal.signal, initargs=ignore)
 
     def run_if_in_time(world: World) -> bool:
+        """Run one world with an idle sandboxed process; False if the time limit has passed before."""
         if deadline is not None and time.monotonic() >= deadline:
             return False
         runner = idle_runners.get()
@@ -77,7 +79,10 @@ def run_worlds(
 
 
 def _interleave_hands(worlds: Sequence[World]) -> list[World]:
-    """The worlds of each hand in order, spread evenly, so that an interrupted check contains its share of each hand."""
+    """Order the worlds such that those of each hand are spread evenly over the run.
+
+    An interrupted check then contains its share of each hand.
+    """
     total, count = Counter(world.hand for world in worlds), Counter[str]()
     position = {}
     for world in worlds:
@@ -122,11 +127,18 @@ def _run_world(out: Path, world: World, makers: ProcessPoolExecutor, runner: San
 
 
 def _creation_epoch(out: Path) -> str:
-    """Time of the commitments, or `SOURCE_DATE_EPOCH`: seconds since 1970."""
+    """Return the creation time for all datasets, seconds since 1970.
+
+    The time is `SOURCE_DATE_EPOCH`, or that of the commitments of the blind check in the folder `out`.
+    """
     return os.environ.get("SOURCE_DATE_EPOCH") or str(int((out / COMMITMENTS).stat().st_mtime))
 
 
 def _make_datasets(world: World, real: Path, sim: Path, epoch: str) -> int:
+    """Write the real and the simulated dataset of a world; returns the number of the successful attempt.
+
+    epoch: creation time that both files state, seconds since 1970.
+    """
     # All datasets state the same creation time, because the run time of the emulator depends on the hidden causes.
     os.environ["SOURCE_DATE_EPOCH"] = epoch
     return make_world(world, real, sim)
@@ -135,7 +147,11 @@ def _make_datasets(world: World, real: Path, sim: Path, epoch: str) -> int:
 def _fit_reference(
     world: World, noise_free: Path, sim: Path, attempt: int, models: Collection[str]
 ) -> dict[str, dict[str, float]]:
-    """Reference parameters; empty if an indentation without variation has no equilibrium."""
+    """Write noise-free indentations of a world and fit the reference parameters to them.
+
+    noise_free: temporary file. attempt: number of the sampled plan. models: keys of the models to fit. Empty if an
+    indentation has no equilibrium.
+    """
     try:
         make_reference(world, noise_free, attempt)
         return fit_reference_parameters(noise_free, sim, world.hidden.names[0], models)

@@ -14,12 +14,12 @@ COMMITMENTS, KEYS, WORLDS = "commitments.json", f"{SEALED}/keys.json", "worlds"
 
 
 def get_world_folder(out: Path, world: World) -> Path:
-    """The folder of a world's datasets and reports."""
+    """Return the folder of a world's datasets and reports. out: folder of the blind check."""
     return out / WORLDS / f"{world.number:04d}"
 
 
 def get_reference_path(out: Path, world: World) -> Path:
-    """The file of a world's reference parameters.
+    """Return the file of a world's reference parameters, the true values that are fitted to noise-free data.
 
     The file is not in the world's folder: its existence would reveal the kind of the world.
     """
@@ -27,9 +27,11 @@ def get_reference_path(out: Path, world: World) -> Path:
 
 
 def seal_worlds(out: Path, count: int, full_hand: int, seed: int | None) -> list[World]:
-    """Sample worlds, publish their commitments and store the keys; or return the worlds of an interrupted check.
+    """Sample worlds with hidden causes, publish their commitments (hashes) and store their keys in the folder `out`.
 
-    Raises BlindRunError if the folder contains something else, SealBrokenError if its keys were modified.
+    count, full_hand: number of worlds with the rig of four boards and with the whole hand. seed: None: random numbers
+    of the operating system. For an interrupted check in the folder, returns its worlds instead. Raises BlindRunError if
+    the folder contains something else, SealBrokenError if its keys were modified.
     """
     keys = out / KEYS
     if keys.exists():
@@ -57,7 +59,7 @@ def seal_worlds(out: Path, count: int, full_hand: int, seed: int | None) -> list
 
 
 def open_sealed_worlds(out: Path) -> list[World]:
-    """The worlds, each verified against its commitment. Raises SealBrokenError, BlindRunError."""
+    """Read the worlds of a blind check, each verified against its commitment. Raises SealBrokenError, BlindRunError."""
     if not (out / KEYS).exists():
         raise BlindRunError(str(out), "a blind check", "none", "run `taxel gap blind` with --worlds first")
     committed, keys = read_json(out / COMMITMENTS), read_json(out / KEYS)
@@ -70,7 +72,7 @@ def open_sealed_worlds(out: Path) -> list[World]:
 
 
 def read_json(path: Path) -> Any:
-    """Content of a JSON file. Raises BlindRunError."""
+    """Read a JSON file of a blind check. Raises BlindRunError if the file is missing or damaged."""
     try:
         return json.loads(path.read_text())
     except (OSError, ValueError) as error:

@@ -50,9 +50,10 @@ class WorldPlan(NamedTuple):
 
 
 def sample_worlds(count: int, full_hand: int = 0, seed: int | None = None) -> list[World]:
-    """`count` worlds on the rig of four boards, in random order, followed by `full_hand` worlds on the whole hand.
+    """Sample worlds with hidden causes: `count` on the rig of four boards, then `full_hand` on the whole hand.
 
-    seed: for tests; None: random numbers of the operating system, as required for a sealed check.
+    The worlds of each hand are in random order. seed: for tests; None: random numbers of the operating system, as
+    required for a sealed check.
     """
     rng = np.random.default_rng(secrets.randbits(256) if seed is None else seed)
     counts = {"rig4": count, "allegro": full_hand}
@@ -65,7 +66,10 @@ def sample_worlds(count: int, full_hand: int = 0, seed: int | None = None) -> li
 
 
 def _add_decoys(rng: np.random.Generator, worlds: list[World]) -> list[World]:
-    """The worlds, with a decoy for as many worlds of any kind as there are withheld worlds."""
+    """Add a decoy, an effect that is not hidden and is removed from the catalogue, to some worlds.
+
+    As many worlds get a decoy as there are worlds whose own effect is removed, so that a removal reveals nothing.
+    """
     candidates = [world.number for world in worlds if not world.is_withheld]
     count = min(len(worlds) - len(candidates), len(candidates))
     with_decoy = set(rng.permutation(candidates).tolist()[:count])
@@ -78,7 +82,7 @@ def _add_decoys(rng: np.random.Generator, worlds: list[World]) -> list[World]:
 
 
 def _sample_plans(rng: np.random.Generator, count: int) -> list[WorldPlan]:
-    """`count` plans in the proportions of `KIND_COUNTS`, in random order."""
+    """Sample `count` plans of worlds, with the kinds of causes in the proportions of `KIND_COUNTS`, in random order."""
     total = sum(KIND_COUNTS.values())
     counts = {kind: round(count * number / total) for kind, number in KIND_COUNTS.items() if kind != "none"}
     plans = [WorldPlan("none", (), 0.0)] * (count - sum(counts.values()))
@@ -93,7 +97,10 @@ def _sample_plans(rng: np.random.Generator, count: int) -> list[WorldPlan]:
 
 
 def _sample_single_plans(rng: np.random.Generator, count: int, scale: float) -> list[WorldPlan]:
-    """Plans with one cause: every effect equally often, and each of its cause types equally often."""
+    """Sample `count` plans of worlds with one cause, with every effect and each of its cause types equally often.
+
+    scale: ratio of the number of worlds to the sum of `KIND_COUNTS`.
+    """
     plans = []
     order = cycle(rng.permutation(len(EFFECT_NAMES)).tolist())
     names = [EFFECT_NAMES[next(order)] for _ in range(count)]
@@ -110,20 +117,26 @@ def _sample_single_plans(rng: np.random.Generator, count: int, scale: float) -> 
 
 
 def _sample_strengths(rng: np.random.Generator, count: int) -> list[float]:
-    """Strengths between 0 and 1 in random order, stratified uniformly in floors."""
+    """Sample `count` strengths between 0 and 1 in random order.
+
+    The strengths are stratified such that the excess of the gap is uniform, in multiples of the floor.
+    """
     strata = (np.arange(count) + rng.random(count)) / max(count, 1)
     low, high = FLOORS
     return [_strength_of(float(low + (high - low) * value)) for value in rng.permutation(strata)]
 
 
 def _strength_of(floors: float) -> float:
-    """Strength at which the excess of a cause is `floors` floors; the parameter ranges are logarithmic."""
+    """Compute the strength, 0 to 1, at which the gap exceeds the floor by `floors` times the floor.
+
+    The parameter ranges of the causes are logarithmic.
+    """
     low, high = FLOORS
     return math.log(floors / low) / math.log(high / low)
 
 
 def _sample_combination(rng: np.random.Generator) -> tuple[CauseType, ...]:
-    """Two or three cause types of different catalogue effects and different emulator effects."""
+    """Sample two or three cause types of different catalogue effects and different emulator effects."""
     while True:
         indices = rng.choice(len(CATALOGUE_CAUSES), int(rng.integers(2, 4)), replace=False)
         combination = [CATALOGUE_CAUSES[index] for index in indices]
@@ -133,7 +146,10 @@ def _sample_combination(rng: np.random.Generator) -> tuple[CauseType, ...]:
 
 
 def _sample_world(rng: np.random.Generator, number: int, hand: Hand, plan: WorldPlan, is_sealed: bool) -> World:
-    """One world of the plan. is_sealed: whether the salt is secret; otherwise the seed determines the salt."""
+    """Sample one world according to a plan.
+
+    is_sealed: whether the salt is secret; otherwise the seed determines the salt.
+    """
     causes = _sample_causes(rng, hand, plan)
     while _is_any_masked(causes):
         causes = _sample_causes(rng, hand, plan)
@@ -150,15 +166,17 @@ def _sample_world(rng: np.random.Generator, number: int, hand: Hand, plan: World
 
 
 def _sample_causes(rng: np.random.Generator, hand: Hand, plan: WorldPlan) -> tuple[Cause, ...]:
+    """Sample one cause for each cause type of a world's plan."""
     return tuple(_sample_cause(rng, hand, cause_type, plan) for cause_type in plan.cause_types)
 
 
 def _is_any_masked(causes: Sequence[Cause]) -> bool:
-    """Whether a cause acts only on boards that another cause silences, so that it is not observable."""
+    """Whether one of the causes acts only on boards that another cause silences, so that it is not observable."""
     silent = {location.address for cause in causes if cause.emulator_effect == SILENT for location in cause.locations}
     board_arguments = {f"board=0x{address:02X}" for address in silent}
 
     def is_masked(cause: Cause) -> bool:
+        """Whether all boards of a cause are silent because of another cause."""
         is_on_silent = bool(cause.locations) and {location.address for location in cause.locations} <= silent
         is_line_on_silent = all(board_arguments & set(line.split()) for line in cause.lines)
         return cause.emulator_effect != SILENT and (is_on_silent or is_line_on_silent)
@@ -167,7 +185,7 @@ def _is_any_masked(causes: Sequence[Cause]) -> bool:
 
 
 def _sample_cause(rng: np.random.Generator, hand: Hand, cause_type: CauseType, plan: WorldPlan) -> Cause:
-    """One cause of the type. plan: gives the strength of a single cause."""
+    """Sample one cause of a type. plan: plan of the world, with the strength of a single cause."""
     # Each of several causes has its own strength, and none is so weak that the others mask it.
     is_several = plan.kind == "several"
     strength = _strength_of(float(rng.uniform(*FLOORS_OF_SEVERAL))) if is_several else plan.strength
@@ -175,7 +193,7 @@ def _sample_cause(rng: np.random.Generator, hand: Hand, cause_type: CauseType, p
 
 
 def _sample_size(rng: np.random.Generator) -> CampaignSize:
-    """A random size of a campaign whose number of indentations is within the limits."""
+    """Sample the size of an indentation campaign whose number of indentations is within the limits."""
     while True:
         size = CampaignSize(*(int(rng.integers(low, high + 1)) for low, high in (APPROACHES, SESSIONS, REPEATS)))
         if INDENTATIONS[0] <= size.indentations <= INDENTATIONS[1]:

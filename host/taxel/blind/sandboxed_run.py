@@ -21,6 +21,10 @@ class SandboxedRunner:
     """
 
     def __init__(self, hidden: Path) -> None:
+        """Start a separate process that diagnoses datasets without access to the hidden causes.
+
+        hidden: folder of the blind check, which the process cannot read.
+        """
         self._folder = Path(tempfile.mkdtemp(prefix="taxel-blind-"))
         command = [sys.executable, "-m", "taxel.blind.diagnosis_process", str(self._folder), str(hidden.resolve())]
         environment = {key: os.environ[key] for key in ("PATH", "HOME", "LANG") if key in os.environ}
@@ -54,7 +58,10 @@ class SandboxedRunner:
             shutil.copyfile(self._folder / "report.json", out)
 
     def _request(self, line: str) -> str:
-        """The answer of the diagnosing process to one line. Raises BlindRunError if the process has ended."""
+        """Send one line to the diagnosing process and return its answer.
+
+        Raises BlindRunError if the process has ended.
+        """
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         try:
@@ -68,7 +75,7 @@ class SandboxedRunner:
         return answer
 
     def close(self) -> None:
-        """End the process and delete its folder."""
+        """End the diagnosing process and delete its folder."""
         with contextlib.suppress(BrokenPipeError):
             self._process.communicate()
         shutil.rmtree(self._folder, ignore_errors=True)

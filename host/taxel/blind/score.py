@@ -26,7 +26,7 @@ _Z: Final = 1.959964
 
 
 def compute_wilson_interval(successes: int, count: int) -> list[float]:
-    """95 % interval of a proportion (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
+    """Compute the 95 % interval of a proportion `successes` / `count` (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
     if count == 0:
         return [0.0, 1.0]
     proportion = successes / count
@@ -37,7 +37,7 @@ def compute_wilson_interval(successes: int, count: int) -> list[float]:
 
 
 def share(flags: Iterable[bool]) -> dict[str, Any]:
-    """Share of true values: {"right", "of", "share", "ci95"}."""
+    """Compute the share of true values: {"right": number, "of": total, "share": ratio, "ci95": Wilson interval}."""
     values = [bool(flag) for flag in flags]
     right = sum(values)
     return {
@@ -49,7 +49,7 @@ def share(flags: Iterable[bool]) -> dict[str, Any]:
 
 
 def score(results: Sequence[WorldResult]) -> dict[str, Any]:
-    """All figures of the score sheet, separately for the rig and the whole hand."""
+    """Compute all figures of the blind check's score sheet, separately for the rig and the whole hand."""
     rig = [result for result in results if result.world.hand == "rig4"]
     full_hand = [result for result in results if result.world.hand != "rig4"]
     return {
@@ -60,7 +60,7 @@ def score(results: Sequence[WorldResult]) -> dict[str, Any]:
 
 
 def _score_part(results: Sequence[WorldResult]) -> dict[str, Any]:
-    """All figures of the score for one group of worlds: the rig or the whole hand."""
+    """Compute all figures of the score for one group of worlds: the rig or the whole hand."""
     by_kind = {kind: [result for result in results if result.world.hidden.kind == kind] for kind in KINDS}
     clear = {kind: [result for result in of_kind if result.is_clear] for kind, of_kind in by_kind.items()}
     single = clear["single"]
@@ -94,7 +94,7 @@ def _score_part(results: Sequence[WorldResult]) -> dict[str, Any]:
 
 
 def _first_effect_scores(worlds: Sequence[WorldResult]) -> dict[str, Any]:
-    """Accuracy of the first effect in worlds with a single cause."""
+    """Compute how often the first effect of the verdict is correct, in worlds with a single cause."""
     clear = [result for result in worlds if result.is_clear]
     with_report = [result for result in worlds if not result.error]
     return {
@@ -116,7 +116,11 @@ def _first_effect_scores(worlds: Sequence[WorldResult]) -> dict[str, Any]:
 
 
 def _out_of_catalogue_scores(outside: Sequence[WorldResult], single: Sequence[WorldResult]) -> dict[str, Any]:
-    """Scores of clear worlds whose cause is outside the catalogue or was removed from it, and of decoys."""
+    """Compute how often the verdict is "unknown" although no effect of the catalogue is correct.
+
+    outside: clear worlds whose cause is not in the catalogue. single: clear worlds with a single cause; for some of
+    them a second diagnosis was made with the correct effect, or another one (decoy), removed from the catalogue.
+    """
     withheld = [
         (result.world.hidden.names[0], result.verdict_withheld)
         for result in single
@@ -147,15 +151,17 @@ def _is_unknown_or_similar(result: WorldResult) -> bool:
 
 
 def _is_same(first: ReportedVerdict, second: ReportedVerdict) -> bool:
+    """Whether two verdicts have the same status and the same effects in the same order."""
     return (first.status, first.effects) == (second.status, second.effects)
 
 
 def _emulator_effect(result: WorldResult) -> str:
+    """Return the emulator effect of the first hidden cause of a world, such as "spread film"."""
     return result.world.hidden.causes[0].emulator_effect
 
 
 def _share_by_group(rows: Iterable[tuple[str, bool]]) -> dict[str, Any]:
-    """The share of true values of each group."""
+    """Compute the share of true values of each group. rows: name of the group and value."""
     groups: dict[str, list[bool]] = {}
     for name, flag in rows:
         groups.setdefault(name, []).append(flag)
@@ -163,7 +169,7 @@ def _share_by_group(rows: Iterable[tuple[str, bool]]) -> dict[str, Any]:
 
 
 def _micro_f1(results: Sequence[WorldResult]) -> dict[str, Any]:
-    """Precision, recall and F1 over the names of all worlds together.
+    """Compute precision, recall and F1 over the effect names of all worlds together (micro-average).
 
     A cause that is confounded with a named effect counts as named, as for single causes. Unobservable causes are
     ignored in truth and verdict.
@@ -180,7 +186,7 @@ def _micro_f1(results: Sequence[WorldResult]) -> dict[str, Any]:
 
 
 def _parameter_errors(results: Sequence[WorldResult]) -> dict[str, Any]:
-    """Median relative errors of the parameters, in total and for each parameter of each emulator effect."""
+    """Compute the median relative errors of the parameters, in total and for each parameter of each emulator effect."""
     groups: dict[tuple[str, str, str, str, bool], list[float]] = {}
     for parameter in (parameter for result in results if result.is_clear for parameter in result.parameters):
         name = parameter.name.split("@")[0]
@@ -207,7 +213,10 @@ def _median(values: Sequence[float]) -> float | None:
 
 
 def _shrink_error(results: Sequence[WorldResult]) -> dict[str, Any]:
-    """Mean absolute difference of predicted and measured shrink, percentage points, and the number of worlds."""
+    """Compute how well the diagnosis predicts the shrink, the relative reduction of the gap by the diagnosed effects.
+
+    Returns the mean absolute difference of predicted and measured shrink, percentage points, and the number of worlds.
+    """
     points = [
         100 * abs(result.shrink[0] - result.shrink[1])
         for result in results
@@ -217,14 +226,17 @@ def _shrink_error(results: Sequence[WorldResult]) -> dict[str, Any]:
 
 
 def _runtime_quantiles(values: Sequence[float]) -> dict[str, Any]:
-    """Median, 90 % quantile and maximum of run times, seconds."""
+    """Compute median, 90 % quantile and maximum of run times in seconds; None for each without run times."""
     if not values:
         return {"median": None, "p90": None, "max": None}
     return {"median": float(np.median(values)), "p90": float(np.quantile(values, 0.9)), "max": max(values)}
 
 
 def _confusion(results: Sequence[WorldResult]) -> dict[str, dict[str, int]]:
-    """Counts of truth (rows) and first effect (columns), for worlds with a clear gap and worlds without a cause."""
+    """Count the worlds for each true effect (rows) and effect named first (columns).
+
+    Only worlds with at most one cause count: those with a clear gap, and those without a cause.
+    """
     table: dict[str, dict[str, int]] = {}
     for result in results:
         hidden = result.world.hidden
@@ -238,11 +250,15 @@ def _confusion(results: Sequence[WorldResult]) -> dict[str, dict[str, int]]:
 
 
 def _first_effect_or_status(verdict: ReportedVerdict) -> str:
+    """Return the first effect of a verdict, or the status of a verdict without effects, such as "no_gap"."""
     return verdict.effects[0] if verdict.effects else verdict.status
 
 
 def _baseline_scores(results: Sequence[WorldResult], single: Sequence[WorldResult]) -> dict[str, Any]:
-    """Scores of the simple reference diagnosers on single worlds, and of the diagnosis with exchanged simulations."""
+    """Compute the scores of the simple reference diagnosers, and of the diagnosis with exchanged simulations.
+
+    single: clear worlds with a single cause, on which the reference diagnosers are scored.
+    """
     shuffled = [result.verdict_shuffled for result in results if result.verdict_shuffled is not None]
     by_diagnoser = {
         name: share(result.baseline_verdicts.get(name) == result.world.hidden.names[0] for result in single)

@@ -35,7 +35,7 @@ class Provenance:
     versions: Sequence[str]
 
     def text(self) -> str:
-        """One paragraph of the score sheet."""
+        """Return the paragraph of the score sheet that states the command, the reports and the diagnosis version."""
         full_hand = f" --full-hand-worlds {self.full_hand}" if self.full_hand else ""
         added = f", with {self.added} worlds of --add-answers" if self.added else ""
         versions = " and ".join(sorted(self.versions)) or "none"
@@ -47,7 +47,10 @@ class Provenance:
 
 
 def score_sheet(score: Mapping[str, Any], provenance: str) -> str:
-    """The page. provenance: a paragraph with the command and the version of the diagnosis."""
+    """Format the score sheet of a blind check as a Markdown page.
+
+    provenance: a paragraph with the command and the version of the diagnosis.
+    """
     lines = ["# Blind check: score sheet", "", provenance, ""]
     lines += [
         "The hidden causes were sampled at random, and the [diagnosis](glossary.md#diagnosis) had no access to them",
@@ -64,7 +67,7 @@ def score_sheet(score: Mapping[str, Any], provenance: str) -> str:
 
 
 def _format_part(part: Mapping[str, Any]) -> list[str]:
-    """The lines of the score sheet for one group of worlds. part: a value of the score."""
+    """Format the lines of the score sheet for one group of worlds. part: figures of the rig or of the whole hand."""
     counts = (f"{count['worlds']} {kind} ({count['clear']} clear)" for kind, count in part["counts"].items())
     isolation = (f"{mechanism}, {number} worlds" for mechanism, number in part["blindfold"].items())
     lines = [f"Worlds: {', '.join(counts)}.", f"Isolation of the diagnosing process: {'; '.join(isolation)}.", ""]
@@ -87,7 +90,7 @@ def _format_part(part: Mapping[str, Any]) -> list[str]:
 
 
 def _main_table(part: Mapping[str, Any]) -> list[str]:
-    """The table of all figures with a limit, and the figures without a limit."""
+    """Format the main table of the score sheet: all figures with a limit, then the figures without a limit."""
     lines = ["| figure | limit | measured | of | interval | |", "|---|---|---|---|---|---|"]
     for title, key, limit_text, limit, is_lower in LIMITS:
         figure = part[key]
@@ -113,7 +116,7 @@ def _main_table(part: Mapping[str, Any]) -> list[str]:
 
 
 def _rows_without_limit(part: Mapping[str, Any]) -> list[str]:
-    """Rows of figures that have no limit."""
+    """Format the table rows of the score's figures that have no limit. part: figures of one group of worlds."""
     shares = {
         "single effect named first with another one removed": part["decoy_first"],
         "lookalike of an effect: reported unknown or as this effect": part["lookalike"],
@@ -130,6 +133,10 @@ def _rows_without_limit(part: Mapping[str, Any]) -> list[str]:
 
 
 def _row(title: str, limit: str, measured: str, of: int | str, is_met: bool | None, interval: str = "") -> str:
+    """Format one row of the main Markdown table.
+
+    of: number of cases. is_met: whether the limit is met; None: no limit.
+    """
     mark = "" if not of or is_met is None else _mark(is_met)
     return f"| {title} | {limit} | {measured} | {of} | {interval} | {mark} |"
 
@@ -139,11 +146,12 @@ def _mark(is_met: bool) -> str:
 
 
 def _bounds(row: Mapping[str, Any]) -> str:
+    """Format a range of the ratio of gap to floor as text, such as "2 to 4" or "above 8"."""
     return f"above {row['from']:g}" if row["to"] is None else f"{row['from']:g} to {row['to']:g}"
 
 
 def _parameter_table(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Markdown table of the relative errors of parameters; no lines without rows."""
+    """Format a Markdown table of the relative errors of parameters; no lines without rows."""
     head = [
         "| emulator effect: parameter | unit | compared with | of | median relative error |",
         "|---|---|---|---|---|",
@@ -155,15 +163,17 @@ def _parameter_table(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def _percent(share: float | None, decimals: int = 0) -> str:
+    """Format a share between 0 and 1 in percent; an empty text for None."""
     return "" if share is None else f"{100 * share:.{decimals}f} %"
 
 
 def _interval(figure: Mapping[str, Any]) -> str:
+    """Format the 95 % interval of a share in percent; an empty text if no case was counted."""
     return f"{100 * figure['ci95'][0]:.0f} to {100 * figure['ci95'][1]:.0f} %" if figure["of"] else ""
 
 
 def _share_table(rows: Mapping[str, Mapping[str, Any]], heading: str) -> list[str]:
-    """Markdown table of shares with their intervals; no lines without rows. heading: of the first column."""
+    """Format a Markdown table of shares with their intervals; no lines without rows. heading: of the first column."""
     lines = [f"| {heading} | correct | of | interval |", "|---|---|---|---|"] if rows else []
     return lines + [
         f"| {name} | {_percent(row['share'])} | {row['of']} | {_interval(row)} |" for name, row in rows.items()
@@ -171,7 +181,7 @@ def _share_table(rows: Mapping[str, Mapping[str, Any]], heading: str) -> list[st
 
 
 def _confusion_table(table: Mapping[str, Mapping[str, int]]) -> list[str]:
-    """Markdown table with the number of worlds for each true effect (rows) and effect named first (columns)."""
+    """Format a Markdown table of the number of worlds by true effect (rows) and effect named first (columns)."""
     columns = sorted({column for row in table.values() for column in row})
     lines = [f"| truth | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
     for truth in sorted(table):
@@ -191,7 +201,7 @@ _BASELINES: Final = (
 
 
 def _baseline_list(part: Mapping[str, Any]) -> list[str]:
-    """Markdown list of the shares of correct answers of the reference diagnosers."""
+    """Format a Markdown list with the share of correct answers of each simple reference diagnoser."""
     return [
         f"- {title}: {_percent(part['simpler'][key]['share'])} of {part['simpler'][key]['of']}."
         for key, title in _BASELINES

@@ -8,11 +8,11 @@ MIN_CLEAR_RATIO: Final = 2.0
 
 
 def is_clear(report: Mapping[str, Any]) -> bool:
-    """Whether the gap of a report is clear; False for a report that is an error."""
+    """Whether the gap in a report is so far above the floor that the cause must be named; False for an error report."""
     return "gap" in report and bool(report["gap"]["value"] >= MIN_CLEAR_RATIO * report["gap"]["floor"])
 
 
 def model_key(entry: Mapping[str, Any]) -> str:
-    """Model and scope of an effect in a report, such as "kept hand"; " " for an effect without a fitted model."""
+    """Return the model and scope of an effect in a report, such as "kept hand"; " " for an effect without a model."""
     model = entry.get("model", {})
     return f"{model.get('form', '')} {model.get('scope', '')}"

@@ -11,9 +11,11 @@ class SealBrokenError(TaxelError):
     """A key that does not match its commitment."""
 
     def __init__(self, world: int) -> None:
+        """Create the error of a world whose key does not match its commitment. world: number of the world."""
         super().__init__(world)
 
     def __str__(self) -> str:
+        """One line: the number of the world whose key was modified, and the action."""
         return (
             f"world {self.args[0]}: the key does not match its commitment, the folder was modified; "
             "run the check again in another folder"
@@ -21,16 +23,19 @@ class SealBrokenError(TaxelError):
 
 
 def canonical(key: dict[str, Any]) -> bytes:
-    """Canonical JSON text of a key."""
+    """Return the canonical JSON text of a world's key (its hidden causes), so that equal keys have equal bytes."""
     return json.dumps(key, sort_keys=True, separators=(",", ":")).encode()
 
 
 def commitment(key: dict[str, Any]) -> str:
-    """SHA-256 of a key, hexadecimal. The key contains a salt of 256 bits, so its content cannot be guessed."""
+    """Compute the SHA-256 of a world's key, hexadecimal, which fixes the hidden causes before the diagnosis.
+
+    The key contains a salt of 256 bits, so that its content cannot be guessed from the hash.
+    """
     return hashlib.sha256(canonical(key)).hexdigest()
 
 
 def verify_commitment(world: int, key: dict[str, Any], committed: str) -> None:
-    """Raise SealBrokenError if the key does not match the commitment."""
+    """Raise SealBrokenError if the key of a world does not match its commitment. committed: SHA-256, hexadecimal."""
     if commitment(key) != committed:
         raise SealBrokenError(world)

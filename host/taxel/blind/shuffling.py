@@ -8,7 +8,11 @@ import numpy as np
 
 
 def write_shuffled_copy(sim: Path, out: Path, seed: int) -> None:
-    """Write `sim` with its (object, approach) conditions exchanged cyclically; no condition keeps its own data."""
+    """Write a copy of a simulated dataset in which the conditions (object, approach) are exchanged cyclically.
+
+    No condition keeps its own data, so that every simulation is the wrong one. sim: dataset to copy. out: file to
+    write. seed: of the random order.
+    """
     shutil.copyfile(sim, out)
     rng = np.random.default_rng(seed)
     with h5py.File(out, "r+") as file:

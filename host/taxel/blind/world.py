@@ -18,7 +18,7 @@ class CampaignSize:
 
     @property
     def indentations(self) -> int:
-        """Number of indentations in all sessions."""
+        """Total number of indentations in all sessions of the campaign."""
         return self.approaches * self.sessions * self.repeats
 
 
@@ -54,7 +54,7 @@ class World:
     decoy: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """The world as it is sealed."""
+        """Return the world, with its hidden causes and its salt, as the JSON values that are sealed."""
         return {
             "number": self.number,
             "hand": self.hand,
@@ -69,7 +69,7 @@ class World:
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> World:
-        """Inverse of `to_json`."""
+        """Create a world of the blind check from the JSON values of `to_json`."""
         return cls(
             data["number"],
             data["hand"],

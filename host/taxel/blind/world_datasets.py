@@ -29,6 +29,7 @@ class WorldNotMadeError(TaxelError):
     """No sampled plan of a world had an equilibrium for every indentation."""
 
     def __init__(self, number: int, reason: str) -> None:
+        """Create the error of a world without datasets. number: of the world. reason: message of the last attempt."""
         super().__init__(number, reason)
 
     def __str__(self) -> str:
@@ -40,15 +41,16 @@ class UndescribedSettings(EmulatedSettings):
     """Settings without a digest in the dataset: a digest would allow guesses of the hidden causes to be verified."""
 
     def describe(self) -> str:
-        """The same text for all settings."""
+        """Return the same text for all settings, so that the dataset does not reveal them."""
         return "emulated hand"
 
 
 def make_world(world: World, real: Path, sim: Path) -> int:
-    """Write both datasets; returns the number of the successful attempt. Raises WorldNotMadeError.
+    """Write the real and the simulated dataset of a world; returns the number of the successful attempt.
 
-    The simulated dataset does not depend on the hidden causes. The other one depends on them only in its counts and in
-    lost frames and their times. `SOURCE_DATE_EPOCH` sets the creation time of both.
+    The simulated dataset does not depend on the hidden causes. The real dataset, of the emulated skin, depends on the
+    causes only in its counts, its lost frames and their times. `SOURCE_DATE_EPOCH` sets the creation time of both.
+    Raises WorldNotMadeError.
     """
     for attempt in range(MAX_ATTEMPTS):
         rng = np.random.default_rng([world.seed, attempt])
@@ -64,7 +66,7 @@ def make_world(world: World, real: Path, sim: Path) -> int:
 
 
 def make_reference(world: World, real: Path, attempt: int = 0) -> None:
-    """Write a dataset of the same indentations with the world's causes, but without noise, variation and nuisances.
+    """Write a dataset of the world's indentations with its hidden causes, but without noise, variation and nuisances.
 
     attempt: the result of `make_world`. Raises TaxelError if an indentation without variation has no equilibrium.
     """
@@ -78,14 +80,17 @@ def make_reference(world: World, real: Path, attempt: int = 0) -> None:
 
 
 def effect_lines(world: World, plan: IndentationPlan) -> list[str]:
-    """Effect lines of the emulator; the placeholder OBJECT is replaced by the name of an object of the plan."""
+    """Return the effect lines of a world for the emulator.
+
+    The placeholder OBJECT in a line is replaced by the name of an object of the plan.
+    """
     names = sorted(plan.objects)
     name = names[world.seed % len(names)]
     return [line.replace(" OBJECT ", f" {name} ") for line in world.hidden.lines]
 
 
 def _sample_plan(world: World, size: CampaignSize, rng: np.random.Generator) -> IndentationPlan:
-    """A plan of indentations on the hand of a world, with a seed from `rng`."""
+    """Sample a plan of indentations on the hand of a world. size: number of approaches, sessions and repeats."""
     return sample_indentation_plan(
         load_hand(world.hand),
         _sample_seed(rng),
@@ -94,6 +99,7 @@ def _sample_plan(world: World, size: CampaignSize, rng: np.random.Generator) -> 
 
 
 def _settings(plan: IndentationPlan, rng: np.random.Generator, **changes: Any) -> EmulatedSettings:
+    """Make the settings of the emulated skin for a plan, with a random seed and without a digest of the settings."""
     return UndescribedSettings(**vars(indentation_settings(plan.hand, seed=_sample_seed(rng), **changes)))
 
 
