@@ -56,6 +56,16 @@ static void read_bytes(size_t bytes)
     fake.drain_bytes = 0;
 }
 
+/* Snapshots of all boards that were not sent. */
+static uint32_t dropped_snapshots(void)
+{
+    uint32_t dropped = 0;
+    for (uint8_t i = 0; i < fake.hub.slot_count; i++) {
+        dropped += fake.slots[i].dropped;
+    }
+    return dropped;
+}
+
 static void without_a_reader_whole_frames_are_dropped_and_counted(void)
 {
     begin(4);
@@ -66,20 +76,32 @@ static void without_a_reader_whole_frames_are_dropped_and_counted(void)
     fake.drain_bytes = 0;
     CHECK(fake_hub_run_cycles(&fake, 200));
     CHECK_EQUAL(fake.frame_count, 0);
-    uint32_t dropped = 0;
     for (uint8_t i = 0; i < 4; i++) {
         const struct taxel_hub_slot *slot = fake_hub_slot(&fake, (uint8_t)(FIRST + i));
         CHECK(slot->dropped > 100);
         CHECK_EQUAL(slot->nacks + slot->timeouts + slot->crc_errors + slot->bus_errors, 0);
-        dropped += slot->dropped;
     }
-    CHECK(fake.hub.outbox.frames_dropped >= dropped);
+    CHECK(fake.hub.outbox.frames_dropped >= dropped_snapshots());
     const size_t waiting = taxel_hub_uart_pending(&fake.hub);
     CHECK_BETWEEN(waiting, 1, FAKE_RING + FAKE_POOL / 2 - 127); /* space for the longest reply is left */
     fake.drain_bytes = FAKE_PULL;
     CHECK(fake_hub_run_cycles(&fake, 10));
     CHECK_EQUAL(fake.deframer.frames, fake.hub.outbox.frames_sent);
     CHECK(fake.hub.outbox.frames_sent > frames_before);
+    end();
+}
+
+/* The hub sends its clock regularly. Without space, these frames are dropped; they belong to no board's counter. */
+static void dropped_clock_frames_are_counted(void)
+{
+    begin(4);
+    fake.drain_bytes = 0;
+    CHECK(fake_hub_run_cycles(&fake, 200)); /* the ring is full */
+    const uint32_t before = fake.hub.outbox.frames_dropped - dropped_snapshots();
+    CHECK(fake_hub_run_cycles(&fake, 400));
+    const uint32_t growth = fake.hub.outbox.frames_dropped - dropped_snapshots() - before;
+    CHECK(growth > 0);
+    resume_reading();
     end();
 }
 
@@ -199,6 +221,7 @@ static void answers_in_the_ring_survive_a_stall(void)
 int main(void)
 {
     RUN(without_a_reader_whole_frames_are_dropped_and_counted);
+    RUN(dropped_clock_frames_are_counted);
     RUN(without_a_reader_commands_are_still_executed_and_answered);
     RUN(commands_wait_for_space);
     RUN(repeated_stalls_leave_every_frame_intact_and_no_number_missing);
