@@ -1,6 +1,8 @@
 /* Linked into an application: confirmation of the running image. */
 #include "bootloader/internal.h"
 
+/* True if the metadata in flash state that the image in `slot` (0 or 1) is confirmed, that is, has shown that it
+ * works. */
 bool taxel_boot_is_confirmed(const struct taxel_boot_flash *flash, uint8_t slot)
 {
     struct taxel_boot_metadata metadata;

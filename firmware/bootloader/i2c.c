@@ -6,12 +6,15 @@
 
 #define SIZE_TOO_LONG (TAXEL_BOOT_PACKET_MAX + 1u)
 
+/* Initialises the I2C connection `slave` of the bootloader `boot`. No packet has been received. */
 void taxel_boot_i2c_init(struct taxel_boot_i2c *slave, struct taxel_boot *boot)
 {
     memset(slave, 0, sizeof *slave);
     slave->boot = boot;
 }
 
+/* The 7-bit I2C address of the board: the address of its configuration in flash, or 0x77 without a
+ * configuration. */
 uint8_t taxel_boot_i2c_address(const struct taxel_boot_flash *flash)
 {
     const uint8_t *const configuration = taxel_boot_configuration(flash);
@@ -59,16 +62,20 @@ bool taxel_boot_i2c_on_write(struct taxel_boot_i2c *slave, uint8_t byte)
     return true;
 }
 
+/* The next byte of the response for a master that reads: 0xFF before a response is ready and after its last
+ * byte. */
 uint8_t taxel_boot_i2c_on_read(struct taxel_boot_i2c *slave)
 {
     return slave->position < slave->readable ? slave->response[slave->position++] : 0xFFu;
 }
 
+/* Handles a stop condition: the bytes written before it form a packet, which taxel_boot_i2c_run() processes. */
 void taxel_boot_i2c_on_stop(struct taxel_boot_i2c *slave)
 {
     end_write(slave);
 }
 
+/* Handles a start or stop condition at a wrong position: discards the bytes of an incomplete packet. */
 void taxel_boot_i2c_on_bus_error(struct taxel_boot_i2c *slave)
 {
     if (!slave->has_packet) {

@@ -14,6 +14,8 @@ void taxel_boot_metadata_read(const struct taxel_boot_flash *flash, struct taxel
     memcpy(metadata, record ? record + TAXEL_BOOT_RECORD_OFFSET_PAYLOAD : blank, sizeof blank);
 }
 
+/* Writes `metadata` (which slot is confirmed, which is pending, and the remaining starts) as a record to flash.
+ * Returns 0, or an error of taxel_boot_record_write(). */
 int taxel_boot_metadata_write(const struct taxel_boot_flash *flash, const struct taxel_boot_metadata *metadata)
 {
     return taxel_boot_record_write(flash, TAXEL_BOOT_METADATA_ROW, TAXEL_BOOT_METADATA_MAGIC, (const uint8_t *)metadata,

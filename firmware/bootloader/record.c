@@ -5,6 +5,7 @@
 
 #define WORD 4u
 
+/* Reads a little-endian 32-bit number from 4 bytes. */
 uint32_t taxel_boot_u32(const uint8_t *bytes)
 {
     uint32_t value = 0;
@@ -14,6 +15,7 @@ uint32_t taxel_boot_u32(const uint8_t *bytes)
     return value;
 }
 
+/* Writes a 32-bit number to 4 bytes, little-endian. */
 void taxel_boot_put_u32(uint8_t *bytes, uint32_t value)
 {
     for (unsigned i = 0; i < WORD; i++) {
@@ -22,6 +24,7 @@ void taxel_boot_put_u32(uint8_t *bytes, uint32_t value)
     }
 }
 
+/* The address of flash row number `row` (128 bytes). */
 const uint8_t *taxel_boot_row(const struct taxel_boot_flash *flash, uint16_t row)
 {
     /* NOLINTNEXTLINE(clang-analyzer-core.NullPointerArithm): on a PSoC 4200 the flash begins at address 0 */
@@ -41,12 +44,14 @@ int taxel_boot_write_row(const struct taxel_boot_flash *flash, uint16_t row, con
     return 0;
 }
 
+/* True if the flash row holds a record of this magic number with a correct CRC-32. */
 static bool is_valid(const uint8_t *row, uint32_t magic)
 {
     return taxel_boot_u32(row) == magic &&
            taxel_boot_u32(row + TAXEL_BOOT_RECORD_OFFSET_CRC32) == taxel_crc32(0, row, TAXEL_BOOT_RECORD_OFFSET_CRC32);
 }
 
+/* The sequence number of the record in a flash row; the later of two records has the higher number, modulo 2^32. */
 static uint32_t sequence_of(const uint8_t *row)
 {
     return taxel_boot_u32(row + TAXEL_BOOT_RECORD_OFFSET_SEQUENCE);

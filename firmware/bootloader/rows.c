@@ -13,12 +13,15 @@ static uint8_t append(struct taxel_boot *boot, const uint8_t *data, unsigned siz
     return TAXEL_BOOT_STATUS_OK;
 }
 
+/* Command SEND_DATA: appends the data of the packet to the row buffer. Returns the status of the response, which
+ * has no data. */
 uint8_t taxel_boot_send_data(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     (void)reply;
     return append(boot, packet->data, packet->length);
 }
 
+/* The number of the flash row (0 to 255) in the data of a packet. */
 static uint16_t row_of(const struct taxel_boot_packet *packet)
 {
     return taxel_get_u16(packet->data + TAXEL_BOOT_ROW_ADDRESS_OFFSET_ROW);
@@ -33,6 +36,7 @@ static uint8_t address_status(const struct taxel_boot_packet *packet)
     return row_of(packet) < TAXEL_BOOT_ROW_COUNT ? TAXEL_BOOT_STATUS_OK : TAXEL_BOOT_STATUS_ROW;
 }
 
+/* True if flash row `row` belongs to `slot` (0 or 1). The unsigned difference also rejects rows before the slot. */
 static bool is_in_slot(const struct taxel_boot *boot, uint8_t slot, unsigned row)
 {
     const struct taxel_boot_layout *const layout = boot->config->flash.layout;
@@ -73,6 +77,7 @@ uint8_t taxel_boot_program_row(struct taxel_boot *boot, const struct taxel_boot_
     return status ? status : write_row(boot, packet);
 }
 
+/* Command ERASE_ROW: writes zeros to one flash row. Returns the status of the response, which has no data. */
 uint8_t taxel_boot_erase_row(struct taxel_boot *boot, const struct taxel_boot_packet *packet, uint8_t *reply)
 {
     (void)reply;

@@ -5,6 +5,7 @@
 
 #define SIZE_TOO_LONG (TAXEL_BOOT_PACKET_MAX + 1u)
 
+/* Initialises the UART connection `uart` of the bootloader `boot`. No byte has been received. */
 void taxel_boot_uart_init(struct taxel_boot_uart *uart, struct taxel_boot *boot)
 {
     memset(uart, 0, sizeof *uart);

@@ -13,11 +13,13 @@
 
 #define ONES_AND_FOUR_ZEROS 0xDEBB20E3u /* CRC register that held all ones, after four zero bytes */
 
+/* Size of struct taxel_batch in bytes, for a caller in another language that allocates the struct. */
 size_t taxel_batch_struct_size(void)
 {
     return sizeof(struct taxel_batch);
 }
 
+/* Size of struct taxel_batch_row in bytes: a caller in another language checks its own definition against it. */
 size_t taxel_batch_row_size(void)
 {
     return sizeof(struct taxel_batch_row);
@@ -159,6 +161,8 @@ static bool is_start_of_hub(const struct taxel_frame *frame)
            frame->payload[TAXEL_HUB_HANDSHAKE_OFFSET_TAG] == 0;
 }
 
+/* Discards the last poll cycle number of every board, so that the next frame of a board counts no missing
+ * cycles. */
 void taxel_batch_forget_cycles(struct taxel_batch *batch)
 {
     memset(batch->has_cycle, 0, sizeof batch->has_cycle);
@@ -224,6 +228,7 @@ void taxel_batch_init(struct taxel_batch *batch, uint8_t directions)
     taxel_deframer_init(&batch->deframer, &config);
 }
 
+/* Selects the arrays that receive the results of the next call and marks them as empty. */
 static void set_output(struct taxel_batch *batch, struct taxel_batch_output *output)
 {
     batch->output = output;
@@ -265,11 +270,13 @@ bool taxel_batch_finish(struct taxel_batch *batch, struct taxel_batch_output *ou
     return true;
 }
 
+/* The numbers of frames, losses and errors since the initialisation. The pointer stays valid as long as `batch`. */
 const struct taxel_batch_totals *taxel_batch_totals(const struct taxel_batch *batch)
 {
     return &batch->totals;
 }
 
+/* Number of stream bytes since the initialisation that belonged to no valid frame. */
 uint64_t taxel_batch_discarded_bytes(const struct taxel_batch *batch)
 {
     return batch->deframer.discarded_bytes;

@@ -135,6 +135,7 @@ uint8_t taxel_compact_width(const uint8_t *counts, size_t taxels)
     return width;
 }
 
+/* Number of bytes for `taxels` counts of `width` bits each, rounded up. */
 size_t taxel_compact_packed_size(uint8_t width, size_t taxels)
 {
     return (width * taxels + 7u) >> 3;

@@ -11,11 +11,14 @@ static const uint16_t cumulative[] = TAXEL_COMPACT_CUMULATIVE;
 static const uint16_t multipliers[] = TAXEL_COMPACT_MULTIPLIERS;
 static const uint8_t gains[] = TAXEL_COMPACT_GAINS;
 
+/* The predicted count of a taxel, in units of 1/64 count, from its packed state. */
 static uint32_t mean_of(taxel_compact_state state)
 {
     return state >> TAXEL_COMPACT_LEVEL_BITS;
 }
 
+/* The logarithm of the expected spread of a taxel (0 to 1023, 64 steps per factor of two), from its packed
+ * state. */
 static uint32_t level_of(taxel_compact_state state)
 {
     return state & TAXEL_COMPACT_LEVEL_MAX;
@@ -37,12 +40,14 @@ taxel_compact_state taxel_compact_initial_state(uint16_t count, uint8_t format)
            (TAXEL_COMPACT_LEVEL_START + TAXEL_COMPACT_LEVEL_START_STEP * start);
 }
 
+/* The predicted count of a taxel, rounded to a whole number of counts. */
 uint16_t taxel_compact_centre(taxel_compact_state state)
 {
     const uint32_t centre = (mean_of(state) + HALF_COUNT) >> TAXEL_COMPACT_FRACTION_BITS;
     return (uint16_t)(centre > COUNT_MAX ? COUNT_MAX : centre);
 }
 
+/* The number of low bits of a count that are sent uncoded, because the expected spread of the taxel is large. */
 uint8_t taxel_compact_raw_bits(taxel_compact_state state)
 {
     const uint32_t octave = level_of(state) >> 6;

@@ -7,12 +7,15 @@
 #define WIDTH_MAX 16u
 #define TIME_LOW_MASK 0xFFFFFFu
 
+/* Selects the message that the host sends to the board, at once and again after REPEAT_AFTER snapshots. */
 static void set_answer(struct taxel_compact_receiver *receiver, enum taxel_compact_answer answer)
 {
     receiver->answer = (uint8_t)answer;
     receiver->snapshots_until_repeat = REPEAT_AFTER;
 }
 
+/* True if the byte `format` of a compact snapshot has a permitted width, and bits of the initial scale only in a
+ * packed key frame. */
 static bool format_is_valid(uint8_t format)
 {
     const bool has_start = format & TAXEL_COMPACT_KEY_FRAME && format & TAXEL_COMPACT_WIDTH_MASK;

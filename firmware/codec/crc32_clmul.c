@@ -17,11 +17,14 @@
 #define FOLD_HALF _mm_set_epi64x(0, 0x163CD6124)
 #define REDUCE _mm_set_epi64x(0x1F7011641, 0x1DB710641)
 
+/* True if this processor has the carry-less multiplication (PCLMULQDQ) and SSE 4.1, which taxel_crc32_clmul()
+ * needs. */
 bool taxel_crc32_has_clmul(void)
 {
     return __builtin_cpu_supports("pclmul") && __builtin_cpu_supports("sse4.1");
 }
 
+/* Loads 16 bytes from any address into a vector register. */
 CLMUL __m128i load(const uint8_t *bytes)
 {
     return _mm_loadu_si128((const __m128i *)(const void *)bytes);
@@ -96,11 +99,13 @@ __attribute__((target("pclmul,sse4.1"))) uint32_t taxel_crc32_clmul(uint32_t crc
 
 #else
 
+/* Version for compilers or processors without carry-less multiplication: always false. */
 bool taxel_crc32_has_clmul(void)
 {
     return false;
 }
 
+/* Version for compilers or processors without carry-less multiplication: never called. */
 uint32_t taxel_crc32_clmul(uint32_t crc, const uint8_t *bytes, size_t size)
 {
     (void)bytes;

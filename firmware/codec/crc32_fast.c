@@ -26,6 +26,7 @@ __attribute__((constructor)) static void fill_tables(void)
     }
 }
 
+/* Reads a little-endian 32-bit number from 4 bytes. */
 static uint32_t little_endian_u32(const uint8_t *bytes)
 {
     return (uint32_t)bytes[0] | ((uint32_t)bytes[1] << 8) | ((uint32_t)bytes[2] << 16) | ((uint32_t)bytes[3] << 24);
@@ -65,6 +66,8 @@ uint32_t taxel_crc32_sliced(uint32_t crc, const uint8_t *bytes, size_t size)
     return ~crc;
 }
 
+/* The CRC-32 of zlib, continued: `crc` is the CRC of the bytes before `bytes`, or 0. Uses the fastest method for
+ * this processor and size. */
 uint32_t taxel_crc32(uint32_t crc, const uint8_t *bytes, size_t size)
 {
     return has_clmul && size >= TAXEL_CRC32_CLMUL_MIN ? taxel_crc32_clmul(crc, bytes, size)

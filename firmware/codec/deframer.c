@@ -18,6 +18,8 @@ struct rule {
 static const struct rule rules[] = {TAXEL_FRAME_RULES(RULE)};
 #undef RULE
 
+/* Initialises a deframer, which finds frames in a stream of bytes. `config` is copied; its buffers must stay
+ * valid. */
 void taxel_deframer_init(struct taxel_deframer *deframer, const struct taxel_deframer_config *config)
 {
     deframer->config = *config;
@@ -173,6 +175,7 @@ static void append(struct taxel_deframer *deframer, const uint8_t *bytes, size_t
     }
 }
 
+/* Searches the bytes that are still buffered, as if the stream ended here with a delimiter. */
 void taxel_deframer_finish(struct taxel_deframer *deframer)
 {
     (void)search(deframer, deframer->config.chunk, deframer->fill, deframer->fill);

@@ -17,6 +17,7 @@ size_t taxel_encoded_size_max(size_t payload_length)
 
 #define FULL_BLOCK 0xFFu
 
+/* The position after `at` in the ring buffer of the encoder; the position after the last byte is the first byte. */
 static uint8_t *after(const struct taxel_encoder *encoder, uint8_t *at)
 {
     return at + 1 == encoder->limit ? encoder->ring : at + 1;
@@ -29,6 +30,7 @@ static uint8_t *open_block(struct taxel_encoder *encoder, uint8_t *at)
     return after(encoder, at);
 }
 
+/* Writes one byte at the current position of the ring buffer and advances the position. */
 static void put(struct taxel_encoder *encoder, uint8_t byte)
 {
     *encoder->at = byte;
@@ -106,6 +108,7 @@ size_t taxel_encoder_end(struct taxel_encoder *encoder)
     return (size_t)(written > 0 ? written : written + (encoder->limit - encoder->ring));
 }
 
+/* The index in the ring buffer at which the encoder writes its next byte. */
 size_t taxel_encoder_position(const struct taxel_encoder *encoder)
 {
     return (size_t)(encoder->at - encoder->ring);

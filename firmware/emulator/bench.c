@@ -54,16 +54,19 @@ void taxel_bench_close(struct taxel_bench *bench)
     }
 }
 
+/* The path of the pseudo-terminal to which a host connects; empty if the bench uses memory. */
 const char *taxel_bench_pty_name(const struct taxel_bench *bench)
 {
     return bench->endpoint.pty_name;
 }
 
+/* Number of taxels of all boards in the world file. */
 size_t taxel_bench_taxel_count(const struct taxel_bench *bench)
 {
     return world_taxel_count(&bench->description);
 }
 
+/* The virtual time of the world in picoseconds. */
 uint64_t taxel_bench_now(const struct taxel_bench *bench)
 {
     return bench->world.now;
@@ -85,26 +88,33 @@ int taxel_bench_run(struct taxel_bench *bench, uint64_t until)
     return 0;
 }
 
+/* Sends bytes from the host to the hub, from the present virtual time on. Returns the number of bytes that fit into
+ * the adapter's buffer. */
 size_t taxel_bench_send(struct taxel_bench *bench, const uint8_t *bytes, size_t size)
 {
     return uart_send_from_host(&bench->world.uart, bytes, size, bench->world.now);
 }
 
+/* Copies up to `size` bytes that the hub has sent to the host to `bytes` and removes them. Returns their number. */
 size_t taxel_bench_receive(struct taxel_bench *bench, uint8_t *bytes, size_t size)
 {
     return endpoint_read_memory(&bench->endpoint, bytes, size);
 }
 
+/* Number of bytes from the hub that the host's side has received so far. */
 uint64_t taxel_bench_bytes_delivered(const struct taxel_bench *bench)
 {
     return bench->endpoint.bytes_delivered;
 }
 
+/* 1 if the RTS output of the hub is wired in this world, else 0. */
 int taxel_bench_has_flow_control(const struct taxel_bench *bench)
 {
     return bench->description.flow_control;
 }
 
+/* Sets the force in newtons, or the raw count, of each taxel from the present virtual time on, in the order of the
+ * boards. Returns 0, or -1 on an error. */
 int taxel_bench_set_stimulus(struct taxel_bench *bench, const float *values)
 {
     return world_set_stimulus(&bench->world, values);
@@ -181,35 +191,42 @@ size_t taxel_bench_read_fault_log(const struct taxel_bench *bench, uint64_t firs
     return written;
 }
 
+/* Writes the statistics of the world as a file at `path`. Returns 0, or -1 on an error. */
 int taxel_bench_write_statistics(const struct taxel_bench *bench, const char *path)
 {
     return world_write_statistics(&bench->world, path, 0.0);
 }
 
+/* The flash of the board with this I2C address, or of the hub (HUB_ADDRESS); NULL if there is no such board. */
 static const struct flash *find_flash(const struct taxel_bench *bench, uint8_t address)
 {
     const struct board_node *board = find_board(bench, address);
     return board ? &board->boot->flash : address == HUB_ADDRESS ? &bench->world.hub.boot.flash : NULL;
 }
 
+/* The content of the flash (32 KiB) of a board or of the hub (HUB_ADDRESS); NULL for an unknown address. */
 const uint8_t *taxel_bench_flash_bytes(const struct taxel_bench *bench, uint8_t address)
 {
     const struct flash *flash = find_flash(bench, address);
     return flash ? flash->bytes : NULL;
 }
 
+/* The number of writes of each flash row of a board or of the hub (HUB_ADDRESS); NULL for an unknown address. */
 const uint32_t *taxel_bench_flash_wear(const struct taxel_bench *bench, uint8_t address)
 {
     const struct flash *flash = find_flash(bench, address);
     return flash ? flash->wear : NULL;
 }
 
+/* Number of flash row writes of a board or of the hub that a power cut interrupted. */
 uint64_t taxel_bench_torn_writes(const struct taxel_bench *bench, uint8_t address)
 {
     const struct flash *flash = find_flash(bench, address);
     return flash ? flash->torn_count : 0;
 }
 
+/* The emulated chip of the board with this I2C address, or of the hub (HUB_ADDRESS); NULL if the firmware is
+ * compiled natively. */
 static struct psoc *find_processor(const struct taxel_bench *bench, uint8_t address)
 {
     const struct board_node *board = find_board(bench, address);
@@ -303,6 +320,7 @@ int taxel_bench_plan_power_cut(struct taxel_bench *bench, uint8_t address, uint6
     return world_plan_power_cut(&bench->world, node, &plan) ? TAXEL_BENCH_TOO_MANY_FAULTS : 0;
 }
 
+/* Number of planned power cuts that have occurred on a board or on the hub. */
 uint64_t taxel_bench_power_cut_count(const struct taxel_bench *bench, uint8_t address)
 {
     const struct flash *flash = find_flash(bench, address);

@@ -76,6 +76,7 @@ int board_cortex_open(struct board_node *board, const struct world_description *
     return 0;
 }
 
+/* Releases the emulated chip of a board that executes an image; does nothing for a board with native firmware. */
 void board_cortex_close(struct board_node *board)
 {
     if (board->psoc) {
@@ -85,6 +86,8 @@ void board_cortex_close(struct board_node *board)
     }
 }
 
+/* Switches a board that executes an image off and, if `on`, on again at the virtual time `now`. reset_cause: enum
+ * of reset causes. */
 void board_cortex_set_power(struct board_node *board, bool on, vtime now, uint8_t reset_cause)
 {
     psoc_power_off(board->psoc);

@@ -37,6 +37,7 @@ double board_fields_fraction(const struct board_fields *fields, vtime time)
     return (double)(time - interval.from) / (double)(interval.until - interval.from);
 }
 
+/* The relative rise of a taxel's capacitance under a force in newtons; 0 without force. */
 static double rise_at_force(double force)
 {
     return force > 0.0 ? layer_rise_at_force(force) : 0.0;

@@ -8,6 +8,7 @@
 #include "emulator/board_internal.h"
 #include "emulator/base/costs.h"
 
+/* HAL function of the emulated board: sets up front end and electronics with new scan settings. */
 static void on_front_end_configure(void *context, const struct taxel_scan_settings *settings)
 {
     struct board_node *board = context;
@@ -86,23 +87,27 @@ static uint32_t on_clock_us(void *context)
     return (uint32_t)(uint64_t)(us + 1e6 * lead_s);
 }
 
+/* HAL function of the emulated board: has no effect. */
 static uint32_t on_interrupts_disable(void *context)
 {
     (void)context; /* emulated interrupts do not preempt each other */
     return 0;
 }
 
+/* HAL function of the emulated board: has no effect. */
 static void on_interrupts_restore(void *context, uint32_t state)
 {
     (void)context;
     (void)state;
 }
 
+/* HAL function of the emulated board: requests a restart, which the event loop makes. */
 static void on_restart(void *context)
 {
     ((struct board_node *)context)->restart_requested = true;
 }
 
+/* HAL function of the emulated board: requests a restart into the bootloader, which the event loop makes. */
 static void on_enter_bootloader(void *context)
 {
     struct board_node *board = context;
@@ -243,11 +248,14 @@ int board_node_init(struct board_node *board, const struct board_description *de
     return 0;
 }
 
+/* Callback of the electronics: the relative rise of the capacitance of one taxel at a virtual time; `context` is
+ * the board's fields. */
 static double get_rise(const void *context, size_t taxel, vtime time)
 {
     return board_fields_rise(context, taxel, time);
 }
 
+/* Callback of the electronics: the relative rises of the capacitance of all taxels at a virtual time, in `rise`. */
 static void get_all_rises(const void *context, vtime time, double *rise)
 {
     board_fields_all_rises(context, time, rise);

@@ -92,6 +92,7 @@ void board_set_power(struct board_node *board, bool on, vtime now, uint8_t reset
     board_handle_boot_outcome(board, boot_node_reset(board->boot, now, reset_cause));
 }
 
+/* The virtual time of the next planned power cut or return of power of a board; VTIME_NEVER if there is none. */
 vtime board_next_power_event(const struct board_node *board)
 {
     return vtime_min(board->boot->flash.cut_time, board->power_return_time);

@@ -39,6 +39,7 @@ bool board_can_respond(struct board_node *board, vtime now, uint8_t address)
     return board->program == PROGRAM_BOOTLOADER && now >= board->boot->reset_at && now >= board->boot->busy_until;
 }
 
+/* Adds the effect of a fault on this board to the fault log, if there is one. */
 static void log_fault(struct board_node *board, vtime now, enum fault_kind kind)
 {
     if (board->log) {

@@ -14,11 +14,13 @@ void bus_init(struct bus *bus, struct board_node *boards, size_t board_count, do
     bus->log = log;
 }
 
+/* True if no device holds the clock line low at the virtual time `now`. */
 bool bus_is_scl_high(const struct bus *bus, vtime now)
 {
     return bus->scl_high && now >= bus_scl_held_until(bus);
 }
 
+/* True if no device holds the data line low. */
 bool bus_is_sda_high(const struct bus *bus)
 {
     return bus->sda_high && !bus_sda_is_held(bus);
@@ -115,12 +117,15 @@ static vtime resume_time(const struct bus *bus, vtime released)
     return vtime_max(bus->next, vtime_max(released, bus_scl_held_until(bus))) + hold;
 }
 
+/* Starts a byte of 9 clocks in the given phase; it begins when the clock line, released at time `released`,
+ * rises. */
 void bus_begin_byte(struct bus *bus, enum bus_phase phase, vtime released)
 {
     bus->phase = phase;
     bus->next = resume_time(bus, released) + BUS_CLOCKS_PER_BYTE * bus->scl_period;
 }
 
+/* Starts a stop condition, one clock after the clock line, released at time `released`, rises. */
 void bus_begin_stop(struct bus *bus, vtime released)
 {
     bus->phase = BUS_STOP;

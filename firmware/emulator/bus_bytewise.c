@@ -51,18 +51,22 @@ void bus_bytewise_start(struct bus *bus, uint8_t address_byte, vtime now)
     }
 }
 
+/* Starts one byte at the virtual time `now`, on the command of an executed program that controls the bus byte by
+ * byte. */
 static void begin_commanded_byte(struct bus *bus, enum bus_phase phase, vtime now)
 {
     bus->next = now;
     bus_begin_byte(bus, phase, now);
 }
 
+/* Writes one byte to the addressed slave, from the virtual time `now` on. */
 void bus_bytewise_write(struct bus *bus, uint8_t byte, vtime now)
 {
     bus->byte = byte;
     begin_commanded_byte(bus, BUS_WRITE, now);
 }
 
+/* Reads one byte from the addressed slave, from the virtual time `now` on. */
 void bus_bytewise_read(struct bus *bus, vtime now)
 {
     begin_commanded_byte(bus, BUS_READ, now);

@@ -13,12 +13,14 @@
 
 volatile sig_atomic_t endpoint_stop_waiting;
 
+/* Prints an error message with the name of the endpoint (terminal, socket or file) to stderr. Returns -1. */
 static int report_error(const char *target, const char *message)
 {
     fprintf(stderr, "endpoint %s: %s\n", target, message);
     return -1;
 }
 
+/* Makes reads and writes of the file descriptor return at once. Returns 0, or -1 on an error. */
 static int set_nonblocking(int fd)
 {
     const int flags = fcntl(fd, F_GETFL);
@@ -115,6 +117,7 @@ void endpoint_close(struct endpoint *endpoint)
     free(endpoint->memory);
 }
 
+/* Appends bytes to the memory of the endpoint. Returns the number of bytes for which there was space. */
 static size_t store_in_memory(struct endpoint *endpoint, const uint8_t *bytes, size_t size)
 {
     const size_t space = ENDPOINT_MEMORY_SIZE - endpoint->memory_fill;
@@ -147,6 +150,7 @@ static void write_capture_record(struct endpoint *endpoint, const uint8_t *bytes
     fwrite(bytes, size, 1, endpoint->capture);
 }
 
+/* True if a host has opened the other side of the pseudo-terminal or socket. */
 static bool has_client(const struct endpoint *endpoint)
 {
     struct pollfd state = {.fd = endpoint->fd, .events = POLLOUT};

@@ -6,6 +6,8 @@
 
 #include "emulator/base/reset_bits.h"
 
+/* Callback of the hub's chip: the program sends a start condition and an address byte. clock: period of SCL in
+ * picoseconds. */
 static void on_i2c_start(void *context, uint8_t address_byte, vtime clock, vtime now)
 {
     struct hub_node *node = context;
@@ -13,47 +15,57 @@ static void on_i2c_start(void *context, uint8_t address_byte, vtime clock, vtime
     bus_bytewise_start(node->bus, address_byte, now);
 }
 
+/* Callback of the hub's chip: the program writes one byte to the bus. */
 static void on_i2c_write(void *context, uint8_t byte, vtime now)
 {
     bus_bytewise_write(((struct hub_node *)context)->bus, byte, now);
 }
 
+/* Callback of the hub's chip: the program reads one byte from the bus. */
 static void on_i2c_read(void *context, vtime now)
 {
     bus_bytewise_read(((struct hub_node *)context)->bus, now);
 }
 
+/* Callback of the hub's chip: the program sends a stop condition. */
 static void on_i2c_stop(void *context, vtime now)
 {
     bus_bytewise_stop(((struct hub_node *)context)->bus, now);
 }
 
+/* Callback of the hub's chip: the program disables its I2C block, which aborts the transfer in progress. */
 static void on_i2c_abort(void *context, vtime now)
 {
     bus_abort(((struct hub_node *)context)->bus, BUS_HUB, now);
 }
 
+/* Callback of the hub's chip: the program sets the levels of SCL and SDA by hand; true releases a line. */
 static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
 {
     bus_drive_lines(((struct hub_node *)context)->bus, scl_high, sda_high);
 }
 
+/* Callback of the hub's chip: true if the clock line is high at the virtual time `now`. */
 static bool on_i2c_scl(void *context, vtime now)
 {
     return bus_is_scl_high(((struct hub_node *)context)->bus, now);
 }
 
+/* Callback of the hub's chip: true if the data line is high. */
 static bool on_i2c_sda(void *context, vtime now)
 {
     (void)now;
     return bus_is_sda_high(((struct hub_node *)context)->bus);
 }
 
+/* Callback of the hub's chip: its UART has bytes to send. */
 static void on_uart_kick(void *context, vtime now)
 {
     uart_start_transmit(((struct hub_node *)context)->uart, now);
 }
 
+/* Callback of the hub's chip: the program changes RTS; `hold` requests that the host pauses. Has no effect if RTS
+ * is not wired. */
 static void on_uart_hold(void *context, bool hold, vtime now)
 {
     struct hub_node *node = context;
@@ -114,6 +126,7 @@ int hub_cortex_open(struct hub_node *node, const struct world_description *world
     return 0;
 }
 
+/* Releases the emulated chip of a hub that executes an image; does nothing for a hub with native firmware. */
 void hub_cortex_close(struct hub_node *node)
 {
     if (node->psoc) {
@@ -134,6 +147,7 @@ void hub_cortex_set_power(struct hub_node *node, bool on, vtime now, uint8_t res
     }
 }
 
+/* Runs the hub's chip up to the virtual time `until`, also after each action of the program on a wire. */
 void hub_cortex_run(struct hub_node *node, vtime until)
 {
     while (node->is_powered && psoc_run(node->psoc, until)) {
@@ -155,6 +169,7 @@ void hub_cortex_on_bus_event(struct hub_node *node, vtime now)
     psoc_i2c_on_event(node->psoc, now, events[node->bus->event], node->bus->byte);
 }
 
+/* Suspends the hub's main program up to the virtual time `until`; interrupts are served. */
 void hub_cortex_stall(struct hub_node *node, vtime until)
 {
     psoc_stall(node->psoc, until);

@@ -8,62 +8,73 @@
 
 static const uint8_t unique_id[8] = {'T', 'A', 'X', 'E', 'L', 'H', 'U', 'B'};
 
+/* The virtual time, in picoseconds, that the hub needs for `count` CPU cycles. */
 static vtime cycles_to_time(const struct hub_node *node, double count)
 {
     return (vtime)(count / CPU_HZ / node->clock_rate * (double)VTIME_SECOND);
 }
 
+/* Moves the time at which the hub's main loop runs next to `time`, if that is earlier. */
 static void wake_not_after(struct hub_node *node, vtime time)
 {
     node->wake = vtime_min(node->wake, time);
 }
 
+/* HAL function of the emulated hub: starts an I2C transfer on the emulated bus. */
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     struct hub_node *node = context;
     bus_start_transfer(node->bus, BUS_HUB, transfer, node->now);
 }
 
+/* HAL function of the emulated hub: aborts its I2C transfer. */
 static void on_i2c_abort(void *context)
 {
     struct hub_node *node = context;
     bus_abort(node->bus, BUS_HUB, node->now);
 }
 
+/* HAL function of the emulated hub: sets the levels of SCL and SDA by hand; true releases a line. */
 static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
 {
     bus_drive_lines(((struct hub_node *)context)->bus, scl_high, sda_high);
 }
 
+/* HAL function of the emulated hub: true if the clock line is high. */
 static bool on_i2c_scl(void *context)
 {
     const struct hub_node *node = context;
     return bus_is_scl_high(node->bus, node->now);
 }
 
+/* HAL function of the emulated hub: true if the data line is high. */
 static bool on_i2c_sda(void *context)
 {
     return bus_is_sda_high(((struct hub_node *)context)->bus);
 }
 
+/* HAL function of the emulated hub: starts the transmission of queued bytes to the host. */
 static void on_uart_kick(void *context)
 {
     struct hub_node *node = context;
     uart_start_transmit(node->uart, node->now);
 }
 
+/* HAL function of the emulated hub: requests with RTS that the host pauses (`hold` true) or continues. */
 static void on_uart_hold(void *context, bool hold)
 {
     struct hub_node *node = context;
     uart_set_hold(node->uart, hold, node->now);
 }
 
+/* HAL function of the emulated hub: its clock in microseconds, with its rate error and start value. */
 static uint64_t on_clock_us(void *context)
 {
     const struct hub_node *node = context;
     return (uint64_t)((double)(node->now - node->booted) * node->clock_rate / (double)VTIME_US + node->clock_start_us);
 }
 
+/* HAL function of the emulated hub: lets the given time in microseconds elapse for the hub. */
 static void on_delay_us(void *context, uint32_t microseconds)
 {
     ((struct hub_node *)context)->now += microseconds * VTIME_US;
@@ -78,11 +89,13 @@ static void on_wake_at(void *context, uint64_t clock_us)
     wake_not_after(node, vtime_max(time, node->now));
 }
 
+/* HAL function of the emulated hub: requests a restart, which the event loop makes. */
 static void on_restart(void *context)
 {
     ((struct hub_node *)context)->restart_requested = true;
 }
 
+/* HAL function of the emulated hub: requests a restart into the bootloader, which the event loop makes. */
 static void on_enter_bootloader(void *context)
 {
     struct hub_node *node = context;
@@ -90,16 +103,20 @@ static void on_enter_bootloader(void *context)
     node->restart_requested = true;
 }
 
+/* Callback of the emulated UART: passes a byte from the host to the application of the hub. */
 static void on_byte_for_hub(void *context, uint8_t byte)
 {
     taxel_hub_on_uart_byte(context, byte);
 }
 
+/* Callback of the emulated UART: copies up to `size` bytes to send from the application of the hub. Returns their
+ * number. */
 static size_t pull_from_hub(void *context, uint8_t *bytes, size_t size)
 {
     return taxel_hub_uart_pull(context, bytes, size);
 }
 
+/* Callback of the emulated UART: passes a byte from the host to the bootloader of the hub. */
 static void on_byte_for_bootloader(void *context, uint8_t byte)
 {
     struct hub_node *node = context;
@@ -108,6 +125,8 @@ static void on_byte_for_bootloader(void *context, uint8_t byte)
     taxel_boot_uart_on_byte(&node->boot.uart, byte);
 }
 
+/* Callback of the emulated UART: copies up to `size` bytes to send from the bootloader of the hub. Returns their
+ * number. */
 static size_t pull_from_bootloader(void *context, uint8_t *bytes, size_t size)
 {
     return taxel_boot_uart_pull(&((struct hub_node *)context)->boot.uart, bytes, size);
@@ -153,6 +172,7 @@ int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, con
     return world->hub_image ? hub_cortex_open(node, world) : 0;
 }
 
+/* Releases the memory of the emulated hub. */
 void hub_node_free(struct hub_node *node)
 {
     hub_cortex_close(node);

@@ -31,6 +31,7 @@ struct options {
 
 static volatile sig_atomic_t stop_requested;
 
+/* Signal handler: requests that the emulator writes its statistics and ends. */
 static void on_signal(int number)
 {
     (void)number;
@@ -117,6 +118,7 @@ static int open_stimulus(struct stimulus *stimulus, const struct options *option
     return stimulus_open(stimulus, fd, options->stimulus ? options->stimulus : "none", taxels, options->live);
 }
 
+/* The time of the PC's monotonic clock in seconds. */
 static double read_clock_s(void)
 {
     struct timespec time;
@@ -124,6 +126,7 @@ static double read_clock_s(void)
     return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
 }
 
+/* Suspends the emulator for the given time; a signal ends the sleep. */
 static void sleep_ms(int milliseconds)
 {
     (void)poll(NULL, 0, milliseconds);

@@ -27,6 +27,7 @@ void uart_start_transmit(struct uart *uart, vtime now)
     }
 }
 
+/* Stops the transmission of the hub, for example because the hub has no power. */
 void uart_stop_transmit(struct uart *uart)
 {
     uart->transmit_next = VTIME_NEVER;
@@ -88,6 +89,7 @@ size_t uart_refill_transmitter(struct uart *uart)
     return size;
 }
 
+/* Number of bytes for which the buffer from the host to the hub has space. */
 size_t uart_host_free_space(const struct uart *uart)
 {
     return UART_RECEIVE_BUFFER_SIZE - (uart->receive_head - uart->receive_tail);

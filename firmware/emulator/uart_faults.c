@@ -1,10 +1,12 @@
 #include "emulator/uart_faults.h"
 
+/* True if a UART fault of this kind inverts a bit. */
 static bool is_flip(enum fault_kind kind)
 {
     return kind == FAULT_UP_FLIP || kind == FAULT_DOWN_FLIP;
 }
 
+/* True if a UART fault of this kind removes bytes. */
 static bool removes_byte(enum fault_kind kind)
 {
     return kind == FAULT_UP_DROP || kind == FAULT_DOWN_DROP;

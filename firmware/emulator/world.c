@@ -9,6 +9,7 @@
 /* with threads, all boards are advanced in parallel this often, ahead of reads that need it */
 #define ADVANCE_STEP (4u * VTIME_MS)
 
+/* Number of taxels of all boards in the description of a world. */
 size_t world_taxel_count(const struct world_description *description)
 {
     size_t taxels = 0;
@@ -61,11 +62,13 @@ int world_init(struct world *world, const struct world_description *description,
     return 0;
 }
 
+/* Lets the world compute boards and skin in the threads of a pool; NULL: in the calling thread only. */
 void world_use_thread_pool(struct world *world, struct thread_pool *thread_pool)
 {
     world->thread_pool = world->skin.thread_pool = thread_pool;
 }
 
+/* Releases boards, hub and skin of the world. The caller owns the struct itself. */
 void world_free(struct world *world)
 {
     for (size_t i = 0; i < world->board_count; i++) {
@@ -75,6 +78,7 @@ void world_free(struct world *world)
     skin_free(&world->skin);
 }
 
+/* The virtual time of the next fault of the world file; VTIME_NEVER after the last fault. */
 static vtime next_fault_time(const struct world *world)
 {
     if (world->next_fault == world->description->fault_count) {
@@ -224,6 +228,8 @@ int world_run(struct world *world, vtime until)
     return 0;
 }
 
+/* Sets the force in newtons, or the raw count, of each taxel from the present virtual time on, in the order of the
+ * boards. Returns 0, or -1 on an error. */
 int world_set_stimulus(struct world *world, const float *values)
 {
     return world_fields_set_live(world, values);

@@ -8,11 +8,13 @@ struct board_task {
     bool has_failed[WORLD_BOARDS_MAX];
 };
 
+/* Calls `function` once for each board number, in the threads of the pool, and waits for the end. */
 static void run_for_all_boards(struct board_task *task, thread_pool_task function)
 {
     thread_pool_run(task->world->thread_pool, task->world->board_count, function, task);
 }
 
+/* Task of the thread pool: simulates board number `board` up to the time of the task. */
 static void advance_board(void *context, size_t board)
 {
     const struct board_task *task = context;

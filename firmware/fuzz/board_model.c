@@ -7,16 +7,20 @@
 #define FLAG_SATURATED 0x08u
 #define FLAG_READ_ONLY 0x10u
 
+/* Increments a counter, which stays at 65535. */
 static void count(uint16_t *counter)
 {
     *counter = (uint16_t)(*counter + (*counter < 0xFFFF));
 }
 
+/* Number of bytes of a snapshot of the modelled board. */
 static size_t snapshot_size(const struct board_model *model)
 {
     return 10u + 2u * (size_t)model->taxel_count;
 }
 
+/* True if a board must accept these 8 bytes of scan settings: the largest count is 1 to 65535, and divider and
+ * current code are not 0. */
 bool model_settings_are_valid(const uint8_t settings[MODEL_SETTINGS_SIZE])
 {
     const uint64_t largest = (uint64_t)(settings[0] | settings[1] << 8) * (uint64_t)(settings[2] | settings[3] << 8);
@@ -154,6 +158,8 @@ static void answer_with_status(struct board_model *model)
     answer_with(model, bytes, sizeof bytes, model->pointer - 0x40u);
 }
 
+/* Prepares the answer to a read of the settings register: settings and CRC, from the byte on that the pointer
+ * selects. */
 static void answer_with_settings(struct board_model *model)
 {
     uint8_t bytes[12];
@@ -203,11 +209,13 @@ bool model_address(struct board_model *model, bool reading)
     return true;
 }
 
+/* The next byte that the board must send to the master; 0xFF after the end of the answer. */
 uint8_t model_read(struct board_model *model)
 {
     return model->answer_position < model->answer_size ? model->answer[model->answer_position++] : 0xFF;
 }
 
+/* Counts a rejected write and sets `flag` in the error flags of the model. */
 static void reject(struct board_model *model, uint8_t flag)
 {
     count(&model->rejected_writes);
@@ -292,6 +300,8 @@ void model_stop(struct board_model *model)
     model->pointer_next = false;
 }
 
+/* Models a start or stop condition at a wrong position: it is counted, and the bytes of this write are
+ * discarded. */
 void model_bus_error(struct board_model *model)
 {
     count(&model->bus_errors);

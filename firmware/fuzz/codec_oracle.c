@@ -26,17 +26,20 @@ static const struct type_rule *rule_of(uint8_t type, uint8_t directions)
     return NULL;
 }
 
+/* True if frames of this type and direction may have a payload of `length` bytes. */
 bool oracle_allows(uint8_t type, uint8_t directions, size_t length)
 {
     const struct type_rule *rule = rule_of(type, directions);
     return rule && length >= rule->minimum && length <= rule->maximum;
 }
 
+/* Reads a little-endian 32-bit number from 4 bytes. */
 static uint32_t u32_at(const uint8_t *bytes)
 {
     return (uint32_t)bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24;
 }
 
+/* Reads a little-endian 16-bit number from 2 bytes. */
 static uint16_t u16_at(const uint8_t *bytes)
 {
     return (uint16_t)(bytes[0] | bytes[1] << 8);

@@ -220,6 +220,7 @@ static void check_deframer(uint8_t directions, const uint8_t *sizes, size_t size
     FUZZ_CHECK(deframer.discarded_bytes == oracle.discarded_bytes && deframer.fill == 0);
 }
 
+/* True if frames of this type carry the counts of a board. */
 static bool is_taxels(uint8_t type)
 {
     return type == TAXEL_FRAME_TYPE_TAXELS || type == TAXEL_FRAME_TYPE_COMPACT_TAXELS;

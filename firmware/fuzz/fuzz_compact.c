@@ -34,12 +34,14 @@ static uint8_t crossing_map[TAXEL_CROSSING_MAP_SIZE];
 static uint32_t now_us;
 static uint8_t late_answer[3], late_size;
 
+/* HAL function of the simulated board: accepts scan settings without effect. */
 static void on_configure(void *context, const struct taxel_scan_settings *settings)
 {
     (void)context;
     (void)settings;
 }
 
+/* HAL function of the simulated board: starts a conversion, whose result the target reports later. */
 static void on_start(void *context, uint8_t tx, uint8_t rx)
 {
     (void)context;
@@ -47,24 +49,28 @@ static void on_start(void *context, uint8_t tx, uint8_t rx)
     (void)rx;
 }
 
+/* HAL function of the simulated board: the simulated time in microseconds. */
 static uint32_t on_clock(void *context)
 {
     (void)context;
     return now_us;
 }
 
+/* HAL function of the simulated board: masks interrupts, which do not exist here. */
 static uint32_t on_disable(void *context)
 {
     (void)context;
     return 1;
 }
 
+/* HAL function of the simulated board: restores the interrupt mask, which does not exist here. */
 static void on_restore(void *context, uint32_t state)
 {
     (void)context;
     (void)state;
 }
 
+/* HAL function of the simulated board: ignores the request for a restart. */
 static void on_restart(void *context)
 {
     (void)context;
@@ -80,6 +86,7 @@ static const struct taxel_sensor_hal hal = {
     .enter_bootloader = on_restart,
 };
 
+/* Starts the sensor firmware anew and clears the history of its scans. */
 static void boot(void)
 {
     FUZZ_CHECK(taxel_sensor_init(&sensor, &config) == 0);

@@ -26,6 +26,7 @@ static bool converting;
 static uint16_t crossing;
 static uint8_t front_end[MODEL_SETTINGS_SIZE];
 
+/* HAL function of the simulated board: records the scan settings, which must not change during a conversion. */
 static void on_configure(void *context, const struct taxel_scan_settings *settings)
 {
     (void)context;
@@ -34,6 +35,8 @@ static void on_configure(void *context, const struct taxel_scan_settings *settin
     configured++;
 }
 
+/* HAL function of the simulated board: records the start of a conversion and checks that its lines exist and no
+ * conversion is in progress. */
 static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
 {
     (void)context;
@@ -43,30 +46,35 @@ static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
     started++;
 }
 
+/* HAL function of the simulated board: the simulated time in microseconds. */
 static uint32_t on_clock_us(void *context)
 {
     (void)context;
     return model.clock_us;
 }
 
+/* HAL function of the simulated board: returns a value that on_interrupts_restore() must receive. */
 static uint32_t on_interrupts_disable(void *context)
 {
     (void)context;
     return 7;
 }
 
+/* HAL function of the simulated board: checks that it receives the value of on_interrupts_disable(). */
 static void on_interrupts_restore(void *context, uint32_t state)
 {
     (void)context;
     FUZZ_CHECK(state == 7);
 }
 
+/* HAL function of the simulated board: counts the requests for a restart. */
 static void on_restart(void *context)
 {
     (void)context;
     restarts++;
 }
 
+/* HAL function of the simulated board: counts the requests for the bootloader. */
 static void on_bootloader(void *context)
 {
     (void)context;
@@ -116,16 +124,19 @@ static bool boot(void)
     return true;
 }
 
+/* Sends an address byte to firmware and model and checks that both give the same acknowledge. */
 static void address(bool reading)
 {
     FUZZ_CHECK(taxel_sensor_on_address(&sensor, reading) == model_address(&model, reading));
 }
 
+/* Sends one byte to firmware and model and checks that both give the same acknowledge. */
 static void write(uint8_t byte)
 {
     FUZZ_CHECK(taxel_sensor_on_write(&sensor, byte) == model_write(&model, byte));
 }
 
+/* Reads `size` bytes from firmware and model and checks that they are equal. */
 static void read(size_t size)
 {
     for (size_t i = 0; i < size; i++) {

@@ -59,6 +59,7 @@ void taxel_hub_handle_handshake(struct taxel_hub *hub)
     taxel_hub_send_handshake(hub, handshake.tag, hub->version);
 }
 
+/* Sends a REPLY frame with the status OK and no data for the command in progress. */
 static void reply_ok(struct taxel_hub *hub)
 {
     taxel_hub_reply(hub, TAXEL_REPLY_STATUS_OK, NULL, 0);
@@ -118,6 +119,7 @@ void taxel_hub_handle_acknowledgement(struct taxel_hub *hub, uint8_t address, ui
     board->key_frame_id = key_frame_id;
 }
 
+/* True if a command with this address argument applies to `board`; address 0 selects every board. */
 static bool is_selected(uint8_t address, const struct taxel_hub_slot *board)
 {
     return address == 0 || board->address == address;
@@ -187,6 +189,7 @@ void taxel_hub_end_finished_command(struct taxel_hub *hub)
     taxel_hub_reply(hub, settings && rejected ? TAXEL_REPLY_STATUS_REJECTED_BY_BOARD : TAXEL_REPLY_STATUS_OK, NULL, 0);
 }
 
+/* Command GET_TIME: replies with the clock of the hub in microseconds, 64 bits. */
 TAXEL_OWN_FRAME static void get_time(struct taxel_hub *hub)
 {
     uint8_t bytes[TAXEL_GET_TIME_REPLY_SIZE];

@@ -4,17 +4,20 @@
 
 #define DRAIN_POLL_US 1000u
 
+/* The time since the start of the hub in microseconds, 64 bits. */
 uint64_t taxel_hub_clock(const struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
     return hal->clock_us(hal->context);
 }
 
+/* The time since the start of the hub in microseconds, modulo 2^32. */
 uint32_t taxel_hub_now(const struct taxel_hub *hub)
 {
     return (uint32_t)taxel_hub_clock(hub);
 }
 
+/* Requests that the main loop runs again in `microseconds` at the latest. */
 void taxel_hub_wake_in(const struct taxel_hub *hub, uint32_t microseconds)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);

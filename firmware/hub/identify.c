@@ -89,12 +89,16 @@ void taxel_hub_finish_identify(struct taxel_hub *hub, struct taxel_hub_slot *boa
              is_accepted ? TAXEL_BOARD_STATE_INCOMPATIBLE : TAXEL_BOARD_STATE_ABSENT);
 }
 
+/* True if the 12 bytes read from the settings register of `board` have a correct CRC, which begins with the board's
+ * address. */
 static bool settings_are_whole(const struct taxel_hub_slot *board, const uint8_t *bytes)
 {
     const uint32_t crc = taxel_crc32(taxel_crc32(0, &board->address, 1), bytes, TAXEL_SCAN_SETTINGS_SIZE);
     return crc == taxel_get_u32(bytes + TAXEL_SETTINGS_REGISTER_OFFSET_CRC32);
 }
 
+/* True if the 8 bytes of scan settings that were read from `board` equal the settings that the hub stored for this
+ * board. */
 static bool settings_match(const struct taxel_hub_slot *board, const uint8_t *bytes)
 {
     uint8_t expected[TAXEL_SCAN_SETTINGS_SIZE];

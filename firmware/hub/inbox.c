@@ -23,6 +23,7 @@ static void hold(struct taxel_hub *hub, bool is_hold)
     }
 }
 
+/* Number of free bytes in the receive ring, which keeps one of its 256 bytes empty. */
 static uint8_t free_space(const struct taxel_inbox *inbox)
 {
     return (uint8_t)(inbox->tail - inbox->head - 1u); /* the ring has 256 bytes: indices wrap by themselves */
@@ -68,6 +69,8 @@ static bool open_block(struct body *body)
     return true;
 }
 
+/* A reader of a frame body: it begins at the oldest byte of the receive ring, and the body has `size` bytes before
+ * unstuffing. */
 static struct body body_at_tail(const struct taxel_inbox *inbox, uint8_t size)
 {
     return (struct body){

@@ -5,6 +5,7 @@
 #include "codec/encoder.h"
 #include "hub/internal.h"
 
+/* Number of bytes in the transmit ring that wait for the UART. */
 static size_t used_bytes(const struct taxel_hub *hub)
 {
     const size_t head = hub->outbox.head, tail = hub->outbox.tail;
@@ -83,6 +84,7 @@ static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
     }
 }
 
+/* True if the transmit ring has space for the longest REPLY frame. */
 bool taxel_hub_has_space_for_reply(const struct taxel_hub *hub)
 {
     return used_bytes(hub) + REPLY_ENCODED_MAX < taxel_hub_config_of(hub)->transmit_ring_size;
@@ -196,6 +198,8 @@ void taxel_hub_log_at(struct taxel_hub *hub, uint8_t level, uint16_t code, const
     }
 }
 
+/* Queues a LOG frame for the host. level: 0 debug to 3 error; code: enum of log codes; text: ASCII, at most 64
+ * characters. */
 void taxel_hub_log(struct taxel_hub *hub, uint8_t level, uint16_t code, const char *text)
 {
     taxel_hub_log_at(hub, level, code, text, TAXEL_HUB_IN_RING);

@@ -12,26 +12,31 @@
 #define ELAPSED_MAX 0xFFFFFFu /* us since the key frame: a delta frame has only three bytes of the timestamp */
 #define CRC_SIZE 4u
 
+/* Masks all interrupts of the board and returns the state that unmask() restores. */
 static uint32_t mask(const struct taxel_sensor *sensor)
 {
     return sensor->config->hal->interrupts_disable(sensor->config->hal->context);
 }
 
+/* Restores the interrupt state that mask() returned. */
 static void unmask(const struct taxel_sensor *sensor, uint32_t interrupts)
 {
     sensor->config->hal->interrupts_restore(sensor->config->hal->context, interrupts);
 }
 
+/* The clock of the board in microseconds, modulo 2^32. */
 static uint32_t clock_us(const struct taxel_sensor *sensor)
 {
     return sensor->config->hal->clock_us(sensor->config->hal->context);
 }
 
+/* True if the board offers compact snapshots: it has memory for them and not too many taxels. */
 bool taxel_sensor_has_compact(const struct taxel_sensor *sensor)
 {
     return sensor->config->compact.states && sensor->config->taxel_count <= TAXEL_COMPACT_TAXELS_MAX;
 }
 
+/* Initialises the coding of compact snapshots: no snapshot is ready and no key frame exists. */
 void taxel_sensor_compact_init(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;
@@ -66,6 +71,7 @@ void taxel_sensor_compact_begin_read(struct taxel_sensor *sensor, bool again)
     slave->source_size = 1u + (size_t)taxel_compact_size(compact->reader_buffer[0]);
 }
 
+/* Ends a read of the compact snapshot: its buffer may be replaced by a newer snapshot. */
 void taxel_sensor_compact_end_read(struct taxel_sensor *sensor)
 {
     sensor->compact.read_in_progress = false;

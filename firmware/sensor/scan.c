@@ -12,6 +12,7 @@ bool taxel_scan_settings_are_valid(const struct taxel_scan_settings *settings)
            settings->idac_code >= 1u;
 }
 
+/* True if crossing number `crossing` (tx * columns + rx) of the board carries a taxel. */
 static bool is_taxel(const struct taxel_sensor *sensor, uint16_t crossing)
 {
     return ((unsigned)sensor->config->crossing_map[crossing >> 3] >> (crossing & 7u)) & 1u;
@@ -90,6 +91,7 @@ void taxel_scan_start(struct taxel_sensor *sensor)
     begin_scan(sensor);
 }
 
+/* Stops scanning; the incomplete scan is discarded. */
 void taxel_scan_stop(struct taxel_sensor *sensor)
 {
     sensor->state = TAXEL_SENSOR_STOPPED;

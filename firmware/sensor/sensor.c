@@ -26,6 +26,8 @@ static bool map_fits(const struct taxel_sensor_config *config)
     return true;
 }
 
+/* True if the numbers of lines and taxels, the address, the crossing map and the scan settings are permitted and
+ * consistent. */
 static bool config_is_valid(const struct taxel_sensor_config *config)
 {
     return config->rows >= 1u && config->rows <= TAXEL_LINES_MAX && config->columns >= 1u &&

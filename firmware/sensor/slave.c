@@ -32,6 +32,7 @@ static void fill_status(struct taxel_sensor *sensor)
     taxel_status_pack(&status, sensor->slave.shadow);
 }
 
+/* The CRC-32 of the board's address followed by the 8 bytes of scan settings in `bytes`. */
 static uint32_t settings_crc(const struct taxel_sensor *sensor, const uint8_t *bytes)
 {
     return taxel_crc32(taxel_crc32(0, &sensor->config->address, 1), bytes, TAXEL_SCAN_SETTINGS_SIZE);
@@ -100,6 +101,7 @@ static bool begin_read(struct taxel_sensor *sensor)
     return true;
 }
 
+/* Counts a rejected write of the master and sets `flag` (a bit of enum board error flags) in the error flags. */
 static void reject_write(struct taxel_sensor *sensor, uint8_t flag)
 {
     count_u16(&sensor->slave.rejected_writes);
@@ -122,6 +124,7 @@ static void write_settings(struct taxel_sensor *sensor)
     sensor->scan.settings_pending = true;
 }
 
+/* Command CLEAR_COUNTERS: sets the error flags and all counters of the status block to 0. */
 static void clear_counters(struct taxel_sensor *sensor)
 {
     sensor->error_flags = 0;

@@ -43,18 +43,22 @@ static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
     return 0; /* the caller reads the row back */
 }
 
+/* HAL function of the bootloader: the time since the start of the clock, in microseconds modulo 2^32. */
 static uint32_t on_clock_us(void *context)
 {
     (void)context;
     return ticks_us_32();
 }
 
+/* HAL function of the bootloader: TAXEL_RESET_CAUSE_COMMAND if software requested the last reset, else 0. */
 static uint8_t on_reset_cause(void *context)
 {
     (void)context;
     return reset_was_commanded() ? TAXEL_RESET_CAUSE_COMMAND : 0; /* the bootloader distinguishes no other causes */
 }
 
+/* HAL function of the bootloader: true if the application requested that the bootloader keeps running after the
+ * reset. */
 static bool on_stay_requested(void *context)
 {
     (void)context;
@@ -73,12 +77,14 @@ static void on_start(void *context, uint32_t vectors)
     __builtin_unreachable();
 }
 
+/* HAL function of the bootloader: resets the processor. Does not return. */
 static void on_restart(void *context)
 {
     (void)context;
     reset_now();
 }
 
+/* HAL function of the bootloader: writes the unique id of the processor to `id`, 8 bytes. */
 static void on_unique_id(void *context, uint8_t *id)
 {
     (void)context;
@@ -104,27 +110,34 @@ static const struct taxel_boot_config config = {
 
 #if IMAGE_DEVICE == 2
 
+/* Called by the UART driver for each received byte: passes the byte to the bootloader of the hub. */
 void uart_on_byte(uint8_t byte)
 {
     taxel_boot_uart_on_byte(&wire, byte);
 }
 
+/* Called by the UART driver when a received byte was lost because its FIFO was full. */
 void uart_on_lost_byte(void)
 {
     /* the packet's checksum fails, and the host repeats the packet */
 }
 
+/* Called by the UART driver for bytes to send: copies up to `size` bytes of the bootloader's response to `bytes`
+ * and returns their number. */
 size_t uart_pull(uint8_t *bytes, size_t size)
 {
     return taxel_boot_uart_pull(&wire, bytes, size);
 }
 
+/* Hub: prepares the UART as the connection of the bootloader to the host. */
 static void wire_init(void)
 {
     taxel_boot_uart_init(&wire, &boot);
     uart_init();
 }
 
+/* Hub: processes received packets and starts the transmission of a response. Called in each pass of the main
+ * loop. */
 static void wire_run(void)
 {
     taxel_boot_uart_run(&wire);
@@ -135,37 +148,46 @@ static void wire_run(void)
 
 #else
 
+/* Called by the I2C driver when a master sends the address of the board; `reading` states the direction. Returns
+ * true to acknowledge. */
 bool i2c_slave_on_address(bool reading)
 {
     return taxel_boot_i2c_on_address(&wire, reading);
 }
 
+/* Called by the I2C driver for each byte from the master. Returns true to acknowledge the byte. */
 bool i2c_slave_on_write(uint8_t byte)
 {
     return taxel_boot_i2c_on_write(&wire, byte);
 }
 
+/* Called by the I2C driver when the master reads: returns the next byte of the bootloader's response. */
 uint8_t i2c_slave_on_read(void)
 {
     return taxel_boot_i2c_on_read(&wire);
 }
 
+/* Called by the I2C driver at a stop condition, which completes a packet. */
 void i2c_slave_on_stop(void)
 {
     taxel_boot_i2c_on_stop(&wire);
 }
 
+/* Called by the I2C driver at a start or stop condition at a wrong position: the bootloader discards the incomplete
+ * packet. */
 void i2c_slave_on_bus_error(void)
 {
     taxel_boot_i2c_on_bus_error(&wire);
 }
 
+/* Board: prepares the I2C slave, at the configured address, as the connection of the bootloader to the host. */
 static void wire_init(void)
 {
     taxel_boot_i2c_init(&wire, &boot);
     i2c_slave_init(taxel_boot_i2c_address(&config.flash));
 }
 
+/* Board: processes a received packet. Called in each pass of the main loop. */
 static void wire_run(void)
 {
     taxel_boot_i2c_run(&wire);

@@ -38,6 +38,7 @@ static struct {
     uint8_t tx, rx; /* connected lines, or NO_LINE */
 } front_end;
 
+/* Drives one pin low as a push-pull output: the state of a TX or RX line that takes no part in a conversion. */
 static void hold_low(uint8_t pin)
 {
     pin_connect(pin, PIN_MODE_STRONG, PIN_GPIO);

@@ -52,16 +52,19 @@ void i2c_master_init(void)
     interrupt_enable(IRQ_SCB0);
 }
 
+/* True if no I2C transfer is in progress. */
 bool i2c_master_is_idle(void)
 {
     return master.state == IDLE;
 }
 
+/* True if the I2C clock line is high. */
 bool i2c_master_scl(void)
 {
     return (BUS_PORT->state & BUS_SCL) != 0;
 }
 
+/* True if the I2C data line is high. */
 bool i2c_master_sda(void)
 {
     return (BUS_PORT->state & BUS_SDA) != 0;
@@ -132,6 +135,7 @@ void i2c_master_abort(void)
     interrupts_unmask(interrupts);
 }
 
+/* Ends the transfer in progress and reports its result (TAXEL_I2C_...) to the program. */
 static void end(int8_t result)
 {
     master.state = IDLE;
@@ -146,6 +150,7 @@ static void stop(uint32_t command, int8_t result)
     SCB0->i2c_m_cmd = command | SCB_I2C_M_CMD_STOP;
 }
 
+/* True while the master sends the address for writing or bytes to the slave. */
 static bool is_sending(void)
 {
     return master.state >= ADDRESS_TO_WRITE && master.state <= WRITING;

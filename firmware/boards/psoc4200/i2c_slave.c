@@ -36,6 +36,7 @@ void i2c_slave_on(void)
     SCB0->ctrl = SCB_CTRL_MODE_I2C | SCB_CTRL_ENABLED;
 }
 
+/* Disables the I2C block, which keeps its settings: both lines are released and no address is acknowledged. */
 static void off(void)
 {
     SCB0->ctrl = SCB_CTRL_MODE_I2C;
@@ -51,6 +52,7 @@ bool i2c_slave_try_off(void)
     return true;
 }
 
+/* Disables the I2C block and disconnects its pins, before the bootloader starts an image. */
 void i2c_slave_end(void)
 {
     SCB0->ctrl = 0;

@@ -29,6 +29,7 @@ void *memmove(void *to, const void *from, size_t size)
     return to;
 }
 
+/* The function of the C standard library, for images without this library: fills `size` bytes with `value`. */
 void *memset(void *to, int value, size_t size)
 {
     uint8_t *out = to;
@@ -62,6 +63,8 @@ void *memchr(const void *bytes, int value, size_t size)
     return NULL;
 }
 
+/* The function of the C standard library, for images without this library: number of characters before the final
+ * zero. */
 size_t strlen(const char *text)
 {
     size_t length = 0;

@@ -18,12 +18,15 @@ static struct handover handover __attribute__((section(".noinit.handover"), used
 
 #define STAY 0x59415453u /* "STAY" */
 
+/* Copies the cause of the last reset from its register to RAM, where the application reads it, and clears the
+ * register. */
 void reset_take_cause(void)
 {
     handover.cause = RES_CAUSE;
     RES_CAUSE = RES_CAUSE_ALL;
 }
 
+/* True if software requested the last reset. */
 bool reset_was_commanded(void)
 {
     return (handover.cause & RES_CAUSE_SOFT) != 0;
@@ -54,6 +57,7 @@ bool reset_stay_requested(void)
     return stay;
 }
 
+/* Resets the processor. Does not return. */
 void reset_now(void)
 {
     SCS_AIRCR = SCS_AIRCR_RESET;
@@ -61,12 +65,14 @@ void reset_now(void)
     }
 }
 
+/* Resets the processor with the request that the bootloader keeps running. Does not return. */
 void reset_into_bootloader(void)
 {
     handover.stay = STAY;
     reset_now();
 }
 
+/* Writes the unique id of the processor (its position on the wafer), 8 bytes, to `id`. */
 void reset_unique_id(uint8_t *id)
 {
     memcpy(id, SFLASH->die, sizeof SFLASH->die);

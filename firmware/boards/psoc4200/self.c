@@ -3,6 +3,8 @@
 #include "boards/psoc4200/flash_rows.h"
 #include "boards/psoc4200/ticks.h"
 
+/* Function of struct taxel_boot_flash: writes one flash row of 128 bytes and always returns 0, because the caller
+ * reads the record back. */
 static int write_row(void *context, uint16_t row, const uint8_t *bytes)
 {
     (void)context;
@@ -21,11 +23,13 @@ const struct taxel_boot_flash self_flash = {.hal = &hal, .layout = &taxel_boot_l
 const struct taxel_boot_flash self_flash = {.hal = &hal, .layout = &taxel_boot_layout_board};
 #endif
 
+/* The flash slot (0 or 1) for which the running image is linked. */
 static uint8_t slot(void)
 {
     return image_header[TAXEL_BOOT_IMAGE_HEADER_OFFSET_SLOT];
 }
 
+/* True if the running image is on trial, that is, has not been confirmed with taxel_boot_confirm(). */
 bool self_is_on_trial(void)
 {
     return !taxel_boot_is_confirmed(&self_flash, slot());

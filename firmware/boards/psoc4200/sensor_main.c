@@ -28,42 +28,50 @@ static uint8_t compact_buffers[2][TAXEL_COMPACT_BUFFER_SIZE(BOARD_TAXELS_MAX)];
  * and flashed. */
 static const struct kind unknown_kind = {.rows = 1, .columns = 1, .taxels = 1, .crossing_map = {1}};
 
+/* HAL function of the board: sets up the capacitance converter with scan settings. */
 static void on_configure(void *context, const struct taxel_scan_settings *settings)
 {
     (void)context;
     front_end_configure(settings);
 }
 
+/* HAL function of the board: starts the conversion of the crossing of TX line `tx` and RX line `rx`. */
 static void on_start(void *context, uint8_t tx, uint8_t rx)
 {
     (void)context;
     front_end_start(tx, rx);
 }
 
+/* HAL function of the board: the time since the start of the board, in microseconds modulo 2^32. */
 static uint32_t on_clock_us(void *context)
 {
     (void)context;
     return ticks_us_32();
 }
 
+/* HAL function of the board: masks all interrupts and returns the previous state of the mask. */
 static uint32_t on_interrupts_disable(void *context)
 {
     (void)context;
     return interrupts_mask();
 }
 
+/* HAL function of the board: restores the interrupt mask that on_interrupts_disable() returned. */
 static void on_interrupts_restore(void *context, uint32_t state)
 {
     (void)context;
     interrupts_unmask(state);
 }
 
+/* HAL function of the board: resets the processor. Does not return. */
 static void on_restart(void *context)
 {
     (void)context;
     reset_now();
 }
 
+/* HAL function of the board: resets the processor with the request that the bootloader keeps running. Does not
+ * return. */
 static void on_enter_bootloader(void *context)
 {
     (void)context;
@@ -80,31 +88,40 @@ static const struct taxel_sensor_hal hal = {
     .enter_bootloader = on_enter_bootloader,
 };
 
+/* Called by the I2C driver when the hub sends the address of the board; `reading` states the direction. Returns
+ * true to acknowledge. */
 bool i2c_slave_on_address(bool reading)
 {
     return taxel_sensor_on_address(&sensor, reading);
 }
 
+/* Called by the I2C driver for each byte from the hub. Returns true to acknowledge the byte. */
 bool i2c_slave_on_write(uint8_t byte)
 {
     return taxel_sensor_on_write(&sensor, byte);
 }
 
+/* Called by the I2C driver when the hub reads: returns the next byte from the register map. */
 uint8_t i2c_slave_on_read(void)
 {
     return taxel_sensor_on_read(&sensor);
 }
 
+/* Called by the I2C driver at a stop condition, at which the board applies what the hub has written. */
 void i2c_slave_on_stop(void)
 {
     taxel_sensor_on_stop(&sensor);
 }
 
+/* Called by the I2C driver at a start or stop condition at a wrong position: the board discards the bytes of this
+ * write. */
 void i2c_slave_on_bus_error(void)
 {
     taxel_sensor_on_bus_error(&sensor);
 }
 
+/* Called by the converter's driver at the end of a conversion: stores the raw count and starts the next
+ * conversion. */
 void front_end_on_conversion(uint16_t raw_count)
 {
     taxel_sensor_on_conversion(&sensor, raw_count);
@@ -159,6 +176,8 @@ static void start(const uint8_t *configuration, const struct kind *kind)
     interrupts_unmask(interrupts);
 }
 
+/* True when the application has shown that it works: it has completed CONFIRM_SCANS scans, and a snapshot was
+ * read. */
 static bool has_proven_itself(void)
 {
     return sensor.scan.scans >= CONFIRM_SCANS && sensor.slave.snapshot_reads != 0;

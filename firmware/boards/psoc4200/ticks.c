@@ -17,11 +17,13 @@
 static volatile uint32_t wraps;
 
 void systick_handler(void);
+/* Interrupt handler of the timer SysTick: counts the periods of the timer. */
 void systick_handler(void)
 {
     wraps++;
 }
 
+/* Starts the timer SysTick, from which the clock of the program is computed. */
 void ticks_init(void)
 {
     SYSTICK->reload = CYCLES - 1u;
@@ -72,11 +74,14 @@ uint64_t ticks_us(void)
     return ((uint64_t)whole << US_SHIFT) | part;
 }
 
+/* The time since ticks_init(), in microseconds modulo 2^32. */
 uint32_t ticks_us_32(void)
 {
     return (uint32_t)ticks_us();
 }
 
+/* True if the timer SysTick interrupts before the time `us` (microseconds since ticks_init()), so that a sleep ends
+ * in time. */
 bool ticks_interrupts_before(uint64_t us)
 {
     return us >> US_SHIFT > ticks_us() >> US_SHIFT;
@@ -119,6 +124,8 @@ void ticks_delay_us(uint32_t microseconds)
 
 #else
 
+/* The time since ticks_init(), in microseconds modulo 2^32, in steps of one period of the timer: sufficient for a
+ * bootloader. */
 uint32_t ticks_us_32(void)
 {
     return wraps << US_SHIFT;

@@ -55,6 +55,7 @@ void uart_off(void)
     HSIOM_PORT_SELECT[BOARD_PIN_UART_RX >> 4] = 0;
 }
 
+/* Starts transmission: enables the interrupt that fetches bytes from the program with uart_pull(). */
 void uart_kick(void)
 {
     SCB1->intr_tx_mask = SCB_INTR_TX_TRIGGER; /* the FIFO has space: the interrupt follows at once */

@@ -45,6 +45,7 @@ enum fault_kind fault_find_kind(const char *name)
     return kind;
 }
 
+/* What the address of a fault of this kind names: a board, any I2C address, or nothing. */
 enum fault_target fault_get_target(enum fault_kind kind)
 {
     return fault_table[kind].target;

@@ -5,6 +5,8 @@
 #define WORD 4u
 #define WORDS (FLASH_ROW_SIZE / WORD)
 
+/* Initialises an erased flash array without a planned power cut. `seed` and the I2C address select the random
+ * content of interrupted writes. */
 void flash_init(struct flash *flash, uint64_t seed, uint8_t address)
 {
     memset(flash, 0, sizeof *flash);

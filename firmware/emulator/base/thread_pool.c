@@ -16,16 +16,19 @@ _Static_assert(THREAD_POOL_ITEMS_MAX <= END_MASK, "item numbers have END_BITS ea
 
 #define SPINS 40000 /* about 1 ms: the next task usually starts sooner than the kernel can wake a thread */
 
+/* The number of the first item that no thread has taken, from the packed ticket. */
 static size_t get_first_item(uint64_t ticket)
 {
     return (size_t)(ticket >> END_BITS) & END_MASK;
 }
 
+/* The number after the last item of the current task, from the packed ticket. */
 static size_t get_items_end(uint64_t ticket)
 {
     return (size_t)ticket & END_MASK;
 }
 
+/* Reduces the power of a busy-waiting thread for a few cycles. */
 static inline void pause_cpu(void)
 {
 #ifdef __x86_64__
@@ -50,6 +53,7 @@ static bool run_next_item(struct thread_pool *pool, bool is_worker)
     return true;
 }
 
+/* True if a worker thread must not sleep: an item is available, or the pool is being closed. */
 static bool has_work_or_is_closing(struct thread_pool *pool)
 {
     const uint64_t ticket = atomic_load(&pool->ticket);
@@ -87,6 +91,7 @@ static void *run_worker(void *context)
     return NULL;
 }
 
+/* Wakes the worker threads that sleep, if any. */
 static void wake_workers(struct thread_pool *pool)
 {
     if (atomic_load(&pool->workers_asleep)) {

@@ -22,6 +22,7 @@ void world_line_split(struct world_line *line, char *text)
     }
 }
 
+/* Prints an error message with the path and line number of the world file to stderr. Returns -1. */
 int world_line_report_error(const struct world_line *line, const char *message)
 {
     fprintf(stderr, "world %s, line %d: %s\n", line->path, line->number, message);

@@ -1,6 +1,8 @@
 /* Cycle accounting of handlers, from the first cycle of the entry to the last cycle of the return. */
 #include "emulator/cortex_m0/internal.h"
 
+/* Starts to count cycles and instructions per exception handler in `account`, which is cleared; NULL ends the
+ * counting. */
 void cortex_m0_set_account(struct cortex_m0 *cpu, struct cortex_m0_account *account)
 {
     cpu->account = account;

@@ -38,6 +38,7 @@ int cortex_m0_init(struct cortex_m0 *cpu, const struct cortex_m0_config *config)
     return 0;
 }
 
+/* Releases the decoded code of the processor. The caller owns the struct itself. */
 void cortex_m0_free(struct cortex_m0 *cpu)
 {
     free(cpu->flash_code.operations);
@@ -45,6 +46,7 @@ void cortex_m0_free(struct cortex_m0 *cpu)
     cpu->flash_code.operations = cpu->ram_code.operations = NULL;
 }
 
+/* Sets the number of additional cycles of each non-sequential access to flash (wait states). */
 void cortex_m0_set_flash_wait(struct cortex_m0 *cpu, uint8_t wait)
 {
     cpu->config.timing.flash_wait = wait;
@@ -52,6 +54,7 @@ void cortex_m0_set_flash_wait(struct cortex_m0 *cpu, uint8_t wait)
     cpu->attention = true; /* makes the fast path reload its local copy */
 }
 
+/* Sets the address of the table of exception vectors. */
 void cortex_m0_set_vectors(struct cortex_m0 *cpu, uint32_t vectors)
 {
     cpu->vector_base = vectors;
@@ -265,6 +268,7 @@ enum cortex_m0_reason cortex_m0_step(struct cortex_m0 *cpu)
     return reason;
 }
 
+/* Ends the current run of the processor after the instruction in progress; called from a callback. */
 void cortex_m0_stop(struct cortex_m0 *cpu)
 {
     cpu->stop_requested = true;

@@ -8,11 +8,13 @@
 #define UNDEFINED OPERATION(UNDEFINED, 0, 0, 0, 0)
 #define SPECIAL OPERATION(SPECIAL, 0, 0, 0, 0)
 
+/* The field of `count` bits of `word` that begins at bit `low`. */
 static uint8_t bits(uint32_t word, unsigned low, unsigned count)
 {
     return (uint8_t)((word >> low) & ((1u << count) - 1u));
 }
 
+/* Number of registers in the register list of an instruction (one bit per register). */
 static uint32_t registers_in(uint32_t list)
 {
     return (uint32_t)__builtin_popcount(list);

@@ -38,6 +38,7 @@ static void invalidate_range(struct cortex_m0_code *code, uint32_t address, uint
     }
 }
 
+/* Discards decoded instructions of a memory range that the caller has changed: `size` bytes from `address`. */
 void cortex_m0_memory_changed(struct cortex_m0 *cpu, uint32_t address, uint32_t size)
 {
     invalidate_range(&cpu->flash_code, address, size);

@@ -119,16 +119,19 @@ void cortex_m0_set_line(struct cortex_m0 *cpu, unsigned irq, bool high)
     cpu->lines = high ? cpu->lines | bit : cpu->lines & ~bit;
 }
 
+/* Makes interrupt number `irq` pending once, as a short pulse on its line does. */
 void cortex_m0_pulse(struct cortex_m0 *cpu, unsigned irq)
 {
     cortex_m0_set_pending(cpu, CORTEX_M0_IRQ0 + irq, cpu->cycle);
 }
 
+/* Makes the non-maskable interrupt pending once. */
 void cortex_m0_pulse_nmi(struct cortex_m0 *cpu)
 {
     cortex_m0_set_pending(cpu, CORTEX_M0_NMI, cpu->cycle);
 }
 
+/* Sets the event flag of the processor, which ends a sleep by the instruction WFE. */
 void cortex_m0_send_event(struct cortex_m0 *cpu)
 {
     cpu->event = true;

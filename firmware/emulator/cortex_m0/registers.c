@@ -48,26 +48,32 @@ void cortex_m0_use_stack(struct cortex_m0 *cpu, bool process)
     cpu->process_stack = process;
 }
 
+/* The main stack pointer, also while the processor uses the process stack. */
 uint32_t cortex_m0_msp(const struct cortex_m0 *cpu)
 {
     return cpu->process_stack ? cpu->other_sp : cpu->r[CORTEX_M0_SP];
 }
 
+/* The process stack pointer, also while the processor uses the main stack. */
 uint32_t cortex_m0_psp(const struct cortex_m0 *cpu)
 {
     return cpu->process_stack ? cpu->r[CORTEX_M0_SP] : cpu->other_sp;
 }
 
+/* The lowest value that the main stack pointer has had since the last reset of the marks. */
 uint32_t cortex_m0_lowest_msp(const struct cortex_m0 *cpu)
 {
     return cpu->process_stack ? cpu->other_lowest_sp : cpu->lowest_sp;
 }
 
+/* The lowest value that the process stack pointer has had since the last reset of the marks. */
 uint32_t cortex_m0_lowest_psp(const struct cortex_m0 *cpu)
 {
     return cpu->process_stack ? cpu->lowest_sp : cpu->other_lowest_sp;
 }
 
+/* Sets the lowest values of both stack pointers to their present values, to measure the stack depth from here
+ * on. */
 void cortex_m0_reset_stack_marks(struct cortex_m0 *cpu)
 {
     cpu->lowest_sp = cpu->r[CORTEX_M0_SP];

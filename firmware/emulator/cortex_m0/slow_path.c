@@ -121,6 +121,7 @@ enum cortex_m0_event cortex_m0_execute_list(struct cortex_m0 *cpu, struct cortex
     return CORTEX_M0_EVENT_NONE;
 }
 
+/* The decoded code of the memory (flash or RAM) that contains `address`; NULL if neither does. */
 struct cortex_m0_code *cortex_m0_code_at(struct cortex_m0 *cpu, uint32_t address)
 {
     if (address - cpu->flash_code.base < cpu->flash_code.size) {

@@ -152,6 +152,7 @@ static void unpend_interrupts(struct cortex_m0 *cpu, uint32_t irqs)
     cpu->pending &= ~((uint64_t)irqs << CORTEX_M0_IRQ0 & ~held_by_line);
 }
 
+/* Applies a value that the program wrote to SCR, the system control register with the settings of sleep modes. */
 static void set_sleep_control(struct cortex_m0 *cpu, uint32_t value)
 {
     cpu->sleep_on_exit = value & SCR_SLEEPONEXIT;
@@ -213,12 +214,15 @@ static void write_register(struct cortex_m0 *cpu, uint32_t offset, uint64_t cycl
     }
 }
 
+/* Reads the processor's register at 0xE000E000 + offset, as of the given cycle, at which the timer SysTick is
+ * brought up to date. */
 uint32_t cortex_m0_system_read(struct cortex_m0 *cpu, uint32_t offset, uint64_t cycle)
 {
     cortex_m0_systick_settle(cpu, cycle);
     return read_register(cpu, offset);
 }
 
+/* Writes `value` to the processor's register at 0xE000E000 + offset in the given cycle. */
 void cortex_m0_system_write(struct cortex_m0 *cpu, uint32_t offset, uint64_t cycle, uint32_t value)
 {
     cortex_m0_systick_settle(cpu, cycle);

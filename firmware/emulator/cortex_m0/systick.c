@@ -8,6 +8,7 @@
 #define CLKSOURCE 4u
 #define COUNTFLAG 0x10000u
 
+/* Number of processor cycles per count of the timer SysTick: 1, or the period of the external reference clock. */
 static uint64_t cycles_per_tick(const struct cortex_m0 *cpu)
 {
     return cpu->systick.processor_clock ? 1u : cpu->config.systick_reference;
@@ -63,6 +64,7 @@ uint64_t cortex_m0_systick_due(const struct cortex_m0 *cpu)
                                                                : UINT64_MAX;
 }
 
+/* The value of the timer's control register SYST_CSR. */
 uint32_t cortex_m0_systick_control(const struct cortex_m0 *cpu)
 {
     const struct cortex_m0_systick *timer = &cpu->systick;

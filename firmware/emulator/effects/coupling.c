@@ -40,6 +40,7 @@ int coupling_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
+/* True if the effect "coupling" (resistance of the lines) acts on board number `board`. */
 bool coupling_is_on(const struct coupling_effect *coupling, size_t board)
 {
     return coupling->board[board].tx_ohm > 0.0 || coupling->board[board].rx_ohm > 0.0;

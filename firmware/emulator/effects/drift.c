@@ -34,6 +34,7 @@ int drift_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
+/* True if one line of the effect "drift" has a strength above 0 and applies to board number `board`. */
 static bool acts_on(const struct drift_slot *slot, size_t board)
 {
     return slot->counts != 0.0 && effect_boards_contain(&slot->boards, board);

@@ -45,6 +45,7 @@ bool droop_is_on(const struct droop_effect *droop)
     return droop->supply_ohms > 0.0;
 }
 
+/* The relative fall of a voltage, limited to FALL_MAX. */
 static double limit_fall(double fall)
 {
     return fmin(fall, FALL_MAX);

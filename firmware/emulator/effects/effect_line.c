@@ -8,6 +8,7 @@
 
 #define FIRST_KEY 3
 
+/* Prints an error message with file, line number and name of the effect to stderr. Returns -1. */
 int effect_line_report_error(const struct effect_line *line, const char *message)
 {
     fprintf(stderr, "world %s, line %d: effect %s: %s\n", line->source->path, line->source->number, line->name,
@@ -61,6 +62,7 @@ static int find_key(const struct effect_line *line, const char *key)
     return 0;
 }
 
+/* True if the effect line contains `key`. */
 bool effect_line_has_key(const struct effect_line *line, const char *key)
 {
     return find_key(line, key) != 0;

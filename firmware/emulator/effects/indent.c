@@ -32,6 +32,7 @@ int indent_read(struct effect_line *line, struct effects *effects)
                : 0;
 }
 
+/* True if the world file has an effect "indent" (permanent deformation) with a strength above 0. */
 bool indent_is_on(const struct indent_effect *indent)
 {
     return indent->fraction != 0.0;

@@ -17,6 +17,7 @@ struct late_history *late_history_open(size_t taxels, double delay_s)
     return history;
 }
 
+/* Releases the recorded fields of a board. NULL is permitted. */
 void late_history_free(struct late_history *history)
 {
     if (history) {

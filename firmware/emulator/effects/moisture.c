@@ -33,6 +33,7 @@ int moisture_read(struct effect_line *line, struct effects *effects)
     return form == MOISTURE_DRYING ? effect_line_number(line, "seconds", 0.1, 1e6, &moisture->seconds) : 0;
 }
 
+/* True if the world file has an effect "moisture" with water in the layer. */
 bool moisture_is_on(const struct moisture_effect *moisture)
 {
     return moisture->water != 0.0;

@@ -60,6 +60,7 @@ int noise_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
+/* True if one line of the effect "noise" has a strength above 0 and applies to board number `board`. */
 static bool acts_on(const struct noise_slot *slot, size_t board)
 {
     const bool is_off = slot->counts == 0.0 || (slot->form == NOISE_IMPULSE && slot->rate_hz == 0.0);

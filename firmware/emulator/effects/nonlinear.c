@@ -28,6 +28,7 @@ int nonlinear_read(struct effect_line *line, struct effects *effects)
     return 0;
 }
 
+/* True if the effect "nonlinear" (dead zones or a curved characteristic) acts on board number `board`. */
 bool nonlinear_is_on(const struct nonlinear_effect *nonlinear, size_t board)
 {
     return nonlinear->leak[board] > 0.0 || nonlinear->bow_counts[board] != 0.0;

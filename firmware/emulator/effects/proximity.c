@@ -22,6 +22,7 @@ int proximity_read(struct effect_line *line, struct effects *effects)
                : 0;
 }
 
+/* True if the world file has an effect "proximity" (signal before contact) with a share above 0. */
 bool proximity_is_on(const struct proximity_effect *proximity)
 {
     return proximity->share != 0.0;

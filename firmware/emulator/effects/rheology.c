@@ -29,6 +29,7 @@ int rheology_read(struct effect_line *line, struct effects *effects)
                : 0;
 }
 
+/* True if the world file has an effect "rheology" (creep or hysteresis of the layer) with a strength above 0. */
 bool rheology_is_on(const struct rheology_effect *rheology)
 {
     return rheology->fraction != 0.0 || rheology->creep != 0.0;

@@ -25,6 +25,7 @@ int spread_read(struct effect_line *line, struct effects *effects)
                                : effect_line_number(line, "slope", 0.01, 10.0, &spread->slope);
 }
 
+/* True if the world file has an effect "spread" (lateral spreading of pressure) with a strength above 0. */
 bool spread_is_on(const struct spread_effect *spread)
 {
     return spread->strength != 0.0;
@@ -121,6 +122,7 @@ int spread_init(struct spread_state *state, const struct spread_effect *spread, 
     return 0;
 }
 
+/* Releases the memory of the effect "spread" and clears its state. */
 void spread_free(struct spread_state *state)
 {
     free(state->attenuation);

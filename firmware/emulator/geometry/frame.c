@@ -4,6 +4,7 @@
 
 const struct frame frame_identity = {{{1.0, 0.0, 0.0, 0.0}, {0.0, 1.0, 0.0, 0.0}, {0.0, 0.0, 1.0, 0.0}}};
 
+/* Rotates the direction `in` by the rotation of `frame`, without its translation; result in `out`. */
 void frame_direction(const struct frame *frame, const double in[3], double out[3])
 {
     for (int i = 0; i < 3; i++) {
@@ -11,6 +12,7 @@ void frame_direction(const struct frame *frame, const double in[3], double out[3
     }
 }
 
+/* Transforms the point `in` (metres) by rotation and translation of `frame`; result in `out`. */
 void frame_point(const struct frame *frame, const double in[3], double out[3])
 {
     frame_direction(frame, in, out);

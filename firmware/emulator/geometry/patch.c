@@ -10,11 +10,13 @@ struct layout {
     int taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX]; /* -1: the crossing has no taxel */
 };
 
+/* The scalar product of two vectors. */
 static double dot(const double a[3], const double b[3])
 {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
+/* The vector product of two vectors, in `out`. */
 static void cross(const double a[3], const double b[3], double out[3])
 {
     out[0] = a[1] * b[2] - a[2] * b[1];
@@ -214,6 +216,7 @@ int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose
     return 0;
 }
 
+/* Releases the cells of the skin of one board and clears the struct. */
 void patch_free(struct patch *patch)
 {
     free(patch->margins);

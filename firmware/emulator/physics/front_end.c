@@ -25,6 +25,7 @@ void front_end_init(struct front_end *front_end, uint16_t taxel_count, double no
     }
 }
 
+/* True if two settings give the same conversion of capacitance to raw count. */
 static bool are_settings_equal(const struct front_end_settings *a, const struct front_end_settings *b)
 {
     return a->conversion_clocks == b->conversion_clocks && a->sense_clocks == b->sense_clocks &&
@@ -81,6 +82,7 @@ double front_end_hardware_count(const struct front_end *front_end, uint16_t taxe
     return hardware_count;
 }
 
+/* A random value of the read-out noise in counts; 0 if the noise is off. */
 double front_end_sample_noise(struct front_end *front_end)
 {
     return front_end->noise_counts > 0.0 ? front_end->noise_counts * normal_source_sample(front_end->normals) : 0.0;

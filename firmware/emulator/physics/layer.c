@@ -210,6 +210,7 @@ double layer_air_fraction(double rise)
     return fmax(1.0 - PILLAR_FRACTION - log1p(rise) / log(SILICONE_PERMITTIVITY), 0.0);
 }
 
+/* The relative permittivity of the uncompressed layer. */
 double layer_rest_permittivity(void)
 {
     return mixture_permittivity(1.0);
@@ -297,12 +298,15 @@ static double evaluate_contact_pressure(double compression_m, double *rate)
     return pressure;
 }
 
+/* The pressure in pascal between layer and object at a compression of the layer in metres; 0 without
+ * compression. */
 double layer_contact_pressure(double compression_m)
 {
     double rate;
     return compression_m <= 0.0 ? 0.0 : evaluate_contact_pressure(compression_m, &rate);
 }
 
+/* The derivative of the contact pressure by the compression, in pascal per metre; 0 without compression. */
 double layer_contact_stiffness(double compression_m)
 {
     double rate = 0.0;

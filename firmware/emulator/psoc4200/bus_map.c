@@ -3,21 +3,25 @@
 
 typedef bool register_function(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
 
+/* Reads the register at `offset` of the serial block SCB0. Returns false if the register does not exist. */
 static bool scb0_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     return psoc_scb_read(psoc, &psoc->scb[0], offset, access);
 }
 
+/* Writes the register at `offset` of the serial block SCB0. Returns false if the register does not exist. */
 static bool scb0_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     return psoc_scb_write(psoc, &psoc->scb[0], offset, access);
 }
 
+/* Reads the register at `offset` of the serial block SCB1. Returns false if the register does not exist. */
 static bool scb1_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     return psoc_scb_read(psoc, &psoc->scb[1], offset, access);
 }
 
+/* Writes the register at `offset` of the serial block SCB1. Returns false if the register does not exist. */
 static bool scb1_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access)
 {
     return psoc_scb_write(psoc, &psoc->scb[1], offset, access);

@@ -50,6 +50,8 @@ bool psoc_clocks_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_acce
     return true;
 }
 
+/* Number of input cycles per output cycle of a clock divider with this register value; 0 if the divider is
+ * disabled. */
 static uint32_t divider_cycles(uint32_t divider)
 {
     return divider & ENABLE ? (divider & 0xFFFFu) + 1u : 0u;

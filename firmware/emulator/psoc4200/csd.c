@@ -19,6 +19,7 @@
 #define SENSE_HALVES 2u
 #define STARTS_AFTER 1u /* sample clocks between the write of the period and the first count */
 
+/* Sets the interrupt line of the capacitance converter to the state of its interrupt cause. */
 static void update_interrupt(struct psoc *psoc)
 {
     psoc_set_line(psoc, PSOC_IRQ_CSD, psoc->csd.intr & 1u);

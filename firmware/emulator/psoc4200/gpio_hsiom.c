@@ -17,11 +17,13 @@
 #define SCL 0u
 #define SDA 1u
 
+/* The function of a pin that the pin multiplexer (HSIOM) selects, 0 to 15. */
 static unsigned function_of(const struct psoc *psoc, unsigned port, unsigned number)
 {
     return psoc->gpio.select[port] >> (4u * number) & 15u;
 }
 
+/* The drive mode of a pin in the port configuration register, 0 to 7. */
 static unsigned mode_of(const struct psoc *psoc, unsigned port, unsigned number)
 {
     return psoc->gpio.port[port].mode >> (3u * number) & 7u;
@@ -35,6 +37,7 @@ static bool pulls_low(const struct psoc *psoc, unsigned port, unsigned number)
            !(psoc->gpio.port[port].data >> number & 1u);
 }
 
+/* True if the program drives the pin high: function GPIO, push-pull mode and output bit 1. */
 static bool is_high(const struct psoc *psoc, unsigned port, unsigned number)
 {
     return function_of(psoc, port, number) == FUNCTION_GPIO && mode_of(psoc, port, number) == MODE_STRONG &&
@@ -161,6 +164,8 @@ static int single_pin_with_function(const struct psoc *psoc, const uint8_t *pins
     return match;
 }
 
+/* Finds the TX line that is connected to the sense clock and the RX line that is connected to the converter; -1 for
+ * none or several. */
 void psoc_connected_lines(const struct psoc *psoc, int *tx, int *rx)
 {
     *tx = single_pin_with_function(psoc, wiring_tx, WIRING_TX_LINES, FUNCTION_SENSE);

@@ -13,6 +13,7 @@
 #define CAUSE_SOFT (1u << 4)
 #define VECTORS_IN_RAM 1u
 
+/* The virtual time (picoseconds) at which the processor reaches the given cycle, at its present clock frequency. */
 vtime psoc_time(const struct psoc *psoc, uint64_t cycle)
 {
     return psoc->origin + (vtime)((double)(cycle - psoc->origin_cycle) * psoc->ps_per_cycle);
@@ -31,12 +32,15 @@ uint64_t psoc_cycle(const struct psoc *psoc, vtime time)
     return cycle;
 }
 
+/* Declares that the processor reaches `cycle` at the virtual time `time`: the origin of psoc_time(). */
 static void set_origin(struct psoc *psoc, vtime time, uint64_t cycle)
 {
     psoc->origin = time;
     psoc->origin_cycle = cycle;
 }
 
+/* Changes the clock frequency of the chip to `hz` (nominal, before the rate error of the chip) from the given cycle
+ * on. */
 void psoc_set_frequency(struct psoc *psoc, double hz, uint64_t cycle)
 {
     set_origin(psoc, psoc_time(psoc, cycle), cycle);
@@ -51,23 +55,27 @@ void psoc_set_clock_rate(struct psoc *psoc, double clock_rate)
     psoc_set_frequency(psoc, hz, psoc->cpu.cycle);
 }
 
+/* The virtual time (picoseconds) that the processor has reached. */
 vtime psoc_now(const struct psoc *psoc)
 {
     return psoc_time(psoc, psoc->cpu.cycle);
 }
 
+/* Sets the level of interrupt line `irq` of the processor. */
 void psoc_set_line(struct psoc *psoc, unsigned irq, bool high)
 {
     cortex_m0_set_line(&psoc->cpu, irq, high);
     psoc->input_changed = true;
 }
 
+/* Ends psoc_run() after the current instruction, because the program has acted on a wire or on the flash. */
 void psoc_end_run(struct psoc *psoc)
 {
     psoc->has_acted = true;
     cortex_m0_stop(&psoc->cpu);
 }
 
+/* Ends psoc_run_until_reply() after the current instruction, because the program has answered the I2C master. */
 void psoc_end_wait(struct psoc *psoc)
 {
     psoc->has_replied = true;
@@ -110,6 +118,7 @@ int psoc_init(struct psoc *psoc, const struct psoc_config *config)
     return 0;
 }
 
+/* Releases the memory of the emulated chip. The caller owns the struct itself. */
 void psoc_free(struct psoc *psoc)
 {
     cortex_m0_free(&psoc->cpu);
@@ -152,6 +161,7 @@ void psoc_power_on(struct psoc *psoc, vtime now, uint32_t causes)
     reset(psoc, now, causes);
 }
 
+/* Switches the supply of the chip off: the processor executes nothing until the next power-on. */
 void psoc_power_off(struct psoc *psoc)
 {
     psoc->powered = false;
@@ -243,17 +253,22 @@ static bool run(struct psoc *psoc, vtime until, const bool *is_done)
     return *is_done;
 }
 
+/* Runs the chip up to the virtual time `until`, or until the program acts on a wire or on its flash. Returns true in
+ * the second case. */
 bool psoc_run(struct psoc *psoc, vtime until)
 {
     psoc->has_acted = false;
     return run(psoc, until, &psoc->has_acted);
 }
 
+/* Runs the chip up to the virtual time `until`, or until the program answers the I2C master. Returns true in the
+ * second case. */
 bool psoc_run_until_reply(struct psoc *psoc, vtime until)
 {
     return run(psoc, until, &psoc->has_replied);
 }
 
+/* Suspends the main program up to the virtual time `until`, as if it were busy; interrupts are served. */
 void psoc_stall(struct psoc *psoc, vtime until)
 {
     psoc->stalled_until = until;
@@ -278,11 +293,13 @@ vtime psoc_next_event(const struct psoc *psoc)
     return psoc_time(psoc, next > psoc->cpu.cycle ? next : psoc->cpu.cycle);
 }
 
+/* True if an application is running, which moves the vectors to RAM; the bootloader does not. */
 bool psoc_runs_application(const struct psoc *psoc)
 {
     return psoc->powered && psoc->cpuss.config & VECTORS_IN_RAM;
 }
 
+/* True if a fault or a lockup of the processor has occurred since its last reset. */
 bool psoc_has_faulted(const struct psoc *psoc)
 {
     return psoc->cpu.faults != psoc->faults_before;

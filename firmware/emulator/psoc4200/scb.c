@@ -24,6 +24,7 @@ uint8_t psoc_fifo_pop(struct psoc_fifo *fifo)
     return byte;
 }
 
+/* True if the serial block is enabled as I2C master or slave. */
 bool psoc_scb_is_i2c(const struct psoc_scb *scb)
 {
     return (scb->ctrl & (SCB_ENABLED | SCB_MODE)) == (SCB_ENABLED | SCB_MODE_I2C);
@@ -103,6 +104,7 @@ static bool interrupt_group_at(struct psoc_scb *scb, uint32_t offset, struct int
     }
 }
 
+/* The value of the register I2C_STATUS: whether a transfer is in progress and whether the master reads. */
 static uint32_t i2c_status(const struct psoc_scb *scb)
 {
     return (scb->state != PSOC_SCB_IDLE ? SCB_STATUS_BUS_BUSY : 0u) | (scb->reading ? SCB_STATUS_S_READ : 0u);

@@ -9,11 +9,14 @@
 
 #define PERI_SCB0 2u
 
+/* True if the serial block is enabled as I2C master. */
 static bool is_master(const struct psoc_scb *scb)
 {
     return psoc_scb_is_i2c(scb) && scb->i2c_ctrl & SCB_I2C_MASTER;
 }
 
+/* True if the block acknowledges a received byte itself: the program enabled this, and the receive FIFO has
+ * space. */
 static bool acknowledges_automatically(const struct psoc_scb *scb)
 {
     return scb->i2c_ctrl & SCB_I2C_M_READY_DATA_ACK && scb->rx.count < PSOC_FIFO;

@@ -14,6 +14,7 @@ bool psoc_i2c_matches_address(const struct psoc *psoc, uint8_t address)
            !(((uint32_t)address << 1 ^ scb->rx_match) & mask);
 }
 
+/* Sets interrupt causes of the I2C slave (bits of INTR_S) and updates the interrupt line. */
 static void raise_slave(struct psoc *psoc, struct psoc_scb *scb, uint32_t bits)
 {
     scb->intr_s |= bits;

@@ -4,6 +4,7 @@
 
 #define SCB_MODE_UART (2u << 24)
 
+/* True if the chip is powered and the serial block is enabled as UART. */
 static bool is_on(const struct psoc *psoc, const struct psoc_scb *scb)
 {
     return psoc->powered && (scb->ctrl & (SCB_ENABLED | SCB_MODE)) == (SCB_ENABLED | SCB_MODE_UART);

@@ -15,12 +15,14 @@
 #define CALL_CYCLES 300u  /* estimated duration of the ROM code */
 #define PARAMETER_SIZE 8u /* bytes of parameters before the data to load */
 
+/* The emulated RAM at `address`, or NULL if the `size` bytes from there are not all in RAM. */
 static const uint8_t *ram_at(const struct psoc *psoc, uint32_t address, uint32_t size)
 {
     const uint32_t offset = address - PSOC_RAM_BASE;
     return offset < PSOC_RAM_SIZE && size <= PSOC_RAM_SIZE - offset ? psoc->ram + offset : NULL;
 }
 
+/* Reads a 32-bit number of the emulated program from 4 bytes. */
 static uint32_t read_word(const uint8_t *bytes)
 {
     uint32_t value;

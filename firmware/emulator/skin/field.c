@@ -40,6 +40,7 @@ int field_load_init(struct field_load *load, const struct patch *patch)
     return 0;
 }
 
+/* Releases the arrays of a load (pressures, gaps and forces on one board) and clears the struct. */
 void field_load_free(struct field_load *load)
 {
     free(load->pressure);
@@ -65,6 +66,8 @@ void field_load_clear(struct field_load *load, const struct patch *patch)
     load->is_unloaded = true;
 }
 
+/* Copies the load `from` (pressures and gaps per cell, forces per taxel) to `load`. Both belong to the board with
+ * the cells `patch`. */
 void field_load_copy(struct field_load *load, const struct field_load *from, const struct patch *patch)
 {
     memcpy(load->pressure, from->pressure, patch->cell_count * sizeof *load->pressure);

@@ -35,6 +35,7 @@ struct taxel_contact *taxel_contact_open(const char *world_path)
     return contact;
 }
 
+/* Releases a contact that taxel_contact_open() created. NULL is permitted. */
 void taxel_contact_close(struct taxel_contact *contact)
 {
     if (contact) {
@@ -44,11 +45,13 @@ void taxel_contact_close(struct taxel_contact *contact)
     }
 }
 
+/* Number of boards in the world file of the contact. */
 size_t taxel_contact_boards(const struct taxel_contact *contact)
 {
     return contact->skin.board_count;
 }
 
+/* Number of taxels of all boards in the world file of the contact. */
 size_t taxel_contact_taxels(const struct taxel_contact *contact)
 {
     size_t taxels = 0;
@@ -58,6 +61,8 @@ size_t taxel_contact_taxels(const struct taxel_contact *contact)
     return taxels;
 }
 
+/* Copies the true pose of the bracket of board number `board` in its nominal frame to `offset`: 3 rows of 4 values
+ * (rotation, translation in metres). */
 void taxel_contact_bracket_offset(const struct taxel_contact *contact, size_t board, double *offset)
 {
     memcpy(offset, &contact->description.boards[board].bracket_offset, sizeof(struct frame));

@@ -133,6 +133,8 @@ static void load_board(void *context, size_t item)
     }
 }
 
+/* Computes the load (pressures and gaps) of all boards from the values of one stimulus record, in several
+ * threads. */
 static void load_boards(struct skin *skin, const struct stimulus *stimulus, const float *values)
 {
     struct load_task load_task = {.skin = skin, .stimulus = stimulus, .values = values};
@@ -231,6 +233,8 @@ void skin_advance(struct skin *skin, const struct stimulus *stimulus)
     }
 }
 
+/* Starts the next time step: the end of the last step becomes the start of the new step, and the fields at its end
+ * are computed. */
 void skin_step(struct skin *skin, const struct stimulus *stimulus)
 {
     skin->from = skin->until;

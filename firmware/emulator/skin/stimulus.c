@@ -10,11 +10,14 @@
 
 #define HEADER_SIZE 24u
 
+/* Reads a little-endian 32-bit number from 4 bytes. */
 static uint32_t get_u32(const uint8_t *bytes)
 {
     return (uint32_t)bytes[0] | ((uint32_t)bytes[1] << 8) | ((uint32_t)bytes[2] << 16) | ((uint32_t)bytes[3] << 24);
 }
 
+/* Prints an error message with the name of the stimulus and the number of records read so far to stderr. Returns
+ * -1. */
 static int report_error(const struct stimulus *stimulus, const char *message)
 {
     fprintf(stderr, "stimulus %s, after %llu records: %s\n", stimulus->name, (unsigned long long)stimulus->record_count,
@@ -40,6 +43,7 @@ static size_t read_fully(int fd, uint8_t *bytes, size_t size)
     return count;
 }
 
+/* Size of one stimulus record in bytes: a time as double and the values as float. */
 static size_t record_size(const struct stimulus *stimulus)
 {
     return sizeof(double) + stimulus->value_count * sizeof(float);

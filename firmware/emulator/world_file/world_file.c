@@ -301,6 +301,7 @@ static int read_line(const struct world_reader *reader)
     return -1;
 }
 
+/* True if the line is `taxel-world 1`, the first line of a world file. */
 static bool is_header(const struct world_line *line)
 {
     return line->count == 2 && strcmp(line->words[0], "taxel-world") == 0 && strcmp(line->words[1], "1") == 0;
