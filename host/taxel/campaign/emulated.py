@@ -26,10 +26,11 @@ def run_emulated(
     resume: bool = False,
     progress: Progress = no_progress,
 ) -> None:
-    """Run the grasps of `plan` on the emulated hand and write them to `path`.
+    """Run the grasps of `plan` on the emulated hand and write them to the dataset `path`.
 
-    jobs: number of processes; None: one per core. resume: keep the sessions that the file of an interrupted campaign
-    already contains. The same plan and settings give the same grasps for any `jobs`. Raises `TaxelError` with a
+    setup: hand and objects; None: those of the thesis. jobs: number of processes; None: one per core. resume: keep the
+    sessions that the file of an interrupted campaign already contains. progress: called with the number of finished
+    grasps and the total. The same plan and settings give the same grasps for any `jobs`. Raises `TaxelError` with a
     one-line message; effects that the emulator rejects leave an existing file unchanged.
     """
     setup = setup or Setup()
@@ -49,4 +50,5 @@ def run_emulated(
 
 
 def _rate_hz(settings: EmulatedSettings) -> float:
+    """Compute the poll cycles per second of the emulated skin from its I2C clock."""
     return round(settings.scl_hz / POLL_BITS, 2)

@@ -26,7 +26,10 @@ class JointLog:
     angles: NDArray[np.float64]
 
     def interpolate(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Joint angles f64[T, j] at `times_s` f64[T]; outside of the log, its first or last angles."""
+        """Interpolate the logged joint angles at `times_s` f64[T]: f64[T, j] radians.
+
+        Outside the log, the result is its first or last angles.
+        """
         columns = [np.interp(times_s, self.time_s, column) for column in self.angles.T]
         return np.column_stack(columns)
 
@@ -39,11 +42,11 @@ def control_grasp(
     wait_for_period: Callable[[], int],
     on_period: Callable[[float], object] | None = None,
 ) -> JointLog:
-    """Control the hand from `begin_s` to `end_s` of the grasp's timeline; set all torques to zero afterwards.
+    """Control the torques of the Allegro hand from `begin_s` to `end_s` seconds of a grasp; return the joint angles.
 
-    wait_for_period: waits for the next period and returns its number; the number skips missed periods (the method of
-    a `ControlLoop`, or a function that advances a virtual hand). on_period: called in each period with the time of
-    the grasp. Raises the errors of the driver (`AllegroError`) at once.
+    wait_for_period: waits for the next period and returns its number; the number skips missed periods (the method of a
+    `ControlLoop`, or a function that advances a virtual hand). on_period: called in each period with the time of the
+    grasp in seconds. All torques are zero at the end. Raises the errors of the driver (`AllegroError`) at once.
     """
     try:
         log = _run_control_loop(hand, controller, begin_s, end_s, wait_for_period, on_period or (lambda _: None))
@@ -63,7 +66,11 @@ def _run_control_loop(
     wait_for_period: Callable[[], int],
     on_period: Callable[[float], object],
 ) -> JointLog:
-    """The loop of `control_grasp`; the torques of the last period stay set."""
+    """Run the control loop of a grasp from `begin_s` to `end_s` seconds; the torques of the last period stay set.
+
+    wait_for_period: returns the number of the next period. on_period: called with the time of the grasp in seconds.
+    Returns the joint angles of all periods.
+    """
     first, angles = _wait_for_first_report(hand, wait_for_period)
     period, speeds = first, np.zeros_like(angles)
     times, angle_log = [], []
@@ -82,7 +89,7 @@ def _run_control_loop(
 
 
 def _wait_for_first_report(hand: AllegroHand, wait_for_period: Callable[[], int]) -> tuple[int, NDArray[np.float64]]:
-    """The first period in which every finger has reported, and the angles.
+    """Wait until every finger of the hand has reported its angles; return the number of this period and the angles.
 
     If a finger never reports, `hand.update()` raises the error of the driver.
     """

@@ -62,6 +62,12 @@ class HandInContact:
         wrist_pose: FloatArray,
         angles: FloatArray,
     ) -> None:
+        """Create the dynamics of a hand that touches an object on a spring mount, at rest.
+
+        contact: computes the contact load of the skin. object_index: row of the object in the world file. object_pose:
+        rest pose of the object f64[4, 4], world. mount: stiffness of the object's support. wrist_pose: f64[4, 4],
+        world. angles: initial joint angles f64[j], radians.
+        """
         self._kinematics = Kinematics(robot, hand)
         self._contact, self._index, self._rest_pose, self._mount = contact, object_index, object_pose, mount
         self._wrist = wrist_pose
@@ -78,7 +84,10 @@ class HandInContact:
         self.touched_count = 0
 
     def _inertias(self) -> tuple[FloatArray, FloatArray]:
-        """Diagonal mass and damping of joints and mount, f64[j + 6] each."""
+        """Return the diagonal of the mass matrix and of the damping matrix, f64[j + 6] each.
+
+        The first j elements belong to the joints, the last six to the object on its mount, which is critically damped.
+        """
         mount = np.repeat([self._mount.n_per_m, self._mount.nm_per_rad], 3)
         mass = np.repeat([OBJECT_MASS_KG, OBJECT_INERTIA_KG_M2], 3)
         joints = np.ones(self._joints)
@@ -102,26 +111,36 @@ class HandInContact:
         return self._object_pose_at(self._position[self._joints :])
 
     def _object_pose_at(self, deflection: FloatArray) -> FloatArray:
+        """Compute the pose of the object f64[4, 4] for a deflection of its mount f64[6].
+
+        deflection: translation in metres, then rotation vector in radians.
+        """
         motion = _motion_about(deflection, self._centre)
         return np.asarray(motion @ self._rest_pose)
 
     def bracket_poses(self) -> FloatArray:
-        """Nominal poses of the brackets f64[s, 4, 4], without the offsets of their mounting."""
+        """Return the nominal poses f64[s, 4, 4] of the brackets of the boards, without their mounting offsets."""
         return np.asarray(self._wrist @ self._kinematics.compute_sensor_poses(self._position[: self._joints]))
 
     def hold_wrist(self, pose: FloatArray) -> None:
-        """Set the pose of the wrist, f64[4, 4], world."""
+        """Set the pose of the wrist, f64[4, 4], in world coordinates."""
         self._wrist = pose
 
     def step(self, torque_nm: FloatArray, dt_s: float) -> FloatArray:
-        """Integrate over `dt_s` seconds with motor torques f64[j]; returns the joint angles."""
+        """Integrate the motion of hand and object over `dt_s` seconds; return the joint angles f64[j], radians.
+
+        torque_nm: motor torques f64[j].
+        """
         count = max(1, int(np.ceil(dt_s / SUBSTEP_S - 1e-9))) if self.touched_count else 1
         for _ in range(count):
             self._substep(torque_nm, dt_s / count)
         return self.angles
 
     def _substep(self, torque_nm: FloatArray, dt: float) -> None:
-        """Integrate over `dt` seconds, not longer than `SUBSTEP_S` in contact."""
+        """Integrate the motion over `dt` seconds by one implicit Euler step with the contact forces of the skin.
+
+        torque_nm: motor torques f64[j]. In contact, `dt` is not longer than `SUBSTEP_S`.
+        """
         joints = self._joints
         links = self._wrist @ self._kinematics.compute_link_poses(self._position[:joints])
         brackets = links[self._axes.board_links] @ self._axes.bracket_poses
@@ -142,7 +161,7 @@ class HandInContact:
         self._move(np.linalg.solve(system, self._mass * self._velocity / dt + force), dt)
 
     def _move(self, velocity: FloatArray, dt: float) -> None:
-        """Move joints and mount with a velocity f64[j + 6]; a joint at its limit stops."""
+        """Move joints and mount over `dt` seconds with a velocity f64[j + 6]; a joint at its limit stops."""
         unlimited = self._position + dt * velocity
         joints = self._joints
         self._position = unlimited.copy()
@@ -151,9 +170,10 @@ class HandInContact:
         self._velocity = np.where(is_at_limit, 0.0, velocity)
 
     def _jacobian(self, links: FloatArray, brackets: FloatArray, boards: NDArray[np.intp]) -> FloatArray:
-        """Jacobian f64[k, 6, j + 6] of the true brackets' motion relative to the object, in the brackets' frames.
+        """Compute the Jacobian f64[k, 6, j + 6] of the motion of k brackets relative to the object, in bracket frames.
 
-        brackets: true poses f64[k, 4, 4] of the boards `boards` [k].
+        The columns are the j joint speeds and the six speeds of the object's mount. links: poses of the robot's links.
+        brackets: true poses f64[k, 4, 4]. boards: indices [k] of their boards.
         """
         axes = (links[self._axes.joint_links, :3, :3] @ self._axes.axes[:, :, None])[:, :, 0]
         arms = brackets[:, None, :3, 3] - links[self._axes.joint_links, :3, 3]
@@ -174,6 +194,7 @@ class _Axes:
     """Joint axes, and for each board the joints that carry the board."""
 
     def __init__(self, robot: Robot, hand: Hand) -> None:
+        """Collect the joint axes, the links of the boards, and which joints carry which board, for the Jacobian."""
         moving = [joint for joint in robot.joints if joint.axis is not None]
         self.axes = np.stack([joint.axis for joint in moving if joint.axis is not None])
         self.joint_links = np.array([robot.get_link_index(joint.child) for joint in moving])
@@ -189,7 +210,7 @@ class _Axes:
 
 
 def _cross_matrices(vectors: FloatArray) -> FloatArray:
-    """Cross-product matrices f64[s, 3, 3] of vectors f64[s, 3]: v x w = [v]x w."""
+    """Return the matrices f64[s, 3, 3] that compute the cross product with vectors f64[s, 3]: [v]x w = v x w."""
     matrices = np.zeros((len(vectors), 3, 3))
     x, y, z = vectors.T
     matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
@@ -198,7 +219,10 @@ def _cross_matrices(vectors: FloatArray) -> FloatArray:
 
 
 def _motion_about(deflection: FloatArray, centre: FloatArray) -> FloatArray:
-    """Transform f64[4, 4]: rotation by deflection[3:] about `centre`, then translation by deflection[:3]."""
+    """Compute the transform f64[4, 4] of a deflection f64[6]: translation, metres, then rotation vector, radians.
+
+    The rotation is about the point `centre` f64[3]; the translation is applied after the rotation.
+    """
     rx, ry, rz = deflection[3:].tolist()
     angle2 = rx * rx + ry * ry + rz * rz
     angle = angle2**0.5

@@ -44,10 +44,11 @@ def simulate_grasp_motion(
     timeline: Timeline,
     wrist_at: Callable[[NDArray[np.float64]], NDArray[np.float64]],
 ) -> Motion:
-    """Approach, close, hold, open and withdraw; the virtual hand and its driver run in lock step in virtual time.
+    """Simulate the motion of one grasp: approach, close, hold, open and withdraw; the hand runs in virtual time.
 
-    wrist_at: wrist poses f64[k, 4, 4] at times f64[k] of the grasp. The scene is static before and after this motion:
-    its first and last record are valid for the baseline and the recovery.
+    The virtual hand and the driver of the real hand exchange messages on a virtual CAN bus. wrist_at: returns the wrist
+    poses f64[k, 4, 4] at times f64[k] of the grasp, seconds. The scene is static before and after the motion: its first
+    and last record are valid for the baseline and the recovery.
     """
     begin = max(0.0, timeline.get_start_s(Phase.CLOSING) - SETTLE_S)
     ticks = round((timeline.get_end_s(Phase.RELEASE) - begin) / PERIOD_S)
@@ -57,6 +58,7 @@ def simulate_grasp_motion(
     brackets: list[NDArray[np.float64]] = []
 
     def on_period(time_s: float) -> None:
+        """Move the wrist to its pose at `time_s`, and record the poses of object and brackets at regular periods."""
         tick = round((time_s - begin) / PERIOD_S)
         dynamics.hold_wrist(wrists[min(tick, ticks - 1)])
         if tick % RECORD_PERIODS == 0:
@@ -67,6 +69,7 @@ def simulate_grasp_motion(
     periods = itertools.count()
 
     def wait_for_period() -> int:
+        """Advance the virtual hand by one control period and return the number of the period."""
         virtual.step(PERIOD_S)
         return next(periods)
 

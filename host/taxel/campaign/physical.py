@@ -83,10 +83,11 @@ def run_physical(
     resume: bool = False,
     progress: Progress = no_progress,
 ) -> None:
-    """Perform the grasps of `plan` and write each one to `path` as soon as it is finished.
+    """Perform the grasps of `plan` with a physical hand, and write each finished grasp to the dataset `path`.
 
-    Raises the errors of arm, hand and skin, with one-line messages. After an error the finished grasps are in the
-    file, the torques of the hand are zero and the arm is stopped.
+    station: arm, hand and skin. resume: keep the grasps that the file already contains. Raises the errors of arm, hand
+    and skin, with one-line messages. After an error the finished grasps are in the file, the torques of the hand are
+    zero and the arm is stopped.
     """
     setup, settings = setup or Setup(), settings or PhysicalSettings()
     with open_campaign_writer(path, "real", setup, RATE_HZ, "physical hand", overwrite, resume) as out:
@@ -104,13 +105,17 @@ def run_physical(
 
 
 def _placement(planned: PlannedGrasp) -> tuple[str, int]:
+    """Return what the operator must place for a grasp: the object and the session, which requires a new placement."""
     return planned.object, planned.session
 
 
 def _perform_grasp(
     setup: Setup, planned: PlannedGrasp, station: Workstation, timeline: Timeline, collector: _FrameCollector
 ) -> GraspRecord:
-    """Perform one grasp and return its record. After an error the arm is stopped."""
+    """Perform one grasp with the physical hand and return its record. After an error the arm is stopped.
+
+    station: arm, hand and skin. collector: thread that collects the frames of the skin.
+    """
     grasping, withdrawn = setup.arm_path(planned)
     schedule = _ArmSchedule(station, timeline, grasping, withdrawn)
     try:
@@ -144,6 +149,10 @@ class _ArmSchedule:
         grasping: NDArray[np.float64],
         withdrawn: NDArray[np.float64],
     ) -> None:
+        """Create the schedule of the arm for one grasp: to the object at the start of closing, away during release.
+
+        grasping, withdrawn: joint angles of the arm at the object and withdrawn from it, f64[6] radians.
+        """
         self._station = station
         self._moves = [(timeline.get_start_s(Phase.CLOSING), grasping)]
         self._moves += [(timeline.get_start_s(Phase.RELEASE) + WITHDRAW_SHARE * timeline.release_s, withdrawn)]
@@ -154,14 +163,17 @@ class _ArmSchedule:
         self.start_s = 0.0
 
     def wait_for_period(self) -> int:
-        """Wait for the next control period; returns its number."""
+        """Wait for the next control period and return its number; a simulated arm is advanced by the elapsed time."""
         previous, self._period = self._period, self._loop.wait()
         if self._station.step_arm is not None:
             self._station.step_arm((self._period - previous) * PERIOD_S)
         return self._period
 
     def on_period(self, time_s: float) -> None:
-        """Start the next scheduled move of the arm if it is due and the arm is at rest."""
+        """Start the next scheduled move of the arm if it is due and the arm is at rest; log the angles of the arm.
+
+        time_s: time of the grasp, seconds.
+        """
         if not self._times:
             self.start_s = time.monotonic() - time_s
         arm = self._station.arm
@@ -171,7 +183,7 @@ class _ArmSchedule:
         self._angles.append(arm.read_joint_angles())
 
     def log(self) -> JointLog:
-        """The measured joint angles of the arm."""
+        """Return the measured joint angles of the arm with their times."""
         return JointLog(np.array(self._times), np.stack(self._angles))
 
 
@@ -184,9 +196,10 @@ def _make_record(
     arm: JointLog,
     joints: JointLog,
 ) -> GraspRecord:
-    """The record of a grasp. cycles: frames of the skin. arm, joints: measured joint angles of arm and hand.
+    """Make the dataset record of a grasp from the frames of the skin and the measured joint angles.
 
-    Raises TaxelError if there are no frames.
+    cycles: frames of the skin. start_s: time of the start of the grasp. arm, joints: angles of arm and hand. Raises
+    TaxelError if there are no frames.
     """
     elapsed = cycles.time_s - start_s
     phase = timeline.find_phases(elapsed)
@@ -213,14 +226,14 @@ def _make_record(
 
 
 def _move_arm(station: Workstation, target: NDArray[np.float64]) -> None:
-    """Move the arm to `target` after its current motion has ended, and wait until the arm is at rest."""
+    """Move the arm to the joint angles `target` f64[6], radians; wait for its current and for the new motion to end."""
     _wait_for_arm(station)
     station.arm.move_joints(target, ARM_SPEED_RAD_S)
     _wait_for_arm(station)
 
 
 def _wait_for_arm(station: Workstation) -> None:
-    """Wait until the arm is at rest. Raises ArmTimeoutError."""
+    """Wait until the arm is at rest. Raises ArmTimeoutError if it is still moving after `ARM_TIMEOUT_S`."""
     end = time.monotonic() + ARM_TIMEOUT_S
     while station.arm.is_moving:
         station.hand.update()  # keeps the hand's reports flowing and detects its faults during the wait
@@ -236,7 +249,10 @@ def _wait_for_arm(station: Workstation) -> None:
 
 
 def _confirm_placement(station: Workstation, settings: PhysicalSettings, planned: PlannedGrasp) -> None:
-    """Wait for the operator. The hand's reports are off meanwhile, because nothing reads them."""
+    """Wait until the operator has placed the object of a grasp.
+
+    The periodic reports of the hand are off during this time, because nothing reads them.
+    """
     if settings.confirm_placement is None:
         return
     station.hand.set_period(0)
@@ -248,6 +264,7 @@ class _FrameCollector:
     """Reads the skin in a separate thread, so that the control loop never waits for frames."""
 
     def __init__(self, skin: Skin) -> None:
+        """Create a thread that collects the frames of a skin during a grasp; it starts with the `with` block."""
         self._skin = skin
         self._frames: list[TaxelFrame] = []
         self._lock = threading.Lock()
@@ -256,7 +273,7 @@ class _FrameCollector:
         self._thread = threading.Thread(target=self._read, daemon=True)
 
     def _read(self) -> None:
-        """Collect frames until the collector stops; runs in the thread of the collector."""
+        """Collect frames of the skin until the collector is stopped; runs in the thread of the collector."""
         try:
             for frame in self._skin:
                 with self._lock:
@@ -267,18 +284,19 @@ class _FrameCollector:
             self._error = error
 
     def discard(self) -> None:
-        """Discard the frames collected so far. Raises the error that ended the reading."""
+        """Discard the frames collected so far. Raises the error that ended the collecting thread."""
         self._check()
         with self._lock:
             self._frames = []
 
     def frames(self) -> list[TaxelFrame]:
-        """The frames since the last `discard`. Raises the error that ended the reading."""
+        """Return the frames collected since the last `discard`. Raises the error that ended the collecting thread."""
         self._check()
         with self._lock:
             return list(self._frames)
 
     def _check(self) -> None:
+        """Raise the error that ended the collecting thread, if any."""
         if self._error is not None:
             raise self._error
 

@@ -28,9 +28,9 @@ _ACTIVE, _INACTIVE, _OBJECT = "#c0392b", "#b8c4cc", "#2c3e50"
 
 
 def save_clouds(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]) -> None:
-    """Draw the accumulated cloud of every object (columns) in every dataset (rows) to an image file, as Figure 5.6.
+    """Draw the contact points of every object (columns) in every dataset (rows) to an image file, as thesis Figure 5.6.
 
-    Of more than `MAX_OBJECTS` objects, only the first are drawn.
+    paths: grasp datasets. out: image file. Of more than `MAX_OBJECTS` objects, only the first are drawn.
     """
     plt = _pyplot()
     datasets = [GraspDataset(path) for path in paths]
@@ -58,9 +58,9 @@ def save_clouds(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[
 
 
 def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str], grasp_id: str) -> None:
-    """Draw one grasp of every dataset with active and inactive taxels to an image file, as Figure 5.3.
+    """Draw one grasp of every dataset with active and inactive taxels to an image file, as Figure 5.3 of the thesis.
 
-    Raises `DatasetError` if a dataset lacks the grasp.
+    paths: grasp datasets. out: image file. Raises `DatasetError` if a dataset lacks the grasp.
     """
     plt = _pyplot()
     figure = plt.figure(figsize=(5.6 * len(paths), 5.6), layout="constrained")
@@ -85,7 +85,10 @@ def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[s
 
 
 def _draw_object(axis: Any, data: GraspDataset, name: str, pose: FloatArray) -> None:
-    """Draw the visible edges of an object, in millimetres. pose: f64[4, 4] of the object in the picture."""
+    """Draw the visible edges of an object into a 3-D plot, in millimetres.
+
+    pose: f64[4, 4] of the object in the plot.
+    """
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     mesh = data.objects[name]
@@ -94,7 +97,10 @@ def _draw_object(axis: Any, data: GraspDataset, name: str, pose: FloatArray) -> 
 
 
 def _outline(vertices: FloatArray, faces: NDArray[np.int32]) -> NDArray[np.intp]:
-    """Visible edges intp[e, 2]: edges where two faces meet at an angle, and silhouette edges seen from `VIEW`."""
+    """Select the edges of a mesh to draw: where two faces meet at an angle, and silhouette edges seen from `VIEW`.
+
+    vertices: f64[v, 3]. faces: vertex indices i32[f, 3]. Returns pairs of vertex indices intp[e, 2].
+    """
     elevation, azimuth = np.radians(VIEW)
     towards = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
     normals = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]])
@@ -106,6 +112,7 @@ def _outline(vertices: FloatArray, faces: NDArray[np.int32]) -> NDArray[np.intp]
             faces_of_edge.setdefault((min(face[a], face[b]), max(face[a], face[b])), []).append(index)
 
     def is_drawn(adjacent: list[int]) -> bool:
+        """Whether an edge is visible. adjacent: indices of the faces that contain the edge."""
         if len(adjacent) != 2:
             return True
         first, second = adjacent
@@ -116,7 +123,7 @@ def _outline(vertices: FloatArray, faces: NDArray[np.int32]) -> NDArray[np.intp]
 
 
 def _set_axes(axis: Any, points: FloatArray) -> None:
-    """Set equal scales, limits, view and labels of a 3-D axis. points: f64[n, 3], millimetres."""
+    """Set equal scales, limits, view and labels of a 3-D plot. points: f64[n, 3] that must be visible, millimetres."""
     from matplotlib.ticker import MultipleLocator
 
     low, high = points.min(axis=0), points.max(axis=0)
@@ -133,7 +140,7 @@ def _set_axes(axis: Any, points: FloatArray) -> None:
 
 
 def _pyplot() -> Any:
-    """Matplotlib's pyplot with a backend that needs no display."""
+    """Import pyplot of Matplotlib with a backend that needs no display."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -16,9 +16,10 @@ class PointCount:
 
 
 def count_contact_points(path: str | os.PathLike[str]) -> dict[str, PointCount]:
-    """Active taxels over all grasps, by object. A taxel without a valid hold frame is not counted.
+    """Count the active taxels of a grasp dataset over all grasps, separately for each object.
 
-    A grasp in which a board has hold frames but no baseline frames is omitted.
+    A taxel without a valid hold frame is not counted. A grasp in which a board has hold frames but no baseline frames
+    is omitted.
     """
     with GraspDataset(path) as data:
         used = select_used_taxels(data)

@@ -33,13 +33,16 @@ class PollCycles:
     sensor_time: NDArray[np.float64]
 
     def between(self, begin_s: float, end_s: float) -> PollCycles:
-        """The cycles with begin_s <= time_s < end_s."""
+        """Return the poll cycles with begin_s <= time_s < end_s."""
         part = (self.time_s >= begin_s) & (self.time_s < end_s)
         return PollCycles(self.time_s[part], self.raw_counts[part], self.valid[part], self.sensor_time[part])
 
 
 def group_by_poll_cycle(hand: Hand, frames: Iterable[TaxelFrame]) -> PollCycles:
-    """Group the frames of all boards by poll cycle. Cycles without any frame are omitted."""
+    """Group the frames of all boards by poll cycle, in which the hub reads each board once.
+
+    Cycles without any frame are omitted.
+    """
     arrived = list(frames)
     numbers = _unwrap_cycle_numbers([frame.cycle for frame in arrived])
     present = np.unique(numbers)
@@ -63,7 +66,10 @@ def group_by_poll_cycle(hand: Hand, frames: Iterable[TaxelFrame]) -> PollCycles:
 
 
 def _unwrap_cycle_numbers(numbers: list[int]) -> NDArray[np.int64]:
-    """Cycle numbers in the order of arrival, without wraps; the count continues when the hub restarts."""
+    """Convert cycle numbers, which wrap around, to increasing numbers i64[n], in the order of arrival.
+
+    The result continues without a jump when the hub restarts and counts from 0 again.
+    """
     values = np.array(numbers, dtype=np.int64)
     steps = _signed_steps(values, CYCLE_MODULUS)
     steps[steps < -LATE_CYCLES] = 1
@@ -71,7 +77,10 @@ def _unwrap_cycle_numbers(numbers: list[int]) -> NDArray[np.int64]:
 
 
 def _signed_steps(values: NDArray[np.int64], modulus: int) -> NDArray[np.int64]:
-    """Differences of a counter, 0 for the first value; the size of each is less than half of the modulus."""
+    """Compute the differences of a counter that wraps at `modulus`; 0 for the first value.
+
+    Each difference is between -modulus / 2 and modulus / 2.
+    """
     steps = np.diff(values, prepend=values[:1])
     return np.asarray((steps + modulus // 2) % modulus - modulus // 2)
 
@@ -79,9 +88,9 @@ def _signed_steps(values: NDArray[np.int64], modulus: int) -> NDArray[np.int64]:
 def _fill_board(
     cycles: PollCycles, column: int, taxels: slice, frames: list[TaxelFrame], index: NDArray[np.intp]
 ) -> None:
-    """Write the frames of one board into the poll cycles.
+    """Write the frames of one board into the arrays of the poll cycles; a missing frame repeats the last counts.
 
-    column: number of the board. taxels: its columns. index: the poll cycle of each frame.
+    column: number of the board. taxels: its columns in the counts. index: poll cycle of each frame.
     """
     clock = np.array([frame.board_time_us for frame in frames], dtype=np.int64)
     ticks = _signed_steps(clock, CLOCK_MODULUS_US)  # signed: the clock of a board that restarts steps back

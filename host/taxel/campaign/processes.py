@@ -38,10 +38,10 @@ def map_in_processes(
     jobs: int | None,
     chunk: int = 1,
 ) -> Iterator[_Result]:
-    """Yield `function(setup, part, settings)` for each part, in order.
+    """Yield `function(setup, part, settings)` for each part, in order, computed by several processes.
 
-    jobs: number of processes; None: one per core; 1: the calling process only. chunk: parts per task.
-    Raises the errors of `function`, and `ProcessLostError`.
+    jobs: number of processes; None: one per core; 1: the calling process only. chunk: parts per task. Raises the errors
+    of `function`, and `ProcessLostError`.
     """
     jobs = min(jobs or os.cpu_count() or 1, len(parts))
     if jobs <= 1:
@@ -62,11 +62,12 @@ def map_in_processes(
 def _call_with_pickled_setup(
     function: Callable[[Setup, _Part, _Settings], _Result], setup: bytes, settings: _Settings, part: _Part
 ) -> _Result:
+    """Call `function(setup, part, settings)` in a worker process. setup: pickled, so that it is loaded only once."""
     return function(_load_setup(setup), part, settings)
 
 
 @lru_cache(maxsize=1)
 def _load_setup(pickled: bytes) -> Setup:
-    """The setup of this process; cached so that all parts share the values that the setup caches."""
+    """Unpickle the campaign's setup; cached, so that all parts in a process share the values that the setup caches."""
     setup: Setup = pickle.loads(pickled)
     return setup

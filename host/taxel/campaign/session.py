@@ -56,9 +56,10 @@ class SceneMotion(NamedTuple):
 
 
 def run_session(setup: Setup, plan: Sequence[PlannedGrasp], settings: EmulatedSettings) -> list[GraspRecord]:
-    """Records of the grasps of one session, in order; they depend only on the seed, the session and the grasp.
+    """Compute the records of the grasps of one session on the emulated hand, in order.
 
-    Raises `TaxelError` with a one-line message, such as for an unreachable pose or a world that the emulator rejects.
+    The records depend only on the seed, the session and the grasp. Raises `TaxelError` with a one-line message, such as
+    for an unreachable pose or a world that the emulator rejects.
     """
     text = format_session_world(setup, settings, plan[0].session)
     with SkinContact(text) as contact:
@@ -68,13 +69,13 @@ def run_session(setup: Setup, plan: Sequence[PlannedGrasp], settings: EmulatedSe
 
 
 def check_world(setup: Setup, settings: EmulatedSettings) -> None:
-    """Raise `ContactLibraryError` if the emulator rejects the effects."""
+    """Raise `ContactLibraryError` if the emulator rejects the effects of the settings."""
     with SkinContact(format_session_world(setup, settings, 0)):
         pass
 
 
 def format_session_world(setup: Setup, settings: EmulatedSettings, session: int) -> str:
-    """The world file of one session, in which every bracket is mounted with its own random offset."""
+    """Format the emulator's world file of one session, in which every bracket is mounted with its own random offset."""
     world = WorldSettings(
         seed=int(np.random.SeedSequence([settings.seed, session]).generate_state(1)[0]),
         parts_seed=settings.seed,
@@ -87,7 +88,10 @@ def format_session_world(setup: Setup, settings: EmulatedSettings, session: int)
 
 
 def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> EmulatedScene:
-    """Objects and bracket offsets of a session: each mounting has a random offset."""
+    """Make the scene of a session on the emulated hand: shapes of the objects, and offsets of brackets and objects.
+
+    Each bracket has a random offset, because the boards are mounted again before each session.
+    """
     rng = np.random.default_rng([settings.seed, _SESSION_STREAM, session])
     variation = settings.variation
     metres, radians = variation.remount_m, variation.remount_rad
@@ -99,6 +103,7 @@ def _scene(setup: Setup, settings: EmulatedSettings, session: int) -> EmulatedSc
 
 
 def _sample_motion(rng: np.random.Generator, metres: float, radians: float) -> NDArray[np.float64]:
+    """Sample a random small motion f64[4, 4]. metres, radians: standard deviations of each axis."""
     rotation = rng.normal(size=3)
     return make_small_motion(rng.normal(size=3), rotation, metres, radians)
 
@@ -106,7 +111,10 @@ def _sample_motion(rng: np.random.Generator, metres: float, radians: float) -> N
 def _perform_grasp(
     setup: Setup, planned: PlannedGrasp, settings: EmulatedSettings, contact: SkinContact
 ) -> _PerformedGrasp:
-    """The true motion of one grasp: the hand closes on the object, which is displaced from its nominal pose."""
+    """Simulate one grasp of the emulated hand on the object, which is displaced from its nominal pose at random.
+
+    contact: computes the contact loads. Returns the true motion of hand and object.
+    """
     approach, item = setup.approach(planned), setup.objects[planned.object]
     variation = settings.variation.for_object(planned.object)
     offset, grip = variation.apply(sample_grasp_variation(settings.seed, planned.id))
@@ -114,6 +122,7 @@ def _perform_grasp(
     timeline = settings.timeline
 
     def wrist_at(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the poses of the wrist f64[k, 4, 4] at times f64[k] of the grasp, seconds."""
         return setup.wrist_poses(setup.arm_angles(planned, timeline, times_s))
 
     dynamics = HandInContact(
@@ -133,7 +142,10 @@ def _perform_grasp(
 def _run_session_skin(
     setup: Setup, grasps: Sequence[_PerformedGrasp], world: str, settings: EmulatedSettings
 ) -> PollCycles:
-    """The frames that a host decodes while the emulated skin performs the grasps of a session."""
+    """Run the emulated skin during all grasps of a session and return the frames that a host decodes.
+
+    world: text of the emulator's world file.
+    """
     names = list(setup.objects)
     parts = []
     for index, grasp in enumerate(grasps):
@@ -147,15 +159,19 @@ def _run_session_skin(
 
 
 def _grasp_interval(settings: EmulatedSettings, index: int) -> tuple[float, float]:
-    """Start and end of a grasp in the session; the end is bit-identical to the start of the next grasp."""
+    """Return start and end of a grasp in the session, seconds; `index`: number of the grasp.
+
+    The end is bit-identical to the start of the next grasp.
+    """
     length = settings.timeline.duration_s
     return LEAD_IN_S + index * length, LEAD_IN_S + (index + 1) * length
 
 
 def run_emulated_skin(hand: Hand, world: str, motions: Sequence[SceneMotion], duration_s: float) -> PollCycles:
-    """Run the emulated skin of `world` for `duration_s` with a moving scene; returns the frames that a host decodes.
+    """Run the emulated skin for `duration_s` seconds with a moving scene; return the frames that a host decodes.
 
-    motions: consecutive parts of the session. Raises `LinkError` with the message of the emulator.
+    world: text of the emulator's world file. motions: consecutive parts of the session. Raises `LinkError` with the
+    message of the emulator.
     """
     with tempfile.TemporaryDirectory(prefix="taxel-") as name:
         folder = Path(name)
@@ -170,7 +186,10 @@ def run_emulated_skin(hand: Hand, world: str, motions: Sequence[SceneMotion], du
 def _make_record(
     setup: Setup, grasp: _PerformedGrasp, cycles: PollCycles, index: int, settings: EmulatedSettings
 ) -> GraspRecord:
-    """The record of a grasp. cycles: of the whole session. index: number of the grasp in the session."""
+    """Make the dataset record of one grasp from the frames of its session.
+
+    cycles: frames of the whole session. index: number of the grasp in the session.
+    """
     timeline = settings.timeline
     begin, end = _grasp_interval(settings, index)
     recorded = cycles.between(begin, end)

@@ -30,6 +30,7 @@ class UnknownPresetError(TaxelError, ValueError):
     """The text is neither the name of a preset of effects nor a list of effect lines."""
 
     def __init__(self, name: str) -> None:
+        """Create the error of a text that is neither the name of a preset nor effect lines."""
         super().__init__(name)
 
     def __str__(self) -> str:
@@ -41,6 +42,7 @@ class OffsetLineError(TaxelError, ValueError):
     """An offset line without a name or without six finite numbers."""
 
     def __init__(self, line: str) -> None:
+        """Create the error of an effect line with a wrong displacement. line: the whole line."""
         super().__init__(line)
 
     def __str__(self) -> str:
@@ -67,11 +69,14 @@ class EmulatedSettings:
     timeline: Timeline = field(default_factory=Timeline)
 
     def world_effect_lines(self) -> list[str]:
-        """The effect lines of the world file, without the offset lines."""
+        """Return the effect lines for the emulator's world file, without the displacements of brackets and objects."""
         return [line for line in self.effects if line.split()[0] not in OFFSETS]
 
     def offsets(self, keyword: str) -> dict[str, NDArray[np.float64]]:
-        """Offsets f64[4, 4] by name of the bracket or object. keyword: one of `OFFSETS`. Raises `OffsetLineError`."""
+        """Parse the displacements f64[4, 4] of brackets or objects in the effect lines, by name.
+
+        keyword: "bracket_offset" or "object_offset". Raises `OffsetLineError`.
+        """
         offsets = {}
         for line in self.effects:
             first, *arguments = line.split()
@@ -80,14 +85,17 @@ class EmulatedSettings:
         return offsets
 
     def describe(self) -> str:
-        """One line for the generator attribute of the dataset; it does not reveal the effects to a diagnosis."""
+        """Return one line for the generator attribute of the dataset, without revealing the effects to a diagnosis."""
         normalised = replace(self, effects=tuple(self.effects))  # a list and a tuple of the same lines are equivalent
         key = hashlib.sha256(repr(normalised).encode()).hexdigest()[:12]
         return f"emulated hand, settings {key}"
 
 
 def _parse_offset(line: str, numbers: Sequence[str]) -> NDArray[np.float64]:
-    """The offset f64[4, 4] of an effect line. numbers: x, y, z and a rotation vector. Raises OffsetLineError."""
+    """Parse the displacement f64[4, 4] of an effect line. Raises OffsetLineError.
+
+    line: whole line, for the message. numbers: x, y, z in metres and a rotation vector in radians.
+    """
     try:
         x, y, z, *rotation = map(float, numbers)
         offset = from_rotation_vector(np.array(rotation))
@@ -100,7 +108,10 @@ def _parse_offset(line: str, numbers: Sequence[str]) -> NDArray[np.float64]:
 
 
 def parse_effects(text: str) -> Sequence[str]:
-    """The effect lines of a preset, or of a text with ';' between the lines. Raises `UnknownPresetError`."""
+    """Return the effect lines of a preset, or those of a text in which ';' separates the lines.
+
+    Raises `UnknownPresetError` for a text that is neither.
+    """
     if text in PRESETS:
         return PRESETS[text]
     lines = [line.strip() for line in text.split(";") if line.strip()]

@@ -38,6 +38,7 @@ class Setup:
     placements: Mapping[tuple[str, str], PalmPlacement] = field(default_factory=lambda: PALM_PLACEMENTS)
 
     def __post_init__(self) -> None:
+        """Replace the nominal bracket poses of the hand by the calibrated poses, if there is a calibration."""
         if self.calibration is not None:
             for name, estimate in self.calibration.brackets.items():
                 board = replace(self.hand.find_board(name), pose=estimate.transform)
@@ -46,16 +47,17 @@ class Setup:
 
     @cached_property
     def kinematics(self) -> Kinematics:
-        """Kinematics of the whole robot with the hand's skin."""
+        """Forward kinematics of the whole robot, with the poses of the hand's boards."""
         return build_kinematics(self.hand)
 
     @cached_property
     def wrist_robot(self) -> Robot:
-        """The part of the robot below the wrist, which moves while the arm is at rest."""
+        """The part of the robot below the wrist: the hand, which moves while the arm is at rest."""
         return self.kinematics.robot.get_subtree(WRIST_LINK)
 
     @cached_property
     def _approaches(self) -> dict[tuple[str, str], Approach]:
+        """The approaches of the thesis by names of object and approach."""
         approaches = make_thesis_approaches(withdraw_m=WITHDRAW_M, placements=self.placements)
         return {(approach.object, approach.name): approach for approach in approaches}
 
@@ -64,17 +66,20 @@ class Setup:
         return {}
 
     def approach(self, planned: PlannedGrasp) -> Approach:
-        """The approach of a planned grasp."""
+        """Return the approach (pose of the palm, joint angles, torques) of a planned grasp."""
         return self._approaches[planned.object, planned.approach]
 
     def object_pose(self, name: str) -> NDArray[np.float64]:
-        """Nominal pose of an object, f64[4, 4], world: calibrated if available, else planned."""
+        """Return the nominal pose of an object, f64[4, 4], world: the calibrated pose, or else the planned pose."""
         if self.calibration is not None and name in self.calibration.objects:
             return self.calibration.objects[name].transform
         return make_standing_pose()
 
     def arm_path(self, planned: PlannedGrasp) -> NDArray[np.float64]:
-        """Joint angles of the arm at the object and withdrawn from it, f64[2, 6]; raises UnreachableError."""
+        """Solve for the joint angles of the arm, at the object and withdrawn from it, f64[2, 6] radians.
+
+        Results are cached. Raises UnreachableError.
+        """
         key = (planned.object, planned.approach)
         if key not in self._arms:
             reach = ArmReach(self.kinematics.robot, WRIST_LINK)
@@ -87,26 +92,32 @@ class Setup:
     def arm_angles(
         self, planned: PlannedGrasp, timeline: Timeline, times_s: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Joint angles of the arm f64[k, 6] at `times_s` f64[k] of the grasp; the arm withdraws in joint space."""
+        """Compute the joint angles of the arm f64[k, 6], radians, at `times_s` f64[k] of the grasp, seconds.
+
+        The arm withdraws from the object linearly in joint angles.
+        """
         grasping, withdrawn = self.arm_path(planned)
         share = np.array([timeline.get_withdrawal(time) for time in times_s.tolist()])
         return np.asarray(grasping + share[:, None] * (withdrawn - grasping))
 
     def wrist_poses(self, arm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Poses f64[k, 4, 4] of the wrist link in the world, for joint angles of the arm f64[k, 6]."""
+        """Compute the poses f64[k, 4, 4] of the wrist in the world, for joint angles of the arm f64[k, 6], radians."""
         robot = self.kinematics.robot
         angles = np.zeros((len(arm), len(robot.joint_names)))
         angles[:, : arm.shape[1]] = arm
         return np.asarray(self.kinematics.compute_link_poses(angles)[:, robot.get_link_index(WRIST_LINK)])
 
     def taxel_table(self) -> TaxelTable:
-        """The taxel table of a dataset."""
+        """Make the dataset's table of taxels: board, lines, position, normal and size of each taxel of the hand."""
         hand = self.hand
         size = np.full(hand.n_taxels, hand.size_m)
         return TaxelTable(hand.sensor, hand.tx, hand.rx, hand.position, hand.normal, size)
 
     def sensor_table(self, rate_hz: float) -> SensorTable:
-        """The sensor table of a dataset, with one rate for all boards."""
+        """Make the dataset's table of boards: address, name, kind and rate.
+
+        rate_hz: frames per second of every board.
+        """
         boards = self.hand.boards
         return SensorTable(
             np.array([board.address for board in boards], np.uint8),
@@ -116,6 +127,6 @@ class Setup:
         )
 
     def meshes(self) -> dict[str, ObjectMesh]:
-        """The object meshes of a dataset."""
+        """Make the triangle meshes of the grasped objects for the dataset, by name."""
         meshes = {name: item.shape.mesh() for name, item in self.objects.items()}
         return {name: ObjectMesh(vertices, faces.astype(np.int32)) for name, (vertices, faces) in meshes.items()}

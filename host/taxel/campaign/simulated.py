@@ -44,7 +44,7 @@ class SimSettings:
     timeline: Timeline = field(default_factory=Timeline)
 
     def describe(self) -> str:
-        """One line for the dataset's generator."""
+        """Return one line for the generator attribute of the dataset: sensing level and a digest of the settings."""
         key = hashlib.sha256(repr(self).encode()).hexdigest()[:12]
         return f"simulator, {self.sensing.level} sensing, settings {key}"
 
@@ -59,7 +59,12 @@ def run_simulated(
     resume: bool = False,
     progress: Progress = no_progress,
 ) -> None:
-    """Simulate the grasps of `plan` and write them to `path`; the arguments are those of `run_emulated`."""
+    """Simulate the grasps of `plan` and write them to the dataset `path`.
+
+    setup: hand and objects; None: those of the thesis. jobs: number of processes; None: one per core. resume: keep the
+    grasps that the file of an interrupted campaign already contains. progress: called with the number of finished
+    grasps and the total. Raises `TaxelError` with a one-line message.
+    """
     setup = setup or Setup()
     sensing = settings.sensing
     model = settings.sensor.make_dataset_model(
@@ -79,11 +84,12 @@ def run_simulated(
 
 @lru_cache(maxsize=8)  # small, because a cached scene keeps its setup in memory
 def _scene(setup: Setup, name: str) -> Scene:
+    """Build the simulated scene of the hand and one object; cached."""
     return build_scene(setup.hand, setup.objects[name], WRIST_LINK)
 
 
 def simulate_planned_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSettings) -> GraspRecord:
-    """Record of one simulated grasp of the plan. Its noise depends only on the seed and the grasp."""
+    """Simulate one planned grasp and return its record. The noise depends only on the seed and the grasp."""
     rng = np.random.default_rng([settings.seed, _STREAM, *planned.id.encode()])
     object_pose, item = setup.object_pose(planned.object), setup.objects[planned.object]
     law = settings.sensing.law if settings.sensing.level == "layer" else None

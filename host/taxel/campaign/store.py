@@ -23,10 +23,11 @@ def open_campaign_writer(
     resume: bool = False,
     sensor_model: SensorModel | None = None,
 ) -> GraspDatasetWriter:
-    """A writer for `path`. resume: append to an existing file, which must have been made with the same settings.
+    """Open a writer for the grasp dataset of a campaign.
 
-    Raises `DatasetError` if the file exists and neither `overwrite` nor `resume` is set, and if the file to resume
-    belongs to another campaign.
+    source: "real" or "sim". settings: one line that describes them. resume: append to an existing file, which must have
+    been made with the same settings. Raises `DatasetError` if the file exists and neither `overwrite` nor `resume` is
+    set, and if the file to resume belongs to another campaign.
     """
     generator = f"taxel {version('taxel')}; {settings}"
     if resume and Path(path).exists():
@@ -55,6 +56,9 @@ def open_campaign_writer(
 
 
 def _creation_time() -> str | None:
-    """Time from `SOURCE_DATE_EPOCH` (seconds since 1970), for reproducible files; None, meaning now, if it is unset."""
+    """Return the time of `SOURCE_DATE_EPOCH` (seconds since 1970) as ISO text, for reproducible files.
+
+    None if the variable is not set; the dataset then states the present time.
+    """
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     return datetime.fromtimestamp(int(epoch), UTC).isoformat() if epoch.isdecimal() else None

@@ -40,12 +40,15 @@ class Variation:
     objects: tuple[tuple[str, float], ...] = ()
 
     def for_object(self, name: str) -> Variation:
-        """The variation of one object, with its factor applied."""
+        """Return the random variation of grasps of one object, with the factor of this object applied."""
         factor = dict(self.objects).get(name, 1.0)
         return replace(self, object_m=factor * self.object_m, object_rad=factor * self.object_rad, objects=())
 
     def apply(self, draw: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-        """Offset of the object in its nominal frame, f64[4, 4], and factor on the torque, for unit samples f64[7]."""
+        """Convert unit samples f64[7] to the displacement of the object, f64[4, 4], and the factor on the torque.
+
+        The displacement is in the nominal frame of the object.
+        """
         offset = make_small_motion(draw[:3], draw[3:6], self.object_m, self.object_rad)
         return offset, max(1.0 + self.grip * float(draw[6]), 0.0)
 
@@ -57,22 +60,26 @@ NO_VARIATION: Final = Variation(object_m=0.0, object_rad=0.0, grip=0.0, remount_
 def make_small_motion(
     translation: NDArray[np.float64], rotation: NDArray[np.float64], metres: float, radians: float
 ) -> NDArray[np.float64]:
-    """Transform f64[4, 4] of unit samples f64[3] and f64[3], scaled by `metres` and `radians`."""
+    """Make a small motion f64[4, 4] from unit samples of translation f64[3] and rotation f64[3].
+
+    metres, radians: factors on the samples.
+    """
     motion = from_rotation_vector(radians * rotation)
     motion[:3, 3] = metres * translation
     return motion
 
 
 def sample_grasp_variation(seed: int, grasp: str) -> NDArray[np.float64]:
-    """Normal unit samples f64[7] of a grasp on the emulated hand. grasp: id of the grasp."""
+    """Sample the normal unit deviations f64[7] of one grasp on the emulated hand. grasp: id of the grasp."""
     return np.random.default_rng([seed, _GRASP_STREAM, *grasp.encode()]).normal(size=FACTORS)
 
 
 def sample_balanced_variation(seed: int, name: str, repeat: int) -> NDArray[np.float64]:
-    """Unit samples f64[7] of repeat number `repeat` of the grasp `name`: each factor is -1 or +1.
+    """Compute balanced unit deviations f64[7] of a repeated simulated grasp; each of the seven factors is -1 or +1.
 
-    Repeats 2 k and 2 k + 1 have opposite signs and cancel in first order. 16 repeats form a two-level design in which
-    no two factors are confounded (Hadamard matrix of order 8, folded over). `seed` and `name` determine the signs.
+    repeat: number of the repeat. Repeats 2 k and 2 k + 1 have opposite signs and cancel in first order. 16 repeats form
+    a two-level design in which no two factors are confounded (Hadamard matrix of order 8, folded over). `seed` and the
+    grasp's `name` determine the signs.
     """
     signs = np.random.default_rng([seed, zlib.crc32(name.encode())]).choice([-1.0, 1.0], FACTORS)
     row = hadamard(8)[(repeat // 2) % 8, 1:]

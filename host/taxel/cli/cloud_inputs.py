@@ -37,19 +37,22 @@ The units differ by factors of 10 to 1000; a cloud covers at least a few per cen
 
 
 def metres(unit: str) -> float:
-    """Length of a unit in metres. Raises `TaxelError` for an unknown unit."""
+    """Return the length of a unit, such as "mm", in metres. Raises `TaxelError` for an unknown unit."""
     if unit not in UNITS:
         raise TaxelError(f"--unit: expected one of {', '.join(UNITS)}, found {unit!r}")
     return UNITS[unit]
 
 
 def require_nonempty(cloud: ContactCloud) -> None:
-    """Raise an error of one line for an empty cloud."""
+    """Raise a one-line error for a contact cloud without points."""
     require_points(cloud.points, cloud.name)
 
 
 def load_target(name: str, unit: str) -> TriangleMesh | ContactCloud:
-    """The built-in shape of a name, or the mesh or cloud of a file. Raises `MeshError`, `CloudFileError`, `OSError`."""
+    """Load the target of a distance or an alignment: a built-in shape by its name, or the mesh or cloud of a file.
+
+    unit: length unit of a mesh file. Raises `MeshError`, `CloudFileError`, `OSError`.
+    """
     scale = metres(unit)
     if name in get_builtin_models() or not Path(name).exists() or has_triangles(name):
         return load_model(name, scale)
@@ -59,7 +62,7 @@ def load_target(name: str, unit: str) -> TriangleMesh | ContactCloud:
 
 
 def check_scale(cloud: ContactCloud, mesh: TriangleMesh) -> None:
-    """Raise `TaxelError` if the sizes of mesh and cloud suggest different units."""
+    """Raise `TaxelError` if the sizes of mesh and cloud differ so much that the mesh has another unit than metres."""
     extent = float(np.linalg.norm(np.ptp(cloud.points, axis=0)))
     if extent > 0.0 and not 1.0 / LARGEST_SIZE_RATIO < mesh.size / extent < LARGEST_SIZE_RATIO:
         sizes = f"mesh {mesh.size:.3g} m, cloud {extent:.3g} m"

@@ -36,7 +36,7 @@ class CloudMatch:
     match: Match
 
     def to_json(self) -> dict[str, Any]:
-        """The match as JSON values."""
+        """Return the result of matching one cloud with shape models as JSON values."""
         return {"object": self.true_object or None, "approach": self.approach or None, **self.match.to_json()}
 
 
@@ -80,6 +80,7 @@ def match(
                 check_scale(cloud, mesh)
 
             def show_evidence(model: int, count: int, index: int = index) -> None:
+                """Show the progress of the evidence over all clouds. model: number of finished models of `count`."""
                 show("evidence", index * count + model, len(clouds) * count)
 
             has_evidence = not anywhere and len(cloud.inactive_points) > 0
@@ -107,7 +108,11 @@ def match(
 def _read_clouds(
     inputs: list[Path], object_name: str | None, threshold_counts: float, show: ShowStage
 ) -> Iterator[tuple[Path, str, ContactCloud]]:
-    """Each cloud to match, with its file and the name of the grasped object ("" for a cloud file)."""
+    """Yield each contact cloud to match, with its file and the name of the grasped object ("" for a cloud file).
+
+    inputs: grasp datasets or cloud files. object_name: only this object; None: all objects of a dataset. show: displays
+    the progress of a stage.
+    """
     for path in inputs:
         clouds = {"": read_cloud(path)} if path.suffix.lower() not in DATASETS else {}
         if not clouds:
@@ -123,7 +128,7 @@ def _read_clouds(
 
 
 def _count_correct(matches: list[CloudMatch]) -> dict[str, dict[str, int]]:
-    """Number of correct matches, and of correct matches by the mean distance alone, among the clouds of known objects.
+    """Count the clouds of known objects whose shape was identified, and also those identified by mean distance alone.
 
     The counts are separate for whole clouds and for single approaches.
     """
@@ -138,7 +143,7 @@ def _count_correct(matches: list[CloudMatch]) -> dict[str, dict[str, int]]:
 
 
 def _print_matches(matches: list[CloudMatch]) -> None:
-    """Print a table of the best models, and the number of identified shapes of known objects."""
+    """Print a table with the best shape model of each cloud, and the number of correctly identified shapes."""
     console = Console(markup=False)
     table = Table(title="best model of each cloud")
     for heading in ("cloud", "best", "mean mm", "margin", "lead", "confidence"):

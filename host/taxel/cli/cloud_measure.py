@@ -116,7 +116,10 @@ def sweep(
 
 
 def _read_cloud_and_target(path: Path, target: str, unit: str) -> tuple[ContactCloud, TriangleMesh | ContactCloud]:
-    """The cloud of a file and its target. Raises TaxelError for an empty cloud or a mesh in another unit."""
+    """Read the contact cloud of a file, and the target (shape, mesh or cloud) to compare with.
+
+    unit: length unit of a mesh file. Raises TaxelError for an empty cloud or a mesh in another unit.
+    """
     cloud = read_cloud(path)
     require_nonempty(cloud)
     reference = load_target(target, unit)
@@ -126,7 +129,7 @@ def _read_cloud_and_target(path: Path, target: str, unit: str) -> tuple[ContactC
 
 
 def _compute_distances(cloud: ContactCloud, reference: TriangleMesh | ContactCloud) -> FloatArray:
-    """Distance of each point of a cloud to the target, f64[N], metres."""
+    """Compute the distance of each point of a cloud to the target, a mesh or another cloud, f64[N], metres."""
     if isinstance(reference, TriangleMesh):
         return compute_distances_to_mesh(cloud.points, reference, cloud.name)
     return compute_distances_to_cloud(cloud.points, reference.points, cloud.name, reference.name)
@@ -135,7 +138,10 @@ def _compute_distances(cloud: ContactCloud, reference: TriangleMesh | ContactClo
 def _align_cloud(
     cloud: ContactCloud, reference: TriangleMesh | ContactCloud, *, is_global: bool, samples_mesh: bool
 ) -> Alignment:
-    """The alignment of a cloud to a mesh, to points sampled on a mesh, or to another cloud."""
+    """Align a cloud to a mesh, to points sampled on a mesh, or to another cloud.
+
+    is_global: search all poses, without a first guess. samples_mesh: sample points on a mesh target.
+    """
     if isinstance(reference, TriangleMesh) and not samples_mesh:
         align_mesh = align_to_mesh_globally if is_global else align_to_mesh
         return align_mesh(cloud.points, reference, name=cloud.name)
@@ -150,14 +156,14 @@ def _align_cloud(
 
 
 def _format_stats(stats: DistanceStats) -> str:
-    """Number of points and distances in millimetres as text."""
+    """Format the number of points and the distances, in millimetres, as one line of text."""
     values = (("mean", stats.mean_m), ("standard deviation", stats.std_m), ("largest", stats.max_m))
     text = ", ".join(f"{name} {1e3 * value:.3f}" for name, value in (*values, ("RMS", stats.rms_m)))
     return f"{stats.points} points, {text} mm"
 
 
 def _print_rows(force: list[ForceRow], sor: list[SorRow]) -> None:
-    """Print the tables of both parameter sweeps."""
+    """Print the results of the parameter sweeps of the force filter and of the outlier filter (SOR) as two tables."""
     console = Console(markup=False)
     for title, settings, rows in (
         ("force filter", ("counts",), [((f"{row.threshold_counts:g}",), row) for row in force]),

@@ -64,7 +64,10 @@ def demo(
 
 
 def _make_grasps(console: Console, world: GraspWorld, real: Path, sim: Path, jobs: int | None) -> None:
-    """Make both datasets, with progress bars."""
+    """Run the grasps of the demonstration on the emulated hand and in the simulator, with progress bars.
+
+    real, sim: datasets to write.
+    """
     counts = [len(plan) for plan in make_small_plans(world.seed)]
     console.print(f"[bold]2. {counts[0]} grasps of the emulated hand, {counts[1]} of the simulator[/bold]")
     with stage_bars(console) as show:
@@ -73,7 +76,10 @@ def _make_grasps(console: Console, world: GraspWorld, real: Path, sim: Path, job
 
 
 def _diagnose(console: Console, out: Path, real: Path, sim: Path, report_file: Path) -> None:
-    """Diagnose the datasets in a sandboxed process, and write the report."""
+    """Diagnose the gap between two datasets in a sandboxed process, and write the report.
+
+    out: folder that the process cannot read.
+    """
     columns = (SpinnerColumn(), TextColumn("{task.description:<12}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console) as progress:
         progress.add_task("diagnosing", total=None)
@@ -85,7 +91,7 @@ def _diagnose(console: Console, out: Path, real: Path, sim: Path, report_file: P
 
 
 def _open_seal(console: Console, world: GraspWorld, effects: list[str]) -> None:
-    """Print the cause and whether the diagnosis named it. effects: of the verdict, most important first."""
+    """Print the hidden cause and whether the diagnosis named it. effects: of the verdict, most important first."""
     (cause,) = world.hidden.causes
     console.print("\n[bold]4. The seal is opened[/bold]; the cause has the SHA-256 printed above:")
     console.print(f"cause: {cause.name}, in the emulator: {'; '.join(cause.lines)}", highlight=False)

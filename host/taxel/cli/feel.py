@@ -40,7 +40,10 @@ def feel(
 
 
 def _scripted_contacts(console: Console, out: Path, seed: int) -> None:
-    """Apply the scripted contacts; print and draw the response."""
+    """Apply the scripted contacts to the emulated skin; print the response and draw it as a heat map.
+
+    out: folder of the picture. seed: of the emulated skin.
+    """
     hand = load_hand("allegro")
     console.print(
         f"[bold]1. The emulated skin[/bold]: {len(hand.boards)} boards, {hand.n_taxels} taxels, "
@@ -56,6 +59,7 @@ def _scripted_contacts(console: Console, out: Path, seed: int) -> None:
         tasks: dict[str, int] = {}
 
         def advance(step: str, fraction: float) -> None:
+            """Show the progress of a step; a bar is added at the first call. fraction: completed share, 0 to 1."""
             if step not in tasks:
                 tasks[step] = progress.add_task(step, total=1.0)
             progress.update(tasks[step], completed=fraction)  # type: ignore[arg-type]
@@ -86,7 +90,7 @@ def _scripted_contacts(console: Console, out: Path, seed: int) -> None:
 
 
 def _contact_table(outcomes: list[ContactOutcome]) -> Table:
-    """A table with the response to each contact."""
+    """Make a table with the response of the skin to each scripted contact."""
     table = Table(title="contacts")
     for heading in ("board", "probe", "active after", "active", "signal"):
         table.add_column(heading, justify="left" if heading in {"board", "probe"} else "right", no_wrap=True)
@@ -101,7 +105,10 @@ def _contact_table(outcomes: list[ContactOutcome]) -> Table:
 
 
 def _measured_touches(console: Console, out: Path, seconds: float) -> None:
-    """Replay measured touches through the emulated skin; print and draw the response."""
+    """Replay measured touches through the emulated skin; print the response and draw it as a heat map.
+
+    out: folder of the picture. seconds: length of each recording.
+    """
     hand = load_hand("allegro")
     console.print(
         f"[bold]2. Measured touches[/bold] (CapFingerId recordings, MIT licence), {seconds:g} s each, "

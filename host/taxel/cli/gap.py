@@ -76,7 +76,10 @@ def diagnose(
 
 
 def _check_folder(out: Path) -> None:
-    """Check the output folder before the diagnosis starts. Raises `TaxelError` of one line."""
+    """Raise `TaxelError` of one line if the report of a diagnosis cannot be written to the folder `out`.
+
+    The check is made before the diagnosis, which takes minutes.
+    """
     nearest = next(path for path in (out, *out.absolute().parents) if path.exists())
     if not nearest.is_dir() or not os.access(nearest, os.W_OK):
         reason = "is not writable" if nearest.is_dir() else "is not a folder"

@@ -40,7 +40,7 @@ def apply(
 
 
 def _print_result(result: Applied, as_json: bool) -> None:
-    """Print the dataset, its effects and notes."""
+    """Print the dataset to which the diagnosed effects were added, with the names of the effects and the notes."""
     if as_json:
         print(json.dumps({"file": str(result.path), "effects": result.effects, "notes": result.notes}))
         return

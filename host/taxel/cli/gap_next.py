@@ -53,9 +53,9 @@ def rank_contacts(
 
 
 def _further_states(state: State, candidates: Sequence[Path], show: Show) -> tuple[list[State], list[str]]:
-    """States of simulated approaches that were not recorded, and notes on datasets without such approaches.
+    """Read simulated approaches that were not recorded; also return notes on datasets without such approaches.
 
-    candidates: simulated datasets in addition to that of `state`.
+    state: data of the diagnosed pair of datasets. candidates: further simulated datasets.
     """
     paths = [Path(state.pair.paths[1])] if state.pair.unrecorded else []
     further: list[State] = []
@@ -71,7 +71,7 @@ def _further_states(state: State, candidates: Sequence[Path], show: Show) -> tup
 
 
 def _print_contacts(ranking: NextPresses, notes: Sequence[str]) -> None:
-    """Print the ranked contacts with their information gain and its reason."""
+    """Print the recommended contacts in order, each with its information gain in bits and the reason."""
     print(ranking.line)
     for rank, candidate in enumerate(ranking.presses, 1):
         print(f"{rank:3}. {candidate.press.words}: {candidate.gain:.2f} bits")

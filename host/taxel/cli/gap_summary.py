@@ -12,7 +12,7 @@ from taxel.gap.report.checked_report import CheckedReport
 
 
 def print_summary(console: Console, report: Mapping[str, Any]) -> None:
-    """Print the verdict, the gap, the floor, the shrink, and the parameters of the named effects.
+    """Print a summary of a gap report: verdict, gap, floor, shrink, and the parameters of the named effects.
 
     report: content of `report.json`, as `json.load` returns it.
     """
@@ -33,7 +33,7 @@ def print_summary(console: Console, report: Mapping[str, Any]) -> None:
 
 
 def shrink_text(after: Mapping[str, Any]) -> str:
-    """The reduction of the gap in one line. after: the field of the report."""
+    """Format the relative reduction of the gap by the named effects as one line. after: the report's field "after"."""
     text = (
         f"shrink of the gap of held-out sessions: {100 * after['shrink']:.0f} %"
         f" (predicted: {100 * after['predicted_shrink']:.0f} %)"
@@ -44,10 +44,10 @@ def shrink_text(after: Mapping[str, Any]) -> str:
 
 
 def format_nested_agreement(effect_sets: Sequence[Sequence[str]], effects: Sequence[str]) -> str:
-    """Sentence with the number of leave-one-session-out searches that find the effects of the search in all sessions.
+    """Format a sentence that states how many leave-one-session-out searches find the effects of the full search.
 
-    effect_sets: effects of each leave-one-session-out search. effects: effects of the verdict, without "unknown" in the
-    comparison: "unknown" marks a remainder without a catalogue effect and is not the result of a search.
+    effect_sets: effects of each leave-one-session-out search. effects: effects of the verdict. "unknown" is not
+    compared, because it marks a remainder without a catalogue effect and is not the result of a search.
     """
     names = set(effects) - {"unknown"}
     agreeing = sum(set(effect_set) == names for effect_set in effect_sets)
@@ -55,7 +55,7 @@ def format_nested_agreement(effect_sets: Sequence[Sequence[str]], effects: Seque
 
 
 def _gap_table(report: Mapping[str, Any]) -> Table:
-    """Gap and floor in counts and millimetres."""
+    """Make a table of gap and floor, in counts and millimetres, from the content of a gap report."""
     table = Table(box=None, pad_edge=False)
     for heading in ("", "counts", "mm"):
         table.add_column(heading, justify="left" if not heading else "right")
@@ -69,10 +69,11 @@ def _gap_table(report: Mapping[str, Any]) -> Table:
 
 
 def _print_line(console: Console, text: str, style: str | None = None) -> None:
+    """Print text without interpreting markup or highlighting numbers."""
     console.print(text, style=style, highlight=False, markup=False)
 
 
 def _with_interval(value: float, interval: Sequence[float] | None, digits: int = 1) -> str:
-    """A value and its 95 % interval."""
+    """Format a value with its 95 % interval in parentheses; None: no interval. digits: decimal places."""
     text = f"{value:.{digits}f}"
     return text if interval is None else f"{text} ({interval[0]:.{digits}f} to {interval[1]:.{digits}f})"

@@ -81,7 +81,10 @@ def generate(
 def _make_recipe(
     path: Path | None, grasps: int | None, seed: int | None, grasps_per_shard: int | None, fidelity: str | None
 ) -> Recipe:
-    """The recipe of a file, or the default one, with the values of the options that were given."""
+    """Read the recipe of a file, or take the default recipe, and replace the values whose options were given.
+
+    Raises `TaxelError` for an unknown fidelity.
+    """
     if fidelity is not None and fidelity not in FIDELITIES:
         raise TaxelError(f"--fidelity: expected {', '.join(FIDELITIES)}, found '{fidelity}'")
     options = {"grasps": grasps, "seed": seed, "grasps_per_shard": grasps_per_shard, "fidelity": fidelity}
@@ -90,14 +93,17 @@ def _make_recipe(
 
 
 def _make_workers(jobs: int | None, scheduler: str | None) -> Workers:
-    """The processes or the cluster that generate the shards. Raises `TaxelError` for both options."""
+    """Make the local processes or the cluster connection that generate the shards.
+
+    jobs: number of processes. scheduler: address of a cluster. Raises `TaxelError` if both options are given.
+    """
     if scheduler is not None and jobs is not None:
         raise TaxelError("--jobs and --scheduler: expected one of them, since the cluster has its own workers")
     return Cluster(scheduler) if scheduler is not None else Processes(jobs or os.cpu_count() or 1)
 
 
 def _print_run(out: Path, recipe: Recipe, new_grasps: int, seconds: float, as_json: bool) -> None:
-    """Print the folder, the number of grasps and the rate of this run."""
+    """Print the folder, the number of generated grasps and the rate of this run. seconds: duration of the run."""
     if as_json:
         result: dict[str, Any] = {
             "folder": str(out),

@@ -90,7 +90,11 @@ def grasp(
 
 
 def _output_files(source: str, out: Path, may_exist: bool) -> dict[str, Path]:
-    """The files to write, by source. Raises `TaxelError` for an unknown source and for an existing file."""
+    """Choose the dataset files to write, by source ("emulated", "sim", "physical").
+
+    may_exist: existing files are continued or replaced. Raises `TaxelError` for an unknown source and for an existing
+    file.
+    """
     if source not in SOURCES:
         raise TaxelError(f"--source: expected {', '.join(SOURCES)}, found '{source}'")
     if source != "both":
@@ -106,7 +110,10 @@ def _output_files(source: str, out: Path, may_exist: bool) -> dict[str, Path]:
 
 
 def _select_plan(seed: int, sessions: int, grasps: int | None, objects: Sequence[str]) -> tuple[PlannedGrasp, ...]:
-    """The planned grasps of the selected objects. Raises `TaxelError` for a wrong option."""
+    """Select the planned grasps of the thesis for the given objects; none given: all. grasps: largest number.
+
+    Raises `TaxelError` for a wrong option.
+    """
     try:
         plan = make_thesis_plan(seed, sessions)
     except ValueError as error:
@@ -120,7 +127,7 @@ def _select_plan(seed: int, sessions: int, grasps: int | None, objects: Sequence
 
 
 def _parse_effects(texts: Sequence[str], no_effects: bool) -> list[str]:
-    """The effect lines of the options `--effect` and `--no-effects`. Raises `TaxelError`."""
+    """Return the emulator's effect lines of the options `--effect` and `--no-effects`. Raises `TaxelError`."""
     if "none" in texts:
         raise TaxelError("--effect none: this value is now the option --no-effects")
     if no_effects and texts:
@@ -131,7 +138,7 @@ def _parse_effects(texts: Sequence[str], no_effects: bool) -> list[str]:
 
 
 def _parse_level(name: str) -> Level:
-    """The sensing level of a name. Raises `TaxelError`."""
+    """Return the simulator's sensing level with this name. Raises `TaxelError` for an unknown name."""
     for level in LEVELS:
         if level == name:
             return level
@@ -139,7 +146,7 @@ def _parse_level(name: str) -> Level:
 
 
 def _wait_for_operator(planned: PlannedGrasp) -> None:
-    """Prompt the operator to place the object of a grasp, and wait for Enter."""
+    """Prompt the operator to place the object of a planned grasp, and wait for Enter."""
     typer.prompt(
         f"session {planned.session}: put the {planned.object} in its position, then press Enter",
         default="",
@@ -148,7 +155,7 @@ def _wait_for_operator(planned: PlannedGrasp) -> None:
 
 
 def _print_contact_points(console: Console, paths: list[Path], as_json: bool) -> None:
-    """Print the number of grasps and contact points by file and object."""
+    """Print the number of grasps and contact points of each dataset and object."""
     counts_by_file = {str(path): count_contact_points(path) for path in paths}
     if as_json:
         content = {

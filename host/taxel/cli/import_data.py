@@ -185,7 +185,7 @@ def rollout(
 
 
 def _require_one(joints: Path | None, poses: Path | None) -> None:
-    """Raise `TaxelError` unless exactly one of the two options is given."""
+    """Raise `TaxelError` unless exactly one of the options `--joint-file` and `--pose-file` is given."""
     if (joints is None) == (poses is None):
         found = "neither" if joints is None else "both"
         raise TaxelError(f"--joint-file and --pose-file: expected one of them, found {found}")
@@ -201,7 +201,11 @@ def _make_options(
     overwrite: bool,
     show: Progress,
 ) -> ImportOptions:
-    """The import options of the command line. calibration: file with poses of objects. wrist: text of the option."""
+    """Collect the import options of the command line in one object.
+
+    calibration: file with poses of objects. wrist: text of the option `--wrist-pose`. noise: standard deviation,
+    counts. show: progress callback.
+    """
     objects = load_calibration(calibration).objects if calibration is not None else {}
     return ImportOptions(
         hand=load_hand(hand),
@@ -216,7 +220,7 @@ def _make_options(
 
 
 def _parse_wrist_pose(text: str | None) -> FloatArray | None:
-    """The pose f64[4, 4] of the option `--wrist-pose`; None without the option. Raises `TaxelError`."""
+    """Parse the pose f64[4, 4] of the option `--wrist-pose`; None without the option. Raises `TaxelError`."""
     if text is None:
         return None
     try:
@@ -231,7 +235,7 @@ def _parse_wrist_pose(text: str | None) -> FloatArray | None:
 
 @contextmanager
 def _progress_bar(hidden: bool) -> Iterator[Progress]:
-    """A progress bar on standard error, if it is a terminal."""
+    """Show a progress bar of an import on standard error, if it is a terminal. Yields the progress callback."""
     console = Console(stderr=True, markup=False)
     if hidden or not console.is_terminal:
         yield ignore_progress
@@ -243,7 +247,7 @@ def _progress_bar(hidden: bool) -> Iterator[Progress]:
 
 
 def _print_report(report: ImportReport, out: Path, as_json: bool) -> None:
-    """Print the numbers of imported grasps, frames and contacts."""
+    """Print the numbers of imported grasps, frames and contacts. out: dataset written."""
     if as_json:
         print(json.dumps({"file": str(out), **vars(report)}))
         return

@@ -26,9 +26,9 @@ _TARGETS: Final = {name: entry.target for name, entry in COMMANDS.items() if ent
 
 
 def build_app(name: str = "", *, loads_all: bool = False) -> typer.Typer:
-    """The program as a typer application.
+    """Build the command-line program `taxel` as a typer application.
 
-    name: the command that will run. Only this command is imported; the others keep the summary of the table. With any
+    name: the command that will run. Only this command is imported; the others are listed with their summaries. With any
     other name no command is imported, which is enough for the help page. loads_all: import all commands.
     """
     app = typer.Typer(
@@ -54,7 +54,7 @@ def build_app(name: str = "", *, loads_all: bool = False) -> typer.Typer:
 
 
 def _add_loaded(app: typer.Typer, name: str, entry: CommandEntry | None) -> None:
-    """Import a command and add it to the application."""
+    """Import a command and add it to the application. entry: summary and panel of a built-in command; None: plug-in."""
     target = load_command(COMMANDS_GROUP, name, _TARGETS, entry.extra if entry is not None else None)
     panel = entry.panel if entry is not None else OTHER
     if isinstance(target, typer.Typer):
@@ -64,6 +64,7 @@ def _add_loaded(app: typer.Typer, name: str, entry: CommandEntry | None) -> None
 
 
 def _print_version(is_requested: bool) -> None:
+    """Print the version and exit, if the option `--version` was given."""
     if is_requested:
         print(f"taxel {VERSION}")
         raise typer.Exit
@@ -108,7 +109,10 @@ def main() -> None:
 
 
 def _fail_usage(error: Any) -> NoReturn:
-    """One line for a wrong command line; the help page if the command line has no argument at all."""
+    """Print one line for a wrong command line and exit with status 2; print the help page if there is no argument.
+
+    error: `UsageError` of the library click.
+    """
     if type(error).__name__ == "NoArgsIsHelpError":
         error.show()
         sys.exit(2)
@@ -125,7 +129,7 @@ def _fail_usage(error: Any) -> NoReturn:
 
 
 def _requested_command() -> str:
-    """The first argument after `taxel`, of the command line or of the line that the shell completes."""
+    """Return the first argument after `taxel`: the command to run, or the command that the shell completes."""
     if COMPLETION_VARIABLE in os.environ:
         arguments = os.environ.get("COMP_WORDS", os.environ.get("_TYPER_COMPLETE_ARGS", "")).split()
     else:
@@ -135,7 +139,7 @@ def _requested_command() -> str:
 
 @contextmanager
 def _interrupted_by_sigterm() -> Iterator[None]:
-    """Handle SIGTERM like Ctrl-C, so that a stopped service closes its files and child processes.
+    """Handle the signal SIGTERM like Ctrl-C inside the block, so that a stopped service closes its files.
 
     The previous handler is restored at the end: a program that runs a command in its own process may have started child
     processes that must end at SIGTERM.
@@ -151,5 +155,6 @@ def _interrupted_by_sigterm() -> Iterator[None]:
 
 
 def _fail(text: str) -> NoReturn:
+    """Print the first line of an error message to standard error and exit with status 1."""
     print(f"taxel: {text.splitlines()[0] if text else 'failed'}", file=sys.stderr)
     sys.exit(1)

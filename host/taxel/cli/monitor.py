@@ -68,12 +68,12 @@ def monitor(
 
 
 def _opening_status(console: Console, url: str) -> AbstractContextManager[object]:
-    """Show on a terminal that the command waits for the hub."""
+    """Return a context that shows on a terminal that the command waits for the hub at `url`."""
     return console.status(f"opening {url}: waiting for the hub") if console.is_terminal else nullcontext()
 
 
 def _on_terminal(skin: Skin, model: SkinMonitor, console: Console, title: str, seconds: float | None) -> None:
-    """Show the skin in the terminal until the end; then print one line."""
+    """Show the live skin in the terminal until its end or for `seconds`; then print one line with the last reading."""
     view = TerminalView(console, model, title)
     try:
         with view:
@@ -86,7 +86,10 @@ def _on_terminal(skin: Skin, model: SkinMonitor, console: Console, title: str, s
 def _print_once(
     skin: Skin, model: SkinMonitor, console: Console, title: str, as_json: bool, seconds: float | None
 ) -> None:
-    """Print one view after the baseline. Raises `NoFrameError` if no frame arrived."""
+    """Print one view of the skin after the baseline is complete. Raises `NoFrameError` if no frame arrived.
+
+    seconds: time limit; None: no limit.
+    """
     reading = watch(skin, model, OnceView(), seconds)
     if as_json:
         print(json.dumps(reading.as_dict()))
@@ -102,7 +105,10 @@ def _print_once(
 
 
 def _in_browser(skin: Skin, model: SkinMonitor, title: str, port: int, seconds: float | None) -> None:
-    """Show the skin in a browser until the end or Ctrl-C."""
+    """Serve a page that shows the live skin in a browser, until the end of the data or Ctrl-C.
+
+    port: of the page on 127.0.0.1. seconds: time limit; None: no limit.
+    """
     from taxel.monitor.web import WebView
 
     with WebView(model, title, port) as view:

@@ -28,7 +28,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON."
 
 
 def parse_joint_angles(text: str | None) -> FloatArray | None:
-    """The angles f64[j] in radians of the option `--joint-angles`; None if the option is missing.
+    """Parse the angles f64[j] in radians of the option `--joint-angles`; None if the option is missing.
 
     Raises `TaxelError` for a text that is not a list of finite numbers.
     """

@@ -12,10 +12,11 @@ from taxel.plugins import IMPORTERS, PluginError, list_plugin_names, load_plugin
 
 
 def load_command(group: str, name: str, built_in: Mapping[str, str], extra: str | None = None) -> Any:
-    """The typer function or the `typer.Typer` group of an entry point or of a built-in name.
+    """Load a command of the program: a typer function or a `typer.Typer` group.
 
-    extra: the extra that installs all optional libraries of the command; None: the extra of the missing library. Raises
-    `MissingPackageError` if an optional library is not installed, `PluginError` for an object that is not a command.
+    group, name: of the entry point. built_in: commands of the project by name. extra: the extra that installs all
+    optional libraries of the command; None: the extra of the missing library. Raises `MissingPackageError` if an
+    optional library is not installed, `PluginError` for an object that is not a command.
     """
     try:
         target = load_plugin(group, name, built_in)
@@ -34,11 +35,11 @@ class ImporterGroup(TyperGroup):
     """The group `taxel import`: its own commands, and one for each entry point of the group `taxel.importers`."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Names of all importers. Raises `PluginError` if two packages use one name."""
+        """List the names of all importers, for the help page. Raises `PluginError` if two packages use one name."""
         return [*list_plugin_names(IMPORTERS, dict.fromkeys(self.commands, ""))]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """One importer, imported now if another package adds it; None for an unknown name."""
+        """Return the command of one importer, imported now if another package adds it; None for an unknown name."""
         if cmd_name in self.commands or cmd_name not in self.list_commands(ctx):
             return super().get_command(ctx, cmd_name)
         try:
@@ -51,16 +52,17 @@ class _UnusableCommand(TyperCommand):
     """The command of an entry point that cannot be used: listed on the help page, refused when it is called."""
 
     def __init__(self, name: str, error: TaxelError) -> None:
+        """Create a command that stands for a plug-in that cannot be loaded; its help is the error message."""
         super().__init__(name, help=str(error))
         self._error = error
 
     def make_context(self, *arguments: Any, **options: Any) -> NoReturn:
-        """Raise the error of the entry point."""
+        """Raise the error of the plug-in that cannot be loaded, when its command is called."""
         raise self._error
 
 
 def _check_command(group: str, name: str, target: Any) -> None:
-    """Raise `PluginError` for an object that cannot become a command."""
+    """Raise `PluginError` if the object of an entry point cannot become a command. group, name: of the entry point."""
     try:
         if not (isinstance(target, typer.Typer) or callable(target)):
             raise TypeError(f"expected a function or a typer.Typer, found an object of type {type(target).__name__}")
@@ -70,7 +72,7 @@ def _check_command(group: str, name: str, target: Any) -> None:
 
 
 def _as_command(name: str, target: Any) -> Any:
-    """The click command of a typer function or group."""
+    """Convert a typer function or group to the command object of the library click."""
     if not isinstance(target, typer.Typer):
         app = typer.Typer()
         app.command(name)(target)

@@ -24,10 +24,10 @@ ShowCount = Callable[[int, int], None]
 
 @contextmanager
 def stage_bars(console: Console | None = None, *, hidden: bool = False) -> Iterator[ShowStage]:
-    """A bar for each stage, with the elapsed time of the stage.
+    """Show one progress bar for each stage of a task, with its elapsed time. Yields the progress callback.
 
-    console: None: standard error, and the bars disappear at the end, so that a script can read standard output.
-    hidden: show no bars.
+    console: None: standard error, and the bars disappear at the end, so that a script can read standard output. hidden:
+    show no bars.
     """
     columns = (
         TextColumn("{task.description:<14}", markup=False),
@@ -40,6 +40,7 @@ def stage_bars(console: Console | None = None, *, hidden: bool = False) -> Itera
         tasks: dict[str, TaskID] = {}
 
         def show(stage: str, done: int, total: int) -> None:
+            """Show the progress of a stage; a bar is added at the first call."""
             if stage not in tasks:
                 tasks[stage] = progress.add_task(stage, total=total)
             progress.update(tasks[stage], completed=done, total=total)
@@ -49,7 +50,10 @@ def stage_bars(console: Console | None = None, *, hidden: bool = False) -> Itera
 
 @contextmanager
 def count_bar(console: Console, title: str, unit: str) -> Iterator[ShowCount]:
-    """One bar with the number of completed items, the elapsed and the remaining time. unit: plural of the items."""
+    """Show one bar with the number of completed items, the elapsed and the remaining time. Yields the callback.
+
+    unit: plural of the items.
+    """
     columns: tuple[ProgressColumn, ...] = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -65,7 +69,7 @@ def count_bar(console: Console, title: str, unit: str) -> Iterator[ShowCount]:
 
 @contextmanager
 def spinner(title: str) -> Iterator[Callable[[str], None]]:
-    """A spinner on standard error for work of unknown length, erased at the end. Yields a setter of its title."""
+    """Show a spinner on standard error for work of unknown length, erased at the end. Yields a setter of its title."""
     columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
     with Progress(*columns, console=_stderr_console(), transient=True) as progress:
         task = progress.add_task(title)

@@ -45,7 +45,7 @@ RENAMED: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
 def refuse_renamed(arguments: Sequence[str]) -> None:
     """Raise `TaxelError` for the first argument that is a former name of an option of its command.
 
-    arguments: the command line after the program's name.
+    arguments: the command line after the name of the program.
     """
     for length in (1, 2):
         command = " ".join(arguments[:length])

@@ -60,7 +60,10 @@ def replay(
 
 
 def _summarise(recording: str, hand: str | None, grasp: str | None, speed: float | None, as_json: bool) -> None:
-    """Play a recording and print the counts of its frames, losses and bytes."""
+    """Play a recording and print its numbers of frames, losses and bytes.
+
+    grasp: id of a grasp in a dataset. speed: times real time; None: as fast as possible.
+    """
     link, description = open_recording(recording, hand, grasp)
     pace = Pace(speed)
     with Skin(link, description) as skin:
@@ -77,7 +80,10 @@ def _summarise(recording: str, hand: str | None, grasp: str | None, speed: float
 
 
 def _play_into_port(recording: str, hand: str | None, grasp: str | None, speed: float | None) -> None:
-    """Play a recording into a virtual serial port, whose name is printed first."""
+    """Play a recording into a virtual serial port; the name of the port is printed first.
+
+    grasp: id of a grasp in a dataset. speed: times real time; None: as fast as possible.
+    """
     link, description = open_recording(recording, hand, grasp)
     link.close()
     with VirtualPort(lambda: open_recording(recording, hand, grasp)[0], description, speed) as port:
@@ -89,7 +95,7 @@ def _play_into_port(recording: str, hand: str | None, grasp: str | None, speed: 
 
 
 def _parse_speed(text: str | None, default: float | None) -> float | None:
-    """Speed factor of the option `--speed`; None: as fast as possible. default: without the option.
+    """Parse the factor of the option `--speed`; None: as fast as possible. default: without the option.
 
     Raises `TaxelError` for a text that is neither `max` nor a permitted number.
     """

@@ -53,10 +53,11 @@ def publish_skin(
     seconds: float | None,
     pace: Pace,
 ) -> None:
-    """Publish all frames of a skin until its end or until `seconds` have passed.
+    """Publish all frames of a skin as ROS topics until its end or until `seconds` have passed.
 
     node: None: a new node, which is closed at the end. angles: f64[j], joint angles in radians. joint_topic: topic with
-    the joint angles instead. The times of a recording are shifted such that its first frame has the present time.
+    the joint angles, used instead of `angles`. The times of a recording are shifted such that its first frame has the
+    present time.
     """
     publisher = open_node() if node is None else node
     try:

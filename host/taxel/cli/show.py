@@ -39,7 +39,7 @@ def show(
 
 
 def _find_common_ids(paths: list[Path]) -> list[str]:
-    """Ids of the grasps that all datasets contain, sorted."""
+    """List the ids of the grasps that all datasets contain, sorted. paths: grasp datasets."""
     ids: list[set[str]] = []
     for path in paths:
         with GraspDataset(path) as data:

@@ -13,24 +13,25 @@ class StreamSummary:
     """Counts the frames of an open skin."""
 
     def __init__(self, skin: Skin) -> None:
+        """Create a counter of the frames of a skin, by address of the board. skin: source of the loss counters."""
         self._skin = skin
         self._first: float | None = None
         self._last = 0.0
         self.frames: Counter[int] = Counter()
 
     def add(self, address: int, time_s: float) -> None:
-        """Count one frame of the board at `address`, measured at `time_s`."""
+        """Count one frame of the board at I2C address `address`, measured at `time_s`."""
         self.frames[address] += 1
         self._first = time_s if self._first is None else min(self._first, time_s)
         self._last = max(self._last, time_s)
 
     @property
     def seconds(self) -> float:
-        """Time from the first frame to the last, seconds."""
+        """Time from the first frame to the last frame, seconds."""
         return 0.0 if self._first is None else self._last - self._first
 
     def as_dict(self) -> dict[str, Any]:
-        """The counts as JSON values."""
+        """Return the counts of frames, losses and bytes as JSON values."""
         losses = self._skin.losses
         boards = []
         for board in self._skin.hand.boards:
@@ -56,7 +57,7 @@ class StreamSummary:
         }
 
     def print(self, console: Console) -> None:
-        """Print the counts as a table."""
+        """Print the counts of frames, losses and bytes as a table."""
         data = self.as_dict()
         table = Table(title=f"hand {data['hand']}, {data['seconds']:.2f} s")
         for heading in ("board", "address", "frames", "Hz", "missing", "damaged"):

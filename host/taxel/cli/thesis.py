@@ -52,7 +52,7 @@ def thesis(
 
 
 def _print_findings(console: Console, findings: list[Finding]) -> None:
-    """Print each finding with its reproduced and printed numbers."""
+    """Print each finding of the thesis with its reproduced numbers and the printed numbers."""
     console.print(f"[bold]findings[/bold]: {', '.join(findings[0].numbers)} (printed number in brackets)")
     for finding in findings:
         unit = "" if finding.unit == "1" else f" {finding.unit}"

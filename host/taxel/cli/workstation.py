@@ -13,10 +13,10 @@ from taxel.skin import open_skin
 
 @contextmanager
 def open_workstation(arm: str, can: str, skin: str, hand: Hand) -> Iterator[Workstation]:
-    """The arm, the Allegro hand and the skin of a physical campaign, closed at the end of the block.
+    """Open the arm, the Allegro hand and the skin of a physical campaign; all are closed at the end of the block.
 
-    arm: `rtde:HOST` or `simulated`. can: CAN channel of the hand. skin: URL of the skin. Raises `TaxelError`
-    for a device that cannot be opened.
+    arm: `rtde:HOST` or `simulated`. can: CAN channel of the hand. skin: URL of the skin. Raises `TaxelError` for a
+    device that cannot be opened.
     """
     kind, _, host = arm.partition(":")
     if arm != "simulated" and not (kind == "rtde" and host):
