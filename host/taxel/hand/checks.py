@@ -73,7 +73,7 @@ def check_description(text: str, field: Field) -> None:
 
 
 def check_range(value: int, low: int, high: int, label: str, field: Field) -> None:
-    """Check that `value` is in [low, high]; `label` is the quantity in the error message."""
+    """Check that low <= value <= high; label: name of the quantity in the error message."""
     if not low <= value <= high:
         field.fail(f"{label} from {low} to {high}", format_value(value), "correct it")
 
@@ -90,7 +90,7 @@ def check_numbers(values: Any, count: int, field: Field, label: str) -> None:
 
 
 def check_unit(values: list[float], field: Field, label: str) -> None:
-    """Check that `values` is a vector of length 1 within `UNIT_TOLERANCE`; it is normalised when it is used."""
+    """Check that `values` is a vector of length 1 within `UNIT_TOLERANCE`; label: its name in the error message."""
     length = math.hypot(*values)  # a sum of squares of integers may exceed the range of float
     if abs(length - 1.0) > UNIT_TOLERANCE:
         field.fail(f"{label} of length 1", f"length {length:.4g}", "normalise it")

@@ -97,7 +97,10 @@ class ControlLoop:
         return period
 
     def _record(self, lateness_s: float, missed: int) -> None:
-        """Add one period to the statistics. lateness_s: delay of its start; missed: number of periods skipped."""
+        """Add one period of the control loop to the statistics.
+
+        lateness_s: delay of the start of the period, seconds. missed: number of periods skipped before this period.
+        """
         self._lateness[self._periods % LATENESS_HISTORY] = lateness_s
         self._periods += 1
         self._missed += missed

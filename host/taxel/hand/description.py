@@ -216,7 +216,7 @@ class Hand:
         )
 
     def _get_surfaces(self) -> list[Surface]:
-        """Taxel positions of all boards. Raises HandGeometryError for a description without geometry."""
+        """Return the taxel positions and normals of each board. Raises HandGeometryError if a board has none."""
         surfaces = [board.kind.surface for board in self.boards if board.kind.surface is not None]
         if len(surfaces) != len(self.boards):
             raise HandGeometryError(self.name)
@@ -294,9 +294,10 @@ def parse_hand_description(data: bytes, file: str) -> Hand:
 
 
 def read_hand_text(hand: Hand | str | os.PathLike[str]) -> str | None:
-    """Read the description file of a hand: of a packaged name, a path, or a `Hand` that equals a packaged one.
+    """Read the text of the description file of a hand.
 
-    Returns None for any other `Hand`, which has no file. Raises HandDescriptionError as `load_hand` does.
+    hand: a packaged name, a path, or a `Hand` that equals a packaged one. Returns None for any other `Hand`, which has
+    no file. Raises HandDescriptionError as `load_hand` does.
     """
     if isinstance(hand, Hand):
         if hand.name not in list_packaged_hands() or load_hand(hand.name) != hand:
@@ -308,7 +309,7 @@ def read_hand_text(hand: Hand | str | os.PathLike[str]) -> str | None:
 
 
 def _build_hand(document: HandDocument) -> Hand:
-    """Build the Hand of a checked document."""
+    """Build the Hand object from a hand description that has been parsed and checked."""
     geometry = document.get("geometry", {})
     kinds = {}
     for name, table in document["kinds"].items():
@@ -329,7 +330,7 @@ def _build_hand(document: HandDocument) -> Hand:
 
 
 def _build_board(table: BoardTable, kind: BoardKind) -> Board:
-    """A board from its checked table."""
+    """Build a board of the given kind from its checked table in the hand description."""
     if "link" not in table:
         return Board(table["name"], kind, table["address"])
     bracket_pose = make_pose(np.array(table["position_m"], float), np.array(table["quaternion_wxyz"], float))

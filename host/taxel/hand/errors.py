@@ -83,7 +83,7 @@ class Field:
     path: str = ""
 
     def key(self, name: str) -> Field:
-        """Return the position of a key of this table."""
+        """Return the position of the key `name` in this table of a description file, for error messages."""
         key = name if name.isidentifier() and len(name) <= _MAX_VALUE_LENGTH else format_value(name)
         return Field(self.file, f"{self.path}.{key}" if self.path else key)
 

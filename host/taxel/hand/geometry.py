@@ -65,7 +65,12 @@ def build_surface(rows: NDArray[np.float64], tx: NDArray[np.uint8], rx: NDArray[
 def _compute_distal(
     position: NDArray[np.float64], normal: NDArray[np.float64], tx: NDArray[np.int_], rx: NDArray[np.int_]
 ) -> NDArray[np.float64]:
-    """Compute the tangential direction of decreasing TX from the neighbours, else from the x or y axis."""
+    """Compute the distal direction of each taxel, a tangential unit vector towards smaller TX numbers, f64[count, 3].
+
+    position, normal: f64[count, 3]. tx, rx: electrode lines, int[count]. The direction leads from the neighbour with
+    the next larger to the one with the next smaller TX number; without such neighbours an axis (x or y) of the bracket
+    frame is projected onto the tangential plane.
+    """
     index_of = {crossing: index for index, crossing in enumerate(zip(tx.tolist(), rx.tolist(), strict=True))}
     direction = np.zeros_like(position)
     for (row, column), index in index_of.items():
@@ -80,7 +85,10 @@ def _compute_distal(
 
 
 def _normalise(vectors: NDArray[np.float64], name: str) -> NDArray[np.float64]:
-    """Unit vectors f64[n, 3]. Raises ValueError for a zero vector; name: of the array, for the error."""
+    """Divide vectors f64[n, 3] by their lengths.
+
+    Raises ValueError for a zero vector; name: the array in the message.
+    """
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     if not np.all(length > _DEGENERATE):
         raise ValueError(f"{name}: expected vectors longer than 0, found a zero vector")

@@ -74,7 +74,7 @@ def _check_taxels(rows: list[Any], count: int, field: Field) -> None:
 
 
 def _check_reach(position: list[float], field: Field) -> None:
-    """Raise an error for a coordinate above `MAX_REACH_M`."""
+    """Raise an error if a coordinate of a position is above `MAX_REACH_M` metres, for example in millimetres."""
     if any(abs(value) > MAX_REACH_M for value in position):
         field.fail(
             f"metres, at most {MAX_REACH_M:g} from the origin",

@@ -21,7 +21,7 @@ def save_heat_map(
     title: str,
     label: str = "signal",
 ) -> None:
-    """Draw the values of all taxels and save the picture.
+    """Draw the values of all taxels of a hand as coloured squares, board by board, and save the picture.
 
     values: f64[n], NaN where missing. active: bool[n], taxels drawn with a frame. path: its suffix selects PNG, SVG or
     PDF. label: label of the colour bar.

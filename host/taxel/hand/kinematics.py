@@ -45,7 +45,10 @@ class Kinematics:
             self._board_links = [self._get_link_index(hand, board.link_name) for board in hand.boards]
 
     def _get_link_index(self, hand: Hand, link_name: str | None) -> int:
-        """Index of a link. Raises HandGeometryError for a board without a link, UnknownLinkError."""
+        """Return the index of a link of the robot.
+
+        Raises HandGeometryError if `link_name` is None (a board without a link), UnknownLinkError for another link.
+        """
         if link_name is None:
             raise HandGeometryError(hand.name)
         return self.robot.get_link_index(link_name)
@@ -93,7 +96,10 @@ class Kinematics:
 
     @cached_property
     def _levels(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-        """(links, parents) of each depth of the tree; the poses of links of the same depth are independent."""
+        """Return for each depth of the kinematic tree (indices of its links, indices of their parent links).
+
+        The poses of links of the same depth are independent and can be computed together.
+        """
         depth = {self.robot.root: 0}
         for joint in self.robot.joints:
             depth[joint.child] = depth[joint.parent] + 1

@@ -136,7 +136,7 @@ def _build_origin(table: dict[str, Any]) -> NDArray[np.float64]:
 
 
 def _build_robot(document: dict[str, Any]) -> Robot:
-    """A robot from its checked description; each joint follows the joint of its parent link."""
+    """Build a robot from its checked description; joints are sorted so that parents precede children."""
     by_parent: dict[str, list[dict[str, Any]]] = {}
     for table in document["joints"]:
         by_parent.setdefault(table["parent"], []).append(table)
@@ -161,7 +161,7 @@ def _order_joints(link: str, by_parent: dict[str, list[dict[str, Any]]]) -> list
 
 
 def _build_joint(table: dict[str, Any]) -> Joint:
-    """A joint from its checked table of the robot description."""
+    """Build a joint from its checked table in the robot description."""
     origin = _build_origin(table)
     if table["type"] == "fixed":
         return Joint(table["name"], table["parent"], table["child"], origin)
@@ -171,7 +171,7 @@ def _build_joint(table: dict[str, Any]) -> Joint:
 
 
 def _build_shape(table: dict[str, Any]) -> Shape:
-    """A collision shape from its checked table of the robot description."""
+    """Build a collision shape (box or capsule) from its checked table in the robot description."""
     if table["type"] == "box":
         return Shape(table["link"], "box", tuple(map(float, table["half_size_m"])), _build_origin(table))
     return Shape(

@@ -116,7 +116,10 @@ def _check_joint(joint: Any, item_field: Field) -> None:
 
 
 def _check_leads_to_root(link: str, parents: Mapping[str, str], root: str, field: Field) -> None:
-    """Raise an error if the chain of parents of a link does not end at the root. parents: by child link."""
+    """Raise an error if the chain of parents of a link does not end at the root link.
+
+    parents: parent link by child link. field: position in the file, for the error.
+    """
     start = link
     for _ in range(len(parents) + 1):
         if link == root:

@@ -83,8 +83,10 @@ def _compute_curvatures(kind: BoardKind, surface: Surface) -> FloatArray:
 
 
 def _divide_squares(table: FloatArray, curvatures: FloatArray, parts: int, pitch_m: float) -> FloatArray:
-    """Divide each square f64[m, 9] (centre, normal, distal direction) into parts x parts pieces that follow the
-    curvature. curvatures: f64[m, 2], 1/m. Returns f64[m parts^2, 9].
+    """Divide each square of a sheet into parts x parts pieces that follow its curvature, f64[m parts^2, 9].
+
+    table: f64[m, 9], centre, normal and distal direction of each square. curvatures: f64[m, 2], 1/m, in the distal and
+    the lateral direction. pitch_m: side of a square, metres.
     """
     if parts == 1:
         return table
@@ -128,7 +130,12 @@ def build_margin(kind: BoardKind, surface: Surface, pitch_m: float) -> FloatArra
 
 
 def _extrapolate(surface: Surface, index: int, opposite: int | None, step: tuple[int, int], pitch: float) -> FloatArray:
-    """Extrapolate one pitch beyond taxel `index` on a circle with the curvature towards the opposite neighbour."""
+    """Compute the square next to taxel `index`, one pitch away on the side given by `step`, as f64[9].
+
+    step: change of (TX, RX) towards the new square. opposite: neighbour of the taxel on the other side, which gives the
+    curvature; None: the sheet continues straight. pitch: side of a square, metres. Returns centre, normal and distal
+    direction.
+    """
     position, normal, distal = surface.position[index], surface.normal[index], surface.distal[index]
     lateral = np.cross(normal, distal)  # to the left, seen from outside with the distal direction upwards
     along = -step[0] * distal - step[1] * lateral  # TX 0 is distal, RX 0 is left

@@ -155,9 +155,10 @@ def interpolate(start: npt.ArrayLike, end: npt.ArrayLike, fraction: npt.ArrayLik
 
 
 def check_rigid(transform: npt.ArrayLike, tolerance: float = RIGID_TOLERANCE) -> None:
-    """Raise ValueError unless every transform is finite, right-handed, without scale or shear, with last row 0 0 0 1.
+    """Raise ValueError unless every transform is a rotation and a translation, with finite numbers.
 
-    transform: f64[..., 4, 4]. tolerance: largest allowed entry of R^T R - 1.
+    transform: f64[..., 4, 4], last row 0 0 0 1, right-handed, without scale or shear. tolerance: largest allowed
+    absolute entry of R^T R - I, where R is the rotation part.
     """
     m = _check_matrices(transform)
     if not np.isfinite(m).all():
@@ -176,7 +177,7 @@ def check_rigid(transform: npt.ArrayLike, tolerance: float = RIGID_TOLERANCE) ->
 
 
 def _stack_rotation(rows: tuple[tuple[FloatArray, FloatArray, FloatArray], ...]) -> FloatArray:
-    """Transforms f64[..., 4, 4] with the rotation whose 3 x 3 entries are arrays f64[...]."""
+    """Build transforms f64[..., 4, 4] without translation from 3 x 3 rotation entries, each an array f64[...]."""
     result = np.zeros((*np.shape(rows[0][0]), 4, 4))
     for i, row in enumerate(rows):
         for j, entry in enumerate(row):
@@ -186,7 +187,7 @@ def _stack_rotation(rows: tuple[tuple[FloatArray, FloatArray, FloatArray], ...])
 
 
 def _check_vectors(name: str, values: npt.ArrayLike, size: int) -> FloatArray:
-    """The values as f64[..., size]. Raises ValueError for another shape."""
+    """Return `values` as f64[..., size]. Raises ValueError for another last axis; name: the argument in the message."""
     array = np.asarray(values, dtype=np.float64)
     if array.shape[-1:] != (size,):
         raise ValueError(f"{name}: expected {size} numbers in the last axis, found shape {array.shape}")
@@ -194,7 +195,7 @@ def _check_vectors(name: str, values: npt.ArrayLike, size: int) -> FloatArray:
 
 
 def _check_matrices(transform: npt.ArrayLike) -> FloatArray:
-    """The transforms as f64[..., 4, 4]. Raises ValueError for another shape."""
+    """Return `transform` as f64[..., 4, 4]. Raises ValueError for another shape."""
     array = np.asarray(transform, dtype=np.float64)
     if array.shape[-2:] != (4, 4):
         raise ValueError(f"transform: expected shape [..., 4, 4], found {array.shape}")

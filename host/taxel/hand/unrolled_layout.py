@@ -18,7 +18,11 @@ _PARTS = ("medial_front", "medial_back", "proximal_front", "proximal_back")
 
 
 def get_short_name(name: str) -> str:
-    """Return the label of a board without the name of its finger, which labels the column; except for the thumb."""
+    """Return the short label of a board in the unrolled drawing of a hand, such as "tip".
+
+    The label omits the finger, because the finger labels the column of the drawing; only the thumb's fingertip keeps
+    it.
+    """
     if name == "fingertip_thumb":
         return "thumb tip"
     part = name.rpartition("_")[0]

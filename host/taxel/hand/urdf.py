@@ -76,14 +76,14 @@ def _get_mounting(hand: Hand, board: Board) -> tuple[str, NDArray[np.float64]]:
 
 
 def _make_unique(name: str, used_names: set[str]) -> str:
-    """The name, with suffixes "_bracket" until the name is not used."""
+    """Return `name`, with the suffix "_bracket" appended until it differs from all used names."""
     while name in used_names:
         name += "_bracket"
     return name
 
 
 def _add_joint(root: ET.Element, joint: Joint) -> None:
-    """Add a fixed or revolute joint."""
+    """Append a fixed or revolute joint to the URDF element `root`."""
     element = ET.SubElement(root, "joint", name=joint.name, type="fixed" if joint.axis is None else "revolute")
     _add_origin(element, joint.origin)
     ET.SubElement(element, "parent", link=joint.parent)
@@ -111,7 +111,10 @@ def _add_link(root: ET.Element, name: str, shapes: list[Shape], *, is_moving: bo
 
 
 def _add_shape(element: ET.Element, role: str, shape: Shape) -> None:
-    """Add a box, or a capsule as a cylinder with two spheres. role: "visual" or "collision"."""
+    """Add a collision shape to a link of the URDF; a capsule becomes a cylinder with two spheres.
+
+    element: the link. role: "visual" or "collision".
+    """
     if shape.type == "box":
         size = _format_numbers(2.0 * np.array(shape.size))
         ET.SubElement(_add_geometry(element, role, shape.origin), "box", size=size)
@@ -141,7 +144,7 @@ def _add_origin(element: ET.Element, origin: NDArray[np.float64]) -> None:
 
 
 def _add_inertial(element: ET.Element, body: _Body) -> None:
-    """Add mass, centre and inertia tensor of a link."""
+    """Append mass (kg), centre of mass (metres) and inertia tensor (kg m^2) to a link of the URDF."""
     mass, centre, inertia = body
     inertial = ET.SubElement(element, "inertial")
     ET.SubElement(inertial, "origin", xyz=_format_numbers(centre), rpy=_format_numbers(np.zeros(3)))
@@ -151,14 +154,14 @@ def _add_inertial(element: ET.Element, body: _Body) -> None:
 
 
 def _build_body(shape: Shape) -> _Body:
-    """Mass, centre and inertia tensor of a shape of uniform density."""
+    """Compute mass (kg), centre (metres) and inertia tensor (kg m^2) of a shape of uniform density."""
     mass, inertia = _compute_box(*shape.size) if shape.type == "box" else _compute_capsule(*shape.size)
     rotation = shape.origin[:3, :3]
     return mass, shape.origin[:3, 3], rotation @ inertia @ rotation.T
 
 
 def _combine_bodies(bodies: list[_Body]) -> _Body:
-    """Combine several bodies into one (parallel axis theorem)."""
+    """Combine several rigid bodies into one: mass, centre and inertia tensor (parallel axis theorem)."""
     total = sum(mass for mass, _, _ in bodies)
     centre = np.sum([mass * position for mass, position, _ in bodies], axis=0) / total
     inertia = np.zeros((3, 3))
@@ -169,19 +172,22 @@ def _combine_bodies(bodies: list[_Body]) -> _Body:
 
 
 def _compute_box(x: float, y: float, z: float) -> tuple[float, NDArray[np.float64]]:
-    """Compute mass and inertia of a box with half sizes x, y, z."""
+    """Compute mass (kg) and inertia tensor f64[3, 3] (kg m^2) of a box with half sizes x, y, z, metres."""
     mass = DENSITY_KG_M3 * 8.0 * x * y * z
     return mass, mass / 3.0 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
 
 
 def _compute_sphere(radius: float) -> tuple[float, NDArray[np.float64]]:
-    """Compute mass and inertia of a sphere."""
+    """Compute mass (kg) and inertia tensor f64[3, 3] (kg m^2) of a sphere; radius: metres."""
     mass = DENSITY_KG_M3 * 4.0 / 3.0 * math.pi * radius**3
     return mass, 0.4 * mass * radius**2 * np.eye(3)
 
 
 def _compute_capsule(radius: float, half_length: float) -> tuple[float, NDArray[np.float64]]:
-    """Compute mass and inertia of a capsule along z: a cylinder and two half spheres (centres of mass at 3/8 r)."""
+    """Compute mass (kg) and inertia tensor f64[3, 3] (kg m^2) of a capsule along z; lengths in metres.
+
+    A capsule is a cylinder with a half sphere at each end, whose centre of mass is at 3/8 of the radius.
+    """
     cylinder = DENSITY_KG_M3 * 2.0 * math.pi * radius**2 * half_length
     caps, caps_inertia = _compute_sphere(radius)
     across = cylinder * (radius**2 / 4.0 + half_length**2 / 3.0) + caps * half_length * (half_length + 0.75 * radius)

@@ -58,7 +58,10 @@ class CaptureWriter:
         self.records += 1
 
     def _append(self, data: bytes, time_ns: int) -> None:
-        """Write one record; after a failure the file is truncated to the complete records. Raises `CaptureError`."""
+        """Write one record to the capture file; after a failure the file is truncated to its complete records.
+
+        time_ns: arrival time of `data`, nanoseconds. Raises `CaptureError`.
+        """
         record = _RECORD.pack(time_ns, len(data)) + data
         end = self._file.tell()
         try:
@@ -121,7 +124,10 @@ class CaptureLink:
         self.baud = float(baud) if isinstance(baud, int | float) and 1e3 <= baud <= 1e9 else 1e6
 
     def _read_header(self) -> dict[str, object]:
-        """The JSON object at the start of the file. Raises `CaptureError` for a file that is not a capture."""
+        """Read the JSON object at the start of the capture file.
+
+        Raises `CaptureError` for a file that is no capture.
+        """
         start = self._file.read(_START.size)
         if len(start) < _START.size or start[:8] != MAGIC:
             raise CaptureError(self.name, "is not a taxel capture (it does not begin with TAXELCAP)")
@@ -139,7 +145,11 @@ class CaptureLink:
         return header
 
     def read(self, timeout_s: float = 0.0) -> Chunk:
-        """The next record. Raises EOFError at the end of a complete file, `CaptureError` for a damaged record."""
+        """Return the next record of the capture file: its bytes and arrival time.
+
+        The call does not wait; `timeout_s` has no effect. Raises EOFError at the end of a complete file, `CaptureError`
+        for a damaged record.
+        """
         offset = self._file.tell()
         head = self._file.read(_RECORD.size)
         if not head:
@@ -154,14 +164,18 @@ class CaptureLink:
         raise self.make_damage_error(offset, is_interrupted=True)
 
     def make_damage_error(self, offset: int, is_interrupted: bool) -> CaptureError:
-        """The error for the record at byte `offset`: the file ends within the record, or the record is damaged."""
+        """Create the error for the record at byte `offset` of the capture file.
+
+        is_interrupted: the file ends within the record; otherwise the record is damaged.
+        """
         problem = "is cut short in a record" if is_interrupted else "is damaged"
         return CaptureError(self.name, f"{problem} at byte {offset}; everything before it was read")
 
     def read_into(self, buffer: memoryview) -> int:
-        """Fill `buffer` with the next bytes of the file, including the heads of records; number of bytes, 0 at the end.
+        """Fill `buffer` with the next bytes of the capture file, including the headers of records; return their number.
 
-        For a reader that parses the records; not to be combined with `read`. Raises `CaptureError`.
+        Returns 0 at the end. For a caller that parses the records; not to be combined with `read`. Raises
+        `CaptureError`.
         """
         try:
             return self._file.readinto(buffer)

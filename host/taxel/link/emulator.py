@@ -25,7 +25,7 @@ EXIT_TIMEOUT_S = 10.0
 
 
 def find_emulator_program() -> Path:
-    """Path of the emulator's executable in the installed package. Raises `LinkError` if the file is missing."""
+    """Return the path of the emulator's executable in the installed package. Raises `LinkError` if it is missing."""
     path = importlib.resources.files("taxel") / "native" / "taxel-emulator"
     if not path.is_file():
         raise LinkError("emulator", "its program is missing from the package; install taxel again (pip install .)")
@@ -102,7 +102,10 @@ class EmulatorLink:
                 raise LinkError(self.name, f"cannot be started ({error})") from None
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """The next bytes of the hub's UART."""
+        """Return the next bytes of the emulated hub's UART; None if none arrives within `timeout_s` seconds.
+
+        Raises EOFError after the normal end of the emulation, and `PortVanishedError` if the emulator has failed.
+        """
         ready, _, _ = select.select([self._socket], [], [], timeout_s)
         if not ready:
             return None
@@ -117,14 +120,14 @@ class EmulatorLink:
         return Chunk(data, time.monotonic_ns())
 
     def _raise_ended(self) -> None:
-        """Raise EOFError after a normal exit of the process, else `PortVanishedError` with its message."""
+        """Raise EOFError if the emulator process has ended normally, else `PortVanishedError` with its message."""
         status = self._process.wait(timeout=EXIT_TIMEOUT_S)
         if status == 0:
             raise EOFError
         raise PortVanishedError(self.name, self._get_exit_message(status))
 
     def _get_exit_message(self, status: int) -> str:
-        """The last line on the emulator's standard error, or a text with the exit status."""
+        """Return the last line that the emulator wrote to standard error, or a text with its exit status."""
         if self._last_message is None:
             self._last_message = _get_last_line(self._stderr_path.read_bytes())
         return self._last_message or (
@@ -132,7 +135,7 @@ class EmulatorLink:
         )
 
     def write(self, data: bytes) -> None:
-        """Send bytes to the hub."""
+        """Send bytes to the UART of the emulated hub. Raises `PortVanishedError` if the emulator has ended."""
         try:
             self._socket.sendall(data)
         except OSError:
@@ -147,7 +150,11 @@ class EmulatorLink:
             raise PortVanishedError(self.name, "the emulator has ended, or has no live stimulus") from None
 
     def statistics(self) -> dict[str, Any]:
-        """Counters of the emulator. Ends the process, since the emulator writes the counters at its exit."""
+        """Return the counters of the emulator.
+
+        The call ends the emulator process, since the emulator writes the counters at its exit. Raises `LinkError`
+        without counters.
+        """
         self.stop()
         if self._statistics is None:
             try:
@@ -157,7 +164,7 @@ class EmulatorLink:
         return dict(self._statistics)
 
     def stop(self) -> None:
-        """End the process. Its statistics and its message stay available."""
+        """End the emulator process. Its statistics and its error message stay available."""
         self._socket.close()
         self._stimulus_socket.close()
         if self._process.poll() is None:
@@ -169,7 +176,7 @@ class EmulatorLink:
                 self._process.wait()
 
     def close(self) -> None:
-        """End the process and delete its temporary files."""
+        """End the emulator process and delete its temporary files."""
         self.stop()
         if self._stderr_path.exists():
             self._get_exit_message(self._process.returncode)

@@ -54,7 +54,7 @@ class SerialLink:
         self._prepare(rtscts, low_latency)
 
     def _prepare(self, rtscts: bool | None, low_latency: bool) -> None:
-        """Apply the settings of flow control and latency; see `SerialLink`."""
+        """Set flow control and low latency of the open serial port; see `SerialLink` for the arguments."""
         # A pseudo-terminal has no modem lines, and many drivers have no low-latency mode: both settings may fail.
         unsupported = (serial.SerialException, OSError, ValueError, NotImplementedError)
         try:
@@ -72,7 +72,10 @@ class SerialLink:
                 self._port.set_low_latency_mode(True)
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """The bytes in the receive buffer; waits at most `timeout_s` seconds for the first byte."""
+        """Return the received bytes of the serial port, waiting at most `timeout_s` seconds for the first byte.
+
+        Returns None if no byte arrives. Raises `PortVanishedError` if the port has been removed.
+        """
         if self._failure is not None:
             raise self._make_vanished_error(self._failure)
         data = b""
@@ -90,7 +93,7 @@ class SerialLink:
         return Chunk(data, arrival) if data else None
 
     def _read_waiting(self) -> bytes:
-        """The bytes that the operating system has received, without waiting for more."""
+        """Return the bytes that the operating system has received on the serial port, without waiting for more."""
         waiting = self._port.in_waiting
         if not waiting:
             return b""
@@ -107,7 +110,10 @@ class SerialLink:
         return PortVanishedError(self.name, f"the port is gone ({_describe(error)}); check plug and power")
 
     def write(self, data: bytes) -> None:
-        """Send all bytes."""
+        """Send all bytes to the serial port.
+
+        Raises `LinkError` if the hub accepts none, or if the port has been removed.
+        """
         try:
             self._port.write(data)
         except serial.SerialTimeoutException as error:
@@ -124,6 +130,6 @@ class SerialLink:
 
 
 def _describe(error: BaseException) -> str:
-    """First line of the operating system's text for an error, or of the error's own text."""
+    """Return one line of text for an exception: the operating system's text for its error number, or its own text."""
     text = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
     return text.splitlines()[0] if text else type(error).__name__

@@ -25,7 +25,7 @@ def make_stimulus_header(taxels: int, kind: Kind = "force") -> bytes:
 
 
 def make_stimulus_records(times_s: ArrayLike, values: ArrayLike) -> bytes:
-    """Records of `values` [T, n] (newtons or raw counts) at `times_s` [T] seconds.
+    """Encode the records of a stimulus: `values` [T, n] (newtons or raw counts) at `times_s` [T] seconds.
 
     A negative time means the present time of a live emulator. Raises ValueError for shapes that do not fit.
     """

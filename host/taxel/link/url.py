@@ -57,7 +57,7 @@ def open_serial(url: str, hand: Any = None) -> SerialLink:
 
 
 def get_recorded_path(url: str) -> str | None:
-    """Path of the file in a `file:` URL; None for any other URL. Raises `LinkError` for a URL without a path."""
+    """Return the path of the file in a `file:` URL; None for any other URL. Raises `LinkError` for an empty path."""
     if not url.startswith("file:"):
         return None
     path = url.removeprefix("file:")
@@ -67,7 +67,7 @@ def get_recorded_path(url: str) -> str | None:
 
 
 def split_url(url: str) -> SplitResult:
-    """The parts of a URL. Raises `LinkError` for a text that cannot be split."""
+    """Split a URL into its parts. Raises `LinkError` for a text that cannot be split."""
     try:
         return urlsplit(url)
     except ValueError as error:
@@ -75,7 +75,7 @@ def split_url(url: str) -> SplitResult:
 
 
 def _parse_options(url: str, query: str, allowed: set[str]) -> dict[str, str]:
-    """The options of a URL's query, by name. Raises `LinkError` for an option that is not in `allowed`."""
+    """Return the options after the `?` of a URL, by name. Raises `LinkError` for an option that is not in `allowed`."""
     options = {name: values[-1] for name, values in parse_qs(query, keep_blank_values=True).items()}
     unknown = sorted(set(options) - allowed)
     if unknown:
@@ -84,7 +84,10 @@ def _parse_options(url: str, query: str, allowed: set[str]) -> dict[str, str]:
 
 
 def _parse_baud(url: str, text: str) -> float:
-    """The bit rate of option 'baud', bit/s. Raises `LinkError` for other text or a value out of range."""
+    """Convert the text of the URL's option 'baud' to bit/s.
+
+    Raises `LinkError` for other text or a value out of range.
+    """
     try:
         value = float(text)
     except ValueError:
@@ -95,7 +98,7 @@ def _parse_baud(url: str, text: str) -> float:
 
 
 def _parse_flag(url: str, name: str, text: str) -> bool:
-    """The value of option `name`, 0 or 1. Raises `LinkError` for other text."""
+    """Convert the text of the URL's option `name`, 0 or 1, to a bool. Raises `LinkError` for other text."""
     if text not in {"0", "1"}:
         raise LinkError(url, f"option '{name}' must be 0 or 1, found '{text}'")
     return text == "1"

@@ -14,7 +14,7 @@ MAX_NAMED_BOARDS = 3
 
 
 def make_advice(reading: SkinReading, skin: Skin) -> str | None:
-    """Advice for a reading of `skin`; None if there is no problem."""
+    """Return one line of advice to the user if a reading shows a problem of the skin, such as no frames; else None."""
     name, is_recorded = skin.link.name, skin.link.is_recorded
     if reading.is_ended:
         return f"{name} has ended" if reading.frames else f"{name} has ended without a frame: is it a stream of a hub?"
@@ -41,7 +41,7 @@ def make_advice(reading: SkinReading, skin: Skin) -> str | None:
 
 
 def _advise_without_frames(reading: SkinReading, skin: Skin) -> str:
-    """Advice for a hub that responds while no frame arrives."""
+    """Return the advice for a hub that responds to the handshake while no taxel frame arrives."""
     if skin.hub.boards:
         count = len(skin.hub.boards)
         return f"the hub reports {count} boards, but no frame arrives: does another program read {skin.link.name}?"

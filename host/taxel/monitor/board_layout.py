@@ -52,12 +52,15 @@ class BoardLayout:
 
 
 def _compute_block_height(board: Board, scale: int) -> int:
-    """Height of the block of a board, characters."""
+    """Return the height of the picture of a board, characters; scale: width of a taxel, which is half as high."""
     return -(-board.kind.tx_count * scale // 2)
 
 
 def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
-    """Both sides of the default hand next to each other, each as seen from its own side; None for another hand."""
+    """Place both sides of the default hand next to each other, each as seen from its own side; None for another hand.
+
+    scale: width of a taxel in characters; a taxel is half as high.
+    """
     by_name = {board.name: board for board in hand.boards}
     rows = [(*palm, *back) for palm, back in zip(PALM_SIDE, (("", "", ""), *BACK), strict=True)]
     if not by_name.keys() <= {name for row in rows for name in row}:
@@ -100,7 +103,10 @@ def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
 
 
 def layout_rows(hand: Hand, width: int, scale: int = 1) -> BoardLayout:
-    """Boards in rows of at most `width` characters, each under its name; for small terminals and for any hand."""
+    """Place the boards of any hand in rows of at most `width` characters, each board under its name.
+
+    scale: width of a taxel in characters; a taxel is half as high.
+    """
     rows = _split_rows(hand, width, scale)
     placed: list[PlacedBoard] = []
     top = widest = 0
@@ -121,7 +127,10 @@ def layout_rows(hand: Hand, width: int, scale: int = 1) -> BoardLayout:
 
 
 def _split_rows(hand: Hand, width: int, scale: int) -> list[list[Board]]:
-    """The boards in rows of at most `width` characters; each group of boards starts a row."""
+    """Divide the boards of a hand into rows of at most `width` characters; boards of another height start a new row.
+
+    scale: width of a taxel in characters.
+    """
     rows: list[list[Board]] = []
     used = 0
     for group in _group_by_height(hand.boards):
@@ -136,7 +145,7 @@ def _split_rows(hand: Hand, width: int, scale: int) -> list[list[Board]]:
 
 
 def _group_by_height(boards: Sequence[Board]) -> list[list[Board]]:
-    """Boards of similar height: the default hand's tips and plates, proximal and medial boards; else one group."""
+    """Group boards of similar height; the default hand has tips and plates, proximal boards, and medial boards."""
     prefixes = tuple(prefix for prefix, _ in _SHORT_PREFIXES)
     groups: dict[str, list[Board]] = {}
     for board in boards:
@@ -150,7 +159,7 @@ def _group_by_height(boards: Sequence[Board]) -> list[list[Board]]:
 
 
 def _shorten_name(name: str) -> str:
-    """Label of a board, at most `LONGEST_LABEL` characters."""
+    """Return the label of a board on the screen, at most `LONGEST_LABEL` characters."""
     for prefix, short in _SHORT_PREFIXES:
         if name.startswith(prefix):
             return name.replace(prefix, short)

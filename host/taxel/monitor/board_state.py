@@ -48,13 +48,16 @@ class BoardState:
         self._activation: Activation | None = None
 
     def restart_baseline(self) -> None:
-        """Discard the baseline; the next frames give a new one."""
+        """Discard the baseline of the board; the next frames give a new baseline."""
         self._baseline.reset()
         self._activation = None
         self.disturbed = 0
 
     def take(self, frame: TaxelFrame, now_s: float, threshold: float) -> None:
-        """Process a frame that arrived at `now_s`. threshold: activation threshold, counts."""
+        """Process a taxel frame of the board that arrived at `now_s` seconds.
+
+        threshold: activation threshold, counts.
+        """
         self._raw[:] = frame.raw_counts
         if self._has_new_frame:
             np.minimum(self._lowest, frame.raw_counts, out=self._lowest)
@@ -78,7 +81,7 @@ class BoardState:
         return now_s - self.last_s < SILENT_S  # False before the first frame
 
     def take_activation(self, now_s: float) -> ActivationFrame | None:
-        """Activation of the lowest counts since the last call; None without a baseline or without frames."""
+        """Compare the lowest counts since the last call with the baseline; None without baseline or frames."""
         self._has_new_frame = False
         if self._activation is None or not self.is_sending(now_s):
             return None
@@ -93,10 +96,11 @@ class BoardState:
         status: Mapping[str, Any] | None,
         is_expected: bool,
     ) -> BoardReading:
-        """The board's part of a reading.
+        """Return the present state of the board as a part of the monitor's reading.
 
-        status: fields of BOARD_STATUS; None before the first. is_expected: the hub has found the board, or the source
-        is a recording, in which this is unknown.
+        activation: result of `take_activation`. now_s: time on the monitor's clock. rate_hz: measured frame rate.
+        count: frame losses of the board. status: fields of its latest BOARD_STATUS message; None before the first.
+        is_expected: the hub has found the board, or the source is a recording, in which this is unknown.
         """
         is_sending = self.is_sending(now_s)
         return BoardReading(
@@ -114,9 +118,9 @@ class BoardState:
         )
 
     def _get_state_name(self, status: Mapping[str, Any] | None, is_expected: bool) -> str:
-        """State of the board for the user; status: its latest BOARD_STATUS.
+        """Return the state of the board in words for the user, such as "silent".
 
-        is_expected: the hub has found the board.
+        status: fields of its latest BOARD_STATUS message. is_expected: the hub has found the board.
         """
         name = _STATE_NAMES.get(status["state"]) if status is not None else None
         if name is not None:

@@ -39,7 +39,10 @@ class Canvas:
         self._style_names: list[str] = [""]  # Style number 0, the initial value of `_styles`, is the default style.
 
     def write(self, row: int, column: int, text: str, style: str = "") -> int:
-        """Write text in a rich style; returns the column behind it."""
+        """Write text at a row and column of the canvas in a style of the package rich; return the column after it.
+
+        Text outside the canvas is clipped.
+        """
         end = column + len(text)
         if 0 <= row < self.height and column < self.width and text:
             if style not in self._style_names:
@@ -51,9 +54,10 @@ class Canvas:
         return end
 
     def paint(self, row: int, column: int, steps: IndexArray, active: BoolArray) -> None:
-        """Draw a picture [2 * k, w] of rows of `TABLE` or NOTHING; two of its rows are one row of characters.
+        """Draw a picture of taxels with its upper left corner at (row, column) of the canvas.
 
-        active: bool[2 * k, w], active taxels, used by a canvas without colour.
+        steps: int[2 * k, w], for each pixel a row of the colour table `TABLE`, or NOTHING; two rows of pixels fill one
+        row of characters. active: bool[2 * k, w], active taxels, drawn differently on a canvas without colour.
         """
         height, width = steps.shape[0] // 2, steps.shape[1]
         height, width = min(height, self.height - row), min(width, self.width - column)
@@ -83,7 +87,7 @@ class Canvas:
                 yield Segment.line()
 
     def _get_style(self, number: int) -> Style:
-        """Style of a character of the canvas from its number: a text style, or the colours of two half blocks."""
+        """Return the rich style of a style number of the canvas: a text style, or the colours of two half blocks."""
         if number < _FIRST_PAIR:
             return _parse_style(self._style_names[number])
         upper, lower = divmod(number - _FIRST_PAIR, _STEP_VALUES)
@@ -97,7 +101,11 @@ def _parse_style(style: str) -> Style:
 
 @lru_cache(maxsize=4096)
 def _make_pair_style(upper: int, lower: int) -> Style:
-    """Style of a half block: `▀` with the upper taxel as foreground, or `▄` if there is no upper taxel."""
+    """Return the style of a character that shows two taxels, one above the other, as half blocks.
+
+    upper, lower: rows of the colour table `TABLE`, or NOTHING. The character is `▀` with the upper taxel as foreground
+    colour, or `▄` if there is no upper taxel.
+    """
     if upper == NOTHING:
         return Style(color=_colour(lower))
     return Style(color=_colour(upper), bgcolor=None if lower == NOTHING else _colour(lower))

@@ -27,7 +27,7 @@ SMALLEST_TOP = 2.0
 
 
 def _build_table() -> ByteArray:
-    """The colour table u8[STEPS + 1, 3], sRGB: inactive steps, active steps, grey for an unknown signal."""
+    """Build the colour table u8[STEPS + 1, 3], sRGB: inactive steps, active steps, grey for an unknown signal."""
     anchors = np.array([[int(code[i : i + 2], 16) for i in (0, 2, 4)] for code in VIRIDIS], dtype=float)
     position = np.concatenate(
         [np.linspace(0.0, _INACTIVE_END, INACTIVE_STEPS), np.linspace(_ACTIVE_START, 1.0, STEPS - INACTIVE_STEPS)]
@@ -42,7 +42,11 @@ TABLE = _build_table()
 
 
 def colour_steps(signal: FloatArray, threshold: float, top: float) -> IndexArray:
-    """Row of `TABLE` for each signal [n], counts. top: end of the scale, counts, above `threshold`."""
+    """Return the row of the colour table `TABLE` for each signal.
+
+    signal: f64[n], counts below the baseline, NaN where unknown. threshold: counts above which a taxel is active. top:
+    end of the colour scale, counts, above `threshold`.
+    """
     finite = np.nan_to_num(signal, nan=0.0)
     inactive = np.clip(INACTIVE_STEPS * finite / threshold, 0, INACTIVE_STEPS - 1)
     active = INACTIVE_STEPS + np.clip((STEPS - INACTIVE_STEPS) * (finite - threshold) / (top - threshold), 0, None)
@@ -66,7 +70,7 @@ class ColourScale:
         self.top = _round_up(self._smallest)
 
     def update(self, largest_signal: float, now_s: float) -> float:
-        """The end of the scale, counts, for the largest signal (NaN: unknown) at `now_s` seconds."""
+        """Return the end of the colour scale, counts, for the largest signal (NaN: unknown) at `now_s` seconds."""
         target = _round_up(max(self._smallest, 0.0 if np.isnan(largest_signal) else largest_signal))
         if target >= self.top or now_s - self._reached_s > self._hold_s:
             self.top, self._reached_s = target, now_s
@@ -74,6 +78,6 @@ class ColourScale:
 
 
 def _round_up(value: float) -> float:
-    """The next number of the form 1, 1.5, 2, 3, 5 or 7 times a power of ten."""
+    """Return the next larger number of the form 1, 1.5, 2, 3, 5 or 7 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(next(step * power for step in (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0) if step * power >= 0.999 * value))

@@ -20,7 +20,7 @@ class History:
         return self._count
 
     def add(self, reading: SkinReading) -> None:
-        """Store a reading; one without a newer frame is ignored."""
+        """Store the signals of a reading, unless it has no newer frame than the last stored reading."""
         newest = self._times[self._next - 1]
         if not np.isfinite(reading.time_s) or newest == reading.time_s:
             return
@@ -36,7 +36,7 @@ class History:
 
     @property
     def times_s(self) -> FloatArray:
-        """f64[t], seconds relative to the newest reading, 0 or negative, the newest last."""
+        """Times of the stored readings, f64[t], seconds relative to the newest reading, which is the last."""
         times = self._times[self._rows()]
         return times - times[-1] if times.size else times
 
@@ -45,7 +45,10 @@ class History:
         return np.asarray(self._signals[np.ix_(self._rows(), index)])
 
     def find_most_active(self, count: int) -> IndexArray:
-        """The taxels with the largest signals of all stored readings, largest first, taxels without a signal last."""
+        """Return the indices of the `count` taxels with the largest signals in all stored readings, largest first.
+
+        Taxels without a signal are last.
+        """
         signals = self._signals[self._rows()]
         largest = np.nan_to_num(signals, nan=-np.inf).max(axis=0, initial=-np.inf)
         return np.argsort(-largest, kind="stable")[:count]

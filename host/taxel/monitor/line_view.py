@@ -33,6 +33,6 @@ class OnceView:
         """Show nothing."""
 
     def is_done(self, reading: SkinReading) -> bool:
-        """Whether the signals and rates are known, or no frame arrives."""
+        """Whether the view can end: signals and rates are known, or no frame has arrived within the time limit."""
         is_timed_out = reading.watched_s > self._timeout_s and not reading.boards_streaming
         return is_timed_out or (reading.is_measuring and reading.scans_hz > 0.0)

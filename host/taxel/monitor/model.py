@@ -59,7 +59,7 @@ class SkinMonitor:
         self._is_baseline_requested = False
 
     def take(self, frames: Sequence[TaxelFrame], now_s: float) -> None:
-        """Process frames in the order of their arrival. now_s: `time.monotonic`."""
+        """Update the state of all boards with taxel frames in the order of their arrival. now_s: `time.monotonic`."""
         if self._is_baseline_requested:
             self._is_baseline_requested = False
             for state in self._boards.values():
@@ -77,7 +77,10 @@ class SkinMonitor:
         self._is_baseline_requested = True
 
     def read(self, now_s: float, is_ended: bool = False) -> SkinReading:
-        """The current reading. now_s: `time.monotonic`. is_ended: the stream has ended."""
+        """Return the current reading of the skin: signals, activity, rates and losses.
+
+        now_s: `time.monotonic`. is_ended: the stream has ended.
+        """
         clock_s = now_s if self._is_real_time else self._newest_s
         states = list(self._boards.values())
         signal = np.full(self.hand.n_taxels, np.nan)
@@ -115,7 +118,7 @@ class SkinMonitor:
         return replace(reading, advice=make_advice(reading, self.skin))
 
     def _read_counters(self, boards: list[BoardReading]) -> dict[str, Any]:
-        """Counters of the stream and the hub, by the names of `SkinReading`."""
+        """Return the counters of the stream and the hub, as a dictionary with the field names of `SkinReading`."""
         losses, status = self.skin.losses, self.skin.hub.status
         return {
             "scans_hz": max(board.rate_hz for board in boards),
@@ -133,7 +136,7 @@ class SkinMonitor:
         }
 
     def _compute_ages(self) -> tuple[float, float] | None:
-        """Median and largest of the stored ages of frames, seconds; None without frames in real time."""
+        """Return median and largest of the stored ages of frames, seconds; None if the stream is not in real time."""
         if not self._ages_s:
             return None
         ages = np.array(self._ages_s)

@@ -33,9 +33,10 @@ class PacedLink:
         self.has_flow_control = link.has_flow_control
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """The next chunk if it is due within `timeout_s` seconds, else None.
+        """Return the next recorded chunk of bytes if it is due within `timeout_s` seconds, else None.
 
-        The call after a chunk does not wait, so that a caller that collects chunks gets the due ones and no more.
+        The call after a returned chunk does not wait, so that a caller that collects chunks gets only the chunks that
+        are due.
         """
         if self._next is None:
             self._next = self._link.read(timeout_s)
@@ -53,7 +54,10 @@ class PacedLink:
         return chunk
 
     def _compute_due_s(self, chunk: Chunk) -> float:
-        """Time of the monotonic clock at which a chunk is due, seconds. The first chunk is due at once."""
+        """Return the time of the monotonic clock, seconds, at which a recorded chunk is due.
+
+        The first one is due at once.
+        """
         if self._first_ns is None:
             self._first_ns, self._started_s = chunk.arrival_ns, time.monotonic()
         return self._started_s + (chunk.arrival_ns - self._first_ns) * 1e-9 / self._speed

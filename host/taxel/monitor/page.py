@@ -23,7 +23,7 @@ _NAME_STYLE = "padding:0.05em 0.3em;text-align:left;white-space:nowrap"
 
 
 def format_status_html(reading: SkinReading, title: str) -> str:
-    """Rates, errors, load and advice."""
+    """Format rates, errors, processor load and advice of a reading as HTML for the monitor's web page."""
     load = f'<span style="{_MUTED_STYLE}">{_join_parts(format_load(reading))}</span>'
     rows = [_join_parts(format_rates(reading)), _join_parts(format_errors(reading)), load]
     advice = f'<div style="color:#b9770e;font-weight:600">{escape(reading.advice)}</div>' if reading.advice else ""
@@ -36,7 +36,7 @@ def _join_parts(parts: list[Part]) -> str:
 
 
 def format_legend_html(threshold: float, top: float) -> str:
-    """The colour scale. threshold, top: activation threshold and end of the scale, counts."""
+    """Format the legend of the colour scale as HTML. threshold, top: activation threshold and end of scale, counts."""
     return (
         f'<div style="padding:0.2em 1em;font-size:0.8em;{_MUTED_STYLE}">signal (counts below the baseline)</div>'
         '<div style="padding:0 1em 0.3em;font-size:0.8em;display:flex;align-items:center;gap:0.4em">0'
@@ -57,7 +57,7 @@ def _format_rgb(step: int) -> str:
 
 
 def format_table_html(reading: SkinReading) -> str:
-    """A table with one row for each board."""
+    """Format a reading as an HTML table with one row for each board."""
     head = "".join(
         f'<th style="{_NAME_STYLE if name == "board" else _NUMBER_STYLE}" title="{text}">{name}</th>'
         for name, text in _HEADINGS
@@ -70,7 +70,7 @@ def format_table_html(reading: SkinReading) -> str:
 
 
 def _format_row(board: BoardReading) -> str:
-    """HTML row of the table for one board."""
+    """Format one board as a row of the HTML table."""
     style = _BAD_STYLE if not board.is_streaming else "font-weight:600" if board.active else ""
     active = str(board.active) if board.baseline >= 1.0 else f"{100 * board.baseline:.0f} %"
     values = [

@@ -16,9 +16,10 @@ class RecentRate:
         self._samples: deque[tuple[FloatArray, FloatArray]] = deque()
 
     def update(self, times_s: ArrayLike, counts: ArrayLike) -> FloatArray:
-        """Rates [k] after the counters have reached `counts` [k] at the times `times_s` [k].
+        """Add the values of k counters, and return their recent rates f64[k], counts per second.
 
-        The rate is 0 where no time has elapsed. A time is NaN before the first count.
+        times_s: f64[k], time of each value, NaN before the first count. counts: [k], values of the counters. The rate
+        is 0 where no time has elapsed.
         """
         times, values = np.array(times_s, dtype=np.float64), np.array(counts, dtype=np.float64)
         if self._samples and np.any(times < self._samples[-1][0]):

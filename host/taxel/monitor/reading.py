@@ -113,7 +113,7 @@ class SkinReading:
         return float(finite.max()) if finite.size else float("nan")
 
     def as_dict(self) -> dict[str, Any]:
-        """The reading as JSON values; None for unknown values."""
+        """Convert the reading to JSON values; None for unknown values."""
         return {
             "time_s": _round_finite(self.time_s, 6),
             "watched_s": round(self.watched_s, 3),
@@ -140,7 +140,7 @@ class SkinReading:
 
 
 def _make_board_dict(reading: BoardReading) -> dict[str, Any]:
-    """The reading of a board with the JSON keys of `taxel monitor --json`."""
+    """Convert the reading of a board to a dictionary with the JSON keys of `taxel monitor --json`."""
     return {
         "address": reading.board.address,
         "name": reading.board.name,

@@ -28,10 +28,10 @@ class View(Protocol):
 def watch(
     skin: Skin, monitor: SkinMonitor, view: View, seconds: float | None = None, draws_hz: float = DRAWS_HZ
 ) -> SkinReading:
-    """Process frames and draw `draws_hz` readings in a second until the view is done or the stream ends.
+    """Process the frames of a skin and draw readings until the view is done or the stream ends; return the last.
 
-    seconds: largest duration; None: unlimited. Returns the last reading, which was drawn. Raises the errors of the skin
-    after a last drawing.
+    seconds: largest duration; None: unlimited. draws_hz: readings drawn per second. Raises the errors of the skin after
+    a last drawing.
     """
     started_s = time.monotonic()
     due_s = started_s + 1.0 / draws_hz

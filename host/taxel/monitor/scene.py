@@ -55,7 +55,10 @@ class HandScene:
 
 
 def build_scene(hand: Hand) -> HandScene:
-    """The scene of a hand. Raises `HandGeometryError` for a hand description without geometry."""
+    """Build the 3D scene of a hand: poses of its links, positions of its taxels, and viewing directions.
+
+    Raises `HandGeometryError` for a hand description without geometry.
+    """
     if hand.robot is None:
         raise HandGeometryError(hand.name)
     robot = load_robot(hand.robot)

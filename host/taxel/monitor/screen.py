@@ -51,7 +51,7 @@ class Screen:
         self.shows_table = False
 
     def draw(self, reading: SkinReading, width: int, height: int, has_colour: bool = True) -> Canvas:
-        """The screen of `width` x `height` characters."""
+        """Draw a reading of the hand on a new text canvas of `width` x `height` characters."""
         canvas = Canvas(width, height, has_colour)
         top = self._scale.update(reading.largest_signal, reading.watched_s)
         self._draw_header(canvas, reading, top, has_colour)
@@ -134,7 +134,11 @@ class Screen:
 def _arrange(
     hand: Hand, width: int, height: int, table_height: int
 ) -> tuple[BoardLayout | None, tuple[int, int] | None]:
-    """The largest layout that fits, and the corner (row, column) of the table beside or below it, if the table fits."""
+    """Choose the largest layout of the boards that fits on the screen, and a position of the table.
+
+    width, height: size of the space, characters. table_height: rows of the table. Returns the layout, or None if none
+    fits, and the corner (row, column) of the table beside or below the layout, or None if the table does not fit.
+    """
     layouts = [layout for layout in _list_layouts(hand, width) if layout.width <= width and layout.height <= height]
     for layout in layouts:
         if layout.width + TABLE_GAP + TABLE_WIDTH <= width and table_height <= height:
@@ -146,7 +150,7 @@ def _arrange(
 
 @lru_cache(maxsize=8)
 def _list_layouts(hand: Hand, width: int) -> Sequence[BoardLayout]:
-    """Layouts of a hand, the best first."""
+    """Return the possible layouts of the boards of a hand on a screen of `width` characters, the best first."""
     unrolled = [layout_unrolled(hand, 2), layout_unrolled(hand, 1)]
     layouts = [layout for layout in unrolled if layout is not None]
     if not layouts:
@@ -156,7 +160,7 @@ def _list_layouts(hand: Hand, width: int) -> Sequence[BoardLayout]:
 
 @lru_cache(maxsize=8)
 def _locate_taxels(hand: Hand, layout: BoardLayout) -> tuple[IndexArray, IndexArray]:
-    """Row (in half characters) and column of each taxel's upper left corner, [n] each."""
+    """Return row (in half characters) and column of the upper left corner of each taxel in a layout, int[n] each."""
     rows = np.zeros(hand.n_taxels, dtype=np.intp)
     columns = np.zeros(hand.n_taxels, dtype=np.intp)
     for placed in layout.boards:
@@ -168,7 +172,10 @@ def _locate_taxels(hand: Hand, layout: BoardLayout) -> tuple[IndexArray, IndexAr
 
 
 def _write_parts(canvas: Canvas, row: int, parts: Sequence[Part]) -> int:
-    """Write parts of a status line, separated by dots; returns the column after the last part."""
+    """Write the parts of a status line, separated by dots, in a row of the canvas; return the column after the last.
+
+    parts: pairs of a text and whether it reports a problem.
+    """
     column = 0
     for number, (text, is_bad) in enumerate(parts):
         column = canvas.write(row, column, " · " if number else "", DIM)
@@ -177,7 +184,7 @@ def _write_parts(canvas: Canvas, row: int, parts: Sequence[Part]) -> int:
 
 
 def _write_row(canvas: Canvas, row: int, column: int, texts: Sequence[str], style: str) -> None:
-    """Write one row of the table, padded to the widths of its columns."""
+    """Write one row of the table of boards on the canvas, each text padded to the width of its column."""
     for (_, width, _), full_text in zip(_COLUMNS, texts, strict=True):
         text = _truncate(full_text, abs(width))
         canvas.write(row, column, text.ljust(-width) if width < 0 else text.rjust(width), style)

@@ -14,7 +14,10 @@ Part = tuple[str, bool]
 
 
 def format_rates(reading: SkinReading) -> list[Part]:
-    """Rates, boards, and active taxels or the progress of the baseline."""
+    """Return texts for the rates, the boards, and the active taxels or the progress of the baseline.
+
+    Each text comes with a bool: whether it reports a problem.
+    """
     total = len(reading.boards)
     parts = [
         (f"{reading.scans_hz:.1f} scans/s", False),
@@ -32,7 +35,7 @@ def format_rates(reading: SkinReading) -> list[Part]:
 
 
 def format_errors(reading: SkinReading) -> list[Part]:
-    """All error counters above 0; "no errors" if there is none."""
+    """Return a text for each error counter above 0, or "no errors"; each with a bool: whether it reports a problem."""
     counts = [
         ("lost on the wire", reading.lost_on_wire),
         ("damaged", reading.damaged),
@@ -46,7 +49,10 @@ def format_errors(reading: SkinReading) -> list[Part]:
 
 
 def format_load(reading: SkinReading) -> list[Part]:
-    """Age of the frames, waiting bytes, and processor load of this program."""
+    """Return texts for the age of the frames, the waiting bytes, and the processor load of this program.
+
+    Each text comes with a bool: whether it reports a problem.
+    """
     parts = []
     if reading.age_s is not None:
         median, largest = (1e3 * age for age in reading.age_s)
@@ -58,7 +64,7 @@ def format_load(reading: SkinReading) -> list[Part]:
 
 
 def format_line(reading: SkinReading) -> str:
-    """All parts and the advice in one line."""
+    """Format a reading as one line: rates, errors, load and advice."""
     texts = [text for text, _ in (*format_rates(reading), *format_errors(reading), *format_load(reading))]
     line = f"{reading.watched_s:7.1f} s  " + ", ".join(texts)
     return f"{line}; {reading.advice}" if reading.advice else line

@@ -33,13 +33,13 @@ class Keys:
             tty.setcbreak(self._descriptor, termios.TCSADRAIN)
 
     def read(self) -> str:
-        """The keys since the last call."""
+        """Return the keys that were typed since the last call, without waiting."""
         if self._saved is None or not select.select([self._descriptor], [], [], 0.0)[0]:
             return ""
         return os.read(self._descriptor, 64).decode(errors="replace")
 
     def end(self) -> None:
-        """Restore the settings of the terminal."""
+        """Restore the settings that the terminal had before `begin`."""
         if self._saved is not None:
             import termios
 
@@ -79,7 +79,7 @@ class TerminalView:
         self._keys.end()
 
     def draw(self, reading: SkinReading) -> None:
-        """Show a reading, and store it as `last`."""
+        """Show a reading of the skin on the terminal, and store it as `last`."""
         self.last = reading
         width, height = self._console.size
         canvas = self._screen.draw(reading, width, height, self._has_colour)
@@ -87,7 +87,7 @@ class TerminalView:
         self._console.print(canvas, end="", soft_wrap=True)
 
     def is_done(self, reading: SkinReading) -> bool:
-        """Whether the user has typed q."""
+        """Process the typed keys, and return whether the user has typed q (quit)."""
         for key in self._keys.read().lower():
             if key == "q":
                 self._is_quit = True

@@ -89,7 +89,7 @@ class WebView:
         self.close()
 
     def close(self) -> None:
-        """Stop serving the page."""
+        """Stop the web server of the page."""
         with contextlib.redirect_stdout(io.StringIO()):  # viser prints a message
             self._server.stop()
 
@@ -123,7 +123,7 @@ class WebView:
         return float(x), float(y), float(z)
 
     def _create_panel(self) -> None:
-        """Create the control panel: status, view buttons, baseline button, plot and table."""
+        """Create the control panel of the web page: status, view buttons, baseline button, plot and table."""
         gui = self._server.gui
         gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
@@ -217,13 +217,13 @@ def _format_title(name: str) -> str:
 
 
 def _compute_row_maximum(signals: Float32Array) -> Float32Array:
-    """Largest known signal of each row of [t, k]; NaN where all are unknown."""
+    """Return the largest known signal of each row of f32[t, k]; NaN where all signals of the row are unknown."""
     largest = np.nan_to_num(signals, nan=-np.inf).max(axis=1, initial=-np.inf)
     return np.where(np.isfinite(largest), largest, np.nan).astype(np.float32)
 
 
 def _make_line_styles(names: tuple[str, ...]) -> tuple[Any, ...]:
-    """Styles of the time and of each named series for uPlot."""
+    """Return the styles of the time axis and of each named line of the plot, as the plot library uPlot requires."""
     lines = [{"label": name, "stroke": colour, "width": 1.5} for name, colour in zip(names, LINE_COLOURS, strict=False)]
     return ({"label": "time"}, *lines)
 

@@ -24,9 +24,9 @@ def redirected_stderr(path: Path) -> Iterator[None]:
 
 
 def emulator_message(stderr: str, path: str, world: str) -> str:
-    """The last line that the emulator printed on standard error, complete without the temporary world file.
+    """Return the last line that the emulator printed on standard error, readable without its temporary world file.
 
-    stderr: all that was printed. path: of the temporary world file; the word "file" replaces it. world: text of the
+    stderr: all printed text. path: path of the temporary world file; the word "file" replaces it. world: text of the
     world file; the line that the message names is quoted from it.
     """
     lines = stderr.strip().splitlines()

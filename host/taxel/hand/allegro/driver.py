@@ -232,7 +232,10 @@ class AllegroHand:
         return self._reports.frames
 
     def _request_and_wait(self, kind: type[_Reply]) -> _Reply:
-        """Request a message and wait for the reply. Raises AllegroSilentError after the timeout."""
+        """Request a hand info or a serial number, and wait for the reply.
+
+        Received frames are processed while waiting. Raises AllegroSilentError after `reply_timeout_s`.
+        """
         if kind is HandInfo:
             self._reports.info = None
         else:
@@ -319,7 +322,7 @@ class AllegroHand:
             self._send(SystemOff())
 
     def _send(self, message: Message) -> None:
-        """Send a message. Raises AllegroBusError."""
+        """Send a message to the Allegro hand as a CAN frame. Raises AllegroBusError."""
         frame = encode(message, self.device_id)
         try:
             self._bus.send(frame, timeout=_SEND_TIMEOUT_S)
@@ -327,14 +330,14 @@ class AllegroHand:
             raise self._make_bus_error("send", error) from error
 
     def _receive(self, timeout_s: float) -> can.Message | None:
-        """The next frame, or None after `timeout_s` seconds. Raises AllegroBusError."""
+        """Return the next CAN frame, or None if no frame arrives within `timeout_s` seconds. Raises AllegroBusError."""
         try:
             return self._bus.recv(timeout_s)
         except (can.CanError, OSError) as error:
             raise self._make_bus_error("receive", error) from error
 
     def _make_bus_error(self, operation: str, error: Exception) -> AllegroBusError:
-        """The error for a failed operation ("send" or "receive") of the CAN adapter."""
+        """Create the error for a failed operation ("send" or "receive") of the CAN adapter; error: its cause."""
         reason = " ".join(str(error).split()) or type(error).__name__
         return AllegroBusError(
             self.channel,
@@ -344,5 +347,6 @@ class AllegroHand:
 
 
 def _get_finger_values(values: list[float], finger: int) -> tuple[float, float, float, float]:
+    """Return the values of the four joints of finger number `finger` from a list of 16 joint values."""
     a, b, c, d = values[4 * finger : 4 * finger + 4]
     return a, b, c, d

@@ -15,7 +15,7 @@ class AllegroError(TaxelError):
     def __init__(self, channel: str, device: int, problem: str) -> None:
         """Create the error for an Allegro hand.
 
-        channel: name of the CAN channel. device: device id of the hand, as text. problem: expected value, found value
+        channel: name of the CAN channel. device: device id of the hand. problem: expected value, found value
         and remedy.
         """
         # All three are args, so that the error can be pickled.

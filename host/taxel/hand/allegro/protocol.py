@@ -133,7 +133,10 @@ def _encode_payload(message: Message) -> tuple[MessageId, int, bytes]:
 def _encode_rare_payload(
     message: SetPeriod | Config | HandInfo | Serial | Imu | Temperature,
 ) -> tuple[MessageId, int, bytes]:
-    """`_encode_payload` for the messages that a control loop does not send."""
+    """Encode a message that a control loop does not send; arguments and result as for `_encode_payload`.
+
+    Returns message id, sensor index and data bytes. Raises ValueError for values out of range.
+    """
     try:
         match message:
             case SetPeriod(position_ms, imu_ms, temperature_ms):
@@ -153,7 +156,10 @@ def _encode_rare_payload(
 
 
 def _decode_payload(kind: MessageId, index: int, frame: can.Message) -> Message:
-    """The message of a CAN frame. Raises AllegroFrameError for data of another length or invalid content."""
+    """Convert the data bytes of a CAN frame to a message; kind, index: message type, and finger or sensor.
+
+    Raises AllegroFrameError for data of another length or invalid content.
+    """
     match kind:
         case MessageId.FINGER_POSE:
             return FingerPose(index, _decode_angles(frame))

@@ -112,7 +112,7 @@ class Ur5eArm:
             raise self._make_error("does not respond", error) from error
 
     def _make_error(self, problem: str, error: Exception) -> ArmConnectionError:
-        """The error for a failed call of ur_rtde, with the library's reason."""
+        """Create the error for a failed call of the library ur_rtde, with the reason that the library gives."""
         reason = " ".join(str(error).split()) or type(error).__name__
         return ArmConnectionError(
             self.name, f"{problem} ({reason}); check power, network, remote control mode and emergency stop"

@@ -37,7 +37,7 @@ class TrapezoidalProfile:
         return self.distance / self.peak + self.peak / self.acceleration
 
     def evaluate(self, time_s: float) -> tuple[float, float]:
-        """Compute (travelled distance, speed) at `time_s` seconds after the start."""
+        """Compute (travelled distance, speed) of the trapezoidal speed profile at `time_s` seconds after its start."""
         if time_s >= self.duration_s:
             return self.distance, 0.0
         remaining_s = self.duration_s - time_s
@@ -121,7 +121,7 @@ class SimulatedArm:
             self._profile = None
 
     def _brake(self, dt_s: float, profile: TrapezoidalProfile) -> None:
-        """Decelerate along the profile for `dt_s` seconds."""
+        """Decelerate the simulated arm along the path of its present motion for `dt_s` seconds, until it stands."""
         braking_s = min(dt_s, self._speed / self._acceleration)
         distance = self._speed * braking_s - self._acceleration * braking_s**2 / 2
         self._travelled = min(profile.distance, self._travelled + distance)

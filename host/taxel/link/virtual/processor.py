@@ -77,7 +77,7 @@ class ProcessorStruct(ctypes.Structure):
     )
 
     def read(self) -> Processor:
-        """The values as a `Processor`."""
+        """Convert this C structure to a `Processor`: resets, cycles, stack use and faults of an emulated processor."""
         fault = Fault(FAULTS[self.fault_kind], self.fault_pc, self.fault_address) if self.faults else None
         return Processor(
             int(self.resets),

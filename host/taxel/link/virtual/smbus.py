@@ -42,7 +42,11 @@ class VirtualSMBus:
         self.pec = 0
 
     def i2c_rdwr(self, *i2c_msgs: i2c_msg) -> None:
-        """Transfer a write, a read, or a write and a read with a repeated start between them. Raises OSError."""
+        """Transfer a write, a read, or a write and a read with a repeated start between them, on the emulated I2C bus.
+
+        i2c_msgs: messages of smbus2 to one address; read bytes are stored in the last one. Raises OSError as Linux
+        does.
+        """
         reads = [bool(message.flags & READ_FLAG) for message in i2c_msgs]
         if reads not in ([False], [True], [False, True]) or len({message.addr for message in i2c_msgs}) != 1:
             raise OSError(errno.EOPNOTSUPP, os.strerror(errno.EOPNOTSUPP))
@@ -53,9 +57,9 @@ class VirtualSMBus:
             i2c_msgs[-1].buf[index] = bytes([value])
 
     def _transfer(self, address: int, write: bytes, read_size: int) -> bytes:
-        """Write bytes, then read `read_size` bytes, in one transfer.
+        """Write bytes to an I2C address, then read `read_size` bytes from it, in one transfer; return them.
 
-        Raises OSError with Linux's number of the error.
+        Raises OSError with the error number that Linux uses for this failure.
         """
         result, data = self._world.transfer(address, write, read_size)
         if result:
@@ -92,14 +96,14 @@ class VirtualSMBus:
         self._transfer(i2c_addr, bytes([register]) + value.to_bytes(2, "little"), 0)
 
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int, force: bool | None = None) -> list[int]:
-        """Read up to 32 bytes, beginning at a register."""
+        """Read `length` bytes (at most 32) from the device at an I2C address, beginning at a register."""
         _check_block(length)
         return list(self._transfer(i2c_addr, bytes([register]), length))
 
     def write_i2c_block_data(
         self, i2c_addr: int, register: int, data: Sequence[int], force: bool | None = None
     ) -> None:
-        """Write up to 32 bytes, beginning at a register."""
+        """Write up to 32 bytes to the device at an I2C address, beginning at a register."""
         _check_block(len(data))
         self._transfer(i2c_addr, bytes([register, *data]), 0)
 

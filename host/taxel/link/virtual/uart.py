@@ -36,7 +36,10 @@ class VirtualMemoryLink:
         return self.world.now_s
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """The received bytes; runs the world for at most `timeout_s` seconds of virtual time until a byte arrives."""
+        """Return the bytes received from the virtual hub, or None if none arrives within `timeout_s`.
+
+        The call runs the virtual world for at most `timeout_s` seconds of virtual time until a byte arrives.
+        """
         end_s = self.world.now_s + timeout_s
         while True:
             data = self.world.receive()
@@ -46,7 +49,7 @@ class VirtualMemoryLink:
             self.world.run(max(min(STEP_S, remaining_s), MIN_STEP_S))
 
     def write(self, data: bytes) -> None:
-        """Send bytes; runs the world while the receive buffer of the hub is full."""
+        """Send bytes to the virtual hub; the virtual world runs while the receive buffer of the hub is full."""
         while data := data[self.world.send(data) :]:
             self.world.run(STEP_S)
 
@@ -78,7 +81,10 @@ class VirtualSerialLink(SerialLink):
         return self.world.now_s
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """The received bytes; runs the world for at most `timeout_s` seconds of virtual time until a byte arrives."""
+        """Return the bytes received from the virtual hub, or None if none arrives within `timeout_s`.
+
+        The call runs the virtual world for at most `timeout_s` seconds of virtual time until a byte arrives.
+        """
         end_s = self.world.now_s + timeout_s
         while (waiting := self.world.delivered_bytes - self._read_bytes) == 0:
             remaining_s = end_s - self.world.now_s

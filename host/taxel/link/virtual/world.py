@@ -158,7 +158,10 @@ class VirtualWorld:
         self._buffer = ctypes.create_string_buffer(RECEIVE_SIZE)
 
     def _open(self, world: str, uart: str, counts: bool, files: Mapping[str, Path]) -> int:
-        """Handle of a new world. Raises `LinkError` with the emulator's message if the emulator rejects the world."""
+        """Create a virtual world in the C library and return its handle; arguments as for the constructor.
+
+        Raises `LinkError` with the emulator's message if the emulator rejects the world.
+        """
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
             path, complaint = Path(folder) / "world.txt", Path(folder) / "stderr.txt"
             path.write_text(world)
@@ -173,7 +176,7 @@ class VirtualWorld:
 
     @property
     def _open_handle(self) -> int:
-        """The library's handle. Raises `LinkError` after `close()`."""
+        """Handle of the virtual world in the C library. Raises `LinkError` after `close`."""
         if self._handle is None:
             raise LinkError("virtual rig", "is closed")
         return self._handle
@@ -184,7 +187,7 @@ class VirtualWorld:
         return int(self._library.taxel_bench_now(self._open_handle)) / PS_PER_S
 
     def run(self, seconds: float) -> None:
-        """Advance the world by `seconds` of virtual time. Raises `LinkError` if the emulation has ended."""
+        """Advance the virtual world by `seconds` of virtual time. Raises `LinkError` if the emulation has ended."""
         until = int(self._library.taxel_bench_now(self._open_handle)) + round(seconds * PS_PER_S)
         if self._library.taxel_bench_run(self._open_handle, until):
             raise LinkError("virtual rig", "has ended (see the emulator's message on standard error)")
@@ -194,7 +197,7 @@ class VirtualWorld:
         return int(self._library.taxel_bench_send(self._open_handle, data, len(data)))
 
     def receive(self) -> bytes:
-        """The bytes that have arrived at the host, at most 64 KiB."""
+        """Return the bytes of the virtual hub that have arrived at the host, at most 64 KiB."""
         size = self._library.taxel_bench_receive(self._open_handle, self._buffer, RECEIVE_SIZE)
         return ctypes.string_at(self._buffer, size)  # `raw` would copy the whole buffer
 
@@ -240,7 +243,7 @@ class VirtualWorld:
         return int(result), buffer.raw[:read_size]
 
     def read_faults(self, first: int = 0) -> list[FaultEvent]:
-        """The faults that have occurred, beginning with number `first`.
+        """Return the faults that have occurred in the virtual world, beginning with number `first`.
 
         Raises `LinkError` if the emulator no longer stores these faults; the emulator stores the last 4,096.
         """
@@ -253,7 +256,7 @@ class VirtualWorld:
         return [FaultEvent(event.time / PS_PER_S, event.kind, event.address) for event in table[:count]]
 
     def read_flash(self, address: int) -> BoardFlash:
-        """The present flash memory of a board or of the hub (address 0). address: as in the world file.
+        """Return the present flash memory of the board at `address` of the world file, or of the hub (address 0).
 
         Raises `FaultError` for an address without a board.
         """
@@ -268,9 +271,9 @@ class VirtualWorld:
         return BoardFlash(data, wear, int(self._library.taxel_bench_torn_writes(handle, address)), RUNS[runs])
 
     def read_processor(self, address: int) -> Processor:
-        """The processor of a board or of the hub (address 0) that executes an image.
+        """Return the state of the emulated processor of a board, or of the hub (address 0), that executes an image.
 
-        Raises `FaultError` for a board or hub that does not execute an image.
+        Raises `FaultError` for a board or hub that does not execute a firmware image.
         """
         struct = ProcessorStruct()
         if self._library.taxel_bench_read_processor(self._open_handle, address, ctypes.byref(struct)):
@@ -278,9 +281,9 @@ class VirtualWorld:
         return struct.read()
 
     def read_handler_costs(self, address: int) -> dict[str, HandlerCost]:
-        """Cycles of the exception handlers of a processor since its first power-up, by name of the exception.
+        """Return the clock cycles used by each exception handler of a processor since its first power-up, by exception.
 
-        Raises `FaultError` for a board or hub that does not execute an image.
+        address: I2C address of a board, or 0 for the hub. Raises `FaultError` if no firmware image is executed there.
         """
         costs = {}
         for name, number in EXCEPTIONS.items():
@@ -325,7 +328,7 @@ class VirtualWorld:
         return power_cuts
 
     def statistics(self) -> dict[str, Any]:
-        """Present counters of the emulator."""
+        """Return the present counters of the emulator as a dictionary."""
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
             path = Path(folder) / "statistics.json"
             self._library.taxel_bench_write_statistics(self._open_handle, os.fsencode(path))
@@ -333,7 +336,7 @@ class VirtualWorld:
             return counters
 
     def close(self) -> None:
-        """Close the world. May be called twice."""
+        """Release the virtual world; a second call has no effect."""
         if self._handle is not None:
             self._library.taxel_bench_close(self._handle)
             self._handle = None
