@@ -47,14 +47,16 @@ def _format_totals(results: Sequence[Result]) -> list[str]:
     alarms = [result for result in healthy if result.caught]
     without_others = sum(not result.others for result in faults)
     lines = [
-        f"single faults, severity 1.5 to 10: {count}, caught {caught}, named at their place {named}, "
-        f"no other fault named {without_others}",
-        f"healthy boards: {len(healthy)}, refused {len(alarms)}",
+        f"boards with a single fault of severity 1.5 to 10: {count}; {caught} were refused, {named} of them with the "
+        f"fault named at its place, and {without_others} without the name of another fault",
+        f"healthy boards: {len(healthy)}; {len(alarms)} were refused",
     ]
     if results:
         durations = sorted(result.automatic_s for result in results)
         median_s = durations[len(durations) // 2]
-        lines.append(f"automatic phases: {median_s:.1f} s of bench time, at most {durations[-1]:.1f} s")
+        lines.append(
+            f"duration of the automatic phases: {median_s:.1f} s of bench time (median), at most {durations[-1]:.1f} s"
+        )
     return lines
 
 

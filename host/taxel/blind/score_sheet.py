@@ -20,6 +20,16 @@ MIN_INTERVALS: Final = 10
 """Smallest number of intervals for a judgement of their coverage: of fewer, no share lies between 90 and 99 %."""
 
 
+_KINDS: Final = {
+    "none": "no cause",
+    "single": "one cause",
+    "several": "two or three causes",
+    "outside": "a cause outside the catalogue",
+    "lookalike": "a cause that resembles an effect of the catalogue",
+}
+"""Description of each kind of world."""
+
+
 @dataclass(frozen=True)
 class Provenance:
     """Origin of a score.
@@ -40,7 +50,8 @@ class Provenance:
         added = f", with {self.added} worlds of --add-answers" if self.added else ""
         versions = " and ".join(sorted(self.versions)) or "none"
         return (
-            f"Made by `taxel gap blind --worlds {self.worlds}{full_hand}`{added}; {self.reports} worlds gave a report. "
+            "This page states how often the diagnosis finds hidden causes that it has not seen before. It was written "
+            f"by `taxel gap blind --worlds {self.worlds}{full_hand}`{added}; {self.reports} worlds gave a report. "
             f"Measured version of the diagnosis: {versions} (fingerprint of the Python sources of `taxel.gap`, with "
             "their comments)."
         )
@@ -53,10 +64,10 @@ def score_sheet(score: Mapping[str, Any], provenance: str) -> str:
     """
     lines = ["# Blind check: score sheet", "", provenance, ""]
     lines += [
-        "The hidden causes were sampled at random, and the [diagnosis](glossary.md#diagnosis) had no access to them",
-        "([method](gap-diagnosis.md#the-blind-check)). Unless stated otherwise, the figures refer to clear worlds, in",
-        f"which the [gap](glossary.md#gap) is at least {MIN_CLEAR_RATIO:g} times the [floor](glossary.md#floor).",
-        "Intervals are 95 % Wilson intervals.",
+        "Each world of the check is a pair of datasets with hidden causes that were sampled at random, without access",
+        "of the [diagnosis](glossary.md#diagnosis) ([method](gap-diagnosis.md#the-blind-check)). Unless stated",
+        "otherwise, the figures refer to clear worlds: worlds in which the [gap](glossary.md#gap) is at least",
+        f"{MIN_CLEAR_RATIO:g} times the [floor](glossary.md#floor). Intervals are 95 % Wilson intervals.",
         "",
     ]
     for title, key in (("A rig of four boards", "rig4"), ("The whole hand", "full_hand")):
@@ -68,9 +79,14 @@ def score_sheet(score: Mapping[str, Any], provenance: str) -> str:
 
 def _format_part(part: Mapping[str, Any]) -> list[str]:
     """Format the lines of the score sheet for one group of worlds. part: figures of the rig or of the whole hand."""
-    counts = (f"{count['worlds']} {kind} ({count['clear']} clear)" for kind, count in part["counts"].items())
+    counts = (f"{_KINDS[kind]} in {count['worlds']} ({count['clear']} clear)" for kind, count in part["counts"].items())
     isolation = (f"{mechanism}, {number} worlds" for mechanism, number in part["blindfold"].items())
-    lines = [f"Worlds: {', '.join(counts)}.", f"Isolation of the diagnosing process: {'; '.join(isolation)}.", ""]
+    lines = [
+        f"Number of worlds by their hidden causes: {', '.join(counts)}.",
+        f"A world is clear if its gap is at least {MIN_CLEAR_RATIO:g} times its floor.",
+        f"The diagnosing process was isolated from the hidden causes by: {'; '.join(isolation)}.",
+        "",
+    ]
     lines += _main_table(part)
     sections = {
         "Named first, by gap over floor": _share_table(
@@ -194,16 +210,28 @@ def _count(number: int) -> str:
 
 
 _BASELINES: Final = (
-    ("rules", "check list, largest disagreement first: correct single effects"),
-    ("effect_blind", "random effect if there is a gap: correct single effects"),
-    ("shuffled_says_unknown_or_no_gap", "diagnosis with the simulations of other indentations: unknown or no gap"),
+    (
+        "rules",
+        "A check list that names the effect of the largest disagreement, instead of the diagnosis, is correct in "
+        "{share} of {of} worlds with a single effect.",
+    ),
+    (
+        "effect_blind",
+        "An effect selected at random whenever there is a gap, instead of the diagnosis, is correct in {share} of {of} "
+        "worlds with a single effect.",
+    ),
+    (
+        "shuffled_says_unknown_or_no_gap",
+        "The diagnosis with the simulations of other indentations, which do not match the data of the hand, reports "
+        "an unknown cause or no gap in {share} of {of} worlds.",
+    ),
 )
 
 
 def _baseline_list(part: Mapping[str, Any]) -> list[str]:
     """Format a Markdown list with the share of correct answers of each simple reference diagnoser."""
     return [
-        f"- {title}: {_percent(part['simpler'][key]['share'])} of {part['simpler'][key]['of']}."
-        for key, title in _BASELINES
+        "- " + text.format(share=_percent(part["simpler"][key]["share"]), of=part["simpler"][key]["of"])
+        for key, text in _BASELINES
         if part["simpler"][key]["of"]
     ]
