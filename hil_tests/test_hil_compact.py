@@ -21,6 +21,7 @@ RATE_GAIN = 2.0
 
 @pytest.fixture
 def compact_skin(rig: Rig) -> Iterator[Skin]:
+    """A skin whose hub streams compact frames."""
     with Skin(rig.uart.open_link(), rig.hand, frames="compact") as skin:
         yield skin
 

@@ -89,6 +89,7 @@ def program_image(rig: Rig, skin: Skin, content: bytes) -> HubBootloader:
 
 
 def restart(rig: Rig, skin: Skin) -> None:
+    """Leave the bootloader of the hub, so that its application starts."""
     skin.link.write(build_packet(BootCommand.EXIT))
     rig.clock.wait(0.1)
 

@@ -14,6 +14,7 @@ BOARD_INDICES_AND_TAXELS = ((0, 10), (5, 3), (9, 20), (16, 7))
 
 
 def measure_mean_counts(rig: Rig, skin: Skin, address: int, seconds: float) -> np.ndarray:
+    """Mean raw count of each taxel of the board at `address`, over a reading time."""
     frames = [frame.raw_counts for frame in read_frames(rig, skin, seconds) if frame.address == address]
     return np.mean(frames, axis=0)
 

@@ -166,6 +166,7 @@ class Soak:
             self._faults.popleft()
 
     def _send(self, frame_type: FrameType, payload: bytes) -> None:
+        """Send a frame from the host to the emulated hub."""
         self.world.send(encode_frame(frame_type, self._sequence, payload))
         self._sequence = (self._sequence + 1) % 65536
 

@@ -74,6 +74,7 @@ class SkinMachine(RuleBasedStateMachine):
 
     @rule(milliseconds=st.sampled_from((0.1, 1.0, 5.0, 13.0, 50.0, 200.0)))
     def let_time_pass(self, milliseconds: float) -> None:
+        """Rule of the state machine: let virtual time pass."""
         assert self.world is not None
         self.world.run(milliseconds / 1e3)
 
@@ -103,6 +104,11 @@ class SkinMachine(RuleBasedStateMachine):
 
     @rule(fault=st.sampled_from(UART_FAULTS), n_bytes=st.integers(0, 400), value=st.integers(0, 9))
     def inject_uart_fault(self, fault: str, n_bytes: int, value: int) -> None:
+        """Rule of the state machine: inject a fault of the UART between hub and host.
+
+        fault: its name begins with "up" if it damages bytes to the host. n_bytes: bytes before the fault. value:
+        its parameter.
+        """
         self.has_uart_fault = self.has_uart_fault or fault.startswith("up")
         self._inject(fault, 0, n_bytes, value)
 
@@ -124,6 +130,7 @@ class SkinMachine(RuleBasedStateMachine):
         tag=st.integers(1, 255),
     )
     def send_any_command(self, command: int, arguments: bytes, tag: int) -> None:
+        """Rule of the state machine: send a command with arbitrary arguments to the hub."""
         if command != Command.I2C_TRANSFER:  # an arbitrary write could stop a board for good; see `transfer`
             self.host.send_command(int(command), arguments, tag)
 
@@ -137,11 +144,15 @@ class SkinMachine(RuleBasedStateMachine):
 
     @rule(address=addresses, register=st.integers(0, 255), size=st.integers(1, 80))
     def read_as_second_master(self, address: int, register: int, size: int) -> None:
+        """Rule of the state machine: read a register of a board as another master of the I2C bus, while the hub
+        polls.
+        """
         assert self.world is not None
         self.world.transfer(address, bytes([register]), size, 0.05)
 
     @rule(data=st.binary(min_size=1, max_size=80))
     def send_garbage(self, data: bytes) -> None:
+        """Rule of the state machine: send random bytes to the hub in place of a frame."""
         assert self.world is not None
         self.world.send(b"\x00" + data + b"\x00")
 
@@ -194,6 +205,9 @@ class SkinMachine(RuleBasedStateMachine):
 
     @invariant()
     def no_frame_is_lost_on_a_fault_free_uart(self) -> None:
+        """Invariant of the state machine: the host misses no frame that the hub has sent, unless a UART fault was
+        injected.
+        """
         if self.world is not None and not self.has_uart_fault:
             assert self.host.stream.losses.lost_on_wire == 0
 

@@ -27,6 +27,7 @@ def _measure_core_seconds(action: Callable[[], object]) -> float:
     """Processor time of this process and its children, which depends little on other load of the machine."""
 
     def read_used_seconds() -> float:
+        """Processor time in s that this process and its finished child processes have used."""
         uses = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
         return sum(use.ru_utime + use.ru_stime for use in uses)
 

@@ -35,16 +35,19 @@ def _activate_frame_by_frame(capture: Path) -> None:
 
 
 def _read_activity_arrays(capture: Path) -> None:
+    """Read the raw counts of a capture file as arrays."""
     for _ in read_activity(capture):
         pass
 
 
 def _read_with_h5py(path: Path) -> None:
+    """Read all arrays of an HDF5 file with h5py alone."""
     with h5py.File(path, "r") as file:
         file.visititems(lambda _, item: item[()] if isinstance(item, h5py.Dataset) else None)
 
 
 def _read_checked(path: Path) -> None:
+    """Read a grasp dataset and check its consistency."""
     with GraspDataset(path) as dataset:
         dataset.check()
 

@@ -49,6 +49,7 @@ def _load_ratio(setup: Setup) -> tuple[float, float]:
     motion = simulate_grasp(scene, setup.approach(planned), line, simulation)
 
     def loads(contact: LayerContact) -> None:
+        """Compute the forces on the taxels for every frame of the motion with a contact model."""
         for poses, pose in zip(motion.sensor_poses, motion.object_pose, strict=True):
             contact.compute_load(poses, pose)
 

@@ -22,6 +22,7 @@ def _child_seconds(command: list[str]) -> float:
 
 
 def _median_seconds(command: list[str]) -> float:
+    """Median duration in s of `REPEATS` runs of a command, after a first run that is not counted."""
     _child_seconds(command)  # fills the file cache and writes the compiled modules
     return statistics.median(_child_seconds(command) for _ in range(REPEATS))
 

@@ -165,6 +165,7 @@ def _make_gain_sampler(component: str) -> Sampler:
     """
 
     def sample(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
+        """Sample a low gain. With severity 1, the median response equals the lower limit of the test plan."""
         factor = _get_lower_limit(plan, "presses", "response") / severity / SIGNAL_COUNTS
         return [f"gain {component} {board} factor={factor:.4f}"], frozenset({"low gain"}), "board"
 
@@ -186,6 +187,7 @@ def _make_noise_sampler(family: str) -> Sampler:
     effect, limit, name = _NOISE[family]
 
     def sample(rng: random.Random, kind: BoardKind, board: str, severity: float, plan: Plan) -> SampledFault:
+        """Sample noise. With severity 1, its standard deviation equals the limit of the test plan."""
         counts = severity * _get_upper_limit(plan, "noise", limit)
         return [f"noise {effect} {board} counts={counts:.3f}"], frozenset({name}), "board"
 
@@ -205,6 +207,7 @@ def _sample_warm_up(rng: random.Random, kind: BoardKind, board: str, severity: f
     target = severity * _get_upper_limit(plan, "drift", "board") * TWIN_S / 60.0
 
     def measure(mean: FloatArray, rate_hz: float) -> float:
+        """Change of the mean raw count of the board f64[T] between the first and the last five frames."""
         return abs(float(mean[-5:].mean() - mean[:5].mean()))
 
     return [_scale_drift(effect, kind, rng, measure, target)], frozenset({"drift"}), "board"
@@ -218,6 +221,7 @@ def _sample_random_drift(rng: random.Random, kind: BoardKind, board: str, severi
     target = severity * _get_upper_limit(plan, "noise", "wander")
 
     def measure(mean: FloatArray, rate_hz: float) -> float:
+        """RMS change of the mean raw count of the board f64[T] within the lag `MEAN_CHANGE_LAG_S`."""
         lag = max(round(MEAN_CHANGE_LAG_S * rate_hz), 1)
         return math.sqrt(float(np.mean((mean[lag:] - mean[:-lag]) ** 2)))
 

@@ -175,6 +175,7 @@ def _load_trimesh() -> Operations:
         )
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
+        """Distances f64[n] of `points` f64[n, 3] to a triangle mesh, by trimesh."""
         mesh = trimesh.Trimesh(vertices, faces, process=False)
         return np.asarray(trimesh.proximity.closest_point(mesh, points)[1])
 
@@ -186,6 +187,7 @@ def _load_igl() -> Operations:
     import igl
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
+        """Distances f64[n] of `points` f64[n, 3] to a triangle mesh, by libigl."""
         return np.asarray(np.sqrt(igl.point_mesh_squared_distance(points, vertices, faces)[0]))
 
     return Operations(measure=measure)
@@ -196,6 +198,7 @@ def _load_point_cloud_utils() -> Operations:
     import point_cloud_utils  # type: ignore[import-not-found,unused-ignore]
 
     def measure(points: FloatArray, vertices: FloatArray, faces: IntArray) -> FloatArray:
+        """Distances f64[n] of `points` f64[n, 3] to a triangle mesh, by point_cloud_utils."""
         return np.asarray(point_cloud_utils.closest_points_on_mesh(points, vertices, faces)[0], dtype=np.float64)
 
     return Operations(measure=measure)

@@ -80,10 +80,12 @@ def load_taxel() -> FileLibrary:
         )
 
     def read_triangles(path: Path) -> Contents:
+        """Read a triangle mesh with taxel. The suffix of the file selects the format."""
         vertices, faces = MESH_READERS[path.suffix](Source.open(path))
         return Contents(vertices=vertices, faces=faces)
 
     def write_points(path: Path, table: Table) -> None:
+        """Write a point cloud with taxel. table: columns x, y, z and counts, each f64[n]."""
         points = np.column_stack([table[axis] for axis in "xyz"])
         write_cloud(ContactCloud.from_points(points, table["counts"]), path, overwrite=True)
 
@@ -107,6 +109,7 @@ def load_trimesh() -> FileLibrary:
     import trimesh  # type: ignore[import-not-found,unused-ignore]
 
     def load(path: Path) -> Any:
+        """Load a file with trimesh without merging of vertices. The suffix of the file selects the format."""
         with path.open("rb") as file:
             return trimesh.load(file, file_type=path.suffix[1:], process=False)
 
@@ -123,6 +126,7 @@ def load_trimesh() -> FileLibrary:
         return Contents(np.asarray(load(path).vertices, np.float64))
 
     def read_triangles(path: Path) -> Contents:
+        """Read a triangle mesh with trimesh."""
         mesh = load(path)
         return Contents(vertices=np.asarray(mesh.vertices, np.float64), faces=np.asarray(mesh.faces, np.int64))
 
@@ -158,6 +162,7 @@ def load_meshio() -> FileLibrary:
         return Contents(vertices=np.asarray(mesh.points, np.float64), faces=faces)
 
     def write_points(path: Path, table: Table) -> None:
+        """Write a PLY text file with meshio. table: columns x, y, z and counts, each f64[n]."""
         points = np.column_stack([table[axis] for axis in "xyz"])
         meshio.Mesh(points, [], {"counts": table["counts"]}).write(path, file_format="ply", binary=False)
 
@@ -244,6 +249,7 @@ def load_numpy() -> FileLibrary:
     """`numpy.loadtxt` and `numpy.savetxt`."""
 
     def read_points(path: Path) -> Contents:
+        """Read a text file of numbers with NumPy: three columns of coordinates and, if present, one of counts."""
         rows = np.loadtxt(path, comments=("#", "//"), ndmin=2)
         return Contents(rows[:, :3], rows[:, 3] if rows.shape[1] > 3 else None)
 
@@ -258,6 +264,7 @@ def load_igl() -> FileLibrary:
     import igl
 
     def read_triangles(path: Path) -> Contents:
+        """Read a triangle mesh with libigl. The suffix of the file selects the format."""
         vertices, faces = igl.read_triangle_mesh(str(path))
         return Contents(vertices=np.asarray(vertices, np.float64), faces=np.asarray(faces, np.int64))
 

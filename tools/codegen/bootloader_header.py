@@ -57,6 +57,7 @@ def format_header() -> str:
 
 
 def _format_array(name: str, data: bytes) -> list[str]:
+    """Lines of C code that define a constant array of bytes, 16 bytes per line."""
     body = [", ".join(f"0x{byte:02X}" for byte in data[i : i + 16]) for i in range(0, len(data), 16)]
     return [f"static const uint8_t {name}[{len(data)}] = {{", *[f"    {line}," for line in body], "};"]
 

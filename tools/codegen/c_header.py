@@ -79,6 +79,7 @@ def format_constants() -> list[str]:
 
 
 def _format_table(values: tuple[int, ...]) -> list[str]:
+    """Lines of a C initializer for an array of numbers, 16 numbers per line, inside a macro."""
     rows = [", ".join(str(value) for value in values[i : i + 16]) for i in range(0, len(values), 16)]
     return ["    {" + ", \\\n     ".join(rows) + "}"]
 

@@ -33,6 +33,7 @@ def build_register_vector(name: str, struct: str, start: int, values: Mapping[st
 
 
 def _build_identity(name: str, values: dict[str, Any]) -> dict[str, Any]:
+    """Build a test vector of the identity register of a board from its field values; the CRC is computed."""
     without_crc = registers.Identity.build(nest(registers.Identity, values | {"crc32": 0}))[:-4]
     return build_register_vector(name, "identity", limits.REGISTER_IDENTITY, values | {"crc32": crc32(without_crc)})
 

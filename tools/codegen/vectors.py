@@ -195,6 +195,7 @@ def build_every_command() -> list[Sample]:
 
 
 def _find_zeros(frame: Sample) -> list[int]:
+    """Positions of the zero bytes in the body of a frame, which the encoding on the wire has to replace."""
     body = whiten(bytes.fromhex(frame.vector["body"]))
     return [i for i, byte in enumerate(body) if byte == 0]
 

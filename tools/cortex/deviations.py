@@ -43,6 +43,11 @@ class Deviation(NamedTuple):
 
 
 def _compare_of_low_or_pc(first: CountArray, _: CountArray) -> Any:
+    """Whether an instruction is a CMP in the encoding for high registers with two low registers or the program
+    counter.
+
+    first: first halfwords of the instructions; the behaviour of such a CMP is not defined.
+    """
     d, m = first & 7 | first >> 4 & 8, first >> 3 & 15
     return (first >> 8 == 0x45) & (((d < 8) & (m < 8)) | (d == 15) | (m == 15))
 
@@ -72,6 +77,9 @@ def _change_state(first: CountArray, _: CountArray) -> Any:
 
 
 def _special_registers(first: CountArray, second: CountArray) -> Any:
+    """Whether an instruction is MSR or MRS, which access the special registers. first, second: halfwords of the
+    instructions.
+    """
     either = (first & 0xFFE0 == 0xF380) | (first & 0xFFE0 == 0xF3E0)
     return either & (second & 0xD000 == 0x8000)
 

@@ -100,6 +100,7 @@ class UnicornOracle:
         """Stop the emulation at each exception of the program and store the number of the exception."""
 
         def on_interrupt(_: int, number: int, __: int) -> None:
+            """Store the exception number and stop the emulation; called by Unicorn."""
             self._interrupt = number
             self._library.uc_emu_stop(self._handle)
 
@@ -127,6 +128,7 @@ class UnicornOracle:
 
     @staticmethod
     def _word_index(name: str) -> int:
+        """Index of a field in the array of 32-bit words that holds the state of the processor."""
         assert STATE.fields is not None
         return int(STATE.fields[name][1]) // 4
 

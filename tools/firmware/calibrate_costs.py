@@ -219,6 +219,7 @@ def header(board: Costs, hub: Costs) -> str:
     """Text of costs.h."""
 
     def define(name: str, value: int | list[int]) -> str:
+        """Line of C code that defines a cost as a macro: a number or an initializer."""
         text = "{" + ", ".join(map(str, value)) + "}" if isinstance(value, list) else f"{value}u"
         return f"#define COST_{name.upper()} {text}"
 

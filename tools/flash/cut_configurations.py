@@ -48,6 +48,7 @@ class _Configured:
     """A board that keeps its address, reached through an adapter or the hub; the hub polls the neighbour board."""
 
     def __init__(self, world: VirtualWorld, through_hub: bool) -> None:
+        """Connect to a configured board through the hub or, otherwise, through an I2C adapter."""
         self._route = BoardRoute(world, through_hub)
         self.wire = self._route.wire
 

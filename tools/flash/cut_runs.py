@@ -100,6 +100,7 @@ class _Update:
         self.recorded_count = 0
 
     def _read_slot(self, flash: bytes, slot: int) -> bytes:
+        """The bytes of a firmware slot. flash: content of the whole flash."""
         begin = self.layout.slot_address(slot)
         return flash[begin : begin + self.layout.slot_size]
 

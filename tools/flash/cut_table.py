@@ -162,5 +162,6 @@ def render_page(tally: Tally, seed: int, command: str) -> str:
 
 
 def _format_markdown(rows: Sequence[Sequence[str]]) -> str:
+    """Markdown table; the first row is the header."""
     lines = [f"| {' | '.join(row)} |" for row in rows]
     return "\n".join([lines[0], "|" + "---|" * len(rows[0]), *lines[1:]])

@@ -78,6 +78,7 @@ def _list_taxel_frames(batch: Batch) -> list[Frame]:
 
 
 def _list_other_frames(batch: Batch) -> list[Frame]:
+    """The frames of a decoded batch that are not taxel frames, as (type, sequence, payload bytes)."""
     rows = batch.message_rows[["type", "sequence", "offset", "size"]].tolist() if len(batch.message_rows) else []
     return [(kind, sequence, batch.payloads[offset : offset + size]) for kind, sequence, offset, size in rows]
 

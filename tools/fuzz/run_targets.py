@@ -104,6 +104,7 @@ def build(clang: str) -> Path:
 
 
 def _find_last_number(pattern: str, text: str) -> int:
+    """The last number in a text that the regular expression matches; 0 if there is none."""
     numbers = re.findall(pattern, text)
     return int(numbers[-1]) if numbers else 0
 

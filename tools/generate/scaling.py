@@ -44,6 +44,7 @@ def measure_run(recipe: Recipe, workers: int) -> RunTime:
     """Times of one run."""
 
     def now() -> RunTime:
+        """Real time, and processor time of this process and of its child processes, until now."""
         children = resource.getrusage(resource.RUSAGE_CHILDREN)
         return RunTime(time.perf_counter(), time.process_time(), children.ru_utime + children.ru_stime)
 

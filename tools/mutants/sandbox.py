@@ -52,6 +52,7 @@ class Outcome:
 
 
 def _tool(name: str) -> str:
+    """Path of a build program beside the Python interpreter; otherwise its name, to be found in the search path."""
     local_tool = Path(sys.executable).with_name(name)
     return str(local_tool) if local_tool.exists() else name
 

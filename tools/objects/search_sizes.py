@@ -94,6 +94,7 @@ def search(space: SearchSpace, settings: CloudSettings, log: Callable[[str], Non
     """The best sizes for one seed: differential evolution with few points, then a simplex descent with more points."""
 
     def penalised_objective(vector: FloatArray, cloud_settings: CloudSettings) -> float:
+        """Objective of the sizes that an optimiser's vector represents, plus a penalty for sizes out of bounds."""
         sizes, penalty = space.sizes(vector)
         return compute_objective(sizes, cloud_settings) + penalty
 

@@ -156,6 +156,10 @@ class HubQueue(HubClient):
         return None
 
     def _is_too_soon(self, transfer: Transfer) -> bool:
+        """Whether a transfer must wait, because its board still processes the previous one.
+
+        True if fewer than `SAME_BOARD_GAP` bytes of transfers with other boards have been sent since.
+        """
         last = self._last_unanswered.get(transfer.address)
         return last is not None and self._bus_bytes - last[1] < SAME_BOARD_GAP
 
@@ -180,6 +184,7 @@ class HubQueue(HubClient):
         return sent
 
     def _frame(self, command: Command, arguments: bytes = b"") -> bytes:
+        """Bytes of a command frame to the hub, with the tag by which its reply is recognised."""
         payload = pack(CommandPayload, {"tag": self._tag % 255 + 1, "command": int(command)}, arguments)
         return encode_frame(FrameType.COMMAND, self._sequence, payload)
 

@@ -180,6 +180,9 @@ def _select_board(wire: BoardWire, session: BootSession, unique_id: bytes) -> No
 
 
 def _read_configuration(wire: BoardWire, session: BootSession, unique_id: bytes) -> dict[str, Any] | None:
+    """Configuration in the flash of the board with a unique id; None if it has none. session: with the board's
+    bootloader.
+    """
     _select_board(wire, session, unique_id)
     return run(wire, session.read_configuration())
 

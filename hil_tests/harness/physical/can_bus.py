@@ -13,6 +13,7 @@ class PythonCanBus(CanBus):
     """A channel as `taxel.hand.allegro.open_bus` names it: `can:socketcan:can0`, `can:pcan:PCAN_USBBUS1` ..."""
 
     def __init__(self, context: DriverContext, url: str) -> None:
+        """Create the CAN channel of a physical rig. url: such as `can:socketcan:can0`, opened when a test needs it."""
         del context  # the URL names the channel completely
         self._url = url
 

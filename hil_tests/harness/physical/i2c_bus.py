@@ -12,6 +12,7 @@ class LinuxI2cBus(I2cBus):
     """The adapter `/dev/i2c-N`, opened by smbus2."""
 
     def __init__(self, context: DriverContext, bus: str) -> None:
+        """Open the I2C adapter of a physical rig until the end of the test. bus: number or path of the adapter."""
         self._smbus = open_i2c(bus)
         context.close_at_end(self._smbus.close)
 

@@ -11,6 +11,7 @@ class OperatorStimulus(Stimulus):
         self._hand = context.hand
 
     def press(self, address: int, taxel: int, force_n: float) -> None:
+        """Instruct a person to press a taxel with a force in N, and wait until the person confirms with Return."""
         board = self._hand.get_board(address)
         input(f"press taxel {taxel} of {board.name} (0x{address:02X}) with {force_n:g} N, hold it, then Return: ")
 

@@ -9,6 +9,7 @@ class SerialUart(Uart):
     """A serial port: `serial:///dev/ttyUSB0?baud=1000000`, or another URL of `taxel.link.open_link`."""
 
     def __init__(self, context: DriverContext, url: str) -> None:
+        """Create the UART of a physical rig. url: of the serial port, opened when a test needs it."""
         del context  # the URL names the port completely
         self._url = url
 

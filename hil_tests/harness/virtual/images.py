@@ -22,6 +22,9 @@ def find_missing_tool() -> str | None:
 
 
 def _find_program(name: str) -> str | None:
+    """Path of a build program, beside the Python interpreter or else in the search path; None if it is not
+    installed.
+    """
     beside_python = shutil.which(name, path=str(Path(sys.executable).parent))  # the Makefile uses these first
     return beside_python or shutil.which(name)
 

@@ -15,6 +15,7 @@ class VirtualUart(Uart):
     is_virtual: ClassVar[bool] = True
 
     def __init__(self, context: DriverContext, port: str = "pty") -> None:
+        """Create the UART between the emulated hub and the host. port: "pty", a pseudo-terminal, or "memory"."""
         self._world, self._port = context.world, port
         self._baud = float(context.description.world.get("baud", WorldSettings.baud))
 

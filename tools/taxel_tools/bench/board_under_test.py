@@ -100,6 +100,7 @@ class BoardUnderTest:
         return self._read_until(lambda frames, elapsed: frames >= count)
 
     def _read_until(self, is_enough: Callable[[int, float], bool]) -> Capture:
+        """Read frames of the board until `is_enough(frames, seconds)` is True."""
         self.was_measured = True
         return self.readout.read_frames(is_enough)
 

@@ -11,6 +11,7 @@ class OperatorNeededError(TaxelError):
     """An instruction or a question without an operator to answer. `question`: its text."""
 
     def __init__(self, question: str) -> None:
+        """Create the error of a question to an operator while there is none."""
         super().__init__(question)
         self.question = question
 

@@ -212,6 +212,7 @@ class History:
             self._fail(f"expected a history of version {SCHEMA_VERSION}, found version {version}; use a newer release")
 
     def _is_new(self) -> bool:
+        """Whether the history file is an empty database."""
         tables = self._connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
         return not (tables or self._read_pragma("application_id") or self._read_pragma("user_version"))
 

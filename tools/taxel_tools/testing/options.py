@@ -67,6 +67,7 @@ class Options:
                 raise PlanError(self._source, self._location(key), "an option of this phase", "an unknown key", remedy)
 
     def _take(self, key: str, default: Any) -> Any:
+        """Value of an option, or the default; the option counts as used by the phase."""
         self._read_keys.add(key)
         return self._values.get(key, default)
 

@@ -61,5 +61,6 @@ def _sync_folder(folder: Path) -> None:
 
 
 def _refuse_existing(target: Path) -> NoReturn:
+    """Raise `ResultFileError` because the target file exists."""
     remedy = "choose another name, or permit overwriting"
     raise ResultFileError(format_path(target), "file", "a new file", "an existing one", remedy)

@@ -58,5 +58,6 @@ def _format_link(attachment: Attachment) -> str:
 
 
 def _format_caption(attachment: Attachment) -> str:
+    """HTML text with name, caption and size of an attachment."""
     description = f": {escaped(attachment.caption)}" if attachment.caption.strip() else ""
     return f"{escaped(attachment.name)}{description} ({format_size(len(attachment.data))})"

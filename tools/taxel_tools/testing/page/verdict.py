@@ -96,6 +96,7 @@ def _render_skipped_list(record: TestRecord) -> str:
 
 
 def _format_finding(finding: Finding, number: int) -> str:
+    """HTML text of a fault that was found, with a link to the phase `number` of the report."""
     fault = f'<a href="#phase-{number}"><b>{escaped(finding.fault)}</b></a>'
     return f"{fault}{format_inline_place(finding.place)} {escaped(finding.text)}"
 
