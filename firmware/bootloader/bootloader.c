@@ -15,7 +15,8 @@ void taxel_boot_init(struct taxel_boot *boot, const struct taxel_boot_config *co
     boot->stay = hal->stay_requested(hal->context) ? TAXEL_BOOT_STAY_REQUESTED : TAXEL_BOOT_STAY_LISTENING;
 }
 
-/* A start on trial is recorded before it is made; if it cannot be recorded, it is not made. */
+/* Starts the image that the metadata select, and returns only if no image can be started. A start on trial is
+ * recorded in flash before it is made; if it cannot be recorded, it is not made. */
 static void start_image(struct taxel_boot *boot)
 {
     const struct taxel_boot_flash *const flash = &boot->config->flash;

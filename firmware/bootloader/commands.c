@@ -105,7 +105,8 @@ static uint8_t execute_packet(struct taxel_boot *boot, const struct taxel_boot_p
     return TAXEL_BOOT_STATUS_COMMAND;
 }
 
-/* The host selects the checksum by its first packet. */
+/* Parses a received packet and returns TAXEL_BOOT_STATUS_OK or the status of the response. The first packet of a
+ * host selects which of the two checksums applies, if the configuration permits both. */
 static uint8_t parse(struct taxel_boot *boot, struct taxel_boot_packet *packet, const uint8_t *bytes, size_t size)
 {
     const uint8_t other = boot->checksum ^ 1u;

@@ -27,7 +27,8 @@ static uint16_t row_of(const struct taxel_boot_packet *packet)
     return taxel_get_u16(packet->data + TAXEL_BOOT_ROW_ADDRESS_OFFSET_ROW);
 }
 
-/* Status of the flash row address in a packet: only array 0 exists. */
+/* Status with which a packet's flash row address must be answered: OK, or an error for an array other than 0 or a
+ * row that does not exist. */
 static uint8_t address_status(const struct taxel_boot_packet *packet)
 {
     if (packet->data[TAXEL_BOOT_ROW_ADDRESS_OFFSET_ARRAY] != 0) {

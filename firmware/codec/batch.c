@@ -25,8 +25,9 @@ size_t taxel_batch_row_size(void)
     return sizeof(struct taxel_batch_row);
 }
 
-/* Number of missing frames. A board that scans more slowly than it is polled has no new snapshot in some cycles: no
- * more frames can be missing than scans were skipped. */
+/* Number of taxel frames of a board that are missing between two received frames, from the advances of the poll
+ * cycle number (`cycles`) and of the board's scan number (`scans`). A board that scans more slowly than it is
+ * polled has no new snapshot in some cycles: no more frames can be missing than scans were skipped. */
 static uint16_t missing_between(uint16_t cycles, uint16_t scans)
 {
     const uint16_t steps = cycles < scans ? cycles : scans;
@@ -86,7 +87,8 @@ static void store_compact(struct taxel_batch *batch, struct taxel_batch_row *row
     account(batch, row, &header, 1);
 }
 
-/* restrict lets the compiler vectorise this loop. */
+/* Converts `size` little-endian counts of 2 bytes each to numbers. restrict lets the compiler vectorise the
+ * loop. */
 static void unpack_counts(uint16_t *restrict counts, const uint8_t *restrict bytes, size_t size)
 {
     for (size_t i = 0; i < size; i++) {
@@ -154,7 +156,7 @@ static void store_taxels(struct taxel_batch *batch, struct taxel_batch_row *row,
     account(batch, row, &header, 0);
 }
 
-/* The first frame of a restarted hub is an unrequested HUB_HANDSHAKE: sequence 0, tag 0. */
+/* Whether a frame is the first frame of a restarted hub: an unrequested HUB_HANDSHAKE with sequence 0 and tag 0. */
 static bool is_start_of_hub(const struct taxel_frame *frame)
 {
     return frame->type == TAXEL_FRAME_TYPE_HUB_HANDSHAKE && frame->sequence == 0 &&
@@ -235,7 +237,8 @@ static void set_output(struct taxel_batch *batch, struct taxel_batch_output *out
     output->taxel_count = output->message_count = output->count_count = output->payload_count = 0;
 }
 
-/* n stuffed bytes decode to fewer than n bytes of payload. */
+/* Whether the output arrays have space for all that one call of the deframer can deliver: n stuffed bytes decode to
+ * fewer than n bytes of payload. */
 static bool has_space(const struct taxel_batch *batch)
 {
     const struct taxel_batch_output *output = batch->output;

@@ -6,7 +6,7 @@
  * provides the space for the excess bytes. */
 #define PACKET 64u
 
-/* Captures are little-endian on every machine. */
+/* Reads a little-endian number of `size` bytes: captures have this byte order on every machine. */
 static uint64_t get_uint(const uint8_t *bytes, size_t size)
 {
     uint64_t value = 0;

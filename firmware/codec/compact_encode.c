@@ -24,7 +24,8 @@ static void carry(struct range_encoder *encoder)
     }
 }
 
-/* Narrow the interval to [first, first + size) of 2^bits equal shares. False: the output is full. */
+/* Narrow the encoder's interval to [first, first + size) of 2^bits equal shares, which encodes one symbol. Returns
+ * false if the output is full. */
 static bool put(struct range_encoder *encoder, uint32_t first, uint32_t size, uint8_t bits)
 {
     const uint32_t share = encoder->range >> bits;

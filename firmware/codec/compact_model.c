@@ -24,7 +24,7 @@ static uint32_t level_of(taxel_compact_state state)
     return state & TAXEL_COMPACT_LEVEL_MAX;
 }
 
-/* Difference in 64ths of a count to 1024ths of the scale. */
+/* The ratio of a difference (in 1/64 count) to the expected spread of the taxel, in units of 1/1024. */
 static uint32_t distance(taxel_compact_state state, uint32_t difference)
 {
     const uint32_t level = level_of(state);
@@ -101,7 +101,8 @@ uint8_t taxel_compact_residual(taxel_compact_state state, uint16_t count)
     return (uint8_t)(sign | (code + ((size >> 4) & 3u)));
 }
 
-/* Middle of the range of residuals that this code represents. */
+/* The magnitude of a residual, in counts, from its code of one byte: the middle of the range that the code
+ * represents. */
 static uint32_t size_of(uint8_t residual)
 {
     const uint32_t code = residual & ~RESIDUAL_NEGATIVE;

@@ -22,7 +22,8 @@ static bool format_is_valid(uint8_t format)
     return (format & TAXEL_COMPACT_WIDTH_MASK) <= WIDTH_MAX && (has_start || !(format & TAXEL_COMPACT_START_MASK));
 }
 
-/* This snapshot shows no effect of the answer, which may have been lost: send it again after some snapshots. */
+/* Called for each snapshot that shows no effect of the answer sent to the board, which may have been lost: sends
+ * the answer again after some snapshots. */
 static void repeat_answer(struct taxel_compact_receiver *receiver, enum taxel_compact_answer answer)
 {
     if (receiver->snapshots_until_repeat) {

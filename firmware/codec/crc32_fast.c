@@ -8,7 +8,8 @@
 static uint32_t tables[SLICES][256];
 static bool has_clmul;
 
-/* Filled when the library is loaded: a check at each call would be slow, because many calls add only two bytes. */
+/* Computes the look-up tables of the CRC-32 when the library is loaded: a check at each call would be slow, because
+ * many calls add only two bytes. */
 __attribute__((constructor)) static void fill_tables(void)
 {
     has_clmul = taxel_crc32_has_clmul();

@@ -148,8 +148,8 @@ static size_t search(struct taxel_deframer *deframer, const uint8_t *chunk, size
     return start;
 }
 
-/* The chunk buffer is full and contains no delimiter: search all but the last bytes, at which an incomplete frame
- * may begin. */
+/* Makes space in the full chunk buffer, which contains no delimiter: searches all but the last bytes for frames,
+ * and keeps the last bytes, at which an incomplete frame may begin. */
 static void make_space(struct taxel_deframer *deframer)
 {
     const size_t keep = taxel_encoded_size_max(deframer->config.payload_max);

@@ -23,7 +23,8 @@ static uint8_t *after(const struct taxel_encoder *encoder, uint8_t *at)
     return at + 1 == encoder->limit ? encoder->ring : at + 1;
 }
 
-/* The byte of a block's code is reserved, and written when the block is closed. */
+/* Begins a COBS block: reserves the byte `at` for the code of the block, which is written when the block is closed.
+ * Returns the position after it. */
 static uint8_t *open_block(struct taxel_encoder *encoder, uint8_t *at)
 {
     encoder->code_at = at;
@@ -37,7 +38,8 @@ static void put(struct taxel_encoder *encoder, uint8_t byte)
     encoder->at = after(encoder, encoder->at);
 }
 
-/* Values that change with every byte are kept in registers: memory accesses are slow on a Cortex-M0. */
+/* Appends bytes to the body of the frame: whitening, then byte stuffing (COBS). Values that change with every byte
+ * are kept in registers: memory accesses are slow on a Cortex-M0. */
 static void put_body(struct taxel_encoder *encoder, const uint8_t *bytes, size_t size)
 {
     uint8_t *at = encoder->at;

@@ -5,7 +5,8 @@
 /* The sequence for the longest body, so that the compiler can vectorise the XOR below. */
 static uint8_t sequence[TAXEL_BODY_MAX + 1u];
 
-/* Filled when the program or library is loaded: a check at each frame costs as much as the XOR of a short frame. */
+/* Computes the whitening sequence when the program or library is loaded: a check at each frame costs as much as the
+ * XOR of a short frame. */
 __attribute__((constructor)) static void fill_sequence(void)
 {
     uint8_t value = (uint8_t)TAXEL_WHITENING_SEED;

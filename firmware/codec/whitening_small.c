@@ -2,7 +2,8 @@
 
 #include "generated/taxel_protocol.h"
 
-/* Factor and increment of n steps together, for n = 1, 2, 4 ... 128: any element is reached in at most eight steps. */
+/* Element number `index` (modulo 256) of the whitening sequence. Factor and increment of n steps together, for n =
+ * 1, 2, 4 ... 128, give any element in at most eight steps. */
 static uint8_t element(size_t index)
 {
     uint8_t value = (uint8_t)TAXEL_WHITENING_SEED;

@@ -233,7 +233,7 @@ static struct psoc *find_processor(const struct taxel_bench *bench, uint8_t addr
     return board ? board->psoc : address == HUB_ADDRESS ? bench->world.hub.psoc : NULL;
 }
 
-/* The processor, advanced to the present time. */
+/* The emulated processor of a board or of the hub, advanced to the present time; NULL as for find_processor(). */
 static const struct psoc *find_current_processor(struct taxel_bench *bench, uint8_t address)
 {
     const struct board_node *board = find_board(bench, address);

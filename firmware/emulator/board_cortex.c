@@ -7,7 +7,7 @@
 #include "emulator/board_internal.h"
 #include "emulator/base/reset_bits.h"
 
-/* Apply the settings of this conversion, which the registers contain, to the front end. */
+/* Applies the settings of this conversion, which the program has written to registers, to the front end. */
 static void apply_conversion_settings(struct board_node *board, const struct psoc_conversion *conversion)
 {
     const struct front_end_settings settings = {
@@ -30,7 +30,8 @@ static void update_clock_rate(struct board_node *board, vtime now)
     }
 }
 
-/* Returns the number of sample clocks in which the current source was on. */
+/* Callback of the board's chip: the result of a conversion, as the number of sample clocks in which the current
+ * source was on. */
 static uint16_t on_convert(void *context, const struct psoc_conversion *conversion)
 {
     struct board_node *board = context;

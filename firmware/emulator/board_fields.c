@@ -43,7 +43,8 @@ static double rise_at_force(double force)
     return force > 0.0 ? layer_rise_at_force(force) : 0.0;
 }
 
-/* The history of a stimulus of forces contains forces, not rises. */
+/* Relative capacitance rise of one taxel at a past time. The history of a stimulus of forces contains forces, which
+ * are converted; other histories contain rises. */
 static double past_rise(const struct board_fields *fields, const struct late_span *span, size_t taxel, vtime from)
 {
     const struct taxel_field *before = &span->before[taxel];

@@ -24,7 +24,7 @@ static double clock_drift_lead_s(const struct board_node *board, vtime time)
     return clock_drift_offset(&board->clock_drift, (double)time / (double)VTIME_SECOND);
 }
 
-/* CPU cycles of the interrupt that starts a conversion, up to the start. */
+/* CPU cycles from the entry of the interrupt that starts a conversion up to the start of this conversion. */
 static unsigned conversion_start_cycles(const struct board_node *board, uint16_t crossing, uint8_t tx)
 {
     static const uint8_t division_cycles[TAXEL_LINES_MAX] = COST_QUOTIENT;
@@ -36,7 +36,7 @@ static unsigned conversion_start_cycles(const struct board_node *board, uint16_t
     return board->is_first_of_scan ? cost + COST_SCAN : cost;
 }
 
-/* The time by which SysTick interrupts delay code that runs at [from, to). */
+/* Virtual time by which interrupts of the timer SysTick delay code that runs from `from` to `to`. */
 static vtime systick_delay(struct board_node *board, vtime from, vtime to)
 {
     const vtime period = board->tick_period, length = board->tick_length;
@@ -293,14 +293,14 @@ uint16_t board_run_conversion(struct board_node *board)
     return electronics_convert(board->electronics, &conversion);
 }
 
-/* When an interrupt that is raised at `time` begins. After another interrupt it begins earlier by the tail-chaining
- * saving, because the CPU does not return to the main program in between. */
+/* Virtual time at which an interrupt that is raised at `time` begins. After another interrupt it begins earlier by
+ * the tail-chaining saving, because the CPU does not return to the main program in between. */
 static vtime interrupt_begin_time(const struct board_node *board, vtime time)
 {
     return vtime_max(time, board->cpu_free > time ? board->cpu_free - board_cycles_to_time(board, COST_TAIL_CHAIN) : 0);
 }
 
-/* An interrupt of this duration delays the work of the main loop. */
+/* Delays the work of the main loop by the duration of an interrupt. */
 static void delay_main_loop(struct board_node *board, vtime duration)
 {
     if (board->compact_end != VTIME_NEVER) {
@@ -308,7 +308,8 @@ static void delay_main_loop(struct board_node *board, vtime duration)
     }
 }
 
-/* The main loop starts pending work once the CPU is free. Encoding takes time; exchanging buffers does not. */
+/* Starts pending work of the main loop once the CPU is free. Coding a compact snapshot takes time; exchanging
+ * buffers does not. */
 static void start_main_loop(struct board_node *board)
 {
     if (board->compact_end != VTIME_NEVER || board->program != PROGRAM_APPLICATION ||

@@ -124,7 +124,7 @@ vtime board_on_read(struct board_node *board, vtime now, uint8_t *byte)
     return released;
 }
 
-/* A start or stop condition at a wrong position ends the transfer of this board. */
+/* Handles a start or stop condition at a wrong position, which ends the transfer of this board. */
 void board_on_bus_error(struct board_node *board, vtime now)
 {
     if (board->psoc) {
@@ -140,7 +140,7 @@ void board_on_bus_error(struct board_node *board, vtime now)
     taxel_sensor_on_bus_error(&board->sensor);
 }
 
-/* Stop condition. The firmware executes the bytes written; a requested restart takes place now. */
+/* Handles a stop condition: the firmware executes the bytes written, and a requested restart takes place now. */
 void board_on_stop(struct board_node *board, vtime now)
 {
     if (board->psoc) {

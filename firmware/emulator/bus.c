@@ -110,7 +110,8 @@ static void finish_command(struct bus *bus, enum bus_event event, vtime released
     bus->next = vtime_max(bus->next, vtime_max(released, bus_scl_held_until(bus)));
 }
 
-/* When the master continues after a byte that the slaves have released at `released`. */
+/* Virtual time at which the master continues after a byte whose clock line the slaves have released at
+ * `released`. */
 static vtime resume_time(const struct bus *bus, vtime released)
 {
     const vtime hold = bus->master == BUS_HUB && !bus->is_bytewise ? bus->byte_hold : 0;
@@ -132,7 +133,8 @@ void bus_begin_stop(struct bus *bus, vtime released)
     bus->next = resume_time(bus, released) + bus->scl_period;
 }
 
-/* The master has lost the bus in the middle of a transfer, which therefore ends without a stop condition. */
+/* Ends the transfer with `result`, because the master has lost the bus in the middle of it; there is no stop
+ * condition. */
 static void lose_bus(struct bus *bus, int8_t result)
 {
     for (size_t i = 0; i < bus->slave_count; i++) {
@@ -146,7 +148,7 @@ static void lose_bus(struct bus *bus, int8_t result)
     bus->next += bus->scl_period;
 }
 
-/* Count a byte and apply its faults. */
+/* Counts a byte of the transfer and returns the damage that injected faults do to this byte. */
 static struct byte_damage apply_byte_faults(struct bus *bus)
 {
     const unsigned position = bus->byte_number++;
@@ -168,7 +170,7 @@ static struct byte_damage apply_byte_faults(struct bus *bus)
     return damage;
 }
 
-/* Returns whether the damage has ended the transfer. */
+/* Ends the transfer if the damage of a byte is a lost arbitration or a bus error; returns whether it has ended. */
 static bool abort_if_bus_lost(struct bus *bus, const struct byte_damage *damage)
 {
     if (damage->arbitration || damage->bus_error) {
@@ -178,7 +180,8 @@ static bool abort_if_bus_lost(struct bus *bus, const struct byte_damage *damage)
     return false;
 }
 
-/* Returns whether a slave acknowledges the address; *released is when all slaves have released SCL. */
+/* Sends an address to all boards. Returns whether a slave acknowledges; *released is the time at which all slaves
+ * have released SCL. */
 static bool address_slaves(struct bus *bus, uint8_t address, vtime *released)
 {
     *released = bus->next;
@@ -197,7 +200,7 @@ static bool address_slaves(struct bus *bus, uint8_t address, vtime *released)
     return bus->slave_count > 0;
 }
 
-/* The last byte was written: continue with a read, or stop. */
+/* Continues a transfer after its last written byte: with a read, or with a stop condition. */
 static void continue_after_write(struct bus *bus, vtime released)
 {
     if (bus->transfer.read_size) {
@@ -207,8 +210,8 @@ static void continue_after_write(struct bus *bus, vtime released)
     }
 }
 
-/* Master and board drive the bus at the same time: the master loses the bus and the boards remain in the middle of a
- * byte, holding SDA until it is clocked out. */
+/* Ends a transfer in which master and board drive the bus at the same time: the master loses the bus and the boards
+ * remain in the middle of a byte, holding SDA until it is clocked out. */
 void bus_handle_collision(struct bus *bus, int8_t result)
 {
     for (size_t i = 0; i < bus->slave_count; i++) {

@@ -39,7 +39,7 @@ bool electronics_are_needed(const struct world_description *world, size_t board)
            droop_is_on(&effects->droop);
 }
 
-/* The wiring of lines and taxels, and the dead taxels. */
+/* Copies the wiring of lines and taxels, and the dead taxels, from the description of the board. */
 static void init_wiring(struct electronics *electronics, const struct board_description *description)
 {
     const struct effects *effects = electronics->effects;
@@ -128,8 +128,8 @@ void electronics_configure(struct electronics *electronics)
     }
 }
 
-/* The capacitances of all crossings at this conversion; they are used for all conversions of the TX line in this
- * scan. */
+/* Computes the capacitances of all crossings at this conversion; they are used for all conversions of the TX line
+ * in this scan. */
 static void compute_crossings(struct electronics *electronics, const struct electronics_conversion *conversion, int tx)
 {
     double rise[TAXEL_TAXELS_MAX];

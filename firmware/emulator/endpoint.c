@@ -27,8 +27,9 @@ static int set_nonblocking(int fd)
     return flags < 0 ? -1 : fcntl(fd, F_SETFL, flags | O_NONBLOCK);
 }
 
-/* The slave side is set to raw mode before a client opens it, because otherwise the terminal would echo the first
- * bytes. It is then closed here, so that POLLHUP reports that the client has closed its end. */
+/* Opens a pseudo-terminal for a host. Returns 0, or -1 on an error. The slave side is set to raw mode before a
+ * client opens it, because otherwise the terminal would echo the first bytes. It is then closed here, so that
+ * POLLHUP reports that the client has closed its end. */
 static int open_pty(struct endpoint *endpoint)
 {
     struct termios settings;
@@ -53,7 +54,8 @@ static void put_le(uint8_t *bytes, uint64_t value, size_t size)
     }
 }
 
-/* The capture format is described in protocol/SPEC.md. */
+/* Opens a capture file (format: protocol/SPEC.md) for writing and writes its header. baud: rate of the UART in
+ * bit/s. Returns 0, or -1 on an error. */
 static int open_capture(struct endpoint *endpoint, const char *path, double baud)
 {
     char header[64];

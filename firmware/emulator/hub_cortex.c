@@ -83,7 +83,8 @@ static void on_uart_byte(void *context, uint8_t byte)
     psoc_uart_receive(node->psoc, byte);
 }
 
-/* Returns at most one byte, because the shift register reads the FIFO byte by byte. */
+/* Callback of the emulated UART: takes at most one byte to send from the hub's chip, because the shift register
+ * reads the FIFO byte by byte. Returns the number of bytes. */
 static size_t pull_uart_byte(void *context, uint8_t *bytes, size_t size)
 {
     struct hub_node *node = context;

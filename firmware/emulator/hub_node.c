@@ -275,8 +275,8 @@ void hub_node_stall(struct hub_node *node, vtime until)
     node->cpu_free = vtime_max(node->cpu_free, until);
 }
 
-/* The hub's I2C transfer has ended: interrupt of the firmware, and a pass of its main loop after the interrupt's
- * processor time. */
+/* Handles the end of the hub's I2C transfer: interrupt of the firmware, and a pass of its main loop after the
+ * interrupt's processor time. */
 void hub_node_on_i2c_done(struct hub_node *node, vtime now)
 {
     if (node->psoc) {
@@ -288,7 +288,7 @@ void hub_node_on_i2c_done(struct hub_node *node, vtime now)
     wake_not_after(node, now + cycles_to_time(node, COST_MASTER_DONE));
 }
 
-/* A byte has arrived at the hub: time of its interrupt, then a pass of the main loop. */
+/* Handles a byte that has arrived at the hub: adds the time of its interrupt, then a pass of the main loop. */
 void hub_node_on_uart_received(struct hub_node *node, vtime now)
 {
     if (node->psoc) {
@@ -298,7 +298,7 @@ void hub_node_on_uart_received(struct hub_node *node, vtime now)
     wake_not_after(node, node->cpu_free);
 }
 
-/* Time of the interrupt in which the hub refilled its transmit FIFO with this number of bytes. */
+/* Adds the CPU time of the interrupt in which the hub refilled its transmit FIFO with this number of bytes. */
 void hub_node_on_uart_sent(struct hub_node *node, vtime now, size_t bytes)
 {
     if (node->psoc) {

@@ -95,13 +95,14 @@ size_t uart_host_free_space(const struct uart *uart)
     return UART_RECEIVE_BUFFER_SIZE - (uart->receive_head - uart->receive_tail);
 }
 
-/* After RTS was deasserted, the adapter still sends UART_BYTES_AFTER_HOLD bytes. */
+/* Whether the hub's RTS has stopped the USB adapter. After RTS was deasserted, the adapter still sends
+ * UART_BYTES_AFTER_HOLD bytes. */
 static bool is_adapter_stopped(const struct uart *uart)
 {
     return uart->is_held && uart->sent_while_held >= UART_BYTES_AFTER_HOLD;
 }
 
-/* The adapter's next byte starts at `start`, or when it has arrived from the host. */
+/* Schedules the adapter's next byte to the hub: at `start`, or when it has arrived from the host. */
 static void schedule_next_byte(struct uart *uart, vtime start)
 {
     const vtime ready = uart->receive_ready[uart->receive_tail % UART_RECEIVE_BUFFER_SIZE];

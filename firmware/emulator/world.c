@@ -133,8 +133,8 @@ static enum event find_earliest_event(const struct world *world, vtime *time)
     return first;
 }
 
-/* How far bus or hub may run in one call: up to the next event of another kind. The order of events matters, because
- * the end of a transfer and a UART interrupt occupy the same CPU of the hub. */
+/* Virtual time up to which bus or hub (`running`) may run in one call: the next event of another kind. The order of
+ * events matters, because the end of a transfer and a UART interrupt occupy the same CPU of the hub. */
 static vtime run_limit(const struct world *world, enum event running, vtime now, vtime until)
 {
     vtime times[EVENT_COUNT];
@@ -147,8 +147,8 @@ static vtime run_limit(const struct world *world, enum event running, vtime now,
     return vtime_max(now, until);
 }
 
-/* End of a transfer, or of one command of a bytewise master. The result is passed on before the bus is released,
- * because the next transfer overwrites the result. */
+/* Handles the end of a transfer, or of one command of a bytewise master. The result is passed on before the bus is
+ * released, because the next transfer overwrites the result. */
 static void end_transfer(struct world *world)
 {
     const vtime end = world->bus.next;

@@ -38,7 +38,8 @@ static void finish_board_field(void *context, size_t index)
     task->has_failed[index] = board_fields_remember(&board->fields, task->time) != 0;
 }
 
-/* Advance the boards to `now` under the present fields, and store these fields where a late board needs them. */
+/* Advances the boards to `now` under the present fields, and stores these fields where a late board needs them.
+ * Returns 0, or -1 without memory. */
 static int finish_fields(struct world *world, vtime now)
 {
     struct board_task task = {.world = world, .time = now};

@@ -136,7 +136,7 @@ void model_conversion(struct board_model *model, uint16_t raw_count)
     begin_scan(model);
 }
 
-/* Register content that the next reads return, from byte `position` on. */
+/* Prepares the register content that the next reads return: `size` bytes, from byte `position` on. */
 static void answer_with(struct board_model *model, const uint8_t *bytes, size_t size, size_t position)
 {
     memcpy(model->answer, bytes, size);

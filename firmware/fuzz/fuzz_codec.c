@@ -249,7 +249,8 @@ static void check_row(const struct taxel_batch_row *row, const struct oracle_fra
     }
 }
 
-/* The two tables of one call, each in the order of the stream. */
+/* Checks the two tables of one call of the batch decoder: taxel rows and messages, each in the order of the
+ * stream. */
 static void check_rows(const struct taxel_batch_output *output, size_t *taxels, size_t *messages)
 {
     FUZZ_CHECK(output->taxel_count <= output->row_capacity && output->message_count <= output->row_capacity);
@@ -295,7 +296,7 @@ static void check_batch(uint8_t directions, size_t rows, const uint8_t *sizes, s
     FUZZ_CHECK(taxel_batch_discarded_bytes(&batch) == oracle.discarded_bytes);
 }
 
-/* Each decoded frame, encoded again into a ring that wraps at any position, is decoded again. */
+/* Checks that each decoded frame, encoded again into a ring that wraps at any position, is decoded again. */
 static void check_encoded_again(size_t wrap)
 {
     uint8_t ring[WIRE_MAX], wire[WIRE_MAX], again[WIRE_MAX];
@@ -341,7 +342,7 @@ static void check_arithmetic(void)
     FUZZ_CHECK(memcmp(fast, small, size) == 0);
 }
 
-/* Each packed struct must be unpacked and packed to the same bytes. */
+/* Checks that each packed struct of the protocol is unpacked and packed to the same bytes. */
 static void check_layouts(void)
 {
     for (size_t i = 0; i < sizeof layouts / sizeof layouts[0]; i++) {

@@ -150,7 +150,7 @@ static void send_answer(uint8_t delivery)
     }
 }
 
-/* If board and host use the same key frame, their taxel states must be equal. */
+/* Checks that board and host have equal taxel states if they use the same key frame. */
 static void check_states(void)
 {
     const struct taxel_compact *compact = &sensor.compact;

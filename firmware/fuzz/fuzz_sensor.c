@@ -91,8 +91,8 @@ static const struct taxel_sensor_hal hal = {
     .enter_bootloader = on_bootloader,
 };
 
-/* The state of the firmware must be equal to that of the model: counters, identity, settings, current crossing, and
- * three distinct snapshot buffers. */
+/* Checks that the state of the firmware equals the state of the model: counters, identity, settings, current
+ * crossing, and three distinct snapshot buffers. */
 static void check_state(void)
 {
     FUZZ_CHECK(converting == model.converting && started == model.conversions_started &&
@@ -144,7 +144,7 @@ static void read(size_t size)
     }
 }
 
-/* Stop condition for firmware and model. A requested restart takes place at once. */
+/* Sends a stop condition to firmware and model. A requested restart takes place at once. */
 static void stop(void)
 {
     taxel_sensor_on_stop(&sensor);

@@ -86,7 +86,8 @@ static void process_job_outcome(struct taxel_hub *hub)
     taxel_hub_finish_job(hub, hub->job_result);
 }
 
-/* Moves a past time to `now`, because after 35 minutes it would count as a future time. */
+/* Moves a time (microseconds modulo 2^32) that has passed to `now`, because after 35 minutes it would count as a
+ * future time. */
 static void clamp_past_time(uint32_t now, uint32_t *time)
 {
     if (taxel_hub_is_due(now, *time)) {

@@ -27,7 +27,8 @@ static uint8_t identity_fault(const struct taxel_hub *hub, uint8_t address, cons
     return TAXEL_BOARD_FAULT_NONE;
 }
 
-/* The board cannot be polled in this cycle: count this as the outcome of its poll, and continue with the next board. */
+/* Ends the turn of a board that cannot be polled in this cycle: counts this as the outcome of its poll in
+ * `counter`, sets the state, and continues with the next board. */
 static void end_turn(struct taxel_hub *hub, struct taxel_hub_slot *board, uint32_t *counter, uint8_t fault,
                      uint8_t state)
 {
@@ -106,7 +107,8 @@ static bool settings_match(const struct taxel_hub_slot *board, const uint8_t *by
     return memcmp(bytes, expected, sizeof expected) == 0;
 }
 
-/* Settings were read back after a write. Rejected settings are not written again after the board's next restart. */
+/* Evaluate the scan settings that were read back from a board after a write. Rejected settings are not written
+ * again after the board's next restart. */
 void taxel_hub_finish_check_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.pool_offset);
@@ -119,7 +121,8 @@ void taxel_hub_finish_check_settings(struct taxel_hub *hub, struct taxel_hub_slo
     }
 }
 
-/* Settings were read after an identity, into the bytes behind it: the layout of BOARD_INFO. */
+/* Evaluate the scan settings that were read from a board after its identity, into the bytes behind the identity:
+ * the layout of BOARD_INFO. With valid settings the board is polled from then on. */
 void taxel_hub_finish_read_settings(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     const uint8_t *bytes = taxel_hub_bytes(hub, hub->job.pool_offset) + TAXEL_IDENTITY_SIZE;

@@ -12,8 +12,8 @@
 #define NO_BYTE (-1)
 #define WAIT (-1)
 
-/* Called by the interrupt to hold and by the main loop to release. The two thresholds are so far apart that the
- * calls do not interleave. */
+/* Changes RTS, which makes the host pause (`is_hold`) or continue. The interrupt calls it to hold, the main loop to
+ * release. The two thresholds are so far apart that the calls do not interleave. */
 static void hold(struct taxel_hub *hub, bool is_hold)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);
@@ -77,8 +77,9 @@ static struct body body_at_tail(const struct taxel_inbox *inbox, uint8_t size)
         .ring = inbox->ring, .at = inbox->tail, .ahead = size, .whitening = (uint8_t)TAXEL_WHITENING_SEED};
 }
 
-/* The next byte, or NO_BYTE if its block reaches past the chunk. Every accepted body is shorter than a full block of
- * 254 bytes, so a zero follows each block but the last. */
+/* The next byte of a frame body in the receive ring, without stuffing and whitening; NO_BYTE if its block reaches
+ * past the chunk. Every accepted body is shorter than a full block of 254 bytes, so a zero follows each block but
+ * the last. */
 static int next_byte(struct body *body)
 {
     uint8_t byte = 0;
@@ -184,8 +185,9 @@ static bool take_frame(struct taxel_hub *hub, uint8_t size, const uint8_t *heade
     return true;
 }
 
-/* Bytes of the chunk at the tail, 0 for a delimiter, or WAIT. A chunk without a delimiter is returned once it is
- * longer than any frame. The head is read only once, because the interrupt changes it. */
+/* Number of bytes before the next delimiter in the receive ring, 0 if a delimiter is next, or WAIT if no delimiter
+ * has arrived. A chunk without a delimiter is returned once it is longer than any frame. The head is read only
+ * once, because the interrupt changes it. */
 static int chunk_at_tail(struct taxel_inbox *inbox)
 {
     const uint8_t head = inbox->head;
@@ -206,7 +208,7 @@ static void skip_byte(struct taxel_inbox *inbox)
     inbox->tail = (uint8_t)(inbox->tail + 1u);
 }
 
-/* Release RTS, so that the host can send. */
+/* Initialises the receive ring: lowers RTS, so that the host can send. */
 void taxel_hub_inbox_init(struct taxel_hub *hub)
 {
     const struct taxel_hub_hal *hal = taxel_hub_hal_of(hub);

@@ -101,7 +101,8 @@ bool taxel_hub_retry(struct taxel_hub *hub, struct taxel_hub_slot *board)
     return true;
 }
 
-/* A poll whose transfer failed. */
+/* Evaluates a poll whose transfer failed: schedules a second attempt, or counts the failure by its kind and frees
+ * the bus if necessary. */
 static void finish_failed_poll(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     switch (result) {
@@ -225,7 +226,8 @@ static void finish_clock(struct taxel_hub *hub, const struct taxel_hub_slot *boa
     }
 }
 
-/* A lost acknowledgement is not repeated here: the host sends it again. */
+/* Evaluates the write of an acknowledgement to a board. A lost acknowledgement is not repeated here: the host sends
+ * it again. */
 static void finish_acknowledge(struct taxel_hub *hub, struct taxel_hub_slot *board, int8_t result)
 {
     board->pointer_is_snapshot = result == TAXEL_I2C_OK;

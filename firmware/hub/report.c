@@ -76,7 +76,8 @@ void taxel_hub_start_report(struct taxel_hub *hub, bool for_command)
     hub->report.next = 0;
 }
 
-/* False if there was no space for the frame. */
+/* Queues the next frame of the status report in progress, and after the last frame the reply to GET_STATUS if one
+ * is due. Returns false if there was no space for the frame. */
 static bool send_next(struct taxel_hub *hub)
 {
     struct taxel_report *report = &hub->report;

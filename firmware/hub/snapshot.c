@@ -16,7 +16,8 @@ static bool snapshot_is_whole(const struct taxel_hub_slot *board, const uint8_t 
     return crc == taxel_get_u32(bytes + size - 4u);
 }
 
-/* The board's clock went back, or did not advance as the hub's did: the board restarted. */
+/* Whether the board has restarted since its last snapshot: its clock went back, or did not advance as the hub's
+ * clock did. */
 static bool board_was_restarted(const struct taxel_hub_slot *board, uint32_t started_us, uint32_t timestamp_us)
 {
     const uint32_t elapsed = started_us - board->last_read_us;
@@ -104,7 +105,8 @@ void taxel_hub_forward(struct taxel_hub *hub)
     unframed->size = 0;
 }
 
-/* False if the snapshot is not to be forwarded. */
+/* Whether the snapshot that was just read is valid and is to be forwarded. A damaged snapshot is read again or
+ * counted; a repeated one is counted. */
 static bool snapshot_is_new(struct taxel_hub *hub, struct taxel_hub_slot *board)
 {
     const struct taxel_unframed *unframed = &hub->unframed;

@@ -45,9 +45,10 @@ static uint16_t discard_frame(struct taxel_hub *hub, const uint8_t *frame)
     return taxel_get_u16(prefix + PREFIX_SEQUENCE);
 }
 
-/* Called without a transfer in progress and without unframed bytes, so the whole pool is available; the interrupt is
- * held. The partly sent frame moves to the start of the pool. A short LOG frame takes the place and the sequence
- * number of each other frame, so that no number is missing. */
+/* Discards the frames that wait in the transfer pool for a UART without reader. Called without a transfer in
+ * progress and without unframed bytes, so the whole pool is available; the interrupt is held. The partly sent frame
+ * moves to the start of the pool. A short LOG frame takes the place and the sequence number of each other frame, so
+ * that no number is missing. */
 TAXEL_OWN_FRAME static void discard_queued(struct taxel_hub *hub)
 {
     const struct taxel_hub_config *config = taxel_hub_config_of(hub);

@@ -131,8 +131,8 @@ static void process_answers(struct taxel_sensor *sensor)
     }
 }
 
-/* A reader of an uncompressed snapshot in blocks keeps its snapshot: nothing is latched while the pointer is at
- * those blocks. */
+/* Whether the coder may latch the newest scan. A reader of an uncompressed snapshot in blocks keeps its snapshot:
+ * nothing is latched while the pointer is at those blocks. */
 static bool may_latch(const struct taxel_sensor *sensor)
 {
     const uint8_t pointer = sensor->slave.pointer;
@@ -179,7 +179,8 @@ static bool needs_key_frame(struct taxel_compact *compact)
     return true;
 }
 
-/* Detect touches: the coded counts take clearly more bytes than the recent minimum. */
+/* Compares the size of the coded counts (bytes) with the usual size, a slowly adapted minimum, and records whether
+ * it is clearly larger, which indicates a touch. */
 static void update_usual_size(struct taxel_compact *compact, size_t size)
 {
     const uint16_t now = (uint16_t)(16u * size);
@@ -228,7 +229,8 @@ static void pack_snapshot(const struct taxel_sensor *sensor, const struct taxel_
     taxel_compact_pack(counts, sensor->config->taxel_count, width, bytes + TAXEL_COMPACT_PACKED_SIZE);
 }
 
-/* Add length byte, padding and CRC; returns the id of the snapshot. */
+/* Adds length byte, padding and CRC to the `size` bytes of a compact snapshot in `buffer`; returns the id of the
+ * snapshot, the low half of the CRC. */
 static uint16_t add_length_and_crc(const struct taxel_sensor *sensor, uint8_t *buffer, size_t size)
 {
     size_t length = size + CRC_SIZE;
@@ -243,8 +245,8 @@ static uint16_t add_length_and_crc(const struct taxel_sensor *sensor, uint8_t *b
     return (uint16_t)crc;
 }
 
-/* Store what the acknowledgement will need: one byte per taxel, or, for a packed key frame, the new states
- * themselves. */
+/* Stores what is needed when the host acknowledges this snapshot as a key frame: one byte per taxel, or, for a
+ * packed key frame, the new states themselves. */
 static void store_key_frame(struct taxel_sensor *sensor, const uint8_t *counts, bool is_delta)
 {
     const struct taxel_compact_memory *memory = &sensor->config->compact;
@@ -258,8 +260,8 @@ static void store_key_frame(struct taxel_sensor *sensor, const uint8_t *counts, 
     }
 }
 
-/* A delta frame would be longer than a packed frame. If the key frame had few updates, its initial scale was too
- * small. */
+/* Discards the key frame, because a delta frame would be longer than a packed frame. If the key frame had few
+ * updates, its initial scale was too small, and the next key frame begins with a larger scale. */
 static void discard_key_frame(struct taxel_compact *compact)
 {
     const bool is_young = compact->updates < TAXEL_COMPACT_UPDATES_MAX;
@@ -312,7 +314,7 @@ static void code_snapshot(struct taxel_sensor *sensor, const uint8_t *bytes)
     compact->work_ready = true;
 }
 
-/* Exchange the buffers, unless a read is in progress. */
+/* Makes the newly coded compact snapshot available for reading, unless a read is in progress. */
 static void exchange_buffers(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;

@@ -14,7 +14,7 @@ static uint16_t count_bits(const uint8_t *map)
     return bits;
 }
 
-/* No bit is set beyond the crossings of the board. */
+/* Whether the crossing map has no bit set beyond the crossings of the board. */
 static bool map_fits(const struct taxel_sensor_config *config)
 {
     for (unsigned crossing = (unsigned)config->rows * config->columns; crossing < 8u * TAXEL_CROSSING_MAP_SIZE;

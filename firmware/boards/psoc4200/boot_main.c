@@ -22,8 +22,8 @@ static struct taxel_boot_i2c wire;
 
 static struct taxel_boot boot;
 
-/* Processor interface of the bootloader: write a flash row. The I2C slave is off during the write, so that the bus is
- * not held. */
+/* HAL function of the bootloader: writes one flash row of 128 bytes. The I2C slave is off during the write, so that
+ * the bus is not held. */
 static int on_write_row(void *context, uint16_t row, const uint8_t *bytes)
 {
     (void)context;
@@ -65,8 +65,9 @@ static bool on_stay_requested(void *context)
     return reset_stay_requested();
 }
 
-/* I2C or UART are switched off, as after a reset. The watchdog and SysTick keep running and one interrupt stays
- * enabled; the start-up code of the image expects this state. */
+/* HAL function of the bootloader: starts the image whose vector table is at address `vectors`. I2C or UART are
+ * switched off, as after a reset. The watchdog and SysTick keep running and one interrupt stays enabled; the start-
+ * up code of the image expects this state. */
 static void on_start(void *context, uint32_t vectors)
 {
     (void)context;

@@ -16,7 +16,8 @@ struct parameters {
     uint32_t words[WORDS];
 };
 
-/* The ROM's result is ignored: the caller reads the row back. */
+/* Calls function number `opcode` of the chip's ROM with the parameters in RAM; `high` is an argument of the
+ * function. The result of the ROM is ignored: the caller reads the row back. */
 __attribute__((noinline)) static void call(struct parameters *parameters, uint32_t opcode, uint32_t high)
 {
     parameters->keys = SROM_PARAMETERS(opcode, high);

@@ -77,7 +77,7 @@ void front_end_configure(const struct taxel_scan_settings *settings)
     front_end.idac_code = settings->idac_code;
 }
 
-/* Connect a TX line to the sense clock; the previous line is held low again. */
+/* Connect TX line number `line` to the sense clock; the previous TX line is held low again. */
 static void connect_tx(uint8_t line)
 {
     if (line == front_end.tx || line >= BOARD_TX_LINES) {
@@ -90,7 +90,8 @@ static void connect_tx(uint8_t line)
     front_end.tx = line;
 }
 
-/* Connect an RX line to the analog bus of the CSD block; the previous line is held low again. */
+/* Connect RX line number `line` to the analog bus of the capacitance converter (CSD); the previous RX line is held
+ * low again. */
 static void connect_rx(uint8_t line)
 {
     if (line == front_end.rx || line >= BOARD_RX_LINES) {
@@ -103,8 +104,8 @@ static void connect_rx(uint8_t line)
     front_end.rx = line;
 }
 
-/* The counter is started first, then the sense clock, within a few sample clocks; the count before the first clock
- * edge is stored separately. */
+/* Starts a conversion on the connected lines. The counter is started first, then the sense clock, within a few
+ * sample clocks; the count before the first clock edge is stored separately. */
 static void convert(void)
 {
     const uint32_t begin = CSD_COUNTER_PERIOD(front_end.period);
@@ -117,7 +118,8 @@ static void convert(void)
     front_end.early_count = (uint16_t)(CSD->counter & CSD_COUNTER_COUNT);
 }
 
-/* Wait for settle_cycles: 2 us by default, up to 1.4 ms, during which other interrupts wait. */
+/* Wait for the `settle_cycles` of the scan settings, in CPU clocks: 2 us by default, up to 1.4 ms, during which
+ * other interrupts wait. */
 static void settle(void)
 {
     uint32_t loops = front_end.settle_cycles / CYCLES_PER_SETTLE_LOOP + 1u;
@@ -139,8 +141,9 @@ void front_end_start(uint8_t tx, uint8_t rx)
 }
 
 void csd_handler(void);
-/* Interrupt at the end of a conversion. The raw count is the period minus the clocks in which the current source was
- * on, so that contact lowers it; 0 if the count exceeds the period. */
+/* Interrupt at the end of a conversion: passes the raw count on, which starts the next conversion. The raw count is
+ * the period minus the clocks in which the current source was on, so that contact lowers it; 0 if the count exceeds
+ * the period. */
 void csd_handler(void)
 {
     const uint32_t counted = (CSD->counter & CSD_COUNTER_COUNT) - front_end.early_count;

@@ -167,7 +167,8 @@ size_t uart_pull(uint8_t *bytes, size_t size)
     return taxel_hub_uart_pull(&hub, bytes, size);
 }
 
-/* Writing a row takes 20 ms without interrupts: no transfer may be in progress, and RTS stops the host. */
+/* Confirms the image of the hub if a host has sent a command and no transfer is in progress; returns whether it was
+ * confirmed. Writing the flash row takes 20 ms without interrupts, so RTS stops the host during this time. */
 static bool try_confirm(void)
 {
     if (!hub.version || !hub.inbox.commands || !i2c_master_is_idle()) {
@@ -182,8 +183,8 @@ static bool try_confirm(void)
     return true;
 }
 
-/* Interrupts are masked, so that none is handled between the check and the sleep; a pending interrupt still
- * ends the sleep. */
+/* Sleeps until the next interrupt, unless the main loop has work. Interrupts are masked, so that none is handled
+ * between the check and the sleep; a pending interrupt still ends the sleep. */
 static void sleep_until_event(void)
 {
     const uint32_t interrupts = interrupts_mask();

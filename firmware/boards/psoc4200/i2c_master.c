@@ -80,10 +80,10 @@ void i2c_master_drive(bool scl_high, bool sda_high)
     }
 }
 
-/* Whether the SCB acknowledges received bytes itself. It does so until its FIFO is full, and then holds SCL, so that
- * no byte is lost if the interrupt is late. The last bytes stay in the FIFO and fill it, and the very last byte is
- * not acknowledged. (confirm) that the byte that fills the FIFO waits for its acknowledge; the manufacturer's driver
- * relies on it. */
+/* Whether the serial block (SCB) acknowledges received bytes itself. It does so until its FIFO is full, and then
+ * holds SCL, so that no byte is lost if the interrupt is late. The last bytes stay in the FIFO and fill it, and the
+ * very last byte is not acknowledged. (confirm) that the byte that fills the FIFO waits for its acknowledge; the
+ * manufacturer's driver relies on it. */
 static bool collects(void)
 {
     return !master.transfer.length_prefixed && master.transfer.read_size >= SCB_FIFO_SIZE;
@@ -228,8 +228,8 @@ static void take_byte(void)
     *transfer->read_bytes++ = byte;
 }
 
-/* A byte that follows an address whose acknowledge arrived during this interrupt waits until that acknowledge is
- * handled. */
+/* Take the received bytes in the FIFO, if there are any. A byte that follows an address whose acknowledge arrived
+ * during this interrupt waits until that acknowledge is handled. */
 static void take_bytes_if_any(void)
 {
     if (!SCB0->intr_rx_masked || master.state == ADDRESS_TO_READ) {

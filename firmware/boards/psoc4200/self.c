@@ -35,7 +35,8 @@ bool self_is_on_trial(void)
     return !taxel_boot_is_confirmed(&self_flash, slot());
 }
 
-/* Not inlined: the function needs a flash row on the stack, for which the frame of main() has no space. */
+/* Records in flash that the running image works. Not inlined: the function needs a flash row on the stack, for
+ * which the frame of main() has no space. */
 __attribute__((noinline)) void self_confirm(void)
 {
     const uint32_t begin = ticks_stretch();

@@ -165,7 +165,8 @@ static void configure(const uint8_t *configuration, const struct kind *kind)
     };
 }
 
-/* The front end is initialised after the bus, because it has a pin on the bus's port. */
+/* Starts I2C slave, converter and scanning with the stored configuration (NULL: none) and the kind of board. The
+ * converter is initialised after the bus, because it has a pin on the bus's port. */
 static void start(const uint8_t *configuration, const struct kind *kind)
 {
     const uint32_t interrupts = interrupts_mask();
@@ -197,7 +198,8 @@ static bool try_confirm(void)
     return now;
 }
 
-/* Not inlined: its stack frame would add to the deepest call chain, the write to flash. */
+/* Codes the newest scan as a compact snapshot, if a reader needs one. Not inlined: its stack frame would add to the
+ * deepest call chain, the write to flash. */
 static __attribute__((noinline)) void code_compact(void)
 {
     taxel_sensor_run(&sensor);

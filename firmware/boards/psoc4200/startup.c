@@ -13,7 +13,7 @@ handler reset_handler, unexpected_handler, systick_handler, scb0_handler, scb1_h
 
 extern uint32_t stack_top[], data_begin[], data_end[], data_load[], bss_begin[], bss_end[];
 
-/* Unexpected exceptions and faults wait for the reset by the watchdog. */
+/* Handler of unexpected exceptions and faults: waits for the reset by the watchdog. */
 void unexpected_handler(void)
 {
     for (;;) {

@@ -47,7 +47,8 @@ static uint32_t third_of(uint32_t x)
     return third + (((x - 3u * third) * 11u) >> 5);
 }
 
-/* Number of whole wraps (*whole), and microseconds since the latest wrap. */
+/* Reads the timer SysTick: sets *whole to the number of whole wraps and returns the microseconds since the latest
+ * wrap. */
 static uint32_t read(uint32_t *whole)
 {
     uint32_t count, value;

@@ -61,7 +61,8 @@ void uart_kick(void)
     SCB1->intr_tx_mask = SCB_INTR_TX_TRIGGER; /* the FIFO has space: the interrupt follows at once */
 }
 
-/* Called from the main loop and from the interrupt: a single store. */
+/* Sets the RTS output: `hold` requests that the host pauses. A single store, because both the main loop and the
+ * interrupt call this function. */
 void uart_hold(bool hold)
 {
     UART_PORT->data = (uint32_t)hold << NUMBER(RTS);

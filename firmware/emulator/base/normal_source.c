@@ -47,7 +47,7 @@ static inline INLINED void scale_pairs(const struct pairs *pairs, double *values
 }
 
 #ifdef __x86_64__
-/* The same operations on four numbers at a time; the results are identical to the bit. */
+/* The same operations as scale_pairs(), on four numbers at a time; the results are identical to the bit. */
 __attribute__((target("avx2"))) static void scale_pairs_avx2(const struct pairs *pairs, double *values)
 {
     scale_pairs(pairs, values);

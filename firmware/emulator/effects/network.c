@@ -152,7 +152,7 @@ static inline ALWAYS_INLINE int solve(struct network *network, int driven, struc
 }
 
 #ifdef __x86_64__
-/* The same operations compiled for AVX2; the results are bit-identical. */
+/* The same operations as solve(), compiled for AVX2; the results are bit-identical. */
 __attribute__((target("avx2"))) static int solve_wide(struct network *network, int driven, struct network_state *state,
                                                       double *effective_f)
 {

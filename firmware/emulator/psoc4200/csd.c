@@ -66,8 +66,9 @@ void psoc_csd_end(struct psoc *psoc)
     update_interrupt(psoc);
 }
 
-/* During a conversion the low half is the count so far. The model returns 0, which is exact before the first sense
- * clock; the firmware reads the register only until then. */
+/* Value of the converter's register COUNTER at a processor cycle. During a conversion the low half is the count so
+ * far; the model returns 0 there, which is exact before the first sense clock. The firmware reads the register only
+ * until then. */
 static uint32_t counter_at(const struct psoc_csd *csd, uint64_t cycle)
 {
     if (csd->end == PSOC_NEVER || cycle < csd->begin) {

@@ -30,7 +30,8 @@ bool psoc_scb_is_i2c(const struct psoc_scb *scb)
     return (scb->ctrl & (SCB_ENABLED | SCB_MODE)) == (SCB_ENABLED | SCB_MODE_I2C);
 }
 
-/* Level-triggered FIFO interrupts are set again while their condition holds, even after they are cleared. */
+/* Updates the interrupt causes of the FIFOs and the interrupt line of a serial block. Causes that state a fill
+ * level are set again while their condition holds, even after they are cleared. */
 void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb)
 {
     /* NOLINTNEXTLINE(clang-analyzer-core.NullDereference): every caller passes a block of the chip */
@@ -48,7 +49,7 @@ void psoc_scb_update(struct psoc *psoc, struct psoc_scb *scb)
     }
 }
 
-/* Plain control register of a serial block (SCB) at an offset, or NULL. */
+/* Control register of a serial block (SCB) at an offset that only stores its value, or NULL. */
 static uint32_t *register_at(struct psoc_scb *scb, uint32_t offset)
 {
     switch (offset) {

@@ -22,7 +22,7 @@ static bool acknowledges_automatically(const struct psoc_scb *scb)
     return scb->i2c_ctrl & SCB_I2C_M_READY_DATA_ACK && scb->rx.count < PSOC_FIFO;
 }
 
-/* Period of SCL, from the settings. */
+/* Period of the I2C clock SCL (picoseconds), from the clock divider and the settings of the block. */
 static vtime bus_clock(const struct psoc *psoc, const struct psoc_scb *scb)
 {
     const uint32_t phases = (scb->i2c_ctrl & 15u) + (scb->i2c_ctrl >> 4 & 15u) + 2u;
@@ -50,7 +50,8 @@ static void send_next_byte(struct psoc *psoc, struct psoc_scb *scb, vtime now)
     psoc_end_run(psoc);
 }
 
-/* Returns false for a command that is invalid in the current state. */
+/* Executes a command that the program writes to I2C_M_CMD (start, stop, acknowledge) at a processor cycle. Returns
+ * false for a command that is invalid in the current state. */
 bool psoc_master_command(struct psoc *psoc, struct psoc_scb *scb, uint32_t command, uint64_t cycle)
 {
     const struct psoc_wires *wires = &psoc->config.wires;

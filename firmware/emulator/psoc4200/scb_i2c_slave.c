@@ -21,7 +21,8 @@ static void raise_slave(struct psoc *psoc, struct psoc_scb *scb, uint32_t bits)
     psoc_scb_update(psoc, scb);
 }
 
-/* Run until the firmware has written its command. */
+/* Runs the program until it has written its command (acknowledge or not), which *acknowledge receives. Returns the
+ * virtual time of the command. */
 static vtime wait_for_command(struct psoc *psoc, struct psoc_scb *scb, vtime now, bool *acknowledge)
 {
     scb->acknowledged = false;
@@ -75,8 +76,8 @@ vtime psoc_i2c_on_write(struct psoc *psoc, vtime now, uint8_t byte, bool *acknow
     return wait_for_command(psoc, scb, now, acknowledge);
 }
 
-/* Returns the byte whose clocks end at `now`, or later if the byte was not available at the end of the previous byte.
- */
+/* The next byte that the slave sends to the master, in *byte. Returns the virtual time at which its clocks end:
+ * `now`, or later if the byte was not available at the end of the previous byte. */
 vtime psoc_i2c_on_read(struct psoc *psoc, vtime now, uint8_t *byte)
 {
     struct psoc_scb *scb = &psoc->scb[0];

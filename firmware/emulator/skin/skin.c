@@ -186,7 +186,7 @@ static void advance_fields(struct skin *skin, double fraction, vtime time)
     thread_pool_run(skin->thread_pool, skin->board_count, advance_board, &advance_task);
 }
 
-/* Whether the load changes continuously until the next record. */
+/* Whether the load on the skin changes continuously until the next record of the stimulus. */
 static bool load_changes(const struct stimulus *stimulus)
 {
     return stimulus->until != VTIME_NEVER && !stimulus->is_step &&
