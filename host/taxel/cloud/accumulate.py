@@ -35,7 +35,7 @@ def accumulate(
     taxels: BoolArray | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> ContactCloud:
-    """Contact cloud of an object, in the nominal frame of the object, metres.
+    """Accumulate the contact points of all grasps of an object, in the nominal frame of the object, metres.
 
     The cloud has one point for each grasp and taxel whose signal (mean over hold) exceeds `threshold` counts. A taxel
     without a valid hold frame is neither an active nor an inactive point. A grasp without a baseline is left out.
@@ -74,7 +74,10 @@ def _contacts_by_grasp(
     counted: BoolArray,
     progress: Callable[[int, int], None],
 ) -> Iterator[_GraspContacts]:
-    """Contacts of the grasps of an object that have a baseline, in the order of the dataset."""
+    """Yield the active and inactive taxels of each grasp of an object that has a baseline, in dataset order.
+
+    threshold: signal in counts above which a taxel is active. counted: taxels that count, bool[n].
+    """
     neighbours = propagation.find_neighbours(data.taxels) if propagation else None
     grasps = [grasp for grasp in data if grasp.object == object_name]
     for done, grasp in enumerate(grasps, 1):

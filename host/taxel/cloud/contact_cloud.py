@@ -52,6 +52,7 @@ class ContactCloud:
     inactive_grasp: IntArray = field(default_factory=_no_index)
 
     def __post_init__(self) -> None:
+        """Check the shapes and row numbers of the arrays of a contact cloud. Raises CloudError."""
         check_points(self.points, self.name)
         check_points(self.inactive_points, self.name, "inactive points")
         n = len(self.points)
@@ -76,21 +77,24 @@ class ContactCloud:
 
     @property
     def approach(self) -> IntArray:
-        """Row in `approaches` of each point, i64[N]."""
+        """Approach of each point, as a row in `approaches`, i64[N]."""
         return np.asarray(self.grasp_approach[self.grasp])
 
     @classmethod
     def from_points(
         cls, points: npt.ArrayLike, counts: npt.ArrayLike | None = None, name: str = "cloud"
     ) -> ContactCloud:
-        """A cloud of one unnamed grasp and one unnamed approach. points: f64[N, 3]; counts: f64[N], None: unknown."""
+        """Create a contact cloud of points without known grasps: it has one unnamed grasp and one unnamed approach.
+
+        points: f64[N, 3], metres. counts: signal of each point f64[N]; None: unknown.
+        """
         positions = np.ascontiguousarray(points, dtype=np.float64)
         n = len(positions)
         values = np.full(n, np.nan) if counts is None else np.asarray(counts, dtype=np.float64)
         return cls(name, positions, values, np.zeros(n, np.int64), np.full(n, -1), ("",), np.zeros(1, np.int64), ("",))
 
     def select(self, selection: BoolArray | IntArray) -> ContactCloud:
-        """The cloud with some of its points. selection: bool[N], or rows i64[k]."""
+        """Return the contact cloud with some of its points. selection: bool[N], or rows i64[k]."""
         return replace(
             self,
             points=self.points[selection],
@@ -100,7 +104,10 @@ class ContactCloud:
         )
 
     def select_approach(self, name: str) -> ContactCloud:
-        """Active and inactive points of the grasps of one approach. Raises CloudError for an unknown approach."""
+        """Return the active and inactive points of the grasps of one approach.
+
+        Raises CloudError for an unknown name.
+        """
         if name not in self.approaches:
             names = ", ".join(self.approaches)
             raise CloudError(self.name, "approach", f"one of {names}", name, "correct it")
@@ -115,7 +122,7 @@ class ContactCloud:
         return cloud.select(self.approach == row)
 
     def transform(self, matrix: npt.ArrayLike) -> ContactCloud:
-        """The cloud mapped by a rigid transform, f64[4, 4]."""
+        """Return the contact cloud mapped by a rigid transform, f64[4, 4]."""
         return replace(self, points=apply(matrix, self.points), inactive_points=apply(matrix, self.inactive_points))
 
 
@@ -124,12 +131,15 @@ MAX_COORDINATE_M: Final = 1e6
 
 
 def has_usable_coordinates(points: FloatArray) -> BoolArray:
-    """Which points f64[N, 3] have finite coordinates up to MAX_COORDINATE_M, bool[N]."""
+    """Test which points f64[N, 3] have finite coordinates up to MAX_COORDINATE_M, bool[N]."""
     return np.asarray((np.abs(points) <= MAX_COORDINATE_M).all(axis=1))
 
 
 def check_points(points: FloatArray, name: str, field_name: str = "points") -> None:
-    """Raise CloudError for an array that is not f64[N, 3] of finite coordinates up to MAX_COORDINATE_M."""
+    """Raise CloudError unless an array is f64[N, 3] with finite coordinates up to MAX_COORDINATE_M.
+
+    name, field_name: name of the cloud and of the array, for the message.
+    """
     if points.ndim != 2 or points.shape[1] != 3:
         raise CloudError(name, field_name, "shape [N, 3]", str(list(points.shape)), "correct it")
     wrong = ~has_usable_coordinates(points)
@@ -138,14 +148,20 @@ def check_points(points: FloatArray, name: str, field_name: str = "points") -> N
 
 
 def describe_unusable(points: FloatArray) -> str:
-    """Number of unusable points and the reason, for an error message. points: f64[N, 3], all unusable."""
+    """Describe points with unusable coordinates for an error message: number and reason.
+
+    points: f64[N, 3], all of them unusable.
+    """
     if np.isfinite(points).all():
         return f"{len(points)} beyond {MAX_COORDINATE_M:g} m"
     return f"{int((~np.isfinite(points)).any(axis=1).sum())} with NaN or infinity"
 
 
 def require_points(points: FloatArray, name: str, minimum: int = 1, reason: str = "") -> None:
-    """Raise CloudError for a cloud with too few points. reason: text such as ``, N of the filter``."""
+    """Raise CloudError for a cloud with fewer than `minimum` points.
+
+    name: of the cloud. reason: text that follows the number in the message, such as ``, N of the filter``.
+    """
     if len(points) < minimum:
         found = f"{len(points)}" if len(points) else "none: the cloud is empty"
         raise CloudError(

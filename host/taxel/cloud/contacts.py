@@ -16,7 +16,7 @@ BACK_KIND = "back"
 
 
 def select_used_taxels(data: GraspDataset) -> npt.NDArray[np.bool_]:
-    """Taxels that the experiments of the thesis used, bool[n]."""
+    """Select the taxels that the experiments of the thesis used, bool[n]: not those of some boards and of the back."""
     is_board_used = [
         BACK_KIND not in kind and name not in UNUSED_BOARDS
         for name, kind in zip(data.sensors.name, data.sensors.kind, strict=True)
@@ -25,14 +25,14 @@ def select_used_taxels(data: GraspDataset) -> npt.NDArray[np.bool_]:
 
 
 def count_baseline_frames(grasp: Grasp) -> int:
-    """Number of frames for the baseline of a grasp: BASELINE_FRAMES, or fewer if a board has fewer valid frames."""
+    """Return the number of frames for the baseline of a grasp: BASELINE_FRAMES, or fewer valid ones of a board."""
     has_hold = (grasp.valid & (grasp.phase == Phase.HOLD)[:, None]).any(axis=0)
     valid_frames = (grasp.valid & (grasp.phase == Phase.BASELINE)[:, None]).sum(axis=0)
     return int(min([BASELINE_FRAMES, *valid_frames[has_hold].tolist()]))
 
 
 def locate_taxels(data: GraspDataset, grasp: Grasp) -> npt.NDArray[np.float64]:
-    """Taxel centres of a grasp in the nominal frame of the object, metres, f64[n, 3]."""
+    """Compute the taxel centres during a grasp in the nominal frame of the object, metres, f64[n, 3]."""
     table = data.taxels
     brackets = (inverse(grasp.object_pose) @ grasp.sensor_pose)[data.sensors.index_of(table)]
     return np.asarray(np.einsum("nij,nj->ni", brackets[:, :3, :3], table.position) + brackets[:, :3, 3])

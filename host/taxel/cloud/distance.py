@@ -24,7 +24,7 @@ class DistanceStats:
 
     @classmethod
     def from_distances(cls, distances: FloatArray) -> DistanceStats:
-        """Statistics of one or more unsigned distances, f64[N]."""
+        """Compute mean, standard deviation, maximum and RMS of one or more unsigned distances, f64[N] metres."""
         return cls(
             len(distances),
             float(distances.mean()),
@@ -34,14 +34,14 @@ class DistanceStats:
         )
 
     def to_json(self) -> dict[str, float]:
-        """The statistics as a dictionary of numbers."""
+        """Return the distance statistics as a dictionary of numbers."""
         return asdict(self)
 
 
 def compute_distances_to_mesh(points: FloatArray, mesh: TriangleMesh, name: str = "cloud") -> FloatArray:
-    """Exact distance of each point f64[N, 3] to the surface of a mesh, f64[N], metres.
+    """Compute the exact distance of each point f64[N, 3] to the surface of a mesh, f64[N], metres.
 
-    Raises CloudError for points that are not finite and for an empty cloud.
+    name: of the cloud, for messages. Raises CloudError for points that are not finite and for an empty cloud.
     """
     _check(points, name)
     return mesh.find_closest(points).distance
@@ -50,9 +50,10 @@ def compute_distances_to_mesh(points: FloatArray, mesh: TriangleMesh, name: str 
 def compute_distances_to_cloud(
     points: FloatArray, target: FloatArray, name: str = "cloud", target_name: str = "target"
 ) -> FloatArray:
-    """Distance of each point f64[N, 3] to the nearest point of a target f64[K, 3], f64[N], metres.
+    """Compute the distance of each point f64[N, 3] to the nearest point of a target f64[K, 3], f64[N], metres.
 
-    Raises CloudError for points that are not finite and for an empty cloud.
+    name, target_name: of both clouds, for messages. Raises CloudError for points that are not finite and for an empty
+    cloud.
     """
     _check(points, name)
     _check(target, target_name)

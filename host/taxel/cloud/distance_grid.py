@@ -45,7 +45,7 @@ class DistanceGrid:
 
     @classmethod
     def from_mesh(cls, mesh: TriangleMesh) -> DistanceGrid:
-        """Grid of the bounding box of a mesh, extended by MAX_DISTANCE_M on every side."""
+        """Make a grid of binned signed distances to a mesh, over its bounding box extended by MAX_DISTANCE_M."""
         origin = mesh.bounds[0] - MAX_DISTANCE_M
         extent = mesh.bounds[1] + MAX_DISTANCE_M - origin
         spacing = max(SAMPLE_SPACING_M, float(np.cbrt(np.prod(extent) / MAX_SAMPLES)))
@@ -65,10 +65,11 @@ class DistanceGrid:
     def count_points(
         self, points: Float32Array, active_count: int, rotations: FloatArray, shifts: FloatArray
     ) -> npt.NDArray[np.int64]:
-        """Number of points in each distance bin, for P poses of a cloud: i64[P, 2 BIN_COUNT].
+        """Count the points of a cloud in each distance bin, for P poses of the cloud: i64[P, 2 BIN_COUNT].
 
-        points: f32[n, 3]. active_count: the first columns count so many points, the other columns the points after
-        them. rotations: f64[P, 3, 3], about the origin. shifts: f64[P, 3], applied after the rotation.
+        The first BIN_COUNT columns count the first `active_count` points, the other columns count the remaining points.
+        points: f32[n, 3]. rotations: f64[P, 3, 3], about the origin. shifts: f64[P, 3], metres, applied after the
+        rotation.
         """
         step = max(1, BATCH_POINTS // len(points))
         batches = [slice(low, low + step) for low in range(0, len(rotations), step)]
@@ -78,10 +79,10 @@ class DistanceGrid:
     def _count_batch(
         self, points: Float32Array, active_count: int, rotations: FloatArray, shifts: FloatArray
     ) -> npt.NDArray[np.int64]:
-        """Number of active and inactive points in each distance bin, i64[poses, 2 * BIN_COUNT].
+        """Count the active and inactive points in each distance bin for a batch of poses, i64[poses, 2 BIN_COUNT].
 
-        points: f32[N, 3], the first `active_count` of them active. rotations, shifts: poses f64[poses, 3, 3],
-        f64[poses, 3].
+        points: f32[N, 3], the first `active_count` of them active. rotations: f64[poses, 3, 3]. shifts: f64[poses, 3],
+        metres.
         """
         scaled = (rotations / self.cell_m).astype(np.float32)
         offset = ((shifts - self.origin) / self.cell_m).astype(np.float32)
@@ -101,9 +102,9 @@ class DistanceGrid:
 
 
 def _linear_weights(cells: int, step: float, nodes: int) -> Float32Array:
-    """Weights of the nodes 0, 1 ...
+    """Compute the weights of linear interpolation from nodes at 0, 1, 2 ... to the centres of cells: f32[cells, nodes].
 
-    at the centres of cells of width `step`, linear interpolation: f32[cells, nodes].
+    step: width of a cell, in node spacings.
     """
     centre = (np.arange(cells) + 0.5) * step
     return np.asarray(np.maximum(1.0 - np.abs(centre[:, None] - np.arange(nodes)), 0.0), np.float32)

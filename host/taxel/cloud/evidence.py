@@ -50,16 +50,16 @@ class ShapeLikelihood:
     """Likelihood of the grasps of a cloud for one shape."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
+        """Create the likelihood of contact points for one shape: a grid of its distances and its bounds."""
         self._grid = DistanceGrid.from_mesh(mesh)
         self._bounds = mesh.bounds
         self._centre = mesh.bounds.mean(axis=0)
 
     def compute_by_grasp(self, cloud: ContactCloud) -> FloatArray:
-        """Natural logarithm of the likelihood of each grasp, averaged over poses, f64[G, K] for K pairs of reach and
-        blur.
+        """Compute the log likelihood of the contacts of each grasp for the shape, averaged over poses, f64[G, K].
 
-        A grasp without an active taxel has the value 0. The cloud is in the frame of the shape, up to the uncertainty
-        of the object pose.
+        K is the number of pairs of the model parameters reach and blur. A grasp without an active taxel has the value
+        0. The cloud is in the frame of the shape, up to the uncertainty of the object pose.
         """
         result = np.zeros((len(cloud.grasps), len(REACH_M) * len(BLUR_M)))
         margin = MAX_DISTANCE_M + 3.0 * max(POSE_STD_M)  # taxels farther away are inactive in every pose
@@ -72,9 +72,10 @@ class ShapeLikelihood:
         return result
 
     def _log_likelihood(self, points: Float32Array, active_count: int, poses: FloatArray) -> FloatArray:
-        """Log likelihood for poses f64[P, 6]: f64[P, K].
+        """Compute the log likelihood of the points of one grasp for P poses f64[P, 6]: f64[P, K].
 
-        points: f32[n, 3], relative to the centre of the shape; the first `active_count` of them are active.
+        K is the number of pairs of the model parameters reach and blur. points: f32[n, 3], relative to the centre of
+        the shape; the first `active_count` of them are active.
         """
         rotations = Rotation.from_rotvec(poses[:, 3:] / TURN_ARM_M).as_matrix()
         counts = self._grid.count_points(points, active_count, rotations, poses[:, :3] + self._centre)
@@ -86,17 +87,17 @@ _LIKELIHOODS: WeakKeyDictionary[TriangleMesh, ShapeLikelihood] = WeakKeyDictiona
 
 
 def get_shape_likelihood(mesh: TriangleMesh) -> ShapeLikelihood:
-    """The `ShapeLikelihood` of a mesh, computed at the first call."""
+    """Return the `ShapeLikelihood` (probability of contacts given the shape) of a mesh; computed at the first call."""
     if mesh not in _LIKELIHOODS:
         _LIKELIHOODS[mesh] = ShapeLikelihood(mesh)
     return _LIKELIHOODS[mesh]
 
 
 def compute_evidence(by_grasp: FloatArray, times: FloatArray | None = None) -> FloatArray:
-    """Natural logarithm of the marginal likelihood of grasps, f64[D].
+    """Compute the natural logarithm of the marginal likelihood (evidence) of grasps, f64[D].
 
-    by_grasp: f64[G, K], from `ShapeLikelihood.compute_by_grasp`. times: f64[D, G], number of times that each of D
-    bootstrap samples contains each grasp; None: one sample that contains each grasp once.
+    by_grasp: log likelihoods f64[G, K] from `ShapeLikelihood.compute_by_grasp`. times: f64[D, G], number of times that
+    each of D bootstrap samples contains each grasp; None: one sample that contains each grasp once.
     """
     summed = np.atleast_2d(by_grasp.sum(axis=0) if times is None else times @ by_grasp)
     return np.asarray(log_sum_exp(summed, axis=1) - np.log(by_grasp.shape[1]))
@@ -104,9 +105,10 @@ def compute_evidence(by_grasp: FloatArray, times: FloatArray | None = None) -> F
 
 @cache
 def _log_likelihood_table() -> FloatArray:
-    """Log likelihood of an active taxel in each distance bin, then of an inactive one, f64[2 BIN_COUNT, K].
+    """Compute the log likelihood of an active taxel in each distance bin, then of an inactive one, f64[2 BIN_COUNT, K].
 
-    An inactive taxel far away has the value 0, so that the number of such taxels does not matter.
+    K is the number of pairs of the model parameters reach and blur. An inactive taxel far away has the value 0, so that
+    the number of such taxels does not matter.
     """
     centre = MIN_DISTANCE_M + BIN_WIDTH_M * (np.arange(BIN_COUNT) + 0.5)
     reach, blur = (values.ravel() for values in np.meshgrid(REACH_M, BLUR_M, indexing="ij"))

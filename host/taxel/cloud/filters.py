@@ -28,7 +28,10 @@ RELATIVE_TOLERANCE: Final = 1e-12
 
 
 def filter_by_force(cloud: ContactCloud, threshold: float) -> ContactCloud:
-    """The points whose signal exceeds `threshold` counts. Raises CloudError for a cloud with unknown counts."""
+    """Return the points of a contact cloud whose signal exceeds `threshold` counts.
+
+    Raises CloudError for a cloud with unknown counts.
+    """
     if np.isnan(cloud.counts).any():
         found = f"{int(np.isnan(cloud.counts).sum())} without"
         raise CloudError(cloud.name, "counts", "a signal for each point", found, "make the cloud from a dataset")
@@ -36,23 +39,37 @@ def filter_by_force(cloud: ContactCloud, threshold: float) -> ContactCloud:
 
 
 def remove_outliers(cloud: ContactCloud, k: int, n_sigma: float) -> ContactCloud:
-    """The cloud without its statistical outliers. Raises CloudError as `find_inliers` does."""
+    """Return the contact cloud without its statistical outliers. Raises CloudError for k below 2 or above N points.
+
+    k: number of points in a neighbourhood. n_sigma: permitted distance in standard deviations.
+    """
     return cloud.select(find_inliers(cloud.points, k, n_sigma, cloud.name))
 
 
 def find_inliers(points: FloatArray, k: int, n_sigma: float, name: str = "cloud") -> BoolArray:
-    """Points f64[N, 3] that the outlier filter keeps, bool[N]. Raises CloudError for k below 2 or above N."""
+    """Find the points of f64[N, 3] that the statistical outlier filter keeps, bool[N].
+
+    k: number of points in a neighbourhood, the point itself included. n_sigma: permitted mean distance to the
+    neighbours, in standard deviations above the average. Raises CloudError for k below 2 or above N.
+    """
     return select_inliers(compute_mean_neighbour_distances(points, [k], name)[0], n_sigma)
 
 
 def select_inliers(mean_distance: FloatArray, n_sigma: float) -> BoolArray:
-    """Points that the outlier filter keeps, bool[N], from the mean neighbour distance of each point, f64[N]."""
+    """Select the points that the statistical outlier filter keeps, bool[N].
+
+    mean_distance: mean distance of each point to its neighbours, f64[N]. n_sigma: permitted number of standard
+    deviations above the average.
+    """
     limit = mean_distance.mean() + n_sigma * mean_distance.std()
     return np.asarray(mean_distance <= limit * (1.0 + RELATIVE_TOLERANCE))
 
 
 def compute_mean_neighbour_distances(points: FloatArray, ks: Sequence[int], name: str = "cloud") -> FloatArray:
-    """Mean distance of each point to its k - 1 nearest other points, f64[len(ks), N], for several k at once."""
+    """Compute the mean distance of each point to its k - 1 nearest other points, for several k: f64[len(ks), N].
+
+    points: f64[N, 3], metres. Raises CloudError for a k below 2 or above N.
+    """
     for k in ks:
         if k < 2:
             raise CloudError(name, "N", "2 or more neighbours, the point itself included", str(k), "choose a larger N")
@@ -65,7 +82,11 @@ def compute_mean_neighbour_distances(points: FloatArray, ks: Sequence[int], name
 
 
 def _average_nearest(distances: FloatArray, ks: Sequence[int]) -> FloatArray:
-    """Mean of the k smallest distances of each row without the smallest, the point itself: f64[len(ks), rows]."""
+    """Average the k smallest distances of each row, without the smallest, for several k: f64[len(ks), rows].
+
+    distances: f64[rows, n], from a point (row) to points of the cloud; the smallest is the distance 0 to the point
+    itself.
+    """
     order = sorted(set(ks))
     nearest = np.partition(distances, [k - 1 for k in order], axis=1)[:, : order[-1]]
     sums = np.cumsum(np.add.reduceat(nearest, [0, *order[:-1]], axis=1), axis=1)

@@ -11,10 +11,11 @@ from taxel.cloud.contact_cloud import ContactCloud
 
 
 def fuse_repeats(cloud: ContactCloud, min_share: float = 0.0) -> ContactCloud:
-    """One point for each taxel and approach: mean position and mean counts of the repeats in which it was active.
+    """Average the repeats of an approach: one point for each taxel and approach, with mean position and mean counts.
 
-    min_share: points that are active in a smaller share of the repeats of the approach are left out; 0: none is left
-    out. The inactive points are not changed. A fused point belongs to the first repeat in which it was active.
+    Only repeats in which the taxel was active contribute. min_share: points that are active in a smaller share of the
+    repeats are left out; 0: none is left out. The inactive points are not changed. A fused point belongs to the first
+    repeat in which it was active.
     """
     key = cloud.approach * (int(cloud.taxel.max(initial=0)) + 2) + cloud.taxel
     _, first, group, times = np.unique(key, return_index=True, return_inverse=True, return_counts=True)

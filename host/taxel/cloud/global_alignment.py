@@ -31,7 +31,10 @@ MESH_SAMPLES: Final = 2000
 
 
 def compute_guesses(points: FloatArray, target: FloatArray) -> list[FloatArray]:
-    """The identity, then 24 transforms f64[4, 4] that align the principal axes of points f64[N, 3] with the target."""
+    """Compute first guesses of an alignment: the identity, and 24 transforms f64[4, 4] that align principal axes.
+
+    points, target: f64[N, 3].
+    """
     centre, target_centre = points.mean(axis=0), target.mean(axis=0)
     axes, target_axes = _principal_axes(points - centre), _principal_axes(target - target_centre)
     guesses = [np.eye(4)]
@@ -46,7 +49,10 @@ def compute_guesses(points: FloatArray, target: FloatArray) -> list[FloatArray]:
 
 
 def align_to_mesh_globally(points: FloatArray, mesh: TriangleMesh, name: str = "cloud") -> Alignment:
-    """Best alignment of points f64[N, 3] to a mesh over all guesses. Raises RegistrationError."""
+    """Align points f64[N, 3] to a mesh without a first guess: the best result from 25 guesses.
+
+    name: of the cloud, for messages. Raises RegistrationError.
+    """
     check_alignable(points, name)
 
     def align(subset: FloatArray, start: FloatArray, max_iterations: int) -> Alignment:
@@ -56,7 +62,10 @@ def align_to_mesh_globally(points: FloatArray, mesh: TriangleMesh, name: str = "
 
 
 def align_to_points_globally(points: FloatArray, target: PointTarget, name: str = "cloud") -> Alignment:
-    """Best alignment of points f64[N, 3] to the points of a target over all guesses. Raises RegistrationError."""
+    """Align points f64[N, 3] to the points of a target without a first guess: the best result from 25 guesses.
+
+    name: of the cloud, for messages. Raises RegistrationError.
+    """
     check_alignable(points, name)
 
     def align(subset: FloatArray, start: FloatArray, max_iterations: int) -> Alignment:
@@ -68,7 +77,11 @@ def align_to_points_globally(points: FloatArray, target: PointTarget, name: str 
 def _refine_best(
     points: FloatArray, guesses: list[FloatArray], align: Callable[[FloatArray, FloatArray, int], Alignment]
 ) -> Alignment:
-    """The best alignment over all guesses: a coarse alignment from each, then a full one from the best of them."""
+    """Return the best alignment over all guesses.
+
+    Each guess is refined coarsely with a part of the points; the best few are refined with all points. align: function
+    of points, first guess and largest number of iterations.
+    """
     subset = points[:: max(1, len(points) // COARSE_POINTS)]
     coarse = sorted(
         (align(subset, guess, COARSE_ITERATIONS) for guess in guesses), key=lambda alignment: alignment.rms_m
@@ -78,5 +91,8 @@ def _refine_best(
 
 
 def _principal_axes(arms: FloatArray) -> FloatArray:
-    """Principal axes as columns, the longest first, f64[3, 3]. arms: f64[N, 3], relative to the centre."""
+    """Compute the principal axes of points as columns, the longest first, f64[3, 3].
+
+    arms: f64[N, 3], coordinates relative to the centre.
+    """
     return np.linalg.eigh(arms.T @ arms)[1][:, ::-1]

@@ -42,7 +42,7 @@ class Fit:
     evidence: float | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """The fit as a dictionary of JSON values."""
+        """Return the fit of one shape model to a cloud as a dictionary of JSON values."""
         return {
             "model": self.model,
             **asdict(self.distances),
@@ -65,7 +65,7 @@ class Match:
 
     @property
     def best(self) -> str:
-        """Name of the best model."""
+        """Name of the shape model that matches the cloud best."""
         return self.fits[0].model
 
     @property
@@ -75,21 +75,22 @@ class Match:
 
     @property
     def margin(self) -> float:
-        """Smallest mean distance to another model divided by that to the best model (Tables I-13 to I-18).
+        """Smallest mean distance to another model, divided by that to the best model.
 
-        1 is a tie; below 1 the contact points alone select another model. NaN with one model.
+        1 is a tie; below 1 the contact points alone select another model. NaN with one model. Tables I-13 to I-18 of
+        the thesis contain this ratio.
         """
         other_means = [fit.distances.mean_m for fit in self.fits[1:]]
         return _ratio(min(other_means), self.fits[0].distances.mean_m) if other_means else float("nan")
 
     @property
     def lead(self) -> float:
-        """Evidence of the best model minus that of the next model. NaN with one model or without evidence."""
+        """Log evidence of the best model minus that of the next model. NaN with one model or without evidence."""
         first, second = (*(fit.evidence for fit in self.fits[:2]), None)[:2]
         return float("nan") if first is None or second is None else first - second
 
     def to_json(self) -> dict[str, Any]:
-        """The match as a dictionary of JSON values."""
+        """Return the result of matching a cloud with shape models as a dictionary of JSON values."""
         return {
             "cloud": self.cloud,
             "best": self.best,
@@ -111,12 +112,12 @@ def match(
     seed: int = 0,
     progress: Progress = lambda done, total: None,
 ) -> Match:
-    """Match of a cloud with models, by name.
+    """Compare a contact cloud with shape models and rank the models by evidence.
 
-    in_model_frame: cloud and models are in the same frame, up to the uncertainty of the object pose; False: the pose of
-    the cloud is unknown. likelihoods: result of `compute_likelihoods` for this cloud or for the cloud from which this
-    one was selected; None: they are computed here. bootstrap_samples, seed: of the bootstrap over whole grasps. A
-    bootstrap sample uses the alignment of the whole cloud, which is correct to first order at a minimum.
+    models: by name. in_model_frame: cloud and models are in the same frame, up to the uncertainty of the object pose;
+    False: the pose of the cloud is unknown. likelihoods: result of `compute_likelihoods` for this cloud, or for the
+    cloud from which it was selected; None: they are computed here. bootstrap_samples, seed: of the bootstrap over whole
+    grasps. A bootstrap sample uses the alignment of the whole cloud, which is correct to first order at a minimum.
     Raises RegistrationError for a cloud that cannot be aligned.
     """
     fits: list[Fit] = []
@@ -148,7 +149,11 @@ def match(
 def compute_likelihoods(
     cloud: ContactCloud, models: Mapping[str, TriangleMesh], progress: Progress = lambda done, total: None
 ) -> dict[str, FloatArray]:
-    """Log likelihood of each grasp of a cloud for each model, f64[G, K] (`evidence`), for the matches of its parts."""
+    """Compute the log likelihood of each grasp of a cloud for each shape model, f64[G, K], by name of the model.
+
+    G: grasps; K: pairs of the likelihood's parameters reach and blur. The result serves the matches of parts of the
+    cloud.
+    """
     result = {}
     for done, (name, mesh) in enumerate(models.items()):
         progress(done, len(models))
@@ -158,7 +163,10 @@ def compute_likelihoods(
 
 
 def _bootstrap(by_grasp: list[FloatArray], samples: int, seed: int) -> FloatArray:
-    """Share of bootstrap samples in which each model is the best, f64[models]. by_grasp: f64[g, K] of each model."""
+    """Compute the share of bootstrap samples in which each shape model is the best, f64[models].
+
+    by_grasp: log likelihoods of the grasps f64[g, K] for each model. Whole grasps are resampled.
+    """
     count = len(by_grasp[0])
     times = np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), samples).astype(np.float64)
     best = np.stack([compute_evidence(scores, times) for scores in by_grasp]).argmax(axis=0)
@@ -166,6 +174,7 @@ def _bootstrap(by_grasp: list[FloatArray], samples: int, seed: int) -> FloatArra
 
 
 def _ratio(second: float, first: float) -> float:
+    """Divide two distances; infinity for a `first` of 0."""
     return second / first if first > 0.0 else float("inf")
 
 

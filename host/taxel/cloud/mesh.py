@@ -29,7 +29,10 @@ _MESHES_WITH_TREE: WeakSet[TriangleMesh] = WeakSet()
 
 @atexit.register
 def _delete_trees() -> None:
-    """Delete the trees before the interpreter ends, since libigl reports trees that still exist on standard error."""
+    """Delete the search trees of all meshes before the interpreter ends.
+
+    The library libigl would report trees that still exist on standard error.
+    """
     for mesh in _MESHES_WITH_TREE:
         mesh.__dict__.pop("_tree", None)
 
@@ -64,6 +67,7 @@ class TriangleMesh:
     faces: npt.NDArray[np.signedinteger[Any]]
 
     def __post_init__(self) -> None:
+        """Check that the mesh is closed and consistent, and orient its faces outwards. Raises MeshError."""
         vertices = np.ascontiguousarray(self.vertices, dtype=np.float64)
         faces = np.ascontiguousarray(self.faces, dtype=np.int64)
         _check_arrays(self.name, vertices, faces)
@@ -79,40 +83,41 @@ class TriangleMesh:
 
     @cached_property
     def bounds(self) -> FloatArray:
-        """Smallest and largest coordinates, f64[2, 3]."""
+        """Smallest and largest coordinates of the mesh, f64[2, 3], metres."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
     @cached_property
     def size(self) -> float:
-        """Diagonal of the bounds, metres."""
+        """Diagonal of the bounding box of the mesh, metres."""
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
 
     @cached_property
     def _cross_products(self) -> FloatArray:
+        """Cross product of two edges of each triangle, f64[f, 3]: twice its area along its normal."""
         a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
         return np.cross(b - a, c - a)
 
     @cached_property
     def areas(self) -> FloatArray:
-        """Areas of the faces, f64[f], square metres."""
+        """Areas of the triangles, f64[f], square metres."""
         return np.asarray(0.5 * np.linalg.norm(self._cross_products, axis=1))
 
     @cached_property
     def normals(self) -> FloatArray:
-        """Outward unit normals of the faces, f64[f, 3]; 0 for a face without an area."""
+        """Outward unit normals of the triangles, f64[f, 3]; 0 for a triangle without an area."""
         twice = 2.0 * self.areas[:, None]
         return np.divide(self._cross_products, twice, out=np.zeros_like(self._cross_products), where=twice > 0)
 
     @cached_property
     def _tree(self) -> Any:
-        """Search tree of the triangles, built at the first use."""
+        """Search tree of the triangles for nearest-point queries, built at the first use."""
         tree = igl.AABB()
         tree.init(self.vertices, self.faces)
         _MESHES_WITH_TREE.add(self)
         return tree
 
     def find_closest(self, points: FloatArray) -> ClosestPoints:
-        """Exact nearest points of the surface to finite points f64[N, 3]."""
+        """Find the exact nearest points of the mesh's surface to finite points f64[N, 3]."""
         squared, face, nearest = self._tree.squared_distance(
             self.vertices, self.faces, np.ascontiguousarray(points, dtype=np.float64)
         )
@@ -123,10 +128,11 @@ class TriangleMesh:
         return ClosestPoints(distance, nearest, normal, face)
 
     def find_edges_and_corners(self, closest: ClosestPoints) -> tuple[IntArray, FloatArray, IntArray]:
-        """Rows of the nearest points on edges, i64[e], unit directions of these edges, f64[e, 3], rows on corners,
-        i64[c].
+        """Find which nearest points of the mesh's surface are on edges and which are on corners.
 
-        Nearest points in the interior of a face, and those of query points on the surface, are in neither list.
+        closest: result of `find_closest`. Returns the rows on edges i64[e], unit directions of these edges f64[e, 3],
+        and rows on corners i64[c]. Nearest points in the interior of a face, and those of query points on the surface,
+        are in neither list.
         """
         corners = self.vertices[self.faces[closest.face]]
         is_outside = closest.distance > ON_SURFACE * self.size
@@ -140,7 +146,7 @@ class TriangleMesh:
         return edge, unit, np.flatnonzero(is_outside & (zeros == 2))
 
     def compute_signed_distance(self, points: FloatArray) -> FloatArray:
-        """Distance of finite points f64[N, 3] to the surface, negative inside, f64[N], metres."""
+        """Compute the distance of finite points f64[N, 3] to the mesh's surface, negative inside, f64[N], metres."""
         if not len(points):
             return np.empty(0)
         contiguous = np.ascontiguousarray(points, dtype=np.float64)
@@ -148,7 +154,10 @@ class TriangleMesh:
         return np.asarray(igl.signed_distance(contiguous, self.vertices, self.faces, kind)[0])
 
     def sample(self, count: int, seed: int = 0) -> FloatArray:
-        """Random points, uniformly distributed over the surface, f64[count, 3]; a seed always gives the same points."""
+        """Sample random points, uniformly distributed over the mesh's surface, f64[count, 3].
+
+        The same seed always gives the same points.
+        """
         rng = np.random.default_rng(seed)
         faces = self.faces[rng.choice(len(self.faces), count, p=self.areas / self.areas.sum())]
         # The square root makes the points uniform over the area of the triangle (Osada et al. 2002).
@@ -157,12 +166,12 @@ class TriangleMesh:
         return np.asarray((1.0 - root) * a + root * (1.0 - along) * b + root * along * c)
 
     def transform(self, matrix: FloatArray) -> TriangleMesh:
-        """The mesh mapped by a rigid transform, f64[4, 4]."""
+        """Return the mesh mapped by a rigid transform, f64[4, 4]."""
         return TriangleMesh(self.name, self.vertices @ matrix[:3, :3].T + matrix[:3, 3], self.faces)
 
 
 def _compute_barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
-    """Barycentric coordinates of points f64[N, 3] in triangles f64[N, 3, 3]: f64[N, 3]."""
+    """Compute the barycentric coordinates f64[N, 3] of points f64[N, 3] in triangles f64[N, 3, 3]."""
     first, second, arm = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
     aa, ab, bb = (np.einsum("ij,ij->i", x, y) for x, y in ((first, first), (first, second), (second, second)))
     pa, pb = np.einsum("ij,ij->i", arm, first), np.einsum("ij,ij->i", arm, second)
@@ -173,7 +182,10 @@ def _compute_barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _check_arrays(name: str, vertices: FloatArray, faces: IntArray) -> None:
-    """Raise MeshError for wrong shapes, infinite coordinates, or faces with vertices that do not exist."""
+    """Raise MeshError for mesh arrays of wrong shape, infinite coordinates, or faces with vertices that do not exist.
+
+    name: of the mesh.
+    """
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         found = f"{list(vertices.shape)} and {list(faces.shape)}"
         raise MeshError(name, "mesh", "vertices [v, 3] and faces [f, 3]", found, "correct it")
@@ -188,7 +200,10 @@ def _check_arrays(name: str, vertices: FloatArray, faces: IntArray) -> None:
 
 
 def _check_closed(name: str, faces: IntArray) -> None:
-    """Raise MeshError unless every edge belongs to two faces that contain it in opposite directions."""
+    """Raise MeshError unless every edge of the mesh belongs to two faces with opposite directions.
+
+    name: of the mesh. faces: vertex indices i64[f, 3].
+    """
     directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     directed = directed[directed[:, 0] != directed[:, 1]]  # a face with a repeated corner has no area and no boundary
     count = int(faces.max()) + 1
@@ -207,5 +222,6 @@ def _check_closed(name: str, faces: IntArray) -> None:
 
 
 def _compute_volume(vertices: FloatArray, faces: IntArray) -> float:
+    """Compute the volume enclosed by a closed mesh; negative if the faces point inwards."""
     a, b, c = (vertices[faces[:, corner]] - vertices[0] for corner in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)

@@ -29,7 +29,7 @@ CIRCLE_CORNERS: Final = 64
 
 @cache
 def get_builtin_models() -> dict[str, TriangleMesh]:
-    """The built-in shapes by name."""
+    """Return the built-in shape models, meshes of test objects, by name."""
     models = {name: TriangleMesh(name, *item.shape.mesh()) for name, item in make_thesis_objects().items()}
     models["sphere"] = build_sphere(SPHERE_RADIUS_M)
     models["hexagonal_prism"] = build_hexagonal_prism(HEXAGON_SIDE_M, HEIGHT_M)
@@ -38,9 +38,10 @@ def get_builtin_models() -> dict[str, TriangleMesh]:
 
 
 def load_model(name: str, unit_m: float = 1.0) -> TriangleMesh:
-    """A built-in shape by its name, or the mesh of a file. unit_m: length unit of the file in metres.
+    """Load a shape model: a built-in shape by its name, or the mesh of a file.
 
-    Raises MeshError for a name that is neither, CloudFileError for a file that cannot be read.
+    unit_m: length unit of the file in metres. Raises MeshError for a name that is neither, CloudFileError for a file
+    that cannot be read.
     """
     if name in get_builtin_models():
         return get_builtin_models()[name]
@@ -51,13 +52,16 @@ def load_model(name: str, unit_m: float = 1.0) -> TriangleMesh:
 
 
 def load_models(names: Iterable[str], unit_m: float = 1.0) -> dict[str, TriangleMesh]:
-    """Several models by name or file, in the given order; without names all built-in shapes. Raises as `load_model`."""
+    """Load several shape models by name or file, in the given order; without names, all built-in shapes.
+
+    Raises MeshError and CloudFileError, as `load_model`.
+    """
     unique_names = list(dict.fromkeys(names)) or list(get_builtin_models())
     return {name: load_model(name, unit_m) for name in unique_names}
 
 
 def build_sphere(radius: float) -> TriangleMesh:
-    """A sphere that rests on the plane z = 0. radius: metres."""
+    """Build the mesh of a sphere that rests on the plane z = 0. radius: metres."""
     steps = CIRCLE_CORNERS // 2
     polar = np.pi * np.arange(1, steps) / steps
     rings = np.stack([radius * np.sin(polar), radius - radius * np.cos(polar)], axis=1)
@@ -65,12 +69,15 @@ def build_sphere(radius: float) -> TriangleMesh:
 
 
 def build_cone(radius: float, height: float) -> TriangleMesh:
-    """An upright cone on its base. radius, height: metres."""
+    """Build the mesh of an upright cone that stands on its base. radius, height: metres."""
     return _revolve("cone", np.array([[radius, 0.0]]), height)
 
 
 def build_hexagonal_prism(side: float, height: float) -> TriangleMesh:
-    """An upright regular hexagonal prism with rounded edges; the normal of a side face is +y. side, height: metres."""
+    """Build the mesh of an upright regular hexagonal prism with rounded edges; a side face has the normal +y.
+
+    side, height: metres.
+    """
     angles = np.pi / 6 + np.arange(6) * np.pi / 3
     around = np.stack([np.cos(angles), np.sin(angles), np.zeros(6)], axis=1)
     normals = np.concatenate([around, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
@@ -79,7 +86,10 @@ def build_hexagonal_prism(side: float, height: float) -> TriangleMesh:
 
 
 def _revolve(name: str, rings: FloatArray, height: float) -> TriangleMesh:
-    """Solid of revolution from the origin over rings (radius, z), f64[r, 2], to its tip at `height`."""
+    """Build the mesh of a solid of revolution about the z axis, from the origin over rings to its tip at `height`.
+
+    rings: radius and z of each ring, f64[r, 2], metres, from bottom to top.
+    """
     angles = 2.0 * np.pi * np.arange(CIRCLE_CORNERS) / CIRCLE_CORNERS
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     corners = [np.column_stack([radius * circle, np.full(CIRCLE_CORNERS, z)]) for radius, z in rings]

@@ -47,9 +47,10 @@ LogLikelihood = Callable[[FloatArray], FloatArray]
 
 
 def average_over_poses(log_likelihood: LogLikelihood, seed: int) -> FloatArray:
-    """Natural logarithm of the mean of a likelihood over the prior of poses, f64[K].
+    """Compute the log of a likelihood's mean over the prior of object poses, f64[K], by importance sampling.
 
-    seed: of the samples. Different seeds for the grasps of a cloud keep their sampling errors from adding up.
+    log_likelihood: function of poses f64[n, 6] with result f64[n, K]. seed: of the samples. Different seeds for the
+    grasps of a cloud keep their sampling errors from adding up.
     """
     distributions = list(_PRIOR)
     counts = np.array([PRIOR_SAMPLES] * len(distributions) + [ITERATION_SAMPLES] * ITERATIONS)
@@ -71,7 +72,10 @@ def average_over_poses(log_likelihood: LogLikelihood, seed: int) -> FloatArray:
 
 
 def log_sum_exp(logs: FloatArray, axis: int) -> FloatArray:
-    """Logarithm of the sum of exp(logs) over an axis; all values finite. SciPy's function takes six times as long."""
+    """Compute the logarithm of the sum of exp(logs) over an axis without overflow; all values must be finite.
+
+    SciPy's function takes six times as long.
+    """
     largest = logs.max(axis=axis, keepdims=True)
     return np.asarray(np.log(np.exp(logs - largest).sum(axis=axis)) + largest.squeeze(axis))
 
@@ -80,17 +84,24 @@ class _Normal:
     """A normal distribution. mean: f64[6]. root: lower triangular root of the covariance, f64[6, 6]."""
 
     def __init__(self, mean: FloatArray, root: FloatArray) -> None:
+        """Create a normal distribution of poses.
+
+        mean: f64[6]. root: lower triangular root of the covariance, f64[6, 6].
+        """
         self._mean, self._root = mean, root
         self._inverse = np.linalg.inv(root).T
         self._log_determinant = float(np.log(np.diag(root)).sum())
 
     def log_density(self, poses: FloatArray) -> FloatArray:
-        """Log density at poses f64[n, 6], f64[n], without the power of 2 pi, which cancels in the weights."""
+        """Compute the log density of a normal distribution at poses f64[n, 6], f64[n].
+
+        The power of 2 pi is left out, because it cancels in the weights of the samples.
+        """
         scaled = (poses - self._mean) @ self._inverse
         return np.asarray(-0.5 * np.einsum("ij,ij->i", scaled, scaled) - self._log_determinant)
 
     def transform(self, standard: FloatArray) -> FloatArray:
-        """Samples f64[n, 6] of this distribution from standard normal samples f64[n, 6]."""
+        """Convert standard normal samples f64[n, 6] to samples of this normal distribution, f64[n, 6]."""
         return np.asarray(self._mean + standard @ self._root.T)
 
 
@@ -98,7 +109,7 @@ _PRIOR: Final = tuple(_Normal(np.zeros(6), scale * np.eye(6)) for scale in POSE_
 
 
 def _log_prior_ratio(densities: FloatArray, counts: FloatArray) -> FloatArray:
-    """Log of prior density / density of the sampling mixture, f64[n].
+    """Compute the log of the prior density divided by the density of the mixture of sampling distributions, f64[n].
 
     densities: log density of each distribution at each sample, the parts of the prior first. counts: number of samples
     from each distribution.
@@ -109,9 +120,10 @@ def _log_prior_ratio(densities: FloatArray, counts: FloatArray) -> FloatArray:
 
 
 def _fit_proposal(poses: FloatArray, log_ratio: FloatArray, log_likelihood: FloatArray) -> _Normal:
-    """Normal distribution fitted to the weighted samples, the next sampling distribution.
+    """Fit a normal distribution to weighted samples of poses; it is the next sampling distribution.
 
-    The likelihood is raised to the largest power at which the effective sample size is MIN_EFFECTIVE_SAMPLES.
+    poses: f64[n, 6]. log_ratio: prior divided by sampling density, f64[n]. log_likelihood: f64[n]. The likelihood is
+    raised to the largest power at which the effective sample size is MIN_EFFECTIVE_SAMPLES.
     """
     power, step = 1.0, 0.5
     weights = _normalise(log_ratio + log_likelihood)
@@ -129,17 +141,19 @@ def _fit_proposal(poses: FloatArray, log_ratio: FloatArray, log_likelihood: Floa
 
 
 def _normalise(logs: FloatArray) -> FloatArray:
+    """Convert log weights f64[n] to weights with the sum 1."""
     weights = np.exp(logs - logs.max())
     return np.asarray(weights / weights.sum())
 
 
 def _effective_samples(weights: FloatArray) -> float:
+    """Compute the effective sample size 1 / sum(w^2) of weights f64[n] with the sum 1."""
     return float(1.0 / (weights @ weights))
 
 
 @lru_cache(maxsize=256)
 def _sample_standard_normal(count: int, seed: int) -> FloatArray:
-    """Standard normal samples f64[count, 6] of a scrambled Sobol sequence; each block of 64 is balanced, too."""
+    """Make standard normal samples f64[count, 6] from a scrambled Sobol sequence; each block of 64 is balanced, too."""
     from scipy.stats import qmc  # the import takes half a second, which commands without samples need not wait for
 
     return np.asarray(ndtri(qmc.Sobol(6, rng=np.random.default_rng(seed)).random(count)))

@@ -30,7 +30,10 @@ class Propagation:
     min_signal_counts: float = 0.0
 
     def find_neighbours(self, taxels: TaxelTable) -> csr_array:
-        """Sparse matrix f64[n, n] of ones for the pairs of taxels that activate each other, without the diagonal."""
+        """Find the pairs of taxels on one board that are near enough to activate each other.
+
+        Returns a sparse matrix f64[n, n] with a one for each pair, without the diagonal.
+        """
         pairs = [np.empty((0, 2), np.int64)]
         for board in np.unique(taxels.sensor):
             of_board = np.flatnonzero(taxels.sensor == board)
@@ -40,10 +43,11 @@ class Propagation:
         return csr_array((np.ones(len(rows)), (rows, columns)), shape=(taxels.n, taxels.n))
 
     def apply(self, active: BoolArray, signal: FloatArray, neighbours: csr_array) -> tuple[BoolArray, FloatArray]:
-        """Active taxels, bool[n], and signal, f64[n] counts, after contact propagation.
+        """Apply contact propagation: an active taxel also activates its neighbours.
 
-        An activated neighbour takes the signal of the strongest active taxel next to it, since its own signal is below
-        the threshold. active: bool[n]. signal: f64[n], counts. neighbours: from `find_neighbours`.
+        active: bool[n]. signal: f64[n], counts. neighbours: from `find_neighbours`. Returns the active taxels, bool[n],
+        and their signals, f64[n] counts. An activated neighbour takes the signal of the strongest active taxel next to
+        it, since its own signal is below the threshold.
         """
         strength = np.where(active & (np.nan_to_num(signal) > self.min_signal_counts), signal, 0.0)
         strongest = np.zeros(len(strength))

@@ -69,11 +69,11 @@ def align_to_mesh(
     tolerance: float = COST_TOLERANCE,
     name: str = "cloud",
 ) -> Alignment:
-    """Alignment of points f64[N, 3] to the surface of a mesh.
+    """Align points f64[N, 3] rigidly to the surface of a mesh by least squares of the distances.
 
     start: transform f64[4, 4] of the first guess; None: identity. tolerance: relative decrease of the sum of squares
-    below which the alignment ends. Raises RegistrationError for fewer than three points, for points on a line, and for
-    an alignment that does not converge.
+    below which the alignment ends. name: of the cloud, for messages. Raises RegistrationError for fewer than three
+    points, for points on a line, and for an alignment that does not converge.
     """
     check_alignable(points, name)
     alignment = SurfaceAlignment.start(points, mesh, _copy_or_identity(start), tolerance)
@@ -92,6 +92,7 @@ class PointTarget:
     """
 
     def __init__(self, points: FloatArray, name: str = "target") -> None:
+        """Create the target of an alignment from points f64[N, 3], with a search tree. name: for messages."""
         check_alignable(points, name)
         self.points = points
         self.cloud = small_gicp.PointCloud(np.ascontiguousarray(points, dtype=np.float64))
@@ -99,7 +100,7 @@ class PointTarget:
 
     @classmethod
     def from_mesh(cls, mesh: TriangleMesh, samples: int = MESH_SAMPLES) -> PointTarget:
-        """Random points of the surface of a mesh as a target."""
+        """Create the target of an alignment from random points of a mesh's surface. samples: number of points."""
         return cls(mesh.sample(samples), mesh.name)
 
 
@@ -111,7 +112,11 @@ def align_to_points(
     max_iterations: int = MAX_ITERATIONS,
     name: str = "cloud",
 ) -> Alignment:
-    """Alignment of points f64[N, 3] to the points of a target; arguments and errors as for `align_to_mesh`."""
+    """Align points f64[N, 3] rigidly to the points of a target by iterative closest points.
+
+    start: transform f64[4, 4] of the first guess; None: identity. name: of the cloud, for messages. Raises
+    RegistrationError for fewer than three points, for points on a line, and for an alignment that does not converge.
+    """
     check_alignable(points, name)
     result = small_gicp.align(
         target.cloud,
@@ -133,7 +138,7 @@ def align_to_points(
 
 
 def check_alignable(points: FloatArray, name: str) -> None:
-    """Raise RegistrationError for fewer than three points and points on a line, CloudError for points not finite."""
+    """Raise RegistrationError for fewer than three points or points on a line, CloudError for points not finite."""
     check_points(points, name)
     expected = "three or more that do not lie on one line"
     if len(points) < 3:
@@ -151,11 +156,15 @@ def _are_on_a_line(points: FloatArray) -> bool:
 
 
 def _copy_or_identity(start: FloatArray | None) -> FloatArray:
+    """Return a copy of the first guess f64[4, 4], or the identity for None."""
     return np.eye(4) if start is None else np.array(start, dtype=np.float64)
 
 
 def _check_result(transform: FloatArray, rms: float, iterations: int, converged: bool, name: str) -> Alignment:
-    """The alignment with its rotation made exact. Raises RegistrationError for numbers that are not finite."""
+    """Return an alignment whose rotation is made exact. Raises RegistrationError for numbers that are not finite.
+
+    transform: f64[4, 4]. rms: root mean square of the distances, metres. name: of the cloud, for messages.
+    """
     if not (np.isfinite(transform).all() and np.isfinite(rms)):
         expected, remedy = "convergence", "give a better first guess"
         raise RegistrationError(name, "alignment", expected, "divergence", remedy)

@@ -54,7 +54,10 @@ class SurfaceAlignment:
 
     @classmethod
     def start(cls, points: FloatArray, mesh: TriangleMesh, start: FloatArray, tolerance: float) -> SurfaceAlignment:
-        """The state at the first guess, the transform `start`."""
+        """Create the state of an iterative alignment of points to a mesh at its first guess, the transform `start`.
+
+        tolerance: relative decrease of the cost below which the alignment ends.
+        """
         moved = apply(start, points)
         closest = mesh.find_closest(moved)
         alignment = cls(mesh, start, moved, closest, _cost(closest), tolerance)
@@ -62,7 +65,7 @@ class SurfaceAlignment:
         return alignment
 
     def step(self) -> None:
-        """Compute one step, and take it if it decreases the cost."""
+        """Compute one damped Newton step of the alignment; accept it if it decreases the sum of squared distances."""
         hessian = self.damping * self._fixed_hessian + (1.0 - self.damping) * self._exact_hessian
         # A small multiple of the identity (scaled to the size of the cloud) keeps the pose in directions in which the
         # surface does not determine it.
@@ -85,9 +88,9 @@ class SurfaceAlignment:
     def _accept(
         self, transform: FloatArray, points: FloatArray, closest: ClosestPoints, decrease: float, predicted: float
     ) -> None:
-        """Take a step that decreased the cost, and adapt damping and step factor.
+        """Accept a step that decreased the sum of squared distances, and adapt damping and step factor.
 
-        decrease, predicted: actual and predicted decrease of the cost.
+        decrease, predicted: actual and predicted decrease of this sum.
         """
         is_small = decrease < SMALL_DECREASE * self.cost
         self.is_finished = decrease < self.tolerance * self.cost and self.step_factor <= 1.0 and self.damping < 0.5
@@ -102,7 +105,11 @@ class SurfaceAlignment:
             self._update_derivatives()
 
     def _update_derivatives(self) -> None:
-        """First and second derivatives of half the cost by a rotation about the centre of the cloud and a shift."""
+        """Compute first and second derivatives of half the sum of squared distances by a small motion of the cloud.
+
+        The motion is a rotation about the centre of the cloud and a shift. Two second derivatives are stored: one for
+        fixed nearest points, and the exact one.
+        """
         self._centre = self.points.mean(axis=0)
         arms = self.points - self._centre
         normal = self.closest.normal
@@ -121,16 +128,23 @@ class SurfaceAlignment:
         self._fixed_hessian[3:, 3:] = len(arms) * np.eye(3)
 
     def _motion_transform(self, motion: FloatArray) -> FloatArray:
-        """Transform f64[4, 4] of a motion f64[6]: rotation vector about the centre of the cloud, then shift."""
+        """Convert a motion f64[6] to a transform f64[4, 4].
+
+        motion: rotation vector about the centre of the cloud, radians, then shift, metres.
+        """
         transform = from_rotation_vector(motion[:3])
         transform[:3, 3] = self._centre + motion[3:] - transform[:3, :3] @ self._centre
         return transform
 
 
 def _jacobian(arms: FloatArray, directions: FloatArray) -> FloatArray:
-    """Derivatives of the displacement of points along directions f64[N, 3] by rotations and shifts, f64[N, 6]."""
+    """Compute the derivatives f64[N, 6] of the displacement of points along directions by rotations and shifts.
+
+    arms: points relative to the centre of rotation, f64[N, 3]. directions: f64[N, 3].
+    """
     return np.concatenate([cross(arms, directions), directions], axis=1)
 
 
 def _cost(closest: ClosestPoints) -> float:
+    """Compute the sum of squared distances to the nearest points."""
     return float(closest.distance @ closest.distance)

@@ -97,7 +97,11 @@ def sweep_force_filter(
     thresholds: Sequence[float] = FORCE_THRESHOLDS,
     progress: Progress = lambda done, total: None,
 ) -> list[ForceRow]:
-    """One row for each threshold, in counts. Raises RegistrationError for a threshold that leaves too few points."""
+    """Measure the distances of a cloud to a mesh for several thresholds of the force filter, one row for each.
+
+    thresholds: counts. progress: called with the number of finished rows and the total. Raises RegistrationError for a
+    threshold that leaves too few points.
+    """
     rows = []
     for done, threshold in enumerate(thresholds):
         progress(done, len(thresholds))
@@ -115,10 +119,11 @@ def sweep_outlier_filter(
     threshold: float = FORCE_FILTER_COUNTS,
     progress: Progress = lambda done, total: None,
 ) -> list[SorRow]:
-    """One row for each rule of the object, on the cloud after the force filter with `threshold` counts.
+    """Measure the distances of a cloud to a mesh for several settings of the outlier filter, one row for each.
 
-    Raises CloudError for a filtered cloud with fewer points than an N, RegistrationError for a rule that leaves too few
-    points.
+    The settings are the rules of the thesis for the object. threshold: counts of the force filter that is applied
+    first. Raises CloudError for a filtered cloud with fewer points than the filter's N, RegistrationError for a rule
+    that leaves too few points.
     """
     filtered = filter_by_force(cloud, threshold)
     rules = get_sor_rules(object_name)
@@ -137,25 +142,25 @@ def sweep_outlier_filter(
 
 
 def get_sor_rules(object_name: str) -> tuple[Rule, ...]:
-    """The outlier filter rules of the table of an object."""
+    """Return the settings of the statistical outlier removal (SOR) that the thesis lists for an object."""
     first = next(iter(SOR_RULES.values()))
     return next((rules for start, rules in SOR_RULES.items() if object_name.lower().startswith(start)), first)
 
 
 def count_neighbours(share: int | str, points: int) -> int:
-    """Value of N for a cloud with this number of points."""
+    """Compute the outlier filter's N for a cloud of `points` points. share: a number, or a fraction by name."""
     if isinstance(share, int):
         return share
     return {ALL_BUT_ONE: points - 1, HALF: round(points / 2), QUARTER: round(points / 4)}[share]
 
 
 def get_distance_stats(row: ForceRow | SorRow) -> DistanceStats:
-    """The distance statistics of a row."""
+    """Return the distance statistics of a row of a parameter sweep."""
     return DistanceStats(row.points, row.mean_m, row.std_m, row.max_m, row.rms_m)
 
 
 def format_csv(rows: Sequence[ForceRow] | Sequence[SorRow]) -> str:
-    """The rows as CSV with a heading; columns as in the tables of the thesis."""
+    """Format the rows of a parameter sweep as CSV with a heading; columns as in the tables of the thesis."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(item.name for item in fields(rows[0]))
@@ -165,20 +170,24 @@ def format_csv(rows: Sequence[ForceRow] | Sequence[SorRow]) -> str:
 
 
 def convert_to_json(rows: Sequence[ForceRow] | Sequence[SorRow]) -> list[dict[str, object]]:
-    """The rows as dictionaries of JSON values."""
+    """Convert the rows of a parameter sweep to dictionaries of JSON values."""
     return [asdict(row) for row in rows]
 
 
 def measure_after_alignment(cloud: ContactCloud, mesh: TriangleMesh) -> DistanceStats:
-    """Distances to a model after alignment from the current pose. Raises RegistrationError if the alignment fails."""
+    """Align a cloud to a mesh from its current pose and compute the statistics of the remaining distances.
+
+    Raises RegistrationError if the alignment fails.
+    """
     aligned = apply(align_to_mesh(cloud.points, mesh, name=cloud.name).transform, cloud.points)
     return DistanceStats.from_distances(compute_distances_to_mesh(aligned, mesh, cloud.name))
 
 
 def _table_columns(stats: DistanceStats) -> tuple[int, float, float, float, float]:
-    """The statistics in the order of the columns of the thesis."""
+    """Return the distance statistics in the order of the columns of the thesis's tables."""
     return stats.points, stats.rms_m, stats.max_m, stats.mean_m, stats.std_m
 
 
 def _percent_removed(points: int, before: int) -> float:
+    """Compute the percentage of points that a filter removed. points: after the filter. before: before the filter."""
     return 100.0 * (1.0 - points / before)

@@ -25,11 +25,11 @@ class OutlierFilter:
 
     @property
     def description(self) -> str:
-        """The settings as text for reports: neighbours / deviations."""
+        """The settings of the outlier filter as text for reports: number of neighbours / standard deviations."""
         return f"{'a quarter' if self.neighbours is None else f'{self.neighbours:g}'} / {self.deviations:g}"
 
     def count_neighbours(self, points: int) -> int:
-        """Number of neighbours for a cloud with this number of points."""
+        """Return the outlier filter's number of neighbours for a cloud of `points` points."""
         return round(0.25 * points) if self.neighbours is None else round(self.neighbours)
 
 
@@ -47,6 +47,6 @@ points."""
 
 
 def get_outlier_filter(name: str) -> OutlierFilter:
-    """The settings of the thesis for an object with this name."""
+    """Return the settings of the outlier filter that the thesis used for an object with this name."""
     matches = (item for start, item in OUTLIER_FILTERS.items() if name.lower().startswith(start))
     return next(matches, DEFAULT_OUTLIER_FILTER)

@@ -71,7 +71,7 @@ class DemonstrationResult:
 def run_demonstration(hand: Hand, seed: int, advance: Callable[[str, float], None]) -> DemonstrationResult:
     """Start an emulated skin, take its baseline, apply the scripted contacts, and return the response.
 
-    advance: called with the name of the current step and its completed share, 0 to 1.
+    seed: of the emulated skin. advance: called with the name of the current step and its completed share, 0 to 1.
     """
     times, forces = compute_indentation_forces(hand, DEMO_CONTACTS)
     end = max(contact.end_s for contact in DEMO_CONTACTS) + 0.5
@@ -87,7 +87,10 @@ def run_demonstration(hand: Hand, seed: int, advance: Callable[[str, float], Non
 
 
 def _collect_scans_until(skin: Skin, end_s: float, advance: Callable[[str, float], None]) -> list[SkinFrame]:
-    """Collect the frames of the skin up to a time of the stream, seconds."""
+    """Collect the frames of the whole skin up to the time `end_s` of the stream, seconds.
+
+    advance: called with the name of the step and its completed share, 0 to 1.
+    """
     scans = []
     for scan in skin.scans():
         scans.append(scan)
@@ -98,7 +101,7 @@ def _collect_scans_until(skin: Skin, end_s: float, advance: Callable[[str, float
 
 
 def _summarise(skin: Skin, scans: list[SkinFrame], baseline: BaselineResult) -> DemonstrationResult:
-    """Compare the active taxels with the scripted contacts."""
+    """Compare the active taxels of the recorded scans with the scripted contacts."""
     activation = Activation(baseline.mean)
     times = np.array([scan.time_s for scan in scans])
     frames = activation(np.stack([scan.raw_counts for scan in scans]), np.stack([scan.valid for scan in scans]))

@@ -37,7 +37,7 @@ class ContactLoad(NamedTuple):
 
 @cache
 def load_contact_library() -> ctypes.CDLL:
-    """Load the contact library. Raises `ContactLibraryError` if it was not built."""
+    """Load the compiled C library that computes contact forces. Raises `ContactLibraryError` if it was not built."""
     library = load_library("taxel_contact", "the compiled contact library", ContactLibraryError)
     pointer, size = ctypes.c_void_p, ctypes.c_size_t
     library.taxel_contact_open.argtypes, library.taxel_contact_open.restype = [ctypes.c_char_p], pointer
@@ -65,6 +65,10 @@ class SkinContact:
     """
 
     def __init__(self, world: str) -> None:
+        """Load the emulator's contact model of a skin. world: text of a world file with boards and objects.
+
+        Raises `ContactLibraryError` if the library rejects the world.
+        """
         self._library = load_contact_library()
         self._handle = self._open(world)
         self.board_count = int(self._library.taxel_contact_boards(self._handle))
@@ -74,7 +78,10 @@ class SkinContact:
         self._force = np.zeros(self.taxel_count)
 
     def _open(self, world: str) -> int:
-        """Handle of a world in the library. Raises `ContactLibraryError` if the library rejects the world."""
+        """Open the world (text of a world file) in the contact library and return its handle.
+
+        Raises `ContactLibraryError` if the library rejects the world.
+        """
         with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
             path, stderr_path = Path(folder) / "world.txt", Path(folder) / "stderr.txt"
             path.write_text(world)
@@ -85,7 +92,7 @@ class SkinContact:
             return int(handle)
 
     def get_bracket_offset(self, board: int) -> FloatArray:
-        """True pose of a bracket in its nominal frame, f64[4, 4]. board: index in the world file."""
+        """Return the true pose f64[4, 4] of a board's bracket in its nominal frame. board: index in the world file."""
         self._check(0 <= board < self.board_count, f"an index from 0 to {self.board_count - 1}, found {board}")
         offset = np.eye(4)
         rows = np.zeros((3, 4))
@@ -94,7 +101,7 @@ class SkinContact:
         return offset
 
     def compute_load(self, index: int, object_pose: FloatArray, bracket_poses: FloatArray) -> ContactLoad:
-        """Contact load of an object on all boards.
+        """Compute the contact load of an object on all boards: forces, torques and stiffness.
 
         index: of the object in the world file; -1: no object. object_pose: f64[4, 4]. bracket_poses: f64[s, 4, 4].
         Raises ValueError for an index out of range or an array of another shape.
@@ -103,13 +110,18 @@ class SkinContact:
         return ContactLoad(self._load[:, :6].copy(), self._load[:, 6:].reshape(-1, 6, 6).copy(), touched)
 
     def compute_forces(self, index: int, object_pose: FloatArray, bracket_poses: FloatArray) -> FloatArray:
-        """Normal force on each taxel in newtons, f64[n], before any effect of the skin. Arguments as `compute_load`."""
+        """Compute the normal force on each taxel in newtons, f64[n], before any effect of the skin.
+
+        index: of the object in the world file; -1: no object. object_pose: f64[4, 4]. bracket_poses: f64[s, 4, 4].
+        """
         self._evaluate(index, object_pose, bracket_poses, self._force.ctypes.data)
         return self._force.copy()
 
     def _evaluate(self, index: int, object_pose: FloatArray, bracket_poses: FloatArray, force: int | None) -> int:
-        """Compute the load of all boards and, at the address `force`, the taxel forces; returns the number of boards in
-        contact.
+        """Compute the contact load of all boards in the library; return the number of boards in contact.
+
+        index: of the object; -1: no object. object_pose: f64[4, 4]. bracket_poses: f64[s, 4, 4]. force: address for the
+        taxel forces; None: not computed.
         """
         poses = np.ascontiguousarray(bracket_poses[:, :3, :], dtype=np.float64)
         pose = np.ascontiguousarray(object_pose[:3], dtype=np.float64)
@@ -126,12 +138,15 @@ class SkinContact:
         )
 
     def _check(self, is_valid: bool, expected: str) -> None:
-        """Raise ValueError unless an argument is valid; the library checks no argument."""
+        """Raise ValueError unless an argument is valid and the contact is open; the C library checks no argument.
+
+        expected: description of a valid argument.
+        """
         if not (is_valid and self._handle):
             raise ValueError(f"expected {expected}" if self._handle else "expected an open contact, found a closed one")
 
     def close(self) -> None:
-        """Release the memory of the library. Further calls do nothing."""
+        """Release the memory of the contact library. Further calls do nothing."""
         if self._handle:
             self._library.taxel_contact_close(self._handle)
             self._handle = 0
@@ -142,4 +157,5 @@ class SkinContact:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Release the memory of the contact library at the end of a `with` block."""
         self.close()

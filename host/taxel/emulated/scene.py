@@ -29,10 +29,10 @@ class EmulatedScene:
 
 
 def format_scene(hand: Hand, scene: EmulatedScene, settings: WorldSettings | None = None) -> str:
-    """Format the world file of a hand and a scene.
+    """Format the emulator's world file of a hand and a scene with objects.
 
-    settings: None for default settings. Raises HandGeometryError if the hand has no taxel positions, TypeError for a
-    shape that the emulator does not support.
+    settings: None: default settings. Raises HandGeometryError if the hand has no taxel positions, TypeError for a shape
+    that the emulator does not support.
     """
     if hand.layer_m is None:
         raise HandGeometryError(hand.name)
@@ -53,7 +53,7 @@ def format_scene(hand: Hand, scene: EmulatedScene, settings: WorldSettings | Non
 
 
 def _format_margins(hand: Hand) -> list[str]:
-    """Lines of the sheet's squares without a taxel."""
+    """Format the world file's lines for the squares of the soft sheet that have no taxel."""
     sheet = build_sheet(hand)
     margin = slice(hand.n_taxels, None)
     rows = np.hstack([sheet.position[margin], sheet.normal[margin], sheet.distal[margin]])
@@ -62,7 +62,10 @@ def _format_margins(hand: Hand) -> list[str]:
 
 
 def _format_object(name: str, shape: Shape) -> list[str]:
-    """Lines of an object: bounding sphere and shape. Raises TypeError for an unsupported shape."""
+    """Format the world file's lines of an object: bounding sphere and shape.
+
+    Raises TypeError for an unsupported shape.
+    """
     low, high = shape.bounds
     centre = 0.5 * (low + high)
     lines = [f"object {name} {_format_numbers(centre)} {float(0.5 * np.linalg.norm(high - low))!r}"]
@@ -75,6 +78,7 @@ def _format_object(name: str, shape: Shape) -> list[str]:
 
 
 def _format_offset(offset: FloatArray) -> str:
+    """Format a displacement f64[4, 4] as text: translation in metres, then rotation vector in radians."""
     return f"{_format_numbers(offset[:3, 3])} {_format_numbers(to_rotation_vector(offset))}"
 
 

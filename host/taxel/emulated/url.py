@@ -63,7 +63,7 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
 
 
 def _check_choices(url: str, options: dict[str, str]) -> None:
-    """Raise `LinkError` for an unknown option, or a wrong value of `stimulus`, `speed` or `live`."""
+    """Raise `LinkError` for an unknown option of an emulator URL, or a wrong value of `stimulus`, `speed` or `live`."""
     known = {*_NUMBER_RANGES, *_OTHER_OPTIONS}
     unknown = sorted(set(options) - known)
     if not options.get("stimulus", "x"):
@@ -79,7 +79,10 @@ def _check_choices(url: str, options: dict[str, str]) -> None:
 
 
 def _parse_effects(url: str, query: str) -> list[str]:
-    """The effect lines of a URL. Raises `LinkError` for text that is not one line."""
+    """Return the effect lines of an emulator URL.
+
+    query: part after "?". Raises `LinkError` for text of several lines.
+    """
     lines = parse_qs(query).get("effect", [])
     for line in lines:
         if not line.isprintable() or "#" in line:  # the text becomes one line of the world file
@@ -88,7 +91,7 @@ def _parse_effects(url: str, query: str) -> list[str]:
 
 
 def _parse_number(url: str, name: str, text: str, low: float, high: float) -> float:
-    """The number of an option. Raises `LinkError` for other text or a value out of range."""
+    """Parse the number of an option in an emulator URL. Raises `LinkError` unless it is from `low` to `high`."""
     try:
         value = float(text)
     except ValueError:
@@ -99,7 +102,7 @@ def _parse_number(url: str, name: str, text: str, low: float, high: float) -> fl
 
 
 def _parse_integer(url: str, name: str, text: str, low: float, high: float) -> int:
-    """The integer of an option. Raises `LinkError` for other text or a value out of range."""
+    """Parse the integer of an option in an emulator URL. Raises `LinkError` unless it is from `low` to `high`."""
     value = _parse_number(url, name, text, low, high)
     if value % 1.0:
         raise LinkError(url, f"option '{name}' must be a whole number, found '{text}'")
