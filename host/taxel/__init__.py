@@ -53,6 +53,7 @@ _ORIGINS = {
 
 
 def __getattr__(name: str) -> Any:
+    """Import a name of the package `taxel` from its module at the first access, which keeps `import taxel` fast."""
     if name not in _ORIGINS:
         raise AttributeError(f"module 'taxel' has no attribute '{name}'")
     module, attribute = _ORIGINS[name]

@@ -21,6 +21,7 @@ class FieldError(TaxelError):
     """
 
     def __init__(self, file: str, field: str, expected: str, found: str, remedy: str) -> None:
+        """Create the error of a field in a file. expected, found: values. remedy: what to do."""
         # All five are args, so that the error survives pickling between processes.
         super().__init__(file, field, expected, found, remedy)
         self.file = file

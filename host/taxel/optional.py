@@ -48,6 +48,10 @@ class MissingPackageError(TaxelError, ImportError):
     """
 
     def __init__(self, purpose: str, package: str, extra: str) -> None:
+        """Create the error of an optional package that is not installed.
+
+        purpose: what needs the package. extra: name of the optional dependency group that installs it.
+        """
         self.package = package
         super().__init__(
             f"{purpose} needs the Python package '{package}', which is not installed; "
@@ -57,7 +61,7 @@ class MissingPackageError(TaxelError, ImportError):
 
 @contextmanager
 def optional_import(package: str, purpose: str) -> Iterator[None]:
-    """Turn the ImportError of the imports in the block into a `MissingPackageError` of one line.
+    """Convert an ImportError inside the block to a `MissingPackageError` of one line.
 
     package: a key of `EXTRA_OF_PACKAGE`. purpose: the subject of the sentence, such as "a grasp dataset (.h5)".
     """
@@ -72,7 +76,7 @@ def optional_import(package: str, purpose: str) -> Iterator[None]:
 def require_packages(purpose: str, extra: str, *packages: str) -> None:
     """Raise `MissingPackageError` at once if a package is missing that a long task imports only at its end.
 
-    purpose: the subject of the sentence. extra: the extra that installs the packages.
+    purpose: the subject of the sentence. extra: the optional dependency group that installs the packages.
     """
     for package in packages:
         if find_spec(package) is None:
@@ -80,9 +84,10 @@ def require_packages(purpose: str, extra: str, *packages: str) -> None:
 
 
 def missing_package(error: ImportError, purpose: str, extra: str | None = None) -> MissingPackageError | None:
-    """The error to show instead of a failed import; None if the missing module is not an optional library.
+    """Return the error to show instead of a failed import; None if the missing module is not an optional library.
 
-    extra: the extra that installs all that the purpose needs; None: the extra of the missing library alone.
+    purpose: subject of the sentence. extra: optional dependency group that installs all that the purpose needs; None:
+    the group of the missing library alone.
     """
     package = error.package if isinstance(error, MissingPackageError) else (error.name or "").partition(".")[0]
     if package not in EXTRA_OF_PACKAGE:

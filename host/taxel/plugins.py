@@ -40,18 +40,20 @@ class PluginError(TaxelError):
 
 
 def list_plugin_names(group: str, built_in: Mapping[str, str] = NO_NAMES) -> tuple[str, ...]:
-    """All names of a group: the project's own in their order, then those of other packages in alphabetical order.
+    """List all names of a group of plug-ins: the project's own names, then those of other packages, sorted.
 
-    Raises `PluginError` if two distributions use one name.
+    group: group of entry points. built_in: the project's own objects by name. Raises `PluginError` if two distributions
+    use one name.
     """
     return (*built_in, *sorted(_list_added_points(group, built_in)))
 
 
 def load_plugin(group: str, name: str, built_in: Mapping[str, str] = NO_NAMES) -> Any:
-    """The object that a name of the group stands for.
+    """Load the object that a name of a group of plug-ins stands for.
 
-    Raises `KeyError` for an unknown name, `PluginError` if two distributions use one name or if the import of another
-    package's object fails. An import error of the project's own objects passes unchanged.
+    group: group of entry points. built_in: the project's own objects, as "module:attribute", by name. Raises `KeyError`
+    for an unknown name, `PluginError` if two distributions use one name or if the import of another package's object
+    fails. An import error of the project's own objects passes unchanged.
     """
     if name in built_in:
         module, _, attribute = built_in[name].partition(":")
@@ -69,24 +71,29 @@ def load_plugin(group: str, name: str, built_in: Mapping[str, str] = NO_NAMES) -
 
 
 def unusable_plugin(group: str, name: str, problem: str) -> PluginError:
-    """The error for an entry point whose object was loaded and cannot be used, as one line with its package.
+    """Make the error for a plug-in whose object was loaded and cannot be used, as one line with its package.
 
-    problem: what was expected and what was found.
+    group, name: of the entry point. problem: what was expected and what was found.
     """
     text = f"entry point '{name}' of group '{group}' in package '{plugin_distribution(group, name)}' cannot be used"
     return PluginError(f"{text} ({' '.join(problem.split())}); correct or uninstall that package")
 
 
 def plugin_distribution(group: str, name: str) -> str:
-    """Name of the installed package that adds an entry point; the project's own for a name that no entry point has."""
+    """Return the name of the installed package that adds an entry point; "taxel" for a name without an entry point.
+
+    group, name: of the entry point.
+    """
     return next(
         (_distribution_name(point) for point in _list_entry_points(group) if point.name == name), OWN_DISTRIBUTION
     )
 
 
 def _list_added_points(group: str, built_in: Mapping[str, str]) -> dict[str, EntryPoint]:
-    """Entry points of other packages, by name. The project's own entry points that repeat a built-in name are left
-    out.
+    """List the entry points that other packages add to a group, by name.
+
+    The project's own entry points that repeat a built-in name are left out. Raises `PluginError` for a name in two
+    packages.
     """
     added: dict[str, EntryPoint] = {}
     for point in _list_entry_points(group):

@@ -27,10 +27,17 @@ class Cluster:
     """
 
     def __init__(self, scheduler: str, timeout_s: float = CONNECT_TIMEOUT_S) -> None:
+        """Create a cluster that generates shards.
+
+        scheduler: address of its Dask scheduler. timeout_s: for the connection.
+        """
         self._scheduler, self._timeout_s = scheduler, timeout_s
 
     def generate_shards(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
-        """See `taxel.generate.workers.Workers`."""
+        """Yield number and bytes of each shard, in the order of completion, computed on a Dask cluster.
+
+        Implements the protocol `taxel.generate.workers.Workers`. Raises ClusterError.
+        """
         distributed = _import_distributed()
         try:
             client = distributed.Client(self._scheduler, timeout=self._timeout_s, set_as_default=False)
@@ -48,7 +55,10 @@ class Cluster:
                 raise ClusterError(f"--scheduler {self._scheduler}", found, remedy) from None
 
     def _count_workers(self, client: Any) -> int:
-        """Number of workers, after at least one is available and the releases of all have been checked."""
+        """Wait for at least one worker of the cluster, check the releases of all workers, and return their number.
+
+        client: connection to the Dask scheduler. Raises ClusterError.
+        """
         where = f"--scheduler {self._scheduler}"
         try:
             client.wait_for_workers(1, timeout=self._timeout_s)
@@ -65,7 +75,10 @@ class Cluster:
 
 
 def check_releases(where: str, local: Mapping[str, str], worker_versions: Mapping[str, Mapping[str, str]]) -> None:
-    """Raise ClusterError if a worker (by name) has another release than this computer: its bytes might differ."""
+    """Raise ClusterError if a worker has other package releases than this computer, since its bytes might differ.
+
+    where: the scheduler, for the message. local, worker_versions: releases by package, and by worker and package.
+    """
     for worker, versions in worker_versions.items():
         differing = [name for name, release in local.items() if versions.get(name) != release]
         texts = [f"{name} {versions.get(name)} instead of {local[name]}" for name in differing]
@@ -76,7 +89,10 @@ def check_releases(where: str, local: Mapping[str, str], worker_versions: Mappin
 def _as_completed(
     distributed: Any, client: Any, recipe: Any, shards: Iterator[int], pending: int
 ) -> Iterator[tuple[int, bytes]]:
-    """Number and bytes of each shard in the order of completion, with at most `pending` shards on the cluster."""
+    """Yield number and bytes of each shard in the order of completion, with at most `pending` shards on the cluster.
+
+    distributed: the package. client: connection to the scheduler. recipe: already sent to the workers.
+    """
 
     def submit(shard: int) -> Any:
         return client.submit(_numbered_shard, recipe, shard, pure=False)
@@ -92,6 +108,7 @@ def _as_completed(
 
 
 def _numbered_shard(recipe: Recipe, shard: int) -> tuple[int, bytes]:
+    """Generate a shard on a worker; return its number and bytes."""
     return shard, generate_shard(recipe, shard)
 
 

@@ -41,13 +41,14 @@ class PlannedEffect:
 
     @property
     def name(self) -> str:
-        """Name of the effect in the catalogue of the diagnosis."""
+        """Name of the effect in the catalogue of the gap diagnosis."""
         return self.nominal.name
 
     def sample(self, rng: np.random.Generator) -> tuple[ReportedEffect | None, dict[str, float]]:
-        """The effect in one grasp, None for a grasp without it; and the sampled values by label.
+        """Sample the effect for one generated grasp; returns the effect (None if absent) and the sampled values.
 
-        Values of single taxels are not in the result, because there are about a thousand of each parameter.
+        The values are labelled "effect.parameter". Values of single taxels are not in the result, because there are
+        about a thousand of each parameter.
         """
         nominal = self.nominal
         is_present = float(rng.random()) < self.share
@@ -64,7 +65,7 @@ class PlannedEffect:
         return (replace(nominal, values=values) if is_present else None), sampled
 
     def to_json(self) -> dict[str, Any]:
-        """The effect as JSON values, for the digest of a recipe."""
+        """Return the planned effect with its distributions as JSON values, for the digest of a recipe."""
         nominal = self.nominal
         return {
             "name": nominal.name,
@@ -84,14 +85,16 @@ class PlannedEffect:
 
 
 def _label(effect: ReportedEffect, parameter: str, block: int | str) -> str:
+    """Make the label of a parameter: its name, with "@" and the board or taxel unless the whole hand has one value."""
     return parameter if effect.effect.scope == HAND else f"{parameter}@{block}"
 
 
 def plan_report_effects(report: ReportedGap, hand: Hand, widen: float, share: float) -> tuple[PlannedEffect, ...]:
-    """The effects of a report's verdict. widen: factor on their intervals; 0: every grasp has the reported values.
+    """Plan the effects of a gap report's verdict for generated grasps.
 
-    A value without an interval (fewer than three sessions, or a value of a single taxel) is fixed. Raises RecipeError
-    for a report of another hand.
+    widen: factor on the intervals of the parameters; 0: every grasp has the reported values. share: share of grasps
+    with each effect. A value without an interval (fewer than three sessions, or a value of a single taxel) is fixed.
+    Raises RecipeError for a report of another hand.
     """
     is_same_hand = len(report.sensor) == hand.n_taxels and all(
         np.array_equal(reported, own)
@@ -107,7 +110,10 @@ def plan_report_effects(report: ReportedGap, hand: Hand, widen: float, share: fl
 
 
 def _plan_reported(reported: ReportedEffect, widen: float, share: float, source: str) -> PlannedEffect:
-    """A reported effect whose values vary within their intervals. widen: factor of the standard deviations."""
+    """Plan an effect of a report with parameters that vary within their intervals.
+
+    widen: factor on the standard deviations. share: share of grasps with the effect. source: for the recipe's digest.
+    """
     std = np.zeros(reported.values.shape)
     for row, name in enumerate(reported.parameters):
         for column, block in enumerate(reported.blocks if reported.effect.scope != TAXEL else ()):
@@ -119,9 +125,9 @@ def _plan_reported(reported: ReportedEffect, widen: float, share: float, source:
 
 
 def _standard_deviation(reported: ReportedEffect, name: str, label: str, value: float) -> float:
-    """Standard deviation of a parameter from its 95 % interval in the report; 0 without an interval.
+    """Compute the standard deviation of a parameter from its 95 % interval in the report; 0 without an interval.
 
-    label: of the interval. value: of the parameter.
+    name, value: of the parameter. label: key of the interval.
     """
     if reported.name == "noise" and name != NOISE_PARTS[0]:
         # The report gives one interval for all noise that taxels share.
@@ -134,7 +140,7 @@ def _standard_deviation(reported: ReportedEffect, name: str, label: str, value: 
 
 
 def _parameter_bounds(reported: ReportedEffect) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper bounds of the parameters of an effect, f64[P] each."""
+    """Return lower and upper bounds of the P parameters of an effect, f64[P] each."""
     by_name = {parameter.name: parameter for parameter in _parameters(reported)}
     rows = [by_name[name] for name in reported.parameters]
     return np.array([row.low for row in rows], np.float64), np.array([row.high for row in rows], np.float64)
@@ -145,7 +151,7 @@ def _parameters(reported: ReportedEffect) -> Sequence[Parameter]:
 
 
 def list_sampled_parameters(name: str, own: Sequence[Parameter]) -> Sequence[Parameter]:
-    """The sampled parameters of an effect; for noise, its independent parts."""
+    """List the parameters of an effect that are sampled; for noise, its independent parts. own: all parameters."""
     if name == "noise":
         return [Parameter(part, "counts", 0.0, MOST_NOISE_COUNTS, 0.0, 0.0) for part in NOISE_PARTS]
     return own
@@ -161,10 +167,11 @@ def plan_effect(
     hand: Hand,
     moving_s: float,
 ) -> PlannedEffect:
-    """An effect of the catalogue with sampled parameters. Raises RecipeError.
+    """Plan an effect of the catalogue with parameters sampled from ranges. Raises RecipeError.
 
-    where: location in the recipe, for errors. variant, scope: as in the catalogue; "" stands for the first one.
-    moving_s: seconds from closing to the end of a grasp, over which a drift reaches its counts.
+    where: location in the recipe, for errors. variant, scope: as in the catalogue; "" stands for the first one. share:
+    share of grasps with the effect. moving_s: seconds from closing to the end of a grasp, over which a drift reaches
+    its counts.
     """
     catalogue = all_effects()
     variants = [
@@ -195,7 +202,7 @@ def plan_effect(
 
 
 def _blocks_of_scope(scope: str, hand: Hand) -> tuple[int | str, ...]:
-    """The blocks of a scope: the hand, the addresses of the boards, or the indices of the taxels."""
+    """List the blocks that have own parameter values: the hand, addresses of the boards, or indices of the taxels."""
     if scope == HAND:
         return (HAND,)
     return tuple(board.address for board in hand.boards) if scope == BOARD else tuple(range(hand.n_taxels))

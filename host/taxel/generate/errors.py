@@ -15,6 +15,7 @@ class ClusterError(TaxelError):
     """A cluster that cannot be used. Attributes: where, found, remedy."""
 
     def __init__(self, where: str, found: str, remedy: str) -> None:
+        """Create the error of a cluster. where: scheduler. found: what happened. remedy: what to do."""
         super().__init__(where, found, remedy)
         self.where, self.found, self.remedy = where, found, remedy
 
@@ -26,6 +27,7 @@ class SamplingError(TaxelError):
     """A grasp of which no sample could be simulated. Attributes: number, label, reason."""
 
     def __init__(self, number: int, label: str, reason: str) -> None:
+        """Create the error of a grasp without a valid sample. number: of the grasp. label: kind of object."""
         super().__init__(number, label, reason)
         self.number, self.label, self.reason = number, label, reason
 

@@ -20,7 +20,7 @@ OTHER_RECIPE: Final = "choose another --out, or give the recipe with which this 
 
 
 def open_folder(out: Path, recipe: Recipe) -> list[int]:
-    """Create the folder, or check an existing one; returns the numbers of the missing shards.
+    """Create the folder of generated shards, or check an existing one; return the numbers of the missing shards.
 
     Raises FolderError for a folder with other content, with another recipe, or started with other releases; OSError.
     """
@@ -41,7 +41,7 @@ def open_folder(out: Path, recipe: Recipe) -> list[int]:
 
 
 def _has_shard(out: Path, recipe: Recipe, shard: int) -> bool:
-    """Whether the folder contains a shard. Raises FolderError for a shard of another recipe."""
+    """Whether the folder contains a shard of the recipe. Raises FolderError for a shard of another recipe."""
     path = out / format_shard_name(shard, recipe.shards)
     if not path.exists():
         return False
@@ -65,7 +65,7 @@ def write_file(path: Path, content: bytes) -> None:
 
 
 def rename_durably(part: Path, path: Path) -> None:
-    """Rename a complete file that is on the disk to its final name, and flush the folder."""
+    """Rename a complete file that is on the disk to its final name, and flush the folder to the disk."""
     part.replace(path)
     folder = os.open(path.parent, os.O_RDONLY)
     try:
@@ -75,7 +75,7 @@ def rename_durably(part: Path, path: Path) -> None:
 
 
 def _make_record(recipe: Recipe) -> dict[str, Any]:
-    """The record of a run: recipe, versions and creation time."""
+    """Make the record of a generation run, a JSON file: recipe, versions and creation time."""
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -91,7 +91,7 @@ def _to_text(content: dict[str, Any]) -> bytes:
 
 
 def _read_record(path: Path) -> dict[str, Any]:
-    """The record of the run in a folder. Raises FolderError for another file."""
+    """Read the record of the generation run in a folder. Raises FolderError for another file."""
     try:
         content = json.loads(path.read_bytes())
     except ValueError:
@@ -102,7 +102,10 @@ def _read_record(path: Path) -> dict[str, Any]:
 
 
 def _check_same_recipe(path: Path, content: dict[str, Any], expected: dict[str, Any]) -> None:
-    """Raise FolderError if the record in the folder differs from the requested recipe or releases."""
+    """Raise FolderError if the record in the folder has another recipe or other releases than requested.
+
+    content, expected: records in the folder and of the requested run.
+    """
     difference = find_first_difference(content, expected)
     if difference is not None:
         field, in_folder, requested = difference
@@ -113,7 +116,10 @@ def _check_same_recipe(path: Path, content: dict[str, Any], expected: dict[str, 
 
 
 def find_first_difference(a: Any, b: Any, path: str = "") -> tuple[str, Any, Any] | None:
-    """The first difference of two JSON values: its path and both values; None for equal values. Digests come last."""
+    """Find the first difference of two JSON values: its path and both values; None for equal values.
+
+    Digests (keys that end with "sha256") are compared last. path: of the values in their document.
+    """
     if isinstance(a, dict) and isinstance(b, dict):
         keys = sorted({*a, *b}, key=lambda key: (key.endswith("sha256"), key))
         parts = [(f"{path}.{key}" if path else key, a.get(key), b.get(key)) for key in keys]
@@ -126,7 +132,7 @@ def find_first_difference(a: Any, b: Any, path: str = "") -> tuple[str, Any, Any
 
 
 def _check_empty(out: Path) -> None:
-    """Raise FolderError for a folder that contains anything except unfinished files."""
+    """Raise FolderError if a folder contains anything except unfinished files."""
     names = sorted(path.name for path in out.iterdir() if not path.name.endswith(".part"))
     if names:
         _fail(

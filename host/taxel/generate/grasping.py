@@ -69,28 +69,28 @@ class ShardGenerator:
 
     @cached_property
     def sensor(self) -> SimSensor:
-        """Sensor model of the shard."""
+        """Sensor model of the shard, with sampled parameters."""
         return sample_sensor(self.recipe, self.shard)
 
     @cached_property
     def sensing(self) -> Sensing:
-        """Sensing without the variation of the grasps."""
+        """Settings of the simulated sensing, without the variation of single grasps."""
         return Sensing(self.recipe.sensing)
 
     @cached_property
     def sensor_model(self) -> SensorModel:
-        """Sensor model in the shard; the stiffness of the layer is the one without the sampled factor."""
+        """Sensor model stored in the shard; the stiffness of the layer is the value without the sampled factor."""
         layer = "coupled" if self.recipe.sensing == "coupled" else "uncoupled"
         return self.sensor.make_dataset_model(self.sensing.stiffness_n_per_m, layer)
 
     @cached_property
     def taxels(self) -> TaxelTable:
-        """Taxel table of the hand."""
+        """Dataset table of the hand's taxels."""
         return self.setup.taxel_table()
 
     @cached_property
     def sensors(self) -> SensorTable:
-        """Sensor table of the hand."""
+        """Dataset table of the hand's boards."""
         return self.setup.sensor_table(FIDELITIES[self.recipe.fidelity].rate_hz)
 
     @cached_property
@@ -98,7 +98,7 @@ class ShardGenerator:
         return FrameStates(self)
 
     def generate(self, number: int) -> GeneratedGrasp:
-        """Generate a grasp of the shard. Raises SamplingError."""
+        """Generate one grasp of the shard by its number: sample, simulate, and add effects. Raises SamplingError."""
         sample = sample_grasp(self.recipe, number)
         while (motion := self._simulate(sample)) is None:
             try:
@@ -114,7 +114,7 @@ class ShardGenerator:
         return GeneratedGrasp(record, mesh, sample.kind.name, values)
 
     def _simulate(self, sample: SampledGrasp) -> GraspMotion | None:
-        """The motion of the hand; None if the solver has diverged."""
+        """Simulate the motion of the hand in a sampled grasp; None if the solver has diverged."""
         recipe, hand = self.recipe, self.setup.hand
         fidelity, soft = FIDELITIES[recipe.fidelity], recipe.sensing == "layer"
         law = replace(self.sensing.law, stiffness_n_per_m=sample.layer_stiffness * self.sensing.law.stiffness_n_per_m)
@@ -136,7 +136,10 @@ class ShardGenerator:
         return motion if np.isfinite(force).all() and np.abs(force).max() < MAX_FORCE_N else None
 
     def _record(self, sample: SampledGrasp, motion: GraspMotion) -> tuple[GraspRecord, FloatArray]:
-        """The grasp without effects, and the mean force on each taxel during hold, f64[n]."""
+        """Make the dataset record of a simulated grasp without effects.
+
+        Also returns the mean force on each taxel in the hold phase, f64[n], newtons.
+        """
         hand = self.setup.hand
         stiffness = sample.layer_stiffness * self.sensing.stiffness_n_per_m
         sensed = sense(hand, sample.item.shape, motion, replace(self.sensing, stiffness_n_per_m=stiffness))
@@ -161,7 +164,7 @@ class ShardGenerator:
     def _add_effects(
         self, sample: SampledGrasp, record: GraspRecord, mesh: ObjectMesh
     ) -> tuple[GraspRecord, dict[str, float]]:
-        """The record with the sampled effects in its counts, and the sampled values by label."""
+        """Add the sampled effects to the counts of a record; also return the sampled values by label."""
         effects, values = sample_effects(self.recipe, sample.number)
         if not effects:
             return record, values

@@ -30,7 +30,10 @@ class Holds:
 
 
 def list_shards(folder: Path) -> list[Path]:
-    """The shards of a complete folder, in order. Raises FolderError for a folder without an index."""
+    """List the shard files of a complete folder of generated grasps, in order.
+
+    Raises FolderError for a folder without an index, which is written last.
+    """
     path = folder / INDEX
     try:
         index = json.loads(path.read_bytes())
@@ -43,7 +46,10 @@ def list_shards(folder: Path) -> list[Path]:
 
 
 def read_generated_grasps(folder: Path) -> Iterator[tuple[Grasp, str]]:
-    """Every grasp of a folder with its label. A grasp is readable until the next one is requested."""
+    """Yield every grasp of a folder of generated grasps with its label, the kind of object.
+
+    A grasp is readable until the next one is requested.
+    """
     for path in list_shards(folder):
         labels = read_table(path).label
         with GraspDataset(path) as data:
@@ -51,18 +57,18 @@ def read_generated_grasps(folder: Path) -> Iterator[tuple[Grasp, str]]:
 
 
 def read_generated_holds(folder: Path) -> Holds:
-    """Hold signals and labels of a generated folder."""
+    """Read the mean hold signals of all grasps of a generated folder, with the labels (kinds of objects)."""
     return _collect_holds(read_generated_grasps(folder))
 
 
 def read_dataset_holds(path: Path) -> Holds:
-    """Hold signals of any grasp dataset, such as one of the emulated hand; the labels are the names of the objects."""
+    """Read the mean hold signals of any grasp dataset; the labels are the names of the objects."""
     with GraspDataset(path) as data:
         return _collect_holds((grasp, grasp.object) for grasp in data)
 
 
 def _collect_holds(grasps: Iterator[tuple[Grasp, str]]) -> Holds:
-    """The hold phases of grasps with their labels."""
+    """Compute the mean signal of each taxel in the hold phase of grasps, with the labels of the grasps."""
     signals, labels = [], []
     for grasp, label in grasps:
         signals.append(np.nan_to_num(grasp.mean_hold_signal(max(count_baseline_frames(grasp), 1))))

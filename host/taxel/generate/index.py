@@ -25,9 +25,9 @@ Progress = Callable[[int, int], object]
 
 
 def write_index(out: Path, recipe: Recipe, progress: Progress) -> None:
-    """Read the table of every shard, one at a time, and write the index.
+    """Write the index of a complete folder: a table of all grasps, and a JSON file with the shards and checksums.
 
-    `index.json` is written last: a folder with this file is complete.
+    The tables of the shards are read one at a time. `index.json` is written last: a folder with this file is complete.
     """
     names = sorted({name for shard in range(recipe.shards) for name in read_table(_path(out, recipe, shard)).names})
     labels: Counter[str] = Counter()
@@ -70,7 +70,7 @@ def _path(out: Path, recipe: Recipe, shard: int) -> Path:
 
 
 def _format_number(value: float) -> str:
-    """The shortest text that represents the same number; empty for NaN."""
+    """Format a number as the shortest text that represents the same number; empty for NaN."""
     return "" if np.isnan(value) else repr(float(value)).removesuffix(".0")
 
 

@@ -19,9 +19,10 @@ TOP_EDGE_M: Final = -0.030
 def sample_placement(
     kind: ObjectKind, shape: Shape, top_share: float, rng: np.random.Generator
 ) -> tuple[str, PalmPlacement]:
-    """Name and placement of an approach before `shift_placement`. Consumes three random numbers.
+    """Sample an approach of the palm to an object: name and placement, before the variation of `shift_placement`.
 
-    top_share: probability of an approach from above, for objects with any approach.
+    top_share: probability of an approach from above, for objects that may be approached from any side. Every call
+    consumes three random numbers.
     """
     choice, top, azimuth = rng.random(3).tolist()
     if kind.approaches == "thesis":
@@ -38,7 +39,7 @@ def sample_placement(
 
 
 def shift_placement(placement: PalmPlacement, sampled: dict[str, float]) -> PalmPlacement:
-    """The placement shifted by the sampled turn_deg, reach_mm, along_mm, press_mm and thumb_deg."""
+    """Shift a placement of the palm by sampled values: turn_deg, reach_mm, along_mm, press_mm and thumb_deg."""
     thumb = np.radians(sampled["thumb_deg"])
     return replace(
         placement,

@@ -14,18 +14,21 @@ class Range:
 
     @property
     def is_fixed(self) -> bool:
-        """Whether both bounds are equal."""
+        """Whether the range is a fixed number, with equal bounds."""
         return self.low == self.high
 
     def sample(self, rng: np.random.Generator) -> float:
-        """One value. A fixed number also consumes a random number, so that later samples do not change."""
+        """Sample one value, uniform between the bounds.
+
+        A fixed number also consumes a random number, so that later samples do not depend on it.
+        """
         return self.low + (self.high - self.low) * float(rng.random())
 
     def to_json(self) -> list[float]:
-        """Both bounds."""
+        """Return both bounds of the range as a list."""
         return [self.low, self.high]
 
 
 def fixed(value: float) -> Range:
-    """A range with equal bounds."""
+    """Make a range for a fixed number, with equal bounds."""
     return Range(value, value)

@@ -109,16 +109,16 @@ class Recipe:
 
     @property
     def shards(self) -> int:
-        """Number of shards."""
+        """Number of shards (files) that the grasps of the recipe fill."""
         return -(-self.grasps // self.grasps_per_shard)
 
     def numbers_of(self, shard: int) -> range:
-        """The numbers of the grasps in a shard."""
+        """Return the numbers of the grasps in one shard (file). shard: its number."""
         first = shard * self.grasps_per_shard
         return range(first, min(first + self.grasps_per_shard, self.grasps))
 
     def to_json(self) -> dict[str, Any]:
-        """The recipe as JSON values; files are identified by their content."""
+        """Return the recipe of a generated dataset as JSON values; files are identified by their content."""
         groups = {name: _group_to_json(getattr(self, name)) for name in ("grasp", "simulator", "sensor")}
         return {
             "hand": HAND,
@@ -134,9 +134,10 @@ class Recipe:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of `to_json`; equal recipes have equal digests."""
+        """SHA-256 of the recipe's JSON values; equal recipes have equal digests."""
         return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()
 
 
 def _group_to_json(group: Any) -> dict[str, Any]:
+    """Return a group of ranges of a recipe as JSON values."""
     return {name: value.to_json() if isinstance(value, Range) else value for name, value in vars(group).items()}

@@ -44,13 +44,13 @@ class Key:
     value: Any
 
     def fail(self, expected: str, remedy: str = CORRECT, found: str | None = None) -> NoReturn:
-        """Raise RecipeError for this value. found: text for the value; None: the value itself."""
+        """Raise RecipeError for this value of the recipe file. found: text for the value; None: the value itself."""
         raise RecipeError(
             self.file, self.path or "file", expected, format_value(self.value) if found is None else found, remedy
         )
 
     def keys(self, allowed: Sequence[str]) -> dict[str, Key]:
-        """The values of a table by key. Raises RecipeError for a key that is not in `allowed`."""
+        """Return the values of a table by key. Raises RecipeError for a key that is not in `allowed`."""
         if not isinstance(self.value, dict):
             self.fail("a table")
         for name in self.value:
@@ -59,34 +59,38 @@ class Key:
         return {name: self._below(name) for name in self.value}
 
     def _below(self, name: str) -> Key:
+        """Return the value of key `name` of this table, with its path for messages."""
         return Key(self.file, f"{self.path}.{name}" if self.path else name, self.value[name])
 
     def items(self) -> list[Key]:
-        """The elements of a list."""
+        """Return the elements of a list in the recipe file. Raises RecipeError for another type."""
         if not isinstance(self.value, list):
             self.fail("a list; write [[...]] above it")
         return [Key(self.file, f"{self.path}[{k}]", value) for k, value in enumerate(self.value)]
 
     def text(self, choices: Sequence[str] = ()) -> str:
-        """A text; one of `choices` if there are any."""
+        """Return the value as text; it must be one of `choices` if there are any. Raises RecipeError."""
         if not isinstance(self.value, str) or not self.value or (choices and self.value not in choices):
             self.fail(f"one of {', '.join(choices)}" if choices else "a text")
         return self.value
 
     def integer(self, low: int, high: int) -> int:
-        """An integer from `low` to `high`."""
+        """Return the value as an integer from `low` to `high`. Raises RecipeError."""
         if isinstance(self.value, bool) or not isinstance(self.value, int) or not low <= self.value <= high:
             self.fail(f"an integer from {low} to {high}")
         return self.value
 
     def number(self, low: float, high: float = np.inf) -> float:
-        """A finite number from `low` to `high`."""
+        """Return the value as a finite number from `low` to `high`. Raises RecipeError."""
         if not _is_number(self.value) or not low <= self.value <= high:
             self.fail(f"a number from {low:g} to {high:g}")
         return float(self.value)
 
     def range(self, low: float = -np.inf, high: float = np.inf) -> Range:
-        """A range from a number or a list [lowest, highest], within `low` to `high`."""
+        """Return the value, a number or a list [lowest, highest], as a range within `low` to `high`.
+
+        Raises RecipeError.
+        """
         ends = self.value if isinstance(self.value, list) else [self.value, self.value]
         if len(ends) != 2 or not all(map(_is_number, ends)) or not low <= ends[0] <= ends[1] <= high:
             bounds = "" if np.isinf(low) and np.isinf(high) else f" from {low:g} to {high:g}"
@@ -99,7 +103,7 @@ def _is_number(value: Any) -> bool:
 
 
 def read_recipe(path: Path) -> Recipe:
-    """Read a recipe file; paths in it are relative to its folder.
+    """Read the recipe of a generated dataset from a TOML file; paths in the file are relative to its folder.
 
     Raises RecipeError; CloudFileError and GapInputError for the files that the recipe names; OSError.
     """
@@ -137,7 +141,10 @@ def read_recipe(path: Path) -> Recipe:
 
 
 def check_recipe(recipe: Recipe, file: str) -> Recipe:
-    """The same recipe. Raises RecipeError if its parts contradict each other. file: name of the file in errors."""
+    """Return the recipe unchanged. Raises RecipeError if its parts contradict each other.
+
+    file: name of the file, for messages.
+    """
     if recipe.simulator.friction != fixed(0.0) and recipe.sensing != "rigid":
         expected, remedy = '0 unless sensing is "rigid"', 'set sensing = "rigid", or leave friction out'
         raise RecipeError(file, "simulator.friction", expected, "another value", remedy)
@@ -156,7 +163,7 @@ def _first_repeated(names: Sequence[str]) -> str | None:
 
 
 def add_report(recipe: Recipe, path: Path, widen: float = 1.0, share: float = 1.0) -> Recipe:
-    """The recipe with the effects of a gap report added. Raises GapInputError, RecipeError, OSError.
+    """Return the recipe with the effects of a gap report added. Raises GapInputError, RecipeError, OSError.
 
     widen: factor on the intervals of the effects. share: share of grasps with each effect.
     """
@@ -165,16 +172,16 @@ def add_report(recipe: Recipe, path: Path, widen: float = 1.0, share: float = 1.
 
 
 def add_mesh(recipe: Recipe, path: Path, unit: str) -> Recipe:
-    """The recipe with a mesh file as a further kind of object, scaled by 0.9 to 1.1. unit: a key of `UNITS`.
+    """Return the recipe with the mesh of a file added as a kind of object, scaled by random factors of 0.9 to 1.1.
 
-    Raises the errors of `read_mesh_kind`.
+    unit: length unit of the file, a key of `UNITS`. Raises the errors of `read_mesh_kind`.
     """
     kind = read_mesh_kind(path, check_object_name(path.stem, str(path)), Range(0.9, 1.1), UNITS[unit])
     return replace(recipe, objects=(*recipe.objects, kind))
 
 
 def check_object_name(text: str, file: str) -> str:
-    """The text, if a dataset may use it as the name of an object. Raises RecipeError."""
+    """Return the text if a dataset may use it as the name of an object. Raises RecipeError otherwise."""
     try:
         return check_name(text, Location(file))
     except DatasetError as error:
@@ -182,7 +189,10 @@ def check_object_name(text: str, file: str) -> str:
 
 
 def _read_group(group: Group, table: Key) -> Group:
-    """The group of ranges with the values of the table."""
+    """Return a group of ranges of the recipe with the values of a table of the file. Raises RecipeError.
+
+    group: default ranges of the grasp, of the simulator or of the sensor.
+    """
     defaults = {field.name: getattr(group, field.name) for field in fields(group)}
     values: dict[str, Any] = {}
     for name, key in table.keys(tuple(defaults)).items():
@@ -202,14 +212,14 @@ def _read_group(group: Group, table: Key) -> Group:
 
 
 def _bounds(name: str) -> tuple[float, float]:
-    """Bounds of a value that can be simulated."""
+    """Return the lowest and highest value of a recipe's quantity that can be simulated."""
     bounds = {"turn_deg": (-360.0, 360.0), "grip": (0.0, 3.0), "friction": (0.0, 5.0), "layer_stiffness": (0.05, 20.0)}
     bounds |= {"thumb_deg": (-30.0, 30.0), "press_mm": (-20.0, 5.0)}
     return bounds.get(name, (-50.0, 50.0) if name.endswith("_mm") else (-np.inf, np.inf))
 
 
 def _read_objects(table: Key, folder: Path) -> tuple[ObjectKind, ...]:
-    """The kinds of objects of a recipe. folder: for relative paths of meshes. Raises RecipeError."""
+    """Read the kinds of objects of a recipe file. folder: for relative paths of meshes. Raises RecipeError."""
     items = table.items()
     if not 1 <= len(items) <= MAX_OBJECTS:
         table.fail(f"1 to {MAX_OBJECTS} kinds of objects", found=str(len(items)))
@@ -217,7 +227,10 @@ def _read_objects(table: Key, folder: Path) -> tuple[ObjectKind, ...]:
 
 
 def _read_object(table: Key, folder: Path) -> ObjectKind:
-    """One kind of object. Raises RecipeError for missing, unknown or unsuitable keys."""
+    """Read one kind of object of a recipe file. Raises RecipeError for missing, unknown or unsuitable keys.
+
+    folder: for relative paths of meshes.
+    """
     all_sizes = sorted({size for sizes in SIZES.values() for size in sizes})
     keys = table.keys(("name", "shape", "share", "approaches", "file", "unit", *all_sizes))
     for required in ("name", "shape"):
@@ -255,7 +268,10 @@ def _read_object(table: Key, folder: Path) -> ObjectKind:
 
 
 def _add_report_table(recipe: Recipe, table: Key, folder: Path) -> Recipe:
-    """The recipe with the effects of the gap report that the table names. Raises RecipeError."""
+    """Return the recipe with the effects of the gap report that a table of the file names. Raises RecipeError.
+
+    folder: for a relative path of the report.
+    """
     keys = table.keys(("file", "widen", "share"))
     if "file" not in keys:
         table.fail("a key file", "name a report.json of taxel gap diagnose", "none")
@@ -265,7 +281,10 @@ def _add_report_table(recipe: Recipe, table: Key, folder: Path) -> Recipe:
 
 
 def _read_effect(table: Key, fidelity: Fidelity) -> PlannedEffect:
-    """An effect with the ranges of the table. Raises RecipeError."""
+    """Read an effect with the ranges of its parameters from a table of the recipe file. Raises RecipeError.
+
+    fidelity: gives the duration of a grasp.
+    """
     if not isinstance(table.value, dict):
         table.fail("a table")
     fixed_keys = ("name", "form", "scope", "share")

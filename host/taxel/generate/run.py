@@ -27,14 +27,14 @@ class GenerationResult:
 
 
 def show_nothing(stage: str, done: int, total: int) -> None:
-    """A `StageProgress` without output."""
+    """Ignore the progress of a generation run; a `StageProgress` callback without output."""
 
 
 def generate(recipe: Recipe, out: Path, workers: Workers, progress: StageProgress = show_nothing) -> GenerationResult:
     """Generate all grasps of a recipe in the folder `out`, or continue an interrupted run in that folder.
 
-    The bytes depend neither on interruptions nor on the distribution of the shards to workers. Raises TaxelError,
-    OSError; completed shards are kept.
+    workers: processes or cluster that compute the shards. The bytes depend neither on interruptions nor on the
+    distribution of the shards to workers. Raises TaxelError, OSError; completed shards are kept.
     """
     missing = open_folder(out, recipe)
     generated = 0

@@ -50,7 +50,7 @@ class SampledGrasp:
 
 
 def sample_grasp(recipe: Recipe, number: int, first_attempt: int = 0) -> SampledGrasp:
-    """Sample grasp `number` of a recipe, starting with attempt `first_attempt`.
+    """Sample the random quantities of grasp `number` of a recipe, starting with attempt `first_attempt`.
 
     Raises SamplingError if the sizes of no attempt bound a solid.
     """
@@ -65,7 +65,7 @@ def sample_grasp(recipe: Recipe, number: int, first_attempt: int = 0) -> Sampled
 
 
 def _sample_attempt(recipe: Recipe, number: int, attempt: int, rng: np.random.Generator) -> SampledGrasp:
-    """One sample of all random quantities of a grasp. Raises ShapeError for sizes that bound no solid."""
+    """Sample all random quantities of a grasp once. Raises ShapeError for sizes that bound no solid."""
     shares = np.cumsum([kind.share for kind in recipe.objects])
     kind = recipe.objects[int(np.searchsorted(shares, float(rng.random()) * shares[-1], side="right"))]
     values = kind.sample(rng)
@@ -93,12 +93,12 @@ def _sample_attempt(recipe: Recipe, number: int, attempt: int, rng: np.random.Ge
 
 
 def _object_std(recipe: Recipe) -> tuple[float, float]:
-    """Standard deviations of the object's position (metres) and rotation (radians), each axis."""
+    """Return the standard deviations of the object's position (metres) and rotation (radians) along each axis."""
     return 1e-3 * recipe.grasp.object_mm, float(np.radians(recipe.grasp.object_deg))
 
 
 def sample_effects(recipe: Recipe, number: int) -> tuple[list[ReportedEffect], dict[str, float]]:
-    """The effects of a grasp in the order in which they act, and the sampled values by name."""
+    """Sample the effects of a grasp, in the order in which they act, and return the sampled values by name."""
     effects: list[ReportedEffect] = []
     values: dict[str, float] = {}
     for index, planned in enumerate(recipe.effects):
@@ -110,20 +110,21 @@ def sample_effects(recipe: Recipe, number: int) -> tuple[list[ReportedEffect], d
 
 
 def sample_sensor(recipe: Recipe, shard: int) -> SimSensor:
-    """The sensor model of a shard."""
+    """Sample the sensor model of a shard."""
     rng = _generator(recipe, _SENSOR, shard)
     return SimSensor(**{name: value.sample(rng) for name, value in vars(recipe.sensor).items()})
 
 
 def make_noise_generator(recipe: Recipe, number: int) -> np.random.Generator:
-    """The random generator of the noise of a grasp."""
+    """Make the random generator for the noise of grasp `number`."""
     return make_random_stream(recipe, number, _NOISE)
 
 
 def make_random_stream(recipe: Recipe, number: int, *purpose: int) -> np.random.Generator:
-    """One of the random streams of a grasp."""
+    """Make one of the independent random streams of grasp `number`. purpose: numbers that identify the stream."""
     return _generator(recipe, _GRASP, number, *purpose)
 
 
 def _generator(recipe: Recipe, *key: int) -> np.random.Generator:
+    """Make a random generator from the seed of the recipe and the numbers `key`."""
     return np.random.default_rng(np.random.SeedSequence(recipe.seed, spawn_key=key))

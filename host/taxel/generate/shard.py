@@ -49,17 +49,20 @@ class ShardTable:
 
 
 def format_shard_name(shard: int, shards: int) -> str:
-    """File name of a shard. The names sort in the order of the numbers."""
+    """Format the file name of a shard; sorted by name, the files are in the order of their numbers.
+
+    shards: number of all shards.
+    """
     return f"shard-{shard:0{max(5, len(str(shards - 1)))}d}.h5"
 
 
 def grasp_id(number: int) -> str:
-    """Id of a grasp in its shard."""
+    """Return the id of grasp `number` in its shard, such as "g000000042"."""
     return f"g{number:09d}"
 
 
 def generate_shard(recipe: Recipe, shard: int) -> bytes:
-    """The bytes of the file of a shard. They depend only on the recipe and the number of the shard."""
+    """Generate the grasps of a shard and return the bytes of its file, which depend only on recipe and shard number."""
     with single_thread(), tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         path = Path(folder) / format_shard_name(shard, recipe.shards)
         _write_shard(recipe, shard, path)
@@ -68,11 +71,12 @@ def generate_shard(recipe: Recipe, shard: int) -> bytes:
 
 @lru_cache(maxsize=1)
 def _setup() -> Setup:
+    """Load the hand and the objects for a shard; cached."""
     return Setup(load_hand(HAND))
 
 
 def _write_shard(recipe: Recipe, shard: int, path: Path) -> None:
-    """Generate the grasps of a shard and write them to `path`, which may be left unfinished by an error."""
+    """Generate the grasps of a shard and write them to the file `path`; an error may leave the file unfinished."""
     generator = ShardGenerator(recipe, shard, _setup())
     rows: list[tuple[str, str, str, dict[str, float]]] = []
     header = DatasetHeader(
@@ -98,7 +102,7 @@ def _write_shard(recipe: Recipe, shard: int, path: Path) -> None:
 
 
 def get_creation_time() -> str:
-    """The time of `SOURCE_DATE_EPOCH` if this variable is set, else the start of 1970."""
+    """Return the creation time that shards state, as ISO text: `SOURCE_DATE_EPOCH`, or else the start of 1970."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
     return datetime.fromtimestamp(int(epoch), UTC).isoformat() if epoch.isdecimal() else EPOCH
 
@@ -106,7 +110,10 @@ def get_creation_time() -> str:
 def _add_sample_table(
     path: Path, recipe: Recipe, shard: int, rows: list[tuple[str, str, str, dict[str, float]]]
 ) -> None:
-    """Add the table of sampled values to a shard. rows: label, object, approach and values of each grasp."""
+    """Add the table of sampled values to the file of a shard.
+
+    rows: label, name of the object, name of the approach and sampled values of each grasp.
+    """
     *texts, sampled = zip(*rows, strict=True)
     names = tuple(sorted({name for values in sampled for name in values}))
     table = np.array([[values.get(name, np.nan) for name in names] for values in sampled])
@@ -121,7 +128,7 @@ def _add_sample_table(
 
 
 def read_table(path: Path) -> ShardTable:
-    """The table of a shard. Raises DatasetError for a file without a table."""
+    """Read the table of sampled values of a shard. Raises DatasetError for a file without a table."""
     location = Location(str(path)).key(GROUP)
     with open_hdf5(path, "r") as file:
         try:
@@ -133,6 +140,6 @@ def read_table(path: Path) -> ShardTable:
 
 
 def read_recipe_digest(path: Path) -> str:
-    """SHA-256 of the recipe of a shard; "" for a file without it."""
+    """Read the SHA-256 of the recipe of a shard; "" for a file without it."""
     with open_hdf5(path, "r") as file:
         return str(file[GROUP].attrs["recipe_sha256"]) if GROUP in file else ""

@@ -16,12 +16,13 @@ class SingleThreadLimit:
     """A limit of one thread that several shards share."""
 
     def __init__(self) -> None:
+        """Create a limit on the threads of linear algebra that several threads of the program can use at once."""
         self._lock, self._users = Lock(), 0
         self._limit: threadpool_limits | None = None
 
     @contextmanager
     def apply(self) -> Iterator[None]:
-        """Limit linear algebra to one thread from the first entry to the last exit."""
+        """Limit linear algebra to one thread inside the block; the limit ends with the last of overlapping blocks."""
         with self._lock:
             self._users += 1
             if self._limit is None:

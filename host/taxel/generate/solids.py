@@ -59,7 +59,7 @@ class ObjectKind:
 
     @property
     def is_varied(self) -> bool:
-        """Whether each grasp has an object with its own sizes."""
+        """Whether each grasp has an object of this kind with its own sizes."""
         return any(not size.is_fixed for size in self.sizes.values())
 
     @cached_property
@@ -67,15 +67,15 @@ class ObjectKind:
         return ConvexPolytope.from_mesh(self.hull)
 
     def sample(self, rng: np.random.Generator) -> dict[str, float]:
-        """Sampled sizes by name."""
+        """Sample the sizes of an object of this kind, by name."""
         return {name: size.sample(rng) for name, size in self.sizes.items()}
 
     def solid(self, sizes: Mapping[str, float], name: str) -> GraspObject:
-        """The object with these sizes. Raises ShapeError if the sizes bound no solid."""
+        """Make the object of this kind with the given sizes. Raises ShapeError if the sizes bound no solid."""
         return GraspObject(name, self._shape(sizes), f"{self.shape}, sampled")
 
     def _shape(self, sizes: Mapping[str, float]) -> Shape:
-        """The shape for sizes in millimetres by name; a mesh has the factor "scale" only."""
+        """Make the shape of the object. sizes: in millimetres by name; for a mesh only the factor "scale"."""
         if self.shape == "mesh":
             return ConvexPolytope(self._unscaled.normals, sizes["scale"] * self._unscaled.offsets)
         metres = [1e-3 * sizes[name] for name in SIZES[self.shape]]
@@ -85,7 +85,10 @@ class ObjectKind:
         return sharp.rounded(EDGE_RADIUS_M)
 
     def to_json(self) -> dict[str, Any]:
-        """The kind as JSON values. A mesh is identified by the SHA-256 of its corners, independently of its path."""
+        """Return the kind of object as JSON values.
+
+        A mesh is identified by the SHA-256 of its corners, independently of its path.
+        """
         content = {name: getattr(self, name) for name in ("name", "shape", "share", "approaches")}
         content["sizes"] = {name: size.to_json() for name, size in self.sizes.items()}
         if self.shape == "mesh":
@@ -95,7 +98,7 @@ class ObjectKind:
 
 
 def make_default_kinds() -> tuple[ObjectKind, ...]:
-    """The thesis's three objects with sizes from 8 % smaller to 8 % larger."""
+    """Make the default kinds of objects: the three objects of the thesis, with sizes from -8 % to +8 %."""
     sizes = {
         "rectangular_prism": ("box", (thesis.BOX_WIDTH_M, thesis.BOX_DEPTH_M, thesis.BOX_HEIGHT_M)),
         "cylinder": ("cylinder", (thesis.CYLINDER_RADIUS_M, thesis.CYLINDER_HEIGHT_M)),
@@ -112,15 +115,16 @@ def make_default_kinds() -> tuple[ObjectKind, ...]:
 
 
 def has_thesis_approaches(name: str) -> bool:
-    """Whether the thesis has an object of this name."""
+    """Whether the thesis has an object of this name, and thus approaches for it."""
     return any(item == name for item, _ in PALM_PLACEMENTS)
 
 
 def read_mesh_kind(path: Path, name: str, scale: Range, unit_m: float, share: float = 1.0) -> ObjectKind:
-    """The convex hull of an STL, OBJ or PLY file, moved so that the centre of its bottom is the origin, with z upwards.
+    """Read a mesh file (STL, OBJ or PLY) as a kind of object: its convex hull.
 
-    The mesh may have holes, because only its corners are used. unit_m: length of its unit in metres. Raises
-    RecipeError; CloudFileError and OSError from reading.
+    The hull is moved so that the centre of its bottom is the origin, with z upwards. The mesh may have holes, because
+    only its corners are used. scale: range of factors on the size. unit_m: length of its unit in metres. share:
+    relative frequency among the kinds. Raises RecipeError; CloudFileError and OSError from reading.
     """
     if path.suffix.lower() not in MESH_READERS:
         endings = ", ".join(MESH_READERS)
@@ -149,8 +153,9 @@ def read_mesh_kind(path: Path, name: str, scale: Range, unit_m: float, share: fl
 
 
 def _select_corners(corners: FloatArray) -> tuple[FloatArray, float]:
-    """At most `MAX_CORNERS` corners, each the farthest one from those before it, and the largest distance of the other
-    corners from their hull, metres.
+    """Reduce a convex hull to at most `MAX_CORNERS` corners, each the farthest one from those selected before.
+
+    Also returns the largest distance of the other corners from the reduced hull, metres.
     """
     if len(corners) <= MAX_CORNERS:
         return corners, 0.0

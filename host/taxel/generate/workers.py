@@ -24,6 +24,7 @@ class WorkerLostError(TaxelError):
     """A worker process has ended before its shard was complete."""
 
     def __init__(self) -> None:
+        """Create the error of a worker process that was ended from outside."""
         super().__init__()
 
     def __str__(self) -> str:
@@ -37,7 +38,7 @@ class Workers(Protocol):
     """Generates shards."""
 
     def generate_shards(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
-        """Number and bytes of each shard, in the order of completion."""
+        """Yield number and bytes of each shard of the recipe, in the order of completion."""
         ...
 
 
@@ -48,10 +49,14 @@ class Processes:
     """
 
     def __init__(self, count: int) -> None:
+        """Create workers in local processes. count: number of processes."""
         self._count = count
 
     def generate_shards(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
-        """See `Workers`."""
+        """Yield number and bytes of each shard, in the order of completion, computed in local processes.
+
+        Implements the protocol `Workers`. Raises WorkerLostError if a process is ended from outside.
+        """
         numbers = list(shards)
         count = min(self._count, len(numbers))
         if count <= 1:
@@ -67,13 +72,17 @@ class Processes:
 
 
 def _numbered_shard(recipe: Recipe, shard: int) -> tuple[int, bytes]:
+    """Generate a shard in a worker process; return its number and bytes."""
     _exit_with_parent()
     return shard, generate_shard(recipe, shard)
 
 
 @cache
 def _exit_with_parent() -> None:
-    """End this process when its parent ends: a killed parent cannot end its workers, which would wait without limit."""
+    """End this worker process when its parent process ends.
+
+    A killed parent cannot end its workers, which would wait without limit.
+    """
     parent = parent_process()
     if parent is not None:
 
@@ -87,7 +96,10 @@ def _exit_with_parent() -> None:
 def _run_in_pool(
     pool: ProcessPoolExecutor, task: partial[tuple[int, bytes]], shards: list[int], pending: int
 ) -> Iterator[tuple[int, bytes]]:
-    """Number and bytes of each shard in the order of completion, with at most `pending` running tasks."""
+    """Yield number and bytes of each shard in the order of completion, with at most `pending` running tasks.
+
+    pool: processes. task: function that generates a shard.
+    """
     remaining = iter(shards)
     running: set[Future[tuple[int, bytes]]] = {pool.submit(task, shard) for shard in islice(remaining, pending)}
     while running:

@@ -60,6 +60,7 @@ class Calibration:
     brackets: Mapping[str, PoseEstimate] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        """Make the tables of objects and brackets read-only."""
         for kind in KINDS:
             object.__setattr__(self, kind, MappingProxyType(dict(getattr(self, kind))))
 
@@ -67,7 +68,7 @@ class Calibration:
         return Calibration, (dict(self.objects), dict(self.brackets))  # a mapping proxy cannot be pickled
 
     def warnings(self) -> tuple[str, ...]:
-        """Return the warnings about measured points, one line each (`PoseEstimate.warnings`)."""
+        """Return the warnings about measured points of objects and brackets, one line each."""
         entries = (*self.objects.values(), *self.brackets.values())
         return tuple(line for estimate in entries for line in estimate.warnings())
 
@@ -94,7 +95,7 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration:
 
 
 def _read_bytes(path: Path, file: str) -> bytes:
-    """The content of a calibration file of limited size. Raises CalibrationError."""
+    """Read the content of a calibration file of limited size. Raises CalibrationError. file: name, for messages."""
     top = CalibrationField(file)
     try:
         if not path.exists():
@@ -109,7 +110,11 @@ def _read_bytes(path: Path, file: str) -> bytes:
 
 
 def _build_estimate(entry: Mapping[str, Any], place: CalibrationField) -> PoseEstimate:
-    """The pose of a checked entry: given, or fitted to its points. place: location of the entry, for errors."""
+    """Make the pose of an object or bracket from a checked entry of a calibration file.
+
+    The pose is given in the entry, or is fitted to the measured points of the entry. place: location of the entry, for
+    errors.
+    """
     if "pose" in entry:
         pose = entry["pose"]
         estimate = make_pose_estimate(pose["position_m"], pose["quaternion_wxyz"], str(place.key("pose")))

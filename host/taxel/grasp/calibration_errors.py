@@ -20,15 +20,15 @@ class CalibrationField(Field):
     """Position of a field in a calibration, for error messages."""
 
     def key(self, name: str) -> CalibrationField:
-        """Return the position of a key of this table."""
+        """Return the location of a key of this table in the calibration file."""
         return CalibrationField(self.file, super().key(name).path)
 
     def item(self, index: int) -> CalibrationField:
-        """Return the position of an element of this list."""
+        """Return the location of an element of this list in the calibration file."""
         return CalibrationField(self.file, super().item(index).path)
 
     def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
-        """Raise CalibrationError for this field."""
+        """Raise CalibrationError for this field of the calibration file."""
         raise CalibrationError(self.file, self.path or "file", expected, found, remedy)
 
     def __str__(self) -> str:

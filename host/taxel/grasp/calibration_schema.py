@@ -84,7 +84,10 @@ def parse_calibration(data: bytes, file: str) -> dict[str, Any]:
 
 
 def check_name(name: Any, owners: dict[str, str], field: CalibrationField) -> None:
-    """Check that a name has only letters, digits, '_', '.' and '-' and is unique; `owners` collects the names."""
+    """Check that a name has only letters, digits, '_', '.' and '-' and is unique. Raises CalibrationError.
+
+    owners: location of each name found before; the name is added.
+    """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         field.fail("a name of letters, digits, '_', '.' and '-' (64 at most)", format_value(name), "rename it")
     if name in owners:
@@ -93,7 +96,7 @@ def check_name(name: Any, owners: dict[str, str], field: CalibrationField) -> No
 
 
 def check_coordinate(value: Any, field: CalibrationField) -> None:
-    """Check that a value is a number of metres within `MAX_COORDINATE_M`."""
+    """Check that a value is a number of metres within `MAX_COORDINATE_M`. Raises CalibrationError."""
     _check_type(value, _NUMBER, field)
     if not abs(value) <= MAX_COORDINATE_M:  # also true for nan
         field.fail(
@@ -104,7 +107,10 @@ def check_coordinate(value: Any, field: CalibrationField) -> None:
 
 
 def _check_header(document: dict[str, Any], top: CalibrationField) -> None:
-    """Raise CalibrationError for a missing or different format or version."""
+    """Raise CalibrationError for a calibration file with a missing or different format or version.
+
+    top: location of the file, for messages.
+    """
     for key, expected in (("format", FORMAT), ("version", VERSION)):
         value = document.get(key)
         if value is None:
@@ -120,7 +126,10 @@ def _check_header(document: dict[str, Any], top: CalibrationField) -> None:
 
 
 def _check_table(table: Any, keys: Mapping[str, _Types], field: CalibrationField, required: Iterable[str]) -> None:
-    """Raise CalibrationError for unknown keys, missing keys and values of another type."""
+    """Raise CalibrationError for unknown keys, missing keys and values of another type in a table of the file.
+
+    keys: permitted types by key. field: location of the table. required: keys that must be present.
+    """
     _check_type(table, _TABLE, field)
     for key, value in table.items():
         if key not in keys:
@@ -134,12 +143,16 @@ def _check_table(table: Any, keys: Mapping[str, _Types], field: CalibrationField
 
 
 def _check_type(value: Any, types: _Types, field: CalibrationField) -> None:
+    """Raise CalibrationError for a value of another type. types: name of the type for the message, then the type."""
     if isinstance(value, bool) or not isinstance(value, types[1]):
         field.fail(types[0], format_value(value), "change its type")
 
 
 def _check_entry(entry: Any, key: str, names: dict[str, str], field: CalibrationField) -> None:
-    """Check an object or a bracket. key: the key of its name. names: locations of the names found before."""
+    """Check an object or a bracket of a calibration file. Raises CalibrationError.
+
+    key: the key of its name. names: locations of the names found before. field: location of the entry.
+    """
     _check_table(entry, {key: _TEXT, **_ENTRY}, field, required=(key,))
     check_name(entry[key], names, field.key(key))
     if ("pose" in entry) == ("points" in entry):
@@ -165,7 +178,7 @@ def _check_text(text: str, field: CalibrationField) -> None:
 
 
 def _check_pose(pose: Any, field: CalibrationField) -> None:
-    """Check position and quaternion of a pose."""
+    """Check position and quaternion of a pose in a calibration file. Raises CalibrationError."""
     _check_table(pose, _POSE, field, required=_POSE)
     for key, size in (("position_m", 3), ("quaternion_wxyz", 4)):
         if len(pose[key]) != size:
@@ -178,7 +191,10 @@ def _check_pose(pose: Any, field: CalibrationField) -> None:
 
 
 def _check_rows(rows: list[Any], field: CalibrationField) -> None:
-    """Check the points of an entry: name, body coordinates and measured coordinates in each row."""
+    """Check the measured points of an entry: name, body coordinates and measured coordinates in each row.
+
+    field: location of the points. Raises CalibrationError.
+    """
     names: dict[str, str] = {}
     for index, row in enumerate(rows):
         row_field = field.item(index)
@@ -195,7 +211,7 @@ def _check_rows(rows: list[Any], field: CalibrationField) -> None:
 
 
 def _check_weights(entry: Mapping[str, Any], field: CalibrationField) -> None:
-    """Check that each point has a weight above 0."""
+    """Check that each measured point of an entry has a weight above 0. Raises CalibrationError."""
     weights = entry.get("weights", [1] * len(entry["points"]))
     if len(weights) != len(entry["points"]):
         field.fail(f"{len(entry['points'])} weights, one per point", str(len(weights)), "correct the list")

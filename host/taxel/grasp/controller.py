@@ -28,6 +28,11 @@ class GraspController:
     """
 
     def __init__(self, approach: Approach, timeline: Timeline, torque_scale: float = 1.0) -> None:
+        """Create the joint controller of one grasp.
+
+        approach: joint angles and torques of the grasp. timeline: durations of the phases. torque_scale: factor on the
+        planned torques, at least 0.
+        """
         if not 0 <= torque_scale < np.inf:
             raise ValueError(f"torque_scale: expected a finite number of at least 0, found {torque_scale}")
         self.approach = approach

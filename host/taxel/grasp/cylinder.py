@@ -17,16 +17,20 @@ class Cylinder:
     height: float
 
     def __post_init__(self) -> None:
+        """Check that the sizes are above 0. Raises ShapeError."""
         check_sizes("cylinder", radius=self.radius, height=self.height)
 
     @property
     def bounds(self) -> FloatArray:
-        """Smallest and largest coordinates, f64[2, 3]."""
+        """Smallest and largest coordinates of the cylinder, f64[2, 3], metres."""
         r = self.radius
         return np.array([[-r, -r, 0.0], [r, r, self.height]])
 
     def mesh(self, resolution: int = 64) -> tuple[FloatArray, Int32Array]:
-        """See `Shape`. `resolution`: number of vertices on each circle, at least 3 (else ShapeError)."""
+        """Triangulate the cylinder: vertices f64[v, 3] and triangles i32[f, 3] with outward orientation.
+
+        resolution: number of vertices on each circle, at least 3 (else ShapeError).
+        """
         if resolution < 3:
             raise ShapeError("cylinder", "a resolution of at least 3", str(resolution))
         angles = 2 * np.pi * np.arange(resolution) / resolution
@@ -42,11 +46,18 @@ class Cylinder:
         return vertices, np.concatenate([np.stack(part, axis=1) for part in parts]).astype(np.int32)
 
     def ray_separation(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> FloatArray:
-        """See `Shape`."""
+        """Compute the distance from points to the cylinder along unit directions, f64[...] metres.
+
+        points, directions: f64[..., 3]. Negative inside the cylinder; +inf for a miss. Implements
+        `Shape.ray_separation`.
+        """
         return self._clip_lines(points, directions)[0]
 
     def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `Shape`."""
+        """Compute where rays enter the cylinder: distance f64[...] and outward unit normal f64[..., 3]; 0 for a miss.
+
+        points, directions: f64[..., 3]. Implements `Shape.ray_entry`.
+        """
         separation, is_lateral = self._clip_lines(points, directions)
         is_hit = np.isfinite(separation)
         p, d = np.broadcast_arrays(as_points(points), as_points(directions))
@@ -56,7 +67,11 @@ class Cylinder:
         return separation, np.where(is_hit[..., None], np.where(is_lateral[..., None], normal, cap), 0.0)
 
     def _clip_lines(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-        """Clip lines by the lateral surface and the caps; return the separation and whether a line enters laterally."""
+        """Clip lines by the lateral surface and the caps of the cylinder.
+
+        points, directions: f64[..., 3]. Returns the distance to the entry, f64[...], inf for a miss, and whether each
+        line enters through the lateral surface.
+        """
         p, d = np.broadcast_arrays(as_points(points), as_points(directions))
         lateral_in, lateral_out = self._clip_lateral(p, d)
         z, dz = p[..., 2], d[..., 2]
@@ -70,7 +85,10 @@ class Cylinder:
         return np.where((enter <= leave) & (leave >= 0), enter, np.inf), lateral_in >= cap_in
 
     def _clip_lateral(self, p: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Compute where lines enter and leave the infinite cylinder; (inf, -inf) for a miss."""
+        """Compute where lines p + t d enter and leave the infinitely long cylinder, as two values of t.
+
+        p, d: f64[..., 3]. The result is (inf, -inf) for a miss.
+        """
         x, y, dx, dy = p[..., 0], p[..., 1], d[..., 0], d[..., 1]
         a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - self.radius**2
         # b^2 - a c by Lagrange's identity, which avoids cancellation far from the cylinder.
@@ -89,7 +107,7 @@ class Cylinder:
         return np.where(is_miss, np.inf, enter), np.where(is_miss, -np.inf, leave)
 
     def signed_distance(self, points: npt.ArrayLike) -> FloatArray:
-        """See `Shape`."""
+        """Compute the distance of points f64[..., 3] to the cylinder's surface, f64[...] metres; negative inside."""
         p = as_points(points)
         radial = np.hypot(p[..., 0], p[..., 1]) - self.radius
         axial = np.abs(p[..., 2] - self.height / 2) - self.height / 2
@@ -97,5 +115,5 @@ class Cylinder:
         return outside + np.minimum(np.maximum(radial, axial), 0.0)
 
     def distance_bound(self, points: npt.ArrayLike) -> FloatArray:
-        """See `Shape`."""
+        """Compute a lower bound of the signed distance, f64[...]; for a cylinder, the distance itself."""
         return self.signed_distance(points)

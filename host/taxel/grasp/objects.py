@@ -45,7 +45,7 @@ class GraspObject:
 
 
 def make_thesis_objects() -> dict[str, GraspObject]:
-    """Make the three test objects of the thesis (section 5.2), by name."""
+    """Make the three test objects of the thesis (section 5.2): a box, a cylinder and a triangular prism, by name."""
     objects = (
         GraspObject(
             "rectangular_prism",
@@ -63,5 +63,5 @@ def make_thesis_objects() -> dict[str, GraspObject]:
 
 
 def make_standing_pose() -> npt.NDArray[np.float64]:
-    """Make the nominal pose of an object in the world (the robot's base), f64[4, 4]: upright on the stand."""
+    """Make the nominal pose of an object, f64[4, 4], upright on the stand, relative to the base of the robot."""
     return make_pose([STAND_DISTANCE_M, 0.0, STAND_HEIGHT_M], [1.0, 0.0, 0.0, 0.0])

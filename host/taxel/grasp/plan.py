@@ -121,11 +121,11 @@ class Approach:
 
     @cached_property
     def is_held(self) -> npt.NDArray[np.bool_]:
-        """Whether each joint is held, bool[j]."""
+        """Whether each joint is held at its angle during the grasp, instead of pressing with a torque; bool[j]."""
         return np.isfinite(self.base_targets)
 
     def compute_palm_pose_at(self, withdrawal: float) -> FloatArray:
-        """Compute the palm link pose in the object frame, f64[4, 4]; `withdrawal`: 0 (grasp) to 1 (withdrawn)."""
+        """Compute the pose of the palm link in the object frame, f64[4, 4], for a withdrawal of 0 (grasp) to 1."""
         result = self.palm_pose.copy()
         result[:3, 3] -= withdrawal * self.withdraw_m * result[:3, 0]
         return result
@@ -152,7 +152,7 @@ class PlannedGrasp:
 def compute_palm_surface_m(hand: Hand) -> float:
     """Compute the x coordinate of the palm surface (electrodes plus dielectric) in the palm link frame, metres.
 
-    Raises ValueError if expected a bracket pose of the palm board, found none; add it to the description pose.
+    Raises ValueError if the hand description has no pose of the palm board.
     """
     board = hand.find_board(PALM_BOARD)
     if board.pose is None:
@@ -164,11 +164,11 @@ def compute_palm_surface_m(hand: Hand) -> float:
 
 
 def compute_palm_pose(item: GraspObject, placement: PalmPlacement, surface_m: float, gap_m: float = 0.0) -> FloatArray:
-    """Compute the pose of the palm link in the object frame, f64[4, 4].
+    """Compute the pose of the palm link in the object frame, f64[4, 4], for a placement of the palm on an object.
 
-    surface_m: x coordinate of the palm surface in the palm link frame. gap_m: from the palm surface to the object.
-    On a side face the palm's y axis points up, so that the fingers close horizontally; on top the fingers point along
-    the azimuth.
+    surface_m: x coordinate of the palm surface in the palm link frame. gap_m: from the palm surface to the object. On a
+    side face the palm's y axis points up, so that the fingers close horizontally; on top the fingers point along the
+    azimuth.
     """
     vertices = item.shape.mesh()[0]
     azimuth = np.array([np.cos(placement.azimuth_rad), np.sin(placement.azimuth_rad), 0.0])
@@ -193,7 +193,11 @@ def compute_palm_pose(item: GraspObject, placement: PalmPlacement, surface_m: fl
 def make_approach(
     item: GraspObject, name: str, placement: PalmPlacement, hand: Hand, gap_m: float = 0.0, withdraw_m: float = 0.0
 ) -> Approach:
-    """Make the approach of a palm placement of the Allegro hand."""
+    """Make the approach of the Allegro hand (palm pose, joint angles, torques) for a placement of the palm.
+
+    item: object. gap_m: from the palm surface to the object during the grasp. withdraw_m: distance of the withdrawn
+    palm.
+    """
     spread, (th_j0, th_j1) = placement.spread_rad, placement.thumb_rad
     base, torque = np.full((FINGERS + 1, 4), np.nan), np.zeros((FINGERS + 1, 4))
     base[:FINGERS, 0] = spread, 0.0, -spread
@@ -214,10 +218,10 @@ def make_approach(
 def make_thesis_approaches(
     gap_m: float = 0.0, withdraw_m: float = 0.0, placements: Mapping[tuple[str, str], PalmPlacement] = PALM_PLACEMENTS
 ) -> tuple[Approach, ...]:
-    """Make the fifteen approaches of Table 5.1, in the order of the table.
+    """Make the fifteen approaches of Table 5.1 of the thesis, in the order of the table.
 
-    gap_m: from the palm surface to the nominal object during the grasp. withdraw_m: see `Approach`. placements: by
-    object and approach; default: the selected placements.
+    gap_m: from the palm surface to the nominal object during the grasp. withdraw_m: distance of the withdrawn palm.
+    placements: by object and approach; default: the selected placements.
     """
     objects, hand = make_thesis_objects(), load_hand("allegro")
     return tuple(
@@ -227,7 +231,7 @@ def make_thesis_approaches(
 
 
 def make_thesis_plan(seed: int, sessions: int = SESSIONS) -> tuple[PlannedGrasp, ...]:
-    """Make the 144 grasps of Table 5.1 in order of execution.
+    """Make the plan of the 144 grasps of Table 5.1 of the thesis, in the order of execution.
 
     The grasps are distributed so that every session contains every approach (with at most six sessions) and the lengths
     of sessions differ by at most one; the order within a session is sampled with `seed`. Raises ValueError for fewer
@@ -249,5 +253,6 @@ def make_thesis_plan(seed: int, sessions: int = SESSIONS) -> tuple[PlannedGrasp,
 
 
 def _make_planned_grasp(key: tuple[str, str], iteration: int, session: int, position: int) -> PlannedGrasp:
+    """Make a planned grasp with its id. key: object and approach. position: place in the session."""
     name = f"s{session}_{position:02d}_{key[0]}_{key[1]}_{iteration}"
     return PlannedGrasp(name, key[0], key[1], iteration, session)

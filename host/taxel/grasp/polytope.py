@@ -35,6 +35,7 @@ class ConvexPolytope:
     offsets: FloatArray
 
     def __post_init__(self) -> None:
+        """Normalise the half-spaces and check that they bound a solid. Raises ShapeError."""
         normals, offsets = np.array(self.normals, dtype=np.float64), np.array(self.offsets, dtype=np.float64)
         if normals.ndim != 2 or normals.shape[1:] != (3,) or offsets.shape != normals.shape[:1]:
             raise ShapeError("polytope", "normals [k, 3] and offsets [k]", f"{normals.shape} and {offsets.shape}")
@@ -47,14 +48,17 @@ class ConvexPolytope:
 
     @classmethod
     def box(cls, width: float, depth: float, height: float) -> ConvexPolytope:
-        """Make an upright box: `width` along x, `depth` along y, bottom at z = 0. Raises ShapeError."""
+        """Make an upright box with sizes in metres: `width` along x, `depth` along y, bottom at z = 0.
+
+        Raises ShapeError.
+        """
         check_sizes("box", width=width, depth=depth, height=height)
         normals = np.concatenate([np.eye(3), -np.eye(3)])
         return cls(normals, np.array([width / 2, depth / 2, height, width / 2, depth / 2, 0.0]))
 
     @classmethod
     def prism(cls, side: float, height: float) -> ConvexPolytope:
-        """Make an upright equilateral triangular prism about the z axis with a side face normal along +y.
+        """Make an upright equilateral triangular prism about the z axis with a side face towards +y; sizes in metres.
 
         `side`: side length of the triangle; each side face is side / (2 sqrt 3) from the axis. Raises ShapeError.
         """
@@ -65,7 +69,7 @@ class ConvexPolytope:
         return cls(normals, np.array([side / (2 * np.sqrt(3))] * 3 + [height, 0.0]))
 
     def rounded(self, radius: float, step_rad: float = np.radians(30.0)) -> ConvexPolytope:
-        """Return the solid with rounded edges, approximated by tangential strips of at most `step_rad` each.
+        """Return the solid with rounded edges, approximated by tangential strips of at most `step_rad` radians each.
 
         radius: of the rounding, metres. Raises ShapeError if a face would vanish.
         """
@@ -91,7 +95,7 @@ class ConvexPolytope:
 
     @classmethod
     def from_mesh(cls, vertices: npt.ArrayLike) -> ConvexPolytope:
-        """Make the convex hull of vertices f64[v, 3] in their frame. Raises ShapeError for coplanar vertices."""
+        """Make the convex hull of vertices f64[v, 3], metres. Raises ShapeError for coplanar vertices."""
         points = np.asarray(vertices, dtype=np.float64)
         if points.ndim != 2 or points.shape[1:] != (3,) or not np.isfinite(points).all():
             raise ShapeError("mesh", "finite vertices [v, 3]", f"shape {points.shape}")
@@ -109,22 +113,22 @@ class ConvexPolytope:
 
     @property
     def height(self) -> float:
-        """Extent along z, metres."""
+        """Extent of the solid along z, metres."""
         return float(np.ptp(self.vertices[:, 2]))
 
     @property
     def bounds(self) -> FloatArray:
-        """Smallest and largest coordinates, f64[2, 3]."""
+        """Smallest and largest coordinates of the solid, f64[2, 3], metres."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
     @cached_property
     def vertices(self) -> FloatArray:
-        """Vertices, f64[v, 3]."""
+        """Vertices of the solid, f64[v, 3], metres."""
         return make_read_only(_compute_vertices(self.normals, self.offsets))
 
     @cached_property
     def _faces(self) -> list[npt.NDArray[np.intp]]:
-        """Vertex indices of each face, anticlockwise from outside; duplicate half-spaces give one face."""
+        """Vertex indices of each face, anticlockwise seen from outside; duplicate half-spaces give one face."""
         size = np.ptp(self.vertices, axis=0).max()
         faces: dict[frozenset[int], npt.NDArray[np.intp]] = {}
         for normal, offset in zip(self.normals, self.offsets, strict=True):
@@ -135,12 +139,19 @@ class ConvexPolytope:
         return list(faces.values())
 
     def mesh(self, resolution: int = 64) -> tuple[FloatArray, Int32Array]:
-        """See `Shape`. `resolution` has no effect on flat faces."""
+        """Triangulate the polytope: vertices f64[v, 3] and triangles i32[f, 3] with outward orientation.
+
+        resolution: has no effect on flat faces; other shapes use it.
+        """
         fans = [[face[0], face[i], face[i + 1]] for face in self._faces for i in range(1, len(face) - 1)]
         return self.vertices.copy(), np.array(fans, dtype=np.int32)
 
     def ray_separation(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> FloatArray:
-        """See `Shape`. Directions f64[..., 1, 3] shared by several points are evaluated once."""
+        """Compute the distance from points to the polytope along unit directions, f64[...] metres.
+
+        points, directions: f64[..., 3]. Negative inside the polytope; +inf for a miss. Directions f64[..., 1, 3] shared
+        by several points are evaluated once. Implements `Shape.ray_separation`.
+        """
         p, d = as_points(points), as_points(directions)
         shape = np.broadcast_shapes(p.shape, d.shape)[:-1]
         if 0 in shape:
@@ -156,7 +167,10 @@ class ConvexPolytope:
         return np.concatenate(pieces).reshape(shape)
 
     def _compute_separation(self, p: FloatArray, d: FloatArray) -> FloatArray:
-        """Compute `ray_separation` of points [m, e, 3] along [m, 3] for all half-spaces at once, f64[m, e]."""
+        """Compute the distance of points [m, e, 3] to the polytope along directions [m, 3], f64[m, e].
+
+        All half-spaces are clipped at once; inf for a miss.
+        """
         speed = (self.normals @ d.T)[..., None]
         depth = (self.offsets[:, None] - self.normals @ p.reshape(-1, 3).T).reshape(len(self.normals), *p.shape[:2])
         is_parallel = np.abs(speed) < _PARALLEL
@@ -168,12 +182,19 @@ class ConvexPolytope:
         return np.where((enter <= leave) & (leave >= 0), enter, np.inf)
 
     def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """See `Shape`."""
+        """Compute where rays enter the polytope: distance f64[...] and outward unit normal f64[..., 3]; 0 for a miss.
+
+        points, directions: f64[..., 3]. Implements `Shape.ray_entry`.
+        """
         separation, face = self._clip_lines(points, directions)
         return separation, np.where(np.isfinite(separation)[..., None], self.normals[face], 0.0)
 
     def _clip_lines(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, npt.NDArray[np.intp]]:
-        """Clip lines by all half-spaces (Cyrus and Beck 1978); return the separation and the entered face."""
+        """Clip lines by all half-spaces of the polytope (Cyrus and Beck 1978).
+
+        points, directions: f64[..., 3]. Returns the distance to the entry, f64[...], inf for a miss, and the index of
+        the entered face.
+        """
         p, d = as_points(points), as_points(directions)
         enter = np.full(np.broadcast_shapes(p.shape, d.shape)[:-1], -np.inf)
         leave = -enter
@@ -190,7 +211,10 @@ class ConvexPolytope:
         return np.where((enter <= leave) & (leave >= 0), enter, np.inf), face
 
     def signed_distance(self, points: npt.ArrayLike) -> FloatArray:
-        """See `Shape`. Outside, the nearest point is on a face below the point, or else on an edge."""
+        """Compute the distance of points f64[..., 3] to the polytope's surface, f64[...] metres; negative inside.
+
+        For a point outside, the nearest point of the surface is on a face below the point, or else on an edge.
+        """
         p = as_points(points)
         height = p @ self.normals.T - self.offsets
         result: FloatArray = np.asarray(height.max(axis=-1))
@@ -200,13 +224,16 @@ class ConvexPolytope:
         return result
 
     def distance_bound(self, points: npt.ArrayLike) -> FloatArray:
-        """See `Shape`. Largest height above the half-spaces."""
+        """Compute a lower bound of the signed distance of points f64[..., 3], f64[...]: largest height above a face."""
         p = as_points(points)
         height = self.normals @ p.reshape(-1, 3).T - self.offsets[:, None]
         return np.asarray(height.max(axis=0).reshape(p.shape[:-1]))
 
     def _compute_outside_distance(self, points: FloatArray, height: FloatArray) -> FloatArray:
-        """Distance of outside points f64[m, 3] to the surface, f64[m]. height: f64[m, faces], above each face."""
+        """Compute the distance of points f64[m, 3] outside the polytope to its surface, f64[m].
+
+        height: f64[m, faces], above the plane of each face.
+        """
         distance = np.full(len(points), np.inf)
         tolerance = _MERGE * np.ptp(self.vertices, axis=0).max()
         for face, normal in enumerate(self.normals):
@@ -226,7 +253,7 @@ class ConvexPolytope:
 
     @property
     def _edge_faces(self) -> list[tuple[int, int]]:
-        """Indices of the two half-spaces of each edge."""
+        """Indices of the two half-spaces whose planes meet at each edge."""
         tolerance = 10 * _MERGE * np.ptp(self.vertices, axis=0).max()
         is_on_face = np.abs(self.vertices @ self.normals.T - self.offsets) < tolerance
         pairs = [np.flatnonzero(is_on_face[start] & is_on_face[end]) for start, end in self._edges]
@@ -234,7 +261,7 @@ class ConvexPolytope:
 
     @cached_property
     def _edges(self) -> list[tuple[int, int]]:
-        """The edges as pairs of vertex indices, the smaller index first."""
+        """The edges of the polytope as pairs of vertex indices, the smaller index first."""
         pairs = {
             (int(min(a, b)), int(max(a, b)))
             for face in self._faces
@@ -244,7 +271,10 @@ class ConvexPolytope:
 
 
 def _compute_vertices(normals: FloatArray, offsets: FloatArray) -> FloatArray:
-    """Compute the vertices of a polytope with unit normals. Raises ShapeError if it is empty, flat or unbounded."""
+    """Compute the vertices f64[v, 3] of a polytope {x: normals x <= offsets} with unit normals.
+
+    Raises ShapeError if the polytope is empty, flat or unbounded.
+    """
     # Chebyshev centre: the point p with the largest r such that normals @ p + r <= offsets.
     system = np.column_stack([normals, np.ones(len(normals))])
     limits = [(None, None)] * 3 + [(0, None)]
@@ -266,7 +296,7 @@ def _compute_vertices(normals: FloatArray, offsets: FloatArray) -> FloatArray:
 
 
 def _sort_around(corners: FloatArray, normal: FloatArray) -> npt.NDArray[np.intp]:
-    """Sort the corners of a convex face anticlockwise, seen against the normal."""
+    """Sort the corners f64[k, 3] of a convex face anticlockwise, seen against the normal; returns the order."""
     arms = corners - corners.mean(axis=0)
     first = arms[0] / np.linalg.norm(arms[0])
     return np.argsort(np.arctan2(arms @ np.cross(normal, first), arms @ first))

@@ -58,38 +58,42 @@ class PoseEstimate:
 
     @property
     def n_points(self) -> int:
-        """Number of points; 0 for a given pose."""
+        """Number of measured points behind the pose; 0 for a given pose."""
         return len(self.points.names) if self.points else 0
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Degrees of freedom, 3 n - 6; 0 for a given pose."""
+        """Degrees of freedom of the fit to n points, 3 n - 6; 0 for a given pose."""
         return max(3 * self.n_points - 6, 0)
 
     @property
     def residuals_m(self) -> FloatArray:
-        """Residuals (measured minus fitted), f64[n, 3], metres, in the reference frame."""
+        """Residuals of the n points (measured minus fitted), f64[n, 3], metres, in the reference frame."""
         if self.points is None:
             return np.zeros((0, 3))
         return self.points.measured_m - apply(self.transform, self.points.body_m)
 
     @property
     def rms_m(self) -> float:
-        """Root mean square of the residual lengths, metres; NaN for a given pose."""
+        """Root mean square of the lengths of the points' residuals, metres; NaN for a given pose."""
         return float(np.sqrt((self.residuals_m**2).sum(axis=1).mean())) if self.points else float("nan")
 
     @property
     def interval_95(self) -> FloatArray:
-        """Half widths of the 95 % intervals, f64[6]: rotation vector (rad) and translation (m), as in `covariance`.
+        """Half widths of the 95 % intervals of the pose, f64[6]: rotation vector (rad) and translation (m).
 
-        Student's t with 3 n - 6 degrees of freedom for an estimated sigma, normal distribution for a given sigma.
+        Student's t with 3 n - 6 degrees of freedom if the measurement error is estimated from the n points, normal
+        distribution if it is given.
         """
         degrees = np.inf if self.sigma_given else self.degrees_of_freedom
         factor = stats.t.ppf((1 + CONFIDENCE) / 2, degrees) if degrees else np.nan
         return np.asarray(factor * np.sqrt(np.diagonal(self.covariance)), dtype=np.float64)
 
     def warnings(self) -> tuple[str, ...]:
-        """Return warnings about the points, one line each: the largest outlier, and residuals above sigma_m."""
+        """Return warnings about the measured points: the largest outlier, and residuals above the stated accuracy.
+
+        One line for each warning.
+        """
         if self.points is None:
             return ()
         lines = []
@@ -113,7 +117,7 @@ class PoseEstimate:
         return tuple(lines)
 
     def to_json(self) -> dict[str, Any]:
-        """Convert the estimate and its derived values to JSON values."""
+        """Convert the pose estimate, its points and its intervals to JSON values."""
         points = self.points
         return {
             "position_m": self.transform[:3, 3].tolist(),
@@ -138,7 +142,10 @@ class PoseEstimate:
         }
 
     def _studentise_residuals(self) -> tuple[FloatArray, FloatArray]:
-        """Studentised residuals of the points and their degrees of freedom; empty without points."""
+        """Compute the studentised residuals of the points, f64[n], and their degrees of freedom, f64[n, 2].
+
+        A studentised residual is divided by its standard deviation, estimated without the point. Empty without points.
+        """
         if self.points is None:
             return np.zeros(0), np.zeros((0, 2))
         _, cofactors = compute_cofactors(self.transform, self.points.body_m, self.points.weights)
@@ -154,20 +161,16 @@ def fit_pose(
     sigma_m: float | None = None,
     place: CalibrationField | None = None,
 ) -> PoseEstimate:
-    """Fit the pose of a body to measured points; see `pose_fit` for the model.
+    """Fit the pose of a body to measured points by weighted least squares, with covariance.
 
     Used for objects measured in the base frame and for remounted brackets measured in the frame of their link.
 
-    Args:
-        body_points: f64[n, 3], metres, in the body frame; n >= 3, not collinear.
-        measured_points: f64[n, 3], metres, the same points in the reference frame.
-        names: n names for reports; default "1" to "n".
-        weights: f64[n] above 0, relative: a point of weight 4 has half the standard deviation. Default 1.
-        sigma_m: standard deviation of a coordinate of the tracker; None: estimated from the residuals.
-        place: origin of the points, for errors and `source`.
+    body_points: f64[n, 3], metres, in the body frame; n >= 3, not collinear. measured_points: f64[n, 3], metres, the
+    same points in the reference frame. names: n names for reports; default "1" to "n". weights: f64[n] above 0,
+    relative: a point of weight 4 has half the standard deviation; default 1. sigma_m: standard deviation of a
+    coordinate of the tracker; None: estimated from the residuals. place: origin of the points, for errors and `source`.
 
-    Raises:
-        CalibrationError: too few, collinear, infinite or mirrored points, or another unit.
+    Raises CalibrationError for too few, collinear, infinite or mirrored points, or another unit.
     """
     place = place or CalibrationField("fit_pose", "points")
     a, b = np.array(body_points, dtype=np.float64), np.array(measured_points, dtype=np.float64)
@@ -198,14 +201,20 @@ def fit_pose(
 
 
 def make_pose_estimate(position_m: npt.ArrayLike, quaternion_wxyz: npt.ArrayLike, source: str = "") -> PoseEstimate:
-    """Make an estimate of a given pose with unknown covariance. position_m: f64[3]; quaternion_wxyz: f64[4]."""
+    """Make an estimate of a given pose, without measured points and with unknown covariance.
+
+    position_m: f64[3]. quaternion_wxyz: f64[4]. source: origin of the pose, for reports.
+    """
     transform = from_quaternion(quaternion_wxyz)
     transform[:3, 3] = position_m
     return PoseEstimate(transform, source=source)
 
 
 def _compute_survival(value: float, rank: float, remaining: float) -> float:
-    """Compute the probability of a studentise residual of at least `value` without outliers."""
+    """Compute the probability that a studentised residual is at least `value` if there are no outliers.
+
+    rank, remaining: its two numbers of degrees of freedom; remaining is infinite for a given measurement error.
+    """
     if np.isinf(remaining):
         return float(stats.chi2.sf(rank * value**2, rank))  # the F distribution of scipy does not accept infinity
     return float(stats.f.sf(value**2, rank, remaining))

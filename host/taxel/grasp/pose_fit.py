@@ -32,10 +32,11 @@ SIGMA_FLOOR_M = 1e-9
 def solve_kabsch(
     points: FloatArray, measured: FloatArray, weights: FloatArray, is_mirrored: bool = False
 ) -> FloatArray:
-    """Solve for the pose f64[4, 4] of least weighted squares; points, measured: f64[n, 3], metres; weights: f64[n].
+    """Solve for the pose f64[4, 4] that maps points to measured points with the least weighted squares.
 
-    Source: Kabsch, Acta Cryst. A32 (1976) 922; Umeyama, IEEE TPAMI 13 (1991) 376, without scale. With
-    `is_mirrored`, return the best reflection instead, which is used to detect left-handed points.
+    points, measured: f64[n, 3], metres. weights: f64[n]. is_mirrored: return the best reflection instead, which is used
+    to detect left-handed points. Source: Kabsch, Acta Cryst. A32 (1976) 922; Umeyama, IEEE TPAMI 13 (1991) 376, without
+    scale.
     """
     weight = weights[:, np.newaxis] / weights.sum()
     centre, measured_centre = (weight * points).sum(axis=0), (weight * measured).sum(axis=0)
@@ -97,7 +98,11 @@ def studentise(
 
 
 def check_points(points: FloatArray, measured: FloatArray, weights: FloatArray, place: CalibrationField) -> None:
-    """Raise CalibrationError for points that do not determine a pose, or that indicate a wrong unit or handedness."""
+    """Raise CalibrationError for points that do not determine a pose, or that indicate a wrong unit or handedness.
+
+    points, measured: f64[n, 3], metres, in the body frame and in the reference frame. weights: f64[n]. place: location
+    of the points, for messages.
+    """
     if len(points) < MIN_POINTS:
         place.fail(f"at least {MIN_POINTS} points", str(len(points)), "measure more points that are not collinear")
     _check_spread(points, "in the body frame", place)
@@ -115,7 +120,10 @@ def check_points(points: FloatArray, measured: FloatArray, weights: FloatArray, 
 
 
 def _check_spread(points: FloatArray, label: str, place: CalibrationField) -> None:
-    """Raise CalibrationError for points that do not span a plane. label: phrase for the message."""
+    """Raise CalibrationError for points f64[n, 3] that do not span a plane.
+
+    label: phrase for the message. place: location of the points, for the message.
+    """
     length, width, _ = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)[1][:3]
     if not length > 0:
         place.fail("distinct points", f"identical points {label}", "measure different points")
@@ -124,7 +132,10 @@ def _check_spread(points: FloatArray, label: str, place: CalibrationField) -> No
 
 
 def _check_unit(points: FloatArray, measured: FloatArray, weights: FloatArray, place: CalibrationField) -> None:
-    """Raise CalibrationError if a scale by a common unit, such as millimetres, makes the points fit."""
+    """Raise CalibrationError if the points fit only after a scale by a common unit, such as millimetres.
+
+    points, measured: f64[n, 3], which should be in metres. weights: f64[n]. place: location, for the message.
+    """
     ratio = _compute_extent(measured) / _compute_extent(points)
     for unit, per_metre in UNITS.items():
         for factor, label in ((per_metre, "measured"), (1 / per_metre, "body")):
@@ -142,9 +153,10 @@ def _check_unit(points: FloatArray, measured: FloatArray, weights: FloatArray, p
 
 
 def _compute_extent(points: FloatArray) -> float:
-    """Compute the root mean square distance from the centre, metres."""
+    """Compute the root mean square distance of points f64[n, 3] from their centre, metres."""
     return float(np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
 def _compute_rms(transform: npt.ArrayLike, points: FloatArray, measured: FloatArray) -> float:
+    """Compute the root mean square distance of measured points from the transformed points, metres."""
     return float(np.sqrt(((measured - apply(transform, points)) ** 2).sum(axis=1).mean()))

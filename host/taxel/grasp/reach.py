@@ -28,6 +28,10 @@ class UnreachableError(TaxelError, ValueError):
     """The arm cannot reach the palm pose. Attributes: robot, link_name, position (m), miss_m (m)."""
 
     def __init__(self, robot: str, link_name: str, position: tuple[float, float, float], miss_m: float) -> None:
+        """Create the error of a pose that an arm cannot reach.
+
+        position: metres. miss_m: remaining error of the best try.
+        """
         super().__init__(robot, link_name, position, miss_m)
         self.robot = robot
         self.link_name = link_name
@@ -61,6 +65,7 @@ class ArmReach:
     """
 
     def __init__(self, robot: Robot, link_name: str = "palm") -> None:
+        """Create the solver of the inverse kinematics of a robot arm. link_name: link to place at a pose."""
         self.robot = robot
         self.link_name = link_name
         self._kinematics = Kinematics(robot)
@@ -70,11 +75,11 @@ class ArmReach:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the solved joints, in the order of the robot."""
+        """Names of the arm's joints that the solver computes, in the order of the robot."""
         return tuple(self.robot.joint_names[column] for column in self._chain.columns)
 
     def solve(self, palm_pose: FloatArray, near: FloatArray | None = None) -> FloatArray:
-        """Solve for the joint angles f64[a], radians, that place the link at `palm_pose` f64[4, 4], to 1e-9 m.
+        """Solve for the joint angles f64[a], radians, that place the arm's link at `palm_pose` f64[4, 4], to 1e-9 m.
 
         near: f64[a]; start angles of the search (for a path); None: the best-conditioned solution. Raises
         UnreachableError.
@@ -94,22 +99,32 @@ class ArmReach:
         return np.asarray(solutions[np.argmax(self._compute_score(solutions))])
 
     def _make_start_angles(self) -> FloatArray:
-        """Make start angles f64[starts, a] within one turn; solutions beyond a turn give the same poses."""
+        """Make random start angles of the search, f64[starts, a] radians, within one turn.
+
+        Solutions beyond a turn give the same poses.
+        """
         low, high = np.maximum(self._lower, -np.pi), np.minimum(self._upper, np.pi)
         return np.asarray(low + np.random.default_rng(SEED).uniform(size=(STARTS, len(low))) * (high - low))
 
     def _unwind(self, angles: FloatArray) -> FloatArray:
-        """Move each angle by full turns into -pi..pi where the limits allow; the pose is unchanged."""
+        """Move each joint angle by full turns into -pi..pi where the limits allow; the pose is unchanged."""
         wrapped = (angles + np.pi) % (2 * np.pi) - np.pi
         return np.where((wrapped >= self._lower) & (wrapped <= self._upper), wrapped, angles)
 
     def _compute_poses(self, angles: FloatArray) -> FloatArray:
+        """Compute the poses of all links f64[..., l, 4, 4] for angles of the arm's joints f64[..., a].
+
+        The angles of the other joints are 0.
+        """
         all_angles = np.zeros((*angles.shape[:-1], len(self.robot.joint_names)))
         all_angles[..., self._chain.columns] = angles
         return self._kinematics.compute_link_poses(all_angles)
 
     def _improve(self, angles: FloatArray, palm_pose: FloatArray) -> FloatArray:
-        """Perform one damped step for all start angles; the damping vanishes with the error."""
+        """Perform one damped least-squares step of the inverse kinematics, for all start angles f64[starts, a] at once.
+
+        palm_pose: target f64[4, 4]. The damping vanishes with the error.
+        """
         error, jacobian = self._compute_error(angles, palm_pose), self._compute_jacobian(angles)
         damping = DAMPING * np.sum(error**2, axis=-1)[:, None, None]
         transposed = np.swapaxes(jacobian, -1, -2)
@@ -120,7 +135,10 @@ class ArmReach:
         return np.asarray(np.clip(angles - step, self._lower, self._upper))
 
     def _compute_error(self, angles: FloatArray, palm_pose: FloatArray) -> FloatArray:
-        """Compute residuals f64[..., 6], metres: position error, and weighted rotation vector of the rotation error."""
+        """Compute the pose errors of joint angles, f64[..., 6], metres: position, then weighted rotation vector.
+
+        palm_pose: target f64[4, 4].
+        """
         pose = self._compute_poses(angles)[..., self._target, :, :]
         rotation = np.broadcast_to(np.eye(4), pose.shape).copy()
         rotation[..., :3, :3] = pose[..., :3, :3] @ palm_pose[:3, :3].T
@@ -128,7 +146,10 @@ class ArmReach:
         return np.concatenate([position_error, ANGLE_WEIGHT_M * to_rotation_vector(rotation)], -1)
 
     def _compute_jacobian(self, angles: FloatArray) -> FloatArray:
-        """Compute the geometric Jacobian f64[..., 6, a], metres per radian; exact for a rotation error of 0."""
+        """Compute the geometric Jacobian of the arm, f64[..., 6, a], metres per radian.
+
+        angles: f64[..., a], radians. The Jacobian is exact for a rotation error of 0.
+        """
         poses = self._compute_poses(angles)
         tip = poses[..., self._target, :3, 3]
         columns = []
@@ -139,7 +160,10 @@ class ArmReach:
         return np.stack(columns, axis=-1)
 
     def _compute_score(self, angles: FloatArray) -> FloatArray:
-        """Compute the smallest singular value of the Jacobian, f64[...]; below 0 if a joint is near the table."""
+        """Rate joint angles f64[..., a] by the smallest singular value of the Jacobian, f64[...].
+
+        The value is below 0 if a joint is near the table.
+        """
         frames = [index + 1 for index in self._chain.joints[1:]]  # the first joint is mounted on the table
         lowest = self._compute_poses(angles)[..., frames, 2, 3].min(axis=-1, initial=np.inf)
         smallest = np.linalg.svd(self._compute_jacobian(angles), compute_uv=False)[..., -1]
@@ -147,7 +171,7 @@ class ArmReach:
 
 
 def _find_chain(robot: Robot, link_name: str) -> _Chain:
-    """The joints from the base of a robot to a link."""
+    """Find the joints of a robot from its base to a link: indices, rotation axes and columns of the joint angles."""
     parents = {joint.child: index for index, joint in enumerate(robot.joints)}
     path: list[int] = []
     while link_name in parents:

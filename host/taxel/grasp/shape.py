@@ -17,6 +17,7 @@ class ShapeError(TaxelError, ValueError):
     """Values that do not bound a solid. Attributes: shape, expected, found."""
 
     def __init__(self, shape: str, expected: str, found: str) -> None:
+        """Create the error of a solid with wrong sizes. shape: its kind. expected, found: description of the sizes."""
         super().__init__(shape, expected, found)
         self.shape = shape
         self.expected = expected
@@ -33,16 +34,19 @@ class Shape(Protocol):
 
     @property
     def height(self) -> float:
-        """Extent along z, metres."""
+        """Extent of the solid along z, metres."""
         ...
 
     @property
     def bounds(self) -> FloatArray:
-        """Smallest and largest coordinates, f64[2, 3]."""
+        """Smallest and largest coordinates of the solid, f64[2, 3], metres."""
         ...
 
     def mesh(self, resolution: int = 64) -> tuple[FloatArray, Int32Array]:
-        """Triangulate the surface: vertices f64[v, 3] and triangles i32[f, 3] with outward orientation."""
+        """Triangulate the solid's surface: vertices f64[v, 3] and triangles i32[f, 3] with outward orientation.
+
+        resolution: number of vertices on a circle.
+        """
         ...
 
     def ray_separation(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> FloatArray:
@@ -55,27 +59,30 @@ class Shape(Protocol):
         ...
 
     def ray_entry(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Compute `ray_separation` f64[...] and the outward unit normal f64[..., 3] at the entry; 0 for a miss."""
+        """Compute where rays enter the solid: distance f64[...] and outward unit normal f64[..., 3]; 0 for a miss.
+
+        points, directions: f64[..., 3]; the distance is that of `ray_separation`.
+        """
         ...
 
     def signed_distance(self, points: npt.ArrayLike) -> FloatArray:
-        """Compute the Euclidean distance of points f64[..., 3] to the surface, f64[...]; negative inside."""
+        """Compute the Euclidean distance of points f64[..., 3] to the solid's surface, f64[...]; negative inside."""
         ...
 
     def distance_bound(self, points: npt.ArrayLike) -> FloatArray:
-        """Compute a lower bound of `signed_distance`, f64[...]; faster."""
+        """Compute a lower bound of `signed_distance` for points f64[..., 3], f64[...]; faster."""
         ...
 
 
 def check_sizes(shape: str, **sizes: float) -> None:
-    """Raise ShapeError for a size that is not finite and above 0."""
+    """Raise ShapeError for a size that is not finite and above 0. shape: kind of solid. sizes: metres by name."""
     for name, value in sizes.items():
         if not (np.isfinite(value) and value > 0):
             raise ShapeError(shape, f"a {name} above 0 metres", str(value))
 
 
 def as_points(points: npt.ArrayLike) -> FloatArray:
-    """Return points as f64[..., 3]. Raises ValueError for another last axis."""
+    """Convert points to an array f64[..., 3]. Raises ValueError for another last axis."""
     array = np.asarray(points, dtype=np.float64)
     if array.shape[-1:] != (3,):
         raise ValueError(f"points: expected 3 numbers in the last axis, found shape {array.shape}")

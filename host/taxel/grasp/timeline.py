@@ -44,6 +44,7 @@ class Timeline:
     recovery_s: float = 1.5
 
     def __post_init__(self) -> None:
+        """Check that all durations are finite and not negative, and not all 0. Raises ValueError."""
         for item in fields(self):
             value = getattr(self, item.name)
             if not 0 <= value < np.inf:
@@ -53,16 +54,16 @@ class Timeline:
 
     @property
     def durations_s(self) -> tuple[float, ...]:
-        """Duration of each phase, seconds, in order."""
+        """Duration of each phase of the grasp, seconds, in order."""
         return (self.baseline_s, self.closing_s, self.hold_s, self.release_s, self.recovery_s)
 
     @property
     def duration_s(self) -> float:
-        """Total duration, seconds."""
+        """Total duration of the grasp, seconds."""
         return sum(self.durations_s)
 
     def get_start_s(self, phase: int) -> float:
-        """Return the start of a phase, seconds after the start of the grasp."""
+        """Return the start of a phase, seconds after the start of the grasp. phase: number."""
         return self._start_times_s[phase]
 
     @cached_property
@@ -74,32 +75,44 @@ class Timeline:
         return self.get_start_s(phase) + self.durations_s[Phase(phase)]
 
     def find_phases(self, t: npt.ArrayLike) -> npt.NDArray[np.uint8]:
-        """Return the phases at times f64[...], u8[...]; outside the grasp, the nearest phase."""
+        """Return the phases of a grasp at times f64[...], u8[...]; outside the grasp, the nearest phase.
+
+        t: seconds after the start of the grasp.
+        """
         starts = [self.get_start_s(phase) for phase in list(Phase)[1:]]
         phases = np.searchsorted(starts, np.asarray(t, dtype=np.float64) + PHASE_TOLERANCE_S, side="right")
         return np.asarray(phases, dtype=np.uint8)
 
     def get_phase_progress(self, phase: int, t: float) -> float:
-        """Return the elapsed fraction of a phase at time t, 0..1; 1 after the start of a phase of duration 0."""
+        """Return the elapsed fraction of a phase at time t, 0..1; 1 after the start of a phase of duration 0.
+
+        t: seconds after the start of the grasp.
+        """
         elapsed_s, duration_s = t - self.get_start_s(phase), self.durations_s[phase]
         if elapsed_s < 0:
             return 0.0
         return min(elapsed_s / duration_s, 1.0) if duration_s > 0 else 1.0
 
     def get_torque_fraction(self, t: float) -> float:
-        """Return the fraction of the planned torque at time t, 0..1."""
+        """Return the fraction of the planned finger torque at time t, 0..1. t: seconds after the start of the grasp."""
         if t >= self.get_start_s(Phase.RELEASE):
             return 1.0 - min(self.get_phase_progress(Phase.RELEASE, t) / RELEASE_END, 1.0)
         return min(max(self.get_phase_progress(Phase.CLOSING, t) - ADVANCE_END, 0.0) / (GRIP_END - ADVANCE_END), 1.0)
 
     def get_withdrawal(self, t: float) -> float:
-        """Return the withdrawal of the palm at time t: 1 in baseline and recovery, 0 at the object."""
+        """Return how far the palm is withdrawn at time t: 1 in baseline and recovery, 0 at the object.
+
+        t: seconds after the start of the grasp.
+        """
         if t >= self.get_start_s(Phase.RELEASE):
             return max(self.get_phase_progress(Phase.RELEASE, t) - WITHDRAW_START, 0.0) / (1.0 - WITHDRAW_START)
         return 1.0 - min(self.get_phase_progress(Phase.CLOSING, t) / ADVANCE_END, 1.0)
 
     def make_sample_times(self, rate_hz: float) -> npt.NDArray[np.float64]:
-        """Return the times 0, 1/rate, 2/rate ... before the end, seconds, f64[T]. Raises ValueError for a rate <= 0."""
+        """Return the sample times 0, 1/rate, 2/rate ... before the end of the grasp, seconds, f64[T].
+
+        Raises ValueError for a rate that is not above 0.
+        """
         if not 0 < rate_hz < np.inf:
             raise ValueError(f"rate_hz: expected a finite number above 0, found {rate_hz}")
         count = int(np.ceil(self.duration_s * rate_hz - PHASE_TOLERANCE_S))
