@@ -27,7 +27,9 @@ def find_problems(report: SoakReport) -> list[str]:
 
 
 def main() -> int:
-    """Run the soak, print its result and write the report. The exit status is 1 if there is a problem."""
+    """Run a long test with random faults, print its result and write the report. Exit status 1 if there is a
+    problem.
+    """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--hours", type=float, default=24.0, help="virtual hours (24)")
     parser.add_argument("--seed", type=int, default=None, help="replays a soak exactly (default: a new seed)")

@@ -14,7 +14,9 @@ RUNS_PER_PROCESS = 500
 
 
 def main() -> int:
-    """Run the processes and print their seeds. Stop at the first failure, with exit status 1."""
+    """Run several processes with random sequences of the state machine and print their seeds. Exit status 1 at a
+    failure.
+    """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=20000, help="runs of 50 steps (20000)")
     parser.add_argument("--seed", type=int, default=None, help="seed of the first process (default: a new seed)")

@@ -27,7 +27,7 @@ def compact_skin(rig: Rig) -> Iterator[Skin]:
 
 
 def set_known_counts(rig: Rig, skin: Skin) -> KnownCounts:
-    """Known counts, after all frames with earlier counts have arrived."""
+    """Set known raw counts, after all frames with earlier counts have arrived."""
     read_frames(rig, skin, SETTLING_S)
     counts = KnownCounts(rig)
     read_frames(rig, skin, 0.2)

@@ -35,7 +35,7 @@ READS = 40
 
 
 def read_stack_limit(address: int) -> int:
-    """Worst-case stack of an image and its bootloader in bytes, as `make size` computed it."""
+    """Largest stack in bytes that the image of a board and its bootloader can use, as `make size` computed it."""
     sizes = json.loads((PORT / "size.json").read_text())["images"]
     names = ("board-a", "board-b", "bootloader-board") if address else ("hub-a", "hub-b", "bootloader-hub")
     return max(int(sizes[name]["stack"]) for name in names)
@@ -69,7 +69,7 @@ def format_image_lines(*addresses: int) -> str:
 
 
 def read_snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, bytes]:
-    """Sequence number, time on the board's clock in us, bytes of the counts."""
+    """Read a snapshot of a board over I2C: scan number, time of the board's clock in us, bytes of the raw counts."""
     code, data = world.transfer(board.address, b"", SNAPSHOT_OVERHEAD + 2 * board.kind.taxel_count)
     assert code == 0
     return (*struct.unpack_from("<HI", data), data[6:-4])

@@ -32,7 +32,7 @@ def get_boot_time_s(rig: Rig, address: int) -> float:
 
 
 def cycle_power(rig: Rig, address: int, off_s: float = 0.1) -> float:
-    """Switch the power of a board off and on; the time of switching on, on the rig's clock in seconds."""
+    """Switch the power of a board off and on again. Returns the rig's clock at which it was switched on, in seconds."""
     rig.power.switch(False, address)
     rig.clock.wait(off_s)
     rig.power.switch(True, address)

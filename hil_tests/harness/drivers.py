@@ -91,7 +91,9 @@ def load_driver(device: str, name: str) -> RegisteredDriver:
 
 
 def open_driver(driver: RegisteredDriver, context: Any, options: Mapping[str, Any]) -> Any:
-    """An instance of the driver. Raises `TaxelError` as one line if its device cannot be opened."""
+    """Create a driver of the rig and open its device. Raises `TaxelError` as one line if the device cannot be
+    opened.
+    """
     try:
         return driver.driver_class(context, **options)
     except TaxelError:
@@ -105,7 +107,10 @@ def _list_methods(interface: type) -> list[str]:
 
 
 def _read_options(where: str, driver_class: type[Any]) -> tuple[DriverOption, ...]:
-    """Options of a driver from the signature of its constructor, without `self` and the context."""
+    """Options that a rig file may give to a driver, from the signature of the driver's constructor.
+
+    where: name of the driver for error messages. The parameters `self` and `context` are no options.
+    """
     constructor = driver_class.__init__
     types = get_type_hints(constructor)
     options = []

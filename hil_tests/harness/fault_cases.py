@@ -52,7 +52,9 @@ class FaultCase:
     loses_on_wire: bool = False
 
     def inject(self, rig: Rig, skin: Skin, address: int) -> float:
-        """Inject all steps into the board with this address; the time of the last step on the rig's clock, seconds."""
+        """Inject all steps of this fault into the board with an I2C address. Returns the rig's clock at the last
+        step, in s.
+        """
         assert rig.faults is not None
         start_s = rig.clock.now_s()
         for step in self.steps:
@@ -64,7 +66,9 @@ class FaultCase:
 
 
 def _at_byte(fault: str, byte: int, second_value: float = 0.0) -> tuple[FaultStep]:
-    """A fault at this byte of the board's next transfer; byte 0 is the address."""
+    """A fault case step that damages byte number `byte` of the next I2C transfer of the board; byte 0 is the
+    address.
+    """
     return (FaultStep(0.0, fault, True, float(byte), second_value),)
 
 

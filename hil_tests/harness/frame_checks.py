@@ -44,12 +44,14 @@ class KnownCounts:
         self.advance()
 
     def advance(self) -> None:
-        """Set the counts of the next step."""
+        """Set the raw counts of the next step: every taxel measures 100 counts more than in the step before."""
         self.step += 1
         self._source.set_counts(self._base + STEP_COUNTS * self.step)
 
     def check_frame(self, frame: TaxelFrame) -> None:
-        """Fail unless all counts of the frame were set, for these taxels, during one scan."""
+        """Check that all counts of a taxel frame were set by the test, for these taxels, during one scan. Fails
+        otherwise.
+        """
         board = f"board 0x{frame.address:02X}"
         base = self._base[self._hand.get_slice(frame.address)]
         difference = frame.raw_counts.astype(int) - base
@@ -62,7 +64,7 @@ class KnownCounts:
 
 
 def check_order(frames: list[TaxelFrame]) -> None:
-    """Fail unless the poll cycles of each board increase (modulo 65536)."""
+    """Check that the poll cycle numbers of each board's frames increase, modulo 65536. Fails otherwise."""
     last: dict[int, TaxelFrame] = {}
     for frame in frames:
         before = last.get(frame.address)
@@ -72,7 +74,10 @@ def check_order(frames: list[TaxelFrame]) -> None:
 
 
 def check_polls(skin: Skin) -> None:
-    """Fail unless each poll has exactly one outcome; one poll of each board may be in progress."""
+    """Check that each poll of a board has exactly one outcome, success or one kind of failure. Fails otherwise.
+
+    One poll of each board may still be in progress.
+    """
     skin.hub.read_status()
     for address, fields in skin.hub.board_status.items():
         in_progress = fields["polls"] - sum(fields[name] for name in OUTCOMES)

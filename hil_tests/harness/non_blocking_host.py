@@ -55,10 +55,10 @@ class NonBlockingHost:
         self._sequence = (self._sequence + 1) % 65536
 
     def send_handshake(self, tag: int = 1) -> None:
-        """Send HOST_HANDSHAKE."""
+        """Send the message HOST_HANDSHAKE to the hub. tag: number that the hub repeats in its answer."""
         fields = {"tag": tag, "version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION}
         self.send(FrameType.HOST_HANDSHAKE, pack(HostHandshake, fields))
 
     def send_command(self, command: int, arguments: bytes = b"", tag: int = 1) -> None:
-        """Send COMMAND."""
+        """Send the message COMMAND to the hub. tag: number that the hub repeats in its reply."""
         self.send(FrameType.COMMAND, pack(CommandPayload, {"tag": tag, "command": command}, arguments))

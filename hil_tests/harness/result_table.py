@@ -31,7 +31,9 @@ def count_outcomes(reports: Iterable[pytest.TestReport]) -> dict[str, Counter[st
 
 
 def format_table(suites: Mapping[str, Counter[str]], rig: str) -> list[str]:
-    """Lines of the table of a rig with this name."""
+    """Lines of the table with the numbers of passed, failed and not possible tests of each suite. rig: name of the
+    rig.
+    """
     width = max([len(name) for name in suites] + [len("suite")])
     lines = [f"{'suite':<{width}}  " + "  ".join(f"{column:>12}" for column in COLUMNS) + f"   rig: {rig}"]
     for name, outcomes in sorted(suites.items()):

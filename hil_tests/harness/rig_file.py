@@ -90,7 +90,10 @@ def _read_description(path: Path, table: dict[str, Any]) -> RigDescription:
 
 
 def _add_defaults(named: Mapping[str, Device], is_virtual: bool) -> dict[str, Device]:
-    """All devices of a virtual rig have a virtual driver; a physical rig has the clock of this machine."""
+    """Add a driver for each device that a rig file does not name.
+
+    A virtual rig gets virtual drivers for all devices; a physical rig gets the clock of this machine.
+    """
     defaults = dict.fromkeys(INTERFACES, "virtual") if is_virtual else {"clock": "monotonic"}
     return {
         device: named[device] if device in named else Device(load_driver(device, defaults[device]))

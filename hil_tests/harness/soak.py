@@ -112,7 +112,10 @@ class Soak:
     def run(
         self, seconds: float, show_progress: Callable[[float, float], None] = lambda elapsed_s, total_s: None
     ) -> SoakReport:
-        """Continue for `seconds` of world time. `show_progress` receives the elapsed time and the total time."""
+        """Run the emulated skin and its random faults for `seconds` of virtual time more.
+
+        show_progress: called with the elapsed and the total time in seconds.
+        """
         start_s = self.world.now_s
         end_s, sampled_s = start_s + seconds, start_s
         self._send_handshake()
@@ -126,7 +129,9 @@ class Soak:
         return self.report
 
     def _run_until(self, until_s: float) -> None:
-        """Run the world to a time; receive frames, inject scheduled fault steps, and change the raw counts when due."""
+        """Run the emulated skin to a virtual time in seconds: receive frames, inject planned faults, and change raw
+        counts when due.
+        """
         while True:
             next_s = min(until_s, self._next_fault_s, self._next_count_step_s, *(step[0] for step in self._scheduled))
             self.world.run(max(next_s - self.world.now_s, 0.0))
@@ -145,7 +150,7 @@ class Soak:
                 return
 
     def _start_fault(self) -> None:
-        """Sample a fault, schedule its steps, and sample the time of the next fault."""
+        """Sample a random fault, plan its steps, and sample the time of the fault after it."""
         kind = self._random.choice(KINDS)
         address = self._random.choice([board.address for board in self._hand.boards])
         start_s, steps = self.world.now_s, kind.sample_steps(self._random)
@@ -159,7 +164,11 @@ class Soak:
         self._next_fault_s = start_s + last_step_s + self._random.expovariate(1.0 / self._mean_gap_s)
 
     def record_fault(self, kind: str, scope: str, address: int, duration_s: float) -> None:
-        """Record a fault from now on for `duration_s` seconds. It explains the frames that are missing then."""
+        """Record a fault that begins now and lasts `duration_s` seconds. Frames that are missing meanwhile are
+        attributed to it.
+
+        scope: frames that the fault may cost, such as "board", "bus" or "wire". address: board with the fault.
+        """
         now_s = self.world.now_s
         self._faults.append(Fault(kind, scope, address, now_s, now_s + duration_s))
         while self._faults and self._faults[0].end_s < now_s - FAULT_MEMORY_S:
@@ -183,7 +192,9 @@ class Soak:
                 self._process_batch(batch)
 
     def _process_batch(self, batch: Batch) -> None:
-        """Process the frames between restarts of the hub separately: cycles and hub times restart at 0."""
+        """Process the decoded frames before and after each restart of the hub separately, as cycles and times
+        restart at 0.
+        """
         restarts = batch.message_rows["stream_position"][(batch.message_rows["flags"] & HUB_RESTARTED) != 0]
         cuts = [0, *np.searchsorted(batch.taxel_rows["stream_position"], restarts).tolist(), len(batch.taxel_rows)]
         starts = [0, *np.cumsum(batch.taxel_rows["size"].astype(int)).tolist()]
@@ -193,7 +204,9 @@ class Soak:
             self._process_frames(batch.taxel_rows[first:last], batch.counts[starts[first] : starts[last]])
 
     def _process_restart(self) -> None:
-        """Read the time at which the hub booted from the log of fault events, and repeat the handshake."""
+        """Process a restart of the hub: read the time at which it booted from the log of faults, and repeat the
+        handshake.
+        """
         for event in self.world.read_faults(self._n_events_read):
             self._n_events_read += 1
             if event.address == 0:
@@ -242,14 +255,17 @@ class Soak:
             self._attribute_gap(address, last_s, time_s, steps - 1)
 
     def _convert_hub_time(self, hub_time_us: int) -> float:
-        """World time in seconds of a time on the hub's clock, which wraps after 2^32 us."""
+        """Virtual time in seconds at which the hub's clock showed `hub_time_us`; the clock wraps after 2^32 us."""
         elapsed_us = (self.world.now_s - self._hub_boot_s) * 1e6
         wraps = round((elapsed_us - hub_time_us) / WRAP_US)
         return self._hub_boot_s + (hub_time_us + wraps * WRAP_US) / 1e6
 
     def _attribute_gap(self, address: int, last_s: float, back_s: float, lost: int) -> None:
-        """Attribute a gap to a fault that may cost frames of this board, was active in the gap and ended just before
-        the end of the gap; without such a fault, add a line to `unexplained`.
+        """Attribute missing frames of a board to a fault, or report them as unexplained.
+
+        address: I2C address of the board. last_s, back_s: times of the frames before and after the gap. lost:
+        number of missing frames. The fault must be able to cost frames of this board and be active within the gap
+        or just before its end.
         """
         self.report.lost += lost
         tolerance_s = RECOVERY_S + (CYCLES_BACK + 1) * CYCLE_S

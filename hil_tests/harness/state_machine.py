@@ -212,7 +212,7 @@ class SkinMachine(RuleBasedStateMachine):
             assert self.host.stream.losses.lost_on_wire == 0
 
     def teardown(self) -> None:
-        """End all faults; then all boards must stream."""
+        """End a random sequence: end all faults; then all boards must stream again."""
         if self.world is None:
             return
         try:
@@ -221,7 +221,7 @@ class SkinMachine(RuleBasedStateMachine):
             self.world.close()
 
     def _recover(self) -> None:
-        """End all faults, flush armed faults, and check that all boards stream with correct counts."""
+        """End all injected faults, and check that all boards stream with correct counts afterwards."""
         assert self.world is not None
         for address in ADDRESSES:
             for fault in ("plug", "corrupt", "nack", "hold_sda", "hold_scl", "stretch"):

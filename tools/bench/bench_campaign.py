@@ -41,7 +41,7 @@ def _measure_rate(run_campaign: Callable[[Path], object], count: int) -> float:
 
 
 def measure() -> list[Figure]:
-    """Grasps per second of both sources, including the start of the processes."""
+    """Benchmark of campaigns: grasps per second of simulation and emulator, including the start of the processes."""
     plan = _make_short_plan()
     sim = _measure_rate(lambda path: run_simulated(path, plan, SimSettings()), len(plan))
     emulated = _measure_rate(lambda path: run_emulated(path, plan, EmulatedSettings()), len(plan))

@@ -61,7 +61,7 @@ def _figure(name: str, hand: Hand, tally: Tally, entropy: float) -> Figure:
 
 
 def measure() -> list[Figure]:
-    """Bytes and rates at four noise levels, and bytes of a recording with contacts."""
+    """Benchmark of compact frames: bytes and rates at four noise levels, and bytes of a recording with contacts."""
     hand = load_hand("allegro")
     figures = []
     for sigma in SIGMAS:

@@ -57,7 +57,7 @@ def _control(hand: AllegroHand, seconds: float) -> dict[str, float]:
 
 
 def measure() -> list[Figure]:
-    """Periods met, relative to an empty loop."""
+    """Benchmark of the joint controller: share of the control periods that were met, relative to an empty loop."""
     loop = count_periods()
     met, empty = loop["periods"] - loop["missed"], loop["periods"] - loop["empty_loop_missed"]
     detail = f"333 Hz: {loop['missed']:.0f} of {loop['periods']:.0f} missed, empty loop {loop['empty_loop_missed']:.0f}"
@@ -65,9 +65,10 @@ def measure() -> list[Figure]:
 
 
 def count_periods(seconds: float = 5.0) -> dict[str, float]:
-    """Periods, missed periods and lateness of the ticks (microseconds) of `seconds` of control.
+    """Run the joint controller for `seconds` and count its control periods.
 
-    `empty_loop_missed` is the number of periods that an empty loop of the same duration misses directly afterwards.
+    Returns the number of periods, of missed periods, and the lateness in us. `empty_loop_missed`: number of periods
+    that an empty loop of the same duration misses directly afterwards.
     """
     statistics = _run_loop(seconds)
     empty = ControlLoop(PERIOD_S).run(lambda period: None, round(seconds / PERIOD_S))

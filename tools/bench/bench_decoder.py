@@ -33,7 +33,7 @@ def _stream(path: Path) -> bytes:
 
 
 def _decode_batches(data: bytes) -> None:
-    """Decode as the host does: from chunks of bytes to arrays, including both CRCs and loss accounting."""
+    """Decode a byte stream in chunks to arrays, as the host does, including both CRCs and loss accounting."""
     decoder = StreamDecoder()
     for start in range(0, len(data), CHUNK):
         decoder.push(data[start : start + CHUNK])
@@ -41,7 +41,7 @@ def _decode_batches(data: bytes) -> None:
 
 
 def _decode_frames(data: bytes) -> None:
-    """As `_decode_batches`, plus clock mapping and one `TaxelFrame` object per frame."""
+    """Decode a byte stream to one `TaxelFrame` object per frame, including CRCs, loss accounting and clock mapping."""
     decoder, clock = StreamDecoder(), ClockMap(1e6, has_arrivals=False)
     for start in range(0, len(data), CHUNK):
         for batch in decoder.push(data[start : start + CHUNK]):
@@ -50,14 +50,16 @@ def _decode_frames(data: bytes) -> None:
 
 
 def measure() -> list[Figure]:
-    """Taxel frames per second relative to construct, and bytes per second relative to memcpy and CRC-32."""
+    """Benchmark of the decoders: taxel frames per second relative to construct, bytes per second relative to memcpy
+    and CRC-32.
+    """
     with tempfile.TemporaryDirectory() as name:
         capture, _ = record(Path(name), VIRTUAL_S)
         return _compare_decoders(capture)
 
 
 def _compare_decoders(capture: Path) -> list[Figure]:
-    """Figures of the decoders for one capture of the emulated hand."""
+    """Compare the speed of all decoders on one capture file of the emulated hand. Returns the rows of the report."""
     data, file = _stream(capture), np.fromfile(capture, dtype=np.uint8)
     bodies = [whiten(cobs_decode(chunk)) for chunk in data.split(b"\0")[:-1] if chunk]  # the last frame is truncated
     bodies = [body for body in bodies if body[0] == FrameType.TAXELS]

@@ -28,7 +28,9 @@ def make_campaign(folder: Path = FOLDER) -> None:
 
 
 def measure() -> list[Figure]:
-    """Allowed seconds divided by elapsed seconds; ratio None if the campaign does not exist."""
+    """Benchmark of the diagnosis: allowed seconds divided by elapsed seconds; no ratio if the campaign does not
+    exist.
+    """
     name, reference = f"diagnosis of {GRASPS} grasps", f"{ALLOWED_S:g} s"
     if not (FOLDER / "complete.json").exists():
         detail = "not measured: create the campaign with python tools/bench/bench_diagnosis.py"

@@ -74,7 +74,7 @@ def _write_contacts(path: Path) -> None:
 
 
 def _speed(folder: Path, world: str, threads: int) -> tuple[float, dict[str, Any]]:
-    """(virtual seconds per wall-clock second, start of the process included; statistics of the emulator)."""
+    """Run the emulator program on a world file. Returns virtual seconds per second of real time, and its statistics."""
     speeds = []
     for _ in range(REPEATS):
         before = time.perf_counter()
@@ -84,7 +84,7 @@ def _speed(folder: Path, world: str, threads: int) -> tuple[float, dict[str, Any
 
 
 def measure() -> list[Figure]:
-    """Virtual seconds per wall-clock second, with one thread per available core."""
+    """Benchmark of the emulator: virtual seconds per second of real time, with one thread per available core."""
     hand, threads = load_hand("allegro"), min(len(os.sched_getaffinity(0)), THREADS_MAX)
     worlds = {
         "ideal skin": (IDEAL_TARGET, format_world(hand, WorldSettings())),

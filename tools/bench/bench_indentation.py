@@ -37,7 +37,7 @@ def _measure_core_seconds(action: Callable[[], object]) -> float:
 
 
 def measure() -> list[Figure]:
-    """Allowed seconds divided by used seconds, default effects off."""
+    """Benchmark of simulated indentations: allowed seconds divided by used seconds, default effects off."""
     hand = load_hand(HAND)
     plan_s = _measure_core_seconds(lambda: sample_indentation_plan(hand, SEED))
     plan = sample_indentation_plan(hand, SEED)

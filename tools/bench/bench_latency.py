@@ -45,7 +45,11 @@ def _write_contacts(hand: Hand, path: Path) -> tuple[NDArray[np.float64], NDArra
 
 
 def _measure_delays(hand: Hand, folder: Path, usb_latency_ms: float) -> tuple[NDArray[np.float64], float, float]:
-    """(seconds from contact to the last byte of the activating frame [p, boards], frame period, longest scan)."""
+    """Measure the delay from a contact to the frame in which the touched taxel is active.
+
+    usb_latency_ms: latency of the USB adapter. Returns the delays f64[p, boards] in s for p contacts (to the last
+    byte of the frame), the frame period, and the duration of the longest scan.
+    """
     onsets, taxels = _write_contacts(hand, folder / "contacts.stm")
     settings = WorldSettings(scl_hz=SCL_HZ, usb_latency_ms=usb_latency_ms)
     length = FIRST_S + CONTACT_PERIOD_S * (CONTACTS + 1)
@@ -93,7 +97,9 @@ def _format_percentiles(values: NDArray[np.float64]) -> str:
 
 
 def measure() -> list[Figure]:
-    """Allowed latency divided by the 95th percentile, for single boards and for the whole hand."""
+    """Benchmark of the latency: allowed latency divided by its 95th percentile, for single boards and for the whole
+    hand.
+    """
     hand = load_hand("allegro")
     with tempfile.TemporaryDirectory() as name:
         delays, period, scan = _measure_delays(hand, Path(name), 0.0)

@@ -34,7 +34,7 @@ def measure_peak_mb(program: str, capture: Path, seconds: float) -> float:
 
 
 def measure() -> list[Figure]:
-    """Allowed memory for ten times the length, divided by the measured memory."""
+    """Benchmark of memory: allowed peak memory for a recording of ten times the length, divided by the measured one."""
     figures = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

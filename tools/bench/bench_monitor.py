@@ -71,7 +71,7 @@ open(out, "w").write(json.dumps(result))
 
 @contextlib.contextmanager
 def emulated_port(settings: WorldSettings) -> Iterator[str]:
-    """Pseudo-terminal of the emulated hand."""
+    """Context with an emulated hand in real time. Yields the URL of its pseudo-terminal."""
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world = Path(folder) / "world.txt"
         world.write_text(format_world(load_hand("allegro"), settings))
@@ -115,7 +115,9 @@ def run_monitor(url: str, kind: str, seconds: float) -> dict[str, Any]:
 
 
 def measure_rows(buses: Sequence[str], kinds: Sequence[str], seconds: float) -> list[dict[str, Any]]:
-    """Measure one row per bus and view."""
+    """Measure the load of the monitor: one row for each bus setting of `BUSES` and each view ("lines", "terminal",
+    "browser").
+    """
     rows = []
     for bus in buses:
         settings = BUSES[bus]
@@ -134,7 +136,7 @@ def count_missed_frames(row: dict[str, Any]) -> int:
 
 
 def measure() -> list[Figure]:
-    """One core divided by the load of the terminal view; no ratio if a frame was missed."""
+    """Benchmark of the monitor: one core divided by the load of the terminal view; no ratio if a frame was missed."""
     figures = []
     for row in measure_rows(list(BUSES), ["terminal"], 6.0):
         lost = count_missed_frames(row)
@@ -145,7 +147,7 @@ def measure() -> list[Figure]:
 
 
 def main() -> int:
-    """Print the table; exit status 1 if a frame was missed or a view needs a whole core."""
+    """Print the load of the monitor; exit status 1 if a frame was missed or a view needs a whole core."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--json", action="store_true")

@@ -53,7 +53,9 @@ def _read_checked(path: Path) -> None:
 
 
 def measure() -> list[Figure]:
-    """Arrays relative to single frames; checked reading relative to unchecked reading with h5py."""
+    """Benchmark of recordings: reading as arrays relative to single frames, and checked reading relative to h5py
+    alone.
+    """
     with tempfile.TemporaryDirectory() as name:
         capture, _ = record(Path(name), VIRTUAL_S)
         activity = compare(lambda: _read_activity_arrays(capture), lambda: _activate_frame_by_frame(capture), repeats=3)

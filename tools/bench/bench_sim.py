@@ -27,7 +27,7 @@ def _select_one_grasp_per_object() -> list[PlannedGrasp]:
 
 
 def _measure_grasp_s(setup: Setup) -> float:
-    """Mean over the objects of the median processor time, which depends little on other load of the machine."""
+    """Processor time in s to simulate one grasp: median over repeats, mean over the objects."""
     settings, medians = SimSettings(), []
     for planned in _select_one_grasp_per_object():
         times = []
@@ -40,7 +40,10 @@ def _measure_grasp_s(setup: Setup) -> float:
 
 
 def _load_ratio(setup: Setup) -> tuple[float, float]:
-    """(time of NumPy divided by time of C, seconds per load in C) for a hand that closes and holds."""
+    """Compare the contact model in C with the one in NumPy for a hand that closes and holds an object.
+
+    Returns the time of NumPy divided by the time of C, and the time of C per step in seconds.
+    """
     planned, settings = _select_one_grasp_per_object()[0], SimSettings()
     item, law = setup.objects[planned.object], settings.sensing.law
     line = Timeline(baseline_s=0.0, closing_s=2.0, hold_s=0.2, release_s=0.0, recovery_s=0.0)
@@ -59,7 +62,9 @@ def _load_ratio(setup: Setup) -> tuple[float, float]:
 
 
 def measure() -> list[Figure]:
-    """Allowed seconds divided by used seconds, and C relative to NumPy."""
+    """Benchmark of the simulator: allowed seconds per grasp divided by used seconds, and contact model in C
+    relative to NumPy.
+    """
     setup = Setup()
     grasp = _measure_grasp_s(setup)
     ratio, load = _load_ratio(setup)

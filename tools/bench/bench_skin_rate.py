@@ -54,12 +54,12 @@ class Rates:
 
     @property
     def limit(self) -> str:
-        """Name of the part with the lowest limit."""
+        """Name of the part (scan, I2C, UART) that limits the rate of the skin."""
         return min(("scan", "I2C", "UART"), key=lambda name: getattr(self, name.lower()))
 
     @property
     def ceiling(self) -> float:
-        """Lowest limit in Hz."""
+        """Rate in Hz that the slowest of scan, I2C and UART permits."""
         return min(self.scan, self.i2c, self.uart)
 
 
@@ -102,7 +102,7 @@ def measure_rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
 
 
 def _figure(scl_hz: float, baud: float, name: str) -> Figure:
-    """Figure of one combination of bus clock, baud rate and scan settings."""
+    """The row of the report for one bus clock (Hz), UART rate (baud) and name of the scan settings."""
     scan, rates = SCANS[name], measure_rates(scl_hz, baud, SCANS[name])
     has_enough_signal = rates.threshold >= SIGMAS * rates.sigma
     target = {"I2C": I2C_SHARE, "UART": UART_SHARE}.get(rates.limit)
@@ -124,5 +124,5 @@ def _figure(scl_hz: float, baud: float, name: str) -> Figure:
 
 
 def measure() -> list[Figure]:
-    """Measured rate divided by the lowest limit, uncompressed frames."""
+    """Benchmark of the skin rate with uncompressed frames: measured rate divided by the rate of the slowest part."""
     return [_figure(*case) for case in CASES]

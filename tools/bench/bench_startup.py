@@ -14,7 +14,7 @@ HELP_LIMIT_S, IMPORT_LIMIT_S = 0.4, 0.1
 
 
 def _child_seconds(command: list[str]) -> float:
-    """User and system time of a child process, in seconds."""
+    """Run a command. Returns its user and system time in seconds."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -28,7 +28,9 @@ def _median_seconds(command: list[str]) -> float:
 
 
 def measure() -> list[Figure]:
-    """Start of `taxel --help` and of `import taxel`, without the start of the interpreter for the import."""
+    """Benchmark of the start of `taxel --help` and of `import taxel`, the latter without the start of the
+    interpreter.
+    """
     empty = _median_seconds([sys.executable, "-c", ""])
     imported = max(_median_seconds([sys.executable, "-c", "import taxel"]) - empty, 1e-4)
     helped = _median_seconds([str(Path(sys.executable).with_name("taxel")), "--help"])

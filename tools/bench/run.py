@@ -33,7 +33,7 @@ def format_ratio(ratio: float | None) -> str:
 
 
 def build_table(figures: list[Figure]) -> Table:
-    """Table with one row per figure."""
+    """Table of the measured ratios, one row per benchmark result."""
     table = Table(title="benchmarks: medians of ratios, measured in one run")
     for heading in ("figure", "ratio", "at least", "reference", "detail"):
         table.add_column(heading, justify="right" if heading in {"ratio", "at least"} else "left")

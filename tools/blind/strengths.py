@@ -38,7 +38,7 @@ HAND: Final = "rig4"
 
 
 def main(arguments: list[str]) -> int:
-    """Print the table."""
+    """Print for each cause type of the blind check the gap over floor at several strengths."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--emulator-effects", help="separated by commas; default: all")
     parser.add_argument("--strengths", default="0,0.5,1", help="between 0 and 1, separated by commas")
@@ -84,7 +84,11 @@ def main(arguments: list[str]) -> int:
 
 
 def compute_ratio(name: str, strength: float, seed: list[int]) -> float:
-    """Gap over floor of one world; NaN if no plan has an equilibrium."""
+    """Gap over floor that the diagnosis measures in a world with one hidden cause. name: cause type; strength: 0 to
+    1.
+
+    NaN if no grasp plan has an equilibrium.
+    """
     rng = np.random.default_rng(seed)
     cause = CAUSE_TYPES[name].sample(rng, load_hand(HAND), strength)
     hidden = HiddenCauses("single", (cause,), sample_nuisance_lines(rng))

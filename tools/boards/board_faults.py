@@ -48,7 +48,7 @@ class SlowLink(VirtualMemoryLink):
     """The hub's UART, read in pieces of 10 ms. The frames keep their own times."""
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """Implements `Link`."""
+        """Receive the bytes of the next 10 ms, as `Link.read` does."""
         wait = min(timeout_s, POLL_S)
         if wait > 0.0:
             self.world.run(wait)
@@ -231,7 +231,12 @@ def _sample_random_drift(rng: random.Random, kind: BoardKind, board: str, severi
 def _scale_drift(
     effect: str, kind: BoardKind, rng: random.Random, measure: Callable[[FloatArray, float], float], target: float
 ) -> str:
-    """Line of the world file with the `counts` of the target drift, measured on a twin without noise."""
+    """Line of the world file that gives the drift its target size.
+
+    effect: line without the parameter `counts`. measure: function of the mean counts f64[T] and the rate that
+    returns the size of a drift. The drift is random, so its size is measured on a board without noise, and `counts`
+    is scaled.
+    """
     trial_counts = 300.0
     seed = rng.randrange(1, 2**31)
     with VirtualWorld(build_world(kind.name, seed, [f"{effect} counts={trial_counts}"], noise_counts=0.0)) as world:

@@ -53,7 +53,7 @@ class Result:
 
 
 def run_case(case: Case) -> Result:
-    """Test one board."""
+    """Run the board test on one emulated board."""
     plan = select_phases(load_default_plan(), PHASES)
     address = BOARDS[case.kind]
     kind = HAND.get_board(address).kind
@@ -94,7 +94,7 @@ def sample_cases(faults: int, healthy: int, curve: int, seed: int) -> list[Case]
 
 
 def run_cases(cases: Sequence[Case], jobs: int) -> Iterable[Result]:
-    """Test all boards, in order."""
+    """Test all emulated boards in `jobs` processes; results in the order of the cases."""
     if jobs == 1:
         yield from map(run_case, cases)
         return
@@ -103,7 +103,7 @@ def run_cases(cases: Sequence[Case], jobs: int) -> Iterable[Result]:
 
 
 def main() -> int:
-    """Run the campaign."""
+    """Run the campaign that counts how many board faults the board test detects."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--faults", type=int, default=320, help="single faults of severity 1.5 to 10")
     parser.add_argument("--healthy", type=int, default=1000, help="healthy boards")

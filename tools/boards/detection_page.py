@@ -40,7 +40,9 @@ def _format_rows(results: Sequence[Result]) -> list[tuple[str, int, int, int, in
 
 
 def _format_totals(results: Sequence[Result]) -> list[str]:
-    """Lines with the totals of faults, healthy boards and durations."""
+    """Lines with the totals of the detection campaign: detected faults, refused healthy boards, durations of the
+    tests.
+    """
     faults = _select_faults(results)
     count, caught, named = _counts(faults)
     healthy = [result for result in results if result.case.family == "healthy"]
@@ -61,7 +63,7 @@ def _format_totals(results: Sequence[Result]) -> list[str]:
 
 
 def format_summary(results: Sequence[Result], seed: int, seconds: float) -> str:
-    """Results as text."""
+    """Text with the numbers of detected faults per family and in total. seconds: duration of the campaign."""
     lines = [f"seed {seed}, {len(results)} boards in {seconds:.0f} s", *_format_totals(results), ""]
     lines.append(f"{'fault':<28} {'boards':>6} {'caught':>6} {'named':>6} {'only':>6}")
     lines += [
@@ -95,7 +97,7 @@ def write_page(docs: Path, results: Sequence[Result], seed: int) -> None:
 
 
 def _draw_curves(results: Sequence[Result]) -> Figure:
-    """Share of refused boards over severity, for each graded family."""
+    """Diagram of the share of refused boards over the severity of their fault, one curve per family of faults."""
     figure = Figure(figsize=(8.4, 4.6), layout="constrained")
     axes = figure.add_subplot()
     graded = [family for family in FAMILIES if family.is_graded]

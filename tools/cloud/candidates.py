@@ -48,7 +48,7 @@ class Candidate:
 
 
 def _load_taxel() -> Operations:
-    """Operations of taxel.cloud."""
+    """Operations of this project's own package taxel.cloud, for the comparison with other libraries."""
     from taxel.cloud.mesh import TriangleMesh
     from taxel.cloud.registration import PointTarget, align_to_mesh, align_to_points
 
@@ -69,7 +69,10 @@ def _load_reference() -> Operations:
 
 
 def _align_by_kd_tree(points: FloatArray, target: FloatArray) -> FloatArray:
-    """Algorithm of Besl and McKay: nearest points by a k-d tree, and the best rotation by Kabsch's method."""
+    """Transform f64[4, 4] that aligns points with target points, both f64[n, 3], by ICP in SciPy and NumPy.
+
+    Algorithm of Besl and McKay: nearest points by a k-d tree, and the best rotation by Kabsch's method.
+    """
     from scipy.spatial import cKDTree
 
     tree, centre = cKDTree(target), points.mean(axis=0)
@@ -111,7 +114,7 @@ def compute_exact_distances(points: FloatArray, vertices: FloatArray, faces: Int
 
 
 def _load_small_gicp() -> Operations:
-    """Operations of small_gicp: alignment only."""
+    """Operations of the library small_gicp: alignment only."""
     import small_gicp
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:
@@ -134,7 +137,7 @@ def _load_small_gicp() -> Operations:
 
 
 def _load_open3d() -> Operations:
-    """Operations of Open3D."""
+    """Operations of the library Open3D: alignment and distances to a mesh."""
     import open3d  # type: ignore[import-not-found,unused-ignore]
 
     registration = open3d.pipelines.registration
@@ -163,7 +166,7 @@ def _load_open3d() -> Operations:
 
 
 def _load_trimesh() -> Operations:
-    """Operations of trimesh."""
+    """Operations of the library trimesh: alignment and distances to a mesh."""
     import trimesh  # type: ignore[import-not-found,unused-ignore]
 
     def align(points: FloatArray, target: FloatArray) -> FloatArray:

@@ -38,7 +38,9 @@ class CloudCompare:
     folder: Path
 
     def run(self, *arguments: str) -> str:
-        """Run one command in the folder and return its log. Raises RuntimeError if the command fails."""
+        """Run one command of the program CloudCompare in its folder. Returns its log; raises RuntimeError if it
+        fails.
+        """
         log = self.folder / "cloudcompare.log"
         log.unlink(missing_ok=True)
         command = [self.program, "-SILENT", "-LOG_FILE", str(log), *COMMON_OPTIONS, *arguments]
@@ -51,13 +53,16 @@ class CloudCompare:
         return text
 
     def save(self, name: str, points: FloatArray, counts: FloatArray | None = None) -> str:
-        """Write a cloud to a file in the folder and return the name of the file."""
+        """Write a point cloud for CloudCompare. points: f64[n, 3]; counts: f64[n]. Returns the name of the file."""
         table = points if counts is None else np.column_stack([points, counts])
         np.savetxt(self.folder / f"{name}.xyz", table, fmt="%.10f")
         return f"{name}.xyz"
 
     def remove_outliers(self, cloud: str, k: int, n_sigma: float) -> FloatArray:
-        """The points that the SOR filter keeps, f64[m, 3]."""
+        """Points f64[m, 3] that CloudCompare's statistical outlier removal (SOR) keeps.
+
+        k: number of neighbours; n_sigma: limit of the mean neighbour distance, in standard deviations.
+        """
         self.run("-O", cloud, "-SOR", str(k), f"{n_sigma:g}", *self._save_as("kept"))
         return self._read_table("kept")[:, :3]
 
@@ -72,14 +77,21 @@ class CloudCompare:
         return self._read_table("distances")[:, -1]
 
     def align(self, cloud: str, target: str) -> tuple[FloatArray, float]:
-        """The cloud after ICP to a mesh (.ply) or a cloud, f64[n, 3], and the RMS in the log."""
+        """Align a cloud by the ICP of CloudCompare to a mesh (.ply) or another cloud. Returns points f64[n, 3], and
+        the RMS.
+        """
         log = self.run("-O", cloud, "-O", target, *ICP, *self._save_as("aligned", 1 if target.endswith(".ply") else 2))
         return self._read_table("aligned")[:, :3], parse_rms(log)
 
     def compute_sweep_row(
         self, cloud: str, mesh: str, threshold: float, sor: tuple[int, float] | None
     ) -> tuple[float, FloatArray]:
-        """Force filter, outlier filter, ICP and distances in one command: the RMS in the log, unsigned distances."""
+        """Filter a cloud by force and outliers, align it to a mesh and measure distances, in one command of
+        CloudCompare.
+
+        threshold: smallest force. sor: settings of the outlier removal. Returns the RMS of the alignment, and the
+        unsigned distances.
+        """
         outlier_options = ("-SOR", str(sor[0]), f"{sor[1]:g}") if sor else ()
         force_options = ("-FILTER_SF", f"{threshold:g}", "MAX")
         options = (*force_options, *outlier_options, "-O", mesh, *ICP, *C2M)
@@ -103,7 +115,7 @@ class CloudCompare:
 
 
 def parse_rms(log: str) -> float:
-    """The RMS that an ICP wrote to the log. Raises RuntimeError if there is none."""
+    """RMS of an alignment, from the log of CloudCompare. Raises RuntimeError if the log has none."""
     values = re.findall(r"RMS: ([0-9.eE+-]+)", log)
     if not values:
         raise RuntimeError("ICP: expected an RMS in the log of CloudCompare, found none")

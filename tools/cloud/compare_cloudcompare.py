@@ -102,7 +102,10 @@ class Speed:
 def build_variants(
     real: GraspDataset, sim: GraspDataset, name: str
 ) -> Iterator[tuple[str, ContactCloud, ContactCloud]]:
-    """Clouds of an object: label, cloud, cloud of the other dataset."""
+    """Clouds of an object for the comparison with CloudCompare: label, cloud, cloud of the other dataset.
+
+    real, sim: datasets of grasps, measured and simulated. name: of the object.
+    """
     real_cloud, sim_cloud = accumulate(real, name), accumulate(sim, name)
     filtered = filter_by_force(real_cloud, FORCE_FILTER_COUNTS)
     settings = get_outlier_filter(name)
@@ -117,7 +120,10 @@ def build_variants(
 
 
 def compare_cloud(tool: CloudCompare, label: str, cloud: ContactCloud, other: ContactCloud, mesh: TriangleMesh) -> Row:
-    """Comparison of both programs on one cloud."""
+    """Compare the results of taxel.cloud and CloudCompare on one cloud.
+
+    tool: CloudCompare. label: name of the row. other: cloud of the other dataset. mesh: of the object.
+    """
     mesh_file = "mesh.ply"
     write_mesh(mesh, tool.folder / mesh_file, overwrite=True)
     cloud_file, target_file = tool.save("raw", cloud.points), tool.save("target", other.points)
@@ -188,7 +194,7 @@ def compute_excess_percent(value: float, reference: float) -> float:
 
 
 def time_sweep(tool: CloudCompare, cloud: ContactCloud, mesh: TriangleMesh, name: str) -> Speed:
-    """Times of both programs for Tables I-1 to I-6 of one object, starting from files."""
+    """Measure how long taxel.cloud and CloudCompare take for Tables I-1 to I-6 of one object, starting from files."""
     write_mesh(mesh, tool.folder / "mesh.ply", overwrite=True)
     path = tool.folder / "sweep.ply"
     write_cloud(cloud, path, overwrite=True)
@@ -210,7 +216,7 @@ def time_sweep(tool: CloudCompare, cloud: ContactCloud, mesh: TriangleMesh, name
 
 
 def list_violations(rows: list[Row], speed: Speed) -> list[str]:
-    """One line for each bound that is exceeded."""
+    """One line for each permitted difference between taxel.cloud and CloudCompare that is exceeded."""
     violations = []
     for row in rows:
         for name in ("mesh_mean", "mesh_rms", "cloud_mean", "cloud_rms"):

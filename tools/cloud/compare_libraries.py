@@ -91,7 +91,9 @@ def measure_candidate(candidate: Candidate, data: Path) -> dict[str, Any]:
 
 
 def _time(run: Callable[[], FloatArray], repeats: int = REPEATS) -> tuple[float, FloatArray]:
-    """Median processor time of all threads in seconds, after one run to warm up, and the result."""
+    """Run a function `repeats` times after one run to warm up. Returns the median processor time of all threads in
+    s, and the result.
+    """
     result = run()
     seconds = []
     for _ in range(repeats):
@@ -106,7 +108,10 @@ def _compute_mean_ms(runs: list[tuple[float, FloatArray]]) -> float:
 
 
 def compute_errors(results: dict[str, dict[str, Any]], data: Path) -> None:
-    """Replace transforms by RMS distances and distances by their errors, both from the same exact distances."""
+    """Replace the results of a library by their errors, in comparison with the exact distances.
+
+    A transform becomes the RMS distance in mm after alignment; distances become their largest error in m.
+    """
     with np.load(data, allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
     exact = [np.array(distances) for distances in results[REFERENCE]["mesh"]["distances"]]
@@ -209,7 +214,7 @@ def _measure_in_process(candidate: Candidate, data: Path) -> dict[str, Any] | No
 
 
 def print_tables(results: dict[str, dict[str, Any]]) -> None:
-    """Print three tables as Markdown."""
+    """Print the comparison of the libraries as three Markdown tables."""
     print("| library | to 20,000 points, ms | RMS mm | to a cloud, ms | RMS mm | to the surface, ms | RMS mm |")
     print("|---|---|---|---|---|---|---|")
     for name, result in results.items():

@@ -60,7 +60,7 @@ class FileLibrary:
 
 
 def load_taxel() -> FileLibrary:
-    """`taxel.cloud.files`."""
+    """Readers and writers of this project's own module `taxel.cloud.files`."""
     from taxel.cloud.contact_cloud import ContactCloud
     from taxel.cloud.files import MESH_READERS, read_cloud, write_cloud, write_mesh
     from taxel.cloud.files.source import Source
@@ -105,7 +105,10 @@ def load_taxel() -> FileLibrary:
 
 
 def load_trimesh() -> FileLibrary:
-    """Trimesh. Files are passed as open streams, so that the loader of OBJ cannot open material libraries."""
+    """Readers and writers of the library trimesh.
+
+    Files are passed as open streams, so that the loader of OBJ cannot open material libraries.
+    """
     import trimesh  # type: ignore[import-not-found,unused-ignore]
 
     def load(path: Path) -> Any:
@@ -146,7 +149,7 @@ def load_trimesh() -> FileLibrary:
 
 
 def load_meshio() -> FileLibrary:
-    """The library meshio."""
+    """Readers and writers of the library meshio."""
     import meshio  # type: ignore[import-not-found,unused-ignore]
 
     def read_points(path: Path) -> Contents:
@@ -179,7 +182,7 @@ def load_meshio() -> FileLibrary:
 
 
 def load_plyfile() -> FileLibrary:
-    """The library plyfile."""
+    """Readers and writers of the library plyfile."""
     import plyfile  # type: ignore[import-not-found,unused-ignore]
 
     def read_columns(element: Any) -> Table:
@@ -226,7 +229,7 @@ def load_plyfile() -> FileLibrary:
 
 
 def load_pypcd4() -> FileLibrary:
-    """The library pypcd4."""
+    """Readers and writers of the library pypcd4."""
     import pypcd4  # type: ignore[import-not-found,unused-ignore]
 
     def read_points(path: Path) -> Contents:
@@ -246,7 +249,7 @@ def load_pypcd4() -> FileLibrary:
 
 
 def load_numpy() -> FileLibrary:
-    """`numpy.loadtxt` and `numpy.savetxt`."""
+    """Readers and writers of point clouds as text, by `numpy.loadtxt` and `numpy.savetxt`."""
 
     def read_points(path: Path) -> Contents:
         """Read a text file of numbers with NumPy: three columns of coordinates and, if present, one of counts."""
@@ -260,7 +263,7 @@ def load_numpy() -> FileLibrary:
 
 
 def load_igl() -> FileLibrary:
-    """libigl, which reads and writes meshes only."""
+    """Readers and writers of libigl, which supports triangle meshes only."""
     import igl
 
     def read_triangles(path: Path) -> Contents:
@@ -278,7 +281,11 @@ def load_igl() -> FileLibrary:
 
 
 def build_contents(columns: Table, silent: Table | None) -> Contents:
-    """Contents of named columns. CloudCompare writes `scalar_` before the names of scalars."""
+    """Point cloud from the named columns of a file.
+
+    columns: x, y, z and, where present, counts, grasp and taxel, each f64[n]. silent: the same for taxels that were
+    read and not active. CloudCompare writes `scalar_` before the names of its columns.
+    """
     by_name = {name.removeprefix("scalar_"): np.asarray(column, np.float64) for name, column in columns.items()}
     has_grasps = "grasp" in by_name
     return Contents(

@@ -42,7 +42,7 @@ CRASH, TIME_LIMIT, OUT_OF_MEMORY = "crash", "time limit", "memory limit"
 
 
 def check_valid_files(library: FileLibrary, samples: list[Sample], folder: Path) -> list[dict[str, str]]:
-    """For each valid file: "correct", the parts that differ, or the error."""
+    """Read each valid sample file with a library: "correct", the parts that differ, or the error, by sample."""
     results = []
     for sample in samples:
         if (reader := library.readers.get(sample["kind"])) is not None:
@@ -53,7 +53,7 @@ def check_valid_files(library: FileLibrary, samples: list[Sample], folder: Path)
 
 
 def check_malformed_files(library: FileLibrary, samples: list[Sample], folder: Path) -> list[dict[str, str]]:
-    """For each malformed file whether the library refuses it, accepts it, or exceeds a limit."""
+    """Read each malformed sample file with a library: refused, accepted, or a limit of time or memory exceeded."""
     results = []
     for sample in samples:
         if (reader := library.readers.get(sample["kind"])) is not None:
@@ -94,7 +94,7 @@ def change_randomly(content: bytes, seed: int) -> bytes:
 
 
 def run_with_limits(read: Callable[[], str]) -> dict[str, str]:
-    """Outcome and message of a reader in a forked process with limits of memory and time."""
+    """Run a file reader in a forked process with limits of memory and time. Returns its outcome and a message."""
     receiver, sender = os.pipe()
     child = os.fork()
     if child == 0:
@@ -124,7 +124,7 @@ def run_with_limits(read: Callable[[], str]) -> dict[str, str]:
 
 
 def write_file(content: bytes, kind: str, folder: Path) -> Path:
-    """The path of a file with this content and the suffix of the format."""
+    """Write a sample file with the suffix of its format. kind: format. Returns the path."""
     path = folder / f"sample.{kind.split()[0]}"
     path.write_bytes(content)
     return path
@@ -173,7 +173,9 @@ def build_large_mesh() -> tuple[FloatArray, IntArray]:
 
 
 def write_large_files(table: Table, vertices: FloatArray, faces: IntArray, folder: Path) -> dict[str, tuple[str, Path]]:
-    """Write the large files that every library reads. Result: format and path by name."""
+    """Write the large point cloud and mesh in every format, to measure the speed of readers. Returns paths by
+    format and name.
+    """
     cloud = ContactCloud.from_points(np.column_stack([table[axis] for axis in "xyz"]), table["counts"])
     mesh = TriangleMesh("mesh", vertices, faces)
     rows = np.column_stack(list(table.values())).astype("<f8").tobytes()
@@ -203,7 +205,7 @@ def write_large_files(table: Table, vertices: FloatArray, faces: IntArray, folde
 
 
 def _compare_with_expected(reader: Reader, path: Path, sample: Sample) -> str:
-    """Names of the parts that are missing or differ from the sample, or `CORRECT`."""
+    """Read a sample file and compare the result. Returns the names of missing or different parts, or `CORRECT`."""
     contents = reader(path)
     deviations = []
     for part in PARTS & sample.keys():
@@ -218,7 +220,7 @@ def _compare_with_expected(reader: Reader, path: Path, sample: Sample) -> str:
 
 
 def _read_and_check(reader: Reader, path: Path) -> str:
-    """`ACCEPTED`, or `REFUSED` for a result that `ContactCloud` or `TriangleMesh` would refuse."""
+    """Read a file: `ACCEPTED`, or `REFUSED` if taxel could not use the result as a cloud or a mesh."""
     return ACCEPTED if _is_usable(reader(path)) else REFUSED
 
 

@@ -54,7 +54,11 @@ class Row:
 
 
 def measure(name: str, variant: str, cloud: ContactCloud, sim: ContactCloud, mesh: TriangleMesh) -> Row:
-    """Distances of a real cloud to the object and to the simulated cloud, and the effect of SOR on it."""
+    """Compare a real point cloud with the object and with the simulated cloud, before and after the outlier removal
+    (SOR).
+
+    name, mesh: of the object. variant: name of the fusion of repeats that made the cloud.
+    """
     distances = compute_distances_to_mesh(apply(align_to_mesh(cloud.points, mesh).transform, cloud.points), mesh)
     to_sim = align_to_points(cloud.points, PointTarget(sim.points)).transform
     on_sim = DistanceStats.from_distances(compute_distances_to_cloud(apply(to_sim, cloud.points), sim.points))
@@ -69,7 +73,7 @@ def measure(name: str, variant: str, cloud: ContactCloud, sim: ContactCloud, mes
 
 
 def measure_all(real: GraspDataset, sim: GraspDataset) -> Iterator[Row]:
-    """One row for each object and variant."""
+    """Measure the effect of the fusion of repeats: one row for each object and variant of fusion."""
     for name, item in real.objects.items():
         mesh = TriangleMesh(name, item.vertices, item.faces)
         real_cloud, sim_cloud = accumulate(real, name), accumulate(sim, name)

@@ -39,7 +39,7 @@ ENUMS = (boot.BootCommand, boot.BootStatus, boot.BootDevice, boot.BootChecksum, 
 
 
 def format_header() -> str:
-    """Text of the C header: constants, names, the table of flash layouts, packed structs."""
+    """Text of the C header of the bootloader: constants, names, the table of flash layouts, packed structs."""
     lines = [f"/* {MARK} */", "#ifndef TAXEL_BOOT_PROTOCOL_H", "#define TAXEL_BOOT_PROTOCOL_H", ""]
     lines += ['#include "generated/taxel_protocol.h"', ""]
     for name, value in vars(boot).items():
@@ -63,9 +63,7 @@ def _format_array(name: str, data: bytes) -> list[str]:
 
 
 def format_vectors() -> str:
-    """Packets with both checksums, an image, a metadata row and a configuration row, built by the Python
-    definitions.
-    """
+    """Text of the test vectors of the bootloader: packets with both checksums, an image, and two flash rows."""
     draw = random.Random(SEED)
     lines = [f"/* {MARK} Seed {SEED}. */", "#ifndef TEST_BOOTLOADER_VECTORS_H", "#define TEST_BOOTLOADER_VECTORS_H", ""]
     lines += ["#include <stdint.h>", ""]
@@ -95,7 +93,7 @@ def format_vectors() -> str:
 
 
 def main() -> int:
-    """Write or check both files."""
+    """Write the C header and test vectors of the bootloader, or check that they are up to date."""
     stale = 0
     for path, text in ((HEADER, format_header()), (VECTORS, format_vectors())):
         if "--check" not in sys.argv[1:]:

@@ -63,12 +63,12 @@ C_TYPES = {"B": "uint8_t", "H": "uint16_t", "I": "uint32_t", "Q": "uint64_t"}
 
 
 def to_snake_case(name: str) -> str:
-    """FrameType to frame_type."""
+    """Convert a name such as FrameType to frame_type."""
     return "".join(("_" + c.lower()) if c.isupper() and i else c.lower() for i, c in enumerate(name))
 
 
 def format_constants() -> list[str]:
-    """The limits and the tables of the compact coding as #defines."""
+    """Lines of C code that define the limits of the protocol and the tables of the compact coding."""
     lines = []
     for name, value in (vars(limits) | vars(compact_tables)).items():
         if name.isupper() and isinstance(value, tuple):
@@ -85,7 +85,7 @@ def _format_table(values: tuple[int, ...]) -> list[str]:
 
 
 def format_enumeration(enum: type[IntEnum]) -> list[str]:
-    """One C enum."""
+    """Lines of C code that define a Python enumeration of the protocol."""
     prefix = f"TAXEL_{to_snake_case(enum.__name__).upper()}"
     body = [f"    {prefix}_{member.name} = 0x{member.value:02X}," for member in enum]
     return [f"enum taxel_{to_snake_case(enum.__name__)} {{", *body, "};", ""]
@@ -113,7 +113,7 @@ def _unpack_line(field: Field) -> str:
 
 
 def format_structure(name: str, definition: Struct) -> list[str]:
-    """One C struct with its size, its offsets, and its pack and unpack functions."""
+    """Lines of C code for a message: struct, size, offsets, and functions that pack and unpack the bytes."""
     fields = list_fields(definition)
     size = sum(field.size for field in fields)
     upper = name.upper()
@@ -137,7 +137,10 @@ def format_structure(name: str, definition: Struct) -> list[str]:
 
 
 def format_frame_rules() -> list[str]:
-    """Rules that a decoder checks before a CRC: type, address flag, shortest and longest payload of each frame type."""
+    """Lines of C code with the rules that a decoder checks before the CRC of a frame.
+
+    For each frame type: whether it has a board address, and its shortest and longest payload.
+    """
     rows = []
     for frame_type, spec in frames.FRAMES.items():
         rows.append(
@@ -198,7 +201,7 @@ static inline uint16_t taxel_compact_size(uint8_t length)
 
 
 def format_text() -> str:
-    """The whole header."""
+    """Text of the C header of the protocol."""
     lines = [
         "/* Generated from protocol/taxel_protocol by tools/codegen/c_header.py (make generate). Do not edit. */",
         "#ifndef TAXEL_PROTOCOL_H",
@@ -221,7 +224,7 @@ def format_text() -> str:
 
 
 def main() -> int:
-    """Write or check the header."""
+    """Write the C header of the protocol, or check that it is up to date."""
     if "--check" in sys.argv[1:]:
         if not HEADER.exists() or HEADER.read_text() != format_text():
             print(f"{HEADER.name} is stale: run `make generate`", file=sys.stderr)

@@ -54,7 +54,7 @@ def simulate_history(
 
 
 def format_text() -> str:
-    """The whole file."""
+    """Text of the file of test vectors of compact frames."""
     noises = (0, 0.3, 1.5, 28, 300)
     histories = [
         simulate_history(f"noise_{sigma:g}", 27, sigma, 2 * i, 2 * (sigma > 100)) for i, sigma in enumerate(noises)
@@ -75,7 +75,7 @@ def format_text() -> str:
 
 
 def main() -> int:
-    """Write or check the file."""
+    """Write the file of test vectors of compact frames, or check that it is up to date."""
     path = VECTORS / "compact.json"
     if "--check" in sys.argv[1:]:
         if not path.exists() or path.read_text() != format_text():

@@ -38,7 +38,7 @@ class Sent:
 
     @property
     def stuffed(self) -> bytes:
-        """The same without delimiters."""
+        """The encoded bytes of the frame without the delimiters at its start and end."""
         return self.wire[1:-1]
 
     @property
@@ -54,6 +54,7 @@ def build_raw_frame(frame_type: int, payload: bytes, length: int | None = None) 
 
 
 def _flip(data: bytes, position: int, mask: int = 0x01) -> bytes:
+    """Invert the bits `mask` of one byte in a byte string."""
     return data[:position] + bytes([data[position] ^ mask]) + data[position + 1 :]
 
 
@@ -70,16 +71,20 @@ class Streams:
         self.a, self.b, self.c = (frames[name] for name in ("taxels_63", "time_sync_arbitrary", "hub_status_arbitrary"))
 
     def add(self, name: str, sent: list[Sent], stream: bytes, expected: list[int], directions: int = TO_HOST) -> None:
-        """`expected` are indices into `sent`, in the order in which the frames must come out."""
+        """Add a test vector: a byte stream and the frames that a decoder must find in it.
+
+        sent: frames that were sent. expected: indices into `sent` of the frames to be decoded, in order.
+        directions: bit mask of the frame directions that the decoder accepts.
+        """
         vector = {"name": name, "directions": directions, "sent": [frame.content for frame in sent]}
         self.vectors.append(vector | {"stream": stream.hex(), "expected": expected})
 
     def garbage(self, size: int) -> bytes:
-        """Bytes without a zero."""
+        """Random bytes without a zero, which do not contain the delimiter of frames."""
         return bytes(self.rng.randrange(1, 256) for _ in range(size))
 
     def delimiters(self) -> None:
-        """Lost delimiters, and bytes between frames."""
+        """Add streams with lost delimiters, and with bytes between two frames."""
         a, b, c = self.a, self.b, self.c
         abc = [a, b, c]
         every = [0, 1, 2]
@@ -111,7 +116,9 @@ class Streams:
         self.add("8_longest_frames_glued", [longest] * 8, longest.stuffed * 8, list(range(8)))
 
     def damage(self) -> None:
-        """Bytes of a frame changed, lost or added: its neighbours are decoded, the damaged frame is not."""
+        """Add streams with a damaged frame, whose bytes are changed, lost or added: only its neighbours must be
+        decoded.
+        """
         a, b, c = self.a, self.b, self.c
         abc = [a, b, c]
         middle = len(a.wire) // 2
@@ -137,7 +144,9 @@ class Streams:
         self.add("code_byte_reaches_over_the_next_frame", abc, reaching, [1, 2])
 
     def quotations(self) -> None:
-        """A frame quoted in another frame's payload is never decoded, even if the outer frame is damaged."""
+        """Add streams with a frame in the payload of another frame, which must never be decoded, even if the outer
+        one is damaged.
+        """
         quoted = self.b
         for name in [name for name in self.frames if "_quotes_" in name]:
             host = self.frames[name]
@@ -153,7 +162,7 @@ class Streams:
                 self.add(f"{name}_{case}", [host, quoted], damaged + quoted.wire, [1])
 
     def rejections(self) -> None:
-        """Frames with a valid CRC that this protocol version does not allow."""
+        """Add streams with frames of a valid CRC that this protocol version does not allow."""
         b, c = self.b, self.c
         time_sync = bytes.fromhex(b.content["payload"])
         small = bytes.fromhex(self.frames["taxels_shortest"].content["payload"])
@@ -178,7 +187,7 @@ class Streams:
             self.add(name, [b, c], b.wire + rejected + c.wire, [0, 1], BOTH_WAYS)
 
     def directions(self) -> None:
-        """A decoder accepts only frames of its own direction."""
+        """Add streams with frames of both directions, of which a decoder must accept only its own."""
         b, handshake = self.b, self.frames["host_handshake_arbitrary"]
         stream = b.wire + handshake.wire + b.wire
         self.add("host_hears_itself", [b, handshake], stream, [0, 0], TO_HOST)
@@ -187,7 +196,7 @@ class Streams:
 
 
 def format_text() -> str:
-    """The whole file."""
+    """Text of the file of test vectors of damaged streams."""
     frames = json.loads((VECTORS / "frames.json").read_text())["frames"]
     streams = Streams({vector["name"]: Sent(vector) for vector in frames})
     streams.delimiters()
@@ -202,7 +211,7 @@ def format_text() -> str:
 
 
 def main() -> int:
-    """Write or check the file."""
+    """Write the file of test vectors of damaged streams, or check that it is up to date."""
     path = VECTORS / "damaged.json"
     if "--check" in sys.argv[1:]:
         if not path.exists() or path.read_text() != format_text():

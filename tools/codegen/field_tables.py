@@ -121,7 +121,7 @@ struct payload_part {
 
 
 def format_fields_header() -> str:
-    """The field tables for the C test."""
+    """Text of the C header with the field tables of all messages, for the C test."""
     definitions = {name: definition for parts in PAYLOAD_PARTS.values() for name, _, definition in parts}
     definitions |= INNER | REGISTERS
     lines = [FIELDS_HEAD]
@@ -139,7 +139,7 @@ def format_fields_header() -> str:
 
 
 def main() -> int:
-    """Write or check the header."""
+    """Write the C header with the field tables of all messages, or check that it is up to date."""
     text = format_fields_header()
     if "--check" in sys.argv[1:]:
         if not HEADER.exists() or HEADER.read_text() != text:

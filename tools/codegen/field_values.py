@@ -13,7 +13,10 @@ SEED = 20
 
 
 def nest(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """The nested values that construct builds from, out of flat names."""
+    """Nested field values that construct needs to build a message, from values by flat field name.
+
+    prefix: start of the flat names of this part of the message.
+    """
     nested: dict[str, Any] = {}
     for renamed in definition.subcons:
         name = prefix + renamed.name
@@ -45,7 +48,10 @@ def compute_board_crc(address: int, data: bytes) -> int:
 
 
 def fill_fields(fields: Sequence[Field], value: Callable[[Field], int], has_address: bool) -> dict[str, Any]:
-    """A value for every field, computed by `value`; an address is limited to the valid range."""
+    """Values for all fields of a message. value: function that returns the value of a field.
+
+    has_address: whether the first field is an I2C address, which is limited to the valid range.
+    """
     values: dict[str, Any] = {}
     for field in fields:
         number = value(field)

@@ -39,7 +39,7 @@ def format_terms(definitions: dict[str, str]) -> str:
 
 
 def main() -> int:
-    """Write or check the file."""
+    """Write the file terms.toml, which gives the reports their definitions of terms, or check that it is up to date."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="compare only")
     arguments = parser.parse_args()

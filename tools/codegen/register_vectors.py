@@ -25,7 +25,7 @@ REGISTERS: dict[str, Struct] = {
 
 
 def build_register_vector(name: str, struct: str, start: int, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Vector of a register block without a CRC over the address."""
+    """Test vector of a block of registers of a board. start: first register; values: by field name."""
     definition = REGISTERS[struct]
     data = definition.build(nest(definition, values))
     shown = to_json_values(list_fields(definition), values)
@@ -53,7 +53,7 @@ def _build_settings(name: str, address: int, numbers: Sequence[int]) -> dict[str
 
 
 def _build_snapshot(name: str, address: int, header: tuple[int, int], counts: Sequence[int]) -> dict[str, Any]:
-    """Vector of a snapshot with these header values (sequence, timestamp in us) and raw counts."""
+    """Test vector of a snapshot of a board. header: scan number and timestamp in us. counts: raw counts."""
     flat: dict[str, Any] = {"header_sequence": header[0], "header_timestamp_us": header[1]}
     flat |= {"raw_counts": list(counts), "crc32": 0}
     definition = registers.snapshot(len(counts))

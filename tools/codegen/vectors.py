@@ -65,7 +65,9 @@ def sample(
     tail: bytes = b"",
     inner: dict[str, Any] | None = None,
 ) -> Sample:
-    """A frame of any type but TAXELS, built by construct."""
+    """Build a test frame of any type except TAXELS. values: by field name; tail: bytes of variable length at its
+    end.
+    """
     definition = FRAMES[frame_type].payload
     flat = dict(values)
     if find_tail_name(definition):
@@ -100,7 +102,10 @@ def taxels(
     board_sequence: int = 0,
     crc_error: int = 0,
 ) -> Sample:
-    """A taxel frame; `times_us` are the hub's and the board's; `crc_error` is XORed into the board's CRC."""
+    """Build a test frame with raw counts.
+
+    times_us: times of the hub and of the board. crc_error: number that is XORed into the board's CRC.
+    """
     flat: dict[str, Any] = {
         "header_address": address,
         "header_taxel_count": len(counts),
@@ -133,7 +138,9 @@ VERSION_2 = (FrameType.COMPACT_TAXELS, FrameType.ACKNOWLEDGE)
 
 
 def build_every_type(rng: random.Random, types: Sequence[FrameType]) -> list[Sample]:
-    """Each of `types` but TAXELS: zeros, ones, arbitrary numbers; with the shortest and the longest tail."""
+    """Test frames of all `types` except TAXELS, with fields of zeros, ones and random numbers, and short and long
+    tails.
+    """
     samples = []
     fillings: tuple[tuple[str, Callable[[Field], int], int], ...] = (
         ("zeros", lambda field: 0, 0),
@@ -170,7 +177,7 @@ def _inner(name: str, values: Mapping[str, Any], tail: bytes = b"") -> tuple[byt
 
 
 def build_every_command() -> list[Sample]:
-    """One frame of each command, and the reply that carries a struct."""
+    """Test frames of each command, and of the replies that carry a struct."""
     settings = {"sub_conversions": 100, "sense_clock_divider": 40, "modulator_clock_divider": 1}
     settings |= {"idac_code": 96, "settle_cycles": 240}
     on_all_boards = {"address": 0} | {f"settings_{name}": value for name, value in settings.items()}
@@ -201,7 +208,10 @@ def _find_zeros(frame: Sample) -> list[int]:
 
 
 def _with_zeros_at(name: str, taxel_count: int, zeros: list[int]) -> Sample:
-    """A taxel frame whose whitened body has zeros at exactly these positions, so that its runs have a given length."""
+    """Build a taxel frame whose whitened body has zero bytes at exactly the given positions.
+
+    The byte stuffing replaces zeros, so its runs get known lengths.
+    """
     key = whiten(bytes(limits.BODY_MAX))
     sequence = sum((key[i] if i in zeros else 0x77) << (8 * (i - 1)) for i in (1, 2))
     start = limits.FRAME_HEADER_SIZE + frames.TaxelHeader.sizeof() + registers.SnapshotHeader.sizeof()
@@ -295,7 +305,7 @@ def format_json(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> s
 
 
 def main() -> int:
-    """Write or check the files, then run the other generators."""
+    """Write the files of test vectors of the protocol, or check that they are up to date."""
     texts = {
         "frames.json": format_json(
             "frames", "UART frames: fields and bytes", [frame.vector for frame in build_all_frames()]

@@ -69,14 +69,14 @@ class _QueueLink:
         self.waiting: deque[bytes] = deque()
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """The next queued bytes, or None."""
+        """The next bytes that the caller has queued; None if there are none."""
         return Chunk(self.waiting.popleft(), 0) if self.waiting else None
 
     def write(self, data: bytes) -> None:
-        """Discard the bytes."""
+        """Discard bytes that the host sends, as there is no hub."""
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing, as there is no port to close."""
 
 
 @dataclass
@@ -175,8 +175,10 @@ class Skin:
 
 
 def measure(hand: Hand, noise: float, seconds: float, has_contacts: bool) -> Tally:
-    """Poll a skin with this noise (counts) for `seconds`, after WARM_UP cycles. `has_contacts`: seven contacts, one per
-    second.
+    """Bytes that compact frames of an emulated skin take on the bus.
+
+    noise: standard deviation in counts. seconds: duration after `WARM_UP` cycles. has_contacts: with seven
+    contacts, one per second.
     """
     settings = WorldSettings(seed=SEED, noise_counts=noise, scl_hz=BUS_HZ)
     first_s = DEMO_CONTACTS[0].start_s
@@ -200,7 +202,7 @@ def measure(hand: Hand, noise: float, seconds: float, has_contacts: bool) -> Tal
 
 
 def format_row(name: str, hand: Hand, tally: Tally, entropy: float) -> str:
-    """One line of the table."""
+    """One line of the table that compares coded bits per count with the entropy."""
     sent = tally.coded + tally.packed
     bits = 8.0 * sent / (tally.cycles * hand.n_taxels)
     boards = len(hand.boards)
@@ -216,7 +218,7 @@ def format_row(name: str, hand: Hand, tally: Tally, entropy: float) -> str:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the size of compact frames compared with the entropy of their counts, for several noise levels."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seconds", type=float, default=8.0, help="virtual seconds of each row (8)")
     seconds = parser.parse_args().seconds

@@ -20,9 +20,9 @@ WARM_UP = 60
 
 
 def compute_noise_entropy(sigma: float, phases: int = 64) -> float:
-    """Bits of a count that is a normal deviate of known mean and standard deviation `sigma`, rounded.
+    """Entropy in bits of a rounded normal random number with known mean and standard deviation `sigma`.
 
-    The fraction of the mean is uniformly distributed over the taxels.
+    The result is the mean over `phases` uniformly distributed fractions of the mean.
     """
     reach = math.ceil(10 * sigma) + 2
     k = np.arange(-reach, reach + 1)[:, None]
@@ -44,7 +44,10 @@ def _compute_cumulative(distance: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _compute_cost(counts: IntArray, mean: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bits of each count. A count beyond the truncation costs 14 bits plus the bits of its distance."""
+    """Bits that an ideal coder needs for each count, with the assumed mean and scale of the count's distribution.
+
+    A count beyond the truncation of the distribution costs 14 bits plus the bits of its distance.
+    """
     share = _compute_cumulative((counts + 0.5 - mean) / scale) - _compute_cumulative((counts - 0.5 - mean) / scale)
     escape_bits = 9 + 5 + np.floor(np.log2(np.maximum(np.abs(counts - mean), 1.0)))
     return np.where(share > 2.0**-16, -np.log2(np.maximum(share, 2.0**-16)), escape_bits)

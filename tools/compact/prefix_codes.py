@@ -20,7 +20,9 @@ PHASES = 64
 
 
 def compute_residuals(sigma: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Residuals from the rounded mean, and their probabilities for a uniformly distributed fraction of the mean."""
+    """Residuals of rounded normal noise from its rounded mean, and their probabilities. sigma: standard deviation
+    in counts.
+    """
     reach = math.ceil(10 * sigma) + 2
     k = np.arange(-reach, reach + 1)
     mean = (np.arange(PHASES)[None, :] + 0.5) / PHASES - 0.5
@@ -29,14 +31,14 @@ def compute_residuals(sigma: float) -> tuple[NDArray[np.int64], NDArray[np.float
 
 
 def compute_rice_bits(sigma: float) -> float:
-    """Bits of the best Rice code."""
+    """Bits per count of the best Rice code for normal noise. sigma: standard deviation in counts."""
     k, share = compute_residuals(sigma)
     zigzag = np.where(k >= 0, 2 * k, -2 * k - 1)
     return min(float((share * ((zigzag >> low) + 1 + low)).sum()) for low in range(8))
 
 
 def compute_huffman_bits(sigma: float) -> float:
-    """Bits of the Huffman code."""
+    """Bits per count of the Huffman code for normal noise. sigma: standard deviation in counts."""
     heap = [float(share) for share in compute_residuals(sigma)[1] if share > 1e-12]
     heapq.heapify(heap)
     bits = 0.0
@@ -48,7 +50,7 @@ def compute_huffman_bits(sigma: float) -> float:
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the bits per count of Rice and Huffman codes for several noise levels."""
     print("noise, counts   entropy     Rice  Huffman")
     for sigma in SIGMAS:
         bits = (compute_noise_entropy(sigma), compute_rice_bits(sigma), compute_huffman_bits(sigma))

@@ -37,7 +37,9 @@ class Block(NamedTuple):
 
 
 def _sample_second_halfwords(rng: np.random.Generator, first: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    """Random second halfwords u16[n]; a sixth of them encode BL."""
+    """Random second halfwords u16[n] of test instructions; a sixth of them, after a matching first halfword, encode
+    BL.
+    """
     n = len(first)
     second = rng.integers(0, 0x10000, n, dtype=np.uint16)
     kind = rng.integers(0, 6, n)
@@ -60,7 +62,10 @@ def _sample_special_instructions(rng: np.random.Generator, n: int) -> NDArray[np
 
 
 def _sample_instructions(rng: np.random.Generator, index: int) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
-    """Halfwords of a block. Consecutive blocks contain all first halfwords in order; a tenth are special cases."""
+    """Halfwords of the test instructions of block `index`.
+
+    Consecutive blocks contain all first halfwords in order; a tenth of the instructions are special cases.
+    """
     step = 0x9E35  # odd: a permutation of the halfwords
     first = ((np.arange(BLOCK, dtype=np.int64) + index * BLOCK) * step % 0x10000).astype(np.uint16)
     second = _sample_second_halfwords(rng, first)

@@ -53,26 +53,32 @@ def _compare_of_low_or_pc(first: CountArray, _: CountArray) -> Any:
 
 
 def _add_pc_to_pc(first: CountArray, _: CountArray) -> Any:
+    """Whether an instruction is ADD PC, PC. first: first halfwords of the instructions."""
     return first == 0x44FF
 
 
 def _branch_with_low_bits_or_pc(first: CountArray, _: CountArray) -> Any:
+    """Whether an instruction is BX or BLX with nonzero low bits or of the program counter. first: first halfwords."""
     return (first >> 8 == 0x47) & ((first & 7 != 0) | (first >> 3 & 15 == 15))
 
 
 def _if_then(first: CountArray, _: CountArray) -> Any:
+    """Whether an instruction is IT (if-then), which a Cortex-M0 does not have. first: first halfwords."""
     return (first >> 8 == 0xBF) & (first & 15 != 0)
 
 
 def _compare_and_branch(first: CountArray, _: CountArray) -> Any:
+    """Whether an instruction is CBZ or CBNZ, which a Cortex-M0 does not have. first: first halfwords."""
     return first & 0xF500 == 0xB100
 
 
 def _set_endianness(first: CountArray, _: CountArray) -> Any:
+    """Whether an instruction is SETEND, which a Cortex-M0 does not have. first: first halfwords."""
     return first & 0xFFF7 == 0xB650
 
 
 def _change_state(first: CountArray, _: CountArray) -> Any:
+    """Whether an instruction is CPS in an encoding that a Cortex-M0 does not have. first: first halfwords."""
     return (first & 0xFFE8 == 0xB660) & (first & 0xFFEF != 0xB662)
 
 

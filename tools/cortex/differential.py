@@ -60,7 +60,7 @@ def get_emulated_verdict(outcome: Outcome) -> NDArray[np.int64]:
 
 
 def differences(outcome: Outcome) -> NDArray[np.bool_]:
-    """Mask bool[n] of the cases where the two disagree, or where a fault of the emulator changed a register."""
+    """Mask bool[n] of the test cases in which the emulator and Unicorn disagree, or a fault changed a register."""
     emulated, reference, before = outcome.emulated, outcome.reference, outcome.block.states
     different = get_emulated_verdict(outcome) != outcome.verdict
     different |= (emulated["reason"] == Reason.FAULTED) & (emulated["r"] != before["r"]).any(1)
@@ -72,7 +72,7 @@ def differences(outcome: Outcome) -> NDArray[np.bool_]:
 
 
 def describe(outcome: Outcome, case: int) -> str:
-    """Describe the instruction of a case and the differences in one line."""
+    """One line with the instruction of a test case and the differences between the emulator and Unicorn."""
     emulated, reference = outcome.emulated[case], outcome.reference[case]
     first, second = outcome.block.first[case], outcome.block.second[case]
     parts = [f"{first:04x} {second:04x}:"]
@@ -148,7 +148,9 @@ def _check_part(part: tuple[int, int, int]) -> tuple[Counter[str], list[str]]:
 
 
 def main() -> int:
-    """Compare the requested blocks and print the counts."""
+    """Compare random instructions in the emulator and in Unicorn, and print the counts of equal and different
+    results.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "--cases", type=int, default=64 * BLOCK, help="rounded up to blocks of 2,048 (default: 131,072)"

@@ -105,7 +105,9 @@ def _decode_text(memory: bytes) -> str:
 
 
 def run_emulator(image: Image, cpu: BareCpu | None = None) -> Run:
-    """Run in the emulator, without wait states unless `cpu` is given. Raises `ImageError`."""
+    """Run a compiled program in the emulator of this project, without wait states unless `cpu` is given. Raises
+    `ImageError`.
+    """
     if cpu is None:
         with BareCpu() as default_cpu:
             return run_emulator(image, default_cpu)
@@ -169,12 +171,12 @@ class UnicornRun:
 
 
 def run_unicorn(image: Image) -> Run:
-    """Run in Unicorn in one call. Raises `UnicornMissingError`."""
+    """Run a compiled program in Unicorn in one call. Raises `UnicornMissingError`."""
     return Run(UnicornRun(image).run(), 0)
 
 
 def run_qemu(image: Image, *, counted: bool = False) -> Run:
-    """Run on QEMU's micro:bit, a Cortex-M0. Raises `ToolMissingError`, `ImageError`.
+    """Run a compiled program on QEMU's micro:bit, a Cortex-M0. Raises `ToolMissingError`, `ImageError`.
 
     counted: time advances with the instructions, so that every run gives the same result.
     """

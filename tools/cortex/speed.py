@@ -65,7 +65,7 @@ def run_in_unicorn(image: Image, size: int) -> str:
 
 
 def main() -> int:
-    """Measure and print the rates and their ratios."""
+    """Measure and print the instructions per second of the emulator and of Unicorn, and their ratio."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--program", default="speed", help="program of tools/cortex/programs (default: speed)")
     parser.add_argument("--optimise", default="2", help="optimisation level, 2 or s (default: 2)")

@@ -89,7 +89,9 @@ class UnicornOracle:
         return result
 
     def _control(self, kind: int, *values: int) -> None:
-        """Call uc_ctl() as the macros UC_CTL_WRITE in unicorn.h do."""
+        """Set a property of the emulator by uc_ctl(), as the macro UC_CTL_WRITE in unicorn.h does. kind: number of
+        the property.
+        """
         request = ctypes.c_uint32(kind | len(values) << 26 | 1 << 30)
         self._call("ctl", request, *(ctypes.c_int(value) for value in values))
 
@@ -188,7 +190,7 @@ class UnicornOracle:
         return Verdict.DONE  # the fetch after a branch may have failed, which is not part of this instruction
 
     def close(self) -> None:
-        """Free the engine."""
+        """Free the emulator Unicorn."""
         if self._handle:
             self._library.uc_close(self._handle)
             self._handle = ctypes.c_void_p()

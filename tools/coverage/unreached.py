@@ -50,7 +50,7 @@ class NameUse(NamedTuple):
 
 
 def main() -> int:
-    """Print the unreached functions of each group."""
+    """Print the functions of which no line was executed, in groups by the places that use their names."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("report", type=Path, help="JSON report of coverage.py, version 7.6 or later")
     parser.add_argument("--used-by", choices=GROUPS, help="only this group")
@@ -78,7 +78,9 @@ def find_unreached(report: Report) -> Iterator[UnreachedFunction]:
 
 
 def find_user(name: str, use: NameUse) -> str:
-    """The member of `GROUPS` for an identifier."""
+    """The places that use an identifier: "reached code", "unreached code", "tests" or "nothing" (the first that
+    applies).
+    """
     if name in use.reached:
         return "reached code"
     if name in use.unreached:
@@ -136,7 +138,7 @@ def find_stub_lines(path: Path) -> set[int]:
 
 
 def is_empty_statement(statement: ast.stmt) -> bool:
-    """True for a docstring, `...`, `pass` and `raise NotImplementedError`."""
+    """Whether a statement has no effect: a docstring, `...`, `pass` and `raise NotImplementedError`."""
     if isinstance(statement, ast.Raise):
         return "NotImplementedError" in ast.unparse(statement)
     is_constant = isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)

@@ -36,7 +36,7 @@ Each of them has its own content, because the share that only the CRC rejects de
 
 
 def load_codec() -> ctypes.CDLL:
-    """The C codec. Exits with one line if it is not built."""
+    """Load the C library that encodes and decodes frames. Exits with one line if it is not built."""
     configured = os.environ.get("TAXEL_CODEC_LIBRARY")
     try:
         path = (
@@ -81,24 +81,24 @@ def _change_bytes(frames: ByteArray, rng: np.random.Generator, places: NDArray[n
 
 
 def change_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Change one byte to another value that is not zero."""
+    """Change one random byte of each frame to another value that is not zero. frames: u8[n, size]."""
     return _change_bytes(frames, rng, _sample_positions(frames, rng))
 
 
 def change_two_bytes(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Change two bytes to values that are not zero."""
+    """Change two random bytes of each frame to values that are not zero. frames: u8[n, size]."""
     return change_byte(change_byte(frames, rng), rng)
 
 
 def change_ten_bytes(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Change ten bytes to values that are not zero."""
+    """Change ten random bytes of each frame to values that are not zero. frames: u8[n, size]."""
     for _ in range(10):
         frames = change_byte(frames, rng)
     return frames
 
 
 def change_code_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Change a code byte of the byte stuffing, which moves the boundaries of all later blocks."""
+    """Change a code byte of the byte stuffing of each frame, which moves the boundaries of all later blocks."""
     codes = [0]
     while codes[-1] + int(frames[0, codes[-1]]) < frames.shape[1]:
         codes.append(codes[-1] + int(frames[0, codes[-1]]))
@@ -106,7 +106,7 @@ def change_code_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
 
 
 def flip_bit(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Flip one bit; a byte may become zero and split the frame."""
+    """Flip one random bit of each frame; a byte may become zero and split the frame. frames: u8[n, size]."""
     out = frames.copy()
     masks = np.left_shift(1, rng.integers(0, 8, len(frames))).astype(np.uint8)
     out[np.arange(len(frames)), _sample_positions(frames, rng)] ^= masks
@@ -114,13 +114,13 @@ def flip_bit(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
 
 
 def remove_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Remove one byte."""
+    """Remove one random byte of each frame. frames: u8[n, size]."""
     columns = np.arange(frames.shape[1] - 1)
     return np.take_along_axis(frames, columns + (columns >= _sample_positions(frames, rng)[:, None]), axis=1)
 
 
 def insert_byte(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Insert one byte that is not zero."""
+    """Insert one random byte that is not zero into each frame. frames: u8[n, size]."""
     places = rng.integers(1, frames.shape[1], len(frames))
     columns = np.arange(frames.shape[1] + 1)
     out = np.take_along_axis(frames, columns - (columns > places[:, None]), axis=1)
@@ -135,7 +135,7 @@ def randomise_end(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
 
 
 def randomise_all(frames: ByteArray, rng: np.random.Generator) -> ByteArray:
-    """Replace the frame by random bytes without a zero."""
+    """Replace all bytes of each frame by random bytes without a zero. frames: u8[n, size]."""
     return rng.integers(1, 256, frames.shape, dtype=np.uint8)
 
 
@@ -210,7 +210,7 @@ def measure(kind: Damage, total: int, rng: np.random.Generator, decoder: Deframe
 
 
 def main() -> int:
-    """Print one line for each kind of damage."""
+    """Print for each kind of damage the number of damaged frames that the decoder accepts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--frames", type=int, default=1_000_000, help="frames of each kind (default: 1000000)")
     parser.add_argument("--taxels", type=int, default=63, help="taxels of a frame (default: 63, the average board)")

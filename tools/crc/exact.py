@@ -44,7 +44,9 @@ BYTE_RATE = 100_000
 
 
 def compute_bit_syndromes(count: int) -> WordArray:
-    """x^i modulo the generator, for i below `count`; bit 0 is the last bit on the wire."""
+    """CRC syndromes of single bit errors: x^i modulo the generator for i below `count`; bit 0 is the last bit on
+    the wire.
+    """
     values = np.empty(count, np.uint32)
     state = 1
     for i in range(count):
@@ -89,7 +91,9 @@ def find_shortest_word(weight: int, bits: int) -> int | None:
 
 
 def count_four_bit_spans(bits: int) -> NDArray[np.int64]:
-    """[n]: number of undetected four-bit patterns whose first bit is bit 0 and whose last bit is bit n - 1."""
+    """Number [n] of four-bit error patterns that the CRC does not detect and that span exactly n bits from first to
+    last.
+    """
     syndromes = compute_bit_syndromes(bits)
     order = np.argsort(syndromes)
     sorted_syndromes = syndromes[order]
@@ -116,7 +120,7 @@ def compute_burst_rank() -> int:
 
 
 def compute_byte_syndromes(count: int) -> WordArray:
-    """[d, e]: syndrome of the error byte e (1 to 255; column 0 is unused) at d bytes before the last byte."""
+    """CRC syndromes [d, e] of an error byte e (1 to 255; column 0 is unused) at d bytes before the last byte."""
     bits = compute_bit_syndromes(8 * count).reshape(count, 8)
     table = np.zeros((count, 256), np.uint32)
     for bit in range(8):
@@ -152,12 +156,16 @@ def count_byte_pattern_spans(count: int) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def count_placements(spans: NDArray[np.int64], length: int) -> int:
-    """Number of patterns in a word of `length`, from the number of patterns of each span."""
+    """Number of error patterns in a word of `length`. spans: number of patterns of each span from first to last
+    error.
+    """
     return sum(int(spans[n]) * (length - n + 1) for n in range(1, length + 1))
 
 
 def compute_block_end_probability(length: int) -> NDArray[np.float64]:
-    """[n]: probability that random zero-free bytes, unstuffed, have a block that ends at exactly n bytes."""
+    """Probability [n] that random bytes without zeros have a block of the byte stuffing that ends at exactly n
+    bytes.
+    """
     starts = np.zeros(length + 256)
     ends = np.zeros(length + 256)
     starts[0] = 1
@@ -191,7 +199,7 @@ def compute_random_frame_probability() -> float:
 
 
 def print_break_points() -> None:
-    """Print the computed and the published break points."""
+    """Print the frame lengths at which the Hamming distance of the CRC changes: computed and published values."""
     print("Shortest code word (bits) with an undetected pattern of this number of bits")
     print("  bits   computed  published")
     four = count_four_bit_spans(8 * BODY_MAX)
@@ -205,7 +213,9 @@ def print_break_points() -> None:
 
 
 def print_lengths() -> None:
-    """Print the Hamming distance and the number of undetected patterns for the lengths of the frames."""
+    """Print the Hamming distance of the CRC and the number of undetected error patterns for the lengths of the
+    frames.
+    """
     four = count_four_bit_spans(8 * BODY_MAX)
     two_bytes, three_bytes = count_byte_pattern_spans(BODY_MAX)
     print("Undetected patterns by body length (bytes, CRC included)")
@@ -250,7 +260,7 @@ def print_rates(frame_rate: float, body: int) -> None:
 
 
 def main() -> None:
-    """Print all tables."""
+    """Print all tables on the errors that the CRC does not detect."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "--frame-rate",

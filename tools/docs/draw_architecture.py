@@ -45,7 +45,7 @@ WIDTH: Final = 880
 
 
 def draw_data_flow() -> str:
-    """The path of the data, from contact to report."""
+    """Draw the path of the data from the contact to the report."""
     drawing = Drawing(WIDTH, 958, "Data flow of taxel: contact, firmware, host library, simulator, diagnosis, report")
     left_x, box_width, box_height, step = 44, 380, 50, 86
     right_x, right_width = 540, 280
@@ -108,7 +108,7 @@ def draw_data_flow() -> str:
 
 
 def draw_layers() -> str:
-    """The layers of the import contract, highest first."""
+    """Draw the layers of packages of the import contract, the highest layer first."""
     layers = read_layers()
     height, step, left_x = 46, 56, 60
     drawing = Drawing(WIDTH, 92 + step * (len(layers) + 1), "Layers of the Python packages, highest first")
@@ -137,12 +137,12 @@ def read_layers() -> list[list[str]]:
 
 
 def draw_all() -> dict[Path, str]:
-    """Files of the drawings with their up-to-date texts."""
+    """Draw all pictures of the architecture. Returns the text of each SVG file by path."""
     return {IMAGES / "data-flow.svg": draw_data_flow(), IMAGES / "layers.svg": draw_layers()}
 
 
 def find_stale_drawings() -> list[str]:
-    """One line for each drawing that is not up to date."""
+    """One line for each picture of the architecture that is not up to date."""
     return [
         f"{path.relative_to(ROOT)} is not up to date; run python tools/docs/draw_architecture.py"
         for path, text in draw_all().items()
@@ -151,7 +151,7 @@ def find_stale_drawings() -> list[str]:
 
 
 def main() -> int:
-    """Write the drawings, or check them."""
+    """Write the pictures of the architecture, or check that they are up to date."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--check", action="store_true", help="report drawings that are not up to date")
     if parser.parse_args().check:

@@ -10,7 +10,7 @@ from taxel.cli.main import build_app
 
 
 def list_commands(command: Any = None, path: tuple[str, ...] = ("taxel",)) -> Iterator[tuple[str, Any]]:
-    """Every command without subcommands, with its full name."""
+    """List all commands of the command line that have no subcommands, with their full names."""
     command = typer.main.get_command(build_app(loads_all=True)) if command is None else command
     inner = getattr(command, "commands", None)
     if inner is None:
@@ -21,7 +21,7 @@ def list_commands(command: Any = None, path: tuple[str, ...] = ("taxel",)) -> It
 
 
 def make_reference() -> str:
-    """Text of the page."""
+    """Markdown text of the page that lists all commands with their options."""
     parts = ["# Commands\n", "The help text, arguments and options of every command.\n"]
     for name, command in list_commands():
         parts.append(f"## `{name}`\n")
@@ -31,7 +31,7 @@ def make_reference() -> str:
 
 
 def _format_help(text: str) -> str:
-    """Help text whose example is a code block with one command per line."""
+    """Markdown of the help text of a command. The example becomes a code block with one command per line."""
     prose, separator, example = text.partition("Example")
     if not separator:
         return f"{text}\n"

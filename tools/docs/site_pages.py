@@ -36,7 +36,10 @@ def find_links(text: str) -> Iterator[tuple[str, str]]:
 
 
 def stage(root: Path, out: Path) -> list[Path]:
-    """Write the pages, and the files that they link to, to the folder `out`. Returns the pages."""
+    """Copy the Markdown pages, and the files to which they link, to the folder from which the site is built.
+
+    root: repository; out: folder. Returns the pages.
+    """
     pages = list_pages(root)
     for page in pages:
         text = make_links_relative((root / page).read_text(), root)

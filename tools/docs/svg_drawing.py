@@ -61,12 +61,12 @@ class Drawing:
         ]
 
     def group(self, x: int, y: int, width: int, height: int, colour: str, title: str) -> None:
-        """A coloured area with a title in its upper left corner."""
+        """Draw a coloured area with a title in its upper left corner."""
         self._rectangle(f"group {colour}", x, y, width, height)
         self.text("title", x + PADDING_PX, y + 20, title, width - 2 * PADDING_PX)
 
     def box(self, x: int, y: int, width: int, height: int, name: str, note: str = "") -> None:
-        """A box with a name and, below the name, a note. Both are centred."""
+        """Draw a box with a name and, below the name, a note, both centred."""
         self._rectangle("box", x, y, width, height)
         space, middle = width - 2 * PADDING_PX, y + height / 2
         if note:
@@ -76,12 +76,15 @@ class Drawing:
             self.text("name", x + width / 2, middle + 5, name, space, is_centred=True)
 
     def arrow(self, *points: tuple[float, float]) -> None:
-        """A line through the points with a head at the last one."""
+        """Draw a line through the points, with a head at the last point."""
         path = " L ".join(f"{x:g} {y:g}" for x, y in points)
         self._parts.append(f'<path class="arrow" d="M {path}" marker-end="url(#head)"/>')
 
     def text(self, kind: str, x: float, y: float, text: str, space: float, is_centred: bool = False) -> None:
-        """A text of the class `kind` whose baseline is at y, in `space` pixels."""
+        """Draw a text with its baseline at y. kind: CSS class. space: available width in pixels.
+
+        Raises `ValueError` if the text is wider than the space.
+        """
         if len(text) * CHARACTER_PX[kind] > space:
             raise ValueError(
                 f"'{text}': expected at most {space / CHARACTER_PX[kind]:.0f} characters; shorten the text"
@@ -94,4 +97,5 @@ class Drawing:
         return "\n".join([*self._parts, "</svg>", ""])
 
     def _rectangle(self, style: str, x: int, y: int, width: int, height: int) -> None:
+        """Draw a rectangle with rounded corners. style: CSS class."""
         self._parts.append(f'<rect class="{style}" x="{x}" y="{y}" width="{width}" height="{height}" rx="6"/>')

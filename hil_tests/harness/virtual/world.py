@@ -40,7 +40,11 @@ def open_world(description: RigDescription, build: WorldBuild, exit_stack: ExitS
 
 
 def _find_images(description: RigDescription, text: str) -> tuple[str, dict[str, Path]]:
-    """Lines of the world file for the processors that execute their images, and the image files by name."""
+    """Firmware images of the processors that a virtual rig executes instead of emulating them natively.
+
+    text: world file. Returns additional lines of the world file, and the paths of the images by their names in
+    these lines.
+    """
     if not description.executed:
         return "", {}
     files = {name: build_images() / name for name in ("board-factory.hex", "hub-factory.hex")}
@@ -50,7 +54,7 @@ def _find_images(description: RigDescription, text: str) -> tuple[str, dict[str,
 
 
 def _find_executed(description: RigDescription, text: str) -> list[int]:
-    """Addresses of the executed boards that the world file contains, and 0 for an executed hub."""
+    """I2C addresses of the boards in a world file whose firmware is executed; 0 for an executed hub."""
     return [address for address in description.executed if address == HUB or f"board 0x{address:02X} " in text]
 
 
