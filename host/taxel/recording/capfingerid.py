@@ -52,7 +52,7 @@ class TouchRecording:
         return float(self.time_s[-1] - self.time_s[0]) if len(self.time_s) else 0.0
 
     def between(self, start_s: float, stop_s: float) -> "TouchRecording":
-        """The frames with start_s <= time < stop_s, with their original times."""
+        """Return the frames with start_s <= time < stop_s of the touch recording, with their original times."""
         frames = slice(*np.searchsorted(self.time_s, [start_s, stop_s]).tolist())
         return TouchRecording(self.name, self.time_s[frames], self.values[frames], self.task[frames])
 

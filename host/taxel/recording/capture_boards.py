@@ -37,7 +37,7 @@ class BoardFrames(NamedTuple):
         return BoardFrames(self.time_s[rows], self.raw_counts[rows], self.sequence[rows], self.cycle[rows])
 
     def concatenate(self, later: "BoardFrames") -> "BoardFrames":
-        """These frames followed by later ones. Raises ValueError for another number of taxels."""
+        """Join these frames of a board with later ones. Raises ValueError for another number of taxels."""
         return BoardFrames(
             np.concatenate([self.time_s, later.time_s]),
             np.concatenate([self.raw_counts, later.raw_counts]),
@@ -55,10 +55,10 @@ class BoardActivity(NamedTuple):
 
 
 def read_boards(path: str | os.PathLike[str]) -> Iterator[dict[int, BoardFrames]]:
-    """The boards of a capture by address, in blocks of some thousand frames; memory does not grow with the file.
+    """Yield the frames of all boards of a capture file by board address, in blocks of some thousand frames.
 
-    A new block starts where a board is replaced by a board with another number of taxels. Raises `CaptureError` (see
-    `CaptureDecoder`).
+    Memory use does not grow with the file. A new block starts where a board is replaced by a board with another number
+    of taxels. Raises `CaptureError` (see `CaptureDecoder`).
     """
     source = CaptureDecoder(path)
     clock = RowClock(ClockMap(source.baud, source.has_arrivals), lambda message: None)
@@ -68,10 +68,10 @@ def read_boards(path: str | os.PathLike[str]) -> Iterator[dict[int, BoardFrames]
 
 
 def _split_by_board(rows: NDArray[np.void], time_s: FloatArray, counts: CountArray) -> Iterator[dict[int, BoardFrames]]:
-    """Frames of each address as arrays.
+    """Yield the frames of a batch as arrays by board address.
 
-    Frames of one address with different sizes are in different blocks. rows: dtype `ROW`; time_s: f64[k]; counts: the
-    concatenated raw counts.
+    rows: frames, dtype `ROW`. time_s: f64[k], time of each frame. counts: concatenated raw counts of all frames. Frames
+    of one address with different numbers of taxels are in different blocks.
     """
     key = rows["address"].astype(np.uint32) << 16 | rows["size"]
     order = np.argsort(key, kind="stable")
@@ -94,11 +94,11 @@ def read_activity(
     samples: int = BASELINE_SAMPLES,
     threshold: float = ACTIVATION_THRESHOLD_COUNTS,
 ) -> Iterator[dict[int, BoardActivity]]:
-    """Active taxels of a capture by address, in blocks of some thousand frames.
+    """Yield the active taxels of a capture file by board address, in blocks of some thousand frames.
 
     The first `samples` frames of each board are its baseline (see `Baseline`) and are not part of the result. A board
-    with fewer frames is not part of the result. A board with another number of taxels starts a new baseline. Raises
-    `CaptureError` (see `CaptureDecoder`).
+    with fewer frames is not part of the result. A board with another number of taxels starts a new baseline. threshold:
+    signal above which a taxel is active, counts. Raises `CaptureError` (see `CaptureDecoder`).
     """
     pending: dict[int, BoardFrames] = {}
     ready: dict[int, tuple[BaselineResult, Activation]] = {}

@@ -97,7 +97,10 @@ class _Values:
         return any(name.startswith(f"{group}/") for name in self._names)
 
     def get(self, name: str, required: bool = True) -> Any:
-        """One value; a 0-d array becomes a plain value. None for an absent value that is not required."""
+        """Return the array or value called `name`; a 0-d array becomes a plain value.
+
+        Returns None for an absent value that is not required. Raises DatasetError for an absent value that is required.
+        """
         if name not in self._names:
             if required:
                 self.location.key(name).fail("a value", "nothing", "add it to the arrays")
@@ -131,7 +134,7 @@ class _Npz:
         self._zip.close()
 
     def _read_array(self, name: str) -> Any:
-        """One array of an .npz file. Raises DatasetError for a damaged, truncated or too large array."""
+        """Read one array of the .npz file. Raises DatasetError for a damaged, truncated or too large array."""
         location = self._location.key(name)
         try:
             member = self._zip.getinfo(f"{name}.npy")
@@ -154,7 +157,7 @@ class _Npz:
 
 
 def _write(path: str | PathLike[str], values: _Values, overwrite: bool) -> None:
-    """Write the dataset to a temporary file, then replace `path`. Raises DatasetError."""
+    """Write the arrays to a temporary dataset file, which then replaces `path`. Raises DatasetError."""
     target, location = Path(path), Location(str(path))
     check_target(target, overwrite, location)
     # The dataset is written beside the target, so that an error in a late grasp neither leaves an incomplete dataset
@@ -199,7 +202,10 @@ def _write_dataset(path: Path, values: _Values) -> None:
 
 
 def _flatten(arrays: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
-    """(path, value) of all values of nested mappings; the keys of a path are joined by "/"."""
+    """Yield (path, value) for each value of nested mappings; a path joins the keys by "/".
+
+    prefix: start of each path.
+    """
     for name, value in arrays.items():
         if isinstance(value, Mapping):
             yield from _flatten(value, f"{prefix}{name}/")
@@ -208,7 +214,7 @@ def _flatten(arrays: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]
 
 
 def _is_format_name(name: str) -> bool:
-    """True for a name that the dataset format defines, such as "taxels/position" or "grasps/0001/phase"."""
+    """Whether the dataset format defines this name, such as "taxels/position" or "grasps/0001/phase"."""
     parts = name.split("/")
     if len(parts) == 1:
         return name in ROOT_ATTRIBUTES
@@ -218,7 +224,7 @@ def _is_format_name(name: str) -> bool:
 
 
 def _suggest_names(name: str) -> str:
-    """Remedy for an unknown name: the most similar name of the format, or all names of its group."""
+    """Return the remedy for an unknown name: the most similar name of the format, or all names of its group."""
     group, _, leaf = name.rpartition("/")
     kind = group.split("/")[0]
     leaves = _GROUPS.get(kind) or _GROUPS_OF_GROUPS.get(kind) or ROOT_ATTRIBUTES

@@ -21,7 +21,11 @@ class Grasp:
     """
 
     def __init__(self, node: Node, grasp_id: str, source: str, s: int, sensor_index: IntArray) -> None:
-        """sensor_index: i64[n], row of each taxel's sensor in the sensor table, 0 to s - 1."""
+        """Create a grasp whose arrays are read from an HDF5 group on first use.
+
+        node: the group. source: "real" or "sim". s: number of sensors. sensor_index: i64[n], row of each taxel's sensor
+        in the sensor table, 0 to s - 1.
+        """
         self.id = grasp_id
         self._node = node
         self._source = source
@@ -43,7 +47,7 @@ class Grasp:
                 node.check_array(name, spec, self._sizes)
 
     def copy_without_arrays(self) -> Grasp:
-        """A copy that has read no array yet. The attributes are not checked again."""
+        """Return a copy of the grasp that has read no array yet. The attributes are not checked again."""
         other = copy(self)
         other._arrays = {}
         return other
@@ -114,12 +118,12 @@ class Grasp:
         return self._get_array("distance")
 
     def check(self) -> None:
-        """Read and check every array without keeping it; raises DatasetError for the first error."""
+        """Read and check every array of the grasp without keeping it; raises DatasetError for the first error."""
         for name in GRASP:
             self._read(name)
 
     def baseline(self, n: int = BASELINE_FRAMES) -> FloatArray:
-        """f64[n_taxels], counts: mean of the first n valid phase-0 frames of each taxel's sensor.
+        """Baseline counts of each taxel, f64[n]: mean of the first n valid frames of its sensor in phase 0 (baseline).
 
         NaN for the taxels of a missing sensor, which has no valid frame in the whole grasp. Raises DatasetError if
         another sensor has fewer than n frames.
@@ -130,9 +134,10 @@ class Grasp:
         return np.where(is_present[self._sensor_index], total / count, np.nan)
 
     def mean_hold_signal(self, baseline_frames: int = BASELINE_FRAMES) -> FloatArray:
-        """f64[n], counts: baseline minus mean of the valid hold frames; NaN if a sensor has no valid hold frame.
+        """Mean signal of each taxel in the hold phase, counts, f64[n]: baseline minus mean of the valid hold frames.
 
-        Raises DatasetError if a sensor has valid hold frames but too few baseline frames.
+        NaN if a sensor has no valid hold frame. Raises DatasetError if a sensor has valid hold frames but too few
+        baseline frames.
         """
         hold = self._find_frames_of_phase(Phase.HOLD)
         has_hold: BoolArray = np.any(hold, axis=0)
@@ -174,12 +179,18 @@ class Grasp:
             self._node.location.key("valid").fail(expected, found, remedy)
 
     def _find_frames_of_phase(self, phase: Phase, first: int | None = None) -> BoolArray:
-        """bool[T, s]: the valid frames of a phase; for each sensor only the `first` ones, None for all."""
+        """Return the valid frames of a phase for each sensor, bool[T, s].
+
+        first: number of frames for each sensor, from the start of the grasp; None: all.
+        """
         frames: BoolArray = self.valid & (self.phase == phase)[:, None]
         return frames if first is None else frames & (np.cumsum(frames, axis=0) <= first)
 
     def _sum_counts(self, frames: BoolArray, sensors: BoolArray) -> tuple[IntArray, IntArray]:
-        """i64[n], i64[n]: sum of the raw counts over a sensor's frames, and their number; (0, 1) for other sensors."""
+        """Sum the raw counts of each taxel over frames of its sensor; return (sum i64[n], number of frames i64[n]).
+
+        frames: bool[T, s]. sensors: bool[s]; for taxels of other sensors the result is (0, 1).
+        """
         total = np.zeros(self._sizes["n"], np.int64)
         count = np.ones(self._sizes["n"], np.int64)
         for sensor in np.flatnonzero(sensors):
@@ -202,7 +213,7 @@ class Grasp:
         return self._arrays[name]
 
     def _read(self, name: str) -> NDArray[Any] | None:
-        """Read and check an array of the grasp; None if an optional array is absent. The array is read-only."""
+        """Read and check the array `name` of the grasp, read-only; None if an optional array is absent."""
         spec = GRASP[name]
         if not is_required(spec, self._source) and not self._node.has(name):
             return None
@@ -212,7 +223,7 @@ class Grasp:
 
 
 def _check_positive(frames: int) -> int:
-    """The number of frames. Raises ValueError for a number below 1."""
+    """Return the number of baseline frames. Raises ValueError for a number below 1."""
     if frames < 1:
         raise ValueError(f"baseline frames: expected 1 or more, found {frames}")
     return frames

@@ -52,9 +52,9 @@ class Location:
 def check_header(
     shape: tuple[int, ...], dtype: Any, spec: ArraySpec, sizes: dict[str, int], location: Location
 ) -> None:
-    """Check the type and the shape of an array without its values.
+    """Check the type and the shape of an array of a dataset without its values; raises DatasetError.
 
-    sizes: length of each axis so far; a new axis is added.
+    spec: type and axes that the format requires. sizes: length of each axis so far; a new axis is added.
     """
     _check_kind(dtype, spec, location)
     axes = ", ".join(str(axis) for axis in spec.axes)
@@ -79,7 +79,7 @@ def _format_sizes(spec: ArraySpec, sizes: Mapping[str, int]) -> str:
 
 
 def _check_kind(dtype: Any, spec: ArraySpec, location: Location) -> None:
-    """Raise DatasetError if a stored type cannot represent the type of the format."""
+    """Raise DatasetError if the stored type of an array cannot represent the type that the format requires."""
     if spec.dtype == STRING:
         return  # HDF5 and NumPy store strings in several types; the readers of strings check them
     expected = np.dtype(spec.dtype).kind
@@ -90,7 +90,10 @@ def _check_kind(dtype: Any, spec: ArraySpec, location: Location) -> None:
 
 
 def convert_type(array: NDArray[Any], spec: ArraySpec, location: Location) -> NDArray[Any]:
-    """The array in the documented type. Raises DatasetError for a value outside this type, a NaN or an infinity."""
+    """Convert an array to the type that the format requires.
+
+    Raises DatasetError for a value outside the range of this type, a NaN or an infinity.
+    """
     dtype = np.dtype(spec.dtype)
     if dtype.kind == "f":
         with np.errstate(over="ignore"):
@@ -113,7 +116,10 @@ def convert_type(array: NDArray[Any], spec: ArraySpec, location: Location) -> ND
 
 
 def check_array(array: Any, spec: ArraySpec, sizes: dict[str, int], location: Location) -> NDArray[Any]:
-    """An array from a program in the documented type, after the same checks as for an array in a file."""
+    """Convert an array given by a program to the type of the format, with the same checks as for an array in a file.
+
+    sizes: length of each axis so far; a new axis is added. Raises DatasetError for the first error.
+    """
     try:
         values = np.asarray(array)
     except ValueError:
@@ -123,7 +129,7 @@ def check_array(array: Any, spec: ArraySpec, sizes: dict[str, int], location: Lo
 
 
 def check_content(name: str, array: NDArray[Any], location: Location) -> None:
-    """Check the meaning of the values of a grasp's array, which has its documented type."""
+    """Check the values of the array `name` of a grasp, such as times, phases or poses; raises DatasetError."""
     if name == "timestamp":
         _check_times(array, location)
     elif name == "phase" and array.max() > max(Phase):
@@ -179,7 +185,10 @@ def format_index(index: tuple[int, ...]) -> str:
 
 
 def check_text(value: Any, location: Location) -> str:
-    """A text of one printable line. Bytes are decoded as UTF-8."""
+    """Return `value` as a text of one printable line; bytes are decoded as UTF-8.
+
+    Raises DatasetError for another value.
+    """
     if isinstance(value, bytes):
         try:
             value = value.decode("utf-8")
@@ -194,7 +203,7 @@ def check_text(value: Any, location: Location) -> str:
 
 
 def check_choice(value: Any, choices: tuple[str, ...], location: Location) -> str:
-    """One of the texts in `choices`."""
+    """Return `value` if it is one of the texts in `choices`; else raise DatasetError."""
     text = check_text(value, location)
     if text not in choices:
         location.fail(" or ".join(f'"{choice}"' for choice in choices), format_value(text), "write one of these")
@@ -202,7 +211,7 @@ def check_choice(value: Any, choices: tuple[str, ...], location: Location) -> st
 
 
 def check_created(value: Any, location: Location) -> str:
-    """A date and time in ISO 8601."""
+    """Return `value` if it is a date and time in ISO 8601; else raise DatasetError."""
     text = check_text(value, location)
     try:
         datetime.fromisoformat(text)
@@ -212,7 +221,7 @@ def check_created(value: Any, location: Location) -> str:
 
 
 def check_integer(value: Any, location: Location) -> int:
-    """An integer from 0 to 2^63 - 1."""
+    """Return `value` if it is an integer from 0 to 2^63 - 1; else raise DatasetError."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
         location.fail("an integer of 0 or more", format_value(value), "store an integer")
     if not 0 <= value < 2**63:
@@ -221,7 +230,7 @@ def check_integer(value: Any, location: Location) -> int:
 
 
 def check_number(value: Any, location: Location, allow_zero: bool = False) -> float:
-    """A finite number above 0; with `allow_zero` also 0."""
+    """Return `value` as a float if it is a finite number above 0, or 0 with `allow_zero`; else raise DatasetError."""
     expected = "a finite number of 0 or more" if allow_zero else "a finite number above 0"
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.integer | np.floating):
         location.fail(expected, format_value(value), "store one number")

@@ -58,7 +58,7 @@ class GraspDataset:
             raise
 
     def _read_header(self, root: Node) -> None:
-        """Read and check everything except the arrays of the grasps."""
+        """Read and check everything in the dataset except the arrays of the grasps."""
         check_format(root)
         location = self._location
         text = {name: scalar(root.attribute(name), location.key(name)) for name in ("source", "hand", "generator")}
@@ -85,7 +85,10 @@ class GraspDataset:
         }
 
     def _open_grasp(self, grasp_id: str, node: Node, sensor_index: IntArray) -> Grasp:
-        """The grasp of a group of the file; its arrays are read at their first use."""
+        """Create the grasp of a group of the file; its arrays are read on first use.
+
+        sensor_index: i64[n], row of each taxel's sensor in the sensor table. Raises DatasetError for an unknown object.
+        """
         grasp = Grasp(node, grasp_id, self.source, self.sensors.s, sensor_index)
         if grasp.object not in self.objects:
             self._location.key("grasps").key(grasp_id).key("object").fail(
@@ -94,7 +97,7 @@ class GraspDataset:
         return grasp
 
     def _read_sensor_model(self, root: Node) -> SensorModel | None:
-        """The sensor model of a simulated dataset; None for a real one, which must not have a sensor model."""
+        """Read the sensor model of a simulated dataset; None for a real dataset, which must not have a sensor model."""
         location = self._location.key("sensor_model")
         if self.source == REAL:
             if root.has("sensor_model"):
@@ -118,7 +121,7 @@ class GraspDataset:
         return grasp_id in self._grasps
 
     def __getitem__(self, grasp_id: str) -> Grasp:
-        """The grasp with that id; raises DatasetError for an unknown id."""
+        """Return the grasp with this id; raises DatasetError for an unknown id."""
         location = self._location.key("grasps")
         if not self._file:
             self._location.fail("an open dataset", "a closed one", "use it inside its with block")
@@ -135,7 +138,7 @@ class GraspDataset:
             grasp.require_baseline(frames)
 
     def check(self) -> None:
-        """Read and check the whole file; raises DatasetError for the first error."""
+        """Read and check all arrays of all grasps; raises DatasetError for the first error."""
         for grasp in self:
             grasp.check()
 
@@ -154,7 +157,7 @@ class GraspDataset:
 
 
 def check_format(root: Node) -> None:
-    """Raise DatasetError for a file of another format or version. This check is the first one of a reader."""
+    """Raise DatasetError for a file of another format or version. A reader makes this check before all others."""
     remedy = "use a taxel release that reads that file, or convert the file"
     name = scalar(root.attribute("format"), root.location.key("format"))
     if name not in (FORMAT, FORMAT.encode()):
@@ -171,7 +174,7 @@ def _read_arrays(root: Node, name: str, specs: Mapping[str, Any], sizes: dict[st
 
 
 def _read_objects(root: Node) -> dict[str, ObjectMesh]:
-    """Meshes of all objects, by name."""
+    """Read the meshes of all objects of a dataset, by name. root: the root group of the file."""
     group = root.group("objects")
     meshes = {}
     for name in group.names():

@@ -27,7 +27,10 @@ _DAMAGED = "the file is damaged or truncated; copy it again or record it again"
 
 @contextmanager
 def convert_hdf5_errors(location: Location) -> Iterator[None]:
-    """Convert the exceptions of the HDF5 library for a damaged file into a DatasetError for this location."""
+    """Context manager that converts exceptions of the HDF5 library for a damaged file into a DatasetError.
+
+    location: the place in the file that the error message names.
+    """
     try:
         yield
     except (OSError, RuntimeError, LookupError, ValueError, TypeError, OverflowError, MemoryError) as error:
@@ -35,9 +38,10 @@ def convert_hdf5_errors(location: Location) -> Iterator[None]:
 
 
 def open_hdf5(path: Path, mode: str, libver: tuple[str, str] | None = None) -> Any:
-    """Open an h5py.File.
+    """Open an HDF5 file as an h5py.File; mode: as for h5py.
 
-    Raises DatasetError for a file that is missing, is no HDF5 file, is truncated, or is open for writing elsewhere.
+    libver: oldest and newest version of the file format. Raises DatasetError for a file that is missing, is no HDF5
+    file, is truncated, or is open for writing elsewhere.
     """
     location = Location(str(path))
     if not path.is_file():
@@ -70,7 +74,7 @@ class Node:
             return sorted(self._group)
 
     def has(self, name: str) -> bool:
-        """Whether the group has a member of that name."""
+        """Whether the HDF5 group has a member of this name."""
         with convert_hdf5_errors(self.location.key(name)):
             return bool(self._group.id.links.exists(_encode_name(name)))
 
@@ -93,14 +97,17 @@ class Node:
         return list(values) if spec.dtype == STRING else convert_type(values, spec, location)
 
     def attribute(self, name: str) -> Any:
-        """The value of an attribute: a scalar, an array or a text."""
+        """Return the value of an attribute of the HDF5 group: a scalar, an array or a text.
+
+        Raises DatasetError for a missing attribute.
+        """
         value = self.optional_attribute(name)
         if value is None:
             self.location.key(name).fail("an attribute", "nothing", "add it")
         return value
 
     def optional_attribute(self, name: str) -> Any:
-        """The value of an attribute, or None if the attribute is absent."""
+        """Return the value of an attribute of the HDF5 group, or None if the attribute is absent."""
         location = self.location.key(name)
         with convert_hdf5_errors(location):
             if name not in self._group.attrs:
@@ -121,7 +128,11 @@ class Node:
         return {name: value for name in names if (value := self.optional_attribute(name)) is not None}
 
     def _get_member(self, name: str, kind: type, kind_name: str) -> Any:
-        """A group or dataset below this group. Raises DatasetError for a missing member, a link or another kind."""
+        """Return a subgroup or dataset of the HDF5 group.
+
+        kind: expected class of h5py; kind_name: "group" or "dataset". Raises DatasetError for a missing member, a link
+        or another kind.
+        """
         location = self.location.key(name)
         if not self.has(name):
             location.fail(f"a {kind_name}", "nothing", "add it")
@@ -136,7 +147,7 @@ class Node:
         return child
 
     def _get_checked_dataset(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> Any:
-        """A dataset whose type, shape and storage are checked before its data are read."""
+        """Return a dataset of the HDF5 group after a check of its type, shape and storage; values are not read."""
         dataset, location = self._get_member(name, h5py.Dataset, "dataset"), self.location.key(name)
         with convert_hdf5_errors(location):
             shape, dtype, chunks = dataset.shape, dataset.dtype, dataset.chunks
@@ -161,7 +172,7 @@ def _encode_name(name: str) -> bytes:
 
 
 def scalar(value: Any, location: Location) -> Any:
-    """The value of an attribute with one value. Raises DatasetError for an array."""
+    """Return the single value of an attribute; a 0-d array becomes a plain value. Raises DatasetError for an array."""
     if isinstance(value, np.ndarray):
         if value.ndim:
             location.fail("one value", f"shape {list(value.shape)}", "store one value")
@@ -170,6 +181,6 @@ def scalar(value: Any, location: Location) -> Any:
 
 
 def set_read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """The same array with the writeable flag cleared. The array must have no other owner."""
+    """Make an array read-only and return it. No other object may use the array."""
     array.flags.writeable = False
     return array

@@ -38,7 +38,7 @@ class GraspRecord:
 
 
 def check_attributes(record: GraspRecord, objects: Collection[str], location: Location) -> dict[str, Any]:
-    """The four attributes of a grasp's group; raises DatasetError for the first error.
+    """Return the four attributes of a grasp's HDF5 group; raises DatasetError for the first error.
 
     objects: names of the objects in the dataset.
     """
@@ -56,9 +56,9 @@ def check_attributes(record: GraspRecord, objects: Collection[str], location: Lo
 def check_arrays(
     record: GraspRecord, source: str, sizes: Mapping[str, int], location: Location
 ) -> dict[str, NDArray[Any]]:
-    """The arrays to write, in their documented types; raises DatasetError for the first error.
+    """Return the arrays of a grasp to write, in the types of the format; raises DatasetError for the first error.
 
-    sizes: lengths of the axes n and s.
+    source: "real" or "sim". sizes: numbers n of taxels and s of sensors.
     """
     lengths = dict(sizes)
     arrays = {}

@@ -42,17 +42,19 @@ class SensorModel:
     layer: str | None = None
 
     def predict_signal(self, force: npt.ArrayLike) -> FloatArray:
-        """Signal without noise, counts, f64 in the shape of force. force: newtons, 0 or more."""
+        """Predict the signal without noise, counts below the baseline, in the shape of `force`.
+
+        force: newtons, 0 or more.
+        """
         newtons = np.asarray(force, np.float64)
         return np.asarray(self.full_scale_drop_counts * newtons / (newtons + self.half_force_n))
 
     def counts(self, force: npt.ArrayLike, generator: np.random.Generator, line: IntArray | None = None) -> CountArray:
-        """Raw counts u16[T, n] with noise, clipped to 16 bits.
+        """Simulate raw counts u16[T, n] with noise, clipped to 16 bits, under forces f64[T, n], newtons.
 
-        force: f64[T, n], newtons. generator: source of the noise. line: i64[n], `TaxelTable.rx_line`, required if
-        noise_line_counts is not 0: the noise of a line is sampled once in a frame for all its taxels.
-
-        Raises ValueError if line is required and None.
+        generator: source of the noise. line: i64[n], RX line of each taxel (`TaxelTable.rx_line`), required if
+        noise_line_counts is not 0: the noise of a line is sampled once in a frame for all its taxels. Raises ValueError
+        if line is required and None.
         """
         exact = self.baseline_counts - self.predict_signal(force)
         if self.noise_counts:
@@ -66,7 +68,7 @@ class SensorModel:
 
 
 def check_sensor_model(values: Mapping[str, Any], location: Location, n: int) -> SensorModel:
-    """The sensor model with these attributes; raises DatasetError for the first error.
+    """Build the sensor model of a simulated dataset from its attributes; raises DatasetError for the first error.
 
     values: attributes by name; an absent or None value gets its default. n: number of taxels.
     """
@@ -87,7 +89,10 @@ def check_sensor_model(values: Mapping[str, Any], location: Location, n: int) ->
 
 
 def _check_baseline(value: Any, location: Location, n: int) -> float | FloatArray:
-    """The baseline counts: one number, or f64[n], read-only. Raises DatasetError for counts of 0 or below."""
+    """Return the baseline counts of a sensor model: one number, or f64[n], read-only.
+
+    Raises DatasetError for counts of 0 or below, and for another shape.
+    """
     if np.ndim(value) == 0:
         return check_number(value[()] if isinstance(value, np.ndarray) else value, location)
     if isinstance(value, np.ndarray) and value.dtype.kind in "ui":

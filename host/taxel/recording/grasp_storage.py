@@ -51,7 +51,10 @@ _GZIP_LEVEL = 1
 
 @contextmanager
 def convert_writing_errors(location: Location) -> Iterator[None]:
-    """Convert exceptions of the system and the HDF5 library during writing into a DatasetError for this location."""
+    """Context manager that converts exceptions of the system and the HDF5 library during writing into a DatasetError.
+
+    location: the place in the file that the error message names.
+    """
     try:
         yield
     except (OSError, RuntimeError, ValueError) as error:
@@ -145,20 +148,23 @@ def write_array(group: Any, name: str, array: NDArray[Any] | tuple[str, ...]) ->
 
 
 def write_attributes(group: Any, values: Mapping[str, Any]) -> None:
-    """Write attributes; integers become int64."""
+    """Write attributes of an HDF5 group; integers are stored as int64."""
     for name, value in values.items():
         group.attrs.create(name, np.int64(value) if isinstance(value, int) else value)
 
 
 def link_grasp(file: Any, grasp: Any, grasp_id: str) -> None:
-    """Make a complete, anonymous grasp a part of the file; a kill at any time leaves a readable file."""
+    """Make a complete grasp, an HDF5 group without a name, a part of the file under its id.
+
+    A program that is killed at any time during this call leaves a readable file.
+    """
     _flush(file)
     file["grasps"][grasp_id] = grasp
     _flush(file)
 
 
 def _flush(file: Any) -> None:
-    """Write all buffered data to the file; a program killed during this call leaves a readable file."""
+    """Write all buffered data to the HDF5 file; a program that is killed during this call leaves a readable file."""
     # HDF5 writes the end address before it extends the file; a kill between these writes would leave a truncated file.
     size = file.id.get_filesize()
     if os.path.getsize(file.filename) < size:

@@ -45,7 +45,7 @@ class TaxelTable:
 
     @property
     def rx_line(self) -> IntArray:
-        """i64[n], number of each taxel's RX line; taxels with the same receive electrode have the same number."""
+        """Number of each taxel's RX line over all boards, i64[n]; taxels on the same electrode share a number."""
         number: IntArray = np.unique(self.sensor.astype(np.int64) * 256 + self.rx, return_inverse=True)[1]
         return number.reshape(-1)
 
@@ -69,7 +69,7 @@ class SensorTable:
         return len(self.address)
 
     def index_of(self, taxels: TaxelTable) -> IntArray:
-        """i64[n], the row of each taxel's sensor in this table."""
+        """Return the row in this table of each taxel's sensor, i64[n]."""
         row = np.zeros(256, np.int64)
         row[self.address] = np.arange(self.s)
         return row[taxels.sensor]
@@ -84,7 +84,7 @@ class ObjectMesh:
 
 
 def copy_read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """A read-only array with the same values. A writeable array is copied, because it has another owner."""
+    """Return a read-only array with the same values; a writeable array is copied, because other code may change it."""
     if array.flags.writeable:
         array = array.copy()
         array.flags.writeable = False
@@ -92,7 +92,10 @@ def copy_read_only(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def check_taxels(arrays: Mapping[str, Any], location: Location, sizes: dict[str, int]) -> TaxelTable:
-    """The taxel table of six arrays; raises DatasetError for the first error. Adds n to sizes."""
+    """Build the taxel table from six arrays by name; raises DatasetError for the first error.
+
+    sizes: length of each axis so far; the number of taxels n is added.
+    """
     table = TaxelTable(
         **{
             name: copy_read_only(check_array(arrays[name], spec, sizes, location.key(name)))
@@ -121,7 +124,10 @@ def check_taxels(arrays: Mapping[str, Any], location: Location, sizes: dict[str,
 
 
 def check_sensors(arrays: Mapping[str, Any], location: Location, sizes: dict[str, int]) -> SensorTable:
-    """The sensor table of four arrays; raises DatasetError for the first error. Adds s to sizes."""
+    """Build the sensor table from four arrays by name; raises DatasetError for the first error.
+
+    sizes: length of each axis so far; the number of sensors s is added.
+    """
     address = copy_read_only(check_array(arrays["address"], SENSORS["address"], sizes, location.key("address")))
     rate = copy_read_only(check_array(arrays["rate_hz"], SENSORS["rate_hz"], sizes, location.key("rate_hz")))
     name = _check_texts(arrays["name"], sizes["s"], location.key("name"))
@@ -137,7 +143,7 @@ def check_sensors(arrays: Mapping[str, Any], location: Location, sizes: dict[str
 
 
 def _check_texts(values: Any, count: int, location: Location) -> tuple[str, ...]:
-    """The texts of a column, `count` of them. Raises DatasetError for another shape or type."""
+    """Return a column of `count` texts as a tuple. Raises DatasetError for another shape or type."""
     if isinstance(values, str | bytes) or np.ndim(values) != 1 or len(values) != count:
         location.fail(f"{count} texts (s = {count})", f"shape {list(np.shape(values))}", "give one for each sensor")
     items = values.tolist() if isinstance(values, np.ndarray) else values
@@ -154,7 +160,7 @@ def check_addresses(taxels: TaxelTable, sensors: SensorTable, location: Location
 
 
 def check_mesh(arrays: Mapping[str, Any], location: Location) -> ObjectMesh:
-    """The mesh of two arrays; raises DatasetError for the first error."""
+    """Build the mesh of an object from its vertices and faces; raises DatasetError for the first error."""
     sizes: dict[str, int] = {}
     vertices, faces = (
         copy_read_only(check_array(arrays[name], spec, sizes, location.key(name))) for name, spec in MESH.items()
@@ -168,7 +174,7 @@ def check_mesh(arrays: Mapping[str, Any], location: Location) -> ObjectMesh:
 
 
 def check_name(name: Any, location: Location) -> str:
-    """A name of an object or a grasp, which is used as the name of an HDF5 group."""
+    """Return the name of an object or a grasp if it can be the name of an HDF5 group; else raise DatasetError."""
     text = check_text(name, location)
     if "/" in text or text in (".", ".."):
         location.fail("a name without a slash, other than . and ..", format_value(text), "rename it")

@@ -73,7 +73,10 @@ class GraspDatasetWriter:
     """
 
     def __init__(self, path: Path) -> None:
-        """Open a complete dataset to add grasps; called by `create` and `extend`."""
+        """Open a complete dataset file to add grasps; called by `create` and `extend`.
+
+        Raises DatasetError for a file with errors.
+        """
         with GraspDataset(path) as data:  # reject a file with errors before anything is added
             self._source = data.source
             self._objects = frozenset(data.objects)
@@ -174,7 +177,7 @@ class GraspDatasetWriter:
 
 
 def _check_attributes(header: DatasetHeader, location: Location) -> dict[str, Any]:
-    """The attributes of the root group. Raises DatasetError for an invalid value of the header."""
+    """Return the attributes of the root group of a dataset. Raises DatasetError for an invalid value of the header."""
     created = datetime.now(UTC).isoformat(timespec="seconds") if header.created is None else header.created
     return {
         **header.notes,
@@ -190,7 +193,10 @@ def _check_attributes(header: DatasetHeader, location: Location) -> dict[str, An
 def _check_tables(
     header: DatasetHeader, location: Location, sizes: dict[str, int]
 ) -> dict[str, tuple[Any, Mapping[str, Any]]]:
-    """Tables and their array specifications by HDF5 path. Adds n and s to sizes."""
+    """Check the tables of a dataset's header; return (table, specification of its arrays) by HDF5 path.
+
+    sizes: the numbers n of taxels and s of sensors are added. Raises DatasetError for the first error.
+    """
     tables: dict[str, tuple[Any, Mapping[str, Any]]] = {
         "taxels": (check_taxels(vars(header.taxels), location.key("taxels"), sizes), TAXELS),
         "sensors": (check_sensors(vars(header.sensors), location.key("sensors"), sizes), SENSORS),
@@ -203,7 +209,10 @@ def _check_tables(
 
 
 def _check_model(model: SensorModel | None, source: str, location: Location, n: int) -> SensorModel | None:
-    """The checked sensor model, which only a simulated dataset has. n: number of taxels."""
+    """Return the checked sensor model, which a simulated dataset must have and a real dataset must not have.
+
+    source: "real" or "sim". n: number of taxels. Raises DatasetError.
+    """
     if (model is None) == (source == SIM):
         if model is None:
             location.fail("a sensor model", "none", "a simulated dataset states how force became counts")
@@ -212,7 +221,10 @@ def _check_model(model: SensorModel | None, source: str, location: Location, n: 
 
 
 def _write_new(path: Path, attributes: Mapping[str, Any], tables: Mapping[str, Any], model: SensorModel | None) -> None:
-    """Create a dataset file without grasps. tables: (table, specification of its arrays) by path."""
+    """Create a dataset file with attributes, tables and sensor model, but without grasps.
+
+    tables: (table, specification of its arrays) by HDF5 path.
+    """
     with create_file(path) as file:
         create_grasps_group(file)
         write_attributes(file, attributes)

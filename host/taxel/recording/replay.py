@@ -65,13 +65,11 @@ def replay_touches(
     options: ReplayOptions | None = None,
     folder: str | os.PathLike[str] | None = None,
 ) -> ReplayScore:
-    """Send frames of a recording through an emulated skin of `hand`, and score the decoded result.
+    """Send frames of a touch recording through an emulated skin of `hand`, and score the decoded touches.
 
-    folder: folder for the stimulus, the host script and the capture; None: they are deleted.
-
-    Raises `RecordingError` if the recording has no frame in that time, the hand is too small, or a board delivers too
-    few frames for a baseline; `CaptureError` if `folder` contains a capture already; `LinkError` if the emulator
-    rejects its input.
+    folder: folder for the stimulus, the host script and the capture; None: they are deleted. Raises `RecordingError` if
+    the recording has no frame in the selected time, the hand is too small, or a board delivers too few frames for a
+    baseline; `CaptureError` if `folder` contains a capture already; `LinkError` if the emulator rejects its input.
     """
     options = options or ReplayOptions()
     stop_s = np.inf if options.seconds is None else options.start_s + options.seconds
@@ -91,7 +89,7 @@ def replay_touches(
 
 
 def compute_lead_in_s(hand: Hand, settings: WorldSettings) -> float:
-    """Emulated seconds without contact, long enough for the baseline of every board."""
+    """Return the emulated seconds without contact before a replay, long enough for the baseline of every board."""
     bus_bytes = sum(2 * board.kind.taxel_count + BOARD_OVERHEAD_BYTES for board in hand.boards)
     scan_s = CONVERSION_S * max(board.kind.taxel_count for board in hand.boards)
     cycle_s = SCAN_MARGIN * max(BITS_PER_BYTE_I2C * bus_bytes / settings.scl_hz, scan_s)
@@ -99,7 +97,10 @@ def compute_lead_in_s(hand: Hand, settings: WorldSettings) -> float:
 
 
 def _emulate_capture(folder: Path, hand: Hand, options: ReplayOptions, time_s: FloatArray, counts: CountArray) -> Path:
-    """The capture of a skin with raw counts `counts` [T, n] from the times `time_s` [T] on, emulated seconds."""
+    """Emulate a skin with given raw counts, and return the path of the capture of its stream.
+
+    counts: u16[T, n], from the times `time_s` [T] on, emulated seconds. folder: for the files of the emulation.
+    """
     stimulus, script, capture = folder / "touches.stimulus", folder / "host.capture", folder / "touches.capture"
     if capture.exists():
         raise CaptureError(str(capture), "exists already; choose another folder")
@@ -131,9 +132,10 @@ def decode_capture(
 def _decode_board(
     hand: Hand, board: Board, frames: list[TaxelFrame], first_cycle: int, start_s: float, threshold: float
 ) -> DecodedBoard:
-    """Signal and activity of one board after `start_s`; the frames before that time give the baseline.
+    """Compute signal and activity of one board after `start_s`; its frames before that time give the baseline.
 
-    Raises RecordingError for too few frames. first_cycle: poll cycle of the first frame of the skin.
+    first_cycle: poll cycle of the first frame of the skin. threshold: signal above which a taxel is active, counts.
+    Raises RecordingError for too few frames.
     """
     time_s = np.array([frame.time_s for frame in frames])
     before = int((time_s < start_s).sum())
@@ -155,10 +157,10 @@ def _decode_board(
 
 
 def _compute_taxel_offsets(frames: list[TaxelFrame], time_s: FloatArray, n_taxels: int) -> FloatArray:
-    """Time from the start of a scan to the middle of each taxel's conversion, seconds, f64[n].
+    """Return the time from the start of a scan to the middle of each taxel's conversion, seconds, f64[n].
 
-    A board scans without a pause, so that the time of one taxel is the time between two scans divided by the number of
-    scans and taxels.
+    frames, time_s: frames of one board and their times. A board scans without a pause, so that the time of one taxel is
+    the time between two scans divided by the number of scans and taxels.
     """
     scans = _unwrap(np.array([frame.sequence for frame in frames]))
     period_s = (time_s[-1] - time_s[0]) / (scans[-1] - scans[0]) / n_taxels
@@ -167,7 +169,7 @@ def _compute_taxel_offsets(frames: list[TaxelFrame], time_s: FloatArray, n_taxel
 
 
 def _unwrap(numbers: IntArray) -> IntArray:
-    """Numbers modulo 65,536 as a continuous count that starts with the first number."""
+    """Convert numbers modulo 65,536 to a continuous count that starts with the first number."""
     steps = np.diff(numbers, prepend=numbers[0])
     unwrapped: IntArray = numbers[0] + np.cumsum((steps + _MODULUS // 2) % _MODULUS - _MODULUS // 2)
     return unwrapped

@@ -114,7 +114,7 @@ class ReplayScore:
 
     @property
     def samples(self) -> int:
-        """Number of compared taxel samples."""
+        """Number of compared taxel samples; a sample is one taxel in one board frame."""
         decided = self.true_positives + self.false_positives + self.false_negatives + self.true_negatives
         return decided + self.at_steps
 
@@ -190,19 +190,22 @@ class _BoardComparison:
 
     @cached_property
     def is_correct(self) -> BoolArray:
-        """The sample is active, and the source is active before or after it."""
+        """Whether each sample of the board is active and the source is active just before or just after its time."""
         is_correct: BoolArray = self.board.active & (self._active_before | self._active_after)
         return is_correct
 
     def count_wrong(self) -> int:
-        """Number of samples whose signal equals the source's value neither before nor after."""
+        """Count the samples whose signal equals the source's value neither just before nor just after their time."""
         values, signal = self._source.values, self.board.signal_counts
         differs_before = np.abs(values[self._row_before, self._taxel] - signal) > EXACT_COUNTS
         differs_after = np.abs(values[self._row_after, self._taxel] - signal) > EXACT_COUNTS
         return int((differs_before & differs_after).sum())
 
     def find_touches(self, samples: BoolArray) -> IntArray:
-        """The touch of each of these samples."""
+        """Return the number of the source's touch for each selected sample.
+
+        samples: selection of the board's samples, bool.
+        """
         row = np.where(self._active_before, self._row_before, self._row_after)
         touches: IntArray = self._source.touch_of_row[row[samples]]
         return touches
@@ -211,7 +214,7 @@ class _BoardComparison:
 def score_replay(
     source: SourceTouches, boards: Sequence[DecodedBoard], tolerance_s: float = STEP_TOLERANCE_S
 ) -> ReplayScore:
-    """Compare the decoded boards with the source.
+    """Compare the decoded samples of all boards with the touches of the source.
 
     tolerance_s: uncertainty of the time of conversion; frames of the source that are shorter than twice this value are
     not resolved. Raises ValueError without any board frame.
@@ -252,7 +255,10 @@ def score_replay(
 
 
 def _find_first_samples(source: SourceTouches, comparisons: Sequence[_BoardComparison]) -> tuple[BoolArray, FloatArray]:
-    """For each touch: whether a sample of it exists, and the time of its first correct sample (infinity: none)."""
+    """Return for each touch whether a sample of it exists, and the time of its first correct sample (infinity: none).
+
+    comparisons: comparison of each board with the source. A sample is one taxel in one board frame.
+    """
     is_sampled = np.zeros(source.n_touches, dtype=bool)
     first_s = np.full(source.n_touches, np.inf)
     for comparison in comparisons:
@@ -265,7 +271,7 @@ def _find_first_samples(source: SourceTouches, comparisons: Sequence[_BoardCompa
 
 
 def _count_spurious_runs(comparisons: Sequence[_BoardComparison]) -> int:
-    """Number of runs of poll cycles with an active taxel in which no sample is correct."""
+    """Count the runs of successive poll cycles that have active taxels, but no correctly active taxel."""
     first = min(int(comparison.board.cycle.min()) for comparison in comparisons)
     cycles = max(int(comparison.board.cycle.max()) for comparison in comparisons) - first + 1
     is_active, is_correct = np.zeros(cycles, dtype=bool), np.zeros(cycles, dtype=bool)
@@ -277,7 +283,7 @@ def _count_spurious_runs(comparisons: Sequence[_BoardComparison]) -> int:
 
 
 def _find_fullest_map(n_taxels: int, boards: Sequence[DecodedBoard]) -> tuple[FloatArray, BoolArray]:
-    """Signal and activity of the whole skin in the poll cycle with the most active taxels."""
+    """Return signal f64[n] and activity bool[n] of the whole skin in the poll cycle with the most active taxels."""
     cycles = np.concatenate([board.cycle for board in boards])
     counts = np.concatenate([board.active.sum(axis=1) for board in boards])
     unique_cycles, index = np.unique(cycles, return_inverse=True)

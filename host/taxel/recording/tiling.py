@@ -56,7 +56,7 @@ class Tiling:
 
     @classmethod
     def for_hand(cls, hand: Hand) -> "Tiling":
-        """The tiling of `hand`. Raises `RecordingError` if the hand is too small."""
+        """Assign the cells of the touch panel to taxels of `hand`. Raises `RecordingError` if the hand is too small."""
         for shape in _list_tile_shapes():
             n_tiles = (ROWS // shape[0]) * (COLUMNS // shape[1])
             tiles = [tile for board in hand.boards for tile in _find_tiles(hand, board, shape, n_tiles // BOARDS_MIN)]
@@ -69,7 +69,7 @@ class Tiling:
         )
 
     def to_taxels(self, values: npt.ArrayLike) -> IntArray:
-        """Values of all taxels, int64[T, n_taxels], from panel values [T, 27, 15]; 0 for taxels without a cell."""
+        """Convert panel values [T, 27, 15] to values of all taxels, int64[T, n_taxels]; 0 for taxels without a cell."""
         cells = np.asarray(values)
         if cells.ndim != 3 or cells.shape[1:] != (ROWS, COLUMNS) or cells.dtype.kind not in "iu":
             raise ValueError(f"values: expected integers [T, {ROWS}, {COLUMNS}], found {cells.dtype} {cells.shape}")
@@ -78,10 +78,10 @@ class Tiling:
         return result
 
     def to_counts(self, values: npt.ArrayLike, untouched: int = UNTOUCHED_COUNTS) -> CountArray:
-        """Raw counts u16[T, n_taxels] from panel values [T, 27, 15]: untouched - value, clipped to 0..65,535.
+        """Convert panel values [T, 27, 15] to raw counts u16[T, n_taxels]: untouched - value, clipped to 0..65,535.
 
-        Taxels without a cell have the count `untouched`.
-        Raises ValueError for a wrong shape or dtype, or if `untouched` is outside 0..65,535.
+        Taxels without a cell have the count `untouched`. Raises ValueError for a wrong shape or dtype, or if
+        `untouched` is outside 0..65,535.
         """
         if not 0 <= untouched <= RAW_COUNT_MAX:
             raise ValueError(f"untouched: expected 0 to {RAW_COUNT_MAX}, found {untouched}")
@@ -90,7 +90,10 @@ class Tiling:
 
 
 def _list_tile_shapes() -> list[tuple[int, int]]:
-    """Rectangles that divide the panel into at least `BOARDS_MIN` tiles: largest first, then most nearly square."""
+    """Return the rectangles (rows, columns) that divide the touch panel into at least `BOARDS_MIN` tiles.
+
+    The largest rectangles are first, and among equally large ones those most nearly square.
+    """
     shapes = product(
         [rows for rows in range(1, ROWS + 1) if ROWS % rows == 0],
         [columns for columns in range(1, COLUMNS + 1) if COLUMNS % columns == 0],
@@ -100,7 +103,10 @@ def _list_tile_shapes() -> list[tuple[int, int]]:
 
 
 def _find_tiles(hand: Hand, board: Board, shape: tuple[int, int], max_count: int) -> Iterator[IntArray]:
-    """At most `max_count` windows of a board that do not overlap, each as its taxels, int64[rows, columns]."""
+    """Yield at most `max_count` separate windows of a board, each as its taxel indices, int64[rows, columns].
+
+    shape: rows and columns of a window, all of whose crossings must carry taxels.
+    """
     free = board.kind.crossings.copy()
     if shape[0] > free.shape[0] or shape[1] > free.shape[1]:
         return
@@ -117,6 +123,6 @@ def _find_tiles(hand: Hand, board: Board, shape: tuple[int, int], max_count: int
 
 
 def _join_tiles(tiles: IntArray, shape: tuple[int, int]) -> IntArray:
-    """Tiles [k, rows, columns] in the panel's row-major order, joined to int64[405]."""
+    """Join tiles [k, rows, columns] of taxel indices to int64[405] in the row-major order of the panel's cells."""
     tile_rows, tile_columns = ROWS // shape[0], COLUMNS // shape[1]
     return tiles.reshape(tile_rows, tile_columns, *shape).swapaxes(1, 2).reshape(-1)

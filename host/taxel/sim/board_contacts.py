@@ -56,7 +56,7 @@ class BoardContacts:
     rows: FloatArray
 
     def select(self, selection: BoolArray) -> BoardContacts:
-        """The boards for which `selection` bool[G] is true."""
+        """Return the loaded boards for which `selection` bool[G] is true, with their taxels."""
         in_selection = selection[self.group]
         group = (np.cumsum(selection) - 1)[self.group[in_selection]]
         frame, board, force_n = self.frame[selection], self.board[selection], self.force_n[selection]
@@ -65,14 +65,20 @@ class BoardContacts:
         return BoardContacts(frame, board, force_n, pose, centre, axes, group, taxel, rows)
 
     def with_all_taxels(self, hand: Hand | Sheet) -> BoardContacts:
-        """The same boards with all their taxels. Valid only before `move`."""
+        """Return the same loaded boards with all their taxels instead of those that can bear load.
+
+        Valid before `move`.
+        """
         group, taxel = _list_taxels(hand, self.board)
         to_bracket = inverse(self.pose)
         centre, axes = apply(to_bracket, self.centre[:, None])[:, 0], rotate(to_bracket, self.axes)
         return replace(self, group=group, taxel=taxel, rows=_compute_rows(hand, centre[group], axes[group], taxel))
 
     def move(self, x: FloatArray) -> BoardContacts:
-        """The boards after a small motion x, f64[G, 3]: approach and two tilts, metres."""
+        """Return the boards after a small rigid motion x, f64[G, 3]: travel along the approach and two tilts, metres.
+
+        A tilt in metres is the travel of a point at the distance `TILT_ARM_M` from the tilt axis.
+        """
         motion = from_rotation_vector(np.einsum("gk,gki->gi", x[:, 1:] / TILT_ARM_M, self.axes[:, 1:]))
         shift = x[:, :1] * self.axes[:, 0]
         # Rotation about the centre of pressure c, then translation: p -> R (p - c) + c + shift.
@@ -80,7 +86,11 @@ class BoardContacts:
         return replace(self, pose=motion @ self.pose, centre=self.centre + shift)
 
     def cast_rays(self, hand: Hand | Sheet, shape: Shape) -> tuple[FloatArray, FloatArray]:
-        """Exact separations f64[m], metres, and their derivatives with respect to the motion x, f64[m, 3]."""
+        """Compute exact separations between taxels and object, f64[m], metres, and their derivatives, f64[m, 3].
+
+        The derivatives refer to the motion x of the boards (see `move`). The separation is measured along the normal of
+        the taxel from the surface of the layer; `MISS_GAP_M` where this ray misses the object.
+        """
         pose, axes = self.pose[self.group], self.axes[self.group]
         points = apply(pose, hand.position[self.taxel][:, None])[:, 0]
         normals = rotate(pose, hand.normal[self.taxel][:, None])[:, 0]
@@ -97,9 +107,10 @@ class BoardContacts:
 def find_board_contacts(
     hand: Hand | Sheet, shape: Shape, sensor_poses: FloatArray, object_poses: FloatArray, wrench: FloatArray
 ) -> BoardContacts:
-    """The boards with a contact force and at least one taxel that can bear it.
+    """Find the boards with a contact force and at least one taxel that can bear the force, in all T frames.
 
-    sensor_poses: f64[T, s, 4, 4]. object_poses: f64[T, 4, 4]. wrench: f64[T, s, 6], on the board, bracket frame.
+    sensor_poses: f64[T, s, 4, 4], brackets in the world. object_poses: f64[T, 4, 4]. wrench: f64[T, s, 6], force (N)
+    and moment (Nm) on each board, bracket frame.
     """
     magnitude = np.linalg.norm(wrench[..., :3], axis=-1)
     frame, board = np.nonzero(magnitude > 0)
@@ -126,7 +137,7 @@ def find_board_contacts(
 def _find_load_bearing_taxels(
     hand: Hand | Sheet, shape: Shape, pose: FloatArray, board: IndexArray, approach: FloatArray
 ) -> tuple[IndexArray, IndexArray]:
-    """Taxels that can bear the load of their board: index of the board in `board` and taxel number, i64[m] each.
+    """Find the taxels that can bear the load of their board: position of the board in `board` and taxel number, i64[m].
 
     pose: f64[G, 4, 4] of the G boards `board` [G] in the object's frame. approach: f64[G, 3], unit vector opposite to
     the contact force, bracket frame. Each of the m taxels is near the object; its normal is within the angle of
@@ -145,7 +156,7 @@ def _find_load_bearing_taxels(
 
 
 def _list_taxels(hand: Hand | Sheet, board: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """All taxels of the boards `board` [G], sorted by board: index in [G] and taxel, [m] each."""
+    """List all m taxels of the boards `board` [G]: index of the board in [G], ascending, and taxel number."""
     order = np.argsort(hand.board_index, kind="stable")  # the bare squares of a sheet follow after all taxels
     first = np.searchsorted(hand.board_index[order], np.arange(len(hand.boards) + 1))
     size = np.diff(first)[board]
@@ -154,7 +165,11 @@ def _list_taxels(hand: Hand | Sheet, board: IndexArray) -> tuple[IndexArray, Ind
 
 
 def _compute_rows(hand: Hand | Sheet, centre: FloatArray, axes: FloatArray, taxel: IndexArray) -> FloatArray:
-    """`BoardContacts.rows` of the taxels `taxel` [m]; centre f64[m, 3] and axes f64[m, 3, 3] in the bracket's frame."""
+    """Compute the effect of one newton on each taxel `taxel` [m]: force along the approach and two moments, f64[m, 3].
+
+    The moments are about the tilt axes through the centre of pressure, divided by `TILT_ARM_M`. centre: f64[m, 3],
+    centre of pressure, and axes: f64[m, 3, 3], approach and tilt axes in rows, both in the bracket's frame.
+    """
     normal = hand.normal[taxel]
     moment = np.cross(_compute_surface_points(hand, taxel) - centre, normal)
     tilts = np.einsum("mki,mi->mk", axes[:, 1:], moment) / TILT_ARM_M
@@ -167,7 +182,7 @@ def _compute_surface_points(hand: Hand | Sheet, taxel: IndexArray) -> FloatArray
 
 
 def _make_tilt_axes(directions: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors for each direction f64[G, 3], perpendicular to the direction and to each other."""
+    """Return two unit vectors for each of G directions f64[G, 3], perpendicular to it and to each other."""
     most_perpendicular = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
     first = np.cross(directions, most_perpendicular)
     first /= np.linalg.norm(first, axis=1, keepdims=True)

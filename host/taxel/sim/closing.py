@@ -130,7 +130,7 @@ def simulate_grasp(
 
 
 def _check_arguments(scene: Scene, approach: Approach, rate_hz: float) -> None:
-    """Raise ValueError unless approach, scene and rate fit together; see `simulate_grasp`."""
+    """Raise ValueError unless approach, scene and sampling rate fit together; see `simulate_grasp`."""
     joints = len(scene.joint_names)
     if approach.torque.shape != (joints,):
         raise ValueError(f"approach {approach.name!r}: expected {joints} joints, found {approach.torque.shape}")
@@ -143,7 +143,10 @@ def _check_arguments(scene: Scene, approach: Approach, rate_hz: float) -> None:
 
 
 def _deviate_targets(approach: Approach, seed: int | None) -> Approach:
-    """The approach with a random deviation added to the targets of its held joints; unchanged without a seed."""
+    """Add a random deviation to the target angles of the joints that the approach holds in place.
+
+    seed: of the random numbers; None: the approach is returned unchanged.
+    """
     if seed is None:
         return approach
     deviation = np.random.default_rng(seed).normal(0.0, START_DEVIATION_RAD, approach.base_targets.shape)
@@ -178,13 +181,13 @@ class _Run:
         self.data.qpos[self.scene.joint_addresses] = self.controller.approach.open_angles
 
     def _set_body_pose(self, body: int, pose: FloatArray) -> None:
-        """Prescribe the pose f64[4, 4] of a body, world."""
+        """Prescribe the pose f64[4, 4] of a body of the MuJoCo scene in the world frame."""
         index = self.scene.model.body_mocapid[body]
         self.data.mocap_pos[index] = pose[:3, 3]
         self.data.mocap_quat[index] = to_quaternion(pose)
 
     def _move_palm(self, time_s: float) -> None:
-        """Set the palm to its pose at a time of the grasp, seconds; called before each step."""
+        """Set the palm to its pose at `time_s` seconds of the grasp; called before each time step."""
         withdrawal = self.controller.timeline.get_withdrawal(time_s)
         if withdrawal != self._withdrawal:
             index = self.scene.model.body_mocapid[self.scene.link_bodies[0]]
@@ -193,7 +196,10 @@ class _Run:
             self._withdrawal = withdrawal
 
     def record(self, timeline: Timeline, rate_hz: float, settle_s: float) -> GraspMotion:
-        """Step from rest to the end of release, and collect the samples."""
+        """Simulate from rest to the end of the release phase, and return the samples at `rate_hz` as a motion.
+
+        settle_s: simulated time before the first sample, in which the fingers come to rest.
+        """
         times = timeline.make_sample_times(rate_hz)
         begin_s, end_s = timeline.get_start_s(Phase.CLOSING), timeline.get_start_s(Phase.RECOVERY)
         for _ in range(round(settle_s / self._step_s)):
@@ -210,7 +216,10 @@ class _Run:
         return self._join_samples(times, timeline.find_phases(times), samples)
 
     def _step(self, time_s: float, record_wrench: bool = False) -> None:
-        """Advance the scene by one time step with the joint torques of a time of the grasp, seconds."""
+        """Advance the scene by one time step with the joint torques for `time_s` seconds of the grasp.
+
+        record_wrench: store the wrenches on the boards, whose mean over the last steps is part of a sample.
+        """
         scene, data = self.scene, self.data
         self._move_palm(time_s)
         angles, velocities = data.qpos[scene.joint_addresses], data.qvel[scene.joint_dofs]
@@ -230,7 +239,7 @@ class _Run:
         return compute_board_wrenches(contacts, self._compute_sensor_poses())
 
     def _take_sample(self) -> _Sample:
-        """The present state; poses and forces belong to the same time as the joint angles."""
+        """Return the present state of the scene; poses and forces belong to the same time as the joint angles."""
         scene, data = self.scene, self.data
         taxel_force = None
         if self._push is not None:
@@ -254,7 +263,7 @@ class _Run:
         )
 
     def _join_samples(self, times: FloatArray, phase: ByteArray, samples: list[_Sample]) -> GraspMotion:
-        """The motion of the grasp; times: f64[T], seconds, and phase: u8[T], one sample for each."""
+        """Join samples to the motion of the grasp; times: f64[T], seconds, and phase: u8[T], one for each sample."""
         return GraspMotion(
             times,
             phase,

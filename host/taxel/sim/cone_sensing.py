@@ -73,7 +73,10 @@ class ConeSensing:
     def find_touching_tips(
         self, hand: Hand, shape: Shape, sensor_poses: npt.ArrayLike, object_poses: npt.ArrayLike
     ) -> npt.NDArray[np.bool_]:
-        """Cones whose tips touch the object, bool[T, n]. sensor_poses: f64[T, s, 4, 4]; object_poses: f64[T, 4, 4]."""
+        """Return the taxels whose sensing cones touch the object with their tips, bool[T, n].
+
+        sensor_poses: f64[T, s, 4, 4], brackets in the world. object_poses: f64[T, 4, 4].
+        """
         poses = inverse(object_poses)[:, None] @ np.asarray(sensor_poses, dtype=np.float64)
         tips = compute_taxel_positions(hand, poses) + self.cone_height_m * compute_taxel_normals(hand, poses)
         return np.asarray(shape.signed_distance(tips) <= self.contact_offset_m)

@@ -49,7 +49,7 @@ class ContactPoints:
 
     @classmethod
     def concatenate(cls, steps: Sequence[StepContacts]) -> ContactPoints:
-        """Join the contact points of successive samples."""
+        """Join the contact points of successive samples; the frame of a point is the number of its sample."""
         return cls(
             np.repeat(np.arange(len(steps)), [len(step.board) for step in steps]),
             np.concatenate([step.board for step in steps]),

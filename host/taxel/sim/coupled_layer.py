@@ -86,9 +86,10 @@ def press_coupled_layer(
 
 
 def _compute_compliance(hand: Hand, address: int, decay_m: float) -> FloatArray:
-    """Inverse of 1 + (decay / pitch)^2 L over the nodes of one board, f64[c, c].
+    """Compute the compliance of a board's coupled layer, f64[c, c]: inverse of 1 + (decay / pitch)^2 L.
 
-    Two nodes are neighbours if they share a TX or RX line and their other lines are adjacent.
+    L is the graph Laplacian of the c nodes (taxels) of the board; two nodes are neighbours if they share a TX or RX
+    line and their other lines are adjacent. decay_m: decay length of an indentation in the layer, metres.
     """
     of_board = hand.get_slice(address)
     line_steps = [
@@ -116,10 +117,10 @@ class _BoardLayer:
     def settle(
         self, board: BoardContacts, bears: BoolArray, travel: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Rest state of the board in G frames.
+        """Find the rest state of one board on its coupled layer in G frames.
 
-        bears: bool[m], nodes that can touch the object. travel: f64[G, 3], motion up to now. Returns pose f64[G, 4, 4],
-        force f64[m], indentation f64[m] and travel f64[G, 3].
+        bears: bool[m], nodes that can touch the object. travel: f64[G, 3], motion up to now (approach and two tilts,
+        metres). Returns pose f64[G, 4, 4], force f64[m], indentation f64[m] and travel f64[G, 3].
         """
         frames, nodes = len(board.frame), len(self.compliance)
         rows = board.rows.reshape(frames, nodes, 3)
@@ -149,7 +150,11 @@ class _Problem:
     tilt_bound: float
 
     def solve(self, travel: FloatArray) -> tuple[FloatArray, BoolArray, FloatArray]:
-        """Depths f64[G, c], touching nodes bool[G, c] and motion f64[G, 3]; travel: f64[G, 3], motion up to now."""
+        """Find the equilibrium of one board in G frames: depths f64[G, c], touching nodes bool[G, c], motion f64[G, 3].
+
+        travel: f64[G, 3], motion up to now: approach and two tilts, metres. The set of touching nodes is changed until
+        no node is pulled and no node penetrates the object.
+        """
         active, fixed_tilt = self.gap < 0, np.zeros(len(self.gap), dtype=bool)
         active[np.arange(len(active)), self.gap.argmin(axis=1)] = True  # at least one node bears the load
         depth, x = np.zeros_like(self.gap), np.zeros_like(travel)
@@ -167,11 +172,11 @@ class _Problem:
     def _balance(
         self, active: BoolArray, fixed_tilt: BoolArray, travel: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Equilibrium for given touching nodes: depths f64[G, c], forces f64[G, c] and motion f64[G, 3].
+        """Compute the equilibrium for given touching nodes: depths f64[G, c], forces f64[G, c] and motion f64[G, 3].
 
         active: bool[G, c], touching nodes. fixed_tilt: bool[G], boards whose tilts are not moved. travel: f64[G, 3],
-        motion up to now. Depths and forces are linear in the motion x: their first column below is the value for x = 0,
-        the other three columns are the derivatives.
+        motion up to now. Depths and forces are linear in the motion x: their first column in the code is the value for
+        x = 0, the other three columns are the derivatives.
         """
         frames = np.arange(len(active))[:, None]
         node = np.argsort(~active, axis=1, kind="stable")[:, : active.sum(axis=1).max()]

@@ -62,7 +62,7 @@ class Springs:
         return np.searchsorted(self.group, np.arange(len(self.load)))
 
     def select_boards(self, selection: BoolArray) -> Springs:
-        """Springs of the boards for which `selection` bool[G] is true."""
+        """Return the springs of the boards for which `selection` bool[G] is true."""
         in_selection = selection[self.group]
         group = (np.cumsum(selection) - 1)[self.group[in_selection]]
         per_spring = (self.rows[in_selection], self.gap[in_selection], self.stiffness[in_selection])
@@ -75,10 +75,11 @@ class Springs:
 
 
 def solve_rest_positions(springs: Springs) -> FloatArray:
-    """Board coordinates of minimal energy, f64[G, 3], metres.
+    """Find for each of G boards the position of minimal energy on its springs, f64[G, 3], metres.
 
-    A tilt without any opposing spring stays 0. If no tilt within the bounds balances the moments of a board, the tilt
-    is at its bound; the force along the approach is balanced in every case.
+    The coordinates are the travel along the approach and two tilts. A tilt without any opposing spring stays 0. If no
+    tilt within the bounds balances the moments of a board, the tilt is at its bound; the force along the approach is
+    balanced in every case.
     """
     x = _estimate_first_contact(springs)
     damping = INITIAL_DAMPING * np.maximum.reduceat(springs.stiffness, springs.starts)
@@ -102,7 +103,11 @@ def _estimate_first_contact(springs: Springs) -> FloatArray:
 
 
 def _iterate(springs: Springs, x: FloatArray, damping: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Coordinates f64[G, 3] and damping f64[G] after `STEPS_PER_CHECK` steps; bool[G], true if not yet at rest."""
+    """Make `STEPS_PER_CHECK` Newton steps towards the positions of minimal energy of G boards.
+
+    x: f64[G, 3], coordinates of the boards: approach and two tilts, metres. damping: f64[G], of the Levenberg-Marquardt
+    method. Returns new coordinates, new damping, and bool[G], true for a board that is not yet at rest.
+    """
     starts = springs.starts
     min_damping = MIN_DAMPING * np.maximum.reduceat(springs.stiffness, starts)
     energy, gradient, hessian = _compute_energy(springs, starts, x)
@@ -119,7 +124,10 @@ def _iterate(springs: Springs, x: FloatArray, damping: FloatArray) -> tuple[Floa
 
 
 def _compute_energy(springs: Springs, starts: IndexArray, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Energy E f64[G], its gradient f64[G, 3] and its Hessian f64[G, 3, 3]."""
+    """Compute the energy of G boards on their springs, f64[G], its gradient f64[G, 3] and Hessian f64[G, 3, 3].
+
+    starts: index of the first spring of each board. x: f64[G, 3], coordinates of the boards, metres.
+    """
     compression = springs.compute_compression(x)
     force = springs.stiffness * compression
     gradient = np.add.reduceat(force[:, None] * springs.rows, starts) - springs.load
@@ -136,7 +144,11 @@ def _compute_energy(springs: Springs, starts: IndexArray, x: FloatArray) -> tupl
 def _compute_newton_step(
     springs: Springs, x: FloatArray, gradient: FloatArray, hessian: FloatArray, damping: FloatArray
 ) -> FloatArray:
-    """Damped Newton step of each board, f64[G, 3], clipped to the bounds of the tilts."""
+    """Compute the damped Newton step of the coordinates of each board, f64[G, 3], clipped to the bounds of the tilts.
+
+    x: f64[G, 3], approach and two tilts, metres. gradient f64[G, 3] and hessian f64[G, 3, 3]: of the energy. damping:
+    f64[G], added to the diagonal of the Hessian.
+    """
     free = ~_find_bounded(springs, x, gradient)
     system = np.where(free[:, :, None] & free[:, None, :], hessian, 0.0) + damping[:, None, None] * np.eye(3)
     step = np.linalg.solve(system, -np.where(free, gradient, 0.0)[:, :, None])[:, :, 0]
@@ -147,7 +159,10 @@ def _compute_newton_step(
 
 
 def _find_bounded(springs: Springs, x: FloatArray, gradient: FloatArray) -> BoolArray:
-    """Coordinates that a bound stops, bool[G, 3]; the approach has no bound."""
+    """Return the coordinates that are at a bound and would move beyond the bound, bool[G, 3]; the approach has none.
+
+    x: f64[G, 3], approach and two tilts, metres. gradient: f64[G, 3], of the energy.
+    """
     tilt, push = x[:, 1:], -gradient[:, 1:]
     bounded = ((tilt <= springs.low) & (push < 0)) | ((tilt >= springs.high) & (push > 0))
     return np.column_stack([np.zeros(len(x), dtype=bool), bounded])

@@ -146,7 +146,7 @@ def press_layer(
 def make_loads(
     hand: Hand | Sheet, sensor_poses: npt.ArrayLike, object_poses: npt.ArrayLike, wrench: npt.ArrayLike
 ) -> LayerLoads:
-    """The arguments of `press_layer` as float64 arrays. Raises ValueError as `LayerLoads`."""
+    """Convert the arguments of `press_layer` to float64 arrays. Raises ValueError as `LayerLoads`."""
     poses, objects, loads = (np.asarray(values, dtype=np.float64) for values in (sensor_poses, object_poses, wrench))
     return LayerLoads(hand, poses, objects, loads)
 
@@ -154,10 +154,10 @@ def make_loads(
 def settle_boards(
     hand: Hand | Sheet, shape: Shape, boards: BoardContacts, stiffness: float, max_tilt_rad: float
 ) -> SettledBoards:
-    """Move the boards to their rest positions on uncoupled springs.
+    """Move the loaded boards to their rest positions on the uncoupled springs of their taxels.
 
-    stiffness: of the spring of one taxel, N/m. max_tilt_rad: bound of either tilt. The separations are linearised at
-    most `MAX_CASTS` times.
+    stiffness: of the spring of one taxel, N/m. max_tilt_rad: bound of either tilt. The separations between taxels and
+    object are linearised at most `MAX_CASTS` times.
     """
     travel = np.zeros((len(boards.frame), 3))
     bound = max_tilt_rad * TILT_ARM_M
@@ -182,11 +182,11 @@ def settle_boards(
 def _linearise(
     boards: BoardContacts, gap: FloatArray, change: FloatArray, stiffness: float, bound: float, tilt: FloatArray
 ) -> Springs:
-    """Springs of the problem linearised at the present positions.
+    """Build the springs of the problem that is linearised at the present positions of the boards.
 
-    gap f64[m] and change f64[m, 3]: see `BoardContacts.cast_rays`. bound: of a tilt, metres. tilt: f64[G, 2], present
-    tilts, metres. A ray that meets the surface at an angle shortens faster than the board approaches. One ratio for
-    each taxel keeps the problem convex; its error vanishes as the board comes to rest.
+    gap f64[m] and change f64[m, 3]: separations and their derivatives, see `BoardContacts.cast_rays`. bound: of a tilt,
+    metres. tilt: f64[G, 2], present tilts, metres. A ray that meets the surface at an angle shortens faster than the
+    board approaches. One ratio for each taxel keeps the problem convex; its error vanishes as the board comes to rest.
     """
     ratio = -np.sum(change * boards.rows, axis=1) / np.sum(boards.rows**2, axis=1)
     ratio = np.where(change.any(axis=1), np.clip(ratio, *RATIO_RANGE), 1.0)
@@ -195,7 +195,7 @@ def _linearise(
 
 
 def assemble_result(shape: Shape, loads: LayerLoads, settled: SettledBoards) -> LayerResult:
-    """The result for all frames and boards, from the boards that are loaded."""
+    """Combine the settled boards to the result for all frames and boards; a board without load has no forces."""
     boards, hand = settled.boards, loads.hand
     frames, sensors = loads.wrench.shape[:2]
     bearing_taxels = boards.frame[boards.group], boards.taxel

@@ -64,7 +64,7 @@ class _Layer(ctypes.Structure):
 
 @cache
 def load_sim_library() -> ctypes.CDLL:
-    """The simulator's compiled library. Raises `SimLibraryError` if the file is missing or of another version."""
+    """Load the simulator's compiled library. Raises `SimLibraryError` if it is missing or of another version."""
     library = load_library("taxel_sim", "the simulator's compiled library", SimLibraryError)
     library.sim_layer_struct_size.restype = ctypes.c_size_t
     library.sim_layer_load.argtypes = [ctypes.c_void_p] * 6
@@ -95,7 +95,10 @@ class _PieceTable(NamedTuple):
 
 @cache
 def _build_table(hand: Hand) -> _PieceTable:
-    """The pieces of a hand's sheet, sorted by board. Cached: all grasps of a hand use the same table."""
+    """Build the table of the square pieces of a hand's sheet, sorted by board.
+
+    The result is cached, because all grasps of a hand use the same table.
+    """
     sheet = build_sheet(hand, SPRINGS_PER_SIDE)
     order = np.argsort(sheet.board_index, kind="stable")  # the bare squares of a sheet follow after all taxels
     position, normal = (np.ascontiguousarray(part[order], dtype=np.float64) for part in (sheet.position, sheet.normal))
@@ -151,12 +154,12 @@ class NativeContact:
         self._address = ctypes.addressof(self._layer)
 
     def _reference(self, array: npt.NDArray[Any]) -> int:
-        """Address of an array, valid for the lifetime of this object."""
+        """Return the memory address of an array, which this object keeps alive for its own lifetime."""
         self._referenced_arrays.append(array)
         return int(array.ctypes.data)
 
     def _describe_solid(self, shape: Shape) -> dict[str, float]:
-        """Fields of `_Layer` that describe the shape."""
+        """Return the fields of the C structure `_Layer` that describe the shape of the touching solid."""
         if isinstance(shape, Cylinder):
             return {"faces": 0, "radius": shape.radius, "height": shape.height}
         if isinstance(shape, ConvexPolytope):
@@ -169,13 +172,20 @@ class NativeContact:
         return self._compute(sensor_poses, object_pose, None)
 
     def compute_taxel_forces(self, sensor_poses: FloatArray, object_pose: FloatArray) -> FloatArray:
-        """See `LayerContact`."""
+        """Compute the contact force on each taxel, f64[n], newtons.
+
+        sensor_poses: f64[s, 4, 4], brackets in the world. object_pose: f64[4, 4], world.
+        """
         force = np.zeros(self._taxels)
         self._compute(sensor_poses, object_pose, force.ctypes.data)
         return force
 
     def _compute(self, sensor_poses: FloatArray, object_pose: FloatArray, force: int | None) -> SoftLoad:
-        """Load on the boards; force: address of the f64[n] to which taxel forces are written, or None."""
+        """Compute the load on the boards by the C library.
+
+        sensor_poses: f64[s, 4, 4] and object_pose: f64[4, 4], world. force: address of the f64[n] to which taxel forces
+        are written, or None.
+        """
         poses = np.ascontiguousarray(sensor_poses, dtype=np.float64)
         pose = np.ascontiguousarray(object_pose, dtype=np.float64)
         if poses.shape != (self._boards, 4, 4) or pose.shape != (4, 4):  # the library does not check its arguments

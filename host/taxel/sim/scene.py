@@ -139,7 +139,7 @@ def build_scene(
 def _write_scene(
     hand: Hand, robot: Robot, grasp_object: GraspObject, wrist: str, friction: float = 0.0, self_contact: bool = False
 ) -> str:
-    """The scene as MJCF text; arguments as for `build_scene`."""
+    """Write a MuJoCo scene as MJCF text; arguments as for `build_scene`."""
     dimensions = 3 if friction > 0 else 1
     collides_with = _OBJECT_BIT | _HAND_BIT if self_contact else _OBJECT_BIT
     contact = f'solref="{CONTACT_SOLREF}" solimp="{CONTACT_SOLIMP}" condim="{dimensions}" friction="{friction!r} 0 0"'
@@ -169,7 +169,7 @@ def _write_scene(
 
 @lru_cache(maxsize=4)
 def _load_robot_of(hand: Hand) -> Robot:
-    """The robot of a hand. Cached: scenes with several objects share the robot."""
+    """Load the robot of a hand; the result is cached, because scenes with several objects share the robot."""
     if hand.robot is None:
         raise HandGeometryError(hand.name)
     return load_robot(hand.robot)
@@ -189,7 +189,7 @@ def _make_board_name(board: Board) -> str:
 
 
 def _iterate_joints_below(robot: Robot, wrist: str) -> Iterator[Joint]:
-    """The joints below the link `wrist`, in the robot's order."""
+    """Yield the joints below the link `wrist`, in the robot's order."""
     links = {wrist}
     for joint in robot.joints:
         if joint.parent in links:
@@ -210,7 +210,7 @@ def _write_mesh(name: str, vertices: FloatArray) -> str:
 
 
 def _compute_board_hull(hand: Hand, board: Board) -> FloatArray:
-    """Vertices of the convex hull of a board's sheet with bracket and layer, f64[v, 3], bracket frame."""
+    """Compute the convex hull of a board with its bracket and soft layer: vertices f64[v, 3], bracket frame, metres."""
     sheet = build_sheet(hand)
     on_board = sheet.board_index == hand.boards.index(board)
     position, normal, distal = sheet.position[on_board], sheet.normal[on_board], sheet.distal[on_board]
@@ -227,7 +227,7 @@ def _write_object_mesh(grasp_object: GraspObject) -> str:
 
 
 def _write_object_body(grasp_object: GraspObject) -> str:
-    """MJCF of the mount and of the object, which is attached to the mount by springs and dampers."""
+    """Write the MJCF of the mount and of the object, which is attached to the mount by springs and dampers."""
     middle = f"0 0 {grasp_object.shape.height / 2!r}"
     if isinstance(grasp_object.shape, Cylinder):
         geom = f'type="cylinder" size="{grasp_object.shape.radius!r} {grasp_object.shape.height / 2!r}" pos="{middle}"'
@@ -250,7 +250,10 @@ def _write_hand_body(hand: Hand, robot: Robot, wrist: str) -> str:
 
 
 def _write_link_body(hand: Hand, robot: Robot, link: str, joints: list[Joint], joint: Joint | None = None) -> str:
-    """MJCF of the body of a link, including the bodies below the link. joint: above the link; None for the wrist."""
+    """Write the MJCF of the body of a link and of all bodies below the link.
+
+    joint: the joint above the link; None for the wrist, whose pose is prescribed. joints: all joints below the wrist.
+    """
     pose = 'mocap="true"' if joint is None else _write_pose(joint.origin)
     elements = [f'<body name={quoteattr(_make_link_name(link))} childclass="hand" {pose}>\n']
     if joint is not None and joint.axis is not None:
@@ -269,7 +272,7 @@ def _write_shape_geom(shape: Shape) -> str:
 
 
 def _write_board_geom(board: Board) -> str:
-    """MJCF of the rigid solid of a board, placed on its link."""
+    """Write the MJCF of the rigid solid of a board at its pose on its link."""
     assert board.pose is not None  # build_scene has checked the boards
     name = quoteattr(_make_board_name(board))
     mass = f'mass="{BOARD_MASS_KG}" rgba="0.2 0.5 0.3 1"'
@@ -277,7 +280,7 @@ def _write_board_geom(board: Board) -> str:
 
 
 def _write_excludes(wrist: str, joints: list[Joint]) -> Iterator[str]:
-    """MJCF that disables contact between links at most `_MAX_RELATED_JOINTS` joints apart."""
+    """Yield MJCF elements that disable contact between links at most `_MAX_RELATED_JOINTS` joints apart."""
     path = {wrist: [wrist]}
     for joint in joints:
         path[joint.child] = [*path[joint.parent], joint.child]

@@ -73,9 +73,10 @@ def sense(hand: Hand, shape: Shape, motion: GraspMotion, sensing: Sensing) -> Se
 
 
 def _sense_layer(hand: Hand, shape: Shape, motion: GraspMotion, stiffness_n_per_m: float) -> SensedContact:
-    """The uncoupled layer with `SPRINGS_PER_SIDE`^2 springs per taxel.
+    """Compute the taxel forces and separations of the uncoupled layer with `SPRINGS_PER_SIDE`^2 springs per taxel.
 
-    The margin of the sheet without electrodes bears its share of the load, which no taxel senses.
+    The margin of the sheet without electrodes bears its share of the load, which no taxel senses. stiffness_n_per_m: of
+    the layer over one taxel.
     """
     pieces = SPRINGS_PER_SIDE**2
     result = press_layer(

@@ -68,8 +68,9 @@ class SimSensor:
             raise SensorModelError("baseline_counts", f"at most {_MAX_COUNTS}", str(self.baseline_counts))
 
     def make_dataset_model(self, stiffness_n_per_m: float, layer: str = "uncoupled") -> SensorModel:
-        """The sensor model that a dataset stores. stiffness_n_per_m: of the elastic layer under one taxel; layer: its
-        kind.
+        """Return the sensor model that a dataset stores.
+
+        stiffness_n_per_m: of the elastic layer over one taxel. layer: kind of the layer, "coupled" or "uncoupled".
         """
         return SensorModel(
             self.baseline_counts,
@@ -82,12 +83,12 @@ class SimSensor:
         )
 
     def predict_signal(self, force_n: npt.ArrayLike) -> FloatArray:
-        """Signal f64[...], counts below the baseline, under forces f64[...] of at least 0 newtons."""
+        """Predict the signal, counts below the baseline, f64[...], under forces f64[...] of at least 0 newtons."""
         force = np.asarray(force_n, dtype=np.float64)
         return np.asarray(self.full_scale_drop_counts * force / (force + self.half_force_n))
 
     def raw_counts(self, hand: Hand, force_n: npt.ArrayLike, generator: np.random.Generator) -> CountArray:
-        """Raw counts u16[T, n] under contact forces f64[T, n], newtons; `generator` supplies the noise.
+        """Simulate raw counts u16[T, n] under contact forces f64[T, n], newtons; `generator` supplies the noise.
 
         Raises ValueError for forces of another shape, negative or not finite.
         """
@@ -113,6 +114,6 @@ class SimSensor:
 
 
 def _number_rx_lines(hand: Hand) -> IndexArray:
-    """Number of the RX line of each taxel, counted over all boards, [n]."""
+    """Return the number of the RX line of each taxel, counted over all boards, int[n]."""
     _, line = np.unique(hand.board_index * 256 + hand.rx, return_inverse=True)
     return np.asarray(line, dtype=np.intp)

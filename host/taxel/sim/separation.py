@@ -61,9 +61,9 @@ def compute_separations(
 
 
 def _find_motion(sensor_poses: FloatArray, object_poses: FloatArray) -> BoolArray:
-    """Frames in which a board or the object has moved since the frame before, bool[T]. The first frame is true.
+    """Return the frames in which a board or the object has moved since the frame before, bool[T].
 
-    Only these frames are computed: a hand at rest costs no time.
+    The first frame is true. Only these frames are computed, so that a hand at rest costs no time.
     """
     moved = np.ones(len(object_poses), dtype=bool)
     boards = (sensor_poses[1:] != sensor_poses[:-1]).any(axis=(1, 2, 3))
@@ -72,7 +72,10 @@ def _find_motion(sensor_poses: FloatArray, object_poses: FloatArray) -> BoolArra
 
 
 def get_layer_thickness(hand: Hand | Sheet) -> float:
-    """Thickness of the soft layer over the electrodes, metres. Raises LayerThicknessError if not described."""
+    """Return the thickness of the soft layer over the electrodes, metres.
+
+    Raises LayerThicknessError if the hand description does not state it.
+    """
     if hand.layer_m is None:
         raise LayerThicknessError(hand.name)
     return hand.layer_m
@@ -81,6 +84,6 @@ def get_layer_thickness(hand: Hand | Sheet) -> float:
 def _transform_taxels(
     hand: Hand | Sheet, sensor_poses: npt.ArrayLike, object_poses: npt.ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Electrode centres and outward normals in the object's frame, each f64[T, n, 3]."""
+    """Compute electrode centres and outward normals of all taxels in the object's frame, f64[T, n, 3] each."""
     poses = inverse(object_poses)[:, None] @ np.asarray(sensor_poses, dtype=np.float64)
     return compute_taxel_positions(hand, poses), compute_taxel_normals(hand, poses)

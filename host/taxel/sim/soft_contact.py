@@ -49,13 +49,16 @@ class LayerLaw:
     straight_m: float = 1.5e-3
 
     def compute_force(self, depth_m: FloatArray) -> FloatArray:
-        """Force on a taxel, newtons, f64[...], for compressions f64[...] of at least 0 metres."""
+        """Compute the force on a taxel, newtons, f64[...], for compressions of the layer f64[...] of at least 0 metres.
+
+        Beyond the compression `straight_m` the force increases linearly.
+        """
         curved = np.minimum(depth_m, self.straight_m)
         force = self.stiffness_n_per_m * curved * self._compute_growth(curved)
         return np.asarray(force + (depth_m - curved) * self.compute_stiffness(curved))
 
     def compute_stiffness(self, depth_m: FloatArray) -> FloatArray:
-        """Derivative of the force with respect to the compression, N/m, f64[...]."""
+        """Compute the derivative of a taxel's force with respect to the compression of the layer, N/m, f64[...]."""
         curved = np.minimum(depth_m, self.straight_m)
         factor = 1.0 + curved / self.stiffening_m + 4.0 * (curved / self.closing_m) ** 4
         return np.asarray(self.stiffness_n_per_m * factor * self._compute_growth(curved))
@@ -109,7 +112,10 @@ class SoftContact:
         self._board_radius_m = np.array([radius[self.sheet.board_index == board].max() for board in boards])
 
     def compute_load(self, sensor_poses: FloatArray, object_pose: FloatArray) -> SoftLoad:
-        """See `LayerContact`."""
+        """Compute the contact load on every board: wrench and stiffness, world frame, about each bracket's origin.
+
+        sensor_poses: f64[s, 4, 4], brackets in the world. object_pose: f64[4, 4], world.
+        """
         piece, depth = self._find_compressed(inverse(object_pose) @ sensor_poses)
         board = self.sheet.board_index[piece]
         rotation = sensor_poses[board, :3, :3]
@@ -126,14 +132,20 @@ class SoftContact:
         return SoftLoad(wrench, stiffness)
 
     def compute_taxel_forces(self, sensor_poses: FloatArray, object_pose: FloatArray) -> FloatArray:
-        """See `LayerContact`."""
+        """Compute the contact force on each taxel, f64[n], newtons.
+
+        sensor_poses: f64[s, 4, 4], brackets in the world. object_pose: f64[4, 4], world.
+        """
         piece, depth = self._find_compressed(inverse(object_pose) @ sensor_poses)
         force = self._law.compute_force(depth) / SPRINGS_PER_SIDE**2
         count = self.hand.n_taxels
         return np.asarray(np.bincount(piece // SPRINGS_PER_SIDE**2, force, count)[:count], dtype=np.float64)
 
     def _find_compressed(self, board_poses: FloatArray) -> tuple[IndexArray, FloatArray]:
-        """Compressed pieces, [m], and their compressions, metres, f64[m]; board_poses: f64[s, 4, 4], object's frame."""
+        """Find the m compressed pieces of the sheet: their indices, int[m], and compressions, metres, f64[m].
+
+        board_poses: f64[s, 4, 4], brackets in the object's frame.
+        """
         if self._search_poses is None or self._bound_motion(board_poses - self._search_poses) > NEAR_M:
             self._find_near_pieces(board_poses)
         points, normals = self._compute_lines(board_poses, self._near_pieces)
@@ -142,19 +154,22 @@ class SoftContact:
         return self._near_pieces[compressed], depth[compressed]
 
     def _compute_lines(self, board_poses: FloatArray, pieces: IndexArray) -> tuple[FloatArray, FloatArray]:
-        """Centres and normals of the pieces [m] in the object's frame, f64[m, 3] each."""
+        """Compute centres and normals of the pieces [m] of the sheet in the object's frame, f64[m, 3] each."""
         pose = board_poses[self.sheet.board_index[pieces]]
         points = np.einsum("mij,mj->mi", pose[:, :3, :3], self.sheet.position[pieces]) + pose[:, :3, 3]
         return points, np.einsum("mij,mj->mi", pose[:, :3, :3], self.sheet.normal[pieces])
 
     def _bound_motion(self, pose_change: FloatArray) -> float:
-        """Upper bound of the motion of a piece, metres, for a change of the boards' poses, f64[s, 4, 4]."""
+        """Compute an upper bound of the motion of any piece of the sheet, metres.
+
+        pose_change: f64[s, 4, 4], change of the poses of the boards since the last search for pieces near the object.
+        """
         rotation = np.sqrt(np.einsum("sij,sij->s", pose_change[:, :3, :3], pose_change[:, :3, :3]))
         translation = np.sqrt(np.einsum("si,si->s", pose_change[:, :3, 3], pose_change[:, :3, 3]))
         return float(np.max(translation + rotation * self._board_radius_m))
 
     def _find_near_pieces(self, board_poses: FloatArray) -> None:
-        """Store the pieces that can touch the object before a board has moved by `NEAR_M`."""
+        """Find and store the pieces of the sheet that can touch the object before a board has moved by `NEAR_M`."""
         reach = self._layer_m + NEAR_M
         is_near = self._shape.distance_bound(board_poses[:, :3, 3]) < reach + self._board_radius_m
         on_near_boards = np.flatnonzero(is_near[self.sheet.board_index])

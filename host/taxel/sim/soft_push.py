@@ -55,7 +55,10 @@ class SoftPush:
         self._inertia = np.zeros((model.nv, model.nv))
 
     def step(self, data: mujoco.MjData) -> None:
-        """Advance by `step_s` under `data.qfrc_applied`. Afterwards only qpos, qvel and time in `data` are current."""
+        """Advance the MuJoCo scene by one time step of `step_s` under the joint torques `data.qfrc_applied`.
+
+        Afterwards only qpos, qvel and time in `data` are current.
+        """
         model, h, inertia = self._model, self.step_s, self._inertia
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)
@@ -79,7 +82,7 @@ class SoftPush:
         data.time += h
 
     def compute_loads(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
-        """Wrench on each board in its bracket's frame, f64[s, 6], and force on every taxel, f64[n]; N and Nm."""
+        """Compute the wrench on each board, f64[s, 6] (N, Nm; bracket frame), and the force on taxels, f64[n] (N)."""
         poses, object_pose = self._read_sensor_poses(data), self._read_object_pose(data)
         wrench = self._contact.compute_load(poses, object_pose).wrench
         to_bracket = inverse(poses)
@@ -123,7 +126,10 @@ class SoftPush:
 
 
 def _find_moving_dofs(model: mujoco.MjModel, body: int) -> FloatArray:
-    """Degrees of freedom that move a body, f64[dofs]: 1 for those of the body and of its ancestors, 0 elsewhere."""
+    """Return the degrees of freedom that move a body of the model, f64[dofs]: 1 for those that do, else 0.
+
+    These are the degrees of freedom of the body and of its ancestors.
+    """
     ancestors = [body]
     while ancestors[-1] > 0:
         ancestors.append(int(model.body_parentid[ancestors[-1]]))

@@ -67,7 +67,7 @@ class ConversionResult:
 
 
 def format_of(path: str | os.PathLike[str]) -> str:
-    """The format of a file by its name, a key of `FORMATS`. Raises TaxelError for another name."""
+    """Return the format of a recording by its file name, a key of `FORMATS`. Raises TaxelError for another name."""
     text = os.fspath(path)
     if Path(text).is_dir():
         return "csv"
@@ -80,7 +80,7 @@ def format_of(path: str | os.PathLike[str]) -> str:
 def open_recording(
     path: str | os.PathLike[str], hand: Hand | str | os.PathLike[str] | None = None, grasp: str | None = None
 ) -> tuple[Link, Hand]:
-    """The link of a recording in any format, and its hand.
+    """Open a recording in any format, and return a link that plays it and its hand.
 
     hand: None: the hand that the recording contains or names. grasp: id of the grasp in a dataset with several. Raises
     TaxelError for a file that is no recording.
@@ -99,7 +99,7 @@ def open_recording(
 
 
 def _open_frames(path: Path, format_name: str, grasp: str | None) -> FramesLink:
-    """The link that reads a recording in format `format_name`; grasp: id of the grasp of a dataset."""
+    """Open a table of frames in format `format_name` as a link; grasp: id of the grasp of an HDF5 dataset."""
     if format_name == "csv":
         return open_csv(path)
     if format_name == "parquet":
@@ -164,7 +164,10 @@ def _open_sink(
     angles: FloatArray | None,
     overwrite: bool,
 ) -> FrameSink:
-    """The writer of a recording in format `format_name`. angles: f64[j], joint angles, radians, or None."""
+    """Create the writer of a recording in format `format_name`.
+
+    angles: joint angles of the hand's robot, f64[j], radians, or None. options: labels of the grasp.
+    """
     if format_name == "csv":
         topics = SkinTopics(skin.hand, skin.hub, 0, None if angles is None else lambda: angles)
         return CsvSink(path, skin.hand, header, topics, (options.object, options.approach))
@@ -181,7 +184,10 @@ def _open_sink(
 def _convert_frames(
     skin: Skin, sink: FrameSink | None, notes: list[str], progress: Callable[[float], None]
 ) -> ConversionResult:
-    """Pass all frames of the skin to the sink. The target is completed also if the source is truncated."""
+    """Pass all frames of the skin to the writer `sink`; None: the skin itself writes the target.
+
+    The target file is completed also if the source is truncated. progress: called with the converted seconds.
+    """
     count, first, last = 0, float("inf"), 0.0
     truncation: CaptureError | None = None
     is_complete = False

@@ -72,7 +72,7 @@ class CsvSink:
         return file
 
     def take(self, frame: TaxelFrame) -> None:
-        """Append a row to the file of the board, and the active taxels to `active.csv`."""
+        """Append a taxel frame as a row to the CSV file of its board, and the active taxels to `active.csv`."""
         file = self._files.get(frame.address)
         if file is None:
             taxels = tuple(f"taxel_{index}" for index in range(len(frame.raw_counts)))
@@ -91,7 +91,10 @@ class CsvSink:
             file.write(f"1,{self._grasp},{time_s!r},{point['x']},{point['y']},{point['z']},1\n")
 
     def close(self, is_complete: bool) -> None:
-        """Rename the folder to its final name. An existing folder is replaced only if it is a recording."""
+        """Give the folder of CSV files its final name, or delete the folder if it is not complete.
+
+        An existing folder is replaced only if it is a recording.
+        """
         for file in (*self._files.values(), *([self._active] if self._active else [])):
             file.close()
         if not is_complete:
@@ -105,7 +108,7 @@ class CsvSink:
 
 
 def open_csv(path: Path) -> FramesLink:
-    """The recording in a folder of CSV files.
+    """Open a recording in a folder of CSV files as a link.
 
     Raises RecordingFormatError for the first error: here for the header, and while frames are read for a row.
     """
@@ -121,7 +124,10 @@ def open_csv(path: Path) -> FramesLink:
 
 
 def _read_rows(path: Path) -> Iterator[tuple[int, TaxelFrame]]:
-    """(number, frame) of each row of a CSV recording. Raises RecordingFormatError for the first malformed row."""
+    """Yield (frame number, taxel frame) for each row of a CSV file of one board.
+
+    Raises RecordingFormatError for the first malformed row.
+    """
     with path.open(newline="") as file:
         lines = csv.reader(iter(lambda: file.readline(_LINE_MAX), ""))
         heading = tuple(next(lines, ()))

@@ -63,7 +63,10 @@ def format_header(header: Mapping[str, Any]) -> str:
 
 
 def parse_header(text: str | bytes, file: str | os.PathLike[str]) -> dict[str, Any]:
-    """The header in a text that `format_header` wrote. Raises RecordingFormatError for another format or version."""
+    """Parse a recording's header that `format_header` has written; file: name in error messages.
+
+    Raises RecordingFormatError for another format or version.
+    """
     try:
         header = json.loads(text)
     except (ValueError, RecursionError):
@@ -75,7 +78,7 @@ def parse_header(text: str | bytes, file: str | os.PathLike[str]) -> dict[str, A
 
 
 def check_frame(values: Mapping[str, Any], counts: Any, file: str | os.PathLike[str], row: str) -> TaxelFrame:
-    """The frame of a row; raises RecordingFormatError for a value outside its range.
+    """Check the values of a row and return its taxel frame. Raises RecordingFormatError for a value out of range.
 
     values: numbers by column, including `time_s`. counts: sequence of integers. row: the row in messages, "line 7".
     """

@@ -84,7 +84,7 @@ class Hdf5Sink:
         self._last_us: dict[int, int] = {}
 
     def take(self, frame: TaxelFrame) -> None:
-        """Add a frame to the row of its poll cycle."""
+        """Add a taxel frame to the row of its poll cycle, and write complete rows to the HDF5 file."""
         self._sorter.add(frame)
         self._write_cycles(is_end=False)
 
@@ -93,7 +93,7 @@ class Hdf5Sink:
             self._add_row(frames)
 
     def _add_row(self, frames: list[TaxelFrame]) -> None:
-        """Add one poll cycle as a row of the grasp."""
+        """Add the frames of one poll cycle as a row of the grasp; a board without a frame keeps its last counts."""
         valid = np.zeros(len(self._columns), dtype=bool)
         for frame in frames:
             column = self._columns[frame.address]
@@ -119,7 +119,10 @@ class Hdf5Sink:
             self._write_block()
 
     def _compute_elapsed_us(self, frame: TaxelFrame) -> int:
-        """Time on the board's clock since its last frame, microseconds; the clock's reading for the first frame."""
+        """Return the time since the last frame of the same board on the board's clock, microseconds.
+
+        For the first frame of a board the result is the reading of its clock. The clock wraps at 2^32.
+        """
         last = self._last_us.get(frame.address)
         self._last_us[frame.address] = frame.board_time_us
         if last is None:
@@ -127,7 +130,7 @@ class Hdf5Sink:
         return (frame.board_time_us - last + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
 
     def _write_block(self) -> None:
-        """Append the collected rows to the arrays of the file."""
+        """Append the collected rows to the arrays of the HDF5 file."""
         with convert_writing_errors(self._location):
             for name, dtype in _TYPES.items():
                 block = np.stack([row[name] for row in self._rows]).astype(dtype)
@@ -149,7 +152,7 @@ class Hdf5Sink:
         self._rows.clear()
 
     def close(self, is_complete: bool) -> None:
-        """Link the grasp, check the file with the reader, and rename the file to its final name."""
+        """Complete and check the dataset and give the file its final name, or delete it if it is not complete."""
         try:
             if is_complete:
                 self._finish()
@@ -162,7 +165,10 @@ class Hdf5Sink:
             self._part.unlink(missing_ok=True)
 
     def _finish(self) -> None:
-        """Write the last rows and the attributes, and link the complete grasp. Raises DatasetError without frames."""
+        """Write the last rows and the attributes, and link the grasp to the dataset.
+
+        Raises DatasetError without frames.
+        """
         self._write_cycles(is_end=True)
         if not self._count:
             self._location.fail("at least one frame", "none", "give a recording with frames")
@@ -182,7 +188,11 @@ class Hdf5Sink:
 
 
 def _create_dataset(path: Path, hand: Hand, generator: str, objects: dict[str, ObjectMesh]) -> None:
-    """A dataset without grasps. The rates of the sensors are replaced at the end, when they are measured."""
+    """Create a dataset file without grasps.
+
+    The sensor rates written here are placeholders, replaced when the recording has ended and the rates are measured.
+    generator: name and version of the writing program. objects: meshes by name.
+    """
     taxels = TaxelTable(hand.sensor, hand.tx, hand.rx, hand.position, hand.normal, np.full(hand.n_taxels, hand.size_m))
     sensors = SensorTable(
         np.array([board.address for board in hand.boards], np.uint8),
@@ -195,7 +205,10 @@ def _create_dataset(path: Path, hand: Hand, generator: str, objects: dict[str, O
 
 
 def _make_objects(name: str, location: Location) -> dict[str, ObjectMesh]:
-    """Mesh of the object `name`; a microscopic triangle for an unknown object, since the format requires a mesh."""
+    """Return the mesh of the object `name` as a dictionary; a microscopic triangle for an unknown object.
+
+    The dataset format requires a mesh. Raises DatasetError for a name that is not an object of the thesis.
+    """
     if name == UNKNOWN_OBJECT:
         vertices = np.array([[0.0, 0.0, 0.0], [1e-6, 0.0, 0.0], [0.0, 1e-6, 0.0]])
         return {UNKNOWN_OBJECT: ObjectMesh(vertices, np.array([[0, 1, 2]], np.int32))}
@@ -209,9 +222,10 @@ def _make_objects(name: str, location: Location) -> dict[str, ObjectMesh]:
 
 
 def open_hdf5_recording(path: Path, grasp: str | None = None) -> FramesLink:
-    """The frames of one grasp of a dataset. grasp: its id; None only for a dataset with one grasp.
+    """Open one grasp of a dataset as a link that plays its frames.
 
-    Raises DatasetError for a damaged dataset or an unknown grasp.
+    grasp: id of the grasp; None only for a dataset with one grasp. Raises DatasetError for a damaged dataset or an
+    unknown grasp.
     """
     with GraspDataset(path) as data:
         if grasp is None and len(data) != 1:
@@ -230,9 +244,9 @@ def _group_taxels_by_sensor(data: GraspDataset) -> list[IndexArray]:
 
 
 def _read_frames(path: Path, grasp: str, addresses: ByteArray, taxels: list[IndexArray]) -> Iterator[TaxelFrame]:
-    """Frames of a grasp of a dataset, read in blocks.
+    """Yield the taxel frames of a grasp of a dataset, read in blocks of rows.
 
-    addresses: u8[s]; taxels: for each sensor the indices of its taxels.
+    grasp: id. addresses: u8[s], I2C address of each sensor. taxels: for each sensor the indices of its taxels.
     """
     with open_hdf5(path, "r") as file:
         group: Mapping[str, Any] = file["grasps"][grasp]

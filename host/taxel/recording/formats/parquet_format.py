@@ -18,7 +18,7 @@ METADATA_KEY = b"taxel"
 
 
 def _import_pyarrow() -> tuple[Any, Any]:
-    """The modules pyarrow and pyarrow.parquet. Raises MissingPackageError if pyarrow is not installed."""
+    """Import and return the modules pyarrow and pyarrow.parquet. Raises MissingPackageError without pyarrow."""
     with optional_import("pyarrow", "a Parquet recording"):
         import pyarrow
         import pyarrow.parquet
@@ -26,7 +26,7 @@ def _import_pyarrow() -> tuple[Any, Any]:
 
 
 def _make_schema(arrow: Any) -> Any:
-    """Schema of the columns; one row is one frame of a board."""
+    """Return the schema of the Parquet columns; one row is one frame of a board. arrow: the module pyarrow."""
     return arrow.schema(
         [
             ("time_s", arrow.float64()),
@@ -56,13 +56,13 @@ class ParquetSink:
         self._rows: list[TaxelFrame] = []
 
     def take(self, frame: TaxelFrame) -> None:
-        """Append a row."""
+        """Add a taxel frame to the rows of the Parquet file."""
         self._rows.append(frame)
         if len(self._rows) >= BLOCK_ROWS:
             self._write_block()
 
     def _write_block(self) -> None:
-        """Append the collected frames to the file."""
+        """Append the collected frames to the Parquet file as one row group."""
         columns: dict[str, Any] = {name: [getattr(frame, name) for frame in self._rows] for name in self._schema.names
                                    if name != "name"}  # fmt: skip
         columns["name"] = [self._names[frame.address] for frame in self._rows]
@@ -71,7 +71,7 @@ class ParquetSink:
         self._rows.clear()
 
     def close(self, is_complete: bool) -> None:
-        """Write the last rows and rename the file to its final name."""
+        """Write the last rows and give the Parquet file its final name, or delete it if it is not complete."""
         try:
             if is_complete and self._rows:
                 self._write_block()
@@ -83,7 +83,7 @@ class ParquetSink:
 
 
 def open_parquet(path: Path) -> FramesLink:
-    """The recording in a Parquet file. Raises RecordingFormatError for a file that is no recording."""
+    """Open a recording in a Parquet file as a link. Raises RecordingFormatError for a file that is no recording."""
     arrow, parquet = _import_pyarrow()
     try:
         file = parquet.ParquetFile(path)
@@ -103,7 +103,10 @@ def open_parquet(path: Path) -> FramesLink:
 
 
 def _read_frames(path: Path, file: Any) -> Iterator[TaxelFrame]:
-    """Frames of all rows, read in blocks. Raises RecordingFormatError for a row with a missing value."""
+    """Yield the taxel frames of all rows of a Parquet file.
+
+    Raises RecordingFormatError for a row with a missing value.
+    """
     number = 0
     with file:
         for batch in file.iter_batches(batch_size=BLOCK_ROWS):

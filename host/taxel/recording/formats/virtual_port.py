@@ -101,7 +101,7 @@ class VirtualPort:
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
 
     def _answer_handshake(self) -> None:
-        """Answer the host until it sends START, or until `HANDSHAKE_TIMEOUT_S` without any frame from it."""
+        """Answer the host as a hub does until the host sends START, or no frame for `HANDSHAKE_TIMEOUT_S` seconds."""
         deadline_s = time.monotonic() + HANDSHAKE_TIMEOUT_S
         is_silent = True
         while not self._is_started and (not is_silent or time.monotonic() < deadline_s):
@@ -110,7 +110,7 @@ class VirtualPort:
                 self._answer(FrameType(kind), payload)
 
     def _read(self, timeout_s: float) -> bytes:
-        """Bytes from the host; empty after `timeout_s` seconds without a byte. Raises PortClosedError."""
+        """Return bytes of the host; empty after `timeout_s` seconds without a byte. Raises PortClosedError."""
         if not select.select([self._master], [], [], timeout_s)[0]:
             return b""
         try:
@@ -139,7 +139,10 @@ class VirtualPort:
             self._send(FrameType.REPLY, pack(Reply, fields))
 
     def _send_padding(self) -> None:
-        """Send empty log frames up to the sequence number before the first recorded frame."""
+        """Send empty log frames with the sequence numbers that precede the first recorded frame.
+
+        The host then counts no lost frames between the replies and the recording.
+        """
         empty = pack(Log, {field.name: 0 for field in list_fields(Log)})
         while 0 < (self._start.sequence - self._sequence) % _SEQUENCE_MODULUS <= RESERVED_SEQUENCES:
             self._send(FrameType.LOG, empty)
@@ -187,7 +190,7 @@ class VirtualPort:
             self._read(_POLL_PERIOD_S)
 
     def close(self) -> None:
-        """Remove the port."""
+        """Remove the pseudo-terminal."""
         if self._master >= 0:
             os.close(self._master)
             self._master = -1
@@ -203,7 +206,7 @@ class VirtualPort:
 
 
 def _make_board_info(board: Board) -> dict[str, Any]:
-    """The BOARD_INFO fields of a board that the hub would report."""
+    """Return the fields of the BOARD_INFO frame by which a hub would report this board."""
     kind = board.kind
     fields: dict[str, Any] = {field.name: field.constant or 0 for field in list_fields(Identity)}
     fields |= {"map_version": REGISTER_MAP_VERSION, "kind": kind.code, "address": board.address, "unique_id": bytes(8)}

@@ -83,8 +83,9 @@ def import_active(
 
 
 def _match_taxels(table: CsvTable, rows: NDArray[np.intp], points: FloatArray, centres: FloatArray) -> NDArray[np.intp]:
-    """Index of the taxel of each point of a frame, i64[p]. rows: i64[p] in the table. points: f64[p, 3], metres.
+    """Return the index of the taxel nearest to each of p points of a frame, i64[p].
 
+    rows: i64[p], row of each point in the table. points: f64[p, 3], metres, world. centres: f64[n, 3], taxel centres.
     Raises ImportDataError for a point without a taxel, and for two points of the same taxel.
     """
     nearest = cKDTree(centres).query(points)

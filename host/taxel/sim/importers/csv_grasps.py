@@ -52,7 +52,10 @@ ComputeForces = Callable[[PosedGrasp, ImportReport], FloatArray]
 def read_hand(
     joints: str | os.PathLike[str] | None, poses: str | os.PathLike[str] | None, options: ImportOptions
 ) -> HandMotion:
-    """The motion of the hand from a file of joint angles or of poses. Raises ValueError for both or neither of them."""
+    """Read the motion of the hand from a file of joint angles or of poses.
+
+    Raises ValueError for both or neither of them.
+    """
     if joints is not None and poses is None:
         return read_joints(joints, options.hand, options.wrist_pose, options.progress)
     if poses is not None and joints is None:
@@ -89,7 +92,7 @@ def write_grasps(
 
 
 def make_meshes(objects: Iterable[GraspObject]) -> dict[str, ObjectMesh]:
-    """Meshes of objects by name, for a dataset."""
+    """Build the meshes of objects by name, as a dataset stores them."""
     meshes = {}
     for grasp_object in objects:
         vertices, faces = grasp_object.shape.mesh()
@@ -98,7 +101,10 @@ def make_meshes(objects: Iterable[GraspObject]) -> dict[str, ObjectMesh]:
 
 
 def _import_grasp(name: str, grasp: PosedGrasp, forces: FloatArray, options: ImportOptions) -> ImportedGrasp:
-    """Join a posed grasp of T frames, the forces f64[T, n] on n taxels in newtons, and the id `name` in the dataset."""
+    """Combine a posed grasp of T frames with the forces on n taxels to a grasp of the dataset.
+
+    name: id in the dataset. forces: f64[T, n], newtons.
+    """
     rows, sensors = grasp.rows, grasp.hand_track.sensor_pose
     return ImportedGrasp(
         name,
@@ -117,7 +123,11 @@ def _import_grasp(name: str, grasp: PosedGrasp, forces: FloatArray, options: Imp
 
 
 def _pose_grasp(table: CsvTable, rows: GraspRows, motion: HandMotion, options: ImportOptions) -> PosedGrasp:
-    """The frames of a grasp with the poses of hand and object. Raises ImportDataError for an unknown object or pose."""
+    """Return the frames of a grasp with the poses of hand and object.
+
+    rows: rows of the grasp in the table. motion: poses of the hand over time. Raises ImportDataError for an unknown
+    object or pose.
+    """
     if rows.object not in options.objects:
         suggestion = suggest_names(rows.object, options.objects)
         table.at(rows.rows[0], "object").fail("an object whose shape is known", format_value(rows.object), suggestion)
@@ -135,16 +145,16 @@ def _pose_grasp(table: CsvTable, rows: GraspRows, motion: HandMotion, options: I
 
 
 def _fail_without_object_pose(source: FileLocation, name: str) -> NoReturn:
-    """Raise ImportDataError for an object without a pose."""
+    """Raise ImportDataError for the object `name`, whose pose is neither in the table nor calibrated."""
     found = "no columns object_x ... object_qz and no calibrated pose"
     remedy = "add object_x, object_y, object_z, object_qw, object_qx, object_qy, object_qz, or give a calibration file"
     source.fail(f"the pose of {format_value(name)}", found, remedy)
 
 
 def group_rows_by_frame(grasp: PosedGrasp, selection: NDArray[np.bool_]) -> list[tuple[int, NDArray[np.intp]]]:
-    """Index of each frame of a grasp and its selected rows of the table, i64; frames without such rows are left out.
+    """List the selected rows of the table by frame of a grasp: (index of the frame, row numbers i64).
 
-    selection: bool[r], the selected rows of the table.
+    selection: bool[r], the selected rows of the table. Frames without such rows are left out.
     """
     rows, frame = grasp.rows.rows, grasp.frames.frame
     is_selected = selection[rows]

@@ -66,7 +66,7 @@ class CsvTable:
         return self.source.at(int(self.line[row]), column)
 
     def vectors(self, names: Sequence[str]) -> FloatArray | None:
-        """The columns `names` as f64[r, len(names)]; None if the file has none of them.
+        """Return the columns `names` of the CSV file as f64[r, len(names)]; None if the file has none of them.
 
         Raises ImportDataError if the file has only some of them.
         """
@@ -78,7 +78,7 @@ class CsvTable:
         return np.column_stack([self.numbers[name] for name in names])
 
     def poses(self, prefix: str) -> FloatArray | None:
-        """The poses of the columns `pose_columns(prefix)`, f64[r, 4, 4]; None if the file has none of them.
+        """Return the poses of the columns `pose_columns(prefix)`, f64[r, 4, 4]; None if the CSV file has none of them.
 
         Raises ImportDataError for a missing column and for a quaternion of zeros.
         """
@@ -94,7 +94,7 @@ class CsvTable:
 
 
 def pose_columns(prefix: str, required: bool = False) -> tuple[Column, ...]:
-    """Columns of a pose: position (metres) and quaternion, such as wrist_x ... wrist_qz for the prefix "wrist"."""
+    """Return the columns of a pose: position (metres) and quaternion, such as wrist_x ... wrist_qz for "wrist"."""
     start = f"{prefix}_" if prefix else ""
     return tuple(Column(f"{start}{part}", required=required) for part in POSE_PARTS)
 
@@ -122,7 +122,7 @@ def read_csv(path: str | os.PathLike[str], columns: Sequence[Column], progress: 
 
 
 def _with_progress(stream: Iterator[str], size: int, step: str, progress: Progress) -> Iterator[str]:
-    """The lines of a stream of `size` bytes; the progress function is called from time to time."""
+    """Yield the lines of a stream of `size` bytes, and call the progress function from time to time."""
     done = 0
     for number, line in enumerate(stream):
         done += len(line)
@@ -133,7 +133,7 @@ def _with_progress(stream: Iterator[str], size: int, step: str, progress: Progre
 
 
 def _read_table(reader: Any, columns: Sequence[Column], source: FileLocation) -> CsvTable:
-    """The rows of a CSV reader. Raises ImportDataError for the first error."""
+    """Convert the rows of a CSV reader to a table. Raises ImportDataError for the first error."""
     order = _read_header(next(reader, []), columns, source)
     values: list[list[Any]] = [[] for _ in order]
     lines: list[int] = []
@@ -156,7 +156,7 @@ def _read_table(reader: Any, columns: Sequence[Column], source: FileLocation) ->
 
 
 def _read_header(cells: list[str], columns: Sequence[Column], source: FileLocation) -> list[Column]:
-    """The column that each cell of the header names."""
+    """Return the known column that each cell of the header line names. Raises ImportDataError for an unknown name."""
     known = {name.lower(): column for column in columns for name in (column.name, *column.aliases)}
     order: list[Column] = []
     location = source.at(1)
@@ -179,7 +179,7 @@ def _read_header(cells: list[str], columns: Sequence[Column], source: FileLocati
 
 
 def _parse_value(cell: str, column: Column, source: FileLocation, line: int) -> str | float:
-    """The value of a cell; NaN for a permitted empty cell. Raises ImportDataError."""
+    """Convert a cell of a CSV file to a text or number; NaN for a permitted empty cell. Raises ImportDataError."""
     if column.kind == "text":
         if not cell:
             source.at(line, column.name).fail("a name", "nothing", "add the name")

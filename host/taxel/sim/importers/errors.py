@@ -33,7 +33,7 @@ class FileLocation:
         return FileLocation(self.file, f"line {line}, column {format_path(column)}" if column else f"line {line}")
 
     def key(self, name: str) -> FileLocation:
-        """A named part of the file, such as a key or an array."""
+        """Return the location of a named part of the file, such as a key or an array, for error messages."""
         text = format_path(name) if len(name) <= _MAX_CHARACTERS else format_value(name)
         return FileLocation(self.file, text if self.field == "file" else f"{self.field}.{text}")
 

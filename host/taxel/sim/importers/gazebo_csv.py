@@ -116,7 +116,7 @@ class _ContactPoints:
 
 
 def _make_contact_points(table: CsvTable, hand: Hand) -> _ContactPoints:
-    """The contact points of a table. Raises ImportDataError for the first error."""
+    """Extract the contact points from a CSV table. Raises ImportDataError for the first error."""
     is_contact = _find_contact_rows(table)
     position = np.column_stack([table.numbers[name] for name in POSITION])
     return _ContactPoints(table, is_contact, position, _normal_forces(table, is_contact), _board_indices(table, hand))
@@ -125,7 +125,11 @@ def _make_contact_points(table: CsvTable, hand: Hand) -> _ContactPoints:
 def _compute_taxel_forces(
     contacts: _ContactPoints, grasp: PosedGrasp, hand: Hand, threshold_m: float, report: ImportReport
 ) -> FloatArray:
-    """Contact forces of one grasp, f64[T, n], newtons; contacts without a taxel are counted in the report."""
+    """Distribute the contact forces of one grasp over the taxels, f64[T, n], newtons.
+
+    threshold_m: largest distance from a contact to the centre of a taxel on which it acts. Contacts without a taxel are
+    counted in the report.
+    """
     centres = compute_taxel_positions(hand, grasp.hand_track.sensor_pose)
     forces, smallest_distance = np.zeros(centres.shape[:2]), np.inf
     frames = group_rows_by_frame(grasp, contacts.is_contact)
@@ -146,7 +150,7 @@ def _compute_taxel_forces(
 
 
 def distribute_forces(distance: FloatArray, threshold_m: float, force: FloatArray | None) -> FloatArray:
-    """Forces of c contacts on n taxels, f64[n], newtons.
+    """Distribute the forces of c contacts over n taxels, f64[n], newtons.
 
     distance: f64[c, n], from contact to taxel centre, metres. force: f64[c] of the contacts, newtons; None: a nominal
     force on each taxel within the threshold. The force of a contact is divided among the taxels within the threshold,
@@ -209,7 +213,10 @@ def _normal_forces(table: CsvTable, is_contact: NDArray[np.bool_]) -> FloatArray
 
 
 def _unit_normals(table: CsvTable, is_contact: NDArray[np.bool_]) -> FloatArray | None:
-    """Unit normals f64[r, 3]; None without the columns. Raises ImportDataError for a contact with a zero normal."""
+    """Return the unit normal of each contact, f64[r, 3]; None if the file has no normals.
+
+    Raises ImportDataError for a contact with a zero normal.
+    """
     normal = table.vectors(NORMAL)
     if normal is None:
         return None
@@ -222,7 +229,7 @@ def _unit_normals(table: CsvTable, is_contact: NDArray[np.bool_]) -> FloatArray 
 
 
 def _board_indices(table: CsvTable, hand: Hand) -> NDArray[np.int64]:
-    """Index of the board in the column board, i64[r]; -1 without this column."""
+    """Return the index of the board named in each row of the table, i64[r]; -1 without a column for the board."""
     indices = np.full(len(table.line), -1, np.int64)
     names = {board.name: index for index, board in enumerate(hand.boards)}
     for row, name in enumerate(table.texts.get("board", ())):
@@ -234,7 +241,10 @@ def _board_indices(table: CsvTable, hand: Hand) -> NDArray[np.int64]:
 
 
 def _fail_for_distance(table: CsvTable, row: int, smallest_distance_m: float) -> NoReturn:
-    """Raise ImportDataError for a grasp whose contacts are all far from the hand."""
+    """Raise ImportDataError for a grasp whose contacts are all far from the hand.
+
+    row: a row of the grasp. smallest_distance_m: from a contact to the nearest taxel.
+    """
     expected = f"contacts of a grasp on the hand, at least one within {FAR_M * 1000:g} mm of a taxel"
     remedy = "give metres, in the frame of the hand's poses (the base of the robot)"
     table.at(row, "x").fail(expected, f"the nearest {smallest_distance_m:.3g} m away", remedy)

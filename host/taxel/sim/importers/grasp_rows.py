@@ -53,7 +53,7 @@ class Frames:
 
 
 def group_grasps(table: CsvTable) -> list[GraspRows]:
-    """The grasps of a table in the order of their first rows.
+    """Group the rows of a table by grasp, in the order of their first rows.
 
     Raises ImportDataError if the labels of a grasp, such as its object, differ between its rows.
     """
@@ -85,7 +85,7 @@ def _require_equal(table: CsvTable, rows: list[int], column: str, grasp: str) ->
 
 
 def make_dataset_ids(names: Sequence[str]) -> list[str]:
-    """Ids of grasps whose alphabetical order is the order of the file.
+    """Make ids of grasps whose alphabetical order is the order of the file.
 
     Numbers get leading zeros. If the names are not in alphabetical order, they get the prefixes 0001_, 0002_, ...
     """
@@ -97,13 +97,12 @@ def make_dataset_ids(names: Sequence[str]) -> list[str]:
 
 
 def group_frames(table: CsvTable, grasp: GraspRows, track: GraspTrack) -> Frames:
-    """The frames of a grasp.
+    """Determine the frames of a grasp, and the frame of each of its rows in the table.
 
     If the file of the hand's motion has phases, its rows are the frames, and each row of `table` must have the time of
     a frame. Otherwise the times in `table` are the frames, with the phases in `table`. Without phases all frames have
-    the phase hold, because the program of the thesis recorded the closed hand only (section 5.3).
-
-    Raises ImportDataError for times that do not match, and for two phases at the same time.
+    the phase hold, because the program of the thesis recorded the closed hand only (section 5.3). Raises
+    ImportDataError for times that do not match, and for two phases at the same time.
     """
     if table.has("time"):
         times = table.numbers["time"][grasp.rows]
@@ -137,7 +136,7 @@ def group_frames(table: CsvTable, grasp: GraspRows, track: GraspTrack) -> Frames
 
 
 def _find_nearest(increasing: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.intp]:
-    """For each value, the index of the nearest number in the array `increasing`."""
+    """Return for each value the index of the nearest number in the array `increasing`."""
     after = np.clip(np.searchsorted(increasing, values), 0, len(increasing) - 1)
     before = np.maximum(after - 1, 0)
     return np.where(np.abs(increasing[before] - values) <= np.abs(increasing[after] - values), before, after)

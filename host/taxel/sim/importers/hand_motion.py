@@ -49,7 +49,7 @@ class GraspTrack:
     object_pose: FloatArray | None
 
     def resample(self, time_s: FloatArray, grasp: str) -> GraspTrack:
-        """The hand at the times f64[T], interpolated linearly; a track with one time is constant.
+        """Interpolate the motion of the hand linearly at the times f64[T], seconds; a track with one time is constant.
 
         grasp: name of the grasp, for errors. Raises ImportDataError for times outside of the track.
         """
@@ -69,7 +69,10 @@ class GraspTrack:
     def _interpolate(
         self, time_s: FloatArray, before: NDArray[np.intp], after: NDArray[np.intp], fraction: FloatArray
     ) -> GraspTrack:
-        """The track between the poses with the indices `before` and `after`, i64[T]; fraction: f64[T], 0 to 1."""
+        """Interpolate the motion of the hand between its recorded poses `before` and `after`, indices i64[T].
+
+        time_s: f64[T], times of the result, seconds. fraction: f64[T], 0 for the pose `before`, 1 for the pose `after`.
+        """
         is_recorded = fraction == 1.0  # a recorded pose is used without interpolation, which would round it
         before, fraction = np.where(is_recorded, after, before), np.where(is_recorded, 0.0, fraction)
         joints = None
@@ -100,7 +103,7 @@ class HandMotion:
     tracks: Mapping[str, GraspTrack]
 
     def track_of(self, grasp: str) -> GraspTrack:
-        """The hand during a grasp. Raises ImportDataError if the file has no rows of the grasp."""
+        """Return the motion of the hand during a grasp. Raises ImportDataError if the file has no rows of the grasp."""
         if grasp not in self.tracks:
             self.source.key("grasp").fail(
                 f"rows of grasp {format_value(grasp)}", "none", suggest_names(grasp, self.tracks)
@@ -193,7 +196,10 @@ def read_poses(path: str | os.PathLike[str], hand: Hand, progress: Progress = ig
 
 
 def _group_by_time(table: CsvTable, key: str, required_names: Sequence[str]) -> list[dict[str, int]]:
-    """For each time of each grasp, the row of every name in the column `key`. Raises ImportDataError."""
+    """Return for each time of each grasp the row of every name in the column `key`.
+
+    required_names: names that each time must have. Raises ImportDataError for a missing name and for a name twice.
+    """
     names = table.texts[key]
     times = table.numbers.get("time", np.zeros(len(table.line)))
     rows_by_time: dict[tuple[str, float], dict[str, int]] = {}
@@ -214,10 +220,10 @@ def _group_by_time(table: CsvTable, key: str, required_names: Sequence[str]) -> 
 def _make_tracks(
     table: CsvTable, sensors: FloatArray, joints: FloatArray | None, first_rows: NDArray[np.intp] | None = None
 ) -> dict[str, GraspTrack]:
-    """Tracks by grasp. sensors, joints: [k, ...] at k times.
+    """Divide the poses of the hand at k times into one track for each grasp, by name of the grasp.
 
-    first_rows: i64[k], row of the table with labels and object of each time; None: one row for each time. Raises
-    ImportDataError for times that do not increase.
+    sensors: f64[k, s, 4, 4], brackets. joints: f64[k, j], radians, or None. first_rows: i64[k], row of the table with
+    labels and object of each time; None: one row for each time. Raises ImportDataError for times that do not increase.
     """
     row_of_time = np.arange(len(table.line)) if first_rows is None else first_rows
     times_by_grasp: dict[str, list[int]] = {}
@@ -254,7 +260,10 @@ def _make_tracks(
 
 
 def parse_phase(value: str, location: FileLocation) -> int:
-    """Number of a phase from the text of its number, 0 to 4, or of its name. Raises ImportDataError."""
+    """Convert the text of a phase, its number 0 to 4 or its name, to its number.
+
+    Raises ImportDataError for other text.
+    """
     text = value.strip().lower()
     if text not in {*_PHASES, *map(str, _PHASES.values())}:
         location.fail(f"0 to 4 or {', '.join(_PHASES)}", format_value(value), suggest_names(text, _PHASES))

@@ -47,7 +47,7 @@ REPLAY_TOLERANCE = 1e-3
 
 
 def load_model(path: str | os.PathLike[str]) -> mujoco.MjModel:
-    """A MuJoCo model from an XML file (MJCF or URDF) or a binary file (.mjb). Raises ImportDataError."""
+    """Load a MuJoCo model from an XML file (MJCF or URDF) or a binary file (.mjb). Raises ImportDataError."""
     source, file = FileLocation(os.fspath(path)), Path(path)
     if not file.is_file():
         source.fail("a MuJoCo model", "a folder" if file.is_dir() else "no such file", "check the path")
@@ -112,7 +112,7 @@ def import_rollout(
 
 
 def _count_contacts(contacts: ContactPoints, report: ImportReport) -> None:
-    """Add the contacts of a grasp to the report."""
+    """Add the number and force of the contacts of a grasp to the report; a contact without a board counts as far."""
     is_far = contacts.board < 0
     report.contacts += len(is_far)
     report.far_contacts += int(is_far.sum())
@@ -128,7 +128,10 @@ def _import_grasp(
     sensing: Sensing,
     options: ImportOptions,
 ) -> ImportedGrasp:
-    """The grasp of a motion. first_row: row of its first state, for the labels of the grasp."""
+    """Compute the taxel forces of a replayed grasp, and return the grasp for the dataset.
+
+    name: id in the dataset. first_row: row of its first state, which holds the labels of the grasp.
+    """
     grasp_object = rollout_object.grasp_object
     sensed = sense(options.hand, grasp_object.shape, motion, sensing)
     nominal_pose = options.object_poses.get(grasp_object.name, motion.object_pose[0])
@@ -148,6 +151,7 @@ def _import_grasp(
 
 
 def _row_shapes(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
+    """Return the shape of one recorded state of each array of `STATES`, such as qpos, for this model."""
     sizes = (model.nq,), (model.nv,), (model.na,), (model.nu,), (model.nmocap, 3), (model.nmocap, 4), (model.nv,)
     return dict(zip(STATES, sizes, strict=True))
 
@@ -173,7 +177,11 @@ class _Run:
         self.data = mujoco.MjData(model)
 
     def compute_motion(self, states: RolloutStates, rows: NDArray[np.intp], is_replayed: bool) -> GraspMotion:
-        """Poses and contacts at the states `rows` of one grasp. Raises ImportDataError if a replay deviates."""
+        """Compute poses and contacts at the recorded states `rows` of one grasp.
+
+        is_replayed: step the model with the recorded controls, instead of evaluating each recorded state. Raises
+        ImportDataError if the replay deviates from the recording.
+        """
         is_stepped = states.has_start_only or ("ctrl" in states.values and is_replayed)
         snapshots: list[_Snapshot] = []
         for done, row in enumerate(rows.tolist()):
@@ -203,14 +211,17 @@ class _Run:
         )
 
     def _set_values(self, states: RolloutStates, row: int, names: tuple[str, ...]) -> None:
-        """Copy the arrays `names` of a recorded state into the model's data."""
+        """Copy the arrays `names` of the recorded state `row` into the data of the MuJoCo model."""
         for name in names:
             if name in states.values:
                 values = states.values[name]
                 getattr(self.data, name)[...] = values[row if len(values) > 1 else 0]
 
     def _step_to(self, states: RolloutStates, row: int) -> None:
-        """Step from the state before `row` to `row` with the controls of the state before. Raises ImportDataError."""
+        """Simulate from the state before `row` to the state `row`, with the controls of the state before.
+
+        Raises ImportDataError if the result deviates from the recorded state.
+        """
         self._set_values(states, row - 1, ("ctrl", "mocap_pos", "mocap_quat", "qfrc_applied"))
         elapsed_s, step_s = states.time_s[row] - states.time_s[row - 1], self.model.opt.timestep
         for _ in range(max(round(elapsed_s / step_s), 1)):
@@ -227,7 +238,7 @@ class _Run:
             states.source.key(f"qpos[{row}, {index}]").fail(expected, found, remedy)
 
     def _take_snapshot(self) -> _Snapshot:
-        """Poses and contacts of the present state of the model."""
+        """Return bracket poses, object pose and contacts of the present state of the MuJoCo model."""
         mujoco.mj_forward(self.model, self.data)
         body = self.parts.board_body
         sensors = _poses(self.data.xmat[body], self.data.xpos[body]) @ self.parts.board_pose
@@ -236,7 +247,10 @@ class _Run:
         return _Snapshot(sensors, body_pose @ self.rollout_object.frame, self._find_contacts(sensors))
 
     def _find_contacts(self, sensors: FloatArray) -> StepContacts:
-        """Contact points between the object and bodies with boards; forces and normals act on the boards."""
+        """Find the contact points between the object and bodies with boards; forces and normals act on the boards.
+
+        sensors: f64[s, 4, 4], poses of the brackets in the world.
+        """
         contact = self.data.contact
         geoms = np.asarray(contact.geom, dtype=np.int64).reshape(-1, 2)
         is_object = self.rollout_object.is_geom[geoms]
@@ -263,7 +277,12 @@ class _Run:
         return np.isin(self.model.geom_bodyid[geom], self.parts.board_body)
 
     def _find_boards(self, geom: NDArray[np.int64], position: FloatArray, sensors: FloatArray) -> NDArray[np.int64]:
-        """The board of each contact point, i64[c]; -1: none."""
+        """Return the board of each of c contact points, i64[c]; -1: none.
+
+        geom: i64[c], index of the touched MuJoCo geom. position: f64[c, 3], world, metres. sensors: f64[s, 4, 4],
+        bracket poses in the world. A geom that belongs to no board, but to the body of boards, gets the board of the
+        nearest taxel of this body.
+        """
         board = self.parts.board_of_geom[geom]
         without_geom = np.flatnonzero(board < 0)
         if not len(without_geom) or not self.parts.is_by_body.any():
@@ -280,7 +299,7 @@ class _Run:
 
 
 def _poses(rotations: FloatArray, origins: FloatArray) -> FloatArray:
-    """Poses f64[..., 4, 4] from rotation matrices f64[..., 9] and origins f64[..., 3]."""
+    """Build poses f64[..., 4, 4] from MuJoCo's rotation matrices f64[..., 9] and origins f64[..., 3]."""
     result = np.zeros((*origins.shape[:-1], 4, 4))
     result[..., :3, :3] = rotations.reshape(*origins.shape[:-1], 3, 3)
     result[..., :3, 3] = origins

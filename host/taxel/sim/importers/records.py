@@ -62,7 +62,7 @@ def refuse_existing_file(path: str | os.PathLike[str], overwrite: bool) -> None:
 
 
 def compute_frame_rate(times: Iterable[FloatArray]) -> float:
-    """Frame rate in hertz from the median time step of all grasps; `RATE_HZ` if no grasp has two frames."""
+    """Compute the frame rate in hertz from the median time step of all grasps; `RATE_HZ` if no grasp has two frames."""
     steps = np.concatenate([np.zeros(0), *(np.diff(grasp_times) for grasp_times in times)])
     steps = steps[steps > 0]
     return float(1.0 / np.median(steps)) if len(steps) else RATE_HZ
@@ -78,10 +78,10 @@ def open_new_dataset(
     stiffness_n_per_m: float | None = None,
     layer: str | None = None,
 ) -> Iterator[GraspDatasetWriter]:
-    """A writer of a temporary file, which replaces `path` when all grasps are written.
+    """Context manager: a writer of a temporary dataset file, which replaces `path` when all grasps are written.
 
-    description: for the attribute generator of the dataset. layer: "coupled" or "uncoupled", the soft layer.
-    Raises DatasetError as the writer does, with the name of `path`.
+    meshes: of the objects by name. rate_hz: frame rate. description: for the attribute generator of the dataset. layer:
+    "coupled" or "uncoupled", the soft layer. Raises DatasetError as the writer does, with the name of `path`.
     """
     target, location = Path(path), Location(str(path))
     check_target(target, options.overwrite, location)
@@ -117,9 +117,10 @@ def open_new_dataset(
 def make_record(
     grasp: ImportedGrasp, options: ImportOptions, source: FileLocation, report: ImportReport
 ) -> GraspRecord:
-    """The record of a grasp with its baseline frames and counts. Its noise depends only on the seed and the id.
+    """Make the dataset record of a grasp, with baseline frames and raw counts.
 
-    Raises ImportDataError for too few baseline frames if the options do not add frames.
+    The noise of the counts depends only on the seed and the id. Raises ImportDataError for too few baseline frames if
+    the options do not add frames.
     """
     added = _count_missing_baseline(grasp, options.baseline_frames, source)
     times, step = grasp.time_s, 1.0 / compute_frame_rate([grasp.time_s])
@@ -158,7 +159,11 @@ def _repeat_first(values: FloatArray, added: int) -> FloatArray:
 
 
 def _count_missing_baseline(grasp: ImportedGrasp, required_frames: int | None, source: FileLocation) -> int:
-    """Number of baseline frames to add. Raises ImportDataError for too few frames if none are to be added."""
+    """Return the number of baseline frames to add to a grasp.
+
+    required_frames: number of baseline frames after the addition; None: none are added. Raises ImportDataError for too
+    few frames if none are to be added.
+    """
     baseline_frames = int((grasp.phase == Phase.BASELINE).sum())
     if required_frames is None:
         if baseline_frames < BASELINE_FRAMES:
@@ -170,7 +175,7 @@ def _count_missing_baseline(grasp: ImportedGrasp, required_frames: int | None, s
 
 
 def _taxel_table(hand: Hand) -> TaxelTable:
-    """The taxel table of a dataset. Raises HandGeometryError for a hand without taxel positions."""
+    """Build the taxel table of a dataset. Raises HandGeometryError for a hand without taxel positions."""
     if hand.position is None or hand.normal is None:
         raise HandGeometryError(hand.name)
     size = np.full(hand.n_taxels, hand.size_m)
@@ -178,7 +183,7 @@ def _taxel_table(hand: Hand) -> TaxelTable:
 
 
 def _sensor_table(hand: Hand, rate_hz: float) -> SensorTable:
-    """The sensor table of a dataset, with one rate for all boards."""
+    """Build the sensor table of a dataset, with the same frame rate for all boards."""
     boards = hand.boards
     return SensorTable(
         np.array([board.address for board in boards], np.uint8),

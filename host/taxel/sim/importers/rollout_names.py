@@ -60,7 +60,10 @@ class ModelParts:
 
 
 def load_map(path: str | os.PathLike[str]) -> tuple[dict[str, Any], FileLocation]:
-    """Read a model map and its location for errors. Raises ImportDataError for a file that is not TOML."""
+    """Read a model map (a TOML file with names of a MuJoCo model), and return it with its location for errors.
+
+    Raises ImportDataError for a file that is not TOML.
+    """
     source, file = FileLocation(os.fspath(path)), Path(path)
     if not file.is_file():
         source.fail("a TOML file", "a folder" if file.is_dir() else "no such file", "check the path")
@@ -78,12 +81,12 @@ def model_names(model: mujoco.MjModel, kind: str) -> list[str]:
 
 
 def find_parts(model: mujoco.MjModel, hand: Hand, model_map: Mapping[str, Any], source: FileLocation) -> ModelParts:
-    """The parts of a model. model_map: as in the docstring of this module. source: location of the map, for errors.
+    """Find the parts of a MuJoCo model that belong to the boards of a hand and to the object.
 
-    A board without an entry in the map is the geom with the name of the board, or belongs to the body with the name of
-    its link. A common prefix of all these names, such as "link:" or "rh_", is found automatically.
-
-    Raises ImportDataError for a name that the model lacks, HandGeometryError for a hand without links.
+    model_map: as in the docstring of this module. source: location of the map, for errors. A board without an entry in
+    the map is the geom with the name of the board, or belongs to the body with the name of its link. A common prefix of
+    all these names, such as "link:" or "rh_", is found automatically. Raises ImportDataError for a name that the model
+    lacks, HandGeometryError for a hand without links.
     """
     for key in model_map:
         if key not in _KEYS:
@@ -105,7 +108,7 @@ def find_parts(model: mujoco.MjModel, hand: Hand, model_map: Mapping[str, Any], 
 
 
 def _require_table(value: Any, location: FileLocation) -> dict[str, Any]:
-    """The value as a dictionary. Raises ImportDataError for another type."""
+    """Return a value of the model map as a dictionary. Raises ImportDataError for another type."""
     if not isinstance(value, Mapping):
         location.fail("a table", format_value(value), "write it as in docs/how-to-import.md")
     return dict(value)
@@ -124,7 +127,11 @@ class _PartFinder:
         self.model, self.hand, self.names, self.source = model, hand, names, source
 
     def find_entry(self, value: Any, location: FileLocation) -> tuple[str, int]:
-        """The entry for a value of the map: a name, or a table of kind and name. Raises ImportDataError."""
+        """Find the part of the model that a value of the model map names: (kind, index in the model).
+
+        value: a name, or a table of kind ("geom", "body" or "site") and name. Raises ImportDataError for an unknown
+        name.
+        """
         if isinstance(value, str):
             kinds = [kind for kind in KINDS if value in self.names[kind] and value]
             if len(kinds) > 1:
@@ -141,13 +148,16 @@ class _PartFinder:
         return kind, self.names[kind].index(name)
 
     def _fail_for_unknown_name(self, name: str, kinds: Sequence[str], location: FileLocation) -> None:
-        """Raise ImportDataError for a name that the model lacks."""
+        """Raise ImportDataError for a name that the model lacks among its parts of the given kinds."""
         known_names = dict.fromkeys(name for kind in kinds for name in self.names[kind] if name)
         found = f"{format_value(name)}, which the model lacks"
         location.fail(f"a {' or '.join(kinds)} of the model", found, suggest_names(name, known_names))
 
     def find_unlisted(self, boards: Sequence[str], prefix: Any) -> dict[str, tuple[str, int]]:
-        """Entries of the boards that the map does not list, by name. Raises ImportDataError."""
+        """Find the parts of the model for the boards that the model map does not list: (kind, index) by board name.
+
+        prefix: common beginning of the names in the model; None: found automatically. Raises ImportDataError.
+        """
         if not boards:
             return {}
         if prefix is not None and not isinstance(prefix, str):
@@ -165,7 +175,10 @@ class _PartFinder:
     def _find_with_prefix(
         self, kind: str, name_of_board: Mapping[str, str], prefix: str | None
     ) -> dict[str, tuple[str, int]] | None:
-        """Entries of the boards by name, if with one prefix all names are names of the model; else None."""
+        """Find a prefix with which all names are names of the model; return (kind, index) by board name, or None.
+
+        name_of_board: name by board, without the prefix. prefix: the only prefix to try; None: all possible ones.
+        """
         names = self.names[kind]
         for start in self._possible_prefixes(kind, next(iter(name_of_board.values())), prefix):
             if all(start + name in names for name in name_of_board.values()):
@@ -173,7 +186,10 @@ class _PartFinder:
         return None
 
     def _fail_for_missing_body(self, links: Mapping[str, str], prefix: str | None) -> NoReturn:
-        """Raise ImportDataError for the first board without a body, with the prefix that fits most boards."""
+        """Raise ImportDataError for the first board without a body, with the prefix that fits most boards.
+
+        links: name of the link by board. prefix: given by the user, or None.
+        """
         boards, bodies = list(links), self.names["body"]
         prefixes = [*self._possible_prefixes("body", links[boards[0]], prefix), prefix or ""]
         best = max(prefixes, key=lambda start: sum(start + links[name] in bodies for name in boards))
@@ -184,14 +200,20 @@ class _PartFinder:
         self.source.key("boards").key(board).fail("a body, geom or site for every board", found, remedy)
 
     def _possible_prefixes(self, kind: str, ending: str, prefix: Any) -> Iterator[str]:
-        """The given prefix, or else all beginnings of names of the model that end with `ending`, the shortest first."""
+        """Yield the given prefix, or else all beginnings of names of the model that end with `ending`, shortest first.
+
+        kind: "geom", "body" or "site".
+        """
         if prefix is not None:
             yield prefix
             return
         yield from sorted({name.removesuffix(ending) for name in self.names[kind] if name.endswith(ending)}, key=len)
 
     def find_object(self, table: dict[str, Any]) -> tuple[int, str]:
-        """Index of the body of the object, and the name of its known shape or "". Raises ImportDataError."""
+        """Return the index of the object's body in the model, and the name of its known shape or "".
+
+        table: table [object] of the model map. Raises ImportDataError.
+        """
         location = self.source.key("object")
         for key in table:
             if key not in ("body", "known"):
@@ -205,7 +227,11 @@ class _PartFinder:
         return self.names["body"].index(body), known_shape
 
     def make_parts(self, entries: Mapping[str, tuple[str, int]], object_body: int, known_shape: str) -> ModelParts:
-        """The parts for the entries of all boards. Raises ImportDataError for two boards with the same geom."""
+        """Combine the parts of all boards and of the object. Raises ImportDataError for two boards with the same geom.
+
+        entries: (kind, index in the model) by board name. object_body: index of the object's body. known_shape: name of
+        its shape or "".
+        """
         model, boards = self.model, self.hand.boards
         body, pose = np.zeros(len(boards), np.int64), np.zeros((len(boards), 4, 4))
         board_of_geom, is_by_body = np.full(model.ngeom, -1, np.int64), np.zeros(len(boards), bool)

@@ -39,7 +39,7 @@ class RolloutObject:
 def make_rollout_object(
     model: mujoco.MjModel, parts: ModelParts, objects: Mapping[str, GraspObject], source: FileLocation
 ) -> RolloutObject:
-    """The object of a rollout.
+    """Determine the shape of the grasped object in a MuJoCo model.
 
     Raises ImportDataError for an unknown name of a shape, and for a body without exactly one box, cylinder or mesh.
     """
@@ -56,7 +56,10 @@ def make_rollout_object(
 
 
 def _find_shape(model: mujoco.MjModel, is_geom: NDArray[np.bool_], location: FileLocation) -> tuple[Shape, FloatArray]:
-    """The shape of the only colliding geom and its frame in the body, f64[4, 4]. Raises ImportDataError."""
+    """Return the shape of the only colliding geom of the object, and the pose of the shape in its body, f64[4, 4].
+
+    is_geom: geoms of the object's body. Raises ImportDataError.
+    """
     colliding = np.flatnonzero(is_geom & ((model.geom_contype != 0) | (model.geom_conaffinity != 0)))
     if len(colliding) != 1:
         _fail_for_shape(location, f"{len(colliding)} colliding geoms")

@@ -43,7 +43,7 @@ class RolloutStates:
     has_start_only: bool
 
     def rows_by_grasp(self) -> list[NDArray[np.intp]]:
-        """The rows of each grasp, i64, in the order of the file.
+        """Return the rows of each grasp, i64, in the order of the file.
 
         Raises ImportDataError for a grasp whose rows are not consecutive, whose time decreases or whose labels change.
         """
@@ -116,7 +116,7 @@ def read_states(path: str | os.PathLike[str], sizes: dict[str, tuple[int, ...]],
 
 
 def _load_arrays(path: Path, source: FileLocation) -> dict[str, NDArray[Any]]:
-    """The arrays of an .npz file by name. Raises ImportDataError."""
+    """Load the arrays of an .npz file by name. Raises ImportDataError."""
     if not path.is_file():
         source.fail("an .npz file", "a folder" if path.is_dir() else "no such file", "check the path")
     try:
@@ -130,7 +130,7 @@ def _load_arrays(path: Path, source: FileLocation) -> dict[str, NDArray[Any]]:
 
 
 def _check_state(array: NDArray[Any], row_shape: tuple[int, ...], location: FileLocation) -> FloatArray:
-    """The array as f64[T, *row_shape]. Raises ImportDataError for another shape, other types and infinite numbers."""
+    """Return the array as f64[T, *row_shape]. Raises ImportDataError for another shape, type or an infinite number."""
     shape = ", ".join(["T", *map(str, row_shape)])
     has_shape = array.ndim == len(row_shape) + 1 and array.shape[1:] == row_shape and len(array) > 0
     if array.dtype.kind not in "fiu" or not has_shape:
@@ -145,7 +145,10 @@ def _check_state(array: NDArray[Any], row_shape: tuple[int, ...], location: File
 
 
 def _broadcast_labels(value: Any, frames: int, location: FileLocation) -> list[str]:
-    """One label for each state, as text. value: one label, or an array of labels. Raises ImportDataError."""
+    """Return one label for each state, as text. Raises ImportDataError for another shape or type.
+
+    value: one label, or an array of labels. frames: number of states.
+    """
     array = np.asarray(value)
     if array.ndim == 0:
         array = np.broadcast_to(array, (frames,))
@@ -156,7 +159,7 @@ def _broadcast_labels(value: Any, frames: int, location: FileLocation) -> list[s
 
 
 def _parse_integers(values: list[str], location: FileLocation) -> NDArray[np.int64]:
-    """The labels as integers, i64[T]. Raises ImportDataError for other texts and negative numbers."""
+    """Convert labels to integers, i64[T]. Raises ImportDataError for other texts and negative numbers."""
     for row, value in enumerate(values):
         if not (value.isascii() and value.isdigit()):
             field = FileLocation(location.file, f"{location.field}[{row}]")
