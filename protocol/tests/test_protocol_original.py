@@ -1,0 +1,236 @@
+"""Formats and stream decoder of the original hub."""
+
+import random
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from construct import ConstructError
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taxel_protocol.original import (
+    ACCELERATIONS,
+    FINGERTIPS,
+    FIRST_GENERATION_TAXELS,
+    FITTED,
+    FORMATS,
+    PUBLISHED,
+    READ_SEQUENCE,
+    TAXELS,
+    TIME_STEP_MAX_MS,
+    OriginalFormat,
+    OriginalMessage,
+    encode_message,
+    parse_message,
+)
+from taxel_protocol.original_stream import OriginalDecoder
+
+ORIGINAL = FORMATS["original"]
+FRAMED = [name for name, known in FORMATS.items() if not known.record_size]
+every_framed = pytest.mark.parametrize("name", FRAMED)
+
+
+def build_round(
+    message_format: OriginalFormat, rng: random.Random, start_ms: int, addresses: Any = None
+) -> list[OriginalMessage]:
+    """One message of each board with random counts, 10 ms apart; positions as in an undamaged stream."""
+    messages: list[OriginalMessage] = []
+    position = 0
+    for i, address in enumerate(addresses or message_format.taxels):
+        counts = tuple(rng.randrange(65_536) for _ in range(message_format.taxels[address]))
+        is_accelerated = address in message_format.accelerated
+        accelerations = tuple(rng.randrange(-32_768, 32_768) for _ in range(ACCELERATIONS * is_accelerated))
+        time_ms = start_ms + 10 * i if message_format.has_timestamp else None
+        messages.append(OriginalMessage(address, time_ms, counts, accelerations, position))
+        position += message_format.lengths[address]
+    return messages
+
+
+def encode(message_format: OriginalFormat, message: OriginalMessage) -> bytes:
+    return encode_message(
+        message_format, message.address, message.counts, message.timestamp_ms or 0, message.accelerations
+    )
+
+
+def content(message: OriginalMessage) -> tuple[Any, ...]:
+    return message.address, message.timestamp_ms, message.counts, message.accelerations
+
+
+def decode(message_format: OriginalFormat, *pieces: bytes) -> list[OriginalMessage]:
+    decoder = OriginalDecoder(message_format)
+    return [message for piece in pieces for message in decoder.push(piece)] + decoder.finish()
+
+
+def test_the_tables_have_the_boards_and_taxels_of_the_sources() -> None:
+    assert (len(TAXELS), sum(TAXELS.values())) == (22, 1324)
+    assert (len(FITTED), sum(TAXELS[address] for address in FITTED)) == (17, 1037)
+    assert (len(PUBLISHED), sum(TAXELS[address] for address in PUBLISHED)) == (15, 905)
+    assert sum(ORIGINAL.lengths[address] for address in PUBLISHED) == 1930
+    assert (len(FIRST_GENERATION_TAXELS), sum(FIRST_GENERATION_TAXELS.values())) == (22, 224)
+    assert sum(FORMATS["first_generation"].lengths.values()) == 624
+    assert sorted(READ_SEQUENCE) == sorted(TAXELS) == sorted(FIRST_GENERATION_TAXELS)
+    assert {TAXELS[address] for address in FINGERTIPS} == {66}
+
+
+def test_a_message_has_the_layout_of_the_original_hub() -> None:
+    counts = [0x0102 + i for i in range(27)]
+    data = encode_message(ORIGINAL, 0x1D, counts, 0x11223344)
+    assert data[:9].hex(" ") == "01 3e 1d 11 22 33 44 02 01"
+    assert (data[-1], len(data)) == (0x0A, 62)
+    assert encode_message(FORMATS["first_generation_test"], 0x18, counts[:6])[7:9] == b"\x01\x02"
+    assert len(encode_message(FORMATS["first_generation_untimed"], 0x01, counts[:14])) == 32
+    assert len(encode_message(FORMATS["original_accelerations"], 0x1C, [0] * 66, 0, [1, -2, 3])) == 146
+
+
+@every_framed
+def test_construct_parses_what_it_builds(name: str) -> None:
+    known = FORMATS[name]
+    for message in build_round(known, random.Random(1), 5):
+        assert content(parse_message(known, message.address, encode(known, message))) == content(message)
+
+
+def test_a_wrong_number_of_counts_and_an_unknown_address_are_rejected() -> None:
+    with pytest.raises(ConstructError):
+        encode_message(ORIGINAL, 0x1D, [0] * 26)
+    with pytest.raises(KeyError):
+        encode_message(ORIGINAL, 0x1E, [0] * 27)
+    with pytest.raises(ValueError, match="board 0x20: expected"):
+        OriginalFormat("too long", {0x20: 124})
+
+
+@every_framed
+def test_an_undamaged_stream_is_decoded_with_the_last_byte_of_each_message(name: str) -> None:
+    known = FORMATS[name]
+    decoder = OriginalDecoder(known)
+    for message in build_round(known, random.Random(2), 1000):
+        wire = encode(known, message)
+        assert decoder.push(wire[:-1]) == []
+        (decoded,) = decoder.push(wire[-1:])
+        assert content(decoded) == content(message)
+        assert decoded.position == message.position
+    assert (decoder.discarded_bytes, decoder.ambiguous_candidates, decoder.pending_bytes) == (0, 0, 0)
+
+
+def test_records_without_a_frame_are_cut_at_every_50_bytes() -> None:
+    decoder = OriginalDecoder(FORMATS["fingertip_records"])
+    data = bytes(range(120))
+    first, second = decoder.push(data)
+    assert (first.address, first.timestamp_ms, len(first.counts)) == (0x08, None, 25)
+    assert (first.counts[0], second.counts[0], second.position) == (0x0100, 50 + 51 * 256, 50)
+    assert decoder.finish() == []
+    assert (decoder.messages, decoder.discarded_bytes) == (2, 20)
+
+
+def test_a_message_whose_end_was_lost_does_not_hide_the_next_message() -> None:
+    """The remainder of the damaged message ends in 0x0A inside the next one, whose address is 0x0A."""
+    rng = random.Random(3)
+    damaged, whole = build_round(ORIGINAL, rng, 7000, [0x15, 0x0A])
+    wire = encode(ORIGINAL, damaged)
+    stream = wire[:100] + wire[103:] + encode(ORIGINAL, whole)
+    assert stream[249] == 0x0A
+    decoder = OriginalDecoder(ORIGINAL)
+    assert [content(message) for message in decoder.push(stream)] == [content(whole)]
+    assert (decoder.ambiguous_candidates, decoder.discarded_bytes) == (1, 247)
+
+
+def test_data_that_imitates_a_message_does_not_hide_the_message_around_it() -> None:
+    counts = [2000] * 121
+    inner = encode_message(ORIGINAL, 0x1D, [2000] * 27, 0xDEADBEEF)
+    assert len(inner) % 2 == 0
+    counts[20 : 20 + len(inner) // 2] = [inner[i] | inner[i + 1] << 8 for i in range(0, len(inner), 2)]
+    for known, inner_time in ((ORIGINAL, 5000), (ORIGINAL, 200_000)):
+        wire = encode_message(known, 0x15, counts, inner_time)
+        follow = encode_message(known, 0x16, [1] * 118, inner_time + 10)
+        before = encode_message(known, 0x1D, [1] * 27, inner_time - 10)
+        decoder = OriginalDecoder(known)
+        decoded = decoder.push(before + wire + follow)
+        assert [message.address for message in decoded] == [0x1D, 0x15, 0x16]
+        assert decoder.ambiguous_candidates == 1
+
+
+def test_without_timestamps_the_header_behind_a_message_decides() -> None:
+    untimed = FORMATS["first_generation_untimed"]
+    inner = encode_message(untimed, 0x18, [2000] * 6)
+    counts = [2000] * 20
+    counts[3 : 3 + len(inner) // 2] = [inner[i] | inner[i + 1] << 8 for i in range(0, len(inner), 2)]
+    wire = encode_message(untimed, 0x15, counts)
+    follow = encode_message(untimed, 0x16, [1] * 25)
+    decoder = OriginalDecoder(untimed)
+    assert decoder.push(wire) == []
+    assert decoder.push(follow[:2]) == []
+    assert [message.address for message in decoder.push(follow[2:])] == [0x15, 0x16]
+
+
+def test_times_are_plausible_after_a_restart_and_not_after_a_long_pause() -> None:
+    times = [5_000_000, 5_000_010, 5_000_005, 5_000_010 + TIME_STEP_MAX_MS, 9_000_000, 12, 0xFFFFFFFF, 3]
+    stream = b"".join(encode_message(ORIGINAL, 0x1D, [5] * 27, time_ms) for time_ms in times)
+    plausible = [message.is_time_plausible for message in decode(ORIGINAL, stream)]
+    assert plausible == [False, True, True, True, False, True, False, True]
+
+
+def damage(stream: bytes, rng: random.Random, count: int) -> tuple[bytes, list[int | None]]:
+    """The stream with `count` changed, lost or added bytes, and the original position of each byte (None: changed)."""
+    data: list[tuple[int, int | None]] = [(byte, i) for i, byte in enumerate(stream)]
+    for _ in range(count):
+        at = rng.randrange(len(data) + 1)
+        noise = (rng.choice((rng.randrange(256), 0x01, 0x0A)), None)
+        data[at : at + rng.choice((0, 1))] = [noise] * rng.choice((0, 1))
+    return bytes(byte for byte, _ in data), [place for _, place in data]
+
+
+def list_undamaged(
+    message_format: OriginalFormat, sent: list[OriginalMessage], places: list[int | None]
+) -> list[tuple[Any, ...]]:
+    """Content of the messages whose bytes all arrived in one piece."""
+    index = {place: i for i, place in enumerate(places) if place is not None}
+    undamaged = []
+    for message in sent:
+        length = message_format.lengths[message.address]
+        first = index.get(message.position)
+        if first is not None and places[first : first + length] == list(
+            range(message.position, message.position + length)
+        ):
+            undamaged.append(content(message))
+    return undamaged
+
+
+def split(stream: bytes, cuts: list[int]) -> list[bytes]:
+    places = sorted({0, len(stream), *(cut % (len(stream) + 1) for cut in cuts)})
+    return [stream[a:b] for a, b in pairwise(places)]
+
+
+@every_framed
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32), damages=st.integers(0, 12), cuts=st.lists(st.integers(0, 5000), max_size=8))
+def test_every_undamaged_message_is_decoded_from_a_damaged_stream(
+    name: str, seed: int, damages: int, cuts: list[int]
+) -> None:
+    known, rng = FORMATS[name], random.Random(seed)
+    sent = build_round(known, rng, rng.randrange(2**31), rng.sample(sorted(known.taxels), 6))
+    stream, places = damage(b"".join(encode(known, message) for message in sent), rng, damages)
+    decoded = [content(message) for message in decode(known, *split(stream, cuts))]
+    for message in list_undamaged(known, sent, places):
+        assert message in decoded
+
+
+@pytest.mark.parametrize("name", FORMATS)
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32), cuts=st.lists(st.integers(0, 5000), max_size=20))
+def test_the_pieces_of_the_stream_do_not_matter(name: str, seed: int, cuts: list[int]) -> None:
+    known, rng = FORMATS[name], random.Random(seed)
+    sent = build_round(known, rng, 77, rng.choices(sorted(known.taxels), k=4))
+    stream, _ = damage(b"".join(encode(known, message) for message in sent), rng, rng.randrange(60))
+    whole, pieces, bytewise = (OriginalDecoder(known) for _ in range(3))
+    expected = whole.push(stream)
+    assert [message for piece in split(stream, cuts) for message in pieces.push(piece)] == expected
+    assert [message for i in range(len(stream)) for message in bytewise.push(stream[i : i + 1])] == expected
+    for _ in range(2):
+        counters = {
+            (d.position, d.messages, d.discarded_bytes, d.rejected_candidates, d.ambiguous_candidates, d.pending_bytes)
+            for d in (whole, pieces, bytewise)
+        }
+        assert len(counters) == 1
+        assert whole.finish() == pieces.finish() == bytewise.finish()
+    total = sum(known.lengths[message.address] for message in decode(known, stream))
+    assert whole.discarded_bytes + total == len(stream)
