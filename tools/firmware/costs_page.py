@@ -61,32 +61,33 @@ MEANINGS: Final[dict[str, tuple[str, str]]] = {
 
 PAGE: Final = """# Cycles of the firmware
 
-This page is written by `python tools/firmware/calibrate_costs.py` (run `make firmware` first; `--check` reports
-whether the page is stale). The images run on the emulated Cortex-M0 at 48 MHz, including the wait state of the flash.
-Which parts of its timing are published and which are assumed is listed in the
-[README of the processor](../firmware/emulator/cortex_m0/README.md). No figure was measured on silicon.
+This page lists the processor cycles that the firmware of boards and hub uses. It is written by
+`python tools/firmware/calibrate_costs.py` (run `make firmware` first; `--check` reports whether the page is stale).
+The program runs the images on the emulated Cortex-M0 at 48 MHz, including the wait state of the flash. The
+[README of the processor](../firmware/emulator/cortex_m0/README.md) lists which parts of its timing are published and
+which are assumed. No figure was measured on silicon.
 
 ## Processor load
 
-The table gives cycles in which the processor of a [board](glossary.md#board) is awake. A [scan](glossary.md#scan)
-lasts as long as its conversions, and this length is the budget of scan and poll together. A poll is a read of a whole
-snapshot.
+The table gives the cycles in which the processor of a [board](glossary.md#board) is awake. One
+[scan](glossary.md#scan) measures all taxels, and lasts as long as its conversions. During this length of a scan, the
+processor must complete the scan and one poll, a read of a whole snapshot by the hub.
 
 {boards}
 
-The [hub](glossary.md#hub) streams all {count} boards (natively emulated). Per
-[frame](glossary.md#frame) of 63 [taxels](glossary.md#taxel) on average it spends
-{poll:,} cycles in I2C interrupts and {frame:,} cycles on framing, the UART ({uart:,}) and the main loop, which
-waits awake when the transmit ring is full. Frames are sent every {length:,} cycles, and the processor is awake for
-{share:.0%} of this time. The time between frames is the budget of both, so `make size` fails if the processor
-never sleeps.
+While the [hub](glossary.md#hub) streams all {count} boards (natively emulated), its processor spends, for each
+[frame](glossary.md#frame) of 63 [taxels](glossary.md#taxel) on average, {poll:,} cycles in I2C interrupts and
+{frame:,} cycles on framing, the UART ({uart:,}) and the main loop, which waits awake when the transmit ring is full.
+Frames are sent every {length:,} cycles, and the processor is awake for {share:.0%} of this time. I2C, framing and UART
+must fit into the time between frames, so `make size` fails if the processor never sleeps.
 
 ## Cycles charged by the native emulator
 
-A natively emulated board or hub runs the same C code and is charged the cycles of `firmware/emulator/base/costs.h`.
-Executed and native boards then produce the same scans with the same counts, and their scans start within 50 us of
-each other over seconds (`hil_tests/test_hil_cortex_m0.py`). The difference is a random walk: if a conversion ends
-while a read is served, microseconds decide which of the two is delayed. After 4 s and 80 reads at random times it
+A board or hub is emulated in one of two ways: its image is executed on the emulated processor, or the same C code
+runs natively on the PC and is charged the cycles of `firmware/emulator/base/costs.h`. Both kinds of emulated boards
+produce the same scans with the same counts, and their scans start within 50 us of each other over seconds
+(`hil_tests/test_hil_cortex_m0.py`). The difference is a random walk: if a conversion ends while a read is served,
+microseconds decide which of the two is delayed. After 4 s and 80 reads at random times the difference
 reached 52 us.
 
 {costs}

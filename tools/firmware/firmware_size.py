@@ -31,23 +31,24 @@ COLUMNS: Final = ("image", "flash", "of", "static RAM", "stack", "reserved", "RA
 
 PAGE: Final = """# Size of the images
 
-This page is written by `make size` from the linked images of the CY8C4245AXI-483. Sizes are in bytes.
+This page lists the flash, RAM and cycles that each firmware image needs. It is written by `make size` from the linked
+images for the CY8C4245AXI-483. Sizes are in bytes.
 
-- *static RAM* counts from the start of RAM: vectors, the words that survive a reset, and variables.
-- *stack* is the worst case: the deepest call chain from the reset handler plus the interrupts that can preempt it, with
-  their exception frames (`tools/firmware/firmware_stack.py`). The stack that the supervisory ROM uses during a flash
-  call is not published; the reserve beyond the worst case is intended for it.
-- *cycles* are those in which the processor is awake, counted in executed images. For a [board](glossary.md#board)
-  of the largest kind: cycles of a [scan](glossary.md#scan) and a poll, compared with the duration of a scan. For the
-  [hub](glossary.md#hub): cycles of a poll and a [frame](glossary.md#frame), compared with the time between frames
-  while it streams 17 boards. [firmware-cycles.md](firmware-cycles.md) lists all kinds.
+- *static RAM* counts from the start of RAM: interrupt vectors, the words that survive a reset, and variables.
+- *stack* is the largest stack that the image can need: the deepest call chain from the reset handler plus the
+  interrupts that can preempt it, with their exception frames (`tools/firmware/firmware_stack.py`). The stack that the
+  supervisory ROM uses during a flash call is not published; the RAM left beside the largest stack is reserved for it.
+- *cycles* are the cycles in which the processor is awake, counted in executed images. For a [board](glossary.md#board)
+  of the largest kind, the cycles of a [scan](glossary.md#scan) and a poll are compared with the duration of a scan. For
+  the [hub](glossary.md#hub), the cycles of a poll and a [frame](glossary.md#frame) are compared with the time between
+  frames while it streams 17 boards. [firmware-cycles.md](firmware-cycles.md) lists all kinds.
 
-`make size` fails if flash, stack, RAM or cycles exceed their budget. The RAM budget of every image is 3 KiB of the
-part's 4 KiB. {compiler}
+`make size` fails if flash, stack, RAM or cycles of an image exceed their budget. The RAM budget of every image is
+3 KiB of the 4 KiB of the microcontroller. {compiler}
 
 {table}
 
-Deepest call chains:
+Call chains with the largest stack, interrupts last:
 
 {chains}
 """
@@ -157,7 +158,11 @@ def format_table(sizes: dict[str, Size]) -> list[str]:
 
 def format_page(sizes: dict[str, Size], compiler: str) -> str:
     """Text of the whole page."""
-    chains = [f"- {name}: {', '.join(size.chain)}" for name, size in sizes.items() if not name.endswith("-b")]
+    chains = [
+        f"- Deepest call chain of the image {name}: {', '.join(size.chain)}"
+        for name, size in sizes.items()
+        if not name.endswith("-b")
+    ]
     return PAGE.format(compiler=compiler, table="\n".join(format_table(sizes)), chains="\n".join(chains))
 
 
