@@ -2,6 +2,7 @@
 
 #define RUN_COST_US 5u
 
+/* HAL function of the simulated hub: aborts the transfer in progress and counts this. */
 static void on_i2c_abort(void *context)
 {
     struct fake_hub *fake = context;
@@ -9,11 +10,14 @@ static void on_i2c_abort(void *context)
     fake->aborts++;
 }
 
+/* True if the data line is high: neither the hub nor a slave holds it low. */
 static bool sda_level(const struct fake_hub *fake)
 {
     return fake->sda && !fake->sda_held_clocks;
 }
 
+/* HAL function of the simulated hub: sets and records the levels of SCL and SDA. Each falling edge of SCL brings a
+ * slave that holds SDA closer to its release. */
 static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
 {
     struct fake_hub *fake = context;
@@ -29,22 +33,27 @@ static void on_i2c_drive(void *context, bool scl_high, bool sda_high)
     }
 }
 
+/* HAL function of the simulated hub: true if the clock line is high. */
 static bool on_i2c_scl(void *context)
 {
     const struct fake_hub *fake = context;
     return fake->scl && !fake->scl_held;
 }
 
+/* HAL function of the simulated hub: true if the data line is high. */
 static bool on_i2c_sda(void *context)
 {
     return sda_level(context);
 }
 
+/* HAL function of the simulated hub: starts the transmitter; has no effect here. */
 static void on_uart_kick(void *context)
 {
     (void)context; /* fake_hub_run() drains after every pass */
 }
 
+/* HAL function of the simulated hub: requests with RTS that the host pauses (`hold` true) or continues; changes are
+ * counted. */
 static void on_uart_hold(void *context, bool hold)
 {
     struct fake_hub *fake = context;
@@ -52,32 +61,40 @@ static void on_uart_hold(void *context, bool hold)
     fake->is_host_held = hold;
 }
 
+/* HAL function of the simulated hub: the simulated time in microseconds. */
 static uint64_t on_clock_us(void *context)
 {
     return ((const struct fake_hub *)context)->now_us;
 }
 
+/* HAL function of the simulated hub: advances the simulated time. */
 static void on_delay_us(void *context, uint32_t microseconds)
 {
     ((struct fake_hub *)context)->now_us += microseconds;
 }
 
+/* HAL function of the simulated hub: stores the time of the next pass of the main loop; the earliest request
+ * applies. */
 static void on_wake_at(void *context, uint64_t clock_us)
 {
     struct fake_hub *fake = context;
     fake->wake_us = clock_us < fake->wake_us ? clock_us : fake->wake_us;
 }
 
+/* HAL function of the simulated hub: counts the requests for a restart. */
 static void on_restart(void *context)
 {
     ((struct fake_hub *)context)->restarts++;
 }
 
+/* HAL function of the simulated hub: counts the requests for the bootloader. */
 static void on_enter_bootloader(void *context)
 {
     ((struct fake_hub *)context)->bootloader_entries++;
 }
 
+/* HAL function of the simulated hub: executes a transfer at once, or with the outcome that the script of the test
+ * selects, and reports its end after the time on the bus. */
 static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfer)
 {
     struct fake_hub *fake = context;
@@ -98,6 +115,8 @@ static void on_i2c_start(void *context, const struct taxel_i2c_transfer *transfe
     }
 }
 
+/* Initialises a simulated hub without boards: HAL functions, memory and default settings. fake_hub_boot() starts
+ * it. */
 void fake_hub_init(struct fake_hub *fake)
 {
     memset(fake, 0, sizeof *fake);
@@ -134,6 +153,7 @@ void fake_hub_init(struct fake_hub *fake)
     fake->now_us = 1000;
 }
 
+/* Starts the firmware of the hub, as after a brown-out. */
 void fake_hub_boot(struct fake_hub *fake)
 {
     fake->wake_us = fake->now_us;
@@ -142,6 +162,8 @@ void fake_hub_boot(struct fake_hub *fake)
     taxel_hub_init(&fake->hub, &fake->config, TAXEL_RESET_CAUSE_BROWN_OUT);
 }
 
+/* Adds a device with this I2C address to the bus. `sensor`: the board, or NULL for a device that only acknowledges.
+ * Returns the device. */
 struct fake_device *fake_hub_add(struct fake_hub *fake, uint8_t address, struct fake_sensor *sensor)
 {
     struct fake_device *device = &fake->devices[fake->device_count++];
@@ -150,6 +172,7 @@ struct fake_device *fake_hub_add(struct fake_hub *fake, uint8_t address, struct 
     return device;
 }
 
+/* Takes bytes from the hub as the UART does, and decodes them as the host. */
 static void drain(struct fake_hub *fake)
 {
     uint8_t bytes[FAKE_PULL];
@@ -157,6 +180,7 @@ static void drain(struct fake_hub *fake)
     taxel_deframer_push(&fake->deframer, bytes, size);
 }
 
+/* One pass of the hub's main loop, after the end of a transfer if one is due; then the UART takes bytes. */
 static void pass(struct fake_hub *fake)
 {
     if (fake->done_us <= fake->now_us) {
@@ -169,6 +193,8 @@ static void pass(struct fake_hub *fake)
     drain(fake);
 }
 
+/* Advances the simulated time to the next event of the hub and runs its main loop. Returns false if no event is due
+ * before `until` (microseconds). */
 bool fake_hub_step(struct fake_hub *fake, uint64_t until)
 {
     const uint64_t next = fake->wake_us < fake->done_us ? fake->wake_us : fake->done_us;
@@ -180,6 +206,7 @@ bool fake_hub_step(struct fake_hub *fake, uint64_t until)
     return true;
 }
 
+/* Runs the hub for the given simulated time. */
 void fake_hub_run(struct fake_hub *fake, uint64_t microseconds)
 {
     const uint64_t until = fake->now_us + microseconds;
@@ -188,6 +215,8 @@ void fake_hub_run(struct fake_hub *fake, uint64_t microseconds)
     fake->now_us = until > fake->now_us ? until : fake->now_us;
 }
 
+/* Runs the hub until it has completed this number of poll cycles. Returns false if they are not completed within 10
+ * s. */
 bool fake_hub_run_cycles(struct fake_hub *fake, uint32_t cycles)
 {
     const uint32_t target = fake->hub.cycle.count + cycles;
@@ -197,6 +226,7 @@ bool fake_hub_run_cycles(struct fake_hub *fake, uint32_t cycles)
     return fake->hub.cycle.count == target;
 }
 
+/* Delivers bytes of the host to the hub, then runs its main loop once. */
 void fake_hub_receive(struct fake_hub *fake, const uint8_t *bytes, size_t size)
 {
     for (size_t i = 0; i < size; i++) {

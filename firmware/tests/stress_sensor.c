@@ -11,6 +11,7 @@ static struct fake_sensor fake;
 static struct random_source source;
 static uint8_t snapshot[TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)];
 
+/* A random whole number from 0 to limit - 1. */
 static unsigned random_below(unsigned limit)
 {
     return (unsigned)(random_u64(&source) % limit);
@@ -24,11 +25,14 @@ static uint8_t likely_byte(void)
     return random_below(2) ? meaningful[random_below(sizeof meaningful)] : (uint8_t)random_below(256);
 }
 
+/* Simulates an interrupt at a random instant: ends one conversion or none. */
 static void preempt(struct fake_sensor *preempted)
 {
     fake_convert(preempted, random_below(2));
 }
 
+/* One random action on the simulated board: an event of the I2C slave, conversions, or a write of settings or a
+ * command. */
 static void run_random_action(void)
 {
     const struct taxel_scan_settings settings = {(uint16_t)random_below(400), (uint16_t)random_below(400),
@@ -67,6 +71,8 @@ static void run_random_action(void)
     }
 }
 
+/* Checks what must hold after every action: no overlapping conversions, three distinct snapshot buffers, valid
+ * settings, and a snapshot with the counts of one scan. */
 static void check_invariants(void)
 {
     const struct taxel_scan *scan = &fake.sensor.scan;
@@ -104,6 +110,8 @@ static void invariants_hold_under_random_traffic(void)
     fake_sensor_free(&fake);
 }
 
+/* Arguments: SEED ROUNDS. Runs this number of random rounds, with the seeds SEED, SEED + 1 and so on, and prints
+ * the command that replays a failed round. Exit status 1 after a failure. */
 int main(int argc, char **argv)
 {
     const uint64_t seed = argc > 1 ? strtoull(argv[1], NULL, 0) : 1;

@@ -14,11 +14,13 @@ static struct fake_world fake;
 static struct random_source source;
 static unsigned boards;
 
+/* A random whole number from 0 to limit - 1. */
 static unsigned random_below(unsigned limit)
 {
     return (unsigned)(random_u64(&source) % limit);
 }
 
+/* Adds 40 random faults at random times to the world. */
 static void add_faults(void)
 {
     double time = 0.3;
@@ -39,6 +41,7 @@ static void add_faults(void)
     fake_world_fault(&fake, REPAIR_S, FAULT_MUTE, 0, 0);
 }
 
+/* Sends a random command with random arguments from the host to the emulated hub. */
 static void send_random_command(void)
 {
     static const uint8_t codes[] = {TAXEL_COMMAND_START,        TAXEL_COMMAND_SCAN_BUS,
@@ -128,6 +131,8 @@ static void random_world_recovers_from_random_faults(void)
     fake_world_close(&fake);
 }
 
+/* Arguments: SEED ROUNDS. Runs this number of random worlds, with the seeds SEED, SEED + 1 and so on, and prints
+ * the command that replays a failed world. Exit status 1 after a failure. */
 int main(int argc, char **argv)
 {
     const uint64_t seed = argc > 1 ? strtoull(argv[1], NULL, 0) : 1;

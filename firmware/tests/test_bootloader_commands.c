@@ -19,12 +19,14 @@ static void boot(void)
     bench_reset(&bench, TAXEL_RESET_CAUSE_COMMAND);
 }
 
+/* Starts the bootloader and sends the command ENTER, which must succeed. */
 static void enter(void)
 {
     boot();
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_ENTER, NULL, 0), TAXEL_BOOT_STATUS_OK);
 }
 
+/* Sends a command whose data are a row address. Returns the status of the response. */
 static unsigned send_row(uint8_t command, uint8_t array, unsigned row)
 {
     const uint8_t data[3] = {array, (uint8_t)row, (uint8_t)(row >> 8)};
@@ -113,6 +115,7 @@ static void a_wrong_data_length_is_rejected_for_every_command(void)
     CHECK_EQUAL(bench.restarts, 0);
 }
 
+/* Sends bytes to the bootloader. Returns the status of the response, or BENCH_NO_REPLY. */
 static unsigned status_of(const uint8_t *bytes, unsigned size)
 {
     uint8_t response[TAXEL_BOOT_PACKET_MAX];

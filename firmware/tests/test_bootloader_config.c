@@ -9,6 +9,7 @@
 static struct bench bench, start;
 static jmp_buf power;
 
+/* Starts a board with erased flash in its bootloader and sends the command ENTER. */
 static void boot(void)
 {
     bench_init(&bench, &taxel_boot_layout_board, 5);
@@ -18,6 +19,8 @@ static void boot(void)
     CHECK_EQUAL(bench_send(&bench, TAXEL_BOOT_COMMAND_ENTER, NULL, 0), 0);
 }
 
+/* Fills the arguments of WRITE_CONFIGURATION: unique id of the board, address, kind, serial number and current
+ * codes. */
 static void fill(uint8_t *data, uint8_t address, uint8_t kind)
 {
     memset(data, 0, DATA_SIZE);
@@ -31,6 +34,7 @@ static void fill(uint8_t *data, uint8_t address, uint8_t kind)
     }
 }
 
+/* Sends the command WRITE_CONFIGURATION. Returns the status of the response. */
 static unsigned write_configuration(const uint8_t *data)
 {
     return bench_send(&bench, TAXEL_BOOT_COMMAND_WRITE_CONFIGURATION, data, DATA_SIZE);

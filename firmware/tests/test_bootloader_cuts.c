@@ -19,6 +19,7 @@ static unsigned second_tears = 4, bricked, unfinished, resumed;
 static uint64_t seed = 20, cuts;
 static struct random_source random_tears;
 
+/* The power cut number `tear` (kind of damage and word) of the flash write number `operation`. */
 static struct fake_cut cut_at(unsigned operation, unsigned tear)
 {
     const unsigned points = FAKE_FLASH_WORDS + 1u;
@@ -26,22 +27,26 @@ static struct fake_cut cut_at(unsigned operation, unsigned tear)
                               : (struct fake_cut){operation, FAKE_TEAR_ANY, 0};
 }
 
+/* The number of a random kind and position of damage. */
 static unsigned random_tear(void)
 {
     return (unsigned)(random_u64(&random_tears) % TEARS);
 }
 
+/* Switches the board on and lets the bootloader start an image. */
 static void power_on(void)
 {
     bench_reset(&bench, TAXEL_RESET_CAUSE_POWER_ON);
     bench_settle(&bench);
 }
 
+/* True if the new image is confirmed. */
 static bool new_is_confirmed(void)
 {
     return taxel_boot_is_confirmed(&bench.config.flash, new_image.slot);
 }
 
+/* Confirms the new image, as its application does, if this image is running. */
 static void confirm_if_new_runs(void)
 {
     if (bench.running == new_image.slot) {
@@ -77,6 +82,8 @@ static bool update_with_cut(struct fake_cut cut)
     return false;
 }
 
+/* True if the board, switched on now, starts the old or the new image undamaged. The state of the flash is restored
+ * afterwards. */
 static bool boots_old_or_new(void)
 {
     const struct fake_flash before = bench.flash;
@@ -89,6 +96,7 @@ static bool boots_old_or_new(void)
     return holds;
 }
 
+/* Checks that the board starts an image after two power cuts; otherwise prints the numbers that replay the case. */
 static void check_case(struct fake_cut first, struct fake_cut second)
 {
     if (!boots_old_or_new()) {
@@ -99,6 +107,7 @@ static void check_case(struct fake_cut first, struct fake_cut second)
     }
 }
 
+/* Number of flash writes in one update without power cuts. */
 static unsigned count_operations(void)
 {
     bench = start;
@@ -108,6 +117,7 @@ static unsigned count_operations(void)
     return bench.flash.operations;
 }
 
+/* After a first power cut, repeats the update with a second power cut at each of the following writes. */
 static void cut_following_writes(struct fake_cut first)
 {
     after_first = bench;
@@ -128,6 +138,7 @@ static void cut_following_writes(struct fake_cut first)
     }
 }
 
+/* Prepares a board with a confirmed old image, and a new image of `rows` rows for the other slot. */
 static void prepare(const struct taxel_boot_layout *layout, uint8_t old_slot, unsigned rows)
 {
     bench_init(&bench, layout, seed);
@@ -137,6 +148,7 @@ static void prepare(const struct taxel_boot_layout *layout, uint8_t old_slot, un
     start = bench; /* its pointers point into `bench`, to which it is copied back */
 }
 
+/* Interrupts each write of an update at each word in each way, and the writes that follow the cut again. */
 static void cut_everywhere(const struct taxel_boot_layout *layout, uint8_t old_slot)
 {
     prepare(layout, old_slot, SMALL_ROWS);
@@ -252,6 +264,8 @@ static void images_that_fill_their_slots_survive_any_cut(void)
     CHECK_EQUAL(bricked, 0);
 }
 
+/* Arguments: number of second power cuts per write (148: all), seed. Runs the tests and prints the number of power
+ * cuts. Exit status 1 after a failure. */
 int main(int argc, char **argv)
 {
     second_tears = argc > 1 ? (unsigned)strtoul(argv[1], NULL, 0) : second_tears;

@@ -18,11 +18,13 @@ static jmp_buf power;
 static unsigned packets = 100000;
 static uint64_t seed = 22;
 
+/* A random whole number from 0 to limit - 1. */
 static unsigned random_below(unsigned limit)
 {
     return (unsigned)(random_u64(&draw) % limit);
 }
 
+/* A random code of a command, in most cases a defined one. */
 static uint8_t any_command(void)
 {
     static const uint8_t known[] = {0x31, 0x32, 0x33, 0x34, 0x35, 0x36, 0x37, 0x37, 0x37, 0x38, 0x39,
@@ -30,6 +32,7 @@ static uint8_t any_command(void)
     return random_below(20) ? known[random_below(sizeof known)] : (uint8_t)random_below(256);
 }
 
+/* A random length of the data of a command, often one that the command permits. */
 static unsigned any_length(uint8_t command)
 {
     static const uint8_t lengths[] = {0, 1, 3, 6, 9, 44, 57};
@@ -45,6 +48,7 @@ static unsigned any_length(uint8_t command)
     }
 }
 
+/* Sends a packet with a random command, length and data to the bootloader, sometimes with a damaged byte. */
 static void send_random_packet(void)
 {
     uint8_t data[256], bytes[256], response[TAXEL_BOOT_PACKET_MAX];
@@ -77,6 +81,7 @@ static void send_random_packet(void)
     (void)bench_exchange(&bench, bytes, packet_size, response);
 }
 
+/* Writes random bytes to a random flash row with the commands of the bootloader, often in the free slot. */
 static void program_random_row(void)
 {
     uint8_t bytes[TAXEL_BOOT_ROW_SIZE];
@@ -89,6 +94,8 @@ static void program_random_row(void)
     (void)bench_program_row(&bench, (uint16_t)(random_below(2) ? first + random_below(96) : random_below(260)), bytes);
 }
 
+/* One random action on the board: a packet, a programmed row, an update, a planned power cut, a reset, or elapsed
+ * time. */
 static void step(void)
 {
     switch (random_below(60)) {
@@ -135,6 +142,8 @@ static void step(void)
     }
 }
 
+/* Checks that the confirmed image is unchanged, that no forbidden row was written, and that after a power-on a
+ * complete image starts: at last the confirmed one, if another image hangs. */
 static void check_invariants(void)
 {
     struct fake_flash before = bench.flash;
@@ -158,6 +167,8 @@ static void check_invariants(void)
     bench.flash = before;
 }
 
+/* Executes many random actions on a board with this layout of the flash and a confirmed image in `slot`, and checks
+ * the invariants in between. */
 static void fuzz(const struct taxel_boot_layout *layout, uint8_t slot)
 {
     bench_init(&bench, layout, seed);
@@ -200,6 +211,8 @@ static void invariants_hold_for_random_packets_to_the_hub(void)
     fuzz(&taxel_boot_layout_hub, 1);
 }
 
+/* Arguments: number of random actions, seed. Prints the command that replays the run. Exit status 1 after a
+ * failure. */
 int main(int argc, char **argv)
 {
     packets = argc > 1 ? (unsigned)strtoul(argv[1], NULL, 0) : packets;

@@ -49,6 +49,8 @@ static int on_transfer(struct fake_hub *hub, const struct taxel_i2c_transfer *tr
     return TAXEL_I2C_OK;
 }
 
+/* Sends bytes to the bootloader of a board through the hub's command I2C_TRANSFER, and reads `read_length` bytes.
+ * Returns the status of the reply. */
 static int pass_through(const uint8_t *bytes, unsigned size, uint8_t read_length)
 {
     uint8_t arguments[TAXEL_TRANSFER_ARGUMENTS_SIZE + TAXEL_TRANSFER_MAX] = {TAXEL_BOOT_DEFAULT_ADDRESS, read_length};

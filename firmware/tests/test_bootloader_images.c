@@ -6,6 +6,7 @@
 static struct bench bench;
 static struct bench_image image_a, image_b;
 
+/* Prepares a board with erased flash and one image for each slot. */
 static void set_up(void)
 {
     bench_init(&bench, &taxel_boot_layout_board, 3);
@@ -13,6 +14,7 @@ static void set_up(void)
     bench_make_image(&image_b, &taxel_boot_layout_board, 1, 3, 2, 2);
 }
 
+/* Resets the board with this cause. Returns the slot whose image was started, or BENCH_NO_SLOT. */
 static uint8_t boot(uint8_t cause)
 {
     bench_reset(&bench, cause);
@@ -20,6 +22,8 @@ static uint8_t boot(uint8_t cause)
     return bench.running;
 }
 
+/* Sends a command with one byte of data, or without data if `byte` is negative. Returns the status of the
+ * response. */
 static unsigned command(uint8_t code, int byte)
 {
     const uint8_t data = (uint8_t)byte;

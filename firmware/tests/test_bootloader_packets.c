@@ -6,6 +6,7 @@
 
 static struct bench bench;
 
+/* Checks that a packet is parsed, and that building it again from its parts gives the same bytes. */
 static void check_packet(const uint8_t *bytes, unsigned size, uint8_t checksum)
 {
     uint8_t built[TAXEL_BOOT_PACKET_MAX];

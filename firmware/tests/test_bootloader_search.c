@@ -9,6 +9,7 @@ static struct bench boards[BOARDS];
 static uint8_t addresses[BOARDS]; /* as of the last reset: a slave's address changes only at a reset */
 static unsigned questions;
 
+/* Writes bytes to all boards that have this I2C address and acknowledge it. */
 static void write_bus(uint8_t address, const uint8_t *bytes, unsigned size)
 {
     for (unsigned i = 0; i < BOARDS; i++) {
@@ -48,6 +49,8 @@ static bool read_bus(uint8_t address, uint8_t *bytes, unsigned size)
     return acknowledged;
 }
 
+/* Sends a command to all boards at this I2C address and reads the AND of their responses. Returns whether a board
+ * acknowledged the read. */
 static bool send(uint8_t address, uint8_t command, const uint8_t *data, unsigned size, uint8_t *response)
 {
     uint8_t packet[TAXEL_BOOT_PACKET_MAX];
@@ -55,6 +58,8 @@ static bool send(uint8_t address, uint8_t command, const uint8_t *data, unsigned
     return read_bus(address, response, TAXEL_BOOT_PACKET_MAX);
 }
 
+/* Sends the command SEARCH for unique ids that begin with these bits. Returns whether a board responded;
+ * `response`: AND of all responses. */
 static bool search(unsigned bits, const uint8_t *prefix, uint8_t *response)
 {
     uint8_t data[TAXEL_BOOT_SEARCH_ARGUMENTS_SIZE] = {(uint8_t)bits};
@@ -63,6 +68,7 @@ static bool search(unsigned bits, const uint8_t *prefix, uint8_t *response)
     return send(TAXEL_BOOT_DEFAULT_ADDRESS, TAXEL_BOOT_COMMAND_SEARCH, data, sizeof data, response);
 }
 
+/* Reads a number of 8 bytes, most significant byte first. */
 static uint64_t big_endian(const uint8_t *bytes)
 {
     uint64_t value = 0;
@@ -72,6 +78,7 @@ static uint64_t big_endian(const uint8_t *bytes)
     return value;
 }
 
+/* Writes a number as 8 bytes, most significant byte first. */
 static void put_big_endian(uint8_t *bytes, uint64_t value)
 {
     for (unsigned i = 0; i < 8; i++) {
@@ -119,6 +126,7 @@ static unsigned find_ids_by_acknowledge(unsigned bits, uint64_t prefix, uint64_t
     return count + find_ids_by_acknowledge(bits + 1u, prefix | (1ull << (63u - bits)), ids + count);
 }
 
+/* Starts all boards without configuration, with the unique ids that `id_of` gives. */
 static void boot(uint64_t (*id_of)(struct random_source *random, unsigned board))
 {
     struct random_source random;
@@ -132,24 +140,29 @@ static void boot(uint64_t (*id_of)(struct random_source *random, unsigned board)
     questions = 0;
 }
 
+/* A random unique id. */
 static uint64_t random_id(struct random_source *random, unsigned board)
 {
     (void)board;
     return random_u64(random);
 }
 
+/* The unique id of one of many chips from the same wafer, which differ in few bits. */
 static uint64_t id_of_one_wafer(struct random_source *random, unsigned board)
 {
     (void)random;
     return 0x0123456700001000ull + board;
 }
 
+/* A unique id whose set bits are also set in the id of the next board, so that the AND of two ids is an existing
+ * id. */
 static uint64_t id_that_is_a_prefix_of_the_next(struct random_source *random, unsigned board)
 {
     (void)random;
     return (1ull << (3u * board)) - 1u; /* the set bits of each id are also set in the next id */
 }
 
+/* True if the id of this board is among `count` ids. */
 static bool has_id(const uint64_t *ids, unsigned count, const struct bench *board)
 {
     for (unsigned i = 0; i < count; i++) {
@@ -160,6 +173,8 @@ static bool has_id(const uint64_t *ids, unsigned count, const struct bench *boar
     return false;
 }
 
+/* Checks that searches find the unique ids of all boards, in ascending order and with the permitted number of
+ * commands. */
 static void check_all_ids_found(uint64_t (*id_of)(struct random_source *random, unsigned board))
 {
     uint64_t ids[BOARDS + 1u];

@@ -6,12 +6,14 @@ static struct bench bench;
 static uint8_t packet[TAXEL_BOOT_PACKET_MAX], response[TAXEL_BOOT_PACKET_MAX];
 static unsigned packet_size;
 
+/* Prepares a bootloader with this layout of the flash, and a packet with the command ENTER. */
 static void boot(const struct taxel_boot_layout *layout)
 {
     bench_init(&bench, layout, 4);
     packet_size = bench_packet(&bench, TAXEL_BOOT_COMMAND_ENTER, NULL, 0, packet);
 }
 
+/* Writes bytes to the bootloader by I2C; each must be acknowledged. */
 static void write_bytes(const uint8_t *bytes, unsigned size)
 {
     CHECK(taxel_boot_i2c_on_address(&bench.i2c, false));
@@ -21,6 +23,7 @@ static void write_bytes(const uint8_t *bytes, unsigned size)
     taxel_boot_i2c_on_stop(&bench.i2c);
 }
 
+/* Reads bytes from the bootloader by I2C. Returns whether the address was acknowledged. */
 static bool read_bytes(uint8_t *bytes, unsigned size)
 {
     const bool acknowledged = taxel_boot_i2c_on_address(&bench.i2c, true);
@@ -31,6 +34,7 @@ static bool read_bytes(uint8_t *bytes, unsigned size)
     return acknowledged;
 }
 
+/* True if all bytes are FF, which means that no response is ready. */
 static bool is_all_ff(const uint8_t *bytes, unsigned size)
 {
     bool all = true;
@@ -135,6 +139,7 @@ static void the_address_is_taken_from_the_configuration(void)
     CHECK_EQUAL(taxel_boot_i2c_address(&bench.config.flash), TAXEL_BOOT_DEFAULT_ADDRESS);
 }
 
+/* Sends bytes to the bootloader by UART. Returns the status of the response, or BENCH_NO_REPLY. */
 static unsigned uart_send(const uint8_t *bytes, unsigned size)
 {
     const unsigned taken = bench_exchange(&bench, bytes, size, response);

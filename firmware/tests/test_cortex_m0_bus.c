@@ -11,6 +11,8 @@
 static struct bench bench;
 static struct cortex_m0 *const cpu = &bench.cpu;
 
+/* Prepares a program whose second instruction accesses the test port on the bus, and executes the first
+ * instruction. */
 static void prepare_port_access(uint16_t instruction)
 {
     bench_init(&bench);

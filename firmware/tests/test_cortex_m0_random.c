@@ -17,6 +17,7 @@ static struct bench whole, divided;
 static struct cortex_m0_account whole_account, divided_account;
 static uint64_t first_seed, seed_count = DEFAULT_SEED_COUNT;
 
+/* A random 16-bit instruction; most of those that would only fault are replaced. */
 static uint16_t random_half(struct random_source *random)
 {
     const uint16_t half = (uint16_t)random_u64(random);
@@ -62,6 +63,7 @@ static void prepare_program(struct bench *bench, uint64_t seed)
     bench->stall = (uint32_t)(seed % 5u);
 }
 
+/* Checks that two processors, one run at once and one run in parts, have the same state. */
 static void check_same(void)
 {
     const struct cortex_m0 *const a = &whole.cpu, *const b = &divided.cpu;
@@ -213,6 +215,7 @@ static void random_programs_stay_within_their_memory(void)
     CHECK(faults > seed_count && exceptions > seed_count && accesses > seed_count / 2u && lockups < seed_count);
 }
 
+/* Arguments: first seed, number of seeds. Runs random programs. Exit status 1 after a failure. */
 int main(int count, char **arguments)
 {
     if (count == 3) {

@@ -39,6 +39,7 @@ static int stimulus_fd(int pressed, float force, double at, double ramp)
     return fd;
 }
 
+/* Creates a world with these effect lines (ended by NULL) and a stimulus from a file descriptor. */
 static void start_world(const char *const *effects, int fd)
 {
     fake_world_describe(&fake, BOARDS, TAXELS);
@@ -51,6 +52,7 @@ static void start_world(const char *const *effects, int fd)
     CHECK(fake_world_start(&fake));
 }
 
+/* The CRC of all bytes that the hub sends in a world with this effect line; NULL: no effect. */
 static uint32_t stream_crc_with(const char *effect)
 {
     const char *const effects[] = {effect, NULL};

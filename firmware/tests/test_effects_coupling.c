@@ -11,6 +11,7 @@
 
 static struct bench bench;
 
+/* Prepares one board with these effect lines (ended by NULL). */
 static void prepare(const char *const *effects)
 {
     bench_describe(&bench, 1, ROWS, COLUMNS);
@@ -20,6 +21,7 @@ static void prepare(const char *const *effects)
     bench_open(&bench, 0);
 }
 
+/* Prepares one board with one effect line. */
 static void prepare_one(const char *effect)
 {
     const char *const effects[] = {effect, NULL};
@@ -34,6 +36,8 @@ static double signal_counts(int taxel)
 
 static struct network network;
 
+/* Creates a network of lines with random crossing capacitances. Resistances in ohm, capacitance between
+ * neighbouring lines in farad. */
 static void create_network(double tx_ohm, double rx_ohm, double trace_f)
 {
     struct random_source random;
@@ -53,6 +57,8 @@ static void create_network(double tx_ohm, double rx_ohm, double trace_f)
     }
 }
 
+/* Solves the network for one driven TX line; effective capacitance (farad) of each RX line. Must converge within
+ * 100 iterations. */
 static void solve(int driven, double *effective_f)
 {
     struct network_state state = {0};

@@ -13,6 +13,7 @@
 
 static struct bench bench;
 
+/* Prepares one board with these effect lines (ended by NULL). */
 static void prepare(const char *const *effects)
 {
     bench_describe(&bench, 1, ROWS, COLUMNS);
@@ -22,6 +23,7 @@ static void prepare(const char *const *effects)
     bench_open(&bench, 0);
 }
 
+/* Prepares one board with one effect line. */
 static void prepare_one(const char *effect)
 {
     const char *const effects[] = {effect, NULL};

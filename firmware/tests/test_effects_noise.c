@@ -10,6 +10,7 @@
 
 static struct bench bench;
 
+/* Prepares one board with these effect lines (ended by NULL). */
 static void prepare(const char *const *effects)
 {
     bench_describe(&bench, 1, ROWS, COLUMNS);
@@ -23,6 +24,7 @@ static void prepare(const char *const *effects)
 
 static float record[SCANS][TAXELS];
 
+/* Records the raw counts of all taxels in many scans with these effect lines (ended by NULL). */
 static void record_noise(const char *const *effects)
 {
     prepare(effects);
@@ -48,11 +50,13 @@ static double covariance(int a, int b, int lag)
     return sum / (SCANS - lag);
 }
 
+/* Correlation of two taxels in the recorded scans, the second `lag` scans after the first. */
 static double correlation(int a, int b, int lag)
 {
     return covariance(a, b, lag) / sqrt(covariance(a, a, 0) * covariance(b, b, 0));
 }
 
+/* Records the raw counts of all taxels in many scans with one effect line. */
 static void record_effect(const char *effect)
 {
     const char *const effects[] = {effect, NULL};

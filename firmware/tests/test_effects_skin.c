@@ -8,6 +8,7 @@
 
 static struct skin_bench bench;
 
+/* Sum of the forces (newtons) on all taxels. */
 static double total_force(void)
 {
     double sum = 0.0;
@@ -63,6 +64,8 @@ static void pressure_does_not_spread_across_a_hole(void)
     bench_close(&bench);
 }
 
+/* Number of compressed cells when one cell is compressed by 0.4 mm, with the effect `spread pillars` of this
+ * slope. */
 static double pressed_cells(double slope)
 {
     char line[64];

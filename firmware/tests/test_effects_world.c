@@ -25,6 +25,7 @@ static struct object_description table = {
          .planes = {{0, 0, 1, 0}, {0, 0, -1, 0.1}, {1, 0, 0, 0.2}, {-1, 0, 0, 0.2}, {0, 1, 0, 0.2}, {0, -1, 0, 0.2}}},
 };
 
+/* Describes a world with a table object and these effect lines (ended by NULL). */
 static void describe(const char *const *lines)
 {
     fake_world_describe(&fake, boards, TAXELS);
@@ -90,6 +91,8 @@ struct outcome {
     uint16_t rest_count[TAXELS], pressed[TAXELS], after[TAXELS], other[TAXELS];
 };
 
+/* Runs a world with this stimulus and these effect lines, and returns the counts at rest and later, as the host
+ * receives them. */
 static struct outcome run(enum stimulus_kind kind, const char *const *lines)
 {
     struct outcome outcome;

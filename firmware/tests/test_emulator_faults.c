@@ -9,11 +9,13 @@
 
 static struct fake_world fake;
 
+/* Describes a world of several boards, to which a test adds faults. */
 static void describe_world(void)
 {
     fake_world_describe(&fake, BOARDS, 40);
 }
 
+/* Creates the described world, starts the stream and runs for a virtual time in seconds. */
 static void start_and_run(double seconds)
 {
     CHECK_EQUAL(fake_world_open(&fake, -1), 0);

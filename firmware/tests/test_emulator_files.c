@@ -19,6 +19,7 @@ static struct world_description description;
 static struct fake_world fake;
 static char path[64];
 
+/* Writes bytes to a temporary file, whose path is in `path`. */
 static void write_file(const void *bytes, size_t size)
 {
     strcpy(path, "/tmp/taxel_test_XXXXXX");
@@ -29,6 +30,7 @@ static void write_file(const void *bytes, size_t size)
 
 static int saved_stderr, error_fd;
 
+/* Redirects stderr to a temporary file, which count_stderr_lines() reads. */
 static void redirect_stderr(void)
 {
     fflush(stderr);
@@ -54,6 +56,8 @@ static unsigned count_stderr_lines(bool *names_path)
     return lines;
 }
 
+/* Reads a world file with this text. Returns the result; *lines: lines printed on stderr; *names_path: whether they
+ * contain the path. */
 static int read_world(const void *text, size_t size, unsigned *lines, bool *names_path)
 {
     write_file(text, size);
@@ -213,6 +217,7 @@ static void crossing_map_outside_the_lines_of_its_board_is_rejected(void)
     }
 }
 
+/* Runs a world with a stimulus of these bytes. Returns the result; *lines: lines printed on stderr. */
 static int run_stimulus(const uint8_t *bytes, size_t size, unsigned *lines)
 {
     bool names_path;
@@ -232,6 +237,7 @@ static int run_stimulus(const uint8_t *bytes, size_t size, unsigned *lines)
     return result;
 }
 
+/* Writes a valid stimulus of three records to `bytes`. Returns its size. */
 static size_t fill_stimulus(uint8_t *bytes)
 {
     static const double times[] = {0.0, 0.05, 0.1};

@@ -35,6 +35,7 @@ static void permittivity_rises_with_force_and_saturates(void)
 static struct front_end front_end;
 static struct normal_source normals;
 
+/* Prepares a front end with the default scan settings and white noise of this standard deviation in counts. */
 static void prepare_front_end(double noise_counts)
 {
     const struct taxel_scan_settings settings = {160, 40, 1, 16, 96};
@@ -44,6 +45,7 @@ static void prepare_front_end(double noise_counts)
     front_end_configure(&front_end, &settings, 1.0);
 }
 
+/* Raw count of a taxel under a force in newtons. */
 static uint16_t convert_at(uint16_t taxel, double force_n)
 {
     return front_end_convert(&front_end, taxel, layer_rise_at_force(force_n));

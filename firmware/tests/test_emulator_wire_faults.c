@@ -23,6 +23,7 @@ static void run_with_fault_at(enum fault_kind kind, unsigned position, double se
     CHECK_EQUAL(fake.world.log.count, 2); /* the injection and the effect */
 }
 
+/* Checks that the board with the injected fault still streams, that all counters agree, and closes the world. */
 static void check_stream_continues(void)
 {
     const unsigned before = fake.frames_of[FAULTY];

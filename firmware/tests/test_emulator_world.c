@@ -16,6 +16,7 @@ static void describe_hand(void)
     }
 }
 
+/* Stops the stream; all queued bytes must arrive, and the counters must agree. */
 static void stop_stream(void)
 {
     fake_world_command(&fake, TAXEL_COMMAND_STOP, NULL, 0);
@@ -44,6 +45,8 @@ static void hand_streams_at_the_rate_of_bus_and_hub(void)
     fake_world_close(&fake);
 }
 
+/* Runs a world with several faults in steps of this size. Returns the CRC of the bytes from the hub; *bytes: their
+ * number. */
 static uint32_t run_with_faults(double seconds, vtime step, uint64_t seed, uint64_t *bytes)
 {
     fake_world_describe(&fake, 6, 20);

@@ -8,6 +8,7 @@
 static struct fake_hub fake;
 static struct fake_sensor sensors[4];
 
+/* Starts a hub with three boards; it streams, or is idle. */
 static void begin(bool streaming)
 {
     fake_hub_init(&fake);
@@ -20,6 +21,7 @@ static void begin(bool streaming)
     }
 }
 
+/* Checks that counters balance and no frame is missing, and releases the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -27,6 +29,7 @@ static void end(void)
     fake_hub_free_boards(&fake);
 }
 
+/* Sends a command to the hub and waits for its reply. Returns the status of the reply. */
 static int command(uint8_t code, const void *arguments, size_t size)
 {
     return fake_hub_command(&fake, code, arguments, size);
@@ -216,6 +219,7 @@ static void pass_through_rejects_invalid_arguments(void)
     end();
 }
 
+/* Script of the bus: transfers that read 3 bytes end with the result that the test has selected. */
 static int end_pass_through(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
     return transfer->read_size == 3 ? hub->script_state : FAKE_PROCEED;

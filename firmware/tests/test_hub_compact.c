@@ -23,6 +23,7 @@ static uint16_t count_at_rest(uint16_t scan, uint16_t taxel)
     return (uint16_t)(3000u + 20u * taxel + (scan * 40503u + taxel * 9973u) % 65521u % 5u);
 }
 
+/* The raw count of the conversion in progress of a simulated board without touch. */
 static uint16_t count_of(struct fake_sensor *sensor)
 {
     return count_at_rest((uint16_t)sensor->sensor.scan.scans, sensor->sensor.scan.taxel);
@@ -41,6 +42,7 @@ static int run_boards(struct fake_hub *hub, const struct taxel_i2c_transfer *tra
     return FAKE_PROCEED;
 }
 
+/* Starts board number `i`, which completes one scan. */
 static void boot_board(size_t i)
 {
     CHECK_EQUAL(fake_sensor_boot(&sensors[i]), 0);
@@ -69,6 +71,7 @@ static void begin(void)
     CHECK(fake_hub_start(&fake));
 }
 
+/* Checks that counters balance and no frame is missing, and releases the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -76,11 +79,13 @@ static void end(void)
     fake_hub_free_boards(&fake);
 }
 
+/* Sends the command START with these flags. Returns the status of the reply. */
 static int start(uint8_t flags)
 {
     return fake_hub_command(&fake, TAXEL_COMMAND_START, &flags, 1);
 }
 
+/* Sends an ACKNOWLEDGE frame with one entry: the key frame of a board. */
 static void acknowledge(uint8_t address, uint16_t key_frame_id)
 {
     uint8_t bytes[TAXEL_ACKNOWLEDGEMENT_SIZE] = {address};
@@ -88,6 +93,7 @@ static void acknowledge(uint8_t address, uint16_t key_frame_id)
     fake_hub_send(&fake, TAXEL_FRAME_TYPE_ACKNOWLEDGE, bytes, sizeof bytes);
 }
 
+/* Sends the answer that the host's decoder has prepared for a board, unless the host is silent. */
 static void answer(size_t board)
 {
     struct taxel_compact_receiver *receiver = &receivers[board];
@@ -98,6 +104,7 @@ static void answer(size_t board)
     receiver->answer = TAXEL_COMPACT_ANSWER_NONE;
 }
 
+/* Decodes a COMPACT_TAXELS frame as the host, and compares the counts with those of the board. */
 static void receive(const struct fake_frame *frame)
 {
     const size_t board = frame->payload[0] - FIRST;

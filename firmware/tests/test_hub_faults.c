@@ -8,6 +8,7 @@
 static struct fake_hub fake;
 static struct fake_sensor sensors[FAKE_DEVICES];
 
+/* Starts a hub that streams from this number of boards, and runs two poll cycles. */
 static void begin(size_t boards)
 {
     fake_hub_init(&fake);
@@ -17,6 +18,7 @@ static void begin(size_t boards)
     fake_hub_forget_frames(&fake);
 }
 
+/* Checks that counters balance, no frame is missing and no transfers overlapped, and releases the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -25,23 +27,27 @@ static void end(void)
     fake_hub_free_boards(&fake);
 }
 
+/* A copy of the hub's entry for the board with this address; all zero if there is none. */
 static struct taxel_hub_slot slot(uint8_t address)
 {
     const struct taxel_hub_slot none = {0};
     return fake_hub_slot(&fake, address) ? *fake_hub_slot(&fake, address) : none;
 }
 
+/* Number of polls of the board with this address. */
 static uint32_t polls_of(uint8_t address)
 {
     const struct taxel_hub_slot board = slot(address);
     return taxel_hub_polls(&board);
 }
 
+/* The number of the poll cycle in a TAXELS frame. */
 static uint16_t cycle_of(const struct fake_frame *frame)
 {
     return taxel_get_u16(frame->payload + TAXEL_TAXEL_HEADER_OFFSET_CYCLE);
 }
 
+/* Checks that each poll of a board gave a frame; one poll may be in progress. */
 static void check_every_poll_was_forwarded(uint8_t address)
 {
     CHECK_BETWEEN(polls_of(address) - slot(address).forwarded, 0, 1); /* one poll may be in progress */
@@ -60,6 +66,8 @@ static void check_one_frame_per_cycle(uint8_t address)
     }
 }
 
+/* Checks that a poll that fails once per cycle, by a wrong CRC or a NACK, is repeated once and loses no
+ * snapshot. */
 static void check_one_retry(bool by_crc)
 {
     begin(3);

@@ -7,6 +7,8 @@
 static struct fake_hub fake;
 static struct fake_sensor sensors[4];
 
+/* Starts a hub that streams from this number of boards, runs two poll cycles, and forgets the recorded line
+ * levels. */
 static void begin(size_t boards)
 {
     fake_hub_init(&fake);
@@ -17,6 +19,7 @@ static void begin(size_t boards)
     fake.line_count = 0;
 }
 
+/* Checks that counters balance, no frame is missing and no transfers overlapped, and releases the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -28,6 +31,7 @@ static void end(void)
 /* Make the next transfers to the second board hang or end with a given result. */
 static int next_verdict;
 
+/* Script of the bus: the next transfers with the second board end with the result that the test has selected. */
 static int spoil_second_board(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
     if (transfer->address == FIRST + 1 && hub->script_state > 0) {
@@ -37,6 +41,7 @@ static int spoil_second_board(struct fake_hub *hub, const struct taxel_i2c_trans
     return FAKE_PROCEED;
 }
 
+/* Lets the next `transfers` transfers with the second board end with `result`. */
 static void inject_failure(int result, int transfers)
 {
     next_verdict = result;
@@ -95,6 +100,7 @@ static void the_timeout_is_not_extended_by_other_events(void)
     }
 }
 
+/* Checks the levels of SCL and SDA in entry `i` of the recorded line levels. */
 static void check_line(size_t i, bool scl, bool sda)
 {
     CHECK_EQUAL(fake.lines[i].scl, scl);

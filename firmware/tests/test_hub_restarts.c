@@ -7,6 +7,7 @@
 static struct fake_hub fake;
 static struct fake_sensor sensors[4];
 
+/* Starts a hub that streams from this number of boards, and runs three poll cycles. */
 static void begin(size_t boards)
 {
     fake_hub_init(&fake);
@@ -16,6 +17,7 @@ static void begin(size_t boards)
     fake_hub_forget_frames(&fake);
 }
 
+/* Checks that counters balance and no frame is missing, and releases the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));

@@ -10,6 +10,7 @@ static struct fake_sensor sensors[4];
 static const struct taxel_scan_settings good = {80, 40, 1, 12, 96};
 static const struct taxel_scan_settings bad = {0, 40, 1, 12, 96};
 
+/* Starts a hub with three boards; it streams, or is idle. */
 static void begin(bool streaming)
 {
     fake_hub_init(&fake);
@@ -22,6 +23,7 @@ static void begin(bool streaming)
     fake_hub_forget_frames(&fake);
 }
 
+/* Checks that counters balance and no frame is missing, and releases the boards. */
 static void end(void)
 {
     CHECK(fake_hub_accounts_balance(&fake));
@@ -29,6 +31,7 @@ static void end(void)
     fake_hub_free_boards(&fake);
 }
 
+/* Sends the command SET_SCAN_SETTINGS for one board (0: all). Returns the status of the reply. */
 static int set_settings(uint8_t address, const struct taxel_scan_settings *settings)
 {
     uint8_t arguments[TAXEL_SET_SCAN_SETTINGS_ARGUMENTS_SIZE] = {address};
@@ -36,11 +39,13 @@ static int set_settings(uint8_t address, const struct taxel_scan_settings *setti
     return fake_hub_command(&fake, TAXEL_COMMAND_SET_SCAN_SETTINGS, arguments, sizeof arguments);
 }
 
+/* Sends the command GET_BOARD_INFO for one board (0: all). Returns the status of the reply. */
 static int get_board_info(uint8_t address)
 {
     return fake_hub_command(&fake, TAXEL_COMMAND_GET_BOARD_INFO, &address, 1);
 }
 
+/* Number of sub-conversions with which a board now scans, which stands for its settings. */
 static uint16_t settings_of(size_t board)
 {
     fake_scan(&sensors[board], 1);
@@ -117,6 +122,7 @@ static void rejected_settings_are_not_written_again_after_a_restart(void)
     end();
 }
 
+/* Script of the bus: the next writes of settings to the second board are not acknowledged. */
 static int lose_settings_write(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
     if (transfer->address == FIRST + 1 && transfer->write_size == 1u + TAXEL_SETTINGS_REGISTER_SIZE &&

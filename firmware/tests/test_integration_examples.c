@@ -14,6 +14,7 @@
 static unsigned frames;
 static struct taxel_frame last_frame;
 
+/* Handler of the deframer: stores the last frame and counts the frames. */
 static void on_frame(void *context, const struct taxel_frame *frame)
 {
     (void)context;
@@ -81,12 +82,14 @@ static void counts_coded_against_a_key_frame_are_decoded(void)
 static unsigned conversions;
 static uint32_t microseconds;
 
+/* Function of the sensor HAL: accepts scan settings without effect. */
 static void configure(void *context, const struct taxel_scan_settings *settings)
 {
     (void)context;
     (void)settings;
 }
 
+/* Function of the sensor HAL: counts the conversions that were started. */
 static void start_conversion(void *context, uint8_t tx, uint8_t rx)
 {
     (void)context;
@@ -95,24 +98,28 @@ static void start_conversion(void *context, uint8_t tx, uint8_t rx)
     conversions++;
 }
 
+/* Function of the sensor and bootloader HAL: a clock that advances by 1 us with each call. */
 static uint32_t clock_us_32(void *context)
 {
     (void)context;
     return microseconds++;
 }
 
+/* Function of the sensor HAL: masks interrupts, which do not exist here. */
 static uint32_t disable_interrupts(void *context)
 {
     (void)context;
     return 0;
 }
 
+/* Function of the sensor HAL: restores the interrupt mask, which does not exist here. */
 static void restore_interrupts(void *context, uint32_t state)
 {
     (void)context;
     (void)state;
 }
 
+/* Function of the HALs: resets the processor; has no effect here. */
 static void reset(void *context)
 {
     (void)context;
@@ -170,6 +177,7 @@ static struct taxel_hub hub;
 static uint64_t now_us;
 static bool is_transfer_started;
 
+/* Function of the hub HAL: records that an I2C transfer was started. */
 static void start_transfer(void *context, const struct taxel_i2c_transfer *transfer)
 {
     (void)context;
@@ -177,12 +185,14 @@ static void start_transfer(void *context, const struct taxel_i2c_transfer *trans
     is_transfer_started = true;
 }
 
+/* Function of the hub HAL: records that the I2C transfer was aborted. */
 static void abort_transfer(void *context)
 {
     (void)context;
     is_transfer_started = false;
 }
 
+/* Function of the hub HAL: sets SCL and SDA; has no effect here. */
 static void drive_lines(void *context, bool scl_high, bool sda_high)
 {
     (void)context;
@@ -190,24 +200,28 @@ static void drive_lines(void *context, bool scl_high, bool sda_high)
     (void)sda_high;
 }
 
+/* Function of the hub HAL: level of SCL or SDA, always high here. */
 static bool read_line(void *context)
 {
     (void)context;
     return true;
 }
 
+/* Function of the hub HAL: the simulated time in microseconds. */
 static uint64_t clock_us(void *context)
 {
     (void)context;
     return now_us;
 }
 
+/* Function of the hub HAL: advances the simulated time. */
 static void delay_us(void *context, uint32_t microseconds_to_wait)
 {
     (void)context;
     now_us += microseconds_to_wait;
 }
 
+/* Function of the hub HAL: requests the next pass of the main loop; has no effect here. */
 static void set_wake_time(void *context, uint64_t time_us)
 {
     (void)context;
@@ -266,12 +280,14 @@ static void a_hub_announces_itself_and_scans_the_bus(void)
     CHECK_EQUAL(taxel_hub_uart_pending(&hub), 0);
 }
 
+/* The simulated flash of a bootloader, 32 KiB. */
 static const uint8_t *image_flash(void)
 {
     static uint8_t flash[TAXEL_BOOT_ROW_COUNT * TAXEL_BOOT_ROW_SIZE];
     return flash;
 }
 
+/* Function of the bootloader HAL: writes one row of the simulated flash. Returns 0. */
 static int write_row(void *context, uint16_t row, const uint8_t *bytes)
 {
     (void)context;
@@ -279,24 +295,28 @@ static int write_row(void *context, uint16_t row, const uint8_t *bytes)
     return 0;
 }
 
+/* Function of the bootloader HAL: the cause of the last reset, always power-on here. */
 static uint8_t read_reset_cause(void *context)
 {
     (void)context;
     return TAXEL_RESET_CAUSE_POWER_ON;
 }
 
+/* Function of the bootloader HAL: the application requested that the bootloader keeps running. */
 static bool is_stay_requested(void *context)
 {
     (void)context;
     return true;
 }
 
+/* Function of the bootloader HAL: starts an image; has no effect here. */
 static void start_application(void *context, uint32_t vectors)
 {
     (void)context;
     (void)vectors;
 }
 
+/* Function of the bootloader HAL: copies the unique id of the processor, 8 bytes. */
 static void copy_unique_id(void *context, uint8_t *id)
 {
     (void)context;

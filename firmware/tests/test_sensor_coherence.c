@@ -9,12 +9,14 @@
 static struct fake_sensor fake;
 static uint8_t snapshot[TAXEL_SNAPSHOT_SIZE(ROWS * COLUMNS)];
 
+/* Starts a simulated board, on which some crossings have no taxel. */
 static void boot(void)
 {
     fake_sensor_init(&fake, 0x30, ROWS, COLUMNS, SKIP);
     CHECK_EQUAL(fake_sensor_boot(&fake), 0);
 }
 
+/* Number of bytes of a snapshot of the board. */
 static size_t snapshot_size(void)
 {
     return TAXEL_SNAPSHOT_SIZE(fake.config.taxel_count);
@@ -62,6 +64,7 @@ static void a_read_returns_one_scan_at_every_instant_of_a_scan(void)
 
 static unsigned preemptions;
 
+/* Simulated interrupt: ends one conversion. */
 static void convert_once(struct fake_sensor *preempted)
 {
     preemptions++;
@@ -88,6 +91,7 @@ static void a_conversion_may_preempt_the_latch(void)
 
 static unsigned reads_within;
 
+/* Simulated interrupt: reads a snapshot, which must be valid. */
 static void read_snapshot(struct fake_sensor *preempted)
 {
     if (!preempted->sensor.scan.has_newest && !preempted->sensor.scan.has_latched) {

@@ -6,12 +6,15 @@
 static struct fake_sensor fake;
 static uint8_t snapshot[TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)];
 
+/* Starts a simulated board with this number of TX and RX lines. The last of every `skip` crossings has no taxel (0:
+ * all crossings have one). */
 static void boot(uint8_t rows, uint8_t columns, unsigned skip)
 {
     fake_sensor_init(&fake, 0x21, rows, columns, skip);
     CHECK_EQUAL(fake_sensor_boot(&fake), 0);
 }
 
+/* Reads a snapshot of the board. Returns its header; the bytes are in `snapshot`. */
 static struct taxel_snapshot_header read_snapshot(void)
 {
     struct taxel_snapshot_header header = {0};
@@ -167,6 +170,7 @@ static void settings_of_a_stopped_board_take_effect_at_the_start(void)
     fake_sensor_free(&fake);
 }
 
+/* The raw count of a saturated taxel: 0. */
 static uint16_t always_zero(struct fake_sensor *sensor)
 {
     (void)sensor;
@@ -197,6 +201,7 @@ static void boards_of_all_extreme_sizes_scan(void)
     }
 }
 
+/* Checks that the firmware rejects a configuration that `damage` has made invalid. */
 static void check_rejected(void (*damage)(void), const char *description)
 {
     fake_sensor_init(&fake, 0x21, 3, 5, 0);
@@ -207,56 +212,69 @@ static void check_rejected(void (*damage)(void), const char *description)
     fake_sensor_free(&fake);
 }
 
+/* Invalid configuration: no TX line. */
 static void no_rows(void)
 {
     fake.config.rows = 0;
 }
+/* Invalid configuration: more TX lines than the protocol permits. */
 static void many_rows(void)
 {
     fake.config.rows = 17;
 }
+/* Invalid configuration: no RX line. */
 static void no_columns(void)
 {
     fake.config.columns = 0;
 }
+/* Invalid configuration: more RX lines than the protocol permits. */
 static void many_columns(void)
 {
     fake.config.columns = 17;
 }
+/* Invalid configuration: no crossing has a taxel. */
 static void no_taxels(void)
 {
     fake.config.taxel_count = 0;
     memset(fake.crossing_map, 0, sizeof fake.crossing_map);
 }
+/* Invalid configuration: fewer taxels than the crossing map contains. */
 static void fewer_taxels(void)
 {
     fake.config.taxel_count--;
 }
+/* Invalid configuration: more taxels than the crossing map contains. */
 static void more_taxels(void)
 {
     fake.config.taxel_count++;
 }
+/* Invalid configuration: an I2C address below the permitted range. */
 static void low_address(void)
 {
     fake.config.address = 7;
 }
+/* Invalid configuration: an I2C address above the permitted range. */
 static void high_address(void)
 {
     fake.config.address = 0x78;
 }
+/* Invalid configuration: scan settings without sub-conversions. */
 static void no_sub_conversions(void)
 {
     fake.config.settings.sub_conversions = 0;
 }
+/* Invalid configuration: scan settings whose largest raw count exceeds 16 bits. */
 static void large_count(void)
 {
     fake.config.settings.sub_conversions = 0x8000;
     fake.config.settings.sense_clock_divider = 2;
 }
+/* Invalid configuration: scan settings whose modulator clock divider is 0. */
 static void no_modulator_clock(void)
 {
     fake.config.settings.modulator_clock_divider = 0;
 }
+/* Invalid configuration: scan settings without balancing current. */
 static void no_current(void)
 {
     fake.config.settings.idac_code = 0;

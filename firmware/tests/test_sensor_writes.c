@@ -6,6 +6,7 @@
 
 static struct fake_sensor fake;
 
+/* Starts a simulated board with 4 TX and 6 RX lines, which completes two scans. */
 static void boot(void)
 {
     fake_sensor_init(&fake, 0x23, 4, 6, 7);
@@ -13,6 +14,7 @@ static void boot(void)
     fake_scan(&fake, 2);
 }
 
+/* Reads the scan settings of the board, whose CRC must be right. */
 static struct taxel_scan_settings read_settings(void)
 {
     uint8_t bytes[TAXEL_SETTINGS_REGISTER_SIZE];
@@ -23,6 +25,8 @@ static struct taxel_scan_settings read_settings(void)
     return settings;
 }
 
+/* Checks the number of rejected writes and an error flag, that the settings are unchanged, and that CLEAR_COUNTERS
+ * clears both. */
 static void check_rejected(uint16_t rejected, uint8_t flag)
 {
     const struct taxel_status status = fake_status(&fake);

@@ -11,6 +11,7 @@
 static const uint8_t full_map[TAXEL_CROSSING_MAP_SIZE] = {0xFF, 0x7F};
 static const uint8_t holed_map[TAXEL_CROSSING_MAP_SIZE] = {0x7F, 0x7F}; /* without TX 1, RX 2 */
 
+/* Distance of two points in metres. */
 static double distance(const double a[3], const double b[3])
 {
     return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));

@@ -135,6 +135,7 @@ static struct object_description cube = {
                          {0, 0, -1, 0.01}}},
 };
 
+/* Describes a world with one taxel and a cube; `has_poses`: the world states the pose of the taxel. */
 static void describe(bool has_poses)
 {
     fake_world_describe(&fake, 1, 1);
@@ -168,6 +169,8 @@ static void a_scene_that_does_not_match_the_world_is_rejected_with_one_line(void
     fake_world_close(&fake);
 }
 
+/* Raw count of the taxel with the cube at x (metres) in the scene and an error of its pose of `offset` metres along
+ * x. */
 static unsigned count_with_cube_at(float x, double offset)
 {
     describe(true);

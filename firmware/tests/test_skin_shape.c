@@ -27,6 +27,7 @@ static const struct shape cylinder = {.kind = SHAPE_CYLINDER, .radius = 0.025, .
 static const struct shape *const shapes[] = {&box, &prism, &cylinder};
 #define SHAPES (sizeof shapes / sizeof shapes[0])
 
+/* True if the point p (metres) lies inside the shape, by the definition of the shape. */
 static bool is_inside(const struct shape *shape, const double p[3])
 {
     if (shape->kind == SHAPE_CYLINDER) {
@@ -54,6 +55,7 @@ static double first_inside_point(const struct shape *shape, const double origin[
     return (double)INFINITY;
 }
 
+/* A random line: origin near the shape (standard deviation `spread`, metres) and a direction of length 1. */
 static void random_line(struct random_source *random, double spread, double origin[3], double direction[3])
 {
     double length = 0.0;

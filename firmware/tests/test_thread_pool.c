@@ -15,12 +15,14 @@ struct sums {
 
 static struct thread_pool pool;
 
+/* Task of the thread pool: adds the increment to the sum of its item. */
 static void add_increment(void *context, size_t item)
 {
     struct sums *sums = context;
     sums->of_item[item] += sums->increment;
 }
 
+/* Checks that a task runs exactly once for each of the items. */
 static void check_each_item_runs_once(struct thread_pool *threads, size_t items, unsigned increment)
 {
     struct sums sums = {.increment = increment};
@@ -72,6 +74,7 @@ static void without_a_pool_the_caller_runs_all_items(void)
     check_each_item_runs_once(NULL, 0, 2);
 }
 
+/* Waits until all worker threads sleep. Returns false if this takes too long. */
 static bool wait_until_all_workers_sleep(struct thread_pool *threads)
 {
     const struct timespec pause = {.tv_nsec = 200000};

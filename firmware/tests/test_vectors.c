@@ -28,6 +28,7 @@ struct bytes {
     size_t size;
 };
 
+/* Counts a check of a vector as passed or failed; a failed check is printed with the name of the vector. */
 static void count_check(const struct json_node *vector, const char *description, bool is_right)
 {
     const struct json_node *name = json_member(vector, "name");
@@ -39,17 +40,20 @@ static void count_check(const struct json_node *vector, const char *description,
     printf("failed: %.*s: %s\n", name ? (int)name->length : 0, name ? name->text : "", description);
 }
 
+/* The number in the member `name` of an object; 0 if there is none. */
 static uint64_t number_of(const struct json_node *object, const char *name)
 {
     const struct json_node *node = json_member(object, name);
     return node && (node->kind == JSON_NUMBER || node->kind == JSON_BOOL) ? node->number : 0;
 }
 
+/* Reads the bytes of the hexadecimal member `name` of an object. Returns false if it is missing or invalid. */
 static bool hex_of(const struct json_node *object, const char *name, struct bytes *bytes)
 {
     return json_hex(json_member(object, name), bytes->data, sizeof bytes->data, &bytes->size);
 }
 
+/* True if `a` equals the `size` bytes of data. */
 static bool are_equal(const struct bytes *a, const uint8_t *data, size_t size)
 {
     return a->size == size && memcmp(a->data, data, size) == 0;
@@ -57,6 +61,7 @@ static bool are_equal(const struct bytes *a, const uint8_t *data, size_t size)
 
 /* ---- fields to bytes, through the generated structs ---- */
 
+/* The layout (list of fields) of the packed struct with this name, or NULL. */
 static const struct layout *layout_named(const char *name, size_t length)
 {
     for (size_t i = 0; i < sizeof layouts / sizeof layouts[0]; i++) {
@@ -67,6 +72,7 @@ static const struct layout *layout_named(const char *name, size_t length)
     return NULL;
 }
 
+/* Stores a number in a struct member of `size` bytes. Returns false if it does not fit. */
 static bool store_number(uint8_t *member, size_t size, uint64_t number)
 {
     const uint8_t u8 = (uint8_t)number;
@@ -84,6 +90,8 @@ static bool store_number(uint8_t *member, size_t size, uint64_t number)
     return true;
 }
 
+/* Stores the value of one field of a vector in the C struct. Returns false if the field is missing or does not
+ * fit. */
 static bool store_field(const struct field *field, const char *prefix, const struct json_node *fields, uint8_t *value)
 {
     char name[80];
@@ -124,6 +132,7 @@ static bool append_struct(const struct layout *layout, const char *prefix, const
     return same;
 }
 
+/* Appends the raw counts of a vector, 2 bytes each. Returns false if there are none or too many. */
 static bool append_counts(const struct json_node *vector, struct bytes *out)
 {
     const struct json_node *counts = json_member(vector, "counts");
@@ -137,11 +146,13 @@ static bool append_counts(const struct json_node *vector, struct bytes *out)
     return true;
 }
 
+/* The CRC-32 of the board's address followed by `size` bytes. */
 static uint32_t board_crc(uint8_t address, const uint8_t *bytes, size_t size)
 {
     return taxel_crc32(taxel_crc32(0, &address, 1), bytes, size);
 }
 
+/* Appends the bytes of the hexadecimal member `name` of an object. Returns false if it is invalid. */
 static bool append_hex(const struct json_node *object, const char *name, struct bytes *out)
 {
     size_t size = 0;
@@ -152,6 +163,8 @@ static bool append_hex(const struct json_node *object, const char *name, struct 
     return true;
 }
 
+/* Appends the bytes of a vector after its fields: a nested struct, or hexadecimal bytes. Returns false on an
+ * error. */
 static bool append_tail(const struct json_node *vector, struct bytes *out)
 {
     const struct json_node *inner = json_member(vector, "inner");
@@ -163,6 +176,8 @@ static bool append_tail(const struct json_node *vector, struct bytes *out)
            append_hex(inner, "tail", out);
 }
 
+/* Builds the payload of a frame from the fields of a vector, with the generated C code. Returns false on an
+ * error. */
 static bool build_payload(const struct json_node *vector, struct bytes *out)
 {
     const struct json_node *fields = json_member(vector, "fields");
@@ -191,6 +206,8 @@ static bool build_payload(const struct json_node *vector, struct bytes *out)
 
 /* ---- encoding ---- */
 
+/* Encodes the frame of a vector into a ring buffer from position `start` on, with the payload in two parts. Returns
+ * the encoded size. */
 static size_t encode(const struct json_node *vector, const struct bytes *payload, uint8_t *ring, size_t capacity,
                      size_t start)
 {
@@ -231,6 +248,7 @@ struct expectation {
     bool is_right;
 };
 
+/* Handler of the deframer: compares a frame with the next expected frame of a stream vector. */
 static void compare_frame(void *context, const struct taxel_frame *frame)
 {
     static struct bytes payload;
@@ -243,6 +261,7 @@ static void compare_frame(void *context, const struct taxel_frame *frame)
     }
 }
 
+/* Decodes a stream in pieces of `piece` bytes. Returns whether exactly the expected frames were found. */
 static bool decodes(const struct json_node *vector, const struct bytes *stream, size_t piece, uint16_t payload_max)
 {
     static uint8_t chunk[CHUNK_MAX];
@@ -275,6 +294,7 @@ struct decoded_frame {
     bool is_right;
 };
 
+/* Handler of the deframer: compares a frame with the only expected frame. */
 static void compare_one_frame(void *context, const struct taxel_frame *frame)
 {
     struct decoded_frame *decoded = context;
@@ -284,6 +304,7 @@ static void compare_one_frame(void *context, const struct taxel_frame *frame)
                         are_equal(decoded->payload, frame->payload, frame->length);
 }
 
+/* Decodes the bytes of one frame vector. Returns whether the same frame, and no other, was found. */
 static bool decodes_to_itself(const struct json_node *vector, const struct bytes *payload, const struct bytes *wire)
 {
     static uint8_t chunk[CHUNK_MAX];
@@ -306,6 +327,7 @@ static bool decodes_to_itself(const struct json_node *vector, const struct bytes
 
 /* ---- one vector of each kind ---- */
 
+/* Checks a frame vector: packing, encoding and decoding. */
 static void check_frame(const struct json_node *vector)
 {
     static struct bytes payload, wire, built;
@@ -319,6 +341,8 @@ static void check_frame(const struct json_node *vector)
     count_check(vector, "decoding its wire bytes gives another frame", decodes_to_itself(vector, &payload, &wire));
 }
 
+/* Builds the content of a register from the fields of a vector, with the generated C code. Returns false on an
+ * error. */
 static bool build_register(const struct json_node *vector, struct bytes *out)
 {
     const struct json_node *name = json_member(vector, "struct");
@@ -336,6 +360,7 @@ static bool build_register(const struct json_node *vector, struct bytes *out)
     return true;
 }
 
+/* True if the CRC in the content of a register is right, or if the register has none. */
 static bool register_crc_is_right(const struct json_node *vector, const struct bytes *bytes)
 {
     const struct json_node *name = json_member(vector, "struct");
@@ -349,6 +374,7 @@ static bool register_crc_is_right(const struct json_node *vector, const struct b
     return stored == board_crc((uint8_t)number_of(vector, "address"), bytes->data, bytes->size - 4u);
 }
 
+/* Checks a register vector: packing and CRC. */
 static void check_register(const struct json_node *vector)
 {
     static struct bytes bytes, built;
@@ -358,6 +384,7 @@ static void check_register(const struct json_node *vector)
     count_check(vector, "its CRC is another", whole && register_crc_is_right(vector, &bytes));
 }
 
+/* Checks a stream vector: the frames found in damaged bytes, for several sizes of pieces. */
 static void check_stream(const struct json_node *vector)
 {
     static struct bytes stream;
@@ -377,6 +404,7 @@ static void check_stream(const struct json_node *vector)
 
 /* ---- files ---- */
 
+/* Calls `check` for each vector of an array. */
 static void check_each(const struct json_node *vectors, void (*check)(const struct json_node *vector))
 {
     if (!vectors || vectors->kind != JSON_ARRAY) {
@@ -389,6 +417,7 @@ static void check_each(const struct json_node *vectors, void (*check)(const stru
     }
 }
 
+/* Reads a file into memory, which the caller frees. Returns NULL on an error. */
 static char *read_text(const char *path, size_t *size)
 {
     FILE *file = fopen(path, "rb");
@@ -410,6 +439,7 @@ static char *read_text(const char *path, size_t *size)
     return text;
 }
 
+/* Checks all vectors of one JSON file. Returns 0, or -1 if it cannot be read. */
 static int check_file(const char *path)
 {
     size_t size = 0;
@@ -437,6 +467,8 @@ static int check_file(const char *path)
     return error.message || !has_vectors ? -1 : 0;
 }
 
+/* Arguments: paths of the JSON files with test vectors. Checks all vectors. Exit status 1 after a failure or
+ * without arguments. */
 int main(int argument_count, char **arguments)
 {
     int status = argument_count > 1 ? 0 : 1;
