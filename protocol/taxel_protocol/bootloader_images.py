@@ -9,9 +9,10 @@ from taxel_protocol.layout import pack
 
 
 def build_image(device: BootDevice, slot: int, kind: int, version: tuple[int, int, int], content: bytes) -> bytes:
-    """An image with its header: `content` begins with the vector table and is padded with zeros to a multiple of 4.
+    """Build a firmware image with its header for a slot of a board or hub.
 
-    Raises ValueError if it does not fit the slot.
+    content: program that begins with the vector table; padded with zeros to a multiple of 4 bytes. kind: type of the
+    image. Raises ValueError if the image does not fit the slot.
     """
     layout = LAYOUTS[device]
     header_size = 32
@@ -38,7 +39,10 @@ def build_image(device: BootDevice, slot: int, kind: int, version: tuple[int, in
 
 
 def build_record(magic: int, sequence: int, content: bytes) -> bytes:
-    """The 128 bytes of a record's row. Raises ValueError for more than 112 bytes of content."""
+    """Build the 128 bytes of flash that store a record of the bootloader.
+
+    magic: identifies the type of record. Raises ValueError for more than 112 bytes of content.
+    """
     if len(content) > 112:
         raise ValueError(f"a record has at most 112 bytes of content, not {len(content)}")
     front = magic.to_bytes(4, "little") + sequence.to_bytes(4, "little") + content + bytes(112 - len(content))

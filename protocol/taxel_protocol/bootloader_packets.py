@@ -17,7 +17,7 @@ from taxel_protocol.layout import unpack
 
 
 def compute_checksum(kind: BootChecksum, data: bytes) -> int:
-    """Checksum of a packet from its start byte to its last data byte.
+    """Compute the checksum of a bootloader packet from its start byte to its last data byte.
 
     SUM: two's complement of the 16-bit sum. CRC: CRC-16/X-25 (polynomial 0x1021 reflected), its two bytes swapped.
     """
@@ -33,7 +33,11 @@ def compute_checksum(kind: BootChecksum, data: bytes) -> int:
 
 
 def build_packet(command: int, data: bytes = b"", kind: BootChecksum = BootChecksum.SUM) -> bytes:
-    """A packet; for a response, `command` is its status. Raises ValueError if it would be longer than 64 bytes."""
+    """Build a bootloader packet.
+
+    command: command code, or the status of a response. kind: type of checksum. Raises ValueError if the packet would be
+    longer than 64 bytes.
+    """
     if len(data) > BOOT_PACKET_MAX - BOOT_PACKET_OVERHEAD:
         raise ValueError(f"a bootloader packet has at most 57 bytes of data, not {len(data)}")
     body = bytes([BOOT_PACKET_START, command]) + len(data).to_bytes(2, "little") + data
@@ -41,9 +45,10 @@ def build_packet(command: int, data: bytes = b"", kind: BootChecksum = BootCheck
 
 
 def parse_packet(packet: bytes, kind: BootChecksum = BootChecksum.SUM) -> tuple[int, bytes]:
-    """(command or status, data) of one packet; bytes after the packet are ignored, because a read is often too long.
+    """Parse a bootloader packet; return (command or status, data).
 
-    Raises ValueError for a packet that is too short or whose start byte, end byte, length or checksum is wrong.
+    Bytes after the packet are ignored, because a read is often too long. Raises ValueError for a packet that is too
+    short or whose start byte, end byte, length or checksum is wrong.
     """
     if len(packet) < BOOT_PACKET_OVERHEAD:
         raise ValueError(f"a bootloader packet has at least 7 bytes, not {len(packet)}")
@@ -69,7 +74,7 @@ def compute_row_sum(row: bytes) -> int:
 
 
 def find_unique_ids(send_search: Callable[[int, bytes], bytes | None]) -> list[bytes]:
-    """Unique ids of all boards that share one address, by a binary search over id prefixes.
+    """Find the unique ids of all boards that share one I2C address, by a binary search over id prefixes.
 
     `send_search(bits, prefix)` sends a SEARCH and returns the 16 data bytes of its reply without checking its checksum,
     or None if no board acknowledged the read. Where two boards differ, the bus carries 0 in both id and complement: the

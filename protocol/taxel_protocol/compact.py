@@ -41,26 +41,33 @@ class Taxel:
 
     @property
     def centre(self) -> int:
-        """The count nearest to the mean."""
+        """The count nearest to the predicted mean of the taxel."""
         return min((self.mean + 32) >> t.COMPACT_FRACTION_BITS, _COUNT_MAX)
 
     @property
     def octave(self) -> int:
-        """Octave of the scale; octave 0 begins at 1/16 count."""
+        """Octave of the scale (predicted spread) of the taxel's counts; octave 0 begins at 1/16 count."""
         return self.level >> 6
 
     @property
     def raw_bits(self) -> int:
-        """Number of low bits of a count that are sent uncoded."""
+        """Number of low bits of a count that are sent without entropy coding; 0 unless the counts vary strongly."""
         return max(self.octave - t.COMPACT_COARSE_OCTAVE, 0)
 
     def distance(self, difference: int) -> int:
-        """A difference in 64ths of a count, converted to 1024ths of the scale and truncated towards zero."""
+        """Convert a difference from the predicted mean, in 64ths of a count, to 1024ths of the taxel's scale.
+
+        The scale is the predicted spread of the counts. The result is truncated towards zero.
+        """
         size = abs(difference) * t.COMPACT_MULTIPLIERS[(self.level >> 3) & 7] >> self.octave
         return size if difference >= 0 else -size
 
     def cumulative(self, difference: int) -> int:
-        """Probability, in 2^-16, of an escape or of a count below mean + difference."""
+        """Return the predicted probability, in units of 2^-16, that a count is below the mean plus `difference`.
+
+        difference: in 64ths of a count. The probability of an escape code, which is first in the code space, is
+        included.
+        """
         distance = self.distance(difference)
         size = min(abs(distance), t.COMPACT_REACH)
         corner, fraction = size >> t.COMPACT_STEP_BITS, size & ((1 << t.COMPACT_STEP_BITS) - 1)
@@ -70,13 +77,20 @@ class Taxel:
         return _MIDDLE + share if distance >= 0 else _MIDDLE - share
 
     def interval(self, symbol: int) -> tuple[int, int]:
-        """(first, size) of the probability interval of all counts whose bits above the raw bits are `symbol`."""
+        """Return (first, size) of the probability interval of all counts whose upper bits equal `symbol`.
+
+        The upper bits of a count are the bits above its `raw_bits` low bits. Unit: 2^-16 of the probability.
+        """
         edge = (symbol << (self.raw_bits + 6)) - 32 - self.mean
         first = self.cumulative(edge)
         return first, self.cumulative(edge + (64 << self.raw_bits)) - first
 
     def update(self, count: int, gain: int) -> "Taxel":
-        """The prediction after the `count` of an acknowledged key frame; `gain` in 256ths."""
+        """Return the prediction for the taxel after the count of an acknowledged key frame.
+
+        gain: weight of the new count, in 256ths. A count far from the prediction replaces the mean and keeps the level
+        of the scale.
+        """
         difference = 64 * (self.centre + quantise(count - self.centre)) - self.mean
         size = abs(self.distance(difference))
         if size >= t.COMPACT_JUMP:
@@ -91,7 +105,10 @@ class Taxel:
 
 
 def quantise(residual: int) -> int:
-    """A residual as a board stores it in one byte: exact below 64, else the middle of a quarter of an octave."""
+    """Round the difference between a count and its prediction as a board stores it in one byte.
+
+    residual: count minus prediction. The result is exact below 64, else the middle of a quarter of an octave.
+    """
     size = abs(residual)
     if size >= 64:
         quarter = size.bit_length() - 3
@@ -114,13 +131,19 @@ class KeyFrame:
 
 
 def start_key_frame(key_frame_id: int, timestamp_us: int, counts: Sequence[int], start: int = 0) -> KeyFrame:
-    """The key frame that a marked packed frame produces; `start`: bits 5 and 6 of its `format`."""
+    """Return the key frame that follows from a packed frame marked as key frame, as start of the predictions.
+
+    start: bits 5 and 6 of the frame's format byte, which select the first level of the scale.
+    """
     level = t.COMPACT_LEVEL_START + start * t.COMPACT_LEVEL_START_STEP
     return KeyFrame(key_frame_id, timestamp_us, 1, tuple(Taxel(64 * count, level) for count in counts))
 
 
 def update_key_frame(previous: KeyFrame, key_frame_id: int, timestamp_us: int, counts: Sequence[int]) -> KeyFrame:
-    """The key frame that a marked delta frame produces; `previous`: the key frame against which it is coded."""
+    """Return the key frame that follows from a delta frame marked as key frame.
+
+    previous: the key frame against which the delta frame is coded.
+    """
     gain = t.COMPACT_GAINS[previous.updates - 1]
     taxels = tuple(taxel.update(count, gain) for taxel, count in zip(previous.taxels, counts, strict=True))
     return replace(
@@ -139,7 +162,7 @@ class RangeEncoder:
         self._low, self._range, self._shifted = 0, 0xFFFFFFFF, 0
 
     def put(self, first: int, size: int, bits: int) -> None:
-        """Narrow the interval to [first, first + size) of 2^bits equal shares."""
+        """Encode a symbol of the range coder: narrow its interval to [first, first + size) of 2^bits equal shares."""
         share = self._range >> bits
         self._low += first * share
         self._range = size * share
@@ -149,7 +172,7 @@ class RangeEncoder:
             self._shifted += 1
 
     def finish(self) -> bytes:
-        """The shortest byte string that identifies the interval; trailing zero bytes are omitted."""
+        """Return the shortest bytes that identify the interval of the range coder, without trailing zero bytes."""
         for kept in range(5):
             unit = 1 << (32 - 8 * kept)
             value = -(-self._low // unit) * unit
@@ -166,11 +189,11 @@ class RangeDecoder:
         self._code = int.from_bytes(data[:4].ljust(4, b"\0"), "big")
 
     def peek(self, bits: int) -> int:
-        """Index of the next share out of 2^bits equal shares."""
+        """Return the index of the next encoded share out of 2^bits equal shares, without consuming it."""
         return min(self._code // (self._range >> bits), (1 << bits) - 1)
 
     def take(self, first: int, size: int, bits: int) -> None:
-        """Consume the interval [first, first + size) of 2^bits shares."""
+        """Consume the decoded symbol, the interval [first, first + size) of 2^bits equal shares of the range coder."""
         share = self._range >> bits
         self._code = (self._code - first * share) & 0xFFFFFFFF  # wraps for damaged bytes only
         self._range = size * share
@@ -181,14 +204,14 @@ class RangeDecoder:
             self._position += 1
 
     def bits(self, count: int) -> int:
-        """A number of `count` bits."""
+        """Decode and consume a number of `count` bits, all of whose values are equally probable."""
         value = self.peek(count)
         self.take(value, 1, count)
         return value
 
 
 def encode_counts(taxels: Sequence[Taxel], counts: Sequence[int]) -> bytes:
-    """The coded counts of a delta frame."""
+    """Encode the counts of a delta frame with the predictions of their taxels."""
     coder = RangeEncoder()
     for taxel, count in zip(taxels, counts, strict=True):
         first, size = taxel.interval(count >> taxel.raw_bits)
@@ -233,7 +256,7 @@ def _decode_count(taxel: Taxel, coder: RangeDecoder) -> int:
 
 
 def pack_counts(counts: Sequence[int], width: int) -> bytes:
-    """Counts of `width` bits each, lowest bits first."""
+    """Pack counts of `width` bits each into bytes, lowest bits first."""
     number = sum(count << (width * i) for i, count in enumerate(counts))
     return number.to_bytes((width * len(counts) + 7) // 8, "little")
 
@@ -249,10 +272,10 @@ def _with_crc(address: int, body: bytes) -> bytes:
 def encode_packed(
     address: int, sequence: int, timestamp_us: int, counts: Sequence[int], is_key_frame: bool, start: int = 0
 ) -> bytes:
-    """Bytes of a packed frame, from `sequence` to `crc32`.
+    """Encode a snapshot as a packed frame, whose counts have a fixed number of bits: bytes from `sequence` to `crc32`.
 
-    is_key_frame: sets the flag COMPACT_KEY_FRAME of the format byte, which requests an acknowledgement.
-    start: value of the start bits of the format byte.
+    is_key_frame: sets the flag COMPACT_KEY_FRAME of the format byte, which requests an acknowledgement. start: value of
+    the start bits of the format byte.
     """
     width = max(max(counts).bit_length(), 1)
     format_byte = width | start << COMPACT_START_SHIFT | (COMPACT_KEY_FRAME if is_key_frame else 0)
@@ -263,7 +286,10 @@ def encode_packed(
 def encode(
     address: int, sequence: int, timestamp_us: int, counts: Sequence[int], previous: KeyFrame | None, is_key_frame: bool
 ) -> bytes:
-    """The shorter of a packed and a delta frame, from `sequence` to `crc32`; packed if `previous` is None."""
+    """Encode a snapshot as the shorter of a packed frame and a delta frame: bytes from `sequence` to `crc32`.
+
+    previous: key frame of the delta frame; None: a packed frame. is_key_frame: request an acknowledgement.
+    """
     packed = encode_packed(address, sequence, timestamp_us, counts, is_key_frame)
     if previous is None or (timestamp_us - previous.timestamp_us) % (1 << 32) >= 1 << 24:
         return packed
@@ -291,10 +317,11 @@ class Decoded:
 
 
 def decode(address: int, taxel_count: int, data: bytes, key_frames: Sequence[KeyFrame]) -> Decoded:
-    """The snapshot in `data` (from `sequence` to `crc32`).
+    """Decode a compact snapshot, the bytes `data` from `sequence` to `crc32`.
 
-    Raises `CompactError` if the bytes are damaged or invalid, or if the snapshot is a delta frame whose key frame is
-    not in `key_frames`.
+    address: I2C address of the board, part of the CRC. key_frames: available key frames of the board. Raises
+    `CompactError` if the bytes are damaged or invalid, or if the snapshot is a delta frame whose key frame is not in
+    `key_frames`.
     """
     if (
         len(data) < COMPACT_OVERHEAD_DELTA

@@ -42,7 +42,10 @@ _WHITENING = _whitening(BODY_MAX)
 
 
 def whiten(body: bytes) -> bytes:
-    """XOR with the whitening sequence; its own inverse. Raises ValueError above BODY_MAX bytes."""
+    """XOR a frame with the whitening sequence; a second call restores the frame.
+
+    Raises ValueError for more than BODY_MAX bytes.
+    """
     if len(body) > BODY_MAX:
         raise ValueError(f"a frame has at most {BODY_MAX} bytes, got {len(body)}")
     sequence = int.from_bytes(_WHITENING[: len(body)], "little")  # integer arithmetic: byte by byte is ten times slower
@@ -50,7 +53,7 @@ def whiten(body: bytes) -> bytes:
 
 
 def cobs_encode(data: bytes) -> bytes:
-    """`data` without zero bytes, by consistent overhead byte stuffing (Cheshire and Baker, 1999)."""
+    """Encode `data` without zero bytes, by consistent overhead byte stuffing (COBS; Cheshire and Baker, 1999)."""
     out = bytearray()
     for is_last, block in _split_at_zeros(data):
         while len(block) > 254 or (len(block) == 254 and not is_last):
@@ -97,7 +100,7 @@ def encode_body(body: bytes) -> bytes:
 
 
 def encode_frame(frame_type: int, sequence: int, payload: bytes) -> bytes:
-    """One frame as sent on the wire, delimiters included.
+    """Encode a frame as sent on the wire, with the zero bytes that delimit it.
 
     Raises ValueError for a payload that the frame type does not allow.
     """
@@ -109,7 +112,11 @@ def encode_frame(frame_type: int, sequence: int, payload: bytes) -> bytes:
 
 
 def is_plausible_header(body: bytes) -> bool:
-    """Whether type and length agree (5 bytes given), and also address and taxel count (7 bytes given)."""
+    """Whether type and payload length in the header of a frame agree.
+
+    body: unstuffed, unwhitened frame or its start, at least 5 bytes. With 7 bytes the board address and the number of
+    taxels are checked too.
+    """
     try:
         spec = FRAMES[FrameType(body[0])]
     except (ValueError, KeyError):
@@ -125,7 +132,7 @@ def is_plausible_header(body: bytes) -> bool:
 
 
 def decode_body(body: bytes) -> tuple[int, int, bytes] | None:
-    """(type, sequence, payload) of an unstuffed, unwhitened frame, or None if it is not valid."""
+    """Decode an unstuffed, unwhitened frame to (type, sequence, payload); None if it is not valid."""
     if len(body) < FRAME_HEADER_SIZE + FRAME_CRC_SIZE or not is_plausible_header(body):
         return None
     length = int.from_bytes(body[3:5], "little")
@@ -137,10 +144,10 @@ def decode_body(body: bytes) -> tuple[int, int, bytes] | None:
 
 
 def decode_prefix(chunk: bytes) -> tuple[int, tuple[int, int, bytes]] | None:
-    """(bytes used, frame) for the frame at the start of `chunk`, which contains no zero; None if no frame begins there.
+    """Decode the frame at the start of `chunk`, which contains no zero; return (bytes used, frame) or None.
 
     The header states the length of a frame, so its end is found without a delimiter: it is the end of the block where
-    the unstuffed length equals the length stated in the header.
+    the unstuffed length equals the length stated in the header. A frame is (type, sequence, payload).
     """
     out = bytearray()
     position = 0
@@ -176,7 +183,7 @@ class ReferenceDecoder:
         self.discarded_bytes = 0
 
     def push(self, data: bytes) -> list[tuple[int, int, bytes]]:
-        """Frames (type, sequence, payload) completed by `data`, in order."""
+        """Return the frames (type, sequence, payload) that the received bytes `data` complete, in order."""
         frames: list[tuple[int, int, bytes]] = []
         first, *later = data.split(b"\0")
         self._chunk += first
@@ -188,7 +195,7 @@ class ReferenceDecoder:
         return frames
 
     def finish(self) -> list[tuple[int, int, bytes]]:
-        """Frames in the remaining bytes when the stream ends without a delimiter."""
+        """Return the frames in the remaining bytes when the stream ends without a delimiter."""
         frames = self._take_chunk(bytes(self._chunk))
         self._chunk.clear()
         return frames
@@ -206,7 +213,10 @@ class ReferenceDecoder:
         return frames
 
     def _search(self, chunk: bytes, until: int) -> tuple[int, list[tuple[int, int, bytes]]]:
-        """Frames that start before `until` in `chunk`, and the position at which the search ended."""
+        """Return the frames that start before position `until` of `chunk`, and the position where the search ended.
+
+        A byte at which no frame starts is counted as discarded.
+        """
         frames = []
         start = 0
         while start < until:

@@ -29,9 +29,10 @@ class Field:
 
 @cache
 def list_fields(definition: Struct) -> tuple[Field, ...]:
-    """The fixed fields at the front of `definition`, in order; nested structs are flattened as `outer_inner`.
+    """List the fields of fixed size at the front of a struct definition, in order.
 
-    Ends before the first part without a fixed size (a tail).
+    Nested structs are flattened to names `outer_inner`. The list ends before the first part without a fixed size (a
+    tail).
     """
     fields: list[Field] = []
     offset = 0
@@ -42,7 +43,11 @@ def list_fields(definition: Struct) -> tuple[Field, ...]:
 
 
 def _walk(definition: Struct, prefix: str) -> Iterator[tuple[str, str, int, int | None]]:
-    """(flat name, struct code, size, constant) of the fixed fields of a definition, nested structs included."""
+    """Yield (flat name, struct code, size, constant) of the fixed fields of a struct definition.
+
+    Nested structs are included. prefix: start of the flat names. constant: value of a field with a fixed value, else
+    None.
+    """
     for renamed in definition.subcons:
         assert isinstance(renamed, Renamed)
         inner: Any = renamed.subcon
@@ -73,20 +78,26 @@ def _list_field_names(definition: Struct) -> tuple[str, ...]:
 
 
 def pack(definition: Struct, values: Mapping[str, Any], tail: bytes = b"") -> bytes:
-    """Bytes of the fixed fields (flat names), then `tail`. Raises struct.error for a value out of range."""
+    """Pack the values of the fixed fields of a struct, by flat name, to bytes and append `tail`.
+
+    Raises struct.error for a value out of range.
+    """
     fields = list_fields(definition)
     flat = [values[f.name] if f.constant is None else f.constant for f in fields]
     return get_packer(definition).pack(*flat) + tail
 
 
 def unpack(definition: Struct, data: bytes) -> tuple[dict[str, Any], bytes]:
-    """(fixed fields by flat name, tail) of `data`. Raises struct.error if `data` is shorter than the fixed fields."""
+    """Unpack `data` to (values of the fixed fields of a struct by flat name, remaining bytes).
+
+    Raises struct.error if `data` is shorter than the fixed fields.
+    """
     packer = get_packer(definition)
     return dict(zip(_list_field_names(definition), packer.unpack_from(data), strict=True)), data[packer.size :]
 
 
 def flatten(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested field values as flat names, `{"header": {"address": 1}}` to `{"header_address": 1}`."""
+    """Flatten nested field values to flat names, such as `{"header": {"address": 1}}` to `{"header_address": 1}`."""
     flat: dict[str, Any] = {}
     for name, value in values.items():
         if isinstance(value, Mapping):

@@ -106,7 +106,7 @@ CompactAcknowledge = Struct("key_frame" / Int16ul)
 
 
 def decode_length(length: int) -> int:
-    """Bytes of the compact snapshot whose first byte on the bus is `length`."""
+    """Return the size in bytes of a compact snapshot from the first byte on the bus, its coded length."""
     if length < COMPACT_LENGTH_FINE:
         return length
     return COMPACT_LENGTH_STEP * (length - COMPACT_LENGTH_FINE)

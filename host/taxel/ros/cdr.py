@@ -30,7 +30,7 @@ def encode(name: str, message: Mapping[str, Any]) -> bytes:
 
 
 def decode(name: str, data: bytes) -> Any:
-    """The message of type `name` in `data`. Raises CdrError for truncated or malformed data."""
+    """Decode a CDR message of type `name`, such as "taxel_msgs/TaxelScan". Raises CdrError for malformed data."""
     _register(name)
     try:
         return _STORE.deserialize_cdr(data, _make_ros2_name(name))
@@ -44,7 +44,7 @@ def _make_ros2_name(name: str) -> str:
 
 @cache
 def _register(name: str) -> None:
-    """Register a message type and all types of its fields with rosbags."""
+    """Register the ROS message type `name` and all types of its fields with the library rosbags."""
     types: dict[str, Any] = {}
     for part in list_message_types(name):
         if _make_ros2_name(part) not in _STORE.fielddefs:
@@ -54,7 +54,7 @@ def _register(name: str) -> None:
 
 @cache
 def _make_message_builder(name: str) -> Callable[[Mapping[str, Any]], Any]:
-    """A function that converts a dict into the message object that rosbags encodes."""
+    """Return a function that converts a dict to the message object of type `name` that the library rosbags encodes."""
     _register(name)
     message_class = _STORE.types[_make_ros2_name(name)]
     converters = [(field.name, _make_converter(field)) for field in fields(name)]
@@ -66,7 +66,7 @@ def _make_message_builder(name: str) -> Callable[[Mapping[str, Any]], Any]:
 
 
 def _make_converter(field: MessageField) -> Callable[[Any], Any] | None:
-    """A function that converts the value of a field; None where rosbags takes the value as it is."""
+    """Return a function that converts the value of a message field for the library rosbags; None: not needed."""
     if "/" in field.type:
         build = _make_message_builder(field.type)
         return (lambda values: [build(value) for value in values]) if field.is_array else build

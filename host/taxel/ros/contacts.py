@@ -24,7 +24,7 @@ _TYPES = {"f": _FLOAT32, "u": _UINT32}
 
 
 def make_point_fields() -> list[dict[str, Any]]:
-    """The fields of `POINT` as sensor_msgs/PointField messages."""
+    """Describe the fields of `POINT`, a point of the contact cloud, as sensor_msgs/PointField messages."""
     messages = []
     for name, (dtype, offset, *_) in (POINT.fields or {}).items():
         datatype = _UINT8 if dtype.itemsize == 1 else _TYPES[dtype.kind]
@@ -38,7 +38,7 @@ _POINT_FIELDS = make_point_fields()
 def make_activations_message(
     hand: Hand, activation: ActivationFrame, cycle: int, threshold: float, time_ns: int
 ) -> dict[str, Any]:
-    """A taxel_msgs/Activations message of one poll cycle. threshold: counts."""
+    """Make a taxel_msgs/Activations message, the active taxels of one poll cycle. threshold: activation, counts."""
     taxels = np.flatnonzero(activation.active)
     measured = activation.signal_counts[~activation.missing]
     return {
@@ -57,7 +57,7 @@ def make_activations_message(
 def make_contact_cloud_message(
     hand: Hand, activation: ActivationFrame, positions: FloatArray, normals: FloatArray, head: dict[str, Any]
 ) -> dict[str, Any]:
-    """A sensor_msgs/PointCloud2 message of the active taxels.
+    """Make a sensor_msgs/PointCloud2 message with a point for each active taxel.
 
     positions: f64[n, 3], centres of all taxels, metres. normals: f64[n, 3], outward unit normals. head: the header.
     """
@@ -83,7 +83,7 @@ def make_contact_cloud_message(
 
 
 def make_baseline_message(baseline: BaselineResult, samples: int, time_ns: int) -> dict[str, Any]:
-    """A taxel_msgs/Baseline message. samples: number of scans that the baseline averages."""
+    """Make a taxel_msgs/Baseline message. samples: number of scans that the baseline averages."""
     return {
         "header": make_header(time_ns, ""),
         "samples": samples,

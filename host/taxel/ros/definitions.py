@@ -66,7 +66,7 @@ class MessageField(NamedTuple):
 
 @cache
 def get_definition(name: str) -> str:
-    """The definition text of a message. Raises KeyError for a message that the project does not use."""
+    """Return the definition text of a ROS message type. Raises KeyError for a type that the project does not use."""
     package, _, leaf = name.partition("/")
     if package != OWN_PACKAGE:
         return _STANDARD[name]
@@ -77,7 +77,7 @@ def get_definition(name: str) -> str:
 
 
 def parse_fields(text: str) -> tuple[MessageField, ...]:
-    """The fields of a definition text, without constants and comments."""
+    """Parse the fields of a ROS message definition; constants and comments are left out."""
     parsed = []
     for line in text.splitlines():
         match = _FIELD.match(line.strip())
@@ -95,7 +95,7 @@ def fields(name: str) -> tuple[MessageField, ...]:
 
 @cache
 def list_message_types(name: str) -> tuple[str, ...]:
-    """A message type and all message types that its fields use, directly or indirectly; each once, `name` first."""
+    """List a ROS message type and all types that its fields use, directly or indirectly; each once, `name` first."""
     names = [name]
     for part in names:
         used = (field.type for field in fields(part) if "/" in field.type)
@@ -105,14 +105,14 @@ def list_message_types(name: str) -> tuple[str, ...]:
 
 @cache
 def make_ros2_schema(name: str) -> str:
-    """The definition text with the definitions of all used messages, in the MCAP schema encoding ros2msg."""
+    """Return the definition of a ROS message with those of all used messages, in the MCAP schema encoding ros2msg."""
     first, *used = list_message_types(name)
     return "\n".join([get_definition(first), *(f"{SEPARATOR}\nMSG: {part}\n{get_definition(part)}" for part in used)])
 
 
 @cache
 def make_ros1_schema(name: str) -> str:
-    """The definition text with the definitions of all used messages, as the message generator of ROS 1 reads it."""
+    """Return the definition of a ROS message with those of all used messages, as the generator of ROS 1 reads them."""
     first, *used = [part for part in list_message_types(name) if part != "builtin_interfaces/Time"]
     appended = (f"{SEPARATOR}\nMSG: {part}\n{_make_ros1_definition(part)}" for part in used)
     return "\n".join([_make_ros1_definition(first), *appended])

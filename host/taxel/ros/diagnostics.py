@@ -13,14 +13,14 @@ _BOARD_COUNTERS = ("nacks", "timeouts", "crc_errors", "retries")
 
 
 def make_diagnostics_message(hand: Hand, hub: HubClient, time_ns: int) -> dict[str, Any]:
-    """A diagnostic_msgs/DiagnosticArray message: the losses of the stream, and one status for each board."""
+    """Make a diagnostic_msgs/DiagnosticArray message: the losses of the stream, and one status for each board."""
     statuses = [_make_hub_status(hub)]
     statuses += [_make_board_status(hub, board.address, board.name) for board in hand.boards]
     return {"header": make_header(time_ns, ""), "status": statuses}
 
 
 def _make_hub_status(hub: HubClient) -> dict[str, Any]:
-    """DiagnosticStatus of the hub: frames and bytes received and lost, and the hub's own counters."""
+    """Make the DiagnosticStatus of the hub: frames and bytes received and lost, and the hub's own counters."""
     losses, stream = hub.stream.losses, hub.stream
     lost = losses.lost_on_wire
     values = {
@@ -36,7 +36,7 @@ def _make_hub_status(hub: HubClient) -> dict[str, Any]:
 
 
 def _make_board_status(hub: HubClient, address: int, name: str) -> dict[str, Any]:
-    """DiagnosticStatus of one board: frames received, missing and damaged, and its counters in the hub."""
+    """Make the DiagnosticStatus of one board: frames received, missing and damaged, and its counters in the hub."""
     title, hardware_id = f"taxel: {name}", f"0x{address:02X}"
     count = hub.stream.losses.boards.get(address)
     if count is None:

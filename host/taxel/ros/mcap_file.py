@@ -69,31 +69,34 @@ class McapFile:
         self.add_metadata(METADATA, head)
 
     def add_metadata(self, name: str, values: Mapping[str, object]) -> None:
-        """Add a metadata record; each value is written as JSON."""
+        """Add a metadata record to the MCAP file; each value is written as JSON."""
         with self._lock, self._errors():
             self._writer.add_metadata(name, {key: json.dumps(value) for key, value in values.items()})
             self._file.flush()
 
     def publish(self, message: TopicMessage) -> None:
-        """Append a message to its topic."""
+        """Append a ROS message to its topic in the MCAP file."""
         with self._lock, self._errors():
             self._append(message.topic, message.type, message.time_ns, encode(message.type, message.message))
             self._flush_if_due()
 
     def write_bytes(self, data: bytes, arrival_ns: int, time_ns: int) -> None:
-        """Append bytes of the hub. arrival_ns: on the clock of the link. time_ns: the same moment as Unix time."""
+        """Append bytes of the hub to the MCAP file.
+
+        arrival_ns: arrival time on the clock of the link, nanoseconds. time_ns: the same moment as Unix time.
+        """
         message = {"header": make_header(time_ns, ""), "arrival_ns": arrival_ns, "data": data}
         with self._lock, self._errors():
             self._append(BYTES_TOPIC, BYTES_TYPE, time_ns, encode(BYTES_TYPE, message))
             self._flush_if_due()
 
     def tick(self) -> None:
-        """Write the current chunk if its time is due. Call this method while no data arrives."""
+        """Write the current chunk of the MCAP file if its time is due. Call this method while no data arrives."""
         with self._lock, self._errors():
             self._flush_if_due()
 
     def _append(self, topic: str, type_name: str, time_ns: int, data: bytes) -> None:
-        """Append an encoded message of type `type_name` ("package/Name"). time_ns: Unix time."""
+        """Append an encoded message to a topic of the MCAP file. type_name: "package/Name". time_ns: Unix time."""
         channel = self._channels.get(topic)
         if channel is None:
             channel = self._channels[topic] = self._new_channel(topic, type_name)
@@ -102,7 +105,7 @@ class McapFile:
         self._has_unflushed = True
 
     def _new_channel(self, topic: str, type_name: str) -> int:
-        """Register a channel for a topic, with the schema of its type; returns the number of the channel."""
+        """Register a channel of the MCAP file for a topic, with the schema of its type; return its number."""
         schema = self._schemas.get(type_name)
         if schema is None:
             name = type_name.replace("/", "/msg/")
@@ -111,7 +114,7 @@ class McapFile:
         return self._writer.register_channel(topic, MessageEncoding.CDR, schema)
 
     def _flush_if_due(self) -> None:
-        """Write the current chunk if `FLUSH_S` seconds have elapsed since the last chunk."""
+        """Write the current chunk of the MCAP file if `FLUSH_S` seconds have elapsed since the last chunk."""
         now_s = time.monotonic()
         if self._has_unflushed and now_s - self._flushed_s >= FLUSH_S:
             self._writer.flush()  # type: ignore[no-untyped-call]
@@ -127,7 +130,7 @@ class McapFile:
         return self._file.closed
 
     def close(self) -> None:
-        """Write the last chunk and the index, and close the file. A second call has no effect."""
+        """Write the last chunk and the index of the MCAP file, and close the file. A second call has no effect."""
         with self._lock, self._errors():
             if not self._file.closed:
                 try:
@@ -147,7 +150,7 @@ class McapFile:
 
 @contextlib.contextmanager
 def _convert_writing_errors(path: Path) -> Iterator[None]:
-    """Convert an OSError in the block into a `CaptureError` that names the file."""
+    """Context manager that converts an OSError into a `CaptureError` that names the file."""
     try:
         yield
     except OSError as error:

@@ -61,7 +61,10 @@ class McapReader:
         self.has_bytes = self._first is None or self._first[0] == BYTES_TYPE
 
     def _read_first_message(self) -> None:
-        """Read up to the first message of the skin. Damage behind the header is raised later, by `messages`."""
+        """Read the MCAP file up to the first message of a skin.
+
+        Damage behind the header of the recording is not raised here but later, by `messages`.
+        """
         try:
             self._first = next(self._records, None)
         except CaptureError as error:
@@ -73,7 +76,7 @@ class McapReader:
             raise CaptureError(self.name, "has no topic of a skin (taxel_msgs/msg/HubBytes or TaxelScan)")
 
     def messages(self) -> Iterator[tuple[str, Any, int]]:
-        """(type, message, log time in nanoseconds) of each message.
+        """Yield (type, message, log time in nanoseconds) of each message of a skin in the MCAP file.
 
         Raises `CaptureError` at the position where the file is truncated or damaged, after all messages before it.
         """
@@ -86,14 +89,17 @@ class McapReader:
             yield self._decode_message(type_name, message)
 
     def _decode_message(self, type_name: str, message: Message) -> tuple[str, Any, int]:
-        """(type, message, log time in nanoseconds) of a message. Raises `CaptureError` if its data are malformed."""
+        """Decode a message to (type, message, log time in nanoseconds).
+
+        Raises `CaptureError` if its data are malformed.
+        """
         try:
             return type_name, decode(type_name, message.data), message.log_time
         except CdrError as error:
             raise CaptureError(self.name, f"has a message that cannot be decoded ({error})") from None
 
     def _read_records(self) -> Iterator[tuple[str, Message]]:
-        """(type, message) of all messages of the skin, up to the end of the data section.
+        """Yield (type, message) of all messages of a skin, up to the end of the data section of the MCAP file.
 
         Raises `CaptureError` at a damaged record.
         """
@@ -114,7 +120,7 @@ class McapReader:
             ) from None
 
     def _process(self, record: Any) -> Iterator[tuple[str, Message]]:
-        """Store what a record defines; yield it if it is a message of the skin."""
+        """Store what an MCAP record defines (schema, channel or header); yield the record if it is a skin's message."""
         if isinstance(record, Message):
             channel = self._channels.get(record.channel_id)
             if channel is not None:
@@ -129,7 +135,10 @@ class McapReader:
             self.header |= {key: json.loads(value) for key, value in record.metadata.items()}
 
     def _check_schema(self, schema: Schema) -> str:
-        """Type of a schema, "package/Name". Raises `CaptureError` if a type of this package has other fields."""
+        """Return the type of an MCAP schema, "package/Name".
+
+        Raises `CaptureError` if a type of this package has other fields.
+        """
         name = schema.name.replace("/msg/", "/")
         if name not in (BYTES_TYPE, SCAN_TYPE):
             return name
@@ -145,9 +154,10 @@ class McapReader:
 
 
 def _decompress(chunk: McapChunk) -> McapChunk:
-    """The chunk without its compression. Raises ValueError if its data do not have the size that the chunk states.
+    """Return an MCAP chunk without its compression.
 
-    The size is checked before the data are unpacked completely, because a compressed frame may state a false size.
+    Raises ValueError if its data do not have the size that the chunk states. The size is checked before the data are
+    unpacked completely, because a compressed frame may state a false size.
     """
     if chunk.uncompressed_size > RECORD_MAX:
         raise ValueError("a chunk is too large")
@@ -184,7 +194,10 @@ class McapLink:
         self._messages = reader.messages()
 
     def read(self, timeout_s: float = 0.0) -> Chunk:
-        """The next bytes. Raises EOFError at the end of a complete file."""
+        """Return the next bytes of the hub in the MCAP file. Raises EOFError at the end of a complete file.
+
+        The call does not wait; `timeout_s` has no effect.
+        """
         for type_name, message, _ in self._messages:
             if type_name == BYTES_TYPE:
                 return Chunk(message.data.tobytes(), int(message.arrival_ns))
@@ -200,7 +213,7 @@ class McapLink:
 
 
 def open_mcap(path: str | os.PathLike[str]) -> Link:
-    """The link of an MCAP file: the hub's bytes, or for a bag without them, bytes encoded from its scans."""
+    """Open an MCAP file as a link: the hub's bytes, or for a bag without them, bytes encoded from its scans."""
     reader = McapReader(path)
     if reader.has_bytes:
         return McapLink(reader)
@@ -210,7 +223,7 @@ def open_mcap(path: str | os.PathLike[str]) -> Link:
 
 
 def _read_frames(reader: McapReader) -> Iterator[TaxelFrame]:
-    """The valid scan messages of an MCAP file as taxel frames; closes the reader at the end."""
+    """Yield the valid scan messages of an MCAP file as taxel frames, and close the reader at the end."""
     try:
         for type_name, message, _ in reader.messages():
             if type_name == SCAN_TYPE and message.valid:

@@ -33,7 +33,10 @@ class Node(Protocol):
 
 
 def open_node(version: int | None = None, name: str = "taxel") -> Node:
-    """Open a node of ROS 1 or 2. version None: 2 if rclpy can be imported, else 1. Raises RosError."""
+    """Open a node of ROS 1 or 2. Raises RosError.
+
+    version: 1 or 2; None: 2 if rclpy can be imported, else 1.
+    """
     from taxel.ros.ros1 import Ros1Node
     from taxel.ros.ros2 import Ros2Node
 
@@ -57,13 +60,13 @@ class JointListener:
         node.listen_to_joints(topic, self._update)
 
     def _update(self, names: list[str], angles: list[float]) -> None:
-        """Store the finite angles of the known joints, radians; runs in the thread of the subscription."""
+        """Store the finite angles of the known joints, radians; called in the thread of the ROS subscription."""
         with self._lock:
             for name, angle in zip(names, angles, strict=False):
                 if name in self._index and np.isfinite(angle):
                     self._angles[self._index[name]] = angle
 
     def __call__(self) -> FloatArray:
-        """A copy of the current angles."""
+        """Return a copy of the latest joint angles, radians."""
         with self._lock:
             return self._angles.copy()

@@ -14,7 +14,10 @@ class Pace:
         self._origin: tuple[float, float] | None = None
 
     def wait(self, time_s: float) -> None:
-        """Return at the moment that corresponds to the recorded time `time_s`. The first call defines the origin."""
+        """Wait until the moment at which a recorded time `time_s`, seconds, is due in the playback.
+
+        The first call defines the origin of the playback.
+        """
         if self._speed is None:
             return
         if self._origin is None:

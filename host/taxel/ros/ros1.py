@@ -41,13 +41,13 @@ class Ros1Node:
         return not self._rospy.is_shutdown()
 
     def _load_classes(self, type_name: str) -> dict[str, Any]:
-        """Message classes of ROS 1 of a type and of all types of its fields, by type."""
+        """Return the ROS 1 message classes of a type and of all types of its fields, by type."""
         if type_name not in self._classes:
             self._classes[type_name] = self._generate(type_name, make_ros1_schema(type_name))
         return self._classes[type_name]
 
     def publish(self, message: TopicMessage) -> None:
-        """Publish a message. The first message of a topic advertises the topic."""
+        """Publish a message with rospy. The first message of a topic advertises the topic."""
         classes = self._load_classes(message.type)
         publisher = self._publishers.get(message.topic)
         if publisher is None:
@@ -58,7 +58,10 @@ class Ros1Node:
         publisher.publish(self._make_ros_message(classes, message.type, message.message))
 
     def _make_ros_message(self, classes: dict[str, Any], type_name: str, values: dict[str, Any]) -> Any:
-        """Message object of ROS 1 from the fields of a message as a dict."""
+        """Build a ROS 1 message object of type `type_name` from its fields as a dict.
+
+        classes: message classes by type.
+        """
         if type_name == "builtin_interfaces/Time":
             return self._time(values["sec"], values["nanosec"])
         message = classes[type_name]()

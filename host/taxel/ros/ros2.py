@@ -41,7 +41,7 @@ class Ros2Node:
         return bool(self._rclpy.ok())
 
     def _load_class(self, type_name: str) -> Any:
-        """Message class of ROS 2 for "package/Name". Raises `RosError` if its package is not installed."""
+        """Return the ROS 2 message class of "package/Name". Raises `RosError` if its package is not installed."""
         if type_name not in self._classes:
             package, _, leaf = type_name.partition("/")
             try:
@@ -70,14 +70,14 @@ class Ros2Node:
         self._rclpy.spin_once(self._node, timeout_sec=0.0)
 
     def _make_ros_message(self, type_name: str, values: dict[str, Any]) -> Any:
-        """Message object of ROS 2 from the fields of a message as a dict."""
+        """Build a ROS 2 message object of type `type_name` from its fields as a dict."""
         message = self._load_class(type_name)()
         for field in fields(type_name):
             setattr(message, field.name, self._convert_value(field, values[field.name]))
         return message
 
     def _convert_value(self, field: MessageField, value: Any) -> Any:
-        """Value of a field in the Python type that rclpy requires."""
+        """Convert the value of a message field to the Python type that the library rclpy requires."""
         if "/" in field.type:
             parts = [self._make_ros_message(field.type, each) for each in (value if field.is_array else [value])]
             return parts if field.is_array else parts[0]
@@ -98,7 +98,7 @@ class Ros2Node:
         )
 
     def close(self) -> None:
-        """Shut the node down."""
+        """Shut the ROS 2 node down."""
         with contextlib.suppress(Exception):  # a Ctrl-C may have shut rclpy down already
             self._node.destroy_node()
             self._rclpy.shutdown()

@@ -24,7 +24,7 @@ class RosError(TaxelError):
 
 
 def import_ros1() -> Any:
-    """The module rospy. Raises RosError if rospy is not installed or cannot be imported.
+    """Import and return the module rospy. Raises RosError if rospy is not installed or cannot be imported.
 
     The folder of rospy is appended to the end of `sys.path`, so that packages of the environment take precedence.
     """
@@ -47,7 +47,7 @@ def import_ros1() -> Any:
 
 
 def import_ros2() -> Any:
-    """The module rclpy. Raises RosError if rclpy cannot be imported."""
+    """Import and return the module rclpy. Raises RosError if rclpy cannot be imported."""
     try:
         return importlib.import_module("rclpy")
     except ImportError:
@@ -55,7 +55,7 @@ def import_ros2() -> Any:
 
 
 def find_ros_version() -> int:
-    """2 if rclpy can be imported, else 1 if rospy can be imported. Raises RosError if neither can."""
+    """Return 2 if rclpy can be imported, else 1 if rospy can be imported. Raises RosError if neither can."""
     try:
         import_ros2()
         return 2

@@ -15,7 +15,7 @@ from taxel.types import FloatArray
 
 
 def make_stamp(time_ns: int) -> dict[str, int]:
-    """Nanoseconds since the Unix epoch as a ROS time; a negative time becomes 0, because ROS times are unsigned."""
+    """Convert nanoseconds since the Unix epoch to a ROS time; a negative time becomes 0, as ROS times are unsigned."""
     sec, nanosec = divmod(max(time_ns, 0), 1_000_000_000)
     return {"sec": sec, "nanosec": nanosec}
 
@@ -75,7 +75,7 @@ class FrameTree:
         return self._kinematics
 
     def _update(self) -> None:
-        """Compute link poses and transforms again if the joint angles have changed."""
+        """Compute the poses of all links and the moving transforms again if the joint angles have changed."""
         kinematics = self._require_kinematics()
         count = len(kinematics.robot.joint_names)
         angles = np.zeros(count) if self._joints is None else np.asarray(self._joints(), dtype=np.float64)
@@ -86,7 +86,7 @@ class FrameTree:
             self._taxels = None
 
     def _make_joint_transforms(self) -> Iterator[dict[str, Any]]:
-        """Transforms of the links behind moving joints, from the current link poses."""
+        """Yield the transform of each link that follows a moving joint, from the current link poses."""
         robot = self._require_kinematics().robot
         for index, joint in enumerate(robot.joints):
             if joint.axis is not None:
@@ -94,7 +94,7 @@ class FrameTree:
                 yield _make_transform(joint.parent, joint.child, inverse(parent) @ self._poses[index + 1])
 
     def make_static_transforms(self, time_ns: int) -> dict[str, Any]:
-        """A tf2_msgs/TFMessage message of the transforms that never change: fixed joints and brackets."""
+        """Make a tf2_msgs/TFMessage of the transforms that never change: fixed joints and brackets of boards."""
         robot = self._require_kinematics().robot
         edges = [(joint.parent, joint.child, joint.origin) for joint in robot.joints if joint.axis is None]
         for board in self._hand.boards:
@@ -103,12 +103,12 @@ class FrameTree:
         return _stamp_transforms([_make_transform(*edge) for edge in edges], time_ns)
 
     def make_moving_transforms(self, time_ns: int) -> dict[str, Any]:
-        """A tf2_msgs/TFMessage message of the links behind moving joints, at the current angles."""
+        """Make a tf2_msgs/TFMessage of the links that follow moving joints, at the current joint angles."""
         self._update()
         return _stamp_transforms(self._moving, time_ns)
 
     def joint_states(self, time_ns: int) -> dict[str, Any]:
-        """A sensor_msgs/JointState message of the current angles."""
+        """Make a sensor_msgs/JointState message of the current joint angles."""
         self._update()
         names = list(self._require_kinematics().robot.joint_names)
         return {
@@ -120,7 +120,10 @@ class FrameTree:
         }
 
     def compute_taxel_centres_and_normals(self) -> tuple[FloatArray, FloatArray]:
-        """Centres (metres) and outward unit normals of all taxels at the current angles, root frame, f64[n, 3]."""
+        """Compute centres (metres) and outward unit normals of all taxels at the current joint angles, f64[n, 3] each.
+
+        Both are in the frame of the robot's root link.
+        """
         self._update()
         if self._taxels is None:
             kinematics = self._require_kinematics()
@@ -132,8 +135,9 @@ class FrameTree:
 
 
 def _make_transform(parent: str, child: str, matrix: FloatArray) -> dict[str, Any]:
-    """A geometry_msgs/TransformStamped whose header is replaced by the name of the parent frame (see
-    `_stamp_transforms`).
+    """Make a geometry_msgs/TransformStamped without time stamp from a pose f64[4, 4] of `child` in `parent`.
+
+    Its header is the name of the parent frame alone; `_stamp_transforms` completes the header.
     """
     w, x, y, z = to_quaternion(matrix).tolist()
     translation = dict(zip("xyz", matrix[:3, 3].tolist(), strict=True))
@@ -146,7 +150,7 @@ def _stamp_transforms(transforms: list[dict[str, Any]], time_ns: int) -> dict[st
 
 
 def _kinematics(hand: Hand) -> Kinematics | None:
-    """Kinematics of a hand; None if the description has no geometry."""
+    """Build the kinematics of a hand; None if the hand description has no geometry."""
     try:
         return build_kinematics(hand)
     except HandGeometryError:
@@ -154,7 +158,10 @@ def _kinematics(hand: Hand) -> Kinematics | None:
 
 
 def _make_bracket_names(hand: Hand, kinematics: Kinematics | None) -> dict[int, str]:
-    """Frame names by address, as in `Kinematics.publish` and the URDF: a board with a link's name is NAME_bracket."""
+    """Choose a frame name for the bracket of each board, by board address, the same as in the URDF.
+
+    The name is that of the board, with the suffix "_bracket" if a link of the robot has the same name.
+    """
     used = set(kinematics.robot.link_names) if kinematics is not None else set()
     names = {}
     for board in hand.boards:

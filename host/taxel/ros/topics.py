@@ -86,7 +86,7 @@ class SkinTopics:
         return round(time_s * NS_PER_S) + self._offset_ns
 
     def take(self, frame: TaxelFrame) -> Iterator[TopicMessage]:
-        """The messages of a frame. Exhaust the iterator before the next call."""
+        """Yield the ROS messages of a taxel frame. Exhaust the iterator before the next call."""
         if not self._is_started:
             self._is_started = True
             yield from self._make_static_messages(self.time_ns(frame.time_s))
@@ -99,14 +99,14 @@ class SkinTopics:
         yield from self._make_completed_cycle_messages(is_end=True)
 
     def _make_static_messages(self, time_ns: int) -> Iterator[TopicMessage]:
-        """Messages that are sent once: robot description and static transforms."""
+        """Yield the messages that are sent once: robot description and static transforms."""
         if self.tree.has_geometry:
             yield TopicMessage("/robot_description", "std_msgs/String", time_ns, {"data": self.tree.urdf}, True)
             static = self.tree.make_static_transforms(time_ns)
             yield TopicMessage("/tf_static", "tf2_msgs/TFMessage", time_ns, static, True)
 
     def _make_scan_message(self, frame: TaxelFrame) -> TopicMessage:
-        """The TaxelScan message of one board's frame, stamped with the start of the scan."""
+        """Make the TaxelScan message of one board's frame, stamped with the start of the scan."""
         time_ns = self.time_ns(frame.time_s)
         name = self._names[frame.address]
         self._last_sequence[frame.address] = frame.sequence
@@ -128,9 +128,9 @@ class SkinTopics:
             yield from self._make_cycle_messages(frames, is_end)
 
     def _make_cycle_messages(self, frames: list[TaxelFrame], is_end: bool) -> Iterator[TopicMessage]:
-        """Messages of a complete poll cycle: missing scans, joint states, TF, activations, diagnostics.
+        """Yield the messages of a poll cycle: missing scans, joint states, TF, activations, diagnostics.
 
-        is_end: the cycle may be truncated by the end of the stream.
+        frames: of all boards in the cycle. is_end: the cycle may be truncated by the end of the stream.
         """
         time_s = min(frame.time_s for frame in frames)
         time_ns = self.time_ns(time_s)
@@ -147,7 +147,7 @@ class SkinTopics:
             yield TopicMessage("/diagnostics", "diagnostic_msgs/DiagnosticArray", time_ns, message)
 
     def _make_missing_scan_messages(self, frames: list[TaxelFrame], time_ns: int) -> Iterator[TopicMessage]:
-        """A scan message with `valid` False for each board that has sent frames before but none in this cycle."""
+        """Yield a scan message with `valid` False for each board that has sent frames before but none in this cycle."""
         for address in self._last_sequence.keys() - {frame.address for frame in frames}:
             empty = TaxelFrame(
                 address, frames[0].cycle, self._last_sequence[address], 0.0, 0, 0, np.zeros(0, dtype=np.uint16)
@@ -157,7 +157,7 @@ class SkinTopics:
             yield message._replace(time_ns=time_ns, message=message.message | {"valid": False, "header": head})
 
     def _make_contact_messages(self, frames: list[TaxelFrame], time_ns: int) -> Iterator[TopicMessage]:
-        """The baseline message once, then activations and contact cloud of each poll cycle."""
+        """Yield the baseline message once, and then the activations and the contact cloud of each poll cycle."""
         counts = np.zeros(self._hand.n_taxels, dtype=np.uint16)
         valid = np.zeros(self._hand.n_taxels, dtype=bool)
         for frame in frames:
@@ -179,7 +179,7 @@ class SkinTopics:
             yield TopicMessage("/taxel/contact_cloud", "sensor_msgs/PointCloud2", time_ns, cloud)
 
     def _update_baseline(self, counts: CountArray, valid: BoolArray) -> bool:
-        """Add one scan of the skin to the baseline; whether the baseline is now complete.
+        """Add one scan of the skin to the baseline; return whether the baseline is now complete.
 
         After twice the number of baseline scans the baseline is complete without the boards that do not respond; their
         taxels have NaN, as in `Skin.take_baseline`.

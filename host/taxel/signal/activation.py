@@ -78,12 +78,11 @@ class Activation:
         return int(self.baseline_mean.size)
 
     def __call__(self, raw_counts: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> ActivationFrame:
-        """Evaluate each sample separately.
+        """Determine signal, activity and validity of each taxel from raw counts; every sample is evaluated separately.
 
-        raw_counts: u16 or float counts (a mean of frames), [n] or [T, n]; NaN is missing.
-        valid: for [n] a bool or bool[n]; for [T, n] a bool, bool[T] (whole frames) or bool[T, n].
-        Returns an ActivationFrame of the same shape. Raises ValueError for a wrong shape or dtype, or a valid count
-        outside 0..65,535.
+        raw_counts: u16 or float counts (a mean of frames), [n] or [T, n]; NaN is missing. valid: for [n] a bool or
+        bool[n]; for [T, n] a bool, bool[T] (whole frames) or bool[T, n]. Returns an ActivationFrame of the same shape.
+        Raises ValueError for a wrong shape or dtype, or a valid count outside 0..65,535.
         """
         raw = np.asarray(raw_counts)
         check_shape("raw_counts", raw, (1, 2), self.n_taxels)
@@ -101,7 +100,10 @@ class Activation:
         return is_saturated
 
     def _evaluate(self, counts: FloatArray, saturated: BoolArray) -> ActivationFrame:
-        """Activation of one scan or of many; counts: f64[..., n], NaN for a missing taxel. saturated: bool[..., n]."""
+        """Compare counts f64[..., n] of one or many scans with the baseline; NaN is a missing taxel.
+
+        saturated: bool[..., n].
+        """
         signal = self.baseline_mean - counts
         # A comparison with NaN is False, so a missing taxel is neither active nor suspect.
         return ActivationFrame(
@@ -114,7 +116,7 @@ class Activation:
 
 
 def _expand_floor(floor: npt.ArrayLike | None, n_taxels: int) -> FloatArray:
-    """The saturation floor of each taxel, counts, f64[n]; None: 0. Raises ValueError for another shape."""
+    """Return the saturation floor of each taxel, counts, f64[n]; None gives 0. Raises ValueError for another shape."""
     if floor is None:
         return np.zeros(n_taxels)
     values = np.asarray(floor, dtype=np.float64)

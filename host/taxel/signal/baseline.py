@@ -33,7 +33,7 @@ class BaselineResult:
     count: IntArray
 
     def require_undisturbed(self) -> None:
-        """Raise DisturbedBaselineError, naming the taxels, if any was disturbed."""
+        """Raise DisturbedBaselineError, which names the taxels, if a taxel was touched during the baseline."""
         if self.disturbed.any():
             raise DisturbedBaselineError(np.flatnonzero(self.disturbed).tolist(), self.disturbed.size)
 
@@ -72,15 +72,15 @@ class Baseline:
         self.reset()
 
     def reset(self) -> None:
-        """Discard all samples."""
+        """Discard all samples of the baseline."""
         self._stored: CountArray = np.zeros((self.samples, self.n_taxels), dtype=np.uint16)
         self._count: IntArray = np.zeros(self.n_taxels, dtype=np.int64)
 
     def update(self, raw_counts: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> bool:
-        """Add one frame; return whether every taxel is complete.
+        """Add one frame to the baseline; return whether every taxel has enough samples.
 
-        raw_counts: u16[n]. valid: bool for the whole frame or bool[n]; invalid samples are ignored. Raises
-        ValueError for a wrong shape or dtype.
+        raw_counts: u16[n]. valid: bool for the whole frame or bool[n]; invalid samples are ignored. Raises ValueError
+        for a wrong shape or dtype.
         """
         raw = to_raw_count_array(raw_counts, 1, self.n_taxels)
         taxels = np.flatnonzero(to_validity_mask(valid, raw.shape) & ~self.ready_mask)
@@ -163,9 +163,10 @@ def compute_baseline(
 
 
 def _build_result(stored: CountArray, count: IntArray, limit: float) -> BaselineResult:
-    """The baseline from K stored scans u16[K, n]; count: i64[n], stored samples of each taxel.
+    """Compute the baseline from K stored scans u16[K, n]; count: i64[n], stored samples of each taxel.
 
-    limit: of `find_disturbed_taxels`. Raises TooFewSamplesError for a taxel with fewer than K samples.
+    limit: largest difference of running medians of an undisturbed taxel, counts. Raises TooFewSamplesError for a taxel
+    with fewer than K samples.
     """
     worst = int(np.argmin(count))
     if count[worst] < stored.shape[0]:
@@ -175,7 +176,7 @@ def _build_result(stored: CountArray, count: IntArray, limit: float) -> Baseline
 
 
 def _compute_mean_and_noise(stored: CountArray) -> tuple[FloatArray, FloatArray]:
-    """Mean and sample standard deviation of each taxel over K stored scans u16[K, n]: f64[n] each, counts."""
+    """Compute mean and sample standard deviation of each taxel over K scans u16[K, n]: f64[n] each, counts."""
     k = stored.shape[0]
     counts = stored.astype(np.int64)
     total = counts.sum(axis=0)
@@ -185,7 +186,7 @@ def _compute_mean_and_noise(stored: CountArray) -> tuple[FloatArray, FloatArray]
 
 
 def _check_sample_count(samples: int) -> int:
-    """Raise ValueError for a number of samples that gives no baseline."""
+    """Return the number of samples of a baseline; raise ValueError for a number that gives no baseline."""
     if not 2 <= samples <= MAX_BASELINE_SAMPLES:
         raise ValueError(f"samples: expected 2 to {MAX_BASELINE_SAMPLES}, found {samples}")
     return int(samples)

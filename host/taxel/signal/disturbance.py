@@ -76,7 +76,7 @@ def find_disturbed_taxels(
 
 
 def _compute_running_medians(raw: CountArray) -> IntArray:
-    """Running medians of each taxel over u16[K, n] scans: i64[K, n], counts."""
+    """Compute the running median of each taxel over K scans u16[K, n]: i64[K, n], counts."""
     window = min(MEDIAN_WINDOW_SAMPLES, raw.shape[0])
     # Circular: an untouched interval that a long touch splits in two still fills a window.
     ring = np.concatenate([raw, raw[: window - 1]])

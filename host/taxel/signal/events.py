@@ -42,7 +42,7 @@ class ActivationTracker:
         self.reset()
 
     def reset(self) -> None:
-        """Return to sample 0 with all masks False."""
+        """Return the tracker to sample 0, with all taxels inactive."""
         n_taxels = self.activation.n_taxels
         self.samples = 0
         self.active: BoolArray = np.zeros(n_taxels, dtype=np.bool_)
@@ -50,7 +50,7 @@ class ActivationTracker:
         self.suspect_baseline: BoolArray = np.zeros(n_taxels, dtype=np.bool_)
 
     def update(self, raw_counts: npt.ArrayLike, valid: npt.ArrayLike | None = None) -> tuple[ContactEvent, ...]:
-        """Add one frame and return its events, in the order of the taxels.
+        """Add one frame, and return the taxels that were pressed or released since the last frame as events.
 
         raw_counts: u16[n]. valid: bool for the whole frame or bool[n]. Raises ValueError for a wrong shape or dtype; a
         rejected frame is not counted.

@@ -106,7 +106,7 @@ def snr_db(signal_mean: npt.ArrayLike, noise_sigma: npt.ArrayLike) -> FloatArray
 
 
 def _check_labels(line_of: npt.ArrayLike, n_taxels: int) -> IntArray:
-    """The RX line of each taxel as i64[n]. Raises ValueError for another shape or type."""
+    """Return the line label of each taxel as i64[n]. Raises ValueError for another shape or type."""
     labels = np.asarray(line_of)
     if labels.shape != (n_taxels,) or labels.dtype.kind not in "iu":
         raise ValueError(f"line_of: expected {n_taxels} integers, found {labels.dtype} of shape {labels.shape}")
@@ -114,15 +114,15 @@ def _check_labels(line_of: npt.ArrayLike, n_taxels: int) -> IntArray:
 
 
 def _subtract_mean(values: FloatArray, mask: BoolArray) -> FloatArray:
-    """Subtract the mean over the mask; 0 outside the mask."""
+    """Subtract from each column of `values` [T, n] its mean over the entries with mask True; other entries become 0."""
     mean = np.where(mask, values, 0.0).sum(axis=0) / np.maximum(mask.sum(axis=0), 1)
     return np.where(mask, values - mean, 0.0)
 
 
 def _fit_line(centred: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Slope per frame f64[n] and residual f64[T, n] of a line through each column of `centred` f64[T, n].
+    """Fit a line to each column of `centred` f64[T, n]: slope per frame f64[n] and residual f64[T, n].
 
-    The mean of each column over the mask bool[T, n] is 0.
+    mask: bool[T, n], valid entries; the mean of each column over them is 0.
     """
     frames = np.arange(centred.shape[0], dtype=np.float64)[:, np.newaxis]
     time = _subtract_mean(np.broadcast_to(frames, centred.shape), mask)
@@ -143,7 +143,10 @@ def _compute_white_sigma(raw: npt.NDArray[np.uint16], mask: BoolArray) -> FloatA
 
 
 def _compute_interpolated_median(counts: IntArray) -> float:
-    """Compute the median of integers, interpolated within its class c - 0.5 .. c + 0.5."""
+    """Compute the median of integers, interpolated within the class from c - 0.5 to c + 0.5 of the median count c.
+
+    NaN without any number.
+    """
     if counts.size == 0:
         return np.nan
     median = float(np.median(counts))
@@ -156,8 +159,10 @@ def _compute_interpolated_median(counts: IntArray) -> float:
 
 
 def _compute_common_mode(residual: FloatArray, mask: BoolArray) -> float:
-    """Standard deviation of the noise that all taxels of a group share, counts: root of the mean covariance of all
-    pairs. residual: f64[T, k]; NaN for fewer than two taxels or too few complete frames.
+    """Compute the standard deviation of the noise that all taxels of a line share, counts.
+
+    The result is the root of the mean covariance of all pairs of taxels. residual: f64[T, k], counts without mean and
+    drift. mask: bool[T, k], valid entries. NaN for fewer than two taxels or too few complete frames.
     """
     is_complete = mask.all(axis=1)
     taxels, frames = residual.shape[1], int(is_complete.sum())

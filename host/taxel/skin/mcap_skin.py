@@ -62,7 +62,7 @@ class McapSkin(Skin):
         self._has_baseline = False
 
     def _check_frame(self, frame: TaxelFrame) -> TaxelFrame:
-        """Check a frame and write its ROS messages to the file; write the baseline once, when it is complete."""
+        """Check a taxel frame and write its ROS messages to the MCAP file; write a complete baseline once."""
         frame = super()._check_frame(frame)
         self._bytes.frame_ns = self._topics.time_ns(frame.time_s)
         for message in self._topics.take(frame):
@@ -74,7 +74,7 @@ class McapSkin(Skin):
         return frame
 
     def close(self) -> None:
-        """Stop the frames of the hub, write the last messages, and close link and file."""
+        """Stop the frames of the hub, write the last messages to the MCAP file, and close link and file."""
         super().close()
         if self._file.is_closed:
             return

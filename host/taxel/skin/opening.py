@@ -34,7 +34,7 @@ def open_skin(
 
 
 def open_source(url: str, hand: Hand | str | os.PathLike[str] | None = None) -> tuple[Link, Hand]:
-    """The link of a URL and the hand at its other end; arguments and errors as in `open_skin`."""
+    """Open the link of a URL, and return it with the hand at its other end; arguments and errors as in `open_skin`."""
     description = _resolve_hand(hand or DEFAULT_HAND)
     link = open_link(url, description)
     if hand is not None or not link.is_recorded:
@@ -47,7 +47,7 @@ def open_source(url: str, hand: Hand | str | os.PathLike[str] | None = None) -> 
 
 
 def load_recorded_hand(link: Link) -> Hand:
-    """The hand that a recording contains; else the packaged hand that the recording names; else the default hand."""
+    """Return the hand that a recording contains; else the packaged hand that it names; else the default hand."""
     header = getattr(link, "header", {})
     text = header.get("hand_description")
     if isinstance(text, str):
@@ -61,7 +61,7 @@ def _resolve_hand(hand: Hand | str | os.PathLike[str]) -> Hand:
 
 
 def _split_frame_format(url: str, frames: FrameFormat | None) -> tuple[str, FrameFormat]:
-    """The URL without its option `frames`, and the frame format. The argument takes precedence over the option."""
+    """Return the URL without its option `frames`, and the frame format. The argument precedes the option of the URL."""
     head, mark, query = url.partition("?")
     if not mark or url.startswith("file:"):
         return url, frames or "plain"

@@ -7,7 +7,7 @@ from taxel.link.url import get_recorded_path
 
 
 def open_file(url: str, hand: Hand | None = None) -> Link:
-    """The link that plays the recording of a `file:` URL. hand: not used, since a recording contains its own.
+    """Open the recording of a `file:` URL as a link. hand: not used, since a recording contains its own hand.
 
     Raises `LinkError` if the URL names no file, `CaptureError` if the file cannot be read, and `MissingPackageError` if
     the file needs a library that is not installed.

@@ -51,7 +51,7 @@ def record_link(
     overwrite: bool = False,
     joint_position: npt.ArrayLike | JointSource | None = None,
 ) -> Skin:
-    """The skin at an open link, recorded as by `open_recorded`. If that fails, the link is closed."""
+    """Open a skin on an open link and record it as `open_recorded` does. If that fails, the link is closed."""
     if joint_position is None:
         joint_position = header.get("joint_position")
     elif not callable(joint_position):
@@ -72,7 +72,7 @@ def record_link(
 
 
 def make_joint_source(joint_position: npt.ArrayLike | JointSource | None) -> JointSource | None:
-    """A function that returns the joint angles: the given function, or one that returns fixed angles; None for None."""
+    """Return a function that returns joint angles: the given function, or one with fixed angles; None for None."""
     if joint_position is None or callable(joint_position):
         return joint_position
     fixed = np.asarray(joint_position, dtype=np.float64)
@@ -87,7 +87,10 @@ def _record_mcap(
     overwrite: bool,
     joint_position: npt.ArrayLike | JointSource | None,
 ) -> Skin:
-    """Open a skin that is recorded to an MCAP file. After an error the link is closed and an empty file is deleted."""
+    """Open a skin that is recorded to an MCAP file. After an error the link is closed and an empty file is deleted.
+
+    header: header of the recording. joint_position: joint angles, radians [j], or a function that returns them.
+    """
     try:
         from taxel.ros.mcap_file import McapFile  # needs the extra `ros`, which the core does not install
 

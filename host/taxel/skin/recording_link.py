@@ -44,7 +44,7 @@ class RecordingLink:
         self.header: dict[str, Any] = getattr(link, "header", {})
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """The next chunk of the link, already recorded; None if none arrived in time."""
+        """Return the next chunk of bytes of the link after recording it; None after `timeout_s` seconds."""
         chunk = self._link.read(timeout_s)
         if chunk is not None:
             self._writer.write(chunk.data, chunk.arrival_ns)
@@ -65,7 +65,7 @@ class RecordingLink:
 def make_recording_header(
     url: str, link: Link, hand: Hand, hand_source: Hand | str | os.PathLike[str] | None
 ) -> dict[str, Any]:
-    """Header of a recording as JSON values, complete enough to read the file without any other.
+    """Make the header of a recording as JSON values, complete enough to read the file without any other file.
 
     hand_source: the hand as the caller named it, whose description text is stored if there is one; None: `hand`.
     Fields: `clock`, the time base ("host": arrival times; "hub": the hub's clock); `epoch_offset_ns`, from that clock

@@ -72,7 +72,7 @@ class Skin:
             raise
 
     def _start(self) -> None:
-        """Handshake, check of the boards, poll rate and start of the stream."""
+        """Make the handshake with the hub, check the boards, set the poll rate and start the stream of frames."""
         self.hub.handshake()
         self._discover_boards()
         for address, fields in sorted(self.hub.boards.items()):
@@ -81,13 +81,13 @@ class Skin:
         self.hub.start(self._compact)
 
     def _resume(self) -> None:
-        """Repeat handshake, rate and START after a restart of the hub."""
+        """Repeat handshake, poll rate and START after a restart of the hub."""
         self.hub.handshake()
         self.hub.set_rate(self._rate_hz)
         self.hub.start(self._compact)
 
     def _discover_boards(self) -> None:
-        """Read the boards of the bus, and compare each with the hand's board at its address."""
+        """Read the boards that the hub has found, until all boards of the hand are found or time is up."""
         now_s = get_clock(self._stream.link)
         deadline = now_s() + DISCOVERY_TIMEOUT_S
         while True:
@@ -97,9 +97,9 @@ class Skin:
             self.hub.wait(0.05)
 
     def _check_board(self, address: int, fields: dict[str, Any]) -> None:
-        """Raise `BoardMismatchError` if a board has other taxels than the hand's board at its address.
+        """Raise `BoardMismatchError` if the board at `address` has other taxels than the hand's board at this address.
 
-        fields: its BOARD_INFO.
+        fields: fields of the BOARD_INFO message of the board.
         """
         board = self.hand.get_board(address)  # raises UnknownBoardError
         found = (fields["identity_rows"], fields["identity_columns"], fields["identity_taxel_count"])
@@ -159,7 +159,7 @@ class Skin:
                 return
 
     def poll(self, timeout_s: float = 0.1) -> list[TaxelFrame]:
-        """All board frames that have arrived, for loops that must not block; an empty list if none arrived.
+        """Return all board frames that have arrived, for loops that must not block; an empty list if there are none.
 
         timeout_s: longest wait for the first frame, seconds. Raises EOFError at the end of a recording, and otherwise
         the errors of the iteration.
@@ -183,7 +183,7 @@ class Skin:
         return frame
 
     def _raise_mismatch(self, frame: TaxelFrame) -> None:
-        """Raise `BoardMismatchError` for a frame with another number of taxels than the hand's board."""
+        """Raise `BoardMismatchError` for a frame whose number of taxels differs from that of the hand's board."""
         board = self.hand.get_board(frame.address)  # raises UnknownBoardError
         raise BoardMismatchError(
             f"a frame of board 0x{frame.address:02X} has {len(frame.raw_counts)} taxels, but hand '{self.hand.name}' "
@@ -203,7 +203,7 @@ class Skin:
             yield self._assemble(frames)
 
     def _assemble(self, frames: list[TaxelFrame]) -> SkinFrame:
-        """The frame of the whole skin from the frames of one poll cycle; taxels of missing boards are not valid."""
+        """Combine the frames of one poll cycle to a frame of the whole skin; taxels of missing boards are not valid."""
         counts = np.zeros(self.hand.n_taxels, dtype=np.uint16)
         valid = np.zeros(self.hand.n_taxels, dtype=bool)
         for frame in frames:
@@ -215,7 +215,7 @@ class Skin:
     def take_baseline(
         self, samples: int = BASELINE_SAMPLES, progress: Callable[[float], None] | None = None
     ) -> BaselineResult:
-        """Mean, noise and disturbed taxels over the next `samples` frames of every board that responds.
+        """Measure the baseline (mean, noise, disturbed taxels) over the next `samples` frames of all responding boards.
 
         Nothing may touch the skin meanwhile. The frames are consumed. Taxels of boards that do not respond are NaN.
         progress: called with the completed share, 0 to 1. Raises `TaxelError` if a recording ends before the baseline
@@ -237,7 +237,7 @@ class Skin:
         )
 
     def close(self) -> None:
-        """Stop the frames of the hub and close the link."""
+        """Stop the stream of the hub and close the link."""
         link = self._stream.link
         if not link.is_recorded:
             with contextlib.suppress(TaxelError):  # a port that has vanished has no stream to stop

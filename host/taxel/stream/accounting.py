@@ -53,7 +53,7 @@ class LossAccount:
 
     @property
     def boards(self) -> dict[int, BoardCount]:
-        """Frame counts by board address; only boards that have sent a frame."""
+        """Frame counts by board address, for the boards that have sent a frame."""
         table: NDArray[np.uint64] = self._decoder.totals[3:].reshape(4, ADDRESSES)
         addresses = np.flatnonzero(table[0] + table[2] + table[3])
         return {int(a): BoardCount(*(int(count) for count in table[:3, a])) for a in addresses.tolist()}

@@ -31,14 +31,17 @@ class BoardLine:
         return self._readings[-1]
 
     def add(self, board_us: int, hub_us: int) -> None:
-        """Add a reading and remove the oldest beyond `SYNC_WINDOW` readings."""
+        """Add a reading of the board's clock with its hub time, microseconds; only `SYNC_WINDOW` readings are kept."""
         self._readings.append((board_us, hub_us))
         self._update_sums(board_us, hub_us, 1)
         if len(self._readings) > SYNC_WINDOW:
             self._update_sums(*self._readings.popleft(), -1)
 
     def _update_sums(self, x: int, y: int, sign: int) -> None:
-        """Add a reading (sign 1) to the sums of the fit, or remove it (sign -1)."""
+        """Add a pair of clock readings (sign 1) to the sums of the line fit, or remove it (sign -1).
+
+        x: board time, y: hub time, microseconds.
+        """
         self._x += sign * x
         self._y += sign * y
         self._xx += sign * x * x
@@ -64,7 +67,10 @@ class BoardLine:
         return (offset, slope) if squares <= SYNC_TOLERANCE_US**2 else self._fit_without_outliers(offset, slope)
 
     def _fit_without_outliers(self, offset: float, slope: float) -> tuple[float, float]:
-        """Return the given line if all readings are within the tolerance, else the Theil-Sen line."""
+        """Return the given line if all pairs of clock readings are within the tolerance, else the Theil-Sen line.
+
+        offset: microseconds. slope: hub microseconds per board microsecond.
+        """
         x, y = self.last
         board = np.array([board_us - x for board_us, _ in self._readings], dtype=float)
         hub = np.array([hub_us - y for _, hub_us in self._readings], dtype=float)

@@ -76,7 +76,7 @@ class CaptureDecoder:
                 raise link.make_damage_error(link.position - fill, is_interrupted=required <= RECORD_HEAD + RECORD_MAX)
 
     def _keep_partial_record(self, partial: slice, required: int) -> None:
-        """Move an incomplete record to the front of the block and enlarge the block to `required` bytes if needed.
+        """Move an incomplete record to the front of the block; enlarge the block to `required` bytes if needed.
 
         The block never exceeds the bytes that remain in the file, so a damaged length field cannot exhaust memory.
         """

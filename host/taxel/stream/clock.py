@@ -53,7 +53,11 @@ class LowerEnvelope:
         self._fitted_bin = 0.0
 
     def add(self, x: float, y: float) -> None:
-        """Add a point. x: microseconds, decreasing by at most one bin; y: seconds."""
+        """Add a point (x, y) of the lower envelope.
+
+        x: hub time, microseconds, decreasing by at most one bin. y: host time, seconds. Only the point with the
+        smallest delay of each bin of x is kept.
+        """
         number = x // BIN_US
         delay = y - x * 1e-6
         if self._bins and self._bins[-1][0] == number:
@@ -77,9 +81,10 @@ class LowerEnvelope:
 
     @staticmethod
     def _fit_envelope(points: list[tuple[float, float]]) -> tuple[float, float, float]:
-        """The line through the edge of the lower convex hull at the middle of the span; see `line`.
+        """Fit the line through the edge of the lower convex hull at the middle of the span of x.
 
-        points: (x, y) with ascending x, microseconds and seconds.
+        points: (x, y) with ascending x, microseconds and seconds. Returns (x0, y0, slope) of the line y = y0 + slope *
+        (x - x0).
         """
         x0, y0 = points[0]
         offsets = [(x - x0, y - y0) for x, y in points]
@@ -143,7 +148,10 @@ class ClockMap:
             self._take_sync(message.fields["address"], message.fields["board_time_us"], message.fields["hub_time_us"])
 
     def _take_uptime(self, uptime_us: int) -> None:
-        """Update the latest hub time; a decrease by more than `RESTART_US` is a restart and discards the mapping."""
+        """Update the latest hub time, microseconds; a decrease by more than `RESTART_US` is a restart of the hub.
+
+        A restart discards the mapping of the clocks.
+        """
         if uptime_us < self._hub_us - RESTART_US:  # the hub has restarted, and its clock with it
             self._envelope = LowerEnvelope()
             self._last_read = None
@@ -154,7 +162,7 @@ class ClockMap:
         self._hub_us = max(self._hub_us, uptime_us)
 
     def _take_sync(self, address: int, board_us: int, hub_us: int) -> None:
-        """Add a reading of a board's clock, modulo 2^32 microseconds, at an unwrapped hub time."""
+        """Use a reading of a board's clock (modulo 2^32 microseconds) at an unwrapped hub time for the board's line."""
         self._hub_us = max(self._hub_us, hub_us)
         line = self._lines.setdefault(address, BoardLine())
         if line:
@@ -169,7 +177,7 @@ class ClockMap:
         self._update_line(address, line)
 
     def _handle_implausible_sync(self, address: int, board_us: int, hub_us: int) -> None:
-        """Decide between a damaged reading of a board's clock and a restart of the board."""
+        """Decide between a damaged reading of a board's clock and a restart of the board; times in microseconds."""
         # A single implausible reading was damaged on the bus (it has no CRC); two consistent ones are a board restart.
         earlier = self._implausible.get(address)
         self._implausible[address] = (board_us, hub_us)
@@ -181,7 +189,7 @@ class ClockMap:
             self._take_sync(address, board_us, hub_us)
 
     def _update_line(self, address: int, line: BoardLine) -> None:
-        """Store the fitted line of a board for `hub_times_us`."""
+        """Fit the line from board time to hub time of the board at `address`, and store it for `hub_times_us`."""
         fit = line.fit()
         if fit is None:
             return
@@ -245,9 +253,9 @@ class ClockMap:
         syncs: NDArray[np.void],
         sync_us: NDArray[np.int64],
     ) -> None:
-        """Update the estimated read time of each board from the times between successive transfers, microseconds.
+        """Update the estimated time to read each board on the bus, from the times between successive transfers.
 
-        taxels, syncs: rows of dtype `ROW`; read_start, sync_us: their unwrapped hub times.
+        taxels, syncs: rows of dtype `ROW`. read_start, sync_us: their unwrapped hub times, microseconds.
         """
         sequence, times, address = taxels["sequence"], read_start, taxels["address"]
         if len(syncs):

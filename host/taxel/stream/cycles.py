@@ -16,13 +16,13 @@ class CycleSorter:
         self._has_complete_cycle = False
 
     def add(self, frame: TaxelFrame) -> None:
-        """Add one frame; afterwards call `pop` until it returns None."""
+        """Add one taxel frame to its poll cycle; afterwards call `pop` until it returns None."""
         frames = self._pending.setdefault(frame.cycle, [])
         frames.append(frame)
         self._has_complete_cycle = self._has_complete_cycle or len(frames) == self._boards
 
     def pop(self, is_end: bool = False) -> list[TaxelFrame] | None:
-        """Remove and return the frames of the oldest complete or overdue cycle; None if there is none.
+        """Remove and return the frames of the oldest complete or overdue poll cycle; None if there is none.
 
         `is_end`: the stream has ended, so every cycle is released.
         """

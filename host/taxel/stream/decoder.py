@@ -88,7 +88,7 @@ class StreamDecoder:
 
     @property
     def totals(self) -> NDArray[np.uint64]:
-        """Copy of `struct taxel_batch_totals` (firmware/codec/batch.h), u64[3 + 4 * 128].
+        """Copy of the loss counters of the C decoder (`struct taxel_batch_totals`), u64[3 + 4 * 128].
 
         Frames, lost frames, restarts; then received, missing, damaged and undecoded frames by board address.
         """
@@ -113,7 +113,7 @@ class StreamDecoder:
         return self._acknowledgements.raw[:size] if size else b""
 
     def push(self, data: bytes | NDArray[np.uint8]) -> list[Batch]:
-        """Return the frames completed by `data`: usually one batch, several for large `data`."""
+        """Return the frames of the hub completed by the bytes `data`: usually one batch, several for large `data`."""
         batches: list[Batch] = []
         source: bytes | int = data if isinstance(data, bytes) else data.ctypes.data
         remaining = len(data)
@@ -134,7 +134,7 @@ class StreamDecoder:
         return batches
 
     def _append_batch(self, batches: list[Batch]) -> None:
-        """Append a copy of the decoder's output buffers, unless they are empty."""
+        """Append a copy of the output buffers of the C decoder as a batch, unless they are empty."""
         taxels, messages, counts, payloads = self._output_sizes.tolist()
         if taxels or messages:
             batches.append(

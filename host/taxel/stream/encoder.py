@@ -70,7 +70,10 @@ class FramesLink:
         self._postponed: TaxelFrame | None = None
 
     def read(self, timeout_s: float = 0.0) -> Chunk | None:
-        """Return the next frame as a chunk. Raises EOFError after the last frame."""
+        """Return the next taxel frame, encoded as bytes of a hub. Raises EOFError after the last frame.
+
+        `timeout_s` has no effect.
+        """
         frame, self._postponed = self._postponed or next(self._frames, None), None
         if frame is None:
             raise EOFError
@@ -82,7 +85,7 @@ class FramesLink:
         return Chunk(b"".join(self._encode(frame)), max(0, round(frame.time_s * 1e9)))
 
     def _encode(self, frame: TaxelFrame) -> Iterator[bytes]:
-        """The bytes of a frame; a HUB_STATUS frame precedes the frame every `STATUS_PERIOD_S` seconds."""
+        """Yield the bytes of a taxel frame; a HUB_STATUS frame precedes it every `STATUS_PERIOD_S` seconds."""
         time_us = max(0, round(frame.time_s * 1e6))
         if frame.time_s >= self._status_s + STATUS_PERIOD_S:
             self._status_s = frame.time_s
@@ -100,7 +103,7 @@ class FramesLink:
         raise LinkError(self.name, "is a recording and accepts no commands")
 
     def close(self) -> None:
-        """Close the source of the frames."""
+        """Close the source of the taxel frames."""
         close = getattr(self._frames, "close", None)
         if close is not None:
             close()

@@ -106,9 +106,10 @@ class FrameStream:
         return True
 
     def _read(self, timeout_s: float) -> list[Chunk]:
-        """The chunks received within `timeout_s` seconds; of a recording at least `RECORDED_BYTES_AT_ONCE` bytes.
+        """Return the chunks of bytes received within `timeout_s` seconds.
 
-        Raises the end of the link, EOFError or `LinkError`, after all chunks before it are returned.
+        Of a recording at least `RECORDED_BYTES_AT_ONCE` bytes are returned. Raises the end of the link, EOFError or
+        `LinkError`, after all chunks before it are returned.
         """
         if self._ring is not None:
             return self._ring.read(timeout_s)
@@ -134,7 +135,7 @@ class FrameStream:
         return chunks
 
     def _note_arrivals(self, chunks: list[Chunk]) -> bytes:
-        """Join the chunks, and store the end of each chunk in the stream with its arrival time."""
+        """Join the received chunks, and store the end of each chunk in the stream with its arrival time."""
         self._arrival_ends.clear()
         self._arrival_ns.clear()
         for chunk in chunks:
@@ -148,11 +149,11 @@ class FrameStream:
             self.frames.extend(build_taxel_frames(batch, rows, times_s))
 
     def release(self) -> None:
-        """Stop reading and leave the link open, so that another reader can use it."""
+        """Stop reading the link and leave it open, so that another reader can use it."""
         if self._pump is not None:
             self._pump.stop()
 
     def close(self) -> None:
-        """Stop reading and close the link."""
+        """Stop reading the link and close it."""
         self.release()
         self.link.close()

@@ -72,7 +72,7 @@ class HubClient:
         self._tag = 0
 
     def _take(self, message: HubMessage) -> None:
-        """Store a hub message where requests and the caller find it."""
+        """Store a hub message: as the reply to a request, or as the latest message of its type."""
         fields = message.fields
         if message.type is FrameType.HUB_HANDSHAKE:
             self.last_handshake = fields
@@ -127,7 +127,7 @@ class HubClient:
         )
 
     def wait(self, seconds: float) -> None:
-        """Poll the stream for `seconds` on the link's clock."""
+        """Process the stream of the hub for `seconds` on the link's clock."""
         deadline = self._now_s() + seconds
         while (remaining_s := deadline - self._now_s()) > 0.0:
             self.stream.poll(min(max(remaining_s, 1e-6), 0.02))
@@ -194,7 +194,7 @@ class HubClient:
         return list(self.command(Command.SCAN_BUS))
 
     def read_boards(self) -> None:
-        """Read the identity of every board into `boards`."""
+        """Request the identity of every board from the hub, and store it in `boards`."""
         self.boards.clear()
         self.command(Command.GET_BOARD_INFO, pack(GetBoardInfoArguments, {"address": 0}))
 

@@ -23,7 +23,7 @@ class Pump:
         self._thread.start()
 
     def _run(self) -> None:
-        """Body of the reader thread."""
+        """Read the link and write its chunks into the ring buffer, until `stop` is called or the link fails."""
         try:
             while not self._stopping.is_set():
                 chunk = self._link.read(_READ_TIMEOUT_S)
@@ -33,7 +33,7 @@ class Pump:
             self._ring.fail(failure)
 
     def stop(self) -> None:
-        """Stop the thread and wait for its end."""
+        """Stop the reader thread and wait for its end."""
         self._stopping.set()
         self._ring.close()
         self._thread.join()

@@ -36,7 +36,7 @@ class RingBuffer:
         return self._written - self._read
 
     def write(self, chunk: Chunk) -> None:
-        """Append a chunk, in parts if it is longer than the capacity; return at once if the reader has closed."""
+        """Append a chunk of bytes, in parts if it exceeds the capacity; return at once if the reader has closed."""
         data = chunk.data
         with self._condition:
             while data:
@@ -63,7 +63,7 @@ class RingBuffer:
             self._remove_read_arrivals()
 
     def _store(self, data: bytes) -> None:
-        """Copy bytes to the write position, across the end of the buffer if needed."""
+        """Copy bytes to the write position of the ring buffer, across its end if needed."""
         start = self._written % self._capacity
         first = min(len(data), self._capacity - start)
         self._buffer[start : start + first] = data[:first]
@@ -89,20 +89,20 @@ class RingBuffer:
             return chunks
 
     def _load(self, end: int) -> bytes:
-        """Remove and return the bytes from the read position up to `end`, a position in the stream."""
+        """Remove and return the bytes of the ring buffer up to `end`, a position in the stream."""
         start, size = self._read % self._capacity, end - self._read
         first = min(size, self._capacity - start)
         self._read = end
         return bytes(self._buffer[start : start + first]) + bytes(self._buffer[: size - first])
 
     def fail(self, failure: BaseException) -> None:
-        """End the writing; the reader gets `failure` after the last byte."""
+        """End the writing; the reader gets the exception `failure` after the last byte."""
         with self._condition:
             self._failure = failure
             self._condition.notify_all()
 
     def close(self) -> None:
-        """End the reading; a waiting writer returns."""
+        """End the reading of the ring buffer; a waiting writer returns."""
         with self._condition:
             self._is_closed = True
             self._condition.notify_all()

@@ -46,8 +46,10 @@ class RowClock:
         message_rows: NDArray[np.void],
         messages: list[HubMessage],
     ) -> NDArray[np.void]:
-        """Update the clock mapping with taxel frames and hub messages in stream order, and return the usable taxel
-        rows. Rows with a wrong board CRC or without a key frame are omitted.
+        """Update the clock mapping with frames and messages in stream order, and return the usable taxel rows.
+
+        Rows with a wrong CRC of the board or without a key frame are omitted. arrivals_s: arrival time of each taxel
+        row.
         """
         for message in messages:
             self.clock.take_message(message)
@@ -67,9 +69,9 @@ def _count_rows_before(rows: NDArray[np.void], position: np.uint64 | None) -> in
 def _find_arrivals_s(
     taxel_rows: NDArray[np.void], ends: Sequence[int] | NDArray[np.uint64], times_ns: Sequence[int] | NDArray[np.uint64]
 ) -> NDArray[np.float64]:
-    """Arrival time, seconds, of the chunk in which each taxel frame ends, f64[k].
+    """Return the arrival time of each of k taxel frames, seconds, f64[k]: that of the chunk in which the frame ends.
 
-    ends: ascending ends of the chunks in the stream, bytes. times_ns: their arrival times.
+    ends: ascending ends of the chunks in the stream, bytes. times_ns: arrival times of the chunks, nanoseconds.
     """
     if not len(ends):
         return np.zeros(len(taxel_rows))

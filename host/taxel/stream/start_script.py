@@ -13,7 +13,10 @@ START_S = 0.25
 
 
 def write_start_script(path: str | os.PathLike[str]) -> None:
-    """Write a handshake and START as a capture of host bytes, for `taxel.link.run_emulator`; replaces the file."""
+    """Write a capture file of the bytes with which a host starts a hub: handshake and START; replaces the file.
+
+    The file is the host input of `taxel.link.run_emulator`.
+    """
     handshake = pack(HostHandshake, {"tag": 1, "version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION})
     start = pack(CommandPayload, {"tag": 2, "command": int(Command.START)})
     with CaptureWriter(path, overwrite=True) as script:

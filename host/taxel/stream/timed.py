@@ -40,7 +40,7 @@ def read_timed_bytes(link: Link) -> Iterator[TimedBytes]:
 
 
 def _read_chunks(link: Link) -> Iterator[TimedBytes]:
-    """The chunks of a recording with their arrival times, seconds."""
+    """Yield the chunks of a recording with their arrival times, seconds."""
     while True:
         try:
             chunk = link.read(0.0)
@@ -51,7 +51,7 @@ def _read_chunks(link: Link) -> Iterator[TimedBytes]:
 
 
 def _read_by_hub_time(link: Link) -> Iterator[TimedBytes]:
-    """The bytes of a recording without valid arrival times, each with the hub time of the frame that ends there."""
+    """Yield the bytes of a recording without valid arrival times, each with the hub time of the frame at its end."""
     decoder = StreamDecoder()
     chunk_start = hub_us = 0
     time_s = 0.0

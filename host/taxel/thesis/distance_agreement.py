@@ -39,7 +39,7 @@ class DistanceComparison:
         return f"Table {self.table}, {self.row}, {COLUMN_NAMES[self.column]}: {values}"
 
     def to_json(self) -> dict[str, Any]:
-        """The comparison as JSON values."""
+        """Convert the comparison of a reproduced and a printed distance to JSON values."""
         return {
             "table": self.table,
             "title": self.title,
@@ -64,7 +64,7 @@ class DistanceAgreement:
 
     @property
     def summary(self) -> str:
-        """One line: the number of distances within `FACTOR`, and the largest deviation."""
+        """Summarise the agreement in one line: number of distances within `FACTOR`, and the largest deviation."""
         if not self.distances:
             return "no RMS or mean distance to compare"
         counts = f"{self.count_within_factor} of {len(self.distances)}"
@@ -72,7 +72,7 @@ class DistanceAgreement:
         return f"{text}; largest deviation: {self.distances[0]}"
 
     def to_json(self) -> dict[str, Any]:
-        """The agreement as JSON values, with every distance beyond `FACTOR`, or else the largest deviation."""
+        """Convert the agreement to JSON values, with every distance beyond `FACTOR`, or else the largest deviation."""
         listed = self.distances[: max(len(self.distances) - self.count_within_factor, 1)]
         return {
             "distances": len(self.distances),
@@ -83,7 +83,10 @@ class DistanceAgreement:
 
 
 def compare_distances(tables: Sequence[Table]) -> DistanceAgreement:
-    """Agreement of the distances of all tables. Tables 5.3 and 5.5 repeat some distances of the appendix."""
+    """Compare the reproduced RMS and mean distances of all tables with the printed ones.
+
+    Tables 5.3 and 5.5 of the thesis repeat some distances of its appendix.
+    """
     comparisons = [
         DistanceComparison(table.number, table.title, ", ".join(row.key), column, value, printed)
         for table in tables

@@ -38,7 +38,10 @@ FIGURES: Final = {
 
 
 def save_figures(items: Sequence[ObjectClouds], results: Sequence[ObjectResult], out: Path) -> dict[str, Path]:
-    """Draw all figures and return their files by figure number. items, results: in the order of the thesis."""
+    """Draw all figures of the reproduction and return their files by figure number.
+
+    items, results: clouds and distances of each object, in the order of the thesis.
+    """
     figures = {
         "5.6": _draw_accumulated(items),
         "5.7": _draw_on_cad(items),
@@ -58,7 +61,7 @@ def save_figures(items: Sequence[ObjectClouds], results: Sequence[ObjectResult],
 
 
 def _new_figure(width: float, height: float) -> Any:
-    """An empty matplotlib figure. width, height: inches."""
+    """Create an empty matplotlib figure. width, height: inches."""
     from matplotlib.figure import Figure  # the import takes a second, which other commands need not wait for
 
     return Figure(figsize=(width, height), layout="constrained")
@@ -67,7 +70,10 @@ def _new_figure(width: float, height: float) -> Any:
 def _draw_clouds(
     axis: Any, clouds: Mapping[str, tuple[FloatArray, str]], mesh: TriangleMesh | None, title: str
 ) -> None:
-    """Draw clouds, and the sharp edges of a mesh, on a 3-D axis in millimetres. clouds: points and colour by label."""
+    """Draw clouds, and the sharp edges of a mesh, on a 3-D axis in millimetres.
+
+    clouds: points f64[n, 3] (metres) and colour by label. mesh: of the object; None: none is drawn.
+    """
     all_points = [points for points, _ in clouds.values()] + ([mesh.vertices] if mesh is not None else [])
     low, high = (1e3 * f(np.concatenate(all_points), axis=0) for f in (np.min, np.max))
     centre, half = 0.5 * (low + high), 0.5 * float((high - low).max())
@@ -90,7 +96,10 @@ SHARP_COS: Final = 0.9
 
 
 def _find_sharp_edges(mesh: TriangleMesh) -> list[FloatArray]:
-    """Edges between faces of different directions, f64[2, 3] each; of a round side only the rims."""
+    """Find the edges between mesh faces of different directions, each as its two end points f64[2, 3].
+
+    A round side has no sharp edges except its rims.
+    """
     owners: dict[tuple[int, int], list[int]] = {}
     for number, face in enumerate(mesh.faces.tolist()):
         for first, second in ((0, 1), (1, 2), (2, 0)):
@@ -101,7 +110,7 @@ def _find_sharp_edges(mesh: TriangleMesh) -> list[FloatArray]:
 
 
 def _draw_accumulated(items: Sequence[ObjectClouds]) -> Any:
-    """Figure 5.6: real and simulated cloud of each object."""
+    """Draw Figure 5.6 of the thesis: real and simulated cloud of each object."""
     figure = _new_figure(4.0 * len(items), 7.6)
     for column, item in enumerate(items):
         for row, name in enumerate((REAL, SIM)):
@@ -113,7 +122,7 @@ def _draw_accumulated(items: Sequence[ObjectClouds]) -> Any:
 
 
 def _draw_on_cad(items: Sequence[ObjectClouds]) -> Any:
-    """Figure 5.7: both clouds of each object, aligned to its CAD model."""
+    """Draw Figure 5.7 of the thesis: both clouds of each object, aligned to its CAD model."""
     figure = _new_figure(4.0 * len(items), 4.1)
     for column, item in enumerate(items):
         aligned = {
@@ -130,7 +139,7 @@ def _draw_on_cad(items: Sequence[ObjectClouds]) -> Any:
 
 
 def _draw_on_sim(items: Sequence[ObjectClouds]) -> Any:
-    """Figure 5.8: the real cloud of each object, aligned to the simulated cloud."""
+    """Draw Figure 5.8 of the thesis: the real cloud of each object, aligned to the simulated cloud."""
     figure = _new_figure(4.0 * len(items), 4.1)
     for column, item in enumerate(items):
         target = item.clouds[SIM].points
@@ -147,7 +156,7 @@ def _transform(cloud: ContactCloud, transform: FloatArray) -> FloatArray:
 
 
 def _draw_treatment(results: Sequence[ObjectResult]) -> Any:
-    """Figure 5.9: number of points at each step of the treatment."""
+    """Draw Figure 5.9 of the thesis: number of points at each step of the treatment of the clouds."""
     figure = _new_figure(9.0, 3.4)
     axis = figure.add_subplot()
     steps = (REAL, FILTERED, CLEANED, SIM, SPREAD)
@@ -175,7 +184,7 @@ def _choose_shade(position: int) -> str:
 
 
 def _draw_force_filter(results: Sequence[ObjectResult]) -> Any:
-    """Figure 5.10: distances to the CAD model against the threshold of the force filter."""
+    """Draw Figure 5.10 of the thesis: distances to the CAD model against the threshold of the force filter."""
     figure = _new_figure(4.0 * len(results), 3.6)
     for column, result in enumerate(results):
         axis = figure.add_subplot(1, len(results), column + 1)
@@ -203,7 +212,7 @@ def _draw_force_filter(results: Sequence[ObjectResult]) -> Any:
 
 
 def _draw_progress(item: ObjectClouds) -> Any:
-    """Figure 5.11: clouds of one object at each stage of the treatment."""
+    """Draw Figure 5.11 of the thesis: clouds of one object at each stage of the treatment."""
     steps = ((REAL, SIM), (FILTERED, SIM), (CLEANED, SIM), (CLEANED, SPREAD))
     figure = _new_figure(4.0 * len(steps), 4.1)
     for column, (real, sim) in enumerate(steps):
@@ -215,7 +224,7 @@ def _draw_progress(item: ObjectClouds) -> Any:
 
 
 def _draw_stages(results: Sequence[ObjectResult]) -> Any:
-    """Figure 5.12: distances between real and simulated clouds at each stage."""
+    """Draw Figure 5.12 of the thesis: distances between real and simulated clouds at each stage of the treatment."""
     figure = _new_figure(4.0 * len(results), 3.6)
     for column, result in enumerate(results):
         axis = figure.add_subplot(1, len(results), column + 1)
@@ -235,7 +244,7 @@ def _draw_stages(results: Sequence[ObjectResult]) -> Any:
 
 
 def _draw_shares(results: Sequence[ObjectResult]) -> Any:
-    """Figure 5.13: share of each step in the decrease of the mean distance."""
+    """Draw Figure 5.13 of the thesis: share of each treatment step in the decrease of the mean distance."""
     figure = _new_figure(9.0, 3.4)
     axis = figure.add_subplot()
     labels, at = [], []
@@ -266,7 +275,7 @@ def _draw_shares(results: Sequence[ObjectResult]) -> Any:
 
 
 def _draw_cross_match(results: Sequence[ObjectResult]) -> Any:
-    """Figure 5.14: mean distance of each treated cloud to all CAD models."""
+    """Draw Figure 5.14 of the thesis: mean distance of each treated cloud to all CAD models."""
     figure = _new_figure(4.0 * len(results), 6.0)
     for column, result in enumerate(results):
         for row, side in enumerate((REAL, SIM)):

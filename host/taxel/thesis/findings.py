@@ -30,7 +30,7 @@ class Finding:
         return all(self.holds.values())
 
     def to_json(self) -> dict[str, Any]:
-        """The finding as JSON values."""
+        """Convert the finding of the thesis and its evaluation to JSON values."""
         return {
             "number": self.number,
             "says": self.statement,
@@ -77,7 +77,7 @@ class _Criterion:
 
 
 def evaluate_findings(results: Results) -> list[Finding]:
-    """All twelve findings. results: in the order of the objects in the thesis."""
+    """Evaluate all twelve findings of the thesis. results: in the order of the objects in the thesis."""
     findings = [criterion.evaluate(results) for criterion in _CRITERIA]
     findings += [_evaluate_propagation(results), _evaluate_stages(results), _evaluate_cross_match(results)]
     return sorted(findings, key=lambda finding: finding.number)
@@ -192,7 +192,7 @@ _CRITERIA: Final = (
 
 
 def _evaluate_propagation(results: Results) -> Finding:
-    """Finding 8: effect of contact propagation on the distance to the CAD model."""
+    """Evaluate finding 8 of the thesis: effect of contact propagation on the distance to the CAD model."""
     numbers = {result.printed_name: result.cad[SPREAD].mean_m / result.cad[SIM].mean_m for result in results}
     smallest = min(numbers.values())
     holds = {name: value >= 1.15 and (name == "triangular") == (value == smallest) for name, value in numbers.items()}
@@ -203,7 +203,7 @@ def _evaluate_propagation(results: Results) -> Finding:
 
 
 def _evaluate_stages(results: Results) -> Finding:
-    """Finding 10: decrease of the distance between real and simulated clouds at every stage."""
+    """Evaluate finding 10 of the thesis: the distance between real and simulated clouds decreases at every stage."""
     numbers = {
         result.printed_name: _decrease(result.to_sim[STAGES[0]].mean_m, result.to_sim[STAGES[-1]].mean_m)
         for result in results
@@ -226,7 +226,7 @@ def _evaluate_stages(results: Results) -> Finding:
 
 
 def _evaluate_cross_match(results: Results) -> Finding:
-    """Finding 12: each cloud is nearest to its own CAD model."""
+    """Evaluate finding 12 of the thesis: each cloud is nearest to the CAD model of its own object."""
     numbers, holds = {}, {}
     for result in results:
         name = result.printed_name
@@ -249,14 +249,18 @@ def _stats_by_mesh(result: ObjectResult, side: str) -> dict[str, DistanceStats]:
 
 
 def compute_margin(result: ObjectResult, side: str) -> float:
-    """Smallest mean distance to another CAD model divided by that to the model of the object itself."""
+    """Compute how clearly a cloud matches its own object.
+
+    The result is the smallest mean distance to the CAD model of another object, divided by the mean distance to the
+    model of the object itself. side: "real" or "sim".
+    """
     by_mesh = _stats_by_mesh(result, side)
     other_means = [stats.mean_m for mesh, stats in by_mesh.items() if mesh != result.printed_name]
     return min(other_means) / by_mesh[result.printed_name].mean_m if other_means else float("inf")
 
 
 def compute_further_results(results: Results) -> list[FurtherResult]:
-    """Points removed between 190 and 200 counts, best filter settings, and the comparison of the two filters."""
+    """Compute results besides the findings: points removed from 190 to 200 counts, best filters, comparison."""
     removed = {
         result.printed_name: f"{_removed_share(result, 200) - _removed_share(result, 190):.1f} %" for result in results
     }
@@ -299,6 +303,9 @@ PRINTED_RESOLUTION_M: Final = 1e-5
 
 
 def find_best_settings(result: ObjectResult) -> list[tuple[int, float]]:
-    """All settings (N, nSigma) with the smallest mean distance to the CAD model, at the resolution of the thesis."""
+    """Find all settings (N, nSigma) of the outlier filter with the smallest mean distance to the CAD model.
+
+    Distances are compared at the resolution printed in the thesis.
+    """
     rounded = {key: round(stats.mean_m / PRINTED_RESOLUTION_M) for key, stats in result.sor.items()}
     return [key for key, value in rounded.items() if value == min(rounded.values())]

@@ -39,7 +39,10 @@ class GapSummary:
 def summarise_gap(
     report: Mapping[str, Any], results: Sequence[ObjectResult], printed: Mapping[str, Mapping[str, float]]
 ) -> GapSummary:
-    """Summary of a gap report of the same datasets. printed: printed mean distance by object and stage, metres."""
+    """Summarise a gap report of the same datasets.
+
+    results: distances of each object. printed: mean distance printed in the thesis by object and stage, metres.
+    """
     named = {entry["name"]: float(entry["shapley_share"]) for entry in report["effects"] if entry["in_verdict"]}
     total = sum(max(share, 0.0) for share in named.values())
     largest_first = sorted(named.items(), key=lambda item: -item[1])

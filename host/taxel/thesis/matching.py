@@ -63,7 +63,7 @@ class ObjectResult:
     cross: dict[tuple[str, str], DistanceStats] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """The result as JSON values."""
+        """Convert the distances of the object to JSON values."""
         return {
             "name": self.name,
             "grasps": self.grasps,
@@ -76,7 +76,10 @@ class ObjectResult:
 
 
 def accumulate_clouds(real: GraspDataset, sim: GraspDataset, name: str) -> ObjectClouds:
-    """Accumulated and treated clouds of an object in both datasets. Raises CloudError for an object without grasps."""
+    """Accumulate and treat the contact clouds of an object in the real and the simulated dataset.
+
+    name: of the object. Raises CloudError for an object without grasps.
+    """
     real_cloud, sim_cloud = accumulate(real, name), accumulate(sim, name)
     for data, cloud in ((real, real_cloud), (sim, sim_cloud)):
         if not len(cloud.grasps):
@@ -90,7 +93,11 @@ def accumulate_clouds(real: GraspDataset, sim: GraspDataset, name: str) -> Objec
 def apply_treatment(
     name: str, grasps: int, real: ContactCloud, sim: ContactCloud, propagated: ContactCloud, mesh: TriangleMesh
 ) -> ObjectClouds:
-    """Clouds of an object after the treatment of the thesis. propagated: simulated cloud with contact propagation."""
+    """Apply the treatment of the thesis (force filter, outlier filter) to the real cloud of an object.
+
+    grasps: number of real grasps. propagated: simulated cloud with contact propagation. Returns the clouds of the
+    object at all steps.
+    """
     filtered, settings = filter_by_force(real, FORCE_FILTER), get_outlier_filter(name)
     neighbours = min(settings.count_neighbours(len(filtered)), len(filtered))
     cleaned = remove_outliers(filtered, neighbours, settings.deviations)
@@ -109,9 +116,10 @@ def measure(
     *,
     with_sweeps: bool = True,
 ) -> ObjectResult:
-    """All distances of one object.
+    """Measure all distances of the clouds of one object.
 
-    meshes: by printed name. advance: called `STEPS` times. with_sweeps: False leaves out what no finding needs.
+    item: the clouds. meshes: CAD models by printed name. advance: called `STEPS` times to report progress. with_sweeps:
+    False leaves out distances that no finding needs.
     """
     real = item.clouds[REAL]
     cad = {name: measure_after_alignment(cloud, item.mesh) for name, cloud in item.clouds.items()}
@@ -148,7 +156,10 @@ STEPS: Final = 5
 
 
 def _sweep_sor(item: ObjectClouds) -> tuple[dict[tuple[int, float], DistanceStats], dict[int, int]]:
-    """Distances by the printed N and nSigma, and the N that was used for each printed N."""
+    """Measure the force-filtered real cloud after outlier filters with all settings that the thesis printed.
+
+    Returns the distances by the printed (N, nSigma), and the N that was used for each printed N.
+    """
     rows = sweep_outlier_filter(item.clouds[REAL], item.mesh, item.name)
     stats, neighbours = {}, {}
     # The rows of the sweep are in the order of the printed table.
@@ -159,6 +170,6 @@ def _sweep_sor(item: ObjectClouds) -> tuple[dict[tuple[int, float], DistanceStat
 
 
 def _measure_to_points(cloud: ContactCloud, target: PointTarget) -> DistanceStats:
-    """Distances to the nearest points of a target after ICP."""
+    """Measure the distances from a cloud to the nearest points of a target after alignment by ICP."""
     aligned = apply(align_to_points(cloud.points, target, name=cloud.name).transform, cloud.points)
     return DistanceStats.from_distances(compute_distances_to_cloud(aligned, target.points, cloud.name))

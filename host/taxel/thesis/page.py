@@ -48,7 +48,7 @@ class PageContent:
 
 
 def write_page(path: Path, content: PageContent) -> None:
-    """Write the page with its figures as one file."""
+    """Write the page of the reproduction, with its figures, as one HTML file."""
     style = (resources.files("taxel.thesis") / "page.css").read_text(encoding="utf-8")
     context = _build_context(content)
     text = render("thesis.html", package="taxel.thesis", policy=SECURITY_POLICY, style=style, **context)
@@ -56,7 +56,7 @@ def write_page(path: Path, content: PageContent) -> None:
 
 
 def _build_context(content: PageContent) -> dict[str, Any]:
-    """The variables of the template; all values are text, names or lists of them."""
+    """Return the variables of the page's template; all values are text, names or lists of them."""
     findings = content.findings
     reproduced = sum(finding.is_reproduced for finding in findings)
     return {
@@ -74,7 +74,7 @@ def _build_context(content: PageContent) -> dict[str, Any]:
 
 
 def _finding_context(finding: Finding) -> dict[str, Any]:
-    """Variables of the template for one finding."""
+    """Return the variables of the page's template for one finding."""
     unit = "" if finding.unit == "1" else f" {finding.unit}"
     entries = [
         {"text": f"{format_number(value)}{unit} ({format_number(printed)})", "holds": finding.holds[name]}
@@ -89,7 +89,7 @@ def _finding_context(finding: Finding) -> dict[str, Any]:
 
 
 def _gap_context(gap: GapSummary) -> dict[str, Any]:
-    """Variables of the template for the gap diagnosis."""
+    """Return the variables of the page's template for the gap diagnosis."""
     return {
         "headline": gap.headline,
         "is_largest_cause_found": gap.is_largest_cause_found,
@@ -104,7 +104,7 @@ def _figure_context(figure_number: str, path: Path) -> dict[str, str]:
 
 
 def _table_context(table: Table) -> dict[str, Any]:
-    """Variables of the template for one table."""
+    """Return the variables of the page's template for one table."""
     return {
         "number": table.number,
         "title": table.title,
@@ -117,7 +117,7 @@ def _table_context(table: Table) -> dict[str, Any]:
 
 
 def _entry_context(row: Row, column: str) -> dict[str, str]:
-    """Reproduced value, printed value and their ratio as text; distances in millimetres."""
+    """Format the reproduced value, printed value and their ratio of a table entry; distances in millimetres."""
     factor = 1e3 if column in COLUMNS_IN_MM else 1.0
     value, printed = (
         None if item is None else factor * item for item in (row.values.get(column), row.printed_values.get(column))

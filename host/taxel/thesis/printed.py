@@ -52,7 +52,7 @@ def get_printed_name(name: str) -> str:
 
 @cache
 def load_table(table: str) -> Rows:
-    """The rows of a file in `data`, such as ``I_1_to_3_force_filter``; numbers as floats."""
+    """Load a table of the thesis from a file in `data`, such as ``I_1_to_3_force_filter``; numbers as floats."""
     path = importlib.resources.files("taxel.thesis") / "data" / f"table_{table}.csv"
     lines = path.read_text(encoding="utf-8").splitlines()
     return tuple(
@@ -71,7 +71,7 @@ def get_distances(row: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _parse_value(text: str) -> Any:
-    """A cell of a printed table as a number if possible, else as text with the spelling of `STAGES`."""
+    """Convert a cell of a printed table to a number if possible, else to text with the spelling of `STAGES`."""
     try:
         return float(text)
     except ValueError:

@@ -56,9 +56,10 @@ class Campaign:
 
 
 def make_campaign(out: Path, seed: int, jobs: int | None, show: ShowStage) -> Campaign:
-    """The 144 grasps on the emulated hand and in the simulator, in the folder `out`.
+    """Run the 144 grasps of the thesis on the emulated hand and in the simulator, and store them in the folder `out`.
 
-    An interrupted campaign in the folder is continued. Raises TaxelError.
+    An interrupted campaign in the folder is continued. jobs: number of processes. show: called with the progress.
+    Raises TaxelError.
     """
     plan, setup = make_thesis_plan(seed), Setup(placements=THESIS_PLACEMENTS)
     effects = build_effects(board.name for board in setup.hand.boards)
@@ -133,7 +134,10 @@ def use_existing_campaign(real: Path, sim: Path) -> Campaign:
 
 
 def _accumulate_objects(real: GraspDataset, sim: GraspDataset, show: ShowStage) -> list[ObjectClouds]:
-    """The clouds of the objects of the thesis, in its order. Raises CloudError for a missing object."""
+    """Accumulate and treat the clouds of the objects of the thesis, in its order.
+
+    Raises CloudError for a missing object.
+    """
     names = [name for name in real.objects if name in sim.objects]
     items = {}
     for done, name in enumerate(names):
@@ -149,14 +153,14 @@ def _accumulate_objects(real: GraspDataset, sim: GraspDataset, show: ShowStage) 
 
 
 def _measure_objects(items: Sequence[ObjectClouds], show: ShowStage) -> list[ObjectResult]:
-    """The distances of all clouds of each object."""
+    """Measure the distances of all clouds of each object."""
     meshes = {item.printed_name: item.mesh for item in items}
     advance = _step_counter("matching", STEPS * len(items), show)
     return [measure(item, meshes, advance) for item in items]
 
 
 def _step_counter(stage: str, total: int, show: ShowStage) -> Callable[[], None]:
-    """Function that reports one more finished step of a stage at each call."""
+    """Return a function that reports one more finished step of a stage at each call. total: number of steps."""
     done = count(1)
     return lambda: show(stage, next(done), total)
 

@@ -16,10 +16,10 @@ PRINTED: Final = {"whole clouds": "2 of 2 each, among 3", "single approaches": "
 
 
 def count_identified_shapes(items: Sequence[ObjectClouds], advance: Callable[[], None]) -> list[FurtherResult]:
-    """Number of untreated real and simulated clouds whose object is identified, for each object.
+    """Count for each object the untreated real and simulated clouds whose object is identified by its shape.
 
-    The models are the objects of the thesis, and then these with the other built-in shapes. advance: called after each
-    cloud.
+    The candidate models are the objects of the thesis, and then these with the other built-in shapes. advance: called
+    after each cloud.
     """
     thesis_models = {item.name: item.mesh for item in items}
     all_models = {**get_builtin_models(), **thesis_models}

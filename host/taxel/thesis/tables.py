@@ -24,7 +24,7 @@ class Row:
     printed_values: Mapping[str, float | None]
 
     def ratio(self, column: str) -> float | None:
-        """Reproduced value divided by the printed one; None without one of them."""
+        """Return the reproduced value of a column divided by the printed one; None without one of them."""
         value, printed = self.values.get(column), self.printed_values.get(column)
         return value / printed if value is not None and printed else None
 
@@ -63,7 +63,7 @@ CSV_KINDS: Final = ("ours", "thesis", "ratio")
 
 
 def build_tables(results: Sequence[ObjectResult]) -> list[Table]:
-    """All tables in the order of the thesis. results: of the objects of the thesis, in its order."""
+    """Build all tables of the reproduction, in the order of the thesis. results: of its objects, in its order."""
     return [
         _build_points(results),
         _build_untreated(results),
@@ -87,7 +87,7 @@ def _number(results: Sequence[ObjectResult], first: int) -> Iterable[tuple[int, 
 
 
 def _build_points(results: Sequence[ObjectResult]) -> Table:
-    """Table 5.2: contact points of all grasps."""
+    """Build Table 5.2 of the thesis: contact points of all grasps."""
     columns = ("grasps", "real_points", "sim_points", "real_over_sim")
     rows = []
     for result in results:
@@ -108,7 +108,7 @@ def _add_ratio(points: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def _build_untreated(results: Sequence[ObjectResult]) -> Table:
-    """Table 5.3: distances of the untreated clouds to the CAD models."""
+    """Build Table 5.3 of the thesis: distances of the untreated clouds to the CAD models."""
     rows = []
     for result in results:
         force = select_rows("I_1_to_3_force_filter", result.printed_name)[0]
@@ -126,7 +126,7 @@ def _rms_and_mean(stats: DistanceStats) -> dict[str, float]:
 
 
 def _build_force(result: ObjectResult, number: int) -> Table:
-    """Tables I-1 to I-3: effect of the force filter on the real cloud of an object."""
+    """Build one of Tables I-1 to I-3 of the thesis: effect of the force filter on the real cloud of an object."""
     rows = []
     for row in select_rows("I_1_to_3_force_filter", result.printed_name):
         stats = result.force[int(row["threshold_counts"])]
@@ -137,7 +137,7 @@ def _build_force(result: ObjectResult, number: int) -> Table:
 
 
 def _build_sor(result: ObjectResult, number: int) -> Table:
-    """Tables I-4 to I-6: effect of the outlier filter on the real cloud of an object."""
+    """Build one of Tables I-4 to I-6 of the thesis: effect of the outlier filter on the real cloud of an object."""
     rows = []
     for row in select_rows("I_4_to_6_sor", result.printed_name):
         n, sigma = int(row["n_neighbors"]), float(row["n_sigma"])
@@ -153,7 +153,7 @@ def _add_removed(stats: DistanceStats, points_before: int) -> dict[str, float | 
 
 
 def _build_best_sor(results: Sequence[ObjectResult]) -> Table:
-    """Table 5.4: the best settings of the outlier filter."""
+    """Build Table 5.4 of the thesis: the best settings of the outlier filter."""
     rows = [
         Row(
             (result.printed_name,),
@@ -172,7 +172,7 @@ def find_best_sor(result: ObjectResult) -> tuple[int, float]:
 
 
 def _build_simulation(result: ObjectResult, number: int) -> Table:
-    """Tables I-7 to I-9: simulated cloud of an object before and after contact propagation."""
+    """Build one of Tables I-7 to I-9 of the thesis: simulated cloud before and after contact propagation."""
     printed = {row["stage"]: row for row in select_rows("I_7_to_9_simulation_cad", result.printed_name)}
     rows = tuple(
         Row((stage,), asdict(result.cad[cloud]), {"points": printed[stage]["points"], **get_distances(printed[stage])})
@@ -182,7 +182,7 @@ def _build_simulation(result: ObjectResult, number: int) -> Table:
 
 
 def _build_propagation(results: Sequence[ObjectResult]) -> Table:
-    """Table 5.5: effect of contact propagation on all objects."""
+    """Build Table 5.5 of the thesis: effect of contact propagation on the distances of all objects."""
     rows = []
     for result in results:
         printed = select_rows("I_7_to_9_simulation_cad", result.printed_name)
@@ -194,7 +194,7 @@ def _build_propagation(results: Sequence[ObjectResult]) -> Table:
 
 
 def _build_to_sim(result: ObjectResult, number: int) -> Table:
-    """Tables I-10 to I-12: distances from the real to the simulated cloud of an object."""
+    """Build one of Tables I-10 to I-12 of the thesis: distances from real to simulated cloud of an object."""
     rows = []
     for row in select_rows("I_10_to_12_sim_to_real", result.printed_name):
         stats = result.to_sim[row["stage"]]
@@ -206,7 +206,7 @@ def _build_to_sim(result: ObjectResult, number: int) -> Table:
 
 
 def _build_contributions(results: Sequence[ObjectResult]) -> Table:
-    """Figure 5.13 as a table: share of each step in the decrease of the mean distance."""
+    """Build Figure 5.13 of the thesis as a table: share of each step in the decrease of the mean distance."""
     rows = []
     for result in results:
         printed_rows = select_rows("I_10_to_12_sim_to_real", result.printed_name)
@@ -220,9 +220,9 @@ def _build_contributions(results: Sequence[ObjectResult]) -> Table:
 
 
 def compute_contributions(by_stage: Mapping[str, float]) -> list[float]:
-    """Share of each step in the total decrease of a distance, percent; zeros without a decrease.
+    """Compute the share of each treatment step in the total decrease of a distance, percent; zeros without a decrease.
 
-    by_stage: distances.
+    by_stage: distance by stage of the treatment (`STAGES`).
     """
     values = [by_stage[stage] for stage in STAGES]
     total = values[0] - values[-1]
@@ -230,7 +230,10 @@ def compute_contributions(by_stage: Mapping[str, float]) -> list[float]:
 
 
 def _build_cross(result: ObjectResult, side: str, cloud: str, number: int) -> Table:
-    """Tables I-13 to I-18: a cloud of an object on all CAD models."""
+    """Build one of Tables I-13 to I-18 of the thesis: distances of a cloud of an object to all CAD models.
+
+    side: "real" or "sim". cloud: name of the cloud in the title. number: of the table.
+    """
     rows = []
     for row in select_rows("I_13_to_18_cross_shape", result.printed_name, "cloud_object"):
         key = (side, row["cad_object"])
