@@ -63,4 +63,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
+    """List the names of the package `taxel`, including those that are imported at their first access."""
     return sorted({*globals(), *__all__})

@@ -31,4 +31,5 @@ class FieldError(TaxelError):
         self.remedy = remedy
 
     def __str__(self) -> str:
+        """Format the error as one line: file, field, expected and found values, remedy."""
         return f"{self.file}: {self.field}: expected {self.expected}, found {self.found}; {self.remedy}"

@@ -42,9 +42,10 @@ install a library, the smallest one is named.
 
 
 class MissingPackageError(TaxelError, ImportError):
-    """An optional library is not installed. The text names the library, its extra and the command that installs it.
+    """An optional library is not installed.
 
-    package: import name of the library.
+    The text names the library, the extra (optional dependency group) and the command that installs it. package: import
+    name of the library.
     """
 
     def __init__(self, purpose: str, package: str, extra: str) -> None:

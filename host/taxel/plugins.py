@@ -116,8 +116,10 @@ def refresh_plugins() -> None:
 
 @cache
 def _list_entry_points(group: str) -> tuple[EntryPoint, ...]:
+    """List the installed entry points of a group; cached until `refresh_plugins`."""
     return tuple(entry_points(group=group))
 
 
 def _distribution_name(point: EntryPoint) -> str:
+    """Return the name of the package that installs an entry point."""
     return point.dist.name if point.dist is not None else point.value

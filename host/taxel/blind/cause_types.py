@@ -15,10 +15,10 @@ SampleCause = Callable[[Rng, Hand, float], Cause]
 
 @dataclass(frozen=True)
 class CauseType:
-    """Causes of one emulator effect.
+    """Type of hidden causes that use one effect of the emulator.
 
-    name: effect of the catalogue, or "unknown". emulator_effect: such as "spread film". sample: samples a cause with a
-    strength from 0 to 1.
+    name: effect of the catalogue, or "unknown". emulator_effect: such as "spread film". sample: function that samples a
+    cause from random numbers, the hand and a strength from 0 to 1.
     """
 
     name: str

@@ -14,5 +14,6 @@ class BlindRunError(TaxelError):
         super().__init__(where, expected, found, remedy)
 
     def __str__(self) -> str:
+        """Format the error as one line with the location, expected and found values, and the remedy."""
         where, expected, found, remedy = self.args
         return f"{where}: expected {expected}, found {found}; {remedy}"

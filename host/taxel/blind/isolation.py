@@ -66,6 +66,7 @@ class SealedError(PermissionError):
         super().__init__(resource)
 
     def __str__(self) -> str:
+        """Format the error as one line that names the resource."""
         return f"{self.args[0]} is sealed while a world is diagnosed"
 
 
@@ -97,7 +98,7 @@ def is_forbidden(module: str) -> bool:
 
 
 class _ImportGuard(MetaPathFinder):
-    """Rejects sealed modules; placed before all other finders."""
+    """Import finder that rejects the modules which a blind diagnosis must not use; placed before all other finders."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -109,7 +110,7 @@ class _ImportGuard(MetaPathFinder):
 
 
 class _AccessHook:
-    """An audit hook that prevents access by an exception.
+    """Audit hook of Python that prevents forbidden access to files, processes and networks by an exception.
 
     folder: writable. readable: resolved paths, including `folder`.
     """

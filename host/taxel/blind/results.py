@@ -22,10 +22,10 @@ MIN_SHARE_OF_MAX: Final = 0.3
 
 @dataclass(frozen=True)
 class ReportedVerdict:
-    """The verdict of a report.
+    """The verdict of a diagnosis, as its report states it.
 
-    status, effects: see the report format. confounded_with_first: effects that are confounded with the first effect.
-    confounded_with: the same for each effect of the verdict.
+    status, effects: see the report format. confounded_with_first: effects that the data cannot distinguish from the
+    first effect. confounded_with: the same for each effect of the verdict.
     """
 
     status: str
@@ -61,7 +61,10 @@ class ReportedVerdict:
 
 @dataclass(frozen=True)
 class ParameterComparison:
-    """Estimate and true value of one parameter. is_reference: the truth is a fit to noise-free indentations."""
+    """Estimate and true value of one parameter of a hidden cause.
+
+    low, high: bounds of the 95 % interval. is_reference: the truth is a fit to noise-free indentations.
+    """
 
     effect: str
     emulator_effect: str

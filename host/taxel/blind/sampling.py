@@ -41,7 +41,11 @@ SALT_BYTES: Final = 32
 
 
 class WorldPlan(NamedTuple):
-    """Content of a world before its causes are sampled. strength: 0 to 1. is_withheld: see `World`."""
+    """Content of a world before its causes are sampled.
+
+    kind: as in `HiddenCauses`. strength: 0 to 1. is_withheld: whether the effect is removed from the catalogue in a
+    second diagnosis.
+    """
 
     kind: str
     cause_types: tuple[CauseType, ...]

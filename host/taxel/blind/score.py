@@ -209,6 +209,7 @@ def _parameter_errors(results: Sequence[WorldResult]) -> dict[str, Any]:
 
 
 def _median(values: Sequence[float]) -> float | None:
+    """Compute the median of values; None without values."""
     return float(np.median(values)) if values else None
 
 

@@ -32,7 +32,7 @@ _KINDS: Final = {
 
 @dataclass(frozen=True)
 class Provenance:
-    """Origin of a score.
+    """Origin of the score of a blind check.
 
     worlds, full_hand: options of the command. added: number of results of further runs. reports: number of worlds with
     a report. versions: versions of the diagnosis.
@@ -158,6 +158,7 @@ def _row(title: str, limit: str, measured: str, of: int | str, is_met: bool | No
 
 
 def _mark(is_met: bool) -> str:
+    """Return the text of the score sheet for a limit that is met or missed."""
     return "met" if is_met else "**missed**"
 
 
@@ -206,6 +207,7 @@ def _confusion_table(table: Mapping[str, Mapping[str, int]]) -> list[str]:
 
 
 def _count(number: int) -> str:
+    """Format the number of worlds in a cell of the confusion table; an empty text for 0."""
     return str(number) if number else ""
 
 

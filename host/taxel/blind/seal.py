@@ -8,14 +8,14 @@ from taxel.errors import TaxelError
 
 
 class SealBrokenError(TaxelError):
-    """A key that does not match its commitment."""
+    """The key of a world (its hidden causes) does not match the commitment published before the diagnosis."""
 
     def __init__(self, world: int) -> None:
         """Create the error of a world whose key does not match its commitment. world: number of the world."""
         super().__init__(world)
 
     def __str__(self) -> str:
-        """One line: the number of the world whose key was modified, and the action."""
+        """Format the error as one line with the number of the world and the remedy."""
         return (
             f"world {self.args[0]}: the key does not match its commitment, the folder was modified; "
             "run the check again in another folder"

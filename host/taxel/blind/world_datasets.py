@@ -33,6 +33,7 @@ class WorldNotMadeError(TaxelError):
         super().__init__(number, reason)
 
     def __str__(self) -> str:
+        """Format the error as one line with the number of the world and the message of the last attempt."""
         number, reason = self.args
         return f"world {number}: {MAX_ATTEMPTS} plans failed, the last with: {reason}; use another seed"
 
@@ -104,4 +105,5 @@ def _settings(plan: IndentationPlan, rng: np.random.Generator, **changes: Any) -
 
 
 def _sample_seed(rng: np.random.Generator) -> int:
+    """Sample a seed for another random generator."""
     return int(rng.integers(2**31))

@@ -301,9 +301,11 @@ class _FrameCollector:
             raise self._error
 
     def __enter__(self) -> _FrameCollector:
+        """Start the thread that collects the frames of the skin."""
         self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
+        """Stop the thread that collects the frames of the skin."""
         self._stop.set()
         self._thread.join(timeout=JOIN_TIMEOUT_S)

@@ -20,11 +20,11 @@ LATE_CYCLES = 16
 
 @dataclass(frozen=True, eq=False)
 class PollCycles:
-    """Poll cycles in order.
+    """Frames of all boards, grouped by poll cycle, in order of time.
 
     time_s: f64[T], start of the first board's scan. raw_counts: u16[T, n]; where a frame is missing, the latest counts
-    (0 before the first frame). valid: bool[T, s], whether the board's frame arrived. sensor_time: f64[T, s], seconds
-    of each board's own clock (where a frame is missing, the latest value).
+    (0 before the first frame). valid: bool[T, s], whether the board's frame arrived. sensor_time: f64[T, s], seconds of
+    each board's own clock (where a frame is missing, the latest value).
     """
 
     time_s: NDArray[np.float64]

@@ -21,9 +21,11 @@ class ProcessLostError(TaxelError):
     """A worker process of a campaign ended before its work was done."""
 
     def __init__(self) -> None:
+        """Create the error of a campaign whose worker process was terminated from outside; it has no arguments."""
         super().__init__()
 
     def __str__(self) -> str:
+        """Format the error as one line with the likely cause and the remedy."""
         return (
             "campaign: a worker process was terminated from outside (out of memory?); the finished grasps are in the "
             "file; continue with resume, or use fewer jobs"

@@ -34,6 +34,7 @@ class UnknownPresetError(TaxelError, ValueError):
         super().__init__(name)
 
     def __str__(self) -> str:
+        """Format the error as one line with the names of the presets and the text found."""
         names = ", ".join(PRESETS)
         return f"effects: expected {names} or lines such as 'spread film length_m=0.002', found {self.args[0]!r}"
 
@@ -46,6 +47,7 @@ class OffsetLineError(TaxelError, ValueError):
         super().__init__(line)
 
     def __str__(self) -> str:
+        """Format the error as one line with the expected format and the line found."""
         line = self.args[0]
         return f"effects: expected a name and six numbers (x y z in metres, rotation vector in rad), found {line!r}"
 

@@ -25,7 +25,7 @@ WITHDRAW_M = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A workstation.
+    """Hand, objects and poses of a grasp campaign.
 
     calibration: measured poses of objects in the frame of the robot's base, and of remounted brackets; objects and
     brackets without an entry are at their planned poses. placements: pose of the palm against the object, by object and
@@ -63,6 +63,7 @@ class Setup:
 
     @cached_property
     def _arms(self) -> dict[tuple[str, str], NDArray[np.float64]]:
+        """Cache of solved arm angles, f64[2, 6] radians, by names of object and approach."""
         return {}
 
     def approach(self, planned: PlannedGrasp) -> Approach:

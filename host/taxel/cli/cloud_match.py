@@ -28,7 +28,10 @@ DATASETS: Final = (".h5", ".hdf5")
 
 @dataclass(frozen=True)
 class CloudMatch:
-    """The match of one cloud. true_object: the grasped object, "" if unknown. approach: "" for all approaches."""
+    """Result of matching one contact cloud with shape models.
+
+    true_object: the grasped object, "" if unknown. approach: "" for all approaches.
+    """
 
     file: Path
     true_object: str

@@ -79,6 +79,7 @@ def _options(
 
 
 def _not_loaded() -> NoReturn:
+    """Stand for a command that is listed on the help page but not imported; a call is an error."""
     raise AssertionError("only the help page uses a command that is not loaded")
 
 

@@ -20,7 +20,7 @@ LINES_HZ = 1.0
 
 
 class NoFrameError(TaxelError):
-    """No frame arrived."""
+    """No frame of the skin arrived before the time limit."""
 
 
 def monitor(

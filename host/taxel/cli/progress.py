@@ -77,4 +77,5 @@ def spinner(title: str) -> Iterator[Callable[[str], None]]:
 
 
 def _stderr_console() -> Console:
+    """Create a console that prints to standard error without markup."""
     return Console(stderr=True, markup=False)

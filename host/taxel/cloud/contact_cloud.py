@@ -14,10 +14,12 @@ from taxel.types import BoolArray, FloatArray, IntArray
 
 
 def _no_points() -> FloatArray:
+    """Make an empty array of points, f64[0, 3]."""
     return np.empty((0, 3))
 
 
 def _no_index() -> IntArray:
+    """Make an empty array of row numbers, i64[0]."""
     return np.empty(0, np.int64)
 
 
@@ -73,6 +75,7 @@ class ContactCloud:
                 raise CloudError(self.name, name, f"rows of the {count} {table}", found, "correct it")
 
     def __len__(self) -> int:
+        """Return the number of active points."""
         return len(self.points)
 
     @property

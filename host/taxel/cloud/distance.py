@@ -61,5 +61,6 @@ def compute_distances_to_cloud(
 
 
 def _check(points: FloatArray, name: str) -> None:
+    """Raise CloudError for points that are not f64[N, 3] of finite coordinates, and for an empty cloud."""
     check_points(points, name)
     require_points(points, name)

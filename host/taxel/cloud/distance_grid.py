@@ -37,7 +37,10 @@ BATCH_POINTS: Final = 30_000
 
 @dataclass(frozen=True, eq=False)
 class DistanceGrid:
-    """Grid of distance bins. bins: u8[x, y, z]. origin: f64[3], metres, corner of the first cell. cell_m: cell edge."""
+    """Grid of cells that contain the binned signed distance to a shape.
+
+    bins: u8[x, y, z]. origin: f64[3], metres, corner of the first cell. cell_m: cell edge.
+    """
 
     bins: ByteArray
     origin: FloatArray

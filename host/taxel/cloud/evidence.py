@@ -47,7 +47,7 @@ FREE_DEPTH_M: Final = 0.002
 
 
 class ShapeLikelihood:
-    """Likelihood of the grasps of a cloud for one shape."""
+    """Likelihood of the active and inactive taxels of grasps for one shape, averaged over object poses."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
         """Create the likelihood of contact points for one shape: a grid of its distances and its bounds."""

@@ -56,6 +56,7 @@ def align_to_mesh_globally(points: FloatArray, mesh: TriangleMesh, name: str = "
     check_alignable(points, name)
 
     def align(subset: FloatArray, start: FloatArray, max_iterations: int) -> Alignment:
+        """Align a part of the points to the mesh from a first guess f64[4, 4]."""
         return align_to_mesh(subset, mesh, start, max_iterations=max_iterations, name=name)
 
     return _refine_best(points, compute_guesses(points, mesh.sample(MESH_SAMPLES)), align)
@@ -69,6 +70,7 @@ def align_to_points_globally(points: FloatArray, target: PointTarget, name: str 
     check_alignable(points, name)
 
     def align(subset: FloatArray, start: FloatArray, max_iterations: int) -> Alignment:
+        """Align a part of the points to the target from a first guess f64[4, 4]."""
         return align_to_points(subset, target, start, max_iterations=max_iterations, name=name)
 
     return _refine_best(points, compute_guesses(points, target.points), align)

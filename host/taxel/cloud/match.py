@@ -179,4 +179,5 @@ def _ratio(second: float, first: float) -> float:
 
 
 def _finite_or_none(value: float) -> float | None:
+    """Convert a number to a JSON value; None for NaN and infinity, which JSON does not have."""
     return value if np.isfinite(value) else None

@@ -79,6 +79,7 @@ class TriangleMesh:
         object.__setattr__(self, "faces", faces if volume > 0 else np.ascontiguousarray(faces[:, ::-1]))
 
     def __reduce__(self) -> tuple[type[TriangleMesh], tuple[str, FloatArray, IntArray]]:
+        """Return how to pickle the mesh: its constructor and arguments."""
         return TriangleMesh, (self.name, self.vertices, self.faces)  # without the tree, which cannot be pickled
 
     @cached_property

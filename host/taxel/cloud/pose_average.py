@@ -81,7 +81,7 @@ def log_sum_exp(logs: FloatArray, axis: int) -> FloatArray:
 
 
 class _Normal:
-    """A normal distribution. mean: f64[6]. root: lower triangular root of the covariance, f64[6, 6]."""
+    """A normal distribution of poses. mean: f64[6]. root: lower triangular root of the covariance, f64[6, 6]."""
 
     def __init__(self, mean: FloatArray, root: FloatArray) -> None:
         """Create a normal distribution of poses.

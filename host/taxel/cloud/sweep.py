@@ -63,7 +63,10 @@ Other objects use the first.
 
 @dataclass(frozen=True)
 class ForceRow:
-    """A row of Tables I-1 to I-3. Lengths in metres, after alignment to the model."""
+    """Distances to the model with one threshold of the force filter, a row of Tables I-1 to I-3 of the thesis.
+
+    Lengths in metres, after alignment to the model.
+    """
 
     object: str
     threshold_counts: float
@@ -77,7 +80,10 @@ class ForceRow:
 
 @dataclass(frozen=True)
 class SorRow:
-    """A row of Tables I-4 to I-6. Lengths in metres. n_neighbors: the value of N for this cloud."""
+    """Distances to the model with one setting of the outlier filter, a row of Tables I-4 to I-6 of the thesis.
+
+    Lengths in metres, after alignment to the model. n_neighbors: number of points N of the filter for this cloud.
+    """
 
     object: str
     n_neighbors: int

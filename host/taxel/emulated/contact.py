@@ -152,6 +152,7 @@ class SkinContact:
             self._handle = 0
 
     def __enter__(self) -> Self:
+        """Return the contact model itself; it is closed at the end of the `with` block."""
         return self
 
     def __exit__(

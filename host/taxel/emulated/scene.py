@@ -83,4 +83,5 @@ def _format_offset(offset: FloatArray) -> str:
 
 
 def _format_numbers(values: FloatArray) -> str:
+    """Format numbers for a line of the world file, with 12 digits, separated by spaces."""
     return " ".join(f"{value:.12g}" for value in values.tolist())

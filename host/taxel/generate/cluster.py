@@ -95,6 +95,7 @@ def _as_completed(
     """
 
     def submit(shard: int) -> Any:
+        """Start the generation of one shard on the cluster."""
         return client.submit(_numbered_shard, recipe, shard, pure=False)
 
     first = [submit(shard) for shard in islice(shards, pending)]
@@ -113,5 +114,6 @@ def _numbered_shard(recipe: Recipe, shard: int) -> tuple[int, bytes]:
 
 
 def _import_distributed() -> Any:
+    """Import the Dask package `distributed`. Raises MissingPackageError if it is not installed."""
     with optional_import("distributed", "--scheduler"):
         return import_module("distributed")

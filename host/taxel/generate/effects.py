@@ -147,6 +147,7 @@ def _parameter_bounds(reported: ReportedEffect) -> tuple[FloatArray, FloatArray]
 
 
 def _parameters(reported: ReportedEffect) -> Sequence[Parameter]:
+    """List the sampled parameters of an effect that a gap report names."""
     return list_sampled_parameters(reported.name, reported.effect.own_parameters())
 
 

@@ -20,6 +20,7 @@ class ClusterError(TaxelError):
         self.where, self.found, self.remedy = where, found, remedy
 
     def __str__(self) -> str:
+        """Format the error as one line with scheduler, cause and remedy."""
         return f"{self.where}: {self.found}; {self.remedy}"
 
 
@@ -32,4 +33,5 @@ class SamplingError(TaxelError):
         self.number, self.label, self.reason = number, label, reason
 
     def __str__(self) -> str:
+        """Format the error as one line with the number of the grasp, the reason and the remedy."""
         return f"grasp {self.number}, {self.label}: no sample could be simulated ({self.reason}); narrow its ranges"

@@ -87,6 +87,7 @@ def _make_record(recipe: Recipe) -> dict[str, Any]:
 
 
 def _to_text(content: dict[str, Any]) -> bytes:
+    """Convert a record to the bytes of a JSON file with sorted keys."""
     return (json.dumps(content, indent=1, sort_keys=True) + "\n").encode()
 
 
@@ -144,4 +145,5 @@ def _check_empty(out: Path) -> None:
 
 
 def _fail(path: Path, expected: str, found: str, remedy: str) -> NoReturn:
+    """Raise FolderError for a file or folder of a generation run."""
     raise FolderError(format_path(path), "/", expected, found, remedy)

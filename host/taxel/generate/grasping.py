@@ -95,6 +95,7 @@ class ShardGenerator:
 
     @cached_property
     def _states(self) -> FrameStates:
+        """Converter from dataset grasps to the input of the effect models; it reads the tables of this generator."""
         return FrameStates(self)
 
     def generate(self, number: int) -> GeneratedGrasp:

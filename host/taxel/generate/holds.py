@@ -21,8 +21,10 @@ from taxel.types import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Holds:
-    """Hold phases of g grasps. signal_counts: f64[g, n], mean over hold, 0 for a taxel without a valid hold frame.
-    label: str[g], kind of the object.
+    """Signals of g grasps in the hold phase.
+
+    signal_counts: f64[g, n], mean over hold, 0 for a taxel without a valid hold frame. label: str[g], kind of the
+    object.
     """
 
     signal_counts: FloatArray

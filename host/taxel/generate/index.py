@@ -66,6 +66,7 @@ def write_index(out: Path, recipe: Recipe, progress: Progress) -> None:
 
 
 def _path(out: Path, recipe: Recipe, shard: int) -> Path:
+    """Return the file of a shard in the folder `out`."""
     return out / format_shard_name(shard, recipe.shards)
 
 
@@ -75,5 +76,6 @@ def _format_number(value: float) -> str:
 
 
 def _size_and_checksum(path: Path) -> dict[str, Any]:
+    """Return size and SHA-256 of a file for the index."""
     with path.open("rb") as file:
         return {"bytes": path.stat().st_size, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}

@@ -37,7 +37,7 @@ CORRECT: Final = "correct it"
 
 @dataclass(frozen=True)
 class Key:
-    """A value of the file and its location."""
+    """A value of a recipe file and its location, for messages."""
 
     file: str
     path: str
@@ -99,6 +99,7 @@ class Key:
 
 
 def _is_number(value: Any) -> bool:
+    """Whether a value of the recipe file is a finite number; True and False are not numbers."""
     return not isinstance(value, bool) and isinstance(value, int | float) and bool(np.isfinite(value))
 
 
@@ -159,6 +160,7 @@ def check_recipe(recipe: Recipe, file: str) -> Recipe:
 
 
 def _first_repeated(names: Sequence[str]) -> str | None:
+    """Return the first name that occurs more than once; None if all names are different."""
     return next((name for name in names if names.count(name) > 1), None)
 
 

@@ -16,9 +16,10 @@ StageProgress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class GenerationResult:
-    """Result of a run. index: the index file. grasps: number of grasps in the folder.
+    """Result of a generation run.
 
-    generated_grasps: number of grasps that this run generated.
+    index: the index file. grasps: number of grasps in the folder. generated_grasps: number of grasps that this run
+    generated.
     """
 
     index: Path

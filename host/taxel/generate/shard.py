@@ -34,7 +34,7 @@ EPOCH: Final = "1970-01-01T00:00:00+00:00"
 
 @dataclass(frozen=True, eq=False)
 class ShardTable:
-    """One row for each grasp of a shard.
+    """Table of the sampled values of a shard, with one row for each grasp.
 
     number: i64[g]. label, object, approach: str[g]. values: f64[g, p], sampled values of `names`, NaN where a grasp has
     no such value.

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 
 class SingleThreadLimit:
-    """A limit of one thread that several shards share."""
+    """A limit of linear algebra to one thread that several shards share."""
 
     def __init__(self) -> None:
         """Create a limit on the threads of linear algebra that several threads of the program can use at once."""

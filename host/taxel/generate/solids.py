@@ -64,6 +64,7 @@ class ObjectKind:
 
     @cached_property
     def _unscaled(self) -> ConvexPolytope:
+        """Polytope of the mesh's convex hull, before the sampled scale."""
         return ConvexPolytope.from_mesh(self.hull)
 
     def sample(self, rng: np.random.Generator) -> dict[str, float]:

@@ -28,6 +28,7 @@ class WorkerLostError(TaxelError):
         super().__init__()
 
     def __str__(self) -> str:
+        """Format the error as one line with the likely cause and the remedy."""
         return (
             "generate: a worker process was ended from outside (memory?); completed shards are kept, "
             "run the same command again to continue, or with fewer --jobs"
@@ -35,7 +36,7 @@ class WorkerLostError(TaxelError):
 
 
 class Workers(Protocol):
-    """Generates shards."""
+    """Protocol of what generates shards: local processes or a cluster."""
 
     def generate_shards(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
         """Yield number and bytes of each shard of the recipe, in the order of completion."""
@@ -87,6 +88,7 @@ def _exit_with_parent() -> None:
     if parent is not None:
 
         def watch() -> None:
+            """Wait for the end of the parent process, then end this process at once."""
             parent.join()
             os._exit(1)
 

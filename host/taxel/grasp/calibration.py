@@ -65,6 +65,7 @@ class Calibration:
             object.__setattr__(self, kind, MappingProxyType(dict(getattr(self, kind))))
 
     def __reduce__(self) -> tuple[type[Calibration], tuple[dict[str, PoseEstimate], ...]]:
+        """Return how to pickle the calibration: its constructor and its tables of objects and brackets."""
         return Calibration, (dict(self.objects), dict(self.brackets))  # a mapping proxy cannot be pickled
 
     def warnings(self) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ class CalibrationError(FieldError, ValueError):
 
 @dataclass(frozen=True)
 class CalibrationField(Field):
-    """Position of a field in a calibration, for error messages."""
+    """Location of a field in a calibration file, for error messages."""
 
     def key(self, name: str) -> CalibrationField:
         """Return the location of a key of this table in the calibration file."""
@@ -32,4 +32,5 @@ class CalibrationField(Field):
         raise CalibrationError(self.file, self.path or "file", expected, found, remedy)
 
     def __str__(self) -> str:
+        """Format the location as "file: path of the field"."""
         return f"{self.file}: {self.path}" if self.path else self.file

@@ -173,6 +173,7 @@ def _check_entry(entry: Any, key: str, names: dict[str, str], field: Calibration
 
 
 def _check_text(text: str, field: CalibrationField) -> None:
+    """Raise CalibrationError for a text with several lines, or with more than `MAX_TEXT` characters."""
     if not text.isprintable() or len(text) > MAX_TEXT:
         field.fail(f"one printable line of at most {MAX_TEXT} characters", format_value(text), "shorten it")
 

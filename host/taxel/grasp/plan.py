@@ -72,6 +72,7 @@ _PRISM_TOP = PalmPlacement(0.0, edge_z_m=-0.030, thumb_rad=(0.90, 0.50), indenta
 
 
 def _set_azimuth(degrees: float, placement: PalmPlacement) -> PalmPlacement:
+    """Return the placement of the palm with another direction from the object to the palm, degrees about z."""
     return replace(placement, azimuth_rad=float(np.deg2rad(degrees)))
 
 
@@ -133,13 +134,10 @@ class Approach:
 
 @dataclass(frozen=True, eq=False)
 class PlannedGrasp:
-    """Grasp of the plan.
+    """One grasp of the plan.
 
-    Attributes:
-        id: unique and sortable by time, such as "s1_07_cylinder_side_2_1".
-        object, approach: names.
-        iteration: number of earlier grasps of this approach.
-        session: 0..sessions - 1.
+    id: unique and sortable by time, such as "s1_07_cylinder_side_2_1". object, approach: names. iteration:
+    number of earlier grasps of this approach. session: 0..sessions - 1.
     """
 
     id: str

@@ -49,15 +49,19 @@ def solve_kabsch(
 
 
 def compute_cofactors(transform: FloatArray, points: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Compute the cofactors (covariances for unit variance) of the pose and of the residuals, to first order.
+    """Compute the cofactors (covariances for unit variance) of a fitted pose and of its residuals, to first order.
 
-    With the true pose ``exp([d]x) R, t + u`` a point moves by ``J_i (d, u)``, ``J_i = [-[R points_i]x, 1]``: d is a
-    rotation about the axes of the reference frame, u a translation of the origin of the body frame. The normal matrix
-    is ``N = sum weight_i J_i^T J_i``.
+    transform: fitted pose f64[4, 4] with the rotation R and the translation t. points: f64[n, 3], metres, in the body
+    frame. weights: f64[n].
 
-    Returns ``Q = N^-1`` f64[6, 6] (rotation vector, then translation) and the blocks
-    ``1 / weight_i - J_i Q J_i^T`` f64[n, 3, 3] of the residuals. Source: the Gauss-Markov model, as in Foerstner and
-    Wrobel, Photogrammetric Computer Vision (2016), chapter 4.
+    Let the true pose have the rotation ``exp([d]x) R`` and the translation ``t + u``; d is a small rotation vector
+    about the axes of the reference frame, u a small translation of the origin of the body frame, and ``[v]x`` the
+    matrix of the cross product with v. Point i then moves by ``J_i (d, u)`` with ``J_i = [-[R points_i]x, 1]``. The
+    normal matrix is ``N = sum weight_i J_i^T J_i``.
+
+    Returns ``Q = N^-1`` f64[6, 6] (rotation vector, then translation) and the blocks ``1 / weight_i - J_i Q J_i^T``
+    f64[n, 3, 3] of the residuals. Source: the Gauss-Markov model, as in Foerstner and Wrobel, Photogrammetric Computer
+    Vision (2016), chapter 4.
     """
     x, y, z = rotate(transform, points).T
     jacobian = np.zeros((len(points), 3, 6))
@@ -74,12 +78,16 @@ def compute_cofactors(transform: FloatArray, points: FloatArray, weights: FloatA
 def studentise(
     residuals: FloatArray, cofactors: FloatArray, weights: FloatArray, sigma_m: float | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute the studentised residuals f64[n] and their degrees of freedom f64[n, 2].
+    """Compute the studentised residuals f64[n] of measured points and their degrees of freedom f64[n, 2].
 
-    residuals: f64[n, 3], metres; cofactors: f64[n, 3, 3]; sigma_m: of weight 1, None: estimated from the residuals. The
-    value of a point is the square root of F = (r^T C^+ r / k) / s^2, with k the rank of its block C and s^2 the
-    variance estimated without the point, or sigma_m^2. F has k and m - k degrees of freedom, m = 3 n - 6 (infinite with
-    sigma_m). NaN if no degrees of freedom remain.
+    A studentised residual is divided by its standard deviation, estimated without the point; outliers have large
+    values. residuals: f64[n, 3], metres. cofactors: f64[n, 3, 3], covariances of the residuals for unit variance.
+    weights: f64[n]. sigma_m: standard deviation of a coordinate of weight 1; None: estimated from the residuals.
+
+    The value of a point with the residual r and the cofactors C of rank k is the square root of F = (r^T C^+ r / k) /
+    s^2, where C^+ is the pseudoinverse of C and s^2 the variance estimated without the point, or sigma_m^2. F has k and
+    m - k degrees of freedom, m = 3 n - 6 (infinite with sigma_m). NaN if no degrees of freedom remain.
+
     Source: Baarda, A testing procedure for use in geodetic networks (1968), with s^2 estimated without the point.
     """
     values, axes = np.linalg.eigh(cofactors * weights[:, np.newaxis, np.newaxis])

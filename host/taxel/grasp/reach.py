@@ -39,6 +39,7 @@ class UnreachableError(TaxelError, ValueError):
         self.miss_m = miss_m
 
     def __str__(self) -> str:
+        """Format the error as one line with robot, link, requested position, remaining error and remedy."""
         x, y, z = self.position
         return (
             f"robot {self.robot!r}: expected a pose within reach for link {self.link_name!r}, found ({x:.3f}, {y:.3f}, "
@@ -184,5 +185,9 @@ def _find_chain(robot: Robot, link_name: str) -> _Chain:
 
 
 def _is_converged(error: FloatArray) -> npt.NDArray[np.bool_]:
+    """Test which residuals f64[k, 6] of the inverse kinematics are within the tolerances, bool[k].
+
+    A residual is a position error and a weighted rotation vector, metres.
+    """
     position, rotation = np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1) / ANGLE_WEIGHT_M
     return np.asarray((position <= POSITION_TOLERANCE_M) & (rotation <= ROTATION_TOLERANCE_RAD))

@@ -24,13 +24,14 @@ class ShapeError(TaxelError, ValueError):
         self.found = found
 
     def __str__(self) -> str:
+        """Format the error as one line with the kind of shape, expected and found values, and the remedy."""
         return (
             f"{self.shape}: expected {self.expected}, found {self.found}; correct the sizes or the mesh of the object"
         )
 
 
 class Shape(Protocol):
-    """Convex solid."""
+    """Protocol of a convex solid with the distances and rays that contact models need."""
 
     @property
     def height(self) -> float:

@@ -68,6 +68,7 @@ class Timeline:
 
     @cached_property
     def _start_times_s(self) -> tuple[float, ...]:
+        """Start of each phase, seconds after the start of the grasp."""
         return tuple(sum(self.durations_s[:phase]) for phase in Phase)  # cached, since controllers use it in every step
 
     def get_end_s(self, phase: int) -> float:
