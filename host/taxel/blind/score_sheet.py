@@ -207,7 +207,7 @@ def _confusion_table(table: Mapping[str, Mapping[str, int]]) -> list[str]:
 
 
 def _count(number: int) -> str:
-    """Format the number of worlds in a cell of the confusion table; an empty text for 0."""
+    """Format one entry of the confusion table, a number of worlds; an empty text for 0."""
     return str(number) if number else ""
 
 

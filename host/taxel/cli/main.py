@@ -75,7 +75,7 @@ def _options(
         bool, typer.Option("--version", help="Print the version and exit.", is_eager=True, callback=_print_version)
     ] = False,
 ) -> None:
-    pass
+    """Declare the options of the program itself, which precede the command; --version exits in its callback."""
 
 
 def _not_loaded() -> NoReturn:

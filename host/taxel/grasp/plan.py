@@ -136,8 +136,8 @@ class Approach:
 class PlannedGrasp:
     """One grasp of the plan.
 
-    id: unique and sortable by time, such as "s1_07_cylinder_side_2_1". object, approach: names. iteration:
-    number of earlier grasps of this approach. session: 0..sessions - 1.
+    id: unique and sortable by time, such as "s1_07_cylinder_side_2_1". object, approach: names. iteration: number of
+    earlier grasps of this approach. session: 0..sessions - 1.
     """
 
     id: str
