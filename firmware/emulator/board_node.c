@@ -47,8 +47,8 @@ static vtime systick_delay(struct board_node *board, vtime from, vtime to)
     return last == board->clock_origin || last + length <= from ? 0 : last > from ? length : last + length - from;
 }
 
-/* Processor interface: start of a conversion. Schedules its end from the processor time until the start, interrupts of
- * the system tick, and the drift of the board's clock. */
+/* HAL function of the emulated board: start of a conversion. Schedules its end from the processor time until the
+ * start, interrupts of the system tick, and the drift of the board's clock. */
 static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
 {
     struct board_node *board = context;
@@ -74,7 +74,7 @@ static void on_conversion_start(void *context, uint8_t tx, uint8_t rx)
     board->conversion_end = board->interrupt_begin + duration;
 }
 
-/* Processor interface: the board's clock in microseconds, with its rate error and drift. */
+/* HAL function of the emulated board: its clock in microseconds, with its rate error and drift. */
 static uint32_t on_clock_us(void *context)
 {
     const struct board_node *board = context;

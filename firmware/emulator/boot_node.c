@@ -47,7 +47,8 @@ static bool on_stay_requested(void *context)
     return stay_requested;
 }
 
-/* Processor interface: start of the image with this vector table; its address identifies the slot. */
+/* HAL function of the emulated bootloader: starts the image with this vector table, whose address identifies the
+ * slot. */
 static void on_start(void *context, uint32_t vectors)
 {
     struct boot_node *boot = context;

@@ -80,7 +80,8 @@ static void on_delay_us(void *context, uint32_t microseconds)
     ((struct hub_node *)context)->now += microseconds * VTIME_US;
 }
 
-/* Processor interface: run the main loop at the latest when the hub's clock reaches this value. */
+/* HAL function of the emulated hub: requests that the main loop runs at the latest when the hub's clock reaches
+ * this value. */
 static void on_wake_at(void *context, uint64_t clock_us)
 {
     struct hub_node *node = context;
