@@ -69,7 +69,7 @@ def parse_packet(packet: bytes, kind: BootChecksum = BootChecksum.SUM) -> tuple[
 
 
 def compute_row_sum(row: bytes) -> int:
-    """Reply to VERIFY_ROW: two's complement of the sum of the row's bytes, modulo 256."""
+    """Return the reply to VERIFY_ROW: the two's complement of the sum of the row's bytes, modulo 256."""
     return -sum(row) & 0xFF
 
 

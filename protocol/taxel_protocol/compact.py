@@ -159,6 +159,7 @@ class RangeEncoder:
     """Range coder (Martin, 1979). Its low end is one large integer, so that carries need no separate handling."""
 
     def __init__(self) -> None:
+        """Create a range coder with the full interval and no output."""
         self._low, self._range, self._shifted = 0, 0xFFFFFFFF, 0
 
     def put(self, first: int, size: int, bits: int) -> None:
@@ -185,6 +186,7 @@ class RangeDecoder:
     """Inverse of `RangeEncoder`; bytes after the last one count as zero."""
 
     def __init__(self, data: bytes) -> None:
+        """Create a range decoder for the bytes `data` of a delta frame."""
         self._data, self._position, self._range, self._code = data, 4, 0xFFFFFFFF, 0
         self._code = int.from_bytes(data[:4].ljust(4, b"\0"), "big")
 

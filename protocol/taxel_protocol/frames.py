@@ -199,6 +199,7 @@ class FrameSpec:
 
 
 def _fixed(payload: Struct, has_address: bool = False) -> FrameSpec:
+    """Return the specification of a frame type whose payload has a fixed size."""
     size = payload.sizeof()
     return FrameSpec(payload, size, size, has_address)
 

@@ -24,7 +24,7 @@ from taxel_protocol.names import FrameType
 
 
 def crc32(data: bytes, start: int = 0) -> int:
-    """CRC-32 of IEEE 802.3 (reflected polynomial 0xEDB88320, as zlib's); `start` continues an earlier CRC."""
+    """Compute the CRC-32 of IEEE 802.3 (reflected polynomial 0xEDB88320, as zlib's); `start` continues a CRC."""
     return zlib.crc32(data, start)
 
 
@@ -95,7 +95,7 @@ def cobs_decode(data: bytes) -> bytes:
 
 
 def encode_body(body: bytes) -> bytes:
-    """A frame's body whitened, stuffed and enclosed in its two delimiters."""
+    """Whiten and stuff the body of a frame, and enclose it in its two zero bytes."""
     return b"\0" + cobs_encode(whiten(body)) + b"\0"
 
 
@@ -179,6 +179,7 @@ class ReferenceDecoder:
     """
 
     def __init__(self) -> None:
+        """Create a decoder without received bytes."""
         self._chunk = bytearray()
         self.discarded_bytes = 0
 

@@ -68,12 +68,13 @@ def _walk(definition: Struct, prefix: str) -> Iterator[tuple[str, str, int, int 
 
 @cache
 def get_packer(definition: Struct) -> struct.Struct:
-    """`struct.Struct` of the fixed fields of `definition`."""
+    """Return the `struct.Struct` of the fixed fields of a struct definition."""
     return struct.Struct("<" + "".join(field.code for field in list_fields(definition)))
 
 
 @cache
 def _list_field_names(definition: Struct) -> tuple[str, ...]:
+    """Return the flat names of the fixed fields of a struct definition."""
     return tuple(field.name for field in list_fields(definition))
 
 

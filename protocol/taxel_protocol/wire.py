@@ -44,6 +44,7 @@ class _Delimited(Adapter):  # type: ignore[misc]
         return Body.parse(whiten(cobs_decode(data[1:-1]))).content.value
 
     def _encode(self, fields: Any, context: Any, path: str) -> bytes:
+        """Whiten and stuff the fields of a frame, and enclose the result in its two zero bytes."""
         return encode_body(Body.build({"content": {"value": fields}}))
 
 

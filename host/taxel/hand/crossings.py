@@ -50,6 +50,7 @@ def check_crossings(text: str, tx: int, rx: int, taxels: int, field: Field) -> N
 
 
 def _split_rows(text: str) -> list[str]:
+    """Divide a crossing map into its rows, one for each TX line, without surrounding blanks."""
     # Not splitlines(), which also splits at characters that must be reported as wrong.
     return [line.strip(" \t\r") for line in text.strip(" \t\r\n").split("\n")]
 

@@ -338,13 +338,16 @@ def _build_board(table: BoardTable, kind: BoardKind) -> Board:
 
 
 def _get_description_folder() -> Traversable:
+    """Return the folder of the packaged hand descriptions."""
     return resources.files("taxel.hand").joinpath("descriptions")
 
 
 def _get_array(pose: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """Return the pose, or an empty array for None, so that two optional poses can be compared."""
     return np.empty(0) if pose is None else pose
 
 
 def _make_read_only(array: NDArray[Scalar]) -> NDArray[Scalar]:
+    """Make an array read-only and return it."""
     array.setflags(write=False)
     return array

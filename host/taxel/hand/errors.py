@@ -48,6 +48,7 @@ class HandGeometryError(TaxelError, ValueError):
     """
 
     def __init__(self, hand: str) -> None:
+        """Create the error for a hand description without geometry; hand: its name."""
         super().__init__(hand)
         self.hand = hand
 
@@ -88,11 +89,11 @@ class Field:
         return Field(self.file, f"{self.path}.{key}" if self.path else key)
 
     def item(self, index: int) -> Field:
-        """Return the position of an element of this list."""
+        """Return the position of the element `index` of this list of a description file, for error messages."""
         return Field(self.file, f"{self.path}[{index}]")
 
     def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
-        """Raise HandDescriptionError for this field."""
+        """Raise HandDescriptionError for this field of a description file."""
         raise HandDescriptionError(self.file, self.path or "file", expected, found, remedy)
 
 

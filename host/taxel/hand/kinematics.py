@@ -16,6 +16,7 @@ class JointCountError(TaxelError, ValueError):
     """The number of joint angles differs from the number of joints of the robot."""
 
     def __init__(self, robot: str, expected: int, found: int) -> None:
+        """Create the error for a wrong number of joint angles; robot: its name; expected, found: the numbers."""
         super().__init__(robot, expected, found)
 
     def __str__(self) -> str:
@@ -55,6 +56,7 @@ class Kinematics:
 
     @cached_property
     def _bracket_poses(self) -> NDArray[np.float64]:
+        """Pose of the bracket of each board on its link, f64[s, 4, 4]."""
         hand = self._require_hand()
         return np.stack([board.pose for board in hand.boards if board.pose is not None])
 
@@ -83,14 +85,17 @@ class Kinematics:
 
     @cached_property
     def _origins(self) -> NDArray[np.float64]:
+        """Pose of each joint in the frame of its parent link at joint angle 0, f64[joints, 4, 4]."""
         return np.stack([joint.origin for joint in self.robot.joints])
 
     @cached_property
     def _revolute(self) -> NDArray[np.intp]:
+        """Indices of the revolute joints among all joints, int[j]."""
         return np.flatnonzero([joint.axis is not None for joint in self.robot.joints])
 
     @cached_property
     def _axes(self) -> NDArray[np.float64]:
+        """Unit axis of each revolute joint, f64[j, 3]."""
         axes = [joint.axis for joint in self.robot.joints if joint.axis is not None]
         return np.stack(axes) if axes else np.empty((0, 3))
 

@@ -127,10 +127,12 @@ def load_robot(name_or_path: str | os.PathLike[str]) -> Robot:
 
 
 def _get_folder() -> Any:
+    """Return the folder of the packaged robot descriptions."""
     return resources.files("taxel.hand").joinpath("robots")
 
 
 def _build_origin(table: dict[str, Any]) -> NDArray[np.float64]:
+    """Build the pose f64[4, 4] of a joint or shape from its table; position and quaternion are optional."""
     position = np.array(table.get("position_m", [0.0, 0.0, 0.0]), dtype=float)
     return make_pose(position, np.array(table.get("quaternion_wxyz", [1.0, 0.0, 0.0, 0.0]), dtype=float))
 

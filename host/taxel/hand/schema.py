@@ -145,6 +145,7 @@ def _check_header(document: dict[str, Any], top: Field) -> None:
 
 
 def _format_toml(value: str | int) -> str:
+    """Format a text or an integer as a value in TOML."""
     return f'"{value}"' if isinstance(value, str) else str(value)
 
 

@@ -140,6 +140,7 @@ def _add_geometry(element: ET.Element, role: str, origin: NDArray[np.float64]) -
 
 
 def _add_origin(element: ET.Element, origin: NDArray[np.float64]) -> None:
+    """Append a pose f64[4, 4] to a URDF element as its "origin" (position, roll, pitch and yaw)."""
     ET.SubElement(element, "origin", xyz=_format_numbers(origin[:3, 3]), rpy=_format_numbers(to_rpy(origin)))
 
 

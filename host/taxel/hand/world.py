@@ -45,7 +45,7 @@ class WorldSettings:
 
     @property
     def effective_parts_seed(self) -> int:
-        """Seed of the properties that persist over power cycles."""
+        """Seed of the properties of parts that persist over power cycles: `parts_seed`, or `seed` if that is None."""
         return self.seed if self.parts_seed is None else self.parts_seed
 
 

@@ -28,7 +28,10 @@ class Link(Protocol):
     has_flow_control: bool
 
     def read(self, timeout_s: float) -> Chunk | None:
-        """The next bytes; None if no byte arrived within `timeout_s`. Raises EOFError at the end, `LinkError`."""
+        """Return the next bytes of the link; None if no byte arrived within `timeout_s`.
+
+        Raises EOFError at the end of a recording, `LinkError` if the link fails.
+        """
         ...
 
     def write(self, data: bytes) -> None:
@@ -50,5 +53,5 @@ class SteppedLink(Link, Protocol):
 
 
 def get_clock(link: Link) -> Callable[[], float]:
-    """The clock for timeouts of a reply from `link`, a function that returns seconds."""
+    """Return the clock for the timeout of a reply from `link`, a function that returns seconds."""
     return link.now_s if isinstance(link, SteppedLink) else time.monotonic

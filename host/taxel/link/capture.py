@@ -79,7 +79,7 @@ class CaptureWriter:
         """Do nothing: each record is written at once."""
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the capture file."""
         self._file.close()
 
     def __enter__(self) -> "CaptureWriter":
@@ -184,12 +184,12 @@ class CaptureLink:
 
     @property
     def position(self) -> int:
-        """Number of bytes of the file that are read."""
+        """Number of bytes of the capture file that have been read."""
         return self._file.tell()
 
     @property
     def remaining_bytes(self) -> int:
-        """Number of bytes of the file that are not read yet."""
+        """Number of bytes of the capture file that have not been read yet."""
         return max(os.fstat(self._file.fileno()).st_size - self.position, 0)
 
     def write(self, data: bytes) -> None:
@@ -197,7 +197,7 @@ class CaptureLink:
         raise CaptureError(self.name, "is a recording; it takes no commands")
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the capture file."""
         self._file.close()
 
     def __enter__(self) -> "CaptureLink":

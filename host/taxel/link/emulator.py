@@ -186,6 +186,7 @@ class EmulatorLink:
 
 
 def _get_last_line(stderr: bytes) -> str:
+    """Return the last line of the text on standard error that is not empty; "" without text."""
     lines = stderr.decode(errors="replace").strip().splitlines()
     return lines[-1] if lines else ""
 

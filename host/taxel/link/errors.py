@@ -13,6 +13,7 @@ class LinkError(TaxelError):
         self.problem = problem
 
     def __reduce__(self) -> tuple[type["LinkError"], tuple[str, str]]:
+        """Return class and arguments for pickle; the message alone does not contain name and problem separately."""
         return type(self), (self.name, self.problem)
 
 

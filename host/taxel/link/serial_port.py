@@ -107,6 +107,7 @@ class SerialLink:
             self._port.timeout = timeout_s
 
     def _make_vanished_error(self, error: Exception) -> PortVanishedError:
+        """Create the error for a serial port that has been removed; error: exception of pyserial."""
         return PortVanishedError(self.name, f"the port is gone ({_describe(error)}); check plug and power")
 
     def write(self, data: bytes) -> None:

@@ -20,7 +20,7 @@ HEADER = struct.Struct("<8sIIII")
 
 
 def make_stimulus_header(taxels: int, kind: Kind = "force") -> bytes:
-    """The first 24 bytes of a stimulus stream for a skin of `taxels` taxels."""
+    """Return the header of a stimulus stream, 24 bytes, for a skin of `taxels` taxels."""
     return HEADER.pack(b"TAXELSTM", 1, _KINDS[kind], taxels, 0)
 
 

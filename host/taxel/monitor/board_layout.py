@@ -168,4 +168,5 @@ def _shorten_name(name: str) -> str:
 
 
 def _compute_centre_offset(text: str, width: int) -> int:
+    """Return the number of characters before a text that is centred in `width` characters."""
     return max(0, (width - len(text)) // 2)

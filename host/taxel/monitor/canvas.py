@@ -96,6 +96,7 @@ class Canvas:
 
 @lru_cache(maxsize=256)
 def _parse_style(style: str) -> Style:
+    """Parse a style of the package rich, such as "bold green"; the result is cached."""
     return Style.parse(style)
 
 
@@ -112,5 +113,6 @@ def _make_pair_style(upper: int, lower: int) -> Style:
 
 
 def _colour(step: int) -> Color:
+    """Return the terminal colour of a row of the colour table `TABLE`."""
     red, green, blue = (int(value) for value in TABLE[step])
     return Color.from_rgb(red, green, blue)

@@ -32,6 +32,7 @@ class History:
         self._count = min(self._count + 1, len(self._times))
 
     def _rows(self) -> IndexArray:
+        """Return the indices of the stored readings in the ring buffer, the oldest first."""
         return (self._next - self._count + np.arange(self._count)) % len(self._times)
 
     @property
@@ -41,7 +42,7 @@ class History:
         return times - times[-1] if times.size else times
 
     def taxels(self, index: IndexArray) -> Float32Array:
-        """Signals of the taxels `index` [k], f32[t, k], counts; NaN where unknown."""
+        """Return the stored signals of the taxels `index` [k], counts, f32[t, k], oldest first; NaN if unknown."""
         return np.asarray(self._signals[np.ix_(self._rows(), index)])
 
     def find_most_active(self, count: int) -> IndexArray:

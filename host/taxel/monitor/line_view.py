@@ -11,15 +11,16 @@ class LineView:
     """Passes one line for each reading to `out`, as text or JSON."""
 
     def __init__(self, out: Callable[[str], None], as_json: bool = False) -> None:
+        """Create a view that passes one line per reading to `out`, as text or as JSON."""
         self._out = out
         self._as_json = as_json
 
     def draw(self, reading: SkinReading) -> None:
-        """Pass the line of a reading to `out`."""
+        """Pass the line of text (or JSON) of a reading to `out`."""
         self._out(json.dumps(reading.as_dict()) if self._as_json else format_line(reading))
 
     def is_done(self, reading: SkinReading) -> bool:
-        """False: the lines continue as long as the stream."""
+        """Return False: the lines continue until the stream ends."""
         return False
 
 
@@ -27,6 +28,7 @@ class OnceView:
     """Shows nothing. Done at the first complete reading, or after `timeout_s` seconds without a streaming board."""
 
     def __init__(self, timeout_s: float = 10.0) -> None:
+        """Create a view that ends at the first complete reading, or after `timeout_s` seconds without a frame."""
         self._timeout_s = timeout_s
 
     def draw(self, reading: SkinReading) -> None:

@@ -32,6 +32,7 @@ def format_status_html(reading: SkinReading, title: str) -> str:
 
 
 def _join_parts(parts: list[Part]) -> str:
+    """Join the parts of a status line, pairs of a text and whether it reports a problem, to HTML."""
     return " &middot; ".join(f'<span style="{_BAD_STYLE}">{text}</span>' if is_bad else text for text, is_bad in parts)
 
 
@@ -47,11 +48,13 @@ def format_legend_html(threshold: float, top: float) -> str:
 
 
 def _format_gradient(first: int, last: int) -> str:
+    """Format the colours of the steps `first` to `last` of the colour table as a CSS gradient."""
     stops = [first + (last - first) * i // 6 for i in range(7)]
     return f"linear-gradient(to right,{','.join(_format_rgb(step) for step in stops)})"
 
 
 def _format_rgb(step: int) -> str:
+    """Format the colour of a step of the colour table for CSS."""
     red, green, blue = TABLE[step].tolist()
     return f"rgb({red},{green},{blue})"
 

@@ -12,6 +12,7 @@ class RecentRate:
     """Rates of counters [k], per second, over about the last `window_s` seconds."""
 
     def __init__(self, window_s: float = 2.0) -> None:
+        """Create a measurement of the rates of counters over about the last `window_s` seconds."""
         self._window_s = window_s
         self._samples: deque[tuple[FloatArray, FloatArray]] = deque()
 

@@ -156,4 +156,5 @@ def _make_board_dict(reading: BoardReading) -> dict[str, Any]:
 
 
 def _round_finite(value: float, digits: int) -> float | None:
+    """Round a number to `digits` decimals; None for NaN and infinity, which JSON lacks."""
     return round(value, digits) if np.isfinite(value) else None

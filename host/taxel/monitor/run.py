@@ -17,7 +17,7 @@ class View(Protocol):
     """A view of readings."""
 
     def draw(self, reading: SkinReading) -> None:
-        """Show a reading."""
+        """Show a reading of the skin to the user."""
         ...
 
     def is_done(self, reading: SkinReading) -> bool:

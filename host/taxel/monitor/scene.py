@@ -83,10 +83,12 @@ def build_scene(hand: Hand) -> HandScene:
 
 
 def _compute_drawn_angles(robot: Robot) -> FloatArray:
+    """Return the joint angles of the drawn hand, f64[j], radians, within the joint ranges."""
     angles = np.array([OPEN_HAND.get(name, 0.0) for name in robot.joint_names])
     return np.asarray(np.clip(angles, robot.lower, robot.upper))
 
 
 def _normalise(vector: FloatArray) -> FloatArray:
+    """Divide a vector by its length; a zero vector becomes (0, 0, 1)."""
     length = float(np.linalg.norm(vector))
     return vector / length if length > 0.0 else np.array([0.0, 0.0, 1.0])

@@ -120,6 +120,7 @@ class Screen:
             self._draw_label(canvas, placed, by_address[placed.board.address])
 
     def _draw_label(self, canvas: Canvas, placed: PlacedBoard, board: BoardReading) -> None:
+        """Draw the label of a board above its taxels; the style shows whether the board is active or faulty."""
         style = "bold green" if board.active else DIM if board.is_streaming else BAD
         canvas.write(HEADER_ROWS + placed.y - 1, placed.label_x, placed.label, style)
 
@@ -192,4 +193,5 @@ def _write_row(canvas: Canvas, row: int, column: int, texts: Sequence[str], styl
 
 
 def _truncate(text: str, width: int) -> str:
+    """Shorten a text to `width` characters, with an ellipsis at its end if it was longer."""
     return text if len(text) <= width else text[: max(0, width - 1)] + "…"

@@ -71,4 +71,5 @@ def format_line(reading: SkinReading) -> str:
 
 
 def _format_counts(value: float) -> str:
+    """Format a signal as whole counts; "-" for NaN."""
     return "-" if math.isnan(value) else f"{value:.0f}"

@@ -19,6 +19,7 @@ class Keys:
     """Keys of standard input without Enter; no keys if standard input is no terminal."""
 
     def __init__(self) -> None:
+        """Create a reader of single keys from standard input; without a terminal it returns no keys."""
         self._descriptor = sys.stdin.fileno() if sys.stdin is not None and sys.stdin.isatty() else -1
         self._saved: list[Any] | None = None
 

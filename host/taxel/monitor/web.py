@@ -208,11 +208,12 @@ class WebView:
         return names, self._history.taxels(index)
 
     def is_done(self, reading: SkinReading) -> bool:
-        """False: the page is served until the program ends."""
+        """Return False: the page is served until the program ends."""
         return False
 
 
 def _format_title(name: str) -> str:
+    """Return the name of a board with spaces instead of underscores."""
     return name.replace("_", " ")
 
 
@@ -229,6 +230,7 @@ def _make_line_styles(names: tuple[str, ...]) -> tuple[Any, ...]:
 
 
 def _make_scales(top: float) -> dict[str, Any]:
+    """Return the ranges of the plot's axes: the last `SHOWN_S` seconds, and 0 to `top` counts."""
     return {"x": {"time": False, "range": (-SHOWN_S, 0.0)}, "y": {"range": (-0.05 * top, top)}}
 
 
@@ -251,7 +253,7 @@ def _start_server(port: int) -> viser.ViserServer:
 
 
 def _disable_sharing(verbose: bool = True) -> None:
-    return None
+    """Do nothing: replaces viser's function that would share the page on the internet."""
 
 
 def _draw_links(server: viser.ViserServer, hand: HandScene) -> None:

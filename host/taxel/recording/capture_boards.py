@@ -33,7 +33,7 @@ class BoardFrames(NamedTuple):
     cycle: CountArray
 
     def select(self, rows: slice) -> "BoardFrames":
-        """The frames of some rows."""
+        """Return the frames of the board in the given rows."""
         return BoardFrames(self.time_s[rows], self.raw_counts[rows], self.sequence[rows], self.cycle[rows])
 
     def concatenate(self, later: "BoardFrames") -> "BoardFrames":

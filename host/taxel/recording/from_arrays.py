@@ -89,11 +89,11 @@ class _Values:
             checked.add(name)
 
     def ids(self, group: str) -> list[str]:
-        """Names of the subgroups of objects or grasps."""
+        """Return the sorted names of the subgroups of `group`, "objects" or "grasps"."""
         return sorted({name.split("/")[1] for name in self._names if name.startswith(f"{group}/")})
 
     def has_group(self, group: str) -> bool:
-        """Whether there is a value in that group."""
+        """Whether there is an array or value in the group `group`."""
         return any(name.startswith(f"{group}/") for name in self._names)
 
     def get(self, name: str, required: bool = True) -> Any:
@@ -110,7 +110,7 @@ class _Values:
         return value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
 
     def table(self, group: str, names: tuple[str, ...]) -> dict[str, Any]:
-        """All arrays of a table."""
+        """Return the arrays `names` of the table `group`, by name. Raises DatasetError for a missing array."""
         return {name: self.get(f"{group}/{name}") for name in names}
 
 
@@ -131,6 +131,7 @@ class _Npz:
         return _Values([name.removesuffix(".npy") for name in self._zip.namelist()], self._read_array, self._location)
 
     def __exit__(self, *_: object) -> None:
+        """Close the .npz file at the end of the `with` block."""
         self._zip.close()
 
     def _read_array(self, name: str) -> Any:

@@ -45,7 +45,7 @@ class Location:
         return Location(self.file, f"{self.path}/{name}")
 
     def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
-        """Raise DatasetError with this location."""
+        """Raise DatasetError with this location in a dataset file."""
         raise DatasetError(format_path(self.file), format_path(self.path or "/"), expected, found, remedy)
 
 
@@ -74,6 +74,7 @@ def check_header(
 
 
 def _format_sizes(spec: ArraySpec, sizes: Mapping[str, int]) -> str:
+    """Format the known lengths of the axes of an array for an error message, such as " (T = 10, n = 64)"."""
     letters = [axis for axis in dict.fromkeys(spec.axes) if isinstance(axis, str) and axis in sizes]
     return f" ({', '.join(f'{axis} = {sizes[axis]}' for axis in letters)})" if letters else ""
 
@@ -175,7 +176,7 @@ def check_poses(poses: FloatArray, location: Location) -> None:
 
 
 def find_first(mask: BoolArray | np.bool_) -> tuple[int, ...]:
-    """The index of the first True."""
+    """Return the index of the first True of an array, as a tuple."""
     return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), np.shape(mask)))
 
 

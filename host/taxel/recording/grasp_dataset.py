@@ -143,7 +143,7 @@ class GraspDataset:
             grasp.check()
 
     def close(self) -> None:
-        """Close the file. A second call has no effect."""
+        """Close the grasp dataset. A second call has no effect."""
         self._file.close()
 
     def __enter__(self) -> GraspDataset:
@@ -169,6 +169,7 @@ def check_format(root: Node) -> None:
 
 
 def _read_arrays(root: Node, name: str, specs: Mapping[str, Any], sizes: dict[str, int]) -> dict[str, Any]:
+    """Read the arrays of the subgroup `name` by name; specs: type and shape of each array; sizes: lengths of axes."""
     group = root.group(name)
     return {key: group.array(key, spec, sizes) for key, spec in specs.items()}
 
@@ -184,5 +185,6 @@ def _read_objects(root: Node) -> dict[str, ObjectMesh]:
 
 
 def _list_grasp_nodes(root: Node) -> dict[str, Node]:
+    """Return the HDF5 group of each grasp of a dataset, by id."""
     group = root.group("grasps")
     return {name: group.group(name) for name in group.names()}

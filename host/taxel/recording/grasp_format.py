@@ -99,5 +99,5 @@ GRASP_ATTRIBUTES = ("object", "approach", "iteration", "session")
 
 
 def is_required(spec: ArraySpec, source: str) -> bool:
-    """Whether a file with this source must contain the array."""
+    """Whether a dataset must contain the array that `spec` describes; source: "real" or "sim"."""
     return spec.required and (source == SIM or not spec.sim_only)

@@ -79,7 +79,7 @@ class Node:
             return bool(self._group.id.links.exists(_encode_name(name)))
 
     def group(self, name: str) -> Node:
-        """The subgroup of that name."""
+        """Return the subgroup of this name. Raises DatasetError for a missing subgroup."""
         return Node(self._get_member(name, h5py.Group, "group"), self.location.key(name))
 
     def check_array(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> None:
@@ -168,6 +168,7 @@ class Node:
 
 
 def _encode_name(name: str) -> bytes:
+    """Return the bytes of an HDF5 name; characters that are not UTF-8 are kept unchanged."""
     return name.encode("utf-8", "surrogateescape")  # the inverse of h5py's decoding of names
 
 

@@ -91,6 +91,7 @@ def put_in_place(part: Path, target: Path, overwrite: bool, location: Location) 
 
 
 def _fail_existing(location: Location) -> NoReturn:
+    """Raise DatasetError because a file exists and must not be replaced."""
     location.fail("a new file", "an existing one", "choose another name, or request overwriting")
 
 
@@ -180,4 +181,5 @@ def _group_properties() -> Any:
 
 
 def _encode_name(name: str | None) -> bytes | None:
+    """Return the bytes of an HDF5 name; None for an anonymous group."""
     return None if name is None else name.encode()

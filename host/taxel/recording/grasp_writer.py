@@ -163,7 +163,7 @@ class GraspDatasetWriter:
         return name
 
     def close(self) -> None:
-        """Close the file. A second call has no effect."""
+        """Close the grasp dataset. A second call has no effect."""
         self._file.close()
 
     def __enter__(self) -> GraspDatasetWriter:

@@ -157,7 +157,7 @@ class ReplayScore:
 
 
 def _compute_ratio(correct: int, incorrect: int) -> float:
-    """Share of the correct among all samples; 1 without samples."""
+    """Return the share of correct samples among all samples; 1 without samples."""
     return correct / (correct + incorrect) if correct + incorrect else 1.0
 
 
@@ -180,12 +180,12 @@ class _BoardComparison:
 
     @cached_property
     def is_at_step(self) -> BoolArray:
-        """The source is active either before or after the sample, not both."""
+        """Whether the source is active either just before or just after each sample of the board, but not both."""
         return self._active_before ^ self._active_after
 
     @cached_property
     def is_touched(self) -> BoolArray:
-        """The source is active before and after the sample."""
+        """Whether the source is active both just before and just after each sample of the board."""
         return self._active_before & self._active_after
 
     @cached_property

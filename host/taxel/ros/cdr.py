@@ -39,6 +39,7 @@ def decode(name: str, data: bytes) -> Any:
 
 
 def _make_ros2_name(name: str) -> str:
+    """Return the ROS 2 name of a message type: "package/msg/Name" for "package/Name"."""
     return name.replace("/", "/msg/")
 
 
@@ -60,6 +61,7 @@ def _make_message_builder(name: str) -> Callable[[Mapping[str, Any]], Any]:
     converters = [(field.name, _make_converter(field)) for field in fields(name)]
 
     def build(message: Mapping[str, Any]) -> Any:
+        """Return the message object with the values of a dict; the fields are converted as rosbags requires."""
         return message_class(*[convert(message[key]) if convert else message[key] for key, convert in converters])
 
     return build
@@ -75,6 +77,7 @@ def _make_converter(field: MessageField) -> Callable[[Any], Any] | None:
     dtype = np.dtype("<" + PRIMITIVES[field.type])
 
     def to_array(values: Any) -> Any:
+        """Return the values of an array field as a NumPy array in the type of the field."""
         is_bytes = isinstance(values, bytes | bytearray | memoryview)
         return np.frombuffer(values, dtype) if is_bytes else np.ascontiguousarray(values, dtype)
 

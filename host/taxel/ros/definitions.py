@@ -89,7 +89,7 @@ def parse_fields(text: str) -> tuple[MessageField, ...]:
 
 @cache
 def fields(name: str) -> tuple[MessageField, ...]:
-    """The fields of a message."""
+    """Return the fields of the ROS message type `name` ("package/Name")."""
     return parse_fields(get_definition(name))
 
 
@@ -119,5 +119,6 @@ def make_ros1_schema(name: str) -> str:
 
 
 def _make_ros1_definition(name: str) -> str:
+    """Return the definition of a message for ROS 1, whose header has an additional field seq."""
     text = get_definition(name).replace("builtin_interfaces/Time", "time")
     return f"uint32 seq\n{text}" if name == "std_msgs/Header" else text

@@ -50,5 +50,6 @@ def _make_board_status(hub: HubClient, address: int, name: str) -> dict[str, Any
 
 
 def _make_status(level: int, name: str, message: str, hardware_id: str, values: dict[str, int]) -> dict[str, Any]:
+    """Make a diagnostic_msgs/DiagnosticStatus; level: severity; values: counters by name."""
     pairs = [{"key": key, "value": str(value)} for key, value in values.items()]
     return {"level": level, "name": name, "message": message, "hardware_id": hardware_id, "values": pairs}

@@ -122,6 +122,7 @@ class McapFile:
             self._has_unflushed = False
 
     def _errors(self) -> contextlib.AbstractContextManager[None]:
+        """Context manager that converts an OSError into a `CaptureError` that names this file."""
         return _convert_writing_errors(self.path)
 
     @property

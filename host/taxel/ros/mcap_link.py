@@ -149,7 +149,7 @@ class McapReader:
         return name
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the MCAP file."""
         self._file.close()
 
 
@@ -208,7 +208,7 @@ class McapLink:
         raise CaptureError(self.name, "is a recording; it takes no commands")
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the MCAP file."""
         self._reader.close()
 
 

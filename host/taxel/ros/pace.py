@@ -10,6 +10,7 @@ class Pace:
     """
 
     def __init__(self, speed: float | None) -> None:
+        """Create the timing of a playback; speed: factor on the recorded speed; None: without waiting."""
         self._speed = speed
         self._origin: tuple[float, float] | None = None
 

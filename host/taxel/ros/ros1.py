@@ -82,5 +82,5 @@ class Ros1Node:
         )
 
     def close(self) -> None:
-        """Shut the node down."""
+        """Shut the ROS 1 node down."""
         self._rospy.signal_shutdown("done")

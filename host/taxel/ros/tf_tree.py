@@ -21,7 +21,7 @@ def make_stamp(time_ns: int) -> dict[str, int]:
 
 
 def make_header(time_ns: int, frame: str) -> dict[str, Any]:
-    """A std_msgs/Header message."""
+    """Make a std_msgs/Header message; time_ns: Unix time, nanoseconds; frame: name of the coordinate frame."""
     return {"stamp": make_stamp(time_ns), "frame_id": frame}
 
 
@@ -65,7 +65,7 @@ class FrameTree:
         return format_urdf(self._require_kinematics().robot, self._hand)
 
     def get_bracket_frame(self, address: int) -> str:
-        """Name of the frame of a board's bracket."""
+        """Return the name of the coordinate frame of the bracket of the board at `address`."""
         return self._names[address]
 
     def _require_kinematics(self) -> Kinematics:
@@ -146,6 +146,7 @@ def _make_transform(parent: str, child: str, matrix: FloatArray) -> dict[str, An
 
 
 def _stamp_transforms(transforms: list[dict[str, Any]], time_ns: int) -> dict[str, Any]:
+    """Make a tf2_msgs/TFMessage from transforms whose headers are the names of their parent frames."""
     return {"transforms": [each | {"header": make_header(time_ns, each["header"])} for each in transforms]}
 
 

@@ -82,7 +82,7 @@ class SkinTopics:
         self._is_started = False
 
     def time_ns(self, time_s: float) -> int:
-        """A time of the stream, seconds, as nanoseconds since the Unix epoch."""
+        """Convert a time of the stream, seconds, to nanoseconds since the Unix epoch."""
         return round(time_s * NS_PER_S) + self._offset_ns
 
     def take(self, frame: TaxelFrame) -> Iterator[TopicMessage]:
@@ -95,7 +95,7 @@ class SkinTopics:
         yield from self._make_completed_cycle_messages(is_end=False)
 
     def finish(self) -> Iterator[TopicMessage]:
-        """The remaining messages after the last frame."""
+        """Yield the remaining messages after the last frame of the stream."""
         yield from self._make_completed_cycle_messages(is_end=True)
 
     def _make_static_messages(self, time_ns: int) -> Iterator[TopicMessage]:
@@ -124,6 +124,7 @@ class SkinTopics:
         return TopicMessage(f"/taxel/{name}/scan", "taxel_msgs/TaxelScan", time_ns, message)
 
     def _make_completed_cycle_messages(self, is_end: bool) -> Iterator[TopicMessage]:
+        """Yield the messages of all complete poll cycles; is_end: the stream has ended, so all cycles are complete."""
         while (frames := self._sorter.pop(is_end)) is not None:
             yield from self._make_cycle_messages(frames, is_end)
 

@@ -96,6 +96,7 @@ class Activation:
         return self._evaluate(counts, self._is_saturated(counts))
 
     def _is_saturated(self, counts: npt.NDArray[np.uint16] | FloatArray) -> BoolArray:
+        """Return the samples at a limit of the converter: at or below the saturation floor, or at the largest count."""
         is_saturated: BoolArray = (counts <= self.saturation_floor_counts) | (counts >= RAW_COUNT_MAX)
         return is_saturated
 

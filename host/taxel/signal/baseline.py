@@ -96,7 +96,7 @@ class Baseline:
 
     @property
     def is_ready(self) -> bool:
-        """Whether every taxel is complete."""
+        """Whether every taxel has the required number of valid samples."""
         return bool(self.ready_mask.all())
 
     @property
@@ -133,6 +133,7 @@ class Baseline:
         self.result().require_undisturbed()
 
     def _mask_unready(self, values: FloatArray) -> FloatArray:
+        """Return the values f64[n] with NaN for taxels whose baseline is not complete."""
         return np.where(self.ready_mask, values, np.nan)
 
 

@@ -38,6 +38,7 @@ class ActivationTracker:
     """
 
     def __init__(self, activation: Activation) -> None:
+        """Create a tracker that reports changes of the activity of taxels; activation: evaluates each frame."""
         self.activation = activation
         self.reset()
 

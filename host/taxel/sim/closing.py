@@ -232,10 +232,12 @@ class _Run:
             self._recent_wrenches.append(self._compute_wrenches(read_contacts(scene, data)))
 
     def _compute_sensor_poses(self) -> FloatArray:
+        """Return the present poses of the brackets in the world, f64[s, 4, 4]."""
         bodies = self.scene.board_bodies
         return _compose_poses(self.data.xmat[bodies], self.data.xpos[bodies]) @ self.scene.board_poses
 
     def _compute_wrenches(self, contacts: StepContacts) -> FloatArray:
+        """Compute the wrenches of contact points on the boards, f64[s, 6] (N, Nm), bracket frames."""
         return compute_board_wrenches(contacts, self._compute_sensor_poses())
 
     def _take_sample(self) -> _Sample:

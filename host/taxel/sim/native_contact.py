@@ -168,7 +168,10 @@ class NativeContact:
         raise TypeError(f"shape: expected a Cylinder or a ConvexPolytope, found {type(shape).__name__}")
 
     def compute_load(self, sensor_poses: FloatArray, object_pose: FloatArray) -> SoftLoad:
-        """See `LayerContact`."""
+        """Compute the contact load on every board: wrench and stiffness, world frame, about each bracket's origin.
+
+        sensor_poses: f64[s, 4, 4], brackets in the world. object_pose: f64[4, 4], world.
+        """
         return self._compute(sensor_poses, object_pose, None)
 
     def compute_taxel_forces(self, sensor_poses: FloatArray, object_pose: FloatArray) -> FloatArray:

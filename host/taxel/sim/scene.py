@@ -177,14 +177,17 @@ def _load_robot_of(hand: Hand) -> Robot:
 
 @lru_cache(maxsize=4)
 def _write_board_meshes(hand: Hand) -> str:
+    """Write the MJCF of the meshes of all boards; cached, because scenes with several objects share the hand."""
     return "".join(_write_mesh(_make_board_name(board), _compute_board_hull(hand, board)) for board in hand.boards)
 
 
 def _make_link_name(name: str) -> str:
+    """Return the name of a link's body in the MuJoCo model."""
     return f"link:{name}"  # MuJoCo reserves the name "world"
 
 
 def _make_board_name(board: Board) -> str:
+    """Return the name of a board's geom and mesh in the MuJoCo model."""
     return f"board:{board.name}"
 
 
@@ -198,14 +201,17 @@ def _iterate_joints_below(robot: Robot, wrist: str) -> Iterator[Joint]:
 
 
 def _write_row(values: npt.ArrayLike) -> str:
+    """Format the numbers of an array for MJCF, separated by spaces, with all digits."""
     return " ".join(repr(float(value)) for value in np.asarray(values).ravel())
 
 
 def _write_pose(transform: FloatArray) -> str:
+    """Format a pose f64[4, 4] as the MJCF attributes pos and quat."""
     return f'pos="{_write_row(transform[:3, 3])}" quat="{_write_row(to_quaternion(transform))}"'
 
 
 def _write_mesh(name: str, vertices: FloatArray) -> str:
+    """Write the MJCF of a convex mesh; vertices: f64[v, 3], metres."""
     return f'<mesh name={quoteattr(name)} vertex="{_write_row(vertices)}"/>\n'
 
 
@@ -223,6 +229,7 @@ def _compute_board_hull(hand: Hand, board: Board) -> FloatArray:
 
 
 def _write_object_mesh(grasp_object: GraspObject) -> str:
+    """Write the MJCF of the object's mesh; "" for a cylinder, which needs no mesh."""
     return "" if isinstance(grasp_object.shape, Cylinder) else _write_mesh("object", grasp_object.shape.mesh()[0])
 
 
@@ -246,6 +253,7 @@ def _write_object_body(grasp_object: GraspObject) -> str:
 
 @lru_cache(maxsize=4)
 def _write_hand_body(hand: Hand, robot: Robot, wrist: str) -> str:
+    """Write the MJCF of the hand below the link `wrist`; cached, because scenes with several objects share it."""
     return _write_link_body(hand, robot, wrist, list(_iterate_joints_below(robot, wrist)))
 
 
@@ -268,6 +276,7 @@ def _write_link_body(hand: Hand, robot: Robot, link: str, joints: list[Joint], j
 
 
 def _write_shape_geom(shape: Shape) -> str:
+    """Write the MJCF of a collision shape of a link."""
     return f'<geom type="{shape.type}" size="{_write_row(shape.size)}" {_write_pose(shape.origin)}/>\n'
 
 

@@ -28,6 +28,7 @@ class LayerThicknessError(TaxelError, ValueError):
     """The description of a hand gives no thickness of the soft layer. Attribute: hand, name of the hand."""
 
     def __init__(self, hand: str) -> None:
+        """Create the error for a hand description without the thickness of the soft layer; hand: its name."""
         super().__init__(hand)
         self.hand = hand
 

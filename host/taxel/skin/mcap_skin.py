@@ -41,7 +41,7 @@ class McapBytes:
         self._file.tick()
 
     def close(self) -> None:
-        """Nothing to do: the topics are completed after the link is closed, and then `McapSkin` closes the file."""
+        """Do nothing: the topics are completed after the link is closed, and then `McapSkin` closes the file."""
 
 
 class McapSkin(Skin):
@@ -88,4 +88,5 @@ class McapSkin(Skin):
 
 
 def _encode_json_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return message fields as JSON values; bytes become hexadecimal text."""
     return {name: value.hex() if isinstance(value, bytes) else value for name, value in fields.items()}

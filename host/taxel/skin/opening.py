@@ -57,6 +57,7 @@ def load_recorded_hand(link: Link) -> Hand:
 
 
 def _resolve_hand(hand: Hand | str | os.PathLike[str]) -> Hand:
+    """Return the hand: itself, or loaded from a packaged name or a description file."""
     return hand if isinstance(hand, Hand) else load_hand(hand)
 
 

@@ -29,16 +29,17 @@ class LossAccount:
     """
 
     def __init__(self, decoder: StreamDecoder) -> None:
+        """Create a live view of the loss counters of `decoder`."""
         self._decoder = decoder
 
     @property
     def frames_received(self) -> int:
-        """Complete frames of any type."""
+        """Number of complete frames of any type received since the start."""
         return int(self._decoder.totals[0])
 
     @property
     def lost_on_wire(self) -> int:
-        """Frames that the hub sent but that did not arrive complete."""
+        """Number of frames that the hub sent but that did not arrive complete."""
         return int(self._decoder.totals[1])
 
     @property

@@ -19,6 +19,7 @@ class BoardLine:
     """
 
     def __init__(self) -> None:
+        """Create a line fit without clock readings."""
         self._readings: deque[tuple[int, int]] = deque()
         self._x = self._y = self._xx = self._xy = self._yy = 0
 
@@ -27,7 +28,7 @@ class BoardLine:
 
     @property
     def last(self) -> tuple[int, int]:
-        """The latest reading."""
+        """The latest clock reading, (board time, hub time), microseconds."""
         return self._readings[-1]
 
     def add(self, board_us: int, hub_us: int) -> None:

@@ -46,6 +46,7 @@ class CaptureDecoder:
         self._allocate(BLOCK)
 
     def _allocate(self, size: int) -> None:
+        """Allocate a block of `size` bytes for the content of the file, and an array for arrival times of records."""
         self._block = np.empty(size, dtype=np.uint8)
         self._arrivals = np.empty(size // RECORD_HEAD, dtype=ARRIVAL)
 

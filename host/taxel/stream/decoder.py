@@ -148,5 +148,6 @@ class StreamDecoder:
 
 
 def _copy_rows(table: NDArray[np.void], count: int) -> NDArray[np.void]:
+    """Return a copy of the first `count` rows of an output array of the C decoder."""
     # Copied as bytes: numpy copies structured arrays field by field, which is twenty times slower.
     return np.frombuffer(table[:count].tobytes(), dtype=ROW)

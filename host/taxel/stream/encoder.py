@@ -95,6 +95,7 @@ class FramesLink:
         yield encode_taxels(frame, self._next_sequence(), time_us)
 
     def _next_sequence(self) -> int:
+        """Return the next 16-bit sequence number of the hub's frames."""
         self._sequence += 1
         return (self._sequence - 1) % (1 << 16)
 

@@ -145,6 +145,7 @@ class FrameStream:
         return b"".join(chunk.data for chunk in chunks)
 
     def _append_frames(self, batch: Batch) -> None:
+        """Append the taxel frames of a decoded batch to `frames`, with their times on the host's clock."""
         for rows, times_s in self._rows.take(batch, self._arrival_ends, self._arrival_ns):
             self.frames.extend(build_taxel_frames(batch, rows, times_s))
 

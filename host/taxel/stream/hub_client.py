@@ -92,13 +92,16 @@ class HubClient:
             self.logs.append(message.trailing_bytes.decode("ascii", errors="replace"))
 
     def _acknowledge(self, payload: bytes) -> None:
+        """Send acknowledgements of key frames to the hub; payload: of the ACKNOWLEDGE frame."""
         self._send(FrameType.ACKNOWLEDGE, payload)
 
     def _send(self, frame_type: FrameType, payload: bytes) -> None:
+        """Send one frame to the hub, with the next sequence number."""
         self._link.write(encode_frame(frame_type, self._sequence, payload))
         self._sequence = (self._sequence + 1) % 65536
 
     def _next_tag(self) -> int:
+        """Return a new tag, by which the reply to a request is recognised."""
         self._tag = self._tag % 255 + 1
         return self._tag
 

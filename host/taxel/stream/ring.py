@@ -71,6 +71,7 @@ class RingBuffer:
         self._written += len(data)
 
     def _remove_read_arrivals(self) -> None:
+        """Remove the arrival times of chunks whose bytes have all been read or overwritten."""
         while self._arrivals and self._arrivals[0][0] <= self._read:
             self._arrivals.popleft()
 

@@ -15,6 +15,7 @@ class RowClock:
     """Updates a `ClockMap` with consecutive batches and maps the scan times; messages go to `on_message`."""
 
     def __init__(self, clock: ClockMap, on_message: Callable[[HubMessage], None]) -> None:
+        """Create a timer of decoded rows; clock: maps their times; on_message: called with each hub message."""
         self.clock = clock
         self._on_message = on_message
 

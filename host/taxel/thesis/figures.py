@@ -152,6 +152,7 @@ def _draw_on_sim(items: Sequence[ObjectClouds]) -> Any:
 
 
 def _transform(cloud: ContactCloud, transform: FloatArray) -> FloatArray:
+    """Return the points of a cloud after a rigid transform f64[4, 4], f64[n, 3]."""
     return np.asarray(apply(transform, cloud.points))
 
 
@@ -180,6 +181,7 @@ def _draw_treatment(results: Sequence[ObjectResult]) -> Any:
 
 
 def _choose_shade(position: int) -> str:
+    """Return the colour, a shade of blue, of the graph with number `position` in a figure."""
     return ("#1f5fa8", "#6f9fce", "#b9cbe2")[position % 3]
 
 
@@ -307,5 +309,6 @@ def _draw_cross_match(results: Sequence[ObjectResult]) -> Any:
 
 
 def _remove_frame(axis: Any) -> None:
+    """Remove the upper and right border of a matplotlib axis, and reduce the size of its tick labels."""
     axis.spines[["top", "right"]].set_visible(False)
     axis.tick_params(labelsize=8)

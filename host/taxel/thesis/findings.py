@@ -54,7 +54,7 @@ class FurtherResult:
     printed: str
 
     def to_json(self) -> dict[str, Any]:
-        """The result as JSON values."""
+        """Convert the result to JSON values."""
         return {"says": self.title, "numbers": self.numbers, "thesis": self.printed}
 
 
@@ -87,18 +87,22 @@ KEYS: Final = ("mean_m", "rms_m")
 
 
 def _within(low: float, high: float) -> Callable[[ObjectResult, float], bool]:
+    """Return a predicate: whether the number of a finding is from `low` to `high`."""
     return lambda _, value: low <= value <= high
 
 
 def _at_least(low: float) -> Callable[[ObjectResult, float], bool]:
+    """Return a predicate: whether the number of a finding is at least `low`."""
     return lambda _, value: value >= low
 
 
 def _point_ratio(result: ObjectResult) -> float:
+    """Return the number of points of the real cloud divided by that of the simulated cloud."""
     return result.cad[REAL].points / max(result.cad[SIM].points, 1)
 
 
 def _mean_ratio(result: ObjectResult) -> float:
+    """Return the mean distance to the CAD model of the real cloud divided by that of the simulated cloud."""
     return result.cad[REAL].mean_m / result.cad[SIM].mean_m
 
 
@@ -118,10 +122,12 @@ def _step_shares(result: ObjectResult, key: str) -> list[float]:
 
 
 def _is_propagation_largest(result: ObjectResult, share: float) -> bool:
+    """Whether contact propagation causes more than half, and the largest share, of the decrease of the distances."""
     return share > 50.0 and all(_step_shares(result, key)[-1] == max(_step_shares(result, key)) for key in KEYS)
 
 
 def _does_sor_improve(result: ObjectResult, _: float) -> bool:
+    """Whether the outlier filter (SOR) decreases the mean distance and keeps at least 88 % of the points."""
     filtered, cleaned = result.cad[FILTERED], result.cad[CLEANED]
     return cleaned.mean_m < filtered.mean_m and cleaned.points >= 0.88 * filtered.points
 
@@ -245,6 +251,7 @@ def _evaluate_cross_match(results: Results) -> Finding:
 
 
 def _stats_by_mesh(result: ObjectResult, side: str) -> dict[str, DistanceStats]:
+    """Return the distances of the object's cloud on side "real" or "sim" to every CAD model, by model name."""
     return {mesh: stats for (cloud, mesh), stats in result.cross.items() if cloud == side}
 
 

@@ -32,7 +32,7 @@ class GapSummary:
         return bool(self.shares) and max(self.shares, key=lambda name: self.shares[name]) == LARGEST_CAUSE
 
     def to_json(self) -> dict[str, Any]:
-        """The summary as JSON values."""
+        """Convert the summary of the gap diagnosis to JSON values."""
         return {"one_line": self.headline, "named": self.causes, "shares": self.shares, "steps": self.steps}
 
 
@@ -60,4 +60,5 @@ def summarise_gap(
 
 
 def _mean(values: Sequence[float]) -> float:
+    """Return the mean of the values; 0 without values."""
     return sum(values) / max(len(values), 1)

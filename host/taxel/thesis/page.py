@@ -99,6 +99,7 @@ def _gap_context(gap: GapSummary) -> dict[str, Any]:
 
 
 def _figure_context(figure_number: str, path: Path) -> dict[str, str]:
+    """Return the variables of the page's template for one figure: caption and image in base64."""
     caption = f"Figure {figure_number}. {FIGURES[figure_number]}"
     return {"caption": caption, "base64": base64.b64encode(path.read_bytes()).decode()}
 

@@ -46,7 +46,7 @@ INCONSISTENCIES: Final = (
 
 
 def get_printed_name(name: str) -> str:
-    """The name of an object of a dataset in the appendix; the name itself for an object that is not in the thesis."""
+    """Return the name in the thesis of an object of a dataset; the name itself for an object not in the thesis."""
     return next((word for word in OBJECTS if name.lower().startswith(word[:3])), name)
 
 
@@ -61,12 +61,12 @@ def load_table(table: str) -> Rows:
 
 
 def select_rows(table: str, name: str, column: str = "object") -> Rows:
-    """The rows of a table with this name in a column."""
+    """Return the rows of a table of the thesis whose entry in `column` is `name`."""
     return tuple(row for row in load_table(table) if row[column] == name)
 
 
 def get_distances(row: Mapping[str, Any]) -> dict[str, float]:
-    """The distances of a row, by the field names of `DistanceStats`."""
+    """Return the distances in a row of a printed table, metres, by the field names of `DistanceStats`."""
     return {key: float(row[key]) for key in ("rms_m", "max_m", "mean_m", "std_m")}
 
 

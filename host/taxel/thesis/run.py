@@ -129,7 +129,7 @@ def reproduce(
 
 
 def use_existing_campaign(real: Path, sim: Path) -> Campaign:
-    """A campaign of two existing datasets."""
+    """Return a campaign that consists of two existing datasets, real and simulated."""
     return Campaign(real, sim, (f"Real side: {real.name}. Simulated side: {sim.name}.",))
 
 

@@ -40,7 +40,7 @@ nearer to its own CAD model than to the others (finding 12)."""
 
 
 def build_effects(board_names: Iterable[str]) -> tuple[str, ...]:
-    """`EFFECTS`, and the true poses of the brackets of these boards."""
+    """Return the sensor effects of the emulated hand: `EFFECTS`, and a bracket offset for each of these boards."""
     return (*EFFECTS, *(f"bracket_offset {name} 0 0 {-BRACKET_OFFSET_M:g} 0 0 0" for name in board_names))
 
 

@@ -83,6 +83,7 @@ def build_tables(results: Sequence[ObjectResult]) -> list[Table]:
 
 
 def _number(results: Sequence[ObjectResult], first: int) -> Iterable[tuple[int, ObjectResult]]:
+    """Yield (table number, result) for each object; first: number of the table of the first object."""
     return ((first + OBJECTS.index(result.printed_name), result) for result in results)
 
 
@@ -104,6 +105,7 @@ TITLES: Final = dict(zip(OBJECTS, ("Rectangular prism", "Cylinder", "Triangular 
 
 
 def _add_ratio(points: Mapping[str, float]) -> dict[str, float | None]:
+    """Add the ratio of real to simulated points to the numbers of points."""
     return {**points, "real_over_sim": points["real_points"] / max(points["sim_points"], 1.0)}
 
 
@@ -122,6 +124,7 @@ def _build_untreated(results: Sequence[ObjectResult]) -> Table:
 
 
 def _rms_and_mean(stats: DistanceStats) -> dict[str, float]:
+    """Return RMS and mean of the distances, metres, by column name."""
     return {"rms_m": stats.rms_m, "mean_m": stats.mean_m}
 
 
@@ -149,6 +152,7 @@ def _build_sor(result: ObjectResult, number: int) -> Table:
 
 
 def _add_removed(stats: DistanceStats, points_before: int) -> dict[str, float | None]:
+    """Return the distances with the share of removed points, percent; points_before: before the filter."""
     return {**asdict(stats), REMOVED: 100.0 * (1.0 - stats.points / max(points_before, 1))}
 
 

@@ -205,30 +205,30 @@ class AllegroHand:
         return number
 
     def read_joint_angles(self) -> JointReading:
-        """Return the latest joint angles received by `poll` or `update`, with their age."""
+        """Return the latest joint angles of the Allegro hand received by `poll` or `update`, with their age."""
         return self._reports.read_angles(self._clock())
 
     def get_info(self) -> HandInfo:
-        """Return the latest hand info. Raises AllegroSilentError if none has been received."""
+        """Return the latest hand info of the Allegro hand. Raises AllegroSilentError if none has been received."""
         return self._require_report(self._reports.info, "hand info")
 
     def get_serial(self) -> str:
-        """Return the serial number. Raises AllegroSilentError if none has been received."""
+        """Return the serial number of the Allegro hand. Raises AllegroSilentError if none has been received."""
         return self._require_report(self._reports.serial, "serial number").text
 
     @property
     def imu(self) -> Imu | None:
-        """Latest IMU report; None before the first."""
+        """Latest report of the hand's IMU; None before the first report."""
         return self._reports.imu
 
     @property
     def temperatures_c(self) -> dict[int, int]:
-        """Latest temperature of each sensor, degrees Celsius, by sensor."""
+        """Latest temperature of each sensor of the hand, degrees Celsius, by sensor number."""
         return dict(self._reports.temperatures_c)
 
     @property
     def frames(self) -> FrameCounts:
-        """Numbers of accepted, ignored and malformed frames."""
+        """Numbers of accepted, ignored and malformed CAN frames."""
         return self._reports.frames
 
     def _request_and_wait(self, kind: type[_Reply]) -> _Reply:

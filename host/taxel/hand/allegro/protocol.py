@@ -194,6 +194,7 @@ def _check_four(values: Sequence[float]) -> Sequence[float]:
 
 
 def _to_pwm(fraction: float) -> int:
+    """Convert a torque command, a fraction of full PWM clipped to -1 .. 1, to the integer of the CAN message."""
     return round(min(1.0, max(-1.0, fraction)) * FULL_PWM)
 
 
@@ -206,6 +207,7 @@ def _to_counts(angle: float) -> int:
 
 
 def _decode_angles(frame: can.Message) -> FingerValues:
+    """Convert the data bytes of a CAN frame to the four joint angles of a finger, radians."""
     a, b, c, d = _unpack(_FOUR_INT16, frame)
     return a * RAD_PER_COUNT, b * RAD_PER_COUNT, c * RAD_PER_COUNT, d * RAD_PER_COUNT
 
@@ -218,6 +220,7 @@ def _check_length(expected: int, frame: can.Message) -> None:
 
 
 def _unpack(layout: struct.Struct, frame: can.Message) -> tuple[int, ...]:
+    """Unpack the data bytes of a CAN frame. Raises AllegroFrameError for data of another length."""
     _check_length(layout.size, frame)
     return layout.unpack(frame.data)
 

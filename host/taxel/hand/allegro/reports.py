@@ -88,5 +88,5 @@ class Reports:
 
     @property
     def frames(self) -> FrameCounts:
-        """Numbers of received frames."""
+        """Numbers of accepted, ignored and malformed CAN frames."""
         return FrameCounts(self._accepted, self._ignored, self._malformed)

@@ -113,7 +113,7 @@ class VirtualAllegro:
 
     @property
     def servo_on(self) -> bool:
-        """Whether the motors are on."""
+        """Whether the motors of the virtual hand are on: switched on, without a servo fault and not too hot."""
         return self._is_on and not self.faults.is_servo_off and self.faults.temperature_c <= TEMPERATURE_LIMIT_C
 
     @property
@@ -237,4 +237,5 @@ class VirtualAllegro:
 
 
 def _get_joint_slice(finger: int) -> slice:
+    """Return the slice of the joints of finger number `finger` in an array of all 16 joints."""
     return slice(JOINTS_PER_FINGER * finger, JOINTS_PER_FINGER * (finger + 1))

@@ -37,7 +37,7 @@ class Arm(Protocol):
         ...
 
     def stop(self) -> None:
-        """Brake along the path and return at once; `is_moving` becomes False at standstill."""
+        """Brake the arm along its path and return at once; `is_moving` becomes False at standstill."""
         ...
 
 

@@ -78,7 +78,7 @@ class Ur5eArm:
         return bool(np.abs(self._call(self._receive.getActualQd)).max() > _STANDSTILL_RAD_S)
 
     def read_joint_angles(self) -> FloatArray:
-        """Read the measured joint angles, f64[6], radians."""
+        """Read the measured joint angles of the UR5e arm, f64[6], radians."""
         return np.array(self._call(self._receive.getActualQ), dtype=np.float64)
 
     def move_joints(self, target: npt.ArrayLike, speed_rad_s: float) -> None:
@@ -92,7 +92,7 @@ class Ur5eArm:
             )
 
     def stop(self) -> None:
-        """Brake along the path and return at once."""
+        """Brake the UR5e arm along its path and return at once."""
         self._call(self._control.stopJ, _BRAKING_RAD_S2)
 
     def close(self) -> None:

@@ -28,12 +28,12 @@ class TrapezoidalProfile:
 
     @property
     def peak(self) -> float:
-        """Largest speed reached."""
+        """Largest speed that the motion reaches; below `speed` for a short motion."""
         return min(self.speed, math.sqrt(self.distance * self.acceleration))
 
     @property
     def duration_s(self) -> float:
-        """Duration from rest to rest, seconds."""
+        """Duration of the motion from rest to rest, seconds."""
         return self.distance / self.peak + self.peak / self.acceleration
 
     def evaluate(self, time_s: float) -> tuple[float, float]:

@@ -98,5 +98,5 @@ class CostStruct(ctypes.Structure):
     _fields_ = tuple((name, ctypes.c_uint64) for name in HandlerCost._fields)
 
     def read(self) -> HandlerCost:
-        """The values as a `HandlerCost`."""
+        """Convert this C structure to a `HandlerCost`: clock cycles used by an exception handler."""
         return HandlerCost(*(int(getattr(self, name)) for name in HandlerCost._fields))

@@ -80,19 +80,19 @@ class VirtualSMBus:
         self._transfer(i2c_addr, bytes([value]), 0)
 
     def read_byte_data(self, i2c_addr: int, register: int, force: bool | None = None) -> int:
-        """Read one byte of a register."""
+        """Read one byte of a register of the device at an I2C address."""
         return self._transfer(i2c_addr, bytes([register]), 1)[0]
 
     def write_byte_data(self, i2c_addr: int, register: int, value: int, force: bool | None = None) -> None:
-        """Write one byte to a register."""
+        """Write one byte to a register of the device at an I2C address."""
         self._transfer(i2c_addr, bytes([register, value]), 0)
 
     def read_word_data(self, i2c_addr: int, register: int, force: bool | None = None) -> int:
-        """Read two bytes of a register, little-endian."""
+        """Read two bytes of a register of the device at an I2C address, little-endian."""
         return int.from_bytes(self._transfer(i2c_addr, bytes([register]), 2), "little")
 
     def write_word_data(self, i2c_addr: int, register: int, value: int, force: bool | None = None) -> None:
-        """Write two bytes to a register, little-endian."""
+        """Write two bytes to a register of the device at an I2C address, little-endian."""
         self._transfer(i2c_addr, bytes([register]) + value.to_bytes(2, "little"), 0)
 
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int, force: bool | None = None) -> list[int]:
@@ -108,7 +108,7 @@ class VirtualSMBus:
         self._transfer(i2c_addr, bytes([register, *data]), 0)
 
     def close(self) -> None:
-        """Close the adapter; the world stays open."""
+        """Close the emulated I2C adapter; the virtual world stays open."""
         self.fd = None
 
     def __enter__(self) -> Self:
@@ -122,5 +122,6 @@ class VirtualSMBus:
 
 
 def _check_block(length: int) -> None:
+    """Raise ValueError, as smbus2 does, for a block of more than `BLOCK_MAX` bytes."""
     if length > BLOCK_MAX:
         raise ValueError(f"Desired block length over {BLOCK_MAX} bytes")

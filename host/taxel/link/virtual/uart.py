@@ -54,7 +54,7 @@ class VirtualMemoryLink:
             self.world.run(STEP_S)
 
     def close(self) -> None:
-        """Do nothing: the caller closes the world."""
+        """Do nothing: the caller closes the virtual world."""
 
 
 class VirtualSerialLink(SerialLink):

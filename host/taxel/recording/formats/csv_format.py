@@ -87,6 +87,7 @@ class CsvSink:
                     self._write_active(self._active, frame.time_s, message.message["data"])
 
     def _write_active(self, file: TextIO, time_s: float, data: bytes) -> None:
+        """Append the points of a contact cloud to `active.csv`; data: points of dtype `POINT` as bytes."""
         for point in np.frombuffer(data, POINT):
             file.write(f"1,{self._grasp},{time_s!r},{point['x']},{point['y']},{point['z']},1\n")
 

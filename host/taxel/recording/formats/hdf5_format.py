@@ -89,6 +89,7 @@ class Hdf5Sink:
         self._write_cycles(is_end=False)
 
     def _write_cycles(self, is_end: bool) -> None:
+        """Add a row for each complete poll cycle; is_end: the recording has ended, so all cycles are complete."""
         while (frames := self._sorter.pop(is_end)) is not None:
             self._add_row(frames)
 
@@ -239,7 +240,7 @@ def open_hdf5_recording(path: Path, grasp: str | None = None) -> FramesLink:
 
 
 def _group_taxels_by_sensor(data: GraspDataset) -> list[IndexArray]:
-    """For each sensor, the indices of its taxels on the taxel axis."""
+    """Return for each sensor of a dataset the indices of its taxels on the taxel axis."""
     return [np.flatnonzero(data.taxels.sensor == address) for address in data.sensors.address]
 
 

@@ -148,6 +148,7 @@ class VirtualPort:
             self._send(FrameType.LOG, empty)
 
     def _send(self, kind: FrameType, payload: bytes) -> None:
+        """Send one frame of a hub to the host, with the next sequence number."""
         self._write(encode_on_wire(kind, self._sequence, payload))
         self._sequence = (self._sequence + 1) % _SEQUENCE_MODULUS
 

@@ -93,6 +93,7 @@ def import_contacts(
     motion = read_hand(joints, poses, options)
 
     def compute_forces(grasp: PosedGrasp, report: ImportReport) -> FloatArray:
+        """Return the contact force of each taxel in a grasp, f64[T, n], newtons."""
         return _compute_taxel_forces(contact_points, grasp, options.hand, threshold, report)
 
     force_source = "nominal forces" if contact_points.force is None else "given forces"

@@ -154,7 +154,7 @@ def make_record(
 
 
 def _repeat_first(values: FloatArray, added: int) -> FloatArray:
-    """The values, after `added` copies of the first value."""
+    """Return the values with `added` copies of the first value before them."""
     return np.concatenate([np.repeat(values[:1], added, axis=0), values])
 
 

@@ -84,5 +84,6 @@ def _find_shape(model: mujoco.MjModel, is_geom: NDArray[np.bool_], location: Fil
 
 
 def _fail_for_shape(location: FileLocation, found: str) -> NoReturn:
+    """Raise ImportDataError for an object without exactly one usable shape; found: what the model contains."""
     remedy = "change the model, or set the key known under [object] of the map"
     location.fail("one colliding geom: a box, a cylinder or a convex mesh", found, remedy)
