@@ -50,8 +50,9 @@ static uint32_t take_bits(struct range_decoder *decoder, uint8_t bits)
     return value;
 }
 
-/* Decode a count outside the modelled distribution: sign, exponent and mantissa of its distance from the centre.
- * Returns false if the count is not in 0 to 65535, which only damaged bytes cause. */
+/* Decode an escape: a count that is too far from the predicted count for the modelled distribution. Its distance
+ * from the predicted count (the centre) is coded as sign, exponent and mantissa. Returns false if the count is not
+ * in 0 to 65535, which only damaged bytes cause. */
 static bool take_escape(struct range_decoder *decoder, taxel_compact_state state, uint16_t *count)
 {
     take(decoder, 0, TAXEL_COMPACT_ESCAPE, TAXEL_COMPACT_TOTAL_BITS);

@@ -46,8 +46,8 @@ static bool put(struct range_encoder *encoder, uint32_t first, uint32_t size, ui
     return true;
 }
 
-/* Encode a count outside the modelled distribution: sign, exponent and mantissa of its distance from the centre.
- * Returns false if the buffer is full. */
+/* Encode a count that is too far from the predicted count for the modelled distribution: sign, exponent and
+ * mantissa of its distance from the predicted count (the centre). Returns false if the buffer is full. */
 static bool put_escape(struct range_encoder *encoder, taxel_compact_state state, uint16_t count)
 {
     const uint16_t centre = taxel_compact_centre(state);

@@ -83,8 +83,9 @@ struct taxel_compact_interval taxel_compact_interval(taxel_compact_state state, 
     return (struct taxel_compact_interval){first, taxel_compact_cumulative(state, symbol + 1u) - first, raw_bits};
 }
 
-/* Distance of a count from the centre of the model in one byte: sign bit, then exact up to 63 counts and above that in
- * quarters of an octave. The board stores only this byte per taxel until the acknowledgement. */
+/* Difference of a count from the predicted count, coded in one byte: sign bit, then exact up to 63 counts and above
+ * that in quarters of an octave. The board stores only this byte per taxel until the host acknowledges the key
+ * frame. */
 uint8_t taxel_compact_residual(taxel_compact_state state, uint16_t count)
 {
     const uint16_t centre = taxel_compact_centre(state);

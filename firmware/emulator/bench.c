@@ -305,8 +305,9 @@ int taxel_bench_running_program(const struct taxel_bench *bench, uint8_t address
     return board ? (int)board->program : address == HUB_ADDRESS ? (int)bench->world.hub.program : -1;
 }
 
-/* Plan a power cut of a board or the hub during its flash write number `write_number`, `delay` after its start. Returns
- * 0 or a TAXEL_BENCH_... error. */
+/* Plans a power cut of a board or of the hub (HUB_ADDRESS) during its flash write number `write_number`, `delay`
+ * after the start of this write; the power returns after `off_time` (both in picoseconds). Returns 0 or a
+ * TAXEL_BENCH_... error. */
 int taxel_bench_plan_power_cut(struct taxel_bench *bench, uint8_t address, uint64_t write_number, uint64_t delay,
                                uint64_t off_time)
 {
@@ -327,8 +328,9 @@ uint64_t taxel_bench_power_cut_count(const struct taxel_bench *bench, uint8_t ad
     return flash ? flash->cut_count : 0;
 }
 
-/* Record of power cut `number`: flash row, delay after the start of the write, and which bytes already had their new
- * value. */
+/* Reads the record of power cut `number` of a board or of the hub (HUB_ADDRESS): flash row, delay after the start
+ * of the write in picoseconds, and the 128 bytes that were to be written. Returns 0, or TAXEL_BENCH_NO_SUCH_BOARD
+ * if there is no such record. */
 int taxel_bench_read_power_cut(const struct taxel_bench *bench, uint8_t address, uint64_t number, uint16_t *row,
                                uint64_t *delay, uint8_t *new_bytes)
 {

@@ -13,7 +13,8 @@ struct interval {
     bool is_constant; /* the fields do not change before `until` */
 };
 
-/* Time interval that the current pair of field samples covers, and whether the fields are constant in it. */
+/* Time interval that the current pair of field samples (relative rises of the taxels' capacitances) covers, and
+ * whether the fields are constant in it. */
 static struct interval present_interval(const struct board_fields *fields)
 {
     const struct skin *skin = fields->skin;
@@ -139,7 +140,8 @@ void board_fields_all_rises(const struct board_fields *fields, vtime time, doubl
     past_rises(fields, &span, present_interval(fields).from, rise);
 }
 
-/* Whether the board's fields, with the delay of its history, do not change around this virtual time. */
+/* Whether the fields of the board (relative rises of its taxels' capacitances), with the delay of its history, do
+ * not change around this virtual time. */
 bool board_fields_are_constant(const struct board_fields *fields, vtime time)
 {
     if (fields->history && time < fields->last_change + fields->history->delay + CONVERSION_MARGIN) {
@@ -162,8 +164,8 @@ double board_fields_added_capacitance_f(const struct board_fields *fields, bool 
     return farad;
 }
 
-/* Add the fields at the start of the present interval to the history, if an effect needs one. Returns 0, or -1 without
- * memory. */
+/* Add the fields (relative rises of the taxels' capacitances) at the start of the present interval to the history,
+ * if an effect needs one. Returns 0, or -1 without memory. */
 int board_fields_remember(struct board_fields *fields, vtime now)
 {
     const struct interval interval = present_interval(fields);
@@ -187,8 +189,8 @@ int board_fields_remember(struct board_fields *fields, vtime now)
     return 0;
 }
 
-/* Whether the fields are the same at both ends of the present interval, so that unchanged conversions need no new
- * computation. */
+/* Whether the fields (relative rises of the taxels' capacitances) are the same at both ends of the present
+ * interval, so that unchanged conversions need no new computation. */
 static bool ends_are_equal(const struct board_fields *fields)
 {
     const struct stimulus *stimulus = fields->stimulus;
@@ -199,8 +201,8 @@ static bool ends_are_equal(const struct board_fields *fields)
     return stimulus->until != VTIME_NEVER && memcmp(before, after, fields->taxels * sizeof *before) == 0;
 }
 
-/* Count a change of the board's fields at the start of a new interval. Conversions of unchanged fields reuse earlier
- * results. */
+/* Updates, at the start of a new interval, the count of changes of the board's fields (relative rises of its
+ * taxels' capacitances). Conversions of unchanged fields reuse earlier results. */
 void board_fields_update(struct board_fields *fields, vtime now)
 {
     if (!fields->tracks_changes) {

@@ -80,7 +80,8 @@ static void send_random_command(void)
     fake_world_command(&fake, code, bytes, size);
 }
 
-/* After damaged identities the hub may treat an address as empty; it probes the address again within 64 cycles. */
+/* Checks that the hub polls every board again. After damaged identities the hub may treat an address as empty; it
+ * probes the address again within 64 cycles. */
 static void check_all_boards_stream(void)
 {
     uint32_t before[6];

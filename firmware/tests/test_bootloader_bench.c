@@ -187,7 +187,7 @@ unsigned bench_exchange(struct bench *bench, const uint8_t *bytes, unsigned size
     return bench->over_uart ? exchange_uart(bench, bytes, size, response) : exchange_i2c(bench, bytes, size, response);
 }
 
-/* An implementation independent of the bootloader's. */
+/* Checksum of a packet of this kind (sum or CRC-16), computed by code that is independent of the bootloader's. */
 static unsigned checksum_of(const uint8_t *bytes, unsigned size, uint8_t kind)
 {
     unsigned sum = 0, crc = 0xFFFFu;

@@ -54,7 +54,8 @@ static void confirm_if_new_runs(void)
     }
 }
 
-/* After power-up: the host requests the bootloader, writes the new image, and the image confirms itself. */
+/* Updates a board as a host does after its power-up: requests the bootloader, writes the new image, and lets this
+ * image confirm itself. */
 static void update(void)
 {
     bench.confirmed = new_is_confirmed() ? new_image.slot : old_image.slot;
@@ -68,7 +69,7 @@ static void update(void)
     confirm_if_new_runs();
 }
 
-/* Returns whether the power failed during the update. */
+/* Updates a board with one planned power cut. Returns whether the power failed during the update. */
 static bool update_with_cut(struct fake_cut cut)
 {
     bench.flash.power = &power;

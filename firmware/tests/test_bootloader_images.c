@@ -30,7 +30,7 @@ static unsigned command(uint8_t code, int byte)
     return bench_send(&bench, code, &data, byte >= 0);
 }
 
-/* A board with a confirmed image in slot A and a pending one in slot B. */
+/* Prepares a board with a confirmed image in slot A and a pending one in slot B. */
 static void update_to_b(void)
 {
     set_up();
@@ -146,7 +146,8 @@ static void a_try_that_cannot_be_recorded_is_not_made(void)
     }
 }
 
-/* Write a changed header into slot A, with a matching CRC. */
+/* Installs an image whose header has `value` (of `size` bytes) at `offset`, and a matching CRC. Returns whether the
+ * board starts this image. */
 static bool starts_with(unsigned offset, uint32_t value, unsigned size)
 {
     set_up();

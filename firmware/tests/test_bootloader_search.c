@@ -30,7 +30,8 @@ static void write_bus(uint8_t address, const uint8_t *bytes, unsigned size)
     }
 }
 
-/* Returns whether a board acknowledged. */
+/* Reads bytes from all boards at this address, as the AND of their answers. Returns whether a board
+ * acknowledged. */
 static bool read_bus(uint8_t address, uint8_t *bytes, unsigned size)
 {
     bool acknowledged = false;
@@ -110,7 +111,8 @@ static unsigned find_ids(unsigned bits, uint64_t prefix, uint64_t *ids)
     return count + find_ids(split + 1u, common | (1ull << (63u - split)), ids + count);
 }
 
-/* The same from acknowledges alone. */
+/* Finds the unique ids that begin with these bits from the acknowledges of searches alone, and writes them to ids[]
+ * in ascending order. Returns their number. */
 static unsigned find_ids_by_acknowledge(unsigned bits, uint64_t prefix, uint64_t *ids)
 {
     uint8_t id[8], response[TAXEL_BOOT_PACKET_MAX];

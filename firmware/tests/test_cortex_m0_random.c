@@ -30,8 +30,8 @@ static uint16_t random_half(struct random_source *random)
     return half;
 }
 
-/* Random program: handlers return (the fault handler skips the faulting instruction), registers hold addresses, SysTick
- * and interrupts are active. */
+/* Writes a random program to a test processor: handlers return (the fault handler skips the faulting instruction),
+ * registers hold addresses, SysTick and interrupts are active. */
 static void prepare_program(struct bench *bench, uint64_t seed)
 {
     struct random_source random;
@@ -82,7 +82,8 @@ static void check_same(void)
     CHECK_BYTES(&whole_account, &divided_account, sizeof whole_account);
 }
 
-/* The first run reports a lockup at once; the second run advances the time. */
+/* Runs the processor to a cycle, also while it is locked up: the first run reports a lockup at once; the second run
+ * advances the time. */
 static void run_to(struct cortex_m0 *cpu, uint64_t until)
 {
     if (cortex_m0_run(cpu, until) == CORTEX_M0_LOCKUP) {
@@ -130,7 +131,8 @@ static uint16_t random_storing_half(struct random_source *random)
     return (uint16_t)(stores[random_u64(random) % 5u] | (half & 0x01BFu) | 1u);
 }
 
-/* Loop in RAM from byte 2 on, with occasional calls of the following instruction; the registers point into the loop. */
+/* Writes a random loop to RAM, from byte 2 on, with occasional calls of the following instruction; the registers
+ * point into the loop. */
 static void put_loop(struct bench *bench, struct random_source *random)
 {
     struct cortex_m0 *const cpu = &bench->cpu;

@@ -187,7 +187,8 @@ static void a_loose_contact_loses_addressings_in_bursts(void)
     CHECK_BETWEEN((double)lost / bursts, 4.6, 5.4);
 }
 
-/* Virtual time in seconds at which the count of a taxel falls by 200. */
+/* Virtual time in seconds at which the count of a taxel has fallen by 200, in a world with these effects; 0 if it
+ * does not fall. */
 static double contact_time(const char *const *effects, unsigned address, size_t taxel, int fd)
 {
     start_world(effects, fd);

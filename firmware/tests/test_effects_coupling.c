@@ -66,7 +66,8 @@ static void solve(int driven, double *effective_f)
     CHECK(network_solve(&network, driven, &state, effective_f) < 100);
 }
 
-/* Gaussian elimination of the node equations of all lines. */
+/* Solves the network for one driven TX line by Gaussian elimination of the node equations of all lines: an
+ * independent reference for network_solve(). */
 static void solve_dense(int driven, double *effective_f)
 {
     const int n = ROWS + COLUMNS;
@@ -126,7 +127,7 @@ static void lines_without_resistance_do_not_couple(void)
     }
 }
 
-/* Change of each effective capacitance per added capacitance when crossing (2, 2) gains 0.2 pF. */
+/* Fills the change of each effective capacitance per added capacitance when crossing (2, 2) gains 0.2 pF. */
 static void coupling_changes(double tx_ohm, double rx_ohm, double change[ROWS][COLUMNS])
 {
     double before[COLUMNS], after[COLUMNS];

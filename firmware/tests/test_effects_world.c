@@ -48,8 +48,8 @@ static void describe(const char *const *lines)
     }
 }
 
-/* Stimulus with records every 20 ms from 0.5 s on: a contact on board 0 (on all boards if there are more than two) that
- * increases and decreases; no contact before and after. */
+/* Descriptor of a stimulus with records every 20 ms from 0.5 s on: a contact on board 0 (on all boards if there are
+ * more than two) that increases and decreases; no contact before and after. */
 static int stimulus_file(enum stimulus_kind kind)
 {
     uint8_t header[24] = "TAXELSTM";

@@ -23,7 +23,7 @@ static void start_and_run(double seconds)
     CHECK_EQUAL(fake_world_run(&fake, seconds), 0);
 }
 
-/* The counters are consistent, and every board streams in the next 0.3 s. */
+/* Checks that the counters are consistent, and that every board streams in the next 0.3 s. */
 static void check_all_boards_stream_again(void)
 {
     unsigned before[BOARDS];
@@ -40,7 +40,8 @@ static void check_all_boards_stream_again(void)
     CHECK(fake_world_adds_up(&fake));
 }
 
-/* A poll cycle of four boards takes 9 ms: POSITIONS times at intervals of 0.25 ms cover all of it. */
+/* Time number `i` (seconds) at which a fault is injected. A poll cycle of four boards takes 9 ms: POSITIONS times
+ * at intervals of 0.25 ms cover all of it. */
 static double time_in_cycle_s(unsigned i)
 {
     return 0.7 + 0.00025 * i;

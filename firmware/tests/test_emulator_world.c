@@ -6,7 +6,7 @@
 
 static struct fake_world fake;
 
-/* 17 boards with 15 x 63 + 2 x 64 = 1073 taxels, a load similar to that of a whole hand. */
+/* Describes a world of 17 boards with 15 x 63 + 2 x 64 = 1073 taxels, a load similar to that of a whole hand. */
 static void describe_hand(void)
 {
     fake_world_describe(&fake, HAND_BOARDS, 63);
@@ -90,8 +90,8 @@ static void step_length_does_not_change_the_stream(void)
     }
 }
 
-/* The host's commands reach the hub during an I2C transfer; the result must not depend on how far the bus has been
- * advanced. */
+/* CRC of the hub's bytes in a world that is run in steps of this size. The host's commands reach the hub during an
+ * I2C transfer; the result must not depend on how far the bus has been advanced. */
 static uint32_t run_with_commands(vtime step)
 {
     fake_world_describe(&fake, 4, 200);

@@ -17,7 +17,7 @@ static uint8_t buffers[BOARDS][2][TAXEL_COMPACT_BUFFER_SIZE(TAXELS)];
 static unsigned decoded, packed_frames, delta_frames, without_key_frame;
 static bool is_host_silent; /* the host sends no acknowledgements */
 
-/* Counts without touch: small noise, no escapes. */
+/* Raw count of a taxel without touch: small noise, no escapes. */
 static uint16_t count_at_rest(uint16_t scan, uint16_t taxel)
 {
     return (uint16_t)(3000u + 20u * taxel + (scan * 40503u + taxel * 9973u) % 65521u % 5u);
@@ -29,7 +29,7 @@ static uint16_t count_of(struct fake_sensor *sensor)
     return count_at_rest((uint16_t)sensor->sensor.scan.scans, sensor->sensor.scan.taxel);
 }
 
-/* The boards' main loops run between two transfers. */
+/* Script of the bus: runs the main loops of the boards between two transfers. */
 static int run_boards(struct fake_hub *hub, const struct taxel_i2c_transfer *transfer)
 {
     (void)hub;
@@ -49,7 +49,8 @@ static void boot_board(size_t i)
     fake_scan(&sensors[i], 1);
 }
 
-/* The last board has register map version 1, without compact snapshots. */
+/* Starts a hub with boards that offer compact snapshots, except the last board, which has register map version
+ * 1. */
 static void begin(void)
 {
     fake_hub_init(&fake);

@@ -107,8 +107,8 @@ static void check_line(size_t i, bool scl, bool sda)
     CHECK_EQUAL(fake.lines[i].sda, sda);
 }
 
-/* Clocks, start and stop conditions as a slave sees them. Simultaneous changes of both lines would have no defined
- * order. */
+/* Counts clocks, start and stop conditions in the recorded levels of SCL and SDA, as a slave does. Simultaneous
+ * changes of both lines would have no defined order, and fail the test. */
 static void read_lines(unsigned *clocks, unsigned *starts, unsigned *stops)
 {
     bool scl = true, sda = true;

@@ -25,7 +25,7 @@ static void end(void)
     fake_hub_free_boards(&fake);
 }
 
-/* The board restarts between two polls: its clock begins at zero. */
+/* Restarts a board between two polls: its clock begins at zero. */
 static void restart_board(size_t board)
 {
     CHECK_EQUAL(fake_sensor_boot(&sensors[board]), 0);
@@ -84,7 +84,7 @@ static void after_a_pause_of_two_minutes_no_board_counts_as_restarted(void)
     end();
 }
 
-/* The identity in a BOARD_INFO frame begins with WHO_AM_I and has a valid CRC. */
+/* Checks all BOARD_INFO frames: the identity begins with WHO_AM_I and has a valid CRC. */
 static void check_board_infos(void)
 {
     for (size_t i = 0; i < fake.frame_count; i++) {

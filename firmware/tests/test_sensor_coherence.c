@@ -22,7 +22,8 @@ static size_t snapshot_size(void)
     return TAXEL_SNAPSHOT_SIZE(fake.config.taxel_count);
 }
 
-/* One read with `between` conversions before every event of the transfer; returns the sequence that was read. */
+/* Reads a snapshot with `between` conversions before every event of the transfer; returns the sequence that was
+ * read. with_pointer: the register pointer is written first. */
 static uint16_t read_with_conversions_between(unsigned between, bool with_pointer)
 {
     memset(snapshot, 0, sizeof snapshot);

@@ -68,7 +68,7 @@ static void settings_out_of_range_are_rejected(void)
     fake_sensor_free(&fake);
 }
 
-/* A valid settings write, which the tests damage. */
+/* Fills the bytes of a valid write of scan settings, which the tests damage. */
 static void fill_settings_write(uint8_t *bytes)
 {
     const struct taxel_scan_settings settings = {200, 30, 3, 9, 77};

@@ -51,7 +51,8 @@ static void a_crossing_without_a_taxel_is_a_hole(void)
     patch_free(&patch);
 }
 
-/* Poses on a cylinder: TX lines along the axis (x), RX lines around it; left is the direction of increasing angle. */
+/* Fills taxel poses on a cylinder: TX lines along the axis (x), RX lines around it; left is the direction of
+ * increasing angle. */
 static void set_poses_on_cylinder(struct taxel_pose *poses)
 {
     for (int i = 0; i < ROWS * COLUMNS; i++) {

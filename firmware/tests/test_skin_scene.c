@@ -100,7 +100,7 @@ static void too_many_objects_or_planes_are_rejected(void)
     rejection_check_all(&many_planes, 1);
 }
 
-/* Scene stimulus of `boards` boards and `taxels` taxels with one record: the cube at x. */
+/* Descriptor of a scene stimulus of `boards` boards and `taxels` taxels with one record: the cube at x (metres). */
 static int scene_file(uint32_t boards, uint32_t taxels, float x)
 {
     uint8_t header[24] = "TAXELSTM";

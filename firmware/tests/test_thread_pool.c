@@ -48,7 +48,7 @@ struct rendezvous {
     bool has_met[2];
 };
 
-/* Waits until both items run: possible only if two threads work at the same time. */
+/* Task of the thread pool that waits until both items run: possible only if two threads work at the same time. */
 static void wait_for_other_item(void *context, size_t item)
 {
     struct rendezvous *rendezvous = context;

@@ -109,7 +109,8 @@ static bool store_field(const struct field *field, const char *prefix, const str
     return node->kind == JSON_NUMBER && store_number(value + field->offset, field->size, node->number);
 }
 
-/* Append the packed struct to `out`; also unpack and pack it again. */
+/* Appends the packed struct with the field values of a vector to `out`; also checks that unpacking and packing it
+ * again gives the same bytes. Returns false on an error. */
 static bool append_struct(const struct layout *layout, const char *prefix, const struct json_node *fields,
                           struct bytes *out)
 {
@@ -220,7 +221,8 @@ static size_t encode(const struct json_node *vector, const struct bytes *payload
     return taxel_encoder_end(&encoder);
 }
 
-/* Into a ring that wraps at each position of the frame in turn. */
+/* Whether a frame is encoded to the bytes of the vector in a ring buffer that wraps at each position of the frame
+ * in turn. */
 static bool encodes_in_any_ring(const struct json_node *vector, const struct bytes *payload, const struct bytes *wire)
 {
     uint8_t ring[WIRE_MAX];

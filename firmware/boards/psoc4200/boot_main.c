@@ -66,8 +66,8 @@ static bool on_stay_requested(void *context)
 }
 
 /* HAL function of the bootloader: starts the image whose vector table is at address `vectors`. I2C or UART are
- * switched off, as after a reset. The watchdog and SysTick keep running and one interrupt stays enabled; the start-
- * up code of the image expects this state. */
+ * switched off, as after a reset. The watchdog and SysTick keep running and one interrupt stays enabled; the
+ * start-up code of the image expects this state. */
 static void on_start(void *context, uint32_t vectors)
 {
     (void)context;

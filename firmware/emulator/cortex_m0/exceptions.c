@@ -27,8 +27,9 @@ void cortex_m0_take_fault(struct cortex_m0 *cpu)
     cortex_m0_set_pending(cpu, CORTEX_M0_HARD_FAULT, cpu->cycle);
 }
 
-/* Begin an exception entry: write the frame of eight words to the stack in use. The handler is chosen later, in cycle
- * entry_choice, because a late exception of higher priority can still replace the first one (late arrival). */
+/* Begin an exception entry: write the frame of eight words (registers and flags of the interrupted program) to the
+ * stack in use. The handler is chosen later, in cycle entry_choice, because a late exception of higher priority can
+ * still replace the first one (late arrival). */
 void cortex_m0_begin_entry(struct cortex_m0 *cpu)
 {
     const uint32_t *const r = cpu->r;
@@ -84,8 +85,8 @@ void cortex_m0_finish_entry(struct cortex_m0 *cpu)
     enter_handler(cpu, best ? best : cpu->entry_number);
 }
 
-/* Restore registers and flags from the exception frame at the stack pointer. The frame must contain exception number 0
- * exactly if the return is to thread mode. */
+/* Restore registers and flags from the exception frame at the stack pointer; `to_thread`: the return is to the main
+ * program, not to another handler. The frame must contain exception number 0 exactly in this case. */
 static enum cortex_m0_event unstack(struct cortex_m0 *cpu, bool to_thread)
 {
     uint32_t words[FRAME_WORDS], *const r = cpu->r;

@@ -50,7 +50,8 @@ static enum cortex_m0_event execute_any_registers(struct cortex_m0 *cpu, uint32_
     return finish_instruction(cpu, 2, 1);
 }
 
-/* Execute WFE, WFI or SEV. WFE does not sleep if the event register is set, but clears it. */
+/* Execute a hint instruction: WFE or WFI, which put the processor to sleep, or SEV, which sets the event register.
+ * WFE does not sleep if the event register is set, but clears it. */
 static enum cortex_m0_event execute_hint(struct cortex_m0 *cpu, uint32_t half)
 {
     enum { WFE = 2, WFI = 3 };

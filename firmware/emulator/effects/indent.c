@@ -38,7 +38,8 @@ bool indent_is_on(const struct indent_effect *indent)
     return indent->fraction != 0.0;
 }
 
-/* Share of a compression set that remains after `seconds` of recovery; bedding does not recover. */
+/* Share of a compression set (temporary deformation of the pillars) that remains after `seconds` of recovery; 1 for
+ * bedding, the permanent deformation. */
 double indent_decay(const struct indent_effect *indent, double seconds)
 {
     return indent->form == INDENT_SET ? exp(-seconds / indent->recovery_s) : 1.0;
