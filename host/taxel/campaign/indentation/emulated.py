@@ -46,12 +46,13 @@ def run_emulated_indentations(
     resume: bool = False,
     progress: Progress = no_progress,
 ) -> None:
-    """Run the indentations of `plan` on the emulated skin and write them to `path`.
+    """Run the indentations of `plan` on the emulated skin and write them to the dataset `path`.
 
     settings: seed, effects, variation (its grip applies to the force) and clocks; the phases are those of the plan.
-    `indentation_settings` gives the settings of a rig. jobs: number of processes; None: one per core; 1: the calling
-    process only. overwrite, resume: see `taxel.campaign.emulated.run_emulated`. The same plan and settings give the
-    same indentations for any `jobs`. Raises `TaxelError` with a one-line message.
+    `indentation_settings` returns the settings of a rig. jobs: number of processes; None: one per core; 1: the calling
+    process only. resume: keep the sessions that the file already contains. progress: called with the number of finished
+    indentations and the total. The same plan and settings give the same indentations for any `jobs`. Raises
+    `TaxelError` with a one-line message.
     """
     setup = plan.setup
     check_world(setup, settings)
@@ -76,7 +77,10 @@ def run_emulated_indentations(
 def run_indentation_session(
     setup: Setup, indentations: Sequence[PlannedIndentation], campaign: EmulatedCampaign
 ) -> list[GraspRecord]:
-    """Records of one session, in order: one mounting of the skin, one power-up. Raises `TaxelError`."""
+    """Compute the records of one session on the emulated skin, in order: one mounting of the skin, one power-up.
+
+    campaign: plan and settings. Raises `TaxelError`.
+    """
     plan, settings = campaign.plan, campaign.settings
     begins = (LEAD_IN_S + plan.timeline.duration_s * np.arange(len(indentations) + 1)).tolist()
     world = format_session_world(setup, settings, indentations[0].session)
@@ -94,7 +98,10 @@ def run_indentation_session(
 def _solve(
     plan: IndentationPlan, indentation: PlannedIndentation, settings: EmulatedSettings, contact: SkinContact
 ) -> EquilibriumPath:
-    """True poses of the object from first contact to hold, with the sampled variation of pose and force."""
+    """Solve for the true poses of the object from first contact to hold, with random variation of pose and force.
+
+    contact: computes the contact loads of the skin.
+    """
     approach = indentation.approach
     rng = np.random.default_rng([settings.seed, _STREAM, *indentation.id.encode()])
     offset, force_factor = settings.variation.for_object(approach.object).apply(rng.normal(size=FACTORS))
@@ -116,7 +123,11 @@ def _solve(
 def _scene_motion(
     plan: IndentationPlan, indentation: PlannedIndentation, path: EquilibriumPath, begin_s: float, end_s: float
 ) -> SceneMotion:
-    """Motion of the object: inwards, hold, and back along the same poses, because the equilibrium has no history."""
+    """Make the motion of the object in one indentation: inwards, hold, and back along the same poses.
+
+    The way back is the same because the equilibrium has no history. path: equilibrium poses. begin_s, end_s: of the
+    indentation in its session.
+    """
     stroke = Stroke.through(plan.timeline, float(path.travel_m[0]), float(path.travel_m[-1]))
     free = stroke.start_m - AWAY_M * np.array(WITHDRAWN_SHARES)
     travel = np.concatenate([free, path.travel_m])
@@ -134,7 +145,10 @@ def _scene_motion(
 def _make_record(
     plan: IndentationPlan, indentation: PlannedIndentation, cycles: PollCycles, begin_s: float
 ) -> GraspRecord:
-    """The record of one indentation. cycles: of its session. begin_s: start of the indentation in the session."""
+    """Make the dataset record of one indentation.
+
+    cycles: frames of its session. begin_s: start of the indentation in the session.
+    """
     recorded = cycles.between(begin_s, begin_s + plan.timeline.duration_s)
     return GraspRecord(
         object=indentation.approach.object,

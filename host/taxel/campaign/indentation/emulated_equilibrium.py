@@ -60,6 +60,12 @@ class EmulatedEquilibrium:
         touch_pose: FloatArray,
         direction: FloatArray,
     ) -> None:
+        """Create the solver for the equilibrium of an object that a mount with springs presses into the emulated skin.
+
+        contact: computes contact loads. index: of the object in the world file. bracket_poses: f64[s, 4, 4]. centre:
+        point at which the mount holds the object, object frame. touch_pose: nominal pose at first contact f64[4, 4].
+        direction: unit vector of the motion f64[3].
+        """
         self._contact, self._index, self._brackets = contact, index, bracket_poses
         self._rest, self._direction = touch_pose, direction
         self._centre = touch_pose[:3, :3] @ centre + touch_pose[:3, 3]
@@ -72,7 +78,10 @@ class EmulatedEquilibrium:
         )
 
     def solve_path(self, force_n: float) -> EquilibriumPath:
-        """Equilibrium from first contact to `force_n`. Raises `EquilibriumError` if there is none."""
+        """Solve for the equilibrium of the object at increasing forces from first contact to `force_n` newtons.
+
+        Raises `EquilibriumError` if there is no equilibrium.
+        """
         touch = self._touch_travel()
         travels, poses = [touch], [self._pose(np.concatenate([touch * self._direction, np.zeros(3)]))]
         state = self._first_guess(touch, FORCE_SHARES[0] * force_n)
@@ -89,7 +98,10 @@ class EmulatedEquilibrium:
         return EquilibriumPath(np.maximum.accumulate(travels), np.stack(poses))
 
     def _pose(self, state: FloatArray) -> FloatArray:
-        """Pose after a translation state[:3] and a rotation state[3:] (rotation vector) about the mount's point."""
+        """Compute the pose of the object after a translation state[:3] and a rotation state[3:].
+
+        The rotation vector acts about the point at which the mount holds the object. Metres and radians.
+        """
         rotation = _rotation_matrix(state[3:])
         pose = self._rest.copy()
         pose[:3, :3] = rotation @ self._rest[:3, :3]
@@ -97,13 +109,16 @@ class EmulatedEquilibrium:
         return pose
 
     def _is_touching(self, travel: float) -> bool:
-        """Whether the object touches the skin after a travel of the mount, metres."""
+        """Whether the object touches the skin after a travel of its mount, metres."""
         pose = self._rest.copy()
         pose[:3, 3] += travel * self._direction
         return self._contact.compute_load(self._index, pose, self._brackets).touched_board_count > 0
 
     def _touch_travel(self) -> float:
-        """Travel of a rigid mount to first contact, metres, with a tolerance of one micrometre."""
+        """Search the travel of a rigid mount to first contact with the skin, metres, to one micrometre.
+
+        Raises EquilibriumError if the object starts inside the skin or meets no skin.
+        """
         step, free = 4e-4, 0.0
         while self._is_touching(free):
             free -= step
@@ -120,9 +135,9 @@ class EmulatedEquilibrium:
         return touching
 
     def _first_guess(self, touch: float, force: float) -> FloatArray:
-        """Motion of a rigid object to a depth at which the skin carries at least `force`.
+        """Return the motion f64[6] of a rigid object to a depth at which the skin carries at least `force` newtons.
 
-        Newton's method converges reliably from there.
+        Newton's method converges reliably from this motion. touch: travel to first contact, metres.
         """
         depth = FIRST_DEPTH_M
         while depth < MAX_SEARCH_M:
@@ -134,7 +149,11 @@ class EmulatedEquilibrium:
         raise EquilibriumError("meets no skin that carries the force")
 
     def _balance(self, state: FloatArray, force: float) -> tuple[FloatArray, FloatArray]:
-        """Residual force and moment about the mount's point f64[6], and its negative derivative f64[6, 6]."""
+        """Compute the residual force and moment on the object, f64[6], and its negative derivative f64[6, 6].
+
+        state: translation and rotation vector of the object. force: of the mount, newtons. Moments are about the point
+        at which the mount holds the object.
+        """
         load = self._contact.compute_load(self._index, self._pose(state), self._brackets)
         loaded = np.flatnonzero(load.wrench.any(axis=1))
         to_point = np.eye(6)
@@ -146,9 +165,9 @@ class EmulatedEquilibrium:
         return residual, stiffness + self._springs
 
     def _solve(self, state: FloatArray, force: float) -> FloatArray:
-        """The equilibrium under a force, newtons, by Newton steps with secant updates; state: first guess.
+        """Solve for the equilibrium of the object under `force` newtons, by Newton steps with secant updates.
 
-        Raises EquilibriumError.
+        state: first guess, translation and rotation vector f64[6]. Raises EquilibriumError.
         """
         residual, system = self._balance(state, force)
         norm = _norm(residual)
@@ -181,11 +200,15 @@ SCALE = np.array([1.0] * 3 + [1.0 / ARM_M**2] * 3)
 
 
 def _norm(residual: FloatArray) -> float:
+    """Compute the norm of a residual f64[6] in newtons; moments are divided by a typical lever arm."""
     return float(np.sqrt(residual[:3] @ residual[:3] + residual[3:] @ residual[3:] / ARM_M**2))
 
 
 def _solve_scaled(system: FloatArray, residual: FloatArray) -> FloatArray:
-    """The Newton step for a residual of forces and moments, f64[6]. Raises EquilibriumError for a singular system."""
+    """Solve for the Newton step f64[6] of the equilibrium. residual: forces and moments f64[6].
+
+    system: negative derivative of the residual f64[6, 6]. Raises EquilibriumError for a singular system.
+    """
     # Forces and moments have different units; the scaling improves the condition of the system.
     scale = np.array([1.0] * 3 + [ARM_M] * 3)
     scaled = system / scale[:, None] / scale
@@ -196,7 +219,10 @@ def _solve_scaled(system: FloatArray, residual: FloatArray) -> FloatArray:
 
 
 def _wrench_map(pose: FloatArray) -> FloatArray:
-    """Map f64[6, 6] from a wrench in a bracket's frame, about its origin, to the world frame, about its origin."""
+    """Make the matrix f64[6, 6] that maps force and moment from a bracket's frame to the world frame.
+
+    Moments are about the origin of the frame in question. pose: of the bracket f64[4, 4].
+    """
     rotation = pose[:3, :3]
     result = np.zeros((6, 6))
     result[:3, :3] = result[3:, 3:] = rotation
@@ -205,7 +231,7 @@ def _wrench_map(pose: FloatArray) -> FloatArray:
 
 
 def _rotation_matrix(vector: FloatArray) -> FloatArray:
-    """The rotation by |vector| radians about its direction, f64[3, 3] (Rodrigues' formula)."""
+    """Compute the matrix f64[3, 3] of the rotation by |vector| radians about its direction (Rodrigues' formula)."""
     angle = float(np.sqrt(vector @ vector))
     skew = _cross_matrix(vector)
     sine, cosine = (np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle**2) if angle > 1e-8 else (1.0, 0.5)
@@ -213,5 +239,6 @@ def _rotation_matrix(vector: FloatArray) -> FloatArray:
 
 
 def _cross_matrix(v: FloatArray) -> FloatArray:
+    """Return the matrix f64[3, 3] that computes the cross product v x w of a vector v f64[3] with any w."""
     x, y, z = v.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

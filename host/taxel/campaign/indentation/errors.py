@@ -12,15 +12,17 @@ class EquilibriumError(TaxelError):
     """
 
     def __init__(self, problem: str, indentation: str = "") -> None:
+        """Create the error of an object without a usable equilibrium. problem: predicate of the message."""
         super().__init__(problem, indentation)
 
     def __str__(self) -> str:
+        """Format the error as one line with the indentation, the problem and the remedy."""
         problem, indentation = self.args
         where = f"indentation {indentation}" if indentation else "indentation"
         return f"{where}: the object {problem}; use another position, less force, or smaller offsets"
 
     def for_indentation(self, indentation: str) -> EquilibriumError:
-        """The same error with the id of the indentation."""
+        """Return the same error with the id of the indentation."""
         return EquilibriumError(self.args[0], indentation)
 
 
@@ -28,8 +30,10 @@ class IndentationPlanError(TaxelError, ValueError):
     """A design from which no plan of indentations can be sampled."""
 
     def __init__(self, field: str, expected: str, found: str) -> None:
+        """Create the error of a value from which no indentation plan can be made. field: name of the value."""
         super().__init__(field, expected, found)
 
     def __str__(self) -> str:
+        """Format the error as one line with the field, its expected and found value, and the remedy."""
         field, expected, found = self.args
         return f"indentation plan: {field}: expected {expected}, found {found}; correct the value"

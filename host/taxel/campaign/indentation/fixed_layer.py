@@ -38,7 +38,7 @@ class FixedSprings(NamedTuple):
     taxel: NDArray[np.intp]
 
     def select(self, mask: NDArray[np.bool_]) -> FixedSprings:
-        """The springs for which the mask bool[m] is true."""
+        """Return the springs of the layer for which the mask bool[m] is true."""
         return FixedSprings(self.point[mask], self.normal[mask], self.moment[mask], self.taxel[mask])
 
 
@@ -48,6 +48,11 @@ class FixedSkinLayer:
     def __init__(
         self, hand: Hand, bracket_poses: FloatArray, law: LayerLaw, springs_per_side: int = SPRINGS_PER_SIDE
     ) -> None:
+        """Create the springs that represent the elastic layer of a hand whose boards are at fixed poses.
+
+        bracket_poses: f64[s, 4, 4], world. law: force of a taxel as a function of its compression. springs_per_side:
+        springs along one side of a taxel.
+        """
         sheet = build_sheet(hand, springs_per_side)
         pose = bracket_poses[sheet.board_index]
         point = np.einsum("mij,mj->mi", pose[:, :3, :3], sheet.position) + pose[:, :3, 3]
@@ -59,7 +64,10 @@ class FixedSkinLayer:
         self._law, self._share = law, 1.0 / springs_per_side**2
 
     def near(self, shape: Shape, object_pose: FloatArray) -> FixedSprings:
-        """The springs that an object with its first contact at `object_pose` f64[4, 4] can reach."""
+        """Select the springs of the layer that an object can reach.
+
+        object_pose: pose of the object at its first contact, f64[4, 4].
+        """
         low, high = shape.bounds
         middle = object_pose[:3, :3] @ (0.5 * (low + high)) + object_pose[:3, 3]
         reach = 0.5 * float(np.linalg.norm(high - low)) + self.thickness_m + NEAR_M
@@ -68,21 +76,24 @@ class FixedSkinLayer:
         return ball.select(shape.distance_bound(surface @ object_pose[:3, :3]) < NEAR_M)
 
     def depth(self, springs: FixedSprings, shape: Shape, object_pose: FloatArray) -> FloatArray:
-        """Compression of each spring, metres, f64[m]."""
+        """Compute the compression of each spring of the layer by an object, metres, f64[m]."""
         rotation = object_pose[:3, :3]
         separation = shape.ray_separation((springs.point - object_pose[:3, 3]) @ rotation, springs.normal @ rotation)
         depth = self.thickness_m - separation
         return np.where((depth > 0.0) & (depth < self.thickness_m + MAX_DEPTH_M), depth, 0.0)
 
     def force(self, depth_m: FloatArray) -> FloatArray:
-        """Force of each spring, newtons."""
+        """Compute the force of each spring of the layer, newtons, from its compression f64[m], metres."""
         return np.asarray(self._share * self._law.compute_force(depth_m))
 
     def stiffness(self, depth_m: FloatArray) -> FloatArray:
-        """Stiffness of each spring, newtons per metre."""
+        """Compute the stiffness of each spring of the layer, newtons per metre, at its compression f64[m], metres."""
         return np.asarray(self._share * self._law.compute_stiffness(depth_m))
 
     def taxel_forces(self, springs: FixedSprings, shape: Shape, object_pose: FloatArray) -> FloatArray:
-        """Normal force on every taxel, newtons, f64[n]; forces on the bare margin belong to no taxel."""
+        """Compute the normal force of an object on every taxel, newtons, f64[n].
+
+        Forces on the bare margin of the layer belong to no taxel.
+        """
         force = self.force(self.depth(springs, shape, object_pose))
         return np.asarray(np.bincount(springs.taxel, force, self.n_taxels)[: self.n_taxels], dtype=np.float64)

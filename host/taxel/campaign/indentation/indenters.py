@@ -47,7 +47,10 @@ class Indenter(NamedTuple):
 
 
 def sample_indenters(rng: np.random.Generator, count: int) -> list[Indenter]:
-    """`count` random objects. The families are in random order, and none is repeated before all have been used."""
+    """Sample `count` random objects to press into the skin, such as boxes, wedges and cylinders.
+
+    The families are in random order, and none is repeated before all have been used.
+    """
     families = list(FAMILIES.items())
     indenters = []
     for number in range(count):
@@ -59,17 +62,19 @@ def sample_indenters(rng: np.random.Generator, count: int) -> list[Indenter]:
 
 
 def _box(rng: np.random.Generator, name: str) -> Indenter:
+    """Sample a box of random size as an indenter."""
     sides = _sizes(rng, 3)
     return _polytope(rng, name, ConvexPolytope.box(*sides), f"Box, {_millimetres(*sides)}")
 
 
 def _prism(rng: np.random.Generator, name: str) -> Indenter:
+    """Sample a triangular prism of random size as an indenter."""
     side, height = float(rng.uniform(0.030, SIZE_M[1])), _sizes(rng, 1)[0]
     return _polytope(rng, name, ConvexPolytope.prism(side, height), f"Triangular prism, {_millimetres(side, height)}")
 
 
 def _wedge(rng: np.random.Generator, name: str) -> Indenter:
-    """A box whose top slopes downwards along x."""
+    """Sample a wedge as an indenter: a box of random size whose top slopes downwards along x."""
     width, depth, height = _sizes(rng, 3)
     toe = height * float(rng.uniform(0.45, 0.8))
     box = ConvexPolytope.box(width, depth, height)
@@ -82,7 +87,7 @@ def _wedge(rng: np.random.Generator, name: str) -> Indenter:
 
 
 def _cylinder(rng: np.random.Generator, name: str) -> Indenter:
-    """A cylinder of random size with eight contact features on its side."""
+    """Sample a cylinder of random size as an indenter, with eight contact features on its side."""
     radius, height = float(rng.uniform(0.5 * SIZE_M[0], 0.5 * SIZE_M[1])), float(rng.uniform(0.030, SIZE_M[1]))
     up = np.array([0.0, 0.0, 1.0])
     around = [
@@ -103,28 +108,33 @@ FAMILIES: dict[str, Callable[[np.random.Generator, str], Indenter]] = {
 
 
 def _sizes(rng: np.random.Generator, count: int) -> list[float]:
+    """Sample `count` random side lengths, metres."""
     return [float(size) for size in rng.uniform(*SIZE_M, count)]
 
 
 def _millimetres(*sizes: float) -> str:
+    """Format lengths in metres as text such as "40.0 x 25.0 mm"."""
     return " x ".join(f"{1e3 * size:.1f}" for size in sizes) + " mm"
 
 
 def _polytope(rng: np.random.Generator, name: str, sharp: ConvexPolytope, text: str) -> Indenter:
-    """An indenter with rounded edges. sharp: the solid without rounding. text: its description."""
+    """Make an indenter with rounded edges of random radius.
+
+    sharp: the solid without rounding. text: its description.
+    """
     side = float(np.ptp(sharp.bounds, axis=0).min())
     shape = sharp.rounded(min(float(rng.uniform(*ROUNDING_M)), MAX_ROUNDING_SHARE * side), ROUNDING_STEP_RAD)
     return Indenter(GraspObject(name, shape, text), (*_faces(sharp), *_edges(sharp)))
 
 
 def _corners_on_faces(sharp: ConvexPolytope) -> NDArray[np.bool_]:
-    """Incidence of faces and corners, bool[faces, corners]."""
+    """Find which corners belong to which face of a polytope, bool[faces, corners]."""
     above = sharp.normals @ sharp.vertices.T - sharp.offsets[:, None]
     return np.asarray(np.abs(above) < 1e-9)
 
 
 def _faces(sharp: ConvexPolytope) -> list[Feature]:
-    """A feature for each face; its line is the longest direction of the face."""
+    """Make a contact feature for each face of a polytope; its line is the longest direction of the face."""
     features = []
     for normal, is_corner in zip(sharp.normals, _corners_on_faces(sharp), strict=True):
         corners = sharp.vertices[is_corner]
@@ -137,7 +147,7 @@ def _faces(sharp: ConvexPolytope) -> list[Feature]:
 
 
 def _edges(sharp: ConvexPolytope) -> list[Feature]:
-    """The edges of a polytope as contact features."""
+    """Make a contact feature for each edge of a polytope, directed outwards between its two faces."""
     incidence, features = _corners_on_faces(sharp), []
     for first in range(len(incidence)):
         for second in range(first + 1, len(incidence)):

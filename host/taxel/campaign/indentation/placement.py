@@ -87,7 +87,7 @@ class SkinSurface:
 
     @classmethod
     def of(cls, hand: Hand, bracket_poses: FloatArray) -> SkinSurface:
-        """The surface of `hand` with brackets at `bracket_poses` f64[s, 4, 4]."""
+        """Make the surface of a hand's skin for brackets at `bracket_poses` f64[s, 4, 4], world."""
         sheet = build_sheet(hand)
         poses = bracket_poses[sheet.board_index]
         outer = sheet.position + (hand.layer_m or 0.0) * sheet.normal
@@ -96,11 +96,14 @@ class SkinSurface:
         return cls(hand, bracket_poses, surface, normal, sheet.board_index)
 
     def taxels_of(self, board: int) -> NDArray[np.intp]:
-        """Indices of a board's taxels."""
+        """List the indices of a board's taxels. board: index in the hand."""
         return np.flatnonzero(self.board[: self.hand.n_taxels] == board)
 
     def neighbours(self, boards: Sequence[int]) -> list[tuple[int, ...]]:
-        """Pairs of boards that one object can touch at the same time."""
+        """List the pairs of boards that are near enough for one object to touch both at the same time.
+
+        boards: indices of the boards to consider.
+        """
         points = {board: self.surface[self.taxels_of(board)] for board in boards}
         return [
             (first, second)
@@ -110,9 +113,10 @@ class SkinSurface:
 
 
 def compute_travel(surface: SkinSurface, shape: Shape, pose: FloatArray, direction: FloatArray) -> FloatArray:
-    """Travel f64[m] along `direction` until the object touches the centre of each square, metres.
+    """Compute the travel of an object until it touches the centre of each square of the skin, f64[m], metres.
 
-    pose: start pose of the object f64[4, 4]. Infinite for squares that the object never touches.
+    pose: start pose of the object f64[4, 4]. direction: unit vector f64[3]. Infinite for squares that the object never
+    touches.
     """
     low, high = shape.bounds
     arm = surface.surface - pose[:3, 3] - pose[:3, :3] @ (0.5 * (low + high))
@@ -136,6 +140,10 @@ class PlacementSampler:
     """Samples placements of objects against `surface` with the mount `mount`. rng: source of the random numbers."""
 
     def __init__(self, surface: SkinSurface, mount: IndenterMount, rng: np.random.Generator) -> None:
+        """Create a sampler of poses at which an object touches the skin; each pose is checked by a simulation.
+
+        surface: of the skin. mount: stiffness of the object's support.
+        """
         self.surface, self._mount, self._rng = surface, mount, rng
         self._fine, self._layer, self._coarsest = (
             FixedSkinLayer(surface.hand, surface.bracket_poses, LayerLaw(), springs)
@@ -143,7 +151,11 @@ class PlacementSampler:
         )
 
     def sample(self, indenter: Indenter, boards: tuple[int, ...], force_n: float) -> IndentationApproach | None:
-        """One sample, without a name; None if it does not load exactly `boards`, or has no suitable equilibrium."""
+        """Sample one approach of an object to one board or to two neighbouring boards, without a name.
+
+        force_n: force in equilibrium, newtons. None if the sample does not load exactly `boards`, or has no suitable
+        equilibrium.
+        """
         suitable = [feature for feature in indenter.features if len(boards) == 1 or feature.kind != "edge"]
         feature = suitable[self._rng.integers(len(suitable))]
         target, outward, line = self._target(boards)
@@ -160,7 +172,10 @@ class PlacementSampler:
         return self._check(indenter, pose, -outward, boards, force_n)
 
     def _target(self, boards: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        """Target point, outward direction there, and for two boards the line of the valley between the boards."""
+        """Sample the target of an approach: a point of the skin and the outward direction at this point.
+
+        For two boards, the third value is the direction of the valley between the boards, otherwise None.
+        """
         surface = self.surface
         first = self._rng.choice(surface.taxels_of(boards[0]))
         if len(boards) == 1:
@@ -179,11 +194,15 @@ class PlacementSampler:
     def _balance_between(
         self, shape: Shape, pose: FloatArray, direction: FloatArray, line: FloatArray, boards: tuple[int, ...]
     ) -> FloatArray:
-        """The pose moved sideways until both boards are touched at the same time, if this is possible."""
+        """Move a pose sideways until the object touches both boards at the same time, if this is possible.
+
+        pose: f64[4, 4]. direction: of the approach. line: of the valley between the boards. Returns the new pose.
+        """
         side = np.cross(direction, line)
         squares = [self.surface.board == board for board in boards]
 
         def travel_difference(offset: float) -> float:
+            """Compute the difference of the travels to first contact with both boards, metres, at a sideways offset."""
             travel = compute_travel(self.surface, shape, _translated(pose, offset * side), direction)
             return float(np.clip(travel[squares[0]].min(), -1.0, 1.0) - np.clip(travel[squares[1]].min(), -1.0, 1.0))
 
@@ -199,9 +218,10 @@ class PlacementSampler:
     def _check(
         self, indenter: Indenter, pose: FloatArray, direction: FloatArray, boards: tuple[int, ...], force_n: float
     ) -> IndentationApproach | None:
-        """The approach along `direction` (unit vector) to a pose, or None if the approach is unsuitable.
+        """Check a sampled approach by simulation; returns the approach, or None if it is unsuitable.
 
-        boards: the boards that the object must load, and no others.
+        pose: start pose f64[4, 4]. direction: unit vector of the motion. boards: boards that the object must load, and
+        no others. force_n: newtons.
         """
         shape, surface = indenter.item.shape, self.surface
         travel = compute_travel(surface, shape, pose, direction)
@@ -227,7 +247,11 @@ class PlacementSampler:
         return IndentationApproach(indenter.item.name, "", names, direction, touch, checked.pose, force_n)
 
     def _equilibrium(self, shape: Shape, touch: FloatArray, direction: FloatArray, force_n: float) -> _Checked | None:
-        """Depth, pose and taxel forces in equilibrium; None without equilibrium or for an object that moves too far."""
+        """Simulate the equilibrium of an object under `force_n` newtons: depth, pose and taxel forces.
+
+        touch: pose at first contact f64[4, 4]. None without equilibrium, or for an object that moves too far sideways
+        or rotates too far.
+        """
         equilibrium = SimulatedEquilibrium(self._layer, shape, self._mount, touch, direction)
         try:
             motion = equilibrium.solve_path(force_n, CHECKED_LEVELS).motion
@@ -242,7 +266,10 @@ class PlacementSampler:
     def _is_too_sensitive(
         self, checked: _Checked, shape: Shape, touch: FloatArray, direction: FloatArray, force_n: float
     ) -> bool:
-        """Whether a typical variation of pose and force changes the signals too much for repeats to be comparable."""
+        """Whether a typical variation of pose and force changes the signals so much that repeats are not comparable.
+
+        checked: equilibrium without the variation. touch: pose at first contact f64[4, 4]. force_n: newtons.
+        """
         signs = self._rng.choice([-1.0, 1.0], FACTORS)
         offset, force_factor = RIG_VARIATION.apply(signs)
         varied = self._equilibrium(shape, touch @ offset, direction, force_factor * force_n)
@@ -251,15 +278,19 @@ class PlacementSampler:
         return _rms_difference(checked.force, varied.force) > MAX_SENSITIVITY_COUNTS
 
     def _is_resolved(self, checked: _Checked, shape: Shape) -> bool:
-        """Whether the coarse springs are dense enough for the contact patch."""
+        """Whether the simulation's coarse springs are dense enough for the contact, compared with fine springs."""
         fine_force = self._rigid_force(self._fine, shape, checked.pose)
         return _rms_difference(checked.force, fine_force) < MAX_DISCRETISATION_COUNTS
 
     def _rigid_force(self, layer: FixedSkinLayer, shape: Shape, pose: FloatArray) -> FloatArray:
+        """Compute the force of a rigid object at `pose` on every taxel of a layer, newtons, f64[n]."""
         return layer.taxel_forces(layer.near(shape, pose), shape, pose)
 
     def _is_load_suitable(self, force: FloatArray, boards: tuple[int, ...]) -> bool:
-        """Whether the number of loaded taxels and the largest force are within the limits. force: f64[n], newtons."""
+        """Whether the number of loaded taxels and the largest force are within limits. force: f64[n], newtons.
+
+        boards: boards that the object must load.
+        """
         loaded = force > LOADED_N
         per_board = [int(loaded[self.surface.taxels_of(board)].sum()) for board in boards]
         return (
@@ -270,13 +301,17 @@ class PlacementSampler:
 
 
 def _rms_difference(first: FloatArray, second: FloatArray) -> float:
-    """RMS difference in counts of the signals of forces f64[n], over taxels loaded by either."""
+    """Compute the RMS difference of the signals that two sets of forces f64[n] newtons cause, counts.
+
+    Only taxels that one of the two sets loads are compared.
+    """
     loaded = np.maximum(first, second) > LOADED_N
     change = SimSensor().predict_signal(second[loaded]) - SimSensor().predict_signal(first[loaded])
     return float(np.sqrt(np.mean(change**2)))
 
 
 def _translated(pose: FloatArray, offset: FloatArray) -> FloatArray:
+    """Return a pose f64[4, 4] moved by an offset f64[3], metres."""
     result = pose.copy()
     result[:3, 3] += offset
     return result
@@ -285,7 +320,10 @@ def _translated(pose: FloatArray, offset: FloatArray) -> FloatArray:
 def _pose_facing(
     feature: Feature, direction: FloatArray, line: FloatArray, target: FloatArray, slide: float
 ) -> FloatArray:
-    """Pose of the object with its feature at `target`, facing along `direction`, the feature's line along `line`."""
+    """Compute the pose f64[4, 4] of an object with one of its contact features (face, edge, side) at `target`.
+
+    The feature faces along `direction`, and its line is along `line`. slide: shift along this line, metres.
+    """
     line = line - (line @ direction) * direction
     line = line / np.linalg.norm(line)
     object_axes = np.column_stack([feature.outward, feature.along, np.cross(feature.outward, feature.along)])

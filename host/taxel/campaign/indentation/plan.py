@@ -84,15 +84,18 @@ class IndentationPlan:
 
     @cached_property
     def setup(self) -> Setup:
-        """The hand and the objects as a workstation of `taxel.campaign`."""
+        """Hand and objects of the plan, in the form that grasp campaigns use."""
         return Setup(self.hand, self.objects)
 
     def centre(self, name: str) -> FloatArray:
-        """The point of an object at which the mount holds it, f64[3], object frame."""
+        """Return the point of an object at which the mount holds it, f64[3], metres, in the object frame."""
         return np.asarray(self.objects[name].shape.bounds.mean(axis=0))
 
     def describe(self) -> str:
-        """A short text for the generator attribute of a dataset; equal for equal plans."""
+        """Return a short text with a digest of the plan for the generator attribute of a dataset.
+
+        Equal plans give equal texts.
+        """
         digest = hashlib.sha256(repr((self.hand.name, self.timeline, self.mount)).encode())
         digest.update(self.bracket_poses.tobytes())
         for item in self.objects.values():
@@ -107,7 +110,7 @@ class IndentationPlan:
 def order_indentations(
     approaches: tuple[IndentationApproach, ...], sessions: int, repeats: int, rng: np.random.Generator
 ) -> tuple[PlannedIndentation, ...]:
-    """Every approach `repeats` times in each session, in random order within the session."""
+    """Order the indentations of a plan: every approach `repeats` times in each session, in random order."""
     iterations = dict.fromkeys((approach.name for approach in approaches), 0)
     per_session, session_digits = len(approaches) * repeats, len(str(sessions - 1))
     indentations = []

@@ -52,6 +52,7 @@ class IndentationDesign:
     joints: ArrayLike | None = None
 
     def __post_init__(self) -> None:
+        """Check that the counts are at least 1 and the forces above 0. Raises IndentationPlanError."""
         for name in ("approaches", "sessions", "repeats", "objects"):
             value = getattr(self, name)
             if value < 1:
@@ -62,11 +63,12 @@ class IndentationDesign:
 
 
 def sample_indentation_plan(hand: Hand, seed: int, design: IndentationDesign | None = None) -> IndentationPlan:
-    """A plan with random objects and approaches on `hand`.
+    """Sample an indentation plan with random objects and approaches on the skin of `hand`.
 
-    Boards on the back of the hand, and boards that no object reaches, are not loaded; every other board is loaded by
-    at least `MIN_APPROACHES_PER_BOARD` approaches. Raises IndentationPlanError for a design that is not feasible, such
-    as one with too few approaches for the boards.
+    Boards on the back of the hand, and boards that no object reaches, are not loaded; every other board is loaded by at
+    least `MIN_APPROACHES_PER_BOARD` approaches. design: numbers of approaches, sessions and repeats; None: the default
+    ones. Raises IndentationPlanError for a design that is not feasible, such as one with too few approaches for the
+    boards.
     """
     design = design or IndentationDesign()
     rng = np.random.default_rng(seed)
@@ -86,7 +88,7 @@ def sample_indentation_plan(hand: Hand, seed: int, design: IndentationDesign | N
 
 
 def _bracket_poses(hand: Hand, joints: ArrayLike | None) -> NDArray[np.float64]:
-    """Poses of the brackets, f64[s, 4, 4], for joint angles f64[j]; None: the angles nearest to zero."""
+    """Compute the poses of the board brackets, f64[s, 4, 4], for joint angles f64[j]; None: angles nearest to zero."""
     kinematics = build_kinematics(hand)
     robot = kinematics.robot
     angles = np.clip(np.zeros(len(robot.joint_names)), robot.lower, robot.upper) if joints is None else joints
@@ -103,6 +105,11 @@ class _ApproachSampler:
         force_n: tuple[float, float],
         rng: np.random.Generator,
     ) -> None:
+        """Create a sampler of approaches that loads the boards of a hand evenly.
+
+        placement: samples the pose of an object on a board. indenters: objects. force_n: smallest and largest force,
+        newtons.
+        """
         self._placement, self._indenters, self._force, self._rng = placement, indenters, force_n, rng
         self._hand = placement.surface.hand
         boards = [index for index, board in enumerate(self._hand.boards) if BACK_KIND not in board.kind.name]
@@ -111,7 +118,10 @@ class _ApproachSampler:
         self._approaches: list[IndentationApproach] = []
 
     def sample(self, count: int) -> tuple[IndentationApproach, ...]:
-        """`count` approaches, named in random order. Raises IndentationPlanError."""
+        """Sample `count` approaches, a part of them on pairs of neighbouring boards, named in random order.
+
+        Raises IndentationPlanError if no object reaches a board, or if a board has too few approaches.
+        """
         pairs = round(PAIR_SHARE * count)
         while len(self._approaches) < pairs and self._pairs:
             pair = min(
@@ -137,7 +147,10 @@ class _ApproachSampler:
         )
 
     def _add(self, boards: tuple[int, ...]) -> bool:
-        """Sample an approach that loads `boards`, and add it; false if no suitable approach was found."""
+        """Sample an approach that loads `boards`, and add it; False if no suitable approach was found.
+
+        boards: indices of one board or of two neighbouring boards.
+        """
         used = [approach.object for approach in self._approaches]
         for attempt in range(MAX_ATTEMPTS if len(boards) == 1 else MAX_ATTEMPTS_PAIR):
             # The least used object comes first; the next one is tried if ten samples of an object are unsuitable.

@@ -29,29 +29,32 @@ _POLL_BITS, _BOARD_BITS, _TAXEL_BITS = 64, 66, 18
 
 
 def compute_poll_rate(hand: Hand, scl_hz: float) -> float:
-    """Poll cycles per second of the hub if only I2C limits the rate.
+    """Compute the poll cycles per second of the hub if only the clock of I2C limits the rate.
 
-    Each byte takes 9 bits and each taxel two bytes. The overhead per board and per cycle (addresses, header and CRC of
-    a snapshot, a clock read-out, probes) was counted in captures.
+    scl_hz: clock of I2C. Each byte takes 9 bits and each taxel two bytes. The overhead per board and per cycle
+    (addresses, header and CRC of a snapshot, a clock read-out, probes) was counted in captures.
     """
     bits = _POLL_BITS + _BOARD_BITS * len(hand.boards) + _TAXEL_BITS * hand.n_taxels
     return round(scl_hz / bits, 2)
 
 
 def choose_scl_frequency(hand: Hand) -> float:
-    """The lowest I2C clock that reaches `MIN_ROW_RATE_HZ`; a higher clock only increases the run time."""
+    """Choose the lowest I2C clock, hertz, that reaches `MIN_ROW_RATE_HZ`; a higher clock only takes more time."""
     sufficient = [scl_hz for scl_hz in I2C_MODES_HZ if compute_poll_rate(hand, scl_hz) >= MIN_ROW_RATE_HZ]
     return sufficient[0] if sufficient else I2C_MODES_HZ[-1]
 
 
 def indentation_timeline(hand: Hand) -> Timeline:
-    """Phases whose baseline is long enough for the number of baseline frames of the dataset format."""
+    """Make the timeline of an indentation, with a baseline long enough for the frames that the dataset format needs."""
     baseline_s = (BASELINE_FRAMES + SPARE_FRAMES) / compute_poll_rate(hand, choose_scl_frequency(hand))
     return Timeline(round(baseline_s, 2), closing_s=1.2, hold_s=1.2, release_s=0.8, recovery_s=0.8)
 
 
 def indentation_settings(hand: Hand, **changes: Any) -> EmulatedSettings:
-    """`EmulatedSettings` of a rig with the skin of `hand`: its I2C clock and variation, no effects. changes: fields."""
+    """Make the settings of the emulated skin of `hand` on a rig: I2C clock and variation, no effects.
+
+    changes: other values of fields of `EmulatedSettings`.
+    """
     return replace(EmulatedSettings(variation=RIG_VARIATION, effects=(), scl_hz=choose_scl_frequency(hand)), **changes)
 
 
@@ -72,6 +75,6 @@ class SimIndentationSettings:
     rate_hz: float = 25.0
 
     def describe(self) -> str:
-        """One line for the generator attribute of the dataset."""
+        """Return one line for the generator attribute of the dataset, with a digest of the settings."""
         key = hashlib.sha256(repr(self).encode()).hexdigest()[:12]
         return f"simulator, layer sensing, settings {key}"

@@ -46,9 +46,11 @@ def run_simulated_indentations(
     resume: bool = False,
     progress: Progress = no_progress,
 ) -> None:
-    """Simulate every approach of `plan`, `settings.repeats` times each, and write the records to `path`.
+    """Simulate every approach of an indentation plan, `settings.repeats` times each, and write the records to `path`.
 
-    The other arguments are those of `run_emulated_indentations`.
+    settings: None: the default ones. jobs: number of processes; None: one per core; 1: the calling process only.
+    resume: keep the indentations that the file already contains. progress: called with the number of finished
+    indentations and the total. Raises `TaxelError` with a one-line message.
     """
     settings, setup = settings or SimIndentationSettings(), plan.setup
     description = f"{settings.describe()}, {plan.describe()}"
@@ -68,7 +70,7 @@ def run_simulated_indentations(
 
 
 def plan_simulated_indentations(plan: IndentationPlan, repeats: int) -> list[PlannedIndentation]:
-    """The indentations of the simulator's side, in a single session: `repeats` of every approach."""
+    """List the indentations to simulate, in a single session: `repeats` of every approach of the plan."""
     keys = [(approach, number) for approach in plan.approaches for number in range(repeats)]
     width = len(str(len(keys) - 1))
     return [
@@ -79,13 +81,14 @@ def plan_simulated_indentations(plan: IndentationPlan, repeats: int) -> list[Pla
 
 @lru_cache(maxsize=1)
 def _layer(plan: IndentationPlan, law: LayerLaw) -> FixedSkinLayer:
+    """Make the elastic layer of the plan's hand with its boards at fixed poses; cached."""
     return FixedSkinLayer(plan.hand, plan.bracket_poses, law)
 
 
 def simulate_indentation(setup: Setup, indentation: PlannedIndentation, campaign: SimulatedCampaign) -> GraspRecord:
-    """Record of one indentation. Its noise depends only on the seed and the indentation.
+    """Simulate one indentation and return its record. The noise depends only on the seed and the indentation.
 
-    Raises `EquilibriumError` if the object has no equilibrium.
+    campaign: plan and settings. Raises `EquilibriumError` if the object has no equilibrium.
     """
     plan, settings, approach = campaign.plan, campaign.settings, indentation.approach
     offset, force_factor = settings.variation.for_object(approach.object).apply(
@@ -124,7 +127,11 @@ def _force_and_separation(
     path: SimulatedPath,
     times: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Force on every taxel and its separation, each f64[T, n]; computed once for each distinct travel of the mount."""
+    """Compute the force on every taxel, newtons, and its separation from the object, metres, each f64[T, n].
+
+    path: equilibrium motion of the object. times: f64[T], seconds. The values are computed once for each distinct
+    travel of the mount.
+    """
     stroke = Stroke.through(plan.timeline, float(path.curve.x[0]), path.travel_m)
     travel, row = np.unique(stroke.travel_at(times), return_inverse=True)
     motions = path.motions(travel, approach.direction)

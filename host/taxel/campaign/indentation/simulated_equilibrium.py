@@ -47,7 +47,10 @@ class SimulatedPath(NamedTuple):
     curve: PchipInterpolator
 
     def motions(self, travel_m: FloatArray, direction: FloatArray) -> FloatArray:
-        """Motion f64[k, 6] of the object at `travel_m` f64[k] of the mount; without deflection before first contact."""
+        """Interpolate the motion f64[k, 6] of the object at `travel_m` f64[k] of its mount.
+
+        Before first contact the object moves with the mount along `direction`, without deflection.
+        """
         loaded = np.asarray(self.curve(np.clip(travel_m, self.curve.x[0], self.travel_m)))
         loaded[:, :3] += np.minimum(travel_m - self.curve.x[0], 0.0)[:, None] * direction
         return loaded
@@ -63,6 +66,10 @@ class SimulatedEquilibrium:
     def __init__(
         self, layer: FixedSkinLayer, shape: Shape, mount: IndenterMount, touch_pose: FloatArray, direction: FloatArray
     ) -> None:
+        """Create the solver for the equilibrium of an object that a mount with springs presses into the layer.
+
+        touch_pose: nominal pose of the object at first contact, f64[4, 4]. direction: unit vector of the motion f64[3].
+        """
         self._layer, self._shape, self._mount = layer, shape, mount
         self._touch, self._direction = touch_pose, direction
         self._near = layer.near(shape, touch_pose)
@@ -75,7 +82,10 @@ class SimulatedEquilibrium:
         self._unit = LENGTH_M * np.array([1.0] * 3 + [1.0 / ARM_M] * 3)
 
     def solve_path(self, force_n: float, levels: tuple[float, ...] = LEVELS) -> SimulatedPath:
-        """Equilibrium from first contact to `force_n`. Raises `EquilibriumError` if there is none."""
+        """Solve for the equilibrium of the object at increasing forces from first contact to `force_n` newtons.
+
+        levels: shares of the force. Raises `EquilibriumError` if there is no equilibrium.
+        """
         touch_m = self._touch_travel()
         motion = self._first_guess(levels[0] * force_n, touch_m)
         # The first contact with the layer may precede the contact with the centre of any of its squares.
@@ -94,18 +104,21 @@ class SimulatedEquilibrium:
         return SimulatedPath(travels[-1], motion, curve)
 
     def pose(self, motion: FloatArray) -> FloatArray:
-        """Pose f64[4, 4] of the object after a motion f64[6], world."""
+        """Compute the pose f64[4, 4] of the object after a motion f64[6] (metres, rotation vector), world."""
         rotation = from_rotation_vector(motion[3:])
         pose = rotation @ self._touch
         pose[:3, 3] = motion[:3] + self._pivot + rotation[:3, :3] @ self._arm
         return np.asarray(pose)
 
     def taxel_forces(self, motion: FloatArray) -> FloatArray:
-        """Normal force on every taxel after a motion f64[6], newtons, f64[n]."""
+        """Compute the normal force on every taxel after a motion f64[6] of the object, newtons, f64[n]."""
         return self._layer.taxel_forces(self._near, self._shape, self.pose(motion))
 
     def _touch_travel(self) -> float:
-        """Travel at which the object touches the centre of the first square of the layer's surface, metres."""
+        """Compute the travel to first contact, metres: with the centre of any square of the layer's surface.
+
+        Raises EquilibriumError if the object meets no skin.
+        """
         surface = self._near.point + self._layer.thickness_m * self._near.normal
         points = (surface - self._touch[:3, 3]) @ self._touch[:3, :3]
         travel = self._shape.ray_separation(points, -self._touch[:3, :3].T @ self._direction)
@@ -115,12 +128,17 @@ class SimulatedEquilibrium:
         return first
 
     def _first_guess(self, force: float, touch_m: float) -> FloatArray:
-        """Motion of a rigid object to the smallest of the depths at which the layer carries at least `force`."""
+        """Return the motion of a rigid object to the smallest tried depth at which the layer carries `force` newtons.
+
+        touch_m: travel to first contact, metres. Raises EquilibriumError.
+        """
 
         def motion(depth: float) -> FloatArray:
+            """Return the motion f64[6] of the object to a depth in metres, without rotation."""
             return np.concatenate([(touch_m + depth) * self._direction, np.zeros(3)])
 
         def layer_force(depth: float) -> float:
+            """Compute the force of the layer against the direction of motion at a depth in metres, newtons."""
             forces = self._layer.force(self._layer.depth(self._near, self._shape, self.pose(motion(depth))))
             return -float(forces @ (self._near.normal @ self._direction))
 
@@ -130,7 +148,11 @@ class SimulatedEquilibrium:
         return motion(FIRST_DEPTHS_M[index])
 
     def _residual(self, scaled: FloatArray, force: float) -> tuple[FloatArray, FloatArray]:
-        """Scaled residual force and moment about the point of the mount, and the Jacobian by the motion."""
+        """Compute the scaled residual of forces and moments on the object, f64[6], and its Jacobian f64[6, 6].
+
+        scaled: motion of the object in units that make its six elements comparable. force: of the mount, newtons. The
+        residual is 0 in equilibrium; moments are about the point at which the mount holds the object.
+        """
         motion = scaled * self._unit
         depth = self._layer.depth(self._near, self._shape, self.pose(motion))
         is_loaded = depth > 0.0
@@ -145,9 +167,10 @@ class SimulatedEquilibrium:
         return weight * residual, weight[:, None] * jacobian * self._unit
 
     def _solve(self, guess: FloatArray, previous: FloatArray, force: float) -> FloatArray:
-        """Equilibrium motion under `force`, started from a first guess, then from the previous equilibrium.
+        """Solve for the motion of the object in equilibrium under `force` newtons.
 
-        The Levenberg-Marquardt method is slower, but converges where Powell's method stops at a kink.
+        guess: first start. previous: equilibrium under a smaller force, the next start. The Levenberg-Marquardt method,
+        which is tried last, is slower but converges where Powell's method stops at a kink. Raises EquilibriumError.
         """
         attempts: tuple[tuple[FloatArray, Literal["hybr", "lm"]], ...] = (
             (guess, "hybr"),

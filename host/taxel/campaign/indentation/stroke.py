@@ -33,17 +33,23 @@ class Stroke(NamedTuple):
 
     @classmethod
     def through(cls, timeline: Timeline, touch_m: float, end_m: float) -> Stroke:
-        """The stroke of an indentation with its true first contact at `touch_m` and its hold at `end_m`."""
+        """Make the stroke of a mount whose object has its true first contact at `touch_m` and its hold at `end_m`.
+
+        The two values are travels of the mount in metres.
+        """
         return cls(timeline, min(-CLEARANCE_M, touch_m - MIN_CLEARANCE_M), end_m)
 
     def travel_at(self, times_s: FloatArray) -> FloatArray:
-        """Travel f64[k] at `times_s` f64[k] since the start of the indentation."""
+        """Compute the travel of the mount f64[k], metres, at `times_s` f64[k] since the start of the indentation."""
         withdrawn = np.array([self.timeline.get_withdrawal(time) for time in times_s.tolist()])
         grip = np.array([self.timeline.get_torque_fraction(time) for time in times_s.tolist()])
         return np.asarray(self.start_m - AWAY_M * withdrawn + (self.end_m - self.start_m) * grip)
 
     def times_of(self, travel_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Times at which the mount passes `travel_m` f64[k] (at most `end_m`): inwards f64[k] and outwards f64[k]."""
+        """Compute the times at which the mount passes `travel_m` f64[k], metres: inwards f64[k] and outwards f64[k].
+
+        Seconds since the start of the indentation. The travel is at most `end_m`.
+        """
         withdrawn = np.clip((self.start_m - travel_m) / AWAY_M, 0.0, 1.0)
         grip = np.clip((travel_m - self.start_m) / (self.end_m - self.start_m), 0.0, 1.0)
         slow_in, slow_out = ADVANCE_END + (GRIP_END - ADVANCE_END) * grip, RELEASE_END * (1.0 - grip)

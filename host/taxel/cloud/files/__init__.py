@@ -42,7 +42,7 @@ MESH_WRITERS: Final[Mapping[str, Callable[[TriangleMesh], bytes]]] = {
 
 
 def read_cloud(path: PathLike) -> ContactCloud:
-    """The cloud of a PLY, PCD or XYZ file, metres.
+    """Read a contact cloud from a PLY, PCD or XYZ file, metres.
 
     Raises CloudFileError for a malformed file, CloudError for points that are not finite, OSError.
     """
@@ -50,7 +50,7 @@ def read_cloud(path: PathLike) -> ContactCloud:
 
 
 def read_mesh(path: PathLike, unit_m: float = 1.0) -> TriangleMesh:
-    """The mesh of an STL, OBJ or PLY file. unit_m: length unit of the file in metres.
+    """Read a triangle mesh from an STL, OBJ or PLY file. unit_m: length unit of the file in metres.
 
     Raises CloudFileError for a malformed file, MeshError for a mesh with holes or NaN, OSError.
     """
@@ -59,7 +59,7 @@ def read_mesh(path: PathLike, unit_m: float = 1.0) -> TriangleMesh:
 
 
 def write_cloud(cloud: ContactCloud, path: PathLike, *, overwrite: bool = False) -> None:
-    """Write a cloud; PLY and PCD store counts, grasps and approaches, too.
+    """Write a contact cloud to a file; the suffix selects PLY, PCD or XYZ. PLY and PCD also store counts and grasps.
 
     Raises CloudFileError for an unknown suffix or an existing file, OSError.
     """
@@ -67,7 +67,10 @@ def write_cloud(cloud: ContactCloud, path: PathLike, *, overwrite: bool = False)
 
 
 def write_mesh(mesh: TriangleMesh, path: PathLike, *, overwrite: bool = False) -> None:
-    """Write a mesh, metres. Raises CloudFileError for an unknown suffix or an existing file, OSError."""
+    """Write a mesh to a file, metres; the suffix selects the format.
+
+    Raises CloudFileError for an unknown suffix or an existing file, OSError.
+    """
     _write(path, _select_handler(path, MESH_WRITERS, "a mesh")(mesh), overwrite)
 
 
@@ -86,7 +89,10 @@ def require_new_file(path: PathLike, overwrite: bool) -> None:
 
 
 def _select_handler(path: PathLike, table: Mapping[str, Handler], content: str) -> Handler:
-    """The reader or writer for the suffix of a path. content: "a cloud" or "a mesh". Raises CloudFileError."""
+    """Select the reader or writer for the suffix of a path. content: "a cloud" or "a mesh". Raises CloudFileError.
+
+    table: reader or writer by suffix.
+    """
     suffix = Path(path).suffix.lower()
     if suffix not in table:
         suffixes = ", ".join(table)
@@ -97,5 +103,6 @@ def _select_handler(path: PathLike, table: Mapping[str, Handler], content: str) 
 
 
 def _write(path: PathLike, content: bytes, overwrite: bool) -> None:
+    """Write bytes to a new file. Raises CloudFileError for an existing file unless `overwrite` is set."""
     require_new_file(path, overwrite)
     Path(path).write_bytes(content)

@@ -39,7 +39,7 @@ class GraspNames:
 
 
 def format_comments(cloud: ContactCloud) -> list[str]:
-    """Comments with the names of the approaches and grasps; none for a cloud without names."""
+    """Format the names of approaches and grasps as comment lines of a cloud file; none for a cloud without names."""
     if not any(cloud.grasps):
         return []
     lines = [f"{APPROACH} {row} {_printable(name)}" for row, name in enumerate(cloud.approaches)]
@@ -48,7 +48,7 @@ def format_comments(cloud: ContactCloud) -> list[str]:
 
 
 def parse_comments(source: Source, comments: Sequence[str]) -> GraspNames | None:
-    """The names in the comments; None without such comments.
+    """Parse the names of approaches and grasps from the comments of a cloud file; None without such comments.
 
     Raises CloudFileError for rows that are not in order and for approaches that are not named before.
     """
@@ -74,7 +74,10 @@ def parse_comments(source: Source, comments: Sequence[str]) -> GraspNames | None
 
 
 def build_columns(cloud: ContactCloud) -> tuple[list[str], npt.NDArray[np.float64]]:
-    """Names and values, f64[N, k], of the columns x, y, z, and of counts, grasp and taxel if they are known."""
+    """Return names and values, f64[N, k], of the columns of a cloud file.
+
+    The columns are x, y, z, and counts, grasp and taxel if they are known.
+    """
     names, columns = ["x", "y", "z"], [*cloud.points.T]
     if len(cloud) and not np.isnan(cloud.counts).any():
         names.append("counts")
@@ -86,7 +89,10 @@ def build_columns(cloud: ContactCloud) -> tuple[list[str], npt.NDArray[np.float6
 
 
 def build_cloud(source: Source, columns: Columns, names: GraspNames | None) -> ContactCloud:
-    """The cloud of named columns. Raises CloudFileError without x, y or z."""
+    """Make a contact cloud from the named columns of a file. Raises CloudFileError without x, y or z.
+
+    names: of grasps and approaches, from the comments; None: unknown.
+    """
     by_name = {name.removeprefix(SCALAR_PREFIX): column for name, column in columns.items()}
     points = stack_points(source, by_name)
     cloud = ContactCloud.from_points(points, by_name.get("counts"), source.name)
@@ -100,13 +106,19 @@ def build_cloud(source: Source, columns: Columns, names: GraspNames | None) -> C
 
 
 def build_silent_rows(cloud: ContactCloud) -> npt.NDArray[np.float64]:
-    """x, y, z and grasp of the inactive taxels, f64[M, 4]; no rows for a cloud without names of grasps."""
+    """Return x, y, z and grasp of the inactive taxels of a cloud, f64[M, 4].
+
+    A cloud without names of grasps gives no rows.
+    """
     rows = np.column_stack([cloud.inactive_points, cloud.inactive_grasp.astype(np.float64)])
     return np.asarray(rows[: len(rows) if any(cloud.grasps) else 0])
 
 
 def add_inactive_points(source: Source, cloud: ContactCloud, columns: Columns) -> ContactCloud:
-    """The cloud with the inactive taxels of the element `silent`. Raises CloudFileError without x, y, z or grasp."""
+    """Return the cloud with the inactive taxels that a PLY file contains. columns: x, y, z and grasp.
+
+    Raises CloudFileError if a column is missing.
+    """
     if "grasp" not in columns:
         source.fail(SILENT, "x, y, z and grasp", "no grasp", "use the whole file")
     grasp = convert_to_integers(columns["grasp"], source, f"{SILENT} grasp")
@@ -114,7 +126,7 @@ def add_inactive_points(source: Source, cloud: ContactCloud, columns: Columns) -
 
 
 def stack_points(source: Source, columns: Columns) -> npt.NDArray[np.float64]:
-    """The columns x, y and z, f64[N, 3]. Raises CloudFileError if one is missing."""
+    """Stack the columns x, y and z of a cloud file, f64[N, 3]. Raises CloudFileError if one is missing."""
     missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
         source.fail("points", "x, y and z", f"no {missing[0]}", "use a file of points")
@@ -122,10 +134,11 @@ def stack_points(source: Source, columns: Columns) -> npt.NDArray[np.float64]:
 
 
 def _check_row(source: Source, row: str, expected: int, line: str) -> None:
+    """Raise CloudFileError unless the row number in a comment of a cloud file is the expected one."""
     if row != str(expected) or expected >= MAX_NAMES:
         source.fail("comment", f"row {expected}, at most {MAX_NAMES}", quote(line), "correct it")
 
 
 def _printable(name: str) -> str:
-    """A name in printable ASCII on one line."""
+    """Convert a name to printable ASCII on one line, of limited length."""
     return "".join(letter if letter.isprintable() and letter.isascii() else "?" for letter in name)[:MAX_NAME_LENGTH]

@@ -11,7 +11,10 @@ from taxel.types import FloatArray, IntArray
 
 
 def read_mesh(source: Source) -> tuple[FloatArray, IntArray]:
-    """Vertices f64[v, 3] and triangles i64[f, 3]; a face of more corners is split into a fan about its first corner."""
+    """Read vertices f64[v, 3] and triangles i64[f, 3] of an OBJ file. Raises CloudFileError.
+
+    A face of more than three corners is split into a fan about its first corner.
+    """
     vertex_lines: list[str] = []
     triangles: list[tuple[int, int, int]] = []
     for number, line in enumerate(source.decode_text().splitlines(), 1):
@@ -31,16 +34,17 @@ def read_mesh(source: Source) -> tuple[FloatArray, IntArray]:
 
 
 def encode_mesh(mesh: TriangleMesh) -> bytes:
-    """The file as text; OBJ counts vertices from 1."""
+    """Encode a mesh as an OBJ text file; OBJ counts vertices from 1."""
     vertices = "".join(f"v {line}\n" for line in format_rows(mesh.vertices).splitlines())
     faces = "".join(f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist())
     return (vertices + faces).encode()
 
 
 def _parse_corner(source: Source, word: str, vertices: int, line: int) -> int:
-    """Vertex number from 0.
+    """Parse the corner of a face in an OBJ file; returns the vertex number, counted from 0.
 
-    The file counts from 1, or backwards from the last vertex; texture and normal follow a /.
+    The file counts from 1, or backwards from the last vertex; texture and normal follow a "/". vertices: number of
+    vertices so far. line: number of the line, for the message.
     """
     text = word.partition("/")[0]
     value = parse_natural(text.removeprefix("-"))

@@ -19,7 +19,10 @@ TYPES: Final = {
 
 
 def read_cloud(source: Source) -> ContactCloud:
-    """The cloud of the fields x, y, z, and counts, grasp, taxel if present; other fields are ignored."""
+    """Read a contact cloud from a PCD file: the fields x, y, z, and counts, grasp, taxel if present.
+
+    Other fields are ignored. Raises CloudFileError.
+    """
     header, comments, start = _read_header(source)
     fields = header.get("FIELDS", [])
     count = _read_point_count(source, header)
@@ -41,7 +44,7 @@ def read_cloud(source: Source) -> ContactCloud:
 
 
 def encode_cloud(cloud: ContactCloud) -> bytes:
-    """The file as text, with x, y, z, and counts, grasp, taxel if they are known."""
+    """Encode a contact cloud as a PCD text file with x, y, z, and counts, grasp, taxel if they are known."""
     names, table = build_columns(cloud)
     header = [
         "# .PCD v0.7 - Point Cloud Data file format",
@@ -61,7 +64,7 @@ def encode_cloud(cloud: ContactCloud) -> bytes:
 
 
 def _read_header(source: Source) -> tuple[dict[str, list[str]], list[str], int]:
-    """Words of each header line by their first word, the comments, and the offset of the points."""
+    """Read the header of a PCD file: words of each line by their first word, comments, and offset of the points."""
     header: dict[str, list[str]] = {}
     comments = []
     start = 0
@@ -80,7 +83,7 @@ def _read_header(source: Source) -> tuple[dict[str, list[str]], list[str], int]:
 
 
 def _read_point_count(source: Source, header: dict[str, list[str]]) -> int:
-    """Number of points in the header, checked against the size of the file. Raises CloudFileError."""
+    """Return the number of points in the header of a PCD file, checked against its size. Raises CloudFileError."""
     words = header.get("POINTS") or header.get("WIDTH") or ["nothing"]
     count = parse_natural(words[0])
     if count is None or count > len(source.data):
@@ -91,7 +94,10 @@ def _read_point_count(source: Source, header: dict[str, list[str]]) -> int:
 def _read_binary(
     source: Source, header: dict[str, list[str]], fields: list[str], count: int, start: int
 ) -> dict[str, npt.NDArray[np.float64]]:
-    """The fields of binary points by name, f64[count] each. start: first byte. Raises CloudFileError."""
+    """Read the fields of binary points of a PCD file by name, f64[count] each. Raises CloudFileError.
+
+    start: first byte of the points.
+    """
     sizes, kinds = header.get("SIZE", []), header.get("TYPE", [])
     if len(sizes) != len(fields) or len(kinds) != len(fields) or len(set(fields)) != len(fields):
         source.fail("FIELDS", "different names, each with a SIZE and a TYPE", quote(" ".join(fields)), "correct it")

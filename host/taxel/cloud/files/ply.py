@@ -80,7 +80,10 @@ class Header:
 
 
 def read_cloud(source: Source) -> ContactCloud:
-    """The cloud of the vertices, with counts, grasp, taxel and inactive taxels if present; faces are ignored."""
+    """Read a contact cloud from a PLY file: its vertices, with counts, grasp, taxel and inactive taxels if present.
+
+    Faces are ignored. Raises CloudFileError.
+    """
     header = read_header(source)
     has_silent = any(element.name == SILENT and element.count for element in header.elements)
     elements = _read_elements(source, header, ("vertex", SILENT) if has_silent else ("vertex",))
@@ -90,7 +93,7 @@ def read_cloud(source: Source) -> ContactCloud:
 
 
 def read_mesh(source: Source) -> tuple[FloatArray, IntArray]:
-    """Vertices f64[v, 3] and triangles i64[f, 3]."""
+    """Read vertices f64[v, 3] and triangles i64[f, 3] of a PLY file. Raises CloudFileError."""
     header = read_header(source)
     elements = _read_elements(source, header, ("vertex", "face"))
     corners = next((elements["face"][name] for name in INDEX_LISTS if name in elements["face"]), None)
@@ -100,12 +103,12 @@ def read_mesh(source: Source) -> tuple[FloatArray, IntArray]:
 
 
 def has_faces(source: Source) -> bool:
-    """Whether the file contains faces."""
+    """Whether a PLY file contains faces."""
     return any(element.name == "face" and element.count for element in read_header(source).elements)
 
 
 def encode_cloud(cloud: ContactCloud) -> bytes:
-    """The file as text: x, y, z, and counts, grasp, taxel if they are known; then the inactive taxels."""
+    """Encode a contact cloud as a PLY text file: x, y, z, and counts, grasp, taxel if known; then inactive taxels."""
     names, table = build_columns(cloud)
     silent = build_silent_rows(cloud)
     types = {"grasp": "int", "taxel": "int"}
@@ -123,7 +126,7 @@ def encode_cloud(cloud: ContactCloud) -> bytes:
 
 
 def encode_mesh(mesh: TriangleMesh) -> bytes:
-    """The file as text."""
+    """Encode a mesh as a PLY text file."""
     header = [
         "ply",
         "format ascii 1.0",
@@ -138,7 +141,7 @@ def encode_mesh(mesh: TriangleMesh) -> bytes:
 
 
 def read_header(source: Source) -> Header:
-    """The header of the file. Raises CloudFileError for a malformed header or counts that exceed the file."""
+    """Read the header of a PLY file. Raises CloudFileError for a malformed header or counts that exceed the file."""
     header = Header("", [], [], 0)
     words = ["ply"]
     while words != ["end_header"]:
@@ -157,7 +160,7 @@ def read_header(source: Source) -> Header:
 
 
 def _parse_header_line(source: Source, header: Header, words: list[str], line: str) -> None:
-    """Add one line of the header to `header`. words: of the line. Raises CloudFileError."""
+    """Add one line of a PLY header to `header`. words: of the line. Raises CloudFileError for an unknown line."""
     match words:
         case ["ply" | "end_header"] | ["obj_info", *_] | []:
             pass
@@ -180,7 +183,10 @@ def _parse_header_line(source: Source, header: Header, words: list[str], line: s
 
 
 def _add_property(source: Source, header: Header, added: Property, line: str) -> None:
-    """Add a property to the last element of the header. Raises an error for too many or equal names."""
+    """Add a property to the last element of a PLY header. Raises CloudFileError for too many or equal names.
+
+    line: for the message.
+    """
     properties = header.elements[-1].properties
     if len(properties) >= MAX_PROPERTIES or added.name in (item.name for item in properties):
         source.fail("header", f"at most {MAX_PROPERTIES} properties of different names", quote(line), "correct it")
@@ -188,7 +194,10 @@ def _add_property(source: Source, header: Header, added: Property, line: str) ->
 
 
 def _read_elements(source: Source, header: Header, names: tuple[str, ...]) -> dict[str, Columns]:
-    """Values of the named elements, by element and property. Raises CloudFileError if an element is missing."""
+    """Read the values of the named elements of a PLY file, by element and property.
+
+    Raises CloudFileError if an element is missing.
+    """
     read = _binary_reader(source, header) if header.byte_order else _text_reader(source, header)
     values: dict[str, Columns] = {}
     for element in header.elements:
@@ -205,11 +214,15 @@ def _read_elements(source: Source, header: Header, names: tuple[str, ...]) -> di
 
 
 def _text_reader(source: Source, header: Header) -> Callable[[Element], Columns]:
-    """Function that reads the next element of a text file."""
+    """Make a function that reads the next element of a PLY text file."""
     numbers = source.parse_numbers(source.data[header.start :].decode("latin-1"), "rows")
     position = 0
 
     def read(element: Element) -> Columns:
+        """Read the rows of an element, such as the vertices, from the next numbers of the file. Raises CloudFileError.
+
+        All lists of a property must have the length of the list in the first row.
+        """
         nonlocal position
         widths: list[tuple[Property, int]] = []
         width = 0
@@ -230,7 +243,10 @@ def _text_reader(source: Source, header: Header) -> Callable[[Element], Columns]
 
 
 def _split_columns(source: Source, element: Element, widths: list[tuple[Property, int]], rows: FloatArray) -> Columns:
-    """The columns of an element by property. widths: number of columns of each property. rows: f64[r, columns]."""
+    """Split the rows of a PLY element into the columns of its properties.
+
+    widths: number of columns of each property. rows: f64[r, columns].
+    """
     columns: Columns = {}
     start = 0
     for item, length in widths:
@@ -243,10 +259,14 @@ def _split_columns(source: Source, element: Element, widths: list[tuple[Property
 
 
 def _binary_reader(source: Source, header: Header) -> Callable[[Element], Columns]:
-    """Function that reads the next element of a binary file."""
+    """Make a function that reads the next element of a binary PLY file."""
     position = header.start
 
     def read(element: Element) -> Columns:
+        """Read the rows of an element, such as the vertices, from the next bytes of the file. Raises CloudFileError.
+
+        All lists of a property must have the length of the list in the first row.
+        """
         nonlocal position
         fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
         offset = position
@@ -278,7 +298,10 @@ def _binary_reader(source: Source, header: Header) -> Callable[[Element], Column
 
 
 def _check_list_length(source: Source, element: Element, first: FloatArray) -> int:
-    """Length of the list in the first row, f64[1] or f64[0], which all rows must have."""
+    """Return the length of the list in the first row of a PLY element, which all rows must have.
+
+    first: the length as read, f64[1]; f64[0] if the file ends before it. Raises CloudFileError.
+    """
     if not (len(first) and 1 <= first[0] <= MAX_LIST_LENGTH and first[0] == int(first[0])):
         found = quote(str(first[0])) if len(first) else "nothing"
         source.fail(element.name, f"lists of 1 to {MAX_LIST_LENGTH} numbers", found, "correct it")
@@ -286,5 +309,6 @@ def _check_list_length(source: Source, element: Element, first: FloatArray) -> i
 
 
 def _check_equal_lengths(source: Source, element: Element, lengths: npt.NDArray[np.generic], expected: int) -> None:
+    """Raise CloudFileError unless the lists of all rows of a PLY element have the `expected` length."""
     if not bool(np.all(lengths == expected)):
         source.fail(element.name, f"lists of {expected} numbers in all rows", "other lengths", "export triangles")

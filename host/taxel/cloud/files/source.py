@@ -31,7 +31,10 @@ class Source:
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Source:
-        """Read a file. Raises CloudFileError for an empty or too large file, OSError."""
+        """Read the bytes of a point cloud or mesh file.
+
+        Raises CloudFileError for an empty or too large file, OSError.
+        """
         size = Path(path).stat().st_size
         source = cls(str(path), b"")
         if size > MAX_FILE_BYTES:
@@ -44,22 +47,31 @@ class Source:
         return cls(str(path), data)
 
     def fail(self, field: str, expected: str, found: str, remedy: str) -> NoReturn:
-        """Raise CloudFileError for a field of this file."""
+        """Raise CloudFileError for a field of this point cloud or mesh file."""
         raise CloudFileError(self.name, field, expected, found, remedy)
 
     def decode_text(self) -> str:
-        """The whole file as text. Bytes beyond ASCII become letters, which the parser of numbers refuses later."""
+        """Return the whole file as text.
+
+        Bytes beyond ASCII become letters, which the parser of numbers refuses later.
+        """
         return self.limit_words(self.data.decode("latin-1"), "file")
 
     def limit_words(self, text: str, field: str) -> str:
-        """The text itself. Raises CloudFileError if splitting it would need too much memory."""
+        """Return the text unchanged. Raises CloudFileError if splitting it into words would need too much memory.
+
+        field: part of the file, for the message.
+        """
         breaks = sum(text.count(mark) for mark in " \t\n\r\v\f")
         if breaks > MAX_WORDS:
             self.fail(field, f"at most {MAX_WORDS} words", f"about {breaks}", "reduce the points, or write binary data")
         return text
 
     def parse_numbers(self, text: str, field: str) -> npt.NDArray[np.float64]:
-        """The numbers of a text, f64[k]. Raises CloudFileError for any other word."""
+        """Parse the numbers of a text, f64[k]. Raises CloudFileError for any other word.
+
+        field: part of the file, for the message.
+        """
         words = self.limit_words(text, field).split()
         try:
             return np.array(words, dtype=np.float64)
@@ -67,7 +79,10 @@ class Source:
             self.fail(field, "numbers", quote(str(error).rpartition(":")[2].strip(" '")), "correct it")
 
     def parse_table(self, text: str, columns: int, field: str) -> npt.NDArray[np.float64]:
-        """Rows of numbers, f64[rows, columns]. Raises CloudFileError for a number of values that does not fill rows."""
+        """Parse rows of numbers, f64[rows, columns].
+
+        field: part of the file, for the message. Raises CloudFileError if the values do not fill the last row.
+        """
         numbers = self.parse_numbers(text, field)
         if len(numbers) % columns:
             self.fail(field, f"rows of {columns} numbers", f"{len(numbers)} numbers", "correct it")
@@ -75,19 +90,22 @@ class Source:
 
 
 def parse_natural(word: str) -> int | None:
-    """The value of a word of at most 18 decimal digits; None for any other word."""
+    """Parse a word of at most 18 decimal digits; None for any other word."""
     return int(word) if word.isascii() and word.isdecimal() and len(word) <= 18 else None
 
 
 def quote(text: str, max_length: int = 40) -> str:
-    """A part of a file for a message: printable, shortened, in quotation marks."""
+    """Quote a part of a file for a message: printable, shortened to `max_length`, in quotation marks."""
     printable = "".join(letter if letter.isprintable() else "?" for letter in text)
     shortened = printable if len(printable) <= max_length else printable[:max_length] + "..."
     return repr(shortened).replace("\\", "")
 
 
 def convert_to_integers(values: npt.NDArray[np.float64], source: Source, field: str) -> npt.NDArray[np.int64]:
-    """The values as integers. Raises CloudFileError for a value that is not an integer, or is too large."""
+    """Convert numbers to integers. Raises CloudFileError for a value that is not an integer, or is too large.
+
+    source, field: file and part of the file, for the message.
+    """
     with np.errstate(invalid="ignore"):
         result = values.astype(np.int64)
     if not np.array_equal(result, values):

@@ -16,7 +16,10 @@ VERTEX: Final = re.compile(r"^\s*vertex\s+(\S+\s+\S+\s+\S+)\s*$", re.MULTILINE |
 
 
 def read_mesh(source: Source) -> tuple[FloatArray, IntArray]:
-    """Vertices f64[v, 3] and triangles i64[f, 3]. A file is binary if its size agrees with its number of triangles."""
+    """Read vertices f64[v, 3] and triangles i64[f, 3] of an STL file, text or binary.
+
+    A file is binary if its size agrees with its number of triangles. Raises CloudFileError.
+    """
     count = int.from_bytes(source.data[HEADER_BYTES - 4 : HEADER_BYTES], "little")
     if len(source.data) >= HEADER_BYTES and len(source.data) == HEADER_BYTES + count * RECORD.itemsize:
         single = np.frombuffer(source.data, RECORD, count, HEADER_BYTES)["corners"].reshape(-1, 3)
@@ -35,7 +38,7 @@ def read_mesh(source: Source) -> tuple[FloatArray, IntArray]:
 
 
 def encode_mesh(mesh: TriangleMesh) -> bytes:
-    """The file as binary, in single precision: the binary format has no other."""
+    """Encode a mesh as a binary STL file in single precision, the only precision of the format."""
     rows = np.zeros(len(mesh.faces), RECORD)
     rows["normal"], rows["corners"] = mesh.normals, mesh.vertices[mesh.faces]
     header = b"taxel".ljust(HEADER_BYTES - 4, b" ")  # not "solid", with which a text file begins

@@ -10,7 +10,10 @@ COMMENT_MARKS = ("#", "//")
 
 
 def read_cloud(source: Source) -> ContactCloud:
-    """The cloud of columns that are separated by blanks, commas or semicolons; columns after the fourth are ignored."""
+    """Read a contact cloud from an XYZ file: columns x, y, z, and counts if present; further columns are ignored.
+
+    The columns are separated by blanks, commas or semicolons. Raises CloudFileError.
+    """
     lines = [
         line
         for line in source.decode_text().splitlines()
@@ -30,16 +33,17 @@ def read_cloud(source: Source) -> ContactCloud:
 
 
 def encode_cloud(cloud: ContactCloud) -> bytes:
-    """The file as text, without the column of counts if any of them is unknown."""
+    """Encode a contact cloud as an XYZ text file, without the column of counts if any of them is unknown."""
     is_known = bool(len(cloud)) and not np.isnan(cloud.counts).any()
     table = np.column_stack([cloud.points, cloud.counts]) if is_known else cloud.points
     return format_rows(table).encode()
 
 
 def format_rows(table: npt.NDArray[np.float64]) -> str:
-    """Rows of numbers as text, each number with the fewest digits that restore its value."""
+    """Format rows of numbers as text, each number with the fewest digits that restore its value."""
     return "".join(" ".join(map(_format_number, row)) + "\n" for row in table.tolist())
 
 
 def _format_number(value: float) -> str:
+    """Format a number with the fewest digits that restore its value; integers without a decimal point."""
     return repr(int(value)) if value == int(value) and abs(value) < 2**53 else repr(value)
