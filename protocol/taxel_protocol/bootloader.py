@@ -81,7 +81,7 @@ class BootCommand(IntEnum):
 
 
 class BootStatus(IntEnum):
-    """Result of a packet."""
+    """Result of a packet sent to the bootloader."""
 
     OK = 0x00
     KEY = 0x01
@@ -102,15 +102,16 @@ class BootStatus(IntEnum):
 
 
 class BootDevice(IntEnum):
-    """Device on which an image runs."""
+    """Device on which a firmware image runs."""
 
     BOARD = 1
     HUB = 2
 
 
 class BootChecksum(IntEnum):
-    """Checksum of packets; the numbers are those of a .cyacd header. ANY: the checksum of the host's first packet is
-    used.
+    """Type of checksum of bootloader packets; the numbers are those of a .cyacd header.
+
+    ANY: the checksum of the host's first packet is used.
     """
 
     SUM = 0
@@ -119,7 +120,7 @@ class BootChecksum(IntEnum):
 
 
 class BootStay(IntEnum):
-    """Reason why a bootloader has not started an image."""
+    """Reason why a bootloader has not started a firmware image."""
 
     LISTENING = 0
     REQUESTED = 1
@@ -243,7 +244,10 @@ WriteConfigurationArguments = Struct(
 
 @dataclass(frozen=True)
 class FlashLayout:
-    """Position of the slots in flash: first rows of A and B, and rows of each."""
+    """Position of the slots A and B for firmware images in flash.
+
+    first_rows: first row of each slot. slot_rows: rows of each slot.
+    """
 
     device: BootDevice
     first_rows: tuple[int, int]

@@ -34,7 +34,7 @@ class CompactError(ValueError):
 
 @dataclass(frozen=True)
 class Taxel:
-    """Prediction for one taxel: `mean` in 64ths of a count, `level` of its scale."""
+    """Prediction for the count of one taxel: `mean` in 64ths of a count, `level` of its scale (logarithmic spread)."""
 
     mean: int
     level: int
@@ -121,7 +121,7 @@ class KeyFrame:
     """State that board and host share after an acknowledgement; delta frames are coded against it.
 
     `id`: low 16 bits of the CRC-32 of the snapshot that produced this state. `updates`: number of acknowledged key
-    frames since the last packed one.
+    frames since the last packed one. `taxels`: prediction for each taxel.
     """
 
     id: int
@@ -156,7 +156,10 @@ def update_key_frame(previous: KeyFrame, key_frame_id: int, timestamp_us: int, c
 
 
 class RangeEncoder:
-    """Range coder (Martin, 1979). Its low end is one large integer, so that carries need no separate handling."""
+    """Entropy coder: encodes symbols with given probabilities into bytes (range coder; Martin, 1979).
+
+    Its low end is one large integer, so that carries need no separate handling.
+    """
 
     def __init__(self) -> None:
         """Create a range coder with the full interval and no output."""
@@ -183,7 +186,7 @@ class RangeEncoder:
 
 
 class RangeDecoder:
-    """Inverse of `RangeEncoder`; bytes after the last one count as zero."""
+    """Decoder of the bytes of a `RangeEncoder`; bytes after the last one count as zero."""
 
     def __init__(self, data: bytes) -> None:
         """Create a range decoder for the bytes `data` of a delta frame."""
@@ -310,7 +313,7 @@ def encode(
 
 @dataclass(frozen=True)
 class Decoded:
-    """A decoded snapshot; `key_frame`: the key frame that it produces, None if it is not marked as one."""
+    """A decoded compact snapshot; `key_frame`: the key frame that it produces, None if it is not marked as one."""
 
     sequence: int
     timestamp_us: int

@@ -38,13 +38,13 @@ class Command(IntEnum):
 
 
 class StartFlag(IntEnum):
-    """Bits of START's argument."""
+    """Bits of the argument of the command START."""
 
     COMPACT = 1
 
 
 class ReplyStatus(IntEnum):
-    """Outcome of a command."""
+    """Outcome of a command to the hub, sent in its reply."""
 
     OK = 0
     UNKNOWN_COMMAND = 1
@@ -95,7 +95,7 @@ class ResetCause(IntEnum):
 
 
 class LogLevel(IntEnum):
-    """Severity of a log frame."""
+    """Severity of a LOG frame of the hub."""
 
     DEBUG = 0
     INFO = 1

@@ -81,11 +81,11 @@ EARLY_ADDRESSES: dict[int, int] = {early: 0x16 + early for early in range(0x01, 
 
 @dataclass(frozen=True)
 class OriginalFormat:
-    """One variant of the original message.
+    """One variant of the message of the original hub.
 
-    taxels: taxels by I2C address; other addresses are not accepted. has_timestamp: a timestamp follows the address.
-    is_big_endian: counts are sent high byte first. accelerated: addresses whose messages carry three accelerations
-    after the counts. record_size: length in bytes of a record without any frame; 0: messages are framed.
+    taxels: number of taxels by I2C address; other addresses are not accepted. has_timestamp: a timestamp follows the
+    address. is_big_endian: counts are sent high byte first. accelerated: addresses whose messages carry three
+    accelerations after the counts. record_size: length in bytes of a record without any frame; 0: messages are framed.
     """
 
     name: str
@@ -98,7 +98,10 @@ class OriginalFormat:
     """Length of a whole message in bytes by address."""
 
     def __post_init__(self) -> None:
-        """Raises ValueError for a board whose message length does not fit the 8-bit length field."""
+        """Compute the message length of each board.
+
+        Raises ValueError for a board whose message length does not fit the 8-bit length field.
+        """
         lengths = {address: self._compute_length(address) for address in self.taxels}
         for address, length in lengths.items():
             if not 0 <= address < ADDRESSES or self.taxels[address] < 1 or length > 0xFF:
@@ -109,6 +112,7 @@ class OriginalFormat:
         object.__setattr__(self, "lengths", lengths)
 
     def _compute_length(self, address: int) -> int:
+        """Return the length of a whole message of the board at `address`, bytes."""
         if self.record_size:
             return self.record_size
         words = self.taxels[address] + ACCELERATIONS * (address in self.accelerated)
@@ -122,7 +126,10 @@ class OriginalFormat:
         return HEADER_SIZE + TIMESTAMP_SIZE * self.has_timestamp
 
     def select(self, addresses: Iterable[int]) -> "OriginalFormat":
-        """This format with a part of its boards. Raises KeyError for an address that the format does not have."""
+        """Return this message format with a part of its boards.
+
+        Raises KeyError for an address that the format lacks.
+        """
         taxels = {address: self.taxels[address] for address in addresses}
         accelerated = tuple(address for address in self.accelerated if address in taxels)
         return OriginalFormat(self.name, taxels, self.has_timestamp, self.is_big_endian, accelerated, self.record_size)

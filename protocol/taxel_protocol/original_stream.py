@@ -32,7 +32,11 @@ _CLOCK_RANGE_MS = 1 << 32
 
 @dataclass(slots=True)
 class _Candidate:
-    """A complete candidate in the buffer: first byte, byte after the last, evidence (None: not yet needed)."""
+    """A complete candidate message in the buffer of the decoder.
+
+    start: first byte. end: byte after the last. has_evidence: the timestamp or the next header confirms the message;
+    None: not yet needed.
+    """
 
     start: int
     end: int
@@ -48,6 +52,7 @@ class OriginalDecoder:
     """
 
     def __init__(self, message_format: OriginalFormat = FORMATS["original"]) -> None:
+        """Create a decoder of a stream of the original hub; message_format: variant of its messages."""
         self.format = message_format
         self.messages = 0
         self.discarded_bytes = 0
@@ -87,6 +92,10 @@ class OriginalDecoder:
         return self._process(is_end=True)
 
     def _process(self, is_end: bool) -> list[OriginalMessage]:
+        """Return the messages that can be decided with the bytes in the buffer.
+
+        is_end: the stream has ended, so all messages are decided.
+        """
         accepted: list[OriginalMessage] = []
         if self.format.record_size:
             self._split_records(accepted, is_end)
@@ -97,7 +106,10 @@ class OriginalDecoder:
         return accepted
 
     def _split_records(self, accepted: list[OriginalMessage], is_end: bool) -> None:
-        """Cut the stream at every `record_size` bytes; nothing in an unframed stream marks a start."""
+        """Divide the stream into records of `record_size` bytes; nothing in an unframed stream marks a start.
+
+        accepted: list to which the messages are appended. is_end: the stream has ended.
+        """
         size = self.format.record_size
         while len(self._buffer) - self._scan >= size:
             self._accept(_Candidate(self._scan, self._scan + size, False), accepted)
@@ -106,7 +118,11 @@ class OriginalDecoder:
             self._scan = len(self._buffer)
 
     def _step(self, accepted: list[OriginalMessage], is_end: bool) -> bool:
-        """Search up to the next possible start, or to the end of the current candidate. False: bytes are missing."""
+        """Search up to the next possible start of a message, or to the end of the current candidate message.
+
+        accepted: list to which accepted messages are appended. is_end: the stream has ended. Returns False if bytes are
+        missing.
+        """
         current = self._current
         until = current.end if current else len(self._buffer)
         start = self._buffer.find(START, self._scan, until)
@@ -143,7 +159,10 @@ class OriginalDecoder:
         return 0
 
     def _resolve(self, candidate: _Candidate, is_end: bool) -> bool:
-        """Compare a complete candidate with those that overlap it. False: bytes are missing."""
+        """Compare a complete candidate message with those that overlap it, and keep the better one.
+
+        is_end: the stream has ended. Returns False if bytes are missing for the comparison.
+        """
         current = self._current
         if self.format.has_timestamp:
             candidate.has_evidence = self._is_plausible(self._get_time(candidate.start))
@@ -169,6 +188,7 @@ class OriginalDecoder:
         return True
 
     def _get_time(self, start: int) -> int:
+        """Return the timestamp of the message that begins at `start` in the buffer, milliseconds."""
         return int.from_bytes(self._buffer[start + HEADER_SIZE : start + HEADER_SIZE + 4], "big")
 
     def _is_plausible(self, time_ms: int) -> bool:
@@ -178,7 +198,7 @@ class OriginalDecoder:
         )
 
     def _accept(self, candidate: _Candidate, accepted: list[OriginalMessage]) -> None:
-        """Append the message of an accepted candidate and update counters and reference times."""
+        """Append the message of an accepted candidate to the list `accepted`; update counters and reference times."""
         start, buffer = candidate.start, self._buffer
         layout = self.format
         address = RECORD_ADDRESS if layout.record_size else buffer[start + 2]

@@ -35,7 +35,7 @@ Body = Struct(
 
 
 class _Delimited(Adapter):  # type: ignore[misc]
-    """Whitening, stuffing and the two zeros around a body."""
+    """Adapter of construct between the body of a frame and its bytes on the wire: whitening, stuffing and two zeros."""
 
     def _decode(self, data: bytes, context: Any, path: str) -> Any:
         """Remove the two zero bytes, the byte stuffing and the whitening of a frame, and return its parsed content."""

@@ -17,7 +17,7 @@ class HandDescriptionError(FieldError, ValueError):
 
 
 class UnknownBoardError(TaxelError, LookupError):
-    """The hand has no such board.
+    """Error: the hand has no board with the requested address or name.
 
     Attributes:
         hand: name of the hand description.
@@ -41,7 +41,7 @@ class UnknownBoardError(TaxelError, LookupError):
 
 
 class HandGeometryError(TaxelError, ValueError):
-    """Taxel positions are required, but the hand description contains none.
+    """Error: taxel positions are required, but the hand description contains none.
 
     Attributes:
         hand: name of the hand description.
@@ -57,7 +57,7 @@ class HandGeometryError(TaxelError, ValueError):
 
 
 class UnknownLinkError(TaxelError, LookupError):
-    """The robot has no such link.
+    """Error: the robot has no link with the requested name.
 
     Attributes:
         robot: name of the robot.

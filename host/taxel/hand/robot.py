@@ -53,7 +53,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """Tree of links and joints.
+    """Tree of links and joints of a robot, such as an arm with a hand.
 
     Attributes:
         joints: every joint, parents before children.

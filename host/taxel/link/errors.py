@@ -4,7 +4,10 @@ from taxel.errors import TaxelError
 
 
 class LinkError(TaxelError):
-    """A link cannot be opened, read or written. name: the port, URL or file. problem: rest of the message."""
+    """Error: a link cannot be opened, read or written.
+
+    name: the port, URL or file. problem: remainder of the message.
+    """
 
     def __init__(self, name: str, problem: str) -> None:
         """Create the error for a link; name: the port, URL or file; problem: remainder of the message."""
@@ -18,12 +21,15 @@ class LinkError(TaxelError):
 
 
 class PortMissingError(LinkError):
-    """The port does not exist, or cannot be opened."""
+    """Error: the port does not exist, or cannot be opened."""
 
 
 class PortVanishedError(LinkError):
-    """An open port has disappeared: unplugged, or its process has ended. All bytes received before are delivered."""
+    """Error: an open port has disappeared: it was unplugged, or its process has ended.
+
+    All bytes received before are delivered.
+    """
 
 
 class CaptureError(LinkError):
-    """A file is not a capture, or ends within a record. All records before the damage are delivered."""
+    """Error: a file is not a capture, or ends within a record. All records before the damage are delivered."""

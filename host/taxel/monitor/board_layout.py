@@ -22,7 +22,10 @@ LONGEST_LABEL = 12
 
 @dataclass(frozen=True)
 class PlacedBoard:
-    """A board. (x, y): upper left corner of its block. label_x: start of the label in the row above the block."""
+    """A board at its position on the screen, in characters.
+
+    (x, y): upper left corner of the board's picture. label_x: start of the label in the row above the picture.
+    """
 
     board: Board
     label: str
@@ -33,7 +36,7 @@ class PlacedBoard:
 
 @dataclass(frozen=True)
 class Heading:
-    """A text that belongs to several boards."""
+    """A heading above several boards on the screen; (x, y): position in characters."""
 
     text: str
     x: int
@@ -42,7 +45,10 @@ class Heading:
 
 @dataclass(frozen=True)
 class BoardLayout:
-    """Size of a picture, its boards and its headings. scale: width of a taxel in characters."""
+    """Layout of the boards of a hand on the screen: size in characters, boards and headings.
+
+    scale: width of a taxel in characters.
+    """
 
     width: int
     height: int

@@ -22,7 +22,7 @@ _UPPER, _LOWER, _FULL, _DOT = "▀", "▄", "█", "·"
 
 
 class Canvas:
-    """Screen of `height` rows of `width` characters; text outside is clipped. A rich renderable.
+    """Text canvas of `height` rows of `width` characters, which the package rich can print; text outside is clipped.
 
     has_colour: False: an active taxel is a filled half block, and other characters with a taxel are dots.
     """

@@ -55,7 +55,10 @@ def colour_steps(signal: FloatArray, threshold: float, top: float) -> IndexArray
 
 
 class ColourScale:
-    """The end of the scale in round numbers. It follows a larger signal at once and a smaller one after `hold_s`."""
+    """Colour scale for signals, whose end is a round number of counts.
+
+    The end follows a larger signal at once and a smaller signal after `hold_s` seconds.
+    """
 
     def __init__(self, threshold: float, hold_s: float = 10.0) -> None:
         """Create a colour scale for signals.

@@ -7,7 +7,7 @@ from taxel.types import Float32Array, FloatArray, IndexArray
 
 
 class History:
-    """Ring buffer of the signals of the last `length` readings, f32[length, n]."""
+    """Ring buffer of the signals of all n taxels in the last `length` readings, f32[length, n]."""
 
     def __init__(self, n_taxels: int, length: int = 300) -> None:
         """Create an empty ring buffer for the signals of `n_taxels` taxels in the last `length` readings."""

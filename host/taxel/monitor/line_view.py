@@ -8,7 +8,7 @@ from taxel.monitor.summary_text import format_line
 
 
 class LineView:
-    """Passes one line for each reading to `out`, as text or JSON."""
+    """View of the monitor that passes one line for each reading to `out`, as text or JSON."""
 
     def __init__(self, out: Callable[[str], None], as_json: bool = False) -> None:
         """Create a view that passes one line per reading to `out`, as text or as JSON."""
@@ -25,7 +25,10 @@ class LineView:
 
 
 class OnceView:
-    """Shows nothing. Done at the first complete reading, or after `timeout_s` seconds without a streaming board."""
+    """View of the monitor that shows nothing and ends at the first complete reading.
+
+    It also ends after `timeout_s` seconds without a streaming board.
+    """
 
     def __init__(self, timeout_s: float = 10.0) -> None:
         """Create a view that ends at the first complete reading, or after `timeout_s` seconds without a frame."""

@@ -21,7 +21,7 @@ STORED_AGES = 64
 
 
 class SkinMonitor:
-    """State of a skin: `take` processes frames, `read` gives a reading.
+    """State of a skin for display: `take` processes taxel frames, `read` returns a reading.
 
     The baseline of each board is the mean of its own first `samples` frames, also for a board that is connected later.
     A taxel is active when its signal exceeds `threshold` counts. A reading contains the largest signal of each taxel

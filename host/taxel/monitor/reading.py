@@ -11,7 +11,7 @@ from taxel.types import BoolArray, CountArray, FloatArray
 
 @dataclass(frozen=True)
 class BoardReading:
-    """State of one board.
+    """State of one board in a reading of the skin monitor.
 
     Attributes:
         frames: number of processed frames.

@@ -14,7 +14,7 @@ DRAWS_HZ = 10.0
 
 
 class View(Protocol):
-    """A view of readings."""
+    """Interface of a display of the skin monitor's readings."""
 
     def draw(self, reading: SkinReading) -> None:
         """Show a reading of the skin to the user."""

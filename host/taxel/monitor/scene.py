@@ -27,7 +27,7 @@ receives no joint angles.
 
 @dataclass(frozen=True, eq=False)
 class HandScene:
-    """Shapes and positions to draw.
+    """Shapes and positions of a hand to draw in 3D, metres.
 
     Attributes:
         position: f64[n, 3], positions of the drawn taxels. size_m: side of a taxel.

@@ -38,7 +38,7 @@ TABLE_WIDTH = sum(abs(width) for _, width, _ in _COLUMNS) + len(_COLUMNS) - 1
 
 
 class Screen:
-    """Draws readings of one hand. title: text of the first line.
+    """Drawing of the readings of one hand as text. title: text of the first line.
 
     The attribute `shows_table` selects the table instead of the map on a screen without space for both.
     """

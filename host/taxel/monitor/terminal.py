@@ -16,7 +16,7 @@ from taxel.monitor.screen import Screen
 
 
 class Keys:
-    """Keys of standard input without Enter; no keys if standard input is no terminal."""
+    """Reader of single keys from standard input without Enter; no keys if standard input is no terminal."""
 
     def __init__(self) -> None:
         """Create a reader of single keys from standard input; without a terminal it returns no keys."""
@@ -50,9 +50,10 @@ class Keys:
 
 
 class TerminalView:
-    """View on the whole terminal, which is restored at the end. A context manager and a `taxel.monitor.View`.
+    """View of the monitor on the whole terminal, which is restored at the end.
 
-    Keys: q quits, b takes the baseline again, t shows the table instead of the map on a screen without space for both.
+    A context manager and a `taxel.monitor.View`. Keys: q quits, b takes the baseline again, t shows the table instead
+    of the map on a screen without space for both.
     """
 
     def __init__(self, console: Console, monitor: SkinMonitor, title: str) -> None:

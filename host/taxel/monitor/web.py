@@ -43,14 +43,14 @@ LINK_COLOUR = (205, 207, 212)
 
 
 class WebError(TaxelError):
-    """The browser page cannot be served."""
+    """Error: the browser page of the monitor cannot be served."""
 
 
 class WebView:
-    """Serves the page on 127.0.0.1 until `close`. A context manager and a `taxel.monitor.View`.
+    """View of the monitor as a web page, served on 127.0.0.1 until `close`.
 
-    port: 0 for a free port. Raises `MissingPackageError` if viser is not installed, `WebError` if the port is not
-    available, `HandGeometryError` for a hand description without geometry.
+    A context manager and a `taxel.monitor.View`. port: 0 for a free port. Raises `MissingPackageError` if viser is not
+    installed, `WebError` if the port is not available, `HandGeometryError` for a hand description without geometry.
     """
 
     def __init__(self, monitor: SkinMonitor, title: str, port: int = 8080) -> None:

@@ -21,7 +21,7 @@ from taxel.types import CountArray, FloatArray
 
 
 class BoardFrames(NamedTuple):
-    """Frames of one board, one in a row, in the order of their arrival.
+    """The t frames of one board with n taxels, in the order of their arrival.
 
     time_s f64[t]: start of the scan, seconds (see `TaxelFrame.time_s`). raw_counts u16[t, n], in the board's taxel
     order. sequence u16[t]: scan number of the board. cycle u16[t]: poll cycle of the hub.

@@ -72,7 +72,10 @@ def write_from_arrays(
 
 
 class _Values:
-    """Arrays by name. Raises DatasetError for an unknown name at construction, and for a missing name on access."""
+    """Arrays of a dataset by name, from a mapping or a file.
+
+    Raises DatasetError for an unknown name at construction, and for a missing name on access.
+    """
 
     def __init__(self, names: Iterable[object], read: Callable[[str], Any], location: Location) -> None:
         """Create a view of a source's arrays; names: of all arrays; read: function that returns the array of a name.
@@ -115,7 +118,7 @@ class _Values:
 
 
 class _Npz:
-    """The arrays of an .npz file, each read on access."""
+    """An open .npz file, whose arrays are read on access."""
 
     def __init__(self, path: Path) -> None:
         """Open an .npz file, whose arrays are then read on access; raise DatasetError if the path is no such file."""

@@ -35,7 +35,7 @@ _KIND_NAMES = {"u": "integers", "i": "integers", "f": "floating-point numbers", 
 
 @dataclass(frozen=True)
 class Location:
-    """A file and an HDF5 path in it, which an error message names."""
+    """A place in a dataset, a file and an HDF5 path in the file, which an error message names."""
 
     file: str
     path: str = ""

@@ -44,12 +44,10 @@ STRING = "str"
 
 @dataclass(frozen=True)
 class ArraySpec:
-    """One array of the format.
+    """Specification of one array of the grasp dataset format.
 
-    dtype: NumPy type in memory ("u1", "u2", "i4", "f8", "?") or STRING.
-    axes: letters and fixed lengths, such as ("n", 3).
-    required: False if the array is optional.
-    sim_only: True if only a file with source "sim" may contain the array.
+    dtype: NumPy type in memory ("u1", "u2", "i4", "f8", "?") or STRING. axes: letters and fixed lengths, such as ("n",
+    3). required: False if the array is optional. sim_only: True if only a file with source "sim" may contain the array.
     """
 
     dtype: str

@@ -60,7 +60,10 @@ def open_hdf5(path: Path, mode: str, libver: tuple[str, str] | None = None) -> A
 
 
 class Node:
-    """A group of an HDF5 file and its location. Only hard links are followed, so that no other file is read."""
+    """A group of an HDF5 file, and its location for error messages.
+
+    Only hard links are followed, so that no other file is read.
+    """
 
     def __init__(self, group: Any, location: Location) -> None:
         """Wrap an HDF5 group of h5py; location: the place in the file that error messages name."""

@@ -14,9 +14,10 @@ from taxel.types import BoolArray, ByteArray, CountArray, FloatArray
 
 @dataclass(frozen=True, eq=False)
 class GraspRecord:
-    """One grasp; fields, shapes and units as those of `Grasp`. A field that is None is not written.
+    """One grasp to be written to a dataset; fields, shapes and units as those of `Grasp`.
 
-    A frame whose sensor did not answer is invalid, and its raw_counts repeat the last counts (0 before the first).
+    A field that is None is not written. A frame whose sensor did not answer is invalid, and its raw_counts repeat the
+    last counts (0 before the first).
     """
 
     object: str

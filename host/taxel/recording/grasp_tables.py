@@ -22,13 +22,11 @@ from taxel.types import ByteArray, FloatArray, Int32Array, IntArray
 
 @dataclass(frozen=True, eq=False)
 class TaxelTable:
-    """The n taxels of a hand, in the order of the last axis of every array.
+    """Table of the n taxels of a hand, in the order of the last axis of every array of the dataset.
 
-    sensor: u8[n], I2C address of the board of each taxel.
-    tx, rx: u8[n], electrode line numbers on that board.
-    position: f64[n, 3], centre in the sensor's bracket frame, metres.
-    normal: f64[n, 3], outward unit normal, bracket frame.
-    size: f64[n], side of the square electrode, metres.
+    sensor: u8[n], I2C address of the board of each taxel. tx, rx: u8[n], electrode line numbers on that board.
+    position: f64[n, 3], centre in the sensor's bracket frame, metres. normal: f64[n, 3], outward unit normal, bracket
+    frame. size: f64[n], side of the square electrode, metres.
     """
 
     sensor: ByteArray
@@ -52,10 +50,10 @@ class TaxelTable:
 
 @dataclass(frozen=True, eq=False)
 class SensorTable:
-    """The s sensor boards.
+    """Table of the s sensor boards of a dataset.
 
     address: u8[s], I2C address. name: such as "palm". kind: board kind of the hand description. rate_hz: f64[s], frames
-    in a second.
+    per second.
     """
 
     address: ByteArray
@@ -77,7 +75,7 @@ class SensorTable:
 
 @dataclass(frozen=True, eq=False)
 class ObjectMesh:
-    """Mesh of an object. vertices: f64[v, 3], metres, object frame. faces: i32[f, 3], outward winding."""
+    """Triangle mesh of an object. vertices: f64[v, 3], metres, object frame. faces: i32[f, 3], outward winding."""
 
     vertices: FloatArray
     faces: Int32Array

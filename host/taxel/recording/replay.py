@@ -45,7 +45,7 @@ _MODULUS = 1 << 16  # of cycle and scan numbers
 
 @dataclass(frozen=True)
 class ReplayOptions:
-    """Options of a replay.
+    """Options of the replay of a touch recording through an emulated skin.
 
     start_s: first replayed time of the recording, seconds. seconds: replayed duration; None: to the end. threshold:
     activation threshold of the skin and of the source, counts. untouched_counts: raw count of an untouched taxel.

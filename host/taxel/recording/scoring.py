@@ -24,7 +24,7 @@ EXACT_COUNTS = 0.5
 
 
 class SourceTouches:
-    """The touches of the source: which taxel is touched at which time.
+    """The touches in a recording of a touch panel: which taxel is touched at which time.
 
     time_s: f64[T], not decreasing. A frame is valid until the next one; of several frames with the same time the last
     one is used. values: int[T, n], counts; a touch raises the value. A taxel is active where its value is above
@@ -65,11 +65,10 @@ class SourceTouches:
 
 @dataclass(frozen=True, eq=False)
 class DecodedBoard:
-    """Decoded samples of one board.
+    """The samples of one board with k taxels in F decoded frames.
 
-    taxels: position of the board on the hand's taxel axis. cycle: int64[F], poll cycle of each frame.
-    sampled_s: f64[F, k], time of each taxel's conversion on the source's clock. signal_counts: f64[F, k].
-    active: bool[F, k].
+    taxels: position of the board on the hand's taxel axis. cycle: int64[F], poll cycle of each frame. sampled_s: f64[F,
+    k], time of each taxel's conversion on the source's clock. signal_counts: f64[F, k]. active: bool[F, k].
     """
 
     taxels: slice
@@ -162,7 +161,7 @@ def _compute_ratio(correct: int, incorrect: int) -> float:
 
 
 class _BoardComparison:
-    """Comparison of one board's samples with the source."""
+    """Comparison of the decoded samples of one board with the touches of the source."""
 
     def __init__(self, source: SourceTouches, board: DecodedBoard, tolerance_s: float) -> None:
         """Compare the samples of one board with the touches of the source.

@@ -32,12 +32,11 @@ RAW_COUNT_MAX = 65_535
 
 @dataclass(frozen=True, eq=False)
 class Tiling:
-    """Assignment of panel cells to taxels.
+    """Assignment of the 27 x 15 cells of a touch panel to taxels of a hand.
 
-    n_taxels: taxels of the hand. taxel_of_cell: int64[405], all different, in the panel's row-major order.
-    tile_shape: panel rows and columns of one tile, which is on one board.
-
-    Raises ValueError for a taxel outside the hand or a taxel with two cells.
+    n_taxels: taxels of the hand. taxel_of_cell: int64[405], all different, in the panel's row-major order. tile_shape:
+    panel rows and columns of one tile, which is on one board. Raises ValueError for a taxel outside the hand or a taxel
+    with two cells.
     """
 
     n_taxels: int

@@ -21,7 +21,7 @@ _STORE = get_typestore(Stores.EMPTY)
 
 
 class CdrError(ValueError):
-    """Bytes that do not contain a message of the expected type."""
+    """Error: bytes do not contain a ROS message of the expected type in CDR encoding."""
 
 
 def encode(name: str, message: Mapping[str, Any]) -> bytes:

@@ -53,7 +53,7 @@ _STANDARD = {
 
 
 class MessageField(NamedTuple):
-    """One field of a message.
+    """One field of a ROS message.
 
     type: a primitive type, "string" or "package/Name". length: of an array of fixed length; None: variable length.
     """

@@ -40,9 +40,9 @@ class McapFile:
     """An MCAP file that is being written. Two threads may use the same object.
 
     head: header of the recording; its values must be JSON values. Chunks are compressed (zstd) and passed to the
-    operating system at least every `FLUSH_S` as long as `tick` or a write method is called. The file of a killed
-    program has no index, but readers that read from front to back accept the file. Raises `CaptureError` if the file
-    exists and `overwrite` is False, or if the file cannot be written.
+    operating system at least every `FLUSH_S` seconds as long as `tick` or a write method is called. The file of a
+    killed program has no index, but readers that read from front to back accept the file. Raises `CaptureError` if the
+    file exists and `overwrite` is False, or if the file cannot be written.
     """
 
     def __init__(self, path: str | os.PathLike[str], head: Mapping[str, object], overwrite: bool = False) -> None:

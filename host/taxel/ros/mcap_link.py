@@ -31,7 +31,7 @@ _DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeErro
 
 
 class McapReader:
-    """Reads the hub's bytes and the scans of an MCAP file from front to back, in constant memory, without an index.
+    """Reader of an MCAP file with the hub's bytes or the scans of a skin, from front to back, in constant memory.
 
     header: header of the recording; {} if the file has none. has_bytes: False for a bag with scans but without the
     hub's bytes. Raises `CaptureError` if the file cannot be read or has no topic of a skin.
@@ -174,7 +174,7 @@ def _decompress(chunk: McapChunk) -> McapChunk:
 
 
 class McapLink:
-    """The hub's bytes in an MCAP file, without delay; a `Link`.
+    """A `Link` that reads the hub's bytes from an MCAP file, without delay.
 
     Raises `CaptureError` as `McapReader` does.
     """

@@ -4,7 +4,7 @@ import time
 
 
 class Pace:
-    """Delays the reader of a recording until each recorded time is due.
+    """Timing of a playback: delays the reader of a recording until each recorded time is due.
 
     speed: factor on the recorded speed; None: no delay.
     """

@@ -13,7 +13,7 @@ QUEUE_LENGTH = 100
 
 
 class Ros1Node:
-    """Publishes topics with rospy. rospy permits one node in a process.
+    """ROS 1 node that publishes topics with rospy. rospy permits one node in a process.
 
     The message classes are generated from the definitions, so that no ROS package has to be built on the publishing
     side. A subscriber that needs the classes builds `taxel_msgs`. Raises RosError if rospy is not installed or no ROS

@@ -21,7 +21,7 @@ QUEUE_LENGTH = 100
 
 
 class Ros2Node:
-    """Publishes topics with rclpy; latched topics have the durability transient local.
+    """ROS 2 node that publishes topics with rclpy; latched topics have the durability transient local.
 
     Raises RosError if rclpy or a message package is not installed (colcon builds `taxel_msgs`).
     """

@@ -20,7 +20,7 @@ NO_ROS = (
 
 
 class RosError(TaxelError):
-    """ROS is not installed, or lacks something that a node needs."""
+    """Error: ROS is not installed, or lacks something that a node needs."""
 
 
 def import_ros1() -> Any:

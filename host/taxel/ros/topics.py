@@ -28,7 +28,7 @@ JointSource = Callable[[], npt.ArrayLike]
 
 
 class TopicMessage(NamedTuple):
-    """One message for one topic.
+    """One ROS message for one topic.
 
     type: "package/Name". time_ns: time of the content, nanoseconds since the Unix epoch, or of the stream's clock where
     the offset is unknown. message: values by field name. is_latched: ROS sends the message also to later subscribers.
@@ -42,7 +42,7 @@ class TopicMessage(NamedTuple):
 
 
 class SkinTopics:
-    """Converts taxel frames into messages, in constant memory.
+    """Converter from taxel frames to ROS messages, in constant memory.
 
     hub: source of the counters in the diagnostics. epoch_offset_ns: added to the stream's clock to get Unix time.
     joints: joint angles of the hand's robot; None: all 0. The first `baseline_samples` scans are the baseline, during

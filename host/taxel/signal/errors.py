@@ -6,7 +6,7 @@ LISTED_TAXELS = 5  # in an error message
 
 
 class TooFewSamplesError(TaxelError, ValueError):
-    """A taxel has fewer valid samples than its baseline requires. Attributes: taxel, needed, found."""
+    """Error: a taxel has fewer valid samples than its baseline requires. Attributes: taxel, needed, found."""
 
     def __init__(self, taxel: int, needed: int, found: int) -> None:
         """Create the error for a baseline with too few samples; taxel: its index; needed, found: numbers of samples."""
@@ -18,7 +18,7 @@ class TooFewSamplesError(TaxelError, ValueError):
 
 
 class DisturbedBaselineError(TaxelError, ValueError):
-    """Taxels were touched while the baseline was taken. Attributes: taxels (their indices)."""
+    """Error: taxels were touched while the baseline was taken. Attributes: taxels (their indices)."""
 
     def __init__(self, taxels: list[int], n_taxels: int) -> None:
         """Create the error of a touch during the baseline; taxels: indices of touched taxels; n_taxels: of a skin."""

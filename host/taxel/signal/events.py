@@ -12,10 +12,9 @@ from taxel.types import BoolArray
 
 @dataclass(frozen=True)
 class ContactEvent:
-    """Change of the state of one taxel.
+    """Change of the activity of one taxel.
 
-    sample: index of the frame; the first `update` has index 0, and missing frames count.
-    taxel: index of the taxel.
+    sample: index of the frame; the first `update` has index 0, and missing frames count. taxel: index of the taxel.
     kind: "pressed" or "released".
     """
 

@@ -50,7 +50,7 @@ def compute_base_radius(hand: Hand, pitches: float = 0.0) -> float:
 
 @dataclass(frozen=True)
 class ConeSensing:
-    """The contact filter of the thesis.
+    """The contact model of the thesis: each taxel has a cone, whose tip detects a contact.
 
     base_radius_m: of the cones, see `compute_base_radius`. contact_offset_m: distance from a cone's tip to the object's
     surface up to which the cone touches; negative for cones that are compressed. cone_height_m: from taxel centre to

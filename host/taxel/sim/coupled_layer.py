@@ -102,7 +102,7 @@ def _compute_compliance(hand: Hand, address: int, decay_m: float) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _BoardLayer:
-    """The coupled layer of one board.
+    """The coupled elastic layer of one board with c nodes, one for each taxel.
 
     stiffness: of one spring, N/m. compliance: f64[c, c], depths under unit forces with unit stiffness. tilt_bound: of
     either tilt, metres.
@@ -137,9 +137,12 @@ class _BoardLayer:
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """The linearised problem of one board in G frames; forces are divided by the stiffness of a spring.
+    """The linearised equilibrium problem of one board with c nodes in G frames.
 
-    compliance: f64[c, c]. gap: f64[G, c]. change: f64[G, c, 3]. rows: f64[G, c, 3]. load: f64[G]. tilt_bound: metres.
+    Forces are divided by the stiffness of a spring. compliance: f64[c, c], depth of node i under a unit force on node
+    j. gap: f64[G, c], separation of each node from the object. change: f64[G, c, 3], derivative of the gap with respect
+    to the motion of the board (approach and two tilts). rows: f64[G, c, 3], force along the approach and moments of a
+    unit force on each node. load: f64[G], force on the board. tilt_bound: metres.
     """
 
     compliance: FloatArray

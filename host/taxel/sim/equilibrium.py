@@ -41,11 +41,12 @@ ENERGY_ROUNDING = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """Springs of G boards, m springs in all, sorted by board.
+    """Unilateral springs of G rigid boards, m springs in all, sorted by board.
 
-    group: [m], ascending, index of the board; every board has at least one spring. rows: f64[m, 3], vectors a_i. gap:
-    f64[m], metres. stiffness: f64[m], N/m. load: f64[G, 3], newtons; the first component, along the approach, is above
-    0. low, high: f64[G, 2], bounds of the tilts, metres.
+    group: [m], ascending, index of the board; every board has at least one spring. rows: f64[m, 3], compression of a
+    spring per unit of the board's coordinates (approach and two tilts). gap: f64[m], metres. stiffness: f64[m], N/m.
+    load: f64[G, 3], newtons; the first component, along the approach, is above 0. low, high: f64[G, 2], bounds of the
+    tilts, metres.
     """
 
     group: IndexArray

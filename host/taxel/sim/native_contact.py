@@ -29,7 +29,7 @@ class SimLibraryError(TaxelError):
 
 
 class _Layer(ctypes.Structure):
-    """`struct sim_layer` of native/layer_contact.h, including its law and its solid."""
+    """C structure `struct sim_layer` of native/layer_contact.h: the layer with its force law and the touching solid."""
 
     _fields_ = [
         ("boards", ctypes.c_size_t),
@@ -113,9 +113,10 @@ def _build_table(hand: Hand) -> _PieceTable:
 
 
 class NativeContact:
-    """`taxel.sim.soft_contact.LayerContact` in C. law: force law of the layer on one taxel.
+    """Contact of the soft layer with a solid (`taxel.sim.soft_contact.LayerContact`), computed in C.
 
-    Raises `SimLibraryError`, and TypeError for a shape that the library does not support.
+    law: force law of the layer on one taxel. Raises `SimLibraryError`, and TypeError for a shape that the library does
+    not support.
     """
 
     def __init__(self, hand: Hand, shape: Shape, law: LayerLaw) -> None:

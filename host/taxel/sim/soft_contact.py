@@ -81,7 +81,7 @@ class SoftLoad(NamedTuple):
 
 
 class LayerContact(Protocol):
-    """Contact between the sheet of a hand and one shape."""
+    """Interface of the contact between the soft sheet of a hand and one solid shape."""
 
     def compute_load(self, sensor_poses: FloatArray, object_pose: FloatArray) -> SoftLoad:
         """Load on the boards; brackets at `sensor_poses` f64[s, 4, 4], object at `object_pose` f64[4, 4], world."""
@@ -93,7 +93,10 @@ class LayerContact(Protocol):
 
 
 class SoftContact:
-    """`LayerContact` in NumPy. law: force law of the layer on one taxel."""
+    """Contact of the soft layer with a solid (`LayerContact`), computed with NumPy.
+
+    law: force law of the layer on one taxel.
+    """
 
     def __init__(self, hand: Hand, shape: Shape, law: LayerLaw) -> None:
         """Prepare the contact of the hand's dielectric layer with a solid, computed with NumPy.

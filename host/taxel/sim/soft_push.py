@@ -28,7 +28,10 @@ and makes the friction force change more abruptly.
 
 
 class SoftPush:
-    """Time integration, with step `step_s`, of a scene in which hand and object touch only through `contact`."""
+    """Time integration of a MuJoCo scene in which hand and object touch only through the soft layer `contact`.
+
+    step_s: time step, seconds.
+    """
 
     def __init__(self, scene: Scene, contact: LayerContact, step_s: float = SOFT_STEP_S) -> None:
         """Prepare the time integration of a MuJoCo scene whose only contact is that of the soft dielectric layer.

@@ -22,7 +22,7 @@ _BLOCK_VALUES = 4
 
 
 class CapturedBatch(NamedTuple):
-    """Decoded frames, and the arrivals (dtype `ARRIVAL`) of the records in which the frames end."""
+    """A batch of decoded frames, and the arrivals (dtype `ARRIVAL`) of the capture records in which the frames end."""
 
     batch: Batch
     arrivals: NDArray[np.void]

@@ -44,7 +44,10 @@ def _is_plausible(step_us: int, elapsed_us: int) -> bool:
 
 
 class LowerEnvelope:
-    """Lower envelope of points (x, y): the line through the edge of the lower convex hull at the middle of the span."""
+    """Line below a set of points (hub time x, host time y), which estimates the smallest delay between the clocks.
+
+    The line contains the edge of the lower convex hull at the middle of the span of x.
+    """
 
     def __init__(self) -> None:
         """Create an envelope without points; the line through the points is fitted on first use."""
@@ -109,7 +112,7 @@ class LowerEnvelope:
 
 
 class ClockMap:
-    """Mapping of the times of one stream to the host's clock.
+    """Mapping of the times of one stream, hub time and board times, to the host's clock.
 
     `baud`: of the hub's port. `has_arrivals`: whether arrival times are real; if not, hub time is the time base.
     """

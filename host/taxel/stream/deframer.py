@@ -16,7 +16,7 @@ _STATE_SIZE = 1024  # upper bound of the size of `struct taxel_deframer`, bytes
 
 
 class _Frame(ctypes.Structure):
-    """`struct taxel_frame` of firmware/codec/deframer.h."""
+    """C structure `struct taxel_frame` of firmware/codec/deframer.h: one decoded frame."""
 
     _fields_ = (
         ("payload", ctypes.POINTER(ctypes.c_uint8)),
@@ -30,7 +30,7 @@ _HANDLER = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.POINTER(_Frame))
 
 
 class _Config(ctypes.Structure):
-    """`struct taxel_deframer_config`."""
+    """C structure `struct taxel_deframer_config` of firmware/codec/deframer.h: memory and callback of the deframer."""
 
     _fields_ = (
         ("chunk", ctypes.c_void_p),

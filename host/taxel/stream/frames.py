@@ -30,8 +30,9 @@ class TaxelFrame(NamedTuple):
 
 
 class HubMessage(NamedTuple):
-    """A frame of any other type: `fields` by flat name as in `taxel_protocol.frames`; `trailing_bytes` after the
-    fields.
+    """A decoded frame of a hub other than a taxel frame.
+
+    `fields`: by flat name as in `taxel_protocol.frames`. `trailing_bytes`: bytes after the fields.
     """
 
     type: FrameType

@@ -9,7 +9,7 @@ _READ_TIMEOUT_S = 0.1
 
 
 class Pump:
-    """Reader thread of `link`; runs until the link ends or `stop()` is called.
+    """Thread that reads `link` into a ring buffer until the link ends or `stop()` is called.
 
     A failure of the link is passed to the reader of the ring buffer.
     """

@@ -12,7 +12,7 @@ from taxel_protocol import FrameType
 
 
 class RowClock:
-    """Updates a `ClockMap` with consecutive batches and maps the scan times; messages go to `on_message`."""
+    """Assigns host times to decoded taxel frames and updates a `ClockMap`; hub messages go to `on_message`."""
 
     def __init__(self, clock: ClockMap, on_message: Callable[[HubMessage], None]) -> None:
         """Create a timer of decoded rows; clock: maps their times; on_message: called with each hub message."""

@@ -15,7 +15,7 @@ COLUMN_NAMES: Final = {"rms_m": "RMS", "mean_m": "mean"}
 
 @dataclass(frozen=True)
 class DistanceComparison:
-    """One distance of a table, reproduced and printed, metres."""
+    """Comparison of one distance of a table of the thesis: reproduced and printed value, metres."""
 
     table: str
     title: str
@@ -53,7 +53,7 @@ class DistanceComparison:
 
 @dataclass(frozen=True)
 class DistanceAgreement:
-    """All distances that are both reproduced and printed, the largest deviation first."""
+    """Comparison of all distances that are both reproduced and printed in the thesis, the largest deviation first."""
 
     distances: tuple[DistanceComparison, ...]
 

@@ -15,7 +15,11 @@ Results = Sequence[ObjectResult]
 
 @dataclass(frozen=True)
 class Finding:
-    """A finding of the thesis. numbers, holds: by printed name of the object. printed: the printed numbers."""
+    """A finding of the thesis, evaluated with the reproduced results.
+
+    numbers, holds: number of the finding, and whether the finding holds, by printed name of the object. printed: the
+    numbers printed in the thesis.
+    """
 
     number: int
     statement: str
@@ -60,7 +64,7 @@ class FurtherResult:
 
 @dataclass(frozen=True)
 class _Criterion:
-    """How a finding is evaluated for one object: a number, and whether the finding holds with this number."""
+    """Criterion of a finding of the thesis for one object: a number, and whether the finding holds with this number."""
 
     number: int
     statement: str

@@ -33,7 +33,10 @@ FILTERED, CLEANED, SPREAD = "real, force filter", "real, force and SOR filters",
 
 @dataclass(frozen=True, eq=False)
 class ObjectClouds:
-    """Clouds of an object by name. name: in the dataset. printed_name: in the thesis. grasps: number of real grasps."""
+    """Contact clouds of one object, real and simulated, at all steps of the treatment, and its CAD mesh.
+
+    name: in the dataset. printed_name: in the thesis. grasps: number of real grasps. clouds: by name of the step.
+    """
 
     name: str
     printed_name: str
@@ -44,11 +47,12 @@ class ObjectClouds:
 
 @dataclass(frozen=True)
 class ObjectResult:
-    """All distances of one object.
+    """All distances of the clouds of one object.
 
-    cad: to its own mesh, by cloud. force: real cloud above a threshold in counts. sor: force-filtered cloud after SOR,
-    by the printed N and nSigma. neighbours: N that was used for each printed N. to_sim: real cloud to simulated cloud,
-    by stage. sim_points: points of the simulated cloud, by stage. cross: by cloud and printed name of the mesh.
+    cad: to its own mesh, by cloud. force: real cloud above a threshold in counts. sor: force-filtered cloud after the
+    statistical outlier filter (SOR), by the printed N and nSigma. neighbours: N that was used for each printed N.
+    to_sim: real cloud to simulated cloud, by stage. sim_points: points of the simulated cloud, by stage. cross: by
+    cloud and printed name of the mesh.
     """
 
     name: str

@@ -36,7 +36,10 @@ HEADINGS: Final = {
 
 @dataclass(frozen=True)
 class PageContent:
-    """Content of the page. description: sentences on how the datasets were made. figures: files by figure number."""
+    """Content of the page of the reproduction.
+
+    description: sentences on how the datasets were made. figures: files by figure number.
+    """
 
     tables: Sequence[Table]
     findings: Sequence[Finding]

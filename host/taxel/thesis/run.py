@@ -48,7 +48,10 @@ SIM_SEED_STEP: Final = 1
 
 @dataclass(frozen=True)
 class Campaign:
-    """The two datasets. description: sentences for the page on how they were made."""
+    """The real and the simulated dataset of a reproduction.
+
+    description: sentences for the page on how they were made.
+    """
 
     real: Path
     sim: Path

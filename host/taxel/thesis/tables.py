@@ -17,7 +17,10 @@ REMOVED: Final = "removed_percent"
 
 @dataclass(frozen=True)
 class Row:
-    """A row of a table. key: names of the row. values, printed_values: by column; None where there is no value."""
+    """A row of a reproduced table.
+
+    key: names of the row. values, printed_values: by column; None where there is none.
+    """
 
     key: tuple[str, ...]
     values: Mapping[str, float | None]
@@ -31,7 +34,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """A table. number: as in the thesis. keys: headings of the row keys. columns: names of the values, with units."""
+    """A reproduced table of the thesis.
+
+    number: as in the thesis. keys: headings of the row keys. columns: names of the values, with units.
+    """
 
     number: str
     title: str

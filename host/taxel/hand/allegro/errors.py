@@ -4,7 +4,7 @@ from taxel.errors import TaxelError
 
 
 class AllegroError(TaxelError):
-    """The hand cannot be used in its current state.
+    """Base class of the errors of an Allegro hand, which cannot be used in its current state.
 
     Attributes:
         channel: name of the CAN channel in python-can.
@@ -29,35 +29,35 @@ class AllegroError(TaxelError):
 
 
 class AllegroSilentError(AllegroError):
-    """The hand does not reply, or has sent no finger pose for too long."""
+    """Error: the Allegro hand does not reply, or has sent no finger pose for too long."""
 
 
 class AllegroTemperatureError(AllegroError):
-    """The hand reports its high temperature fault."""
+    """Error: the Allegro hand reports its high temperature fault."""
 
 
 class AllegroServoOffError(AllegroError):
-    """The motors are off after they were switched on."""
+    """Error: the motors of the Allegro hand are off after they were switched on."""
 
 
 class AllegroCommunicationError(AllegroError):
-    """The hand reports a fault of its internal communication."""
+    """Error: the Allegro hand reports a fault of its internal communication."""
 
 
 class AllegroLeftHandError(AllegroError):
-    """A left hand is connected, but joint ranges and skin are those of a right hand."""
+    """Error: a left hand is connected, but joint ranges and skin are those of a right hand."""
 
 
 class AllegroPoseError(AllegroError, ValueError):
-    """Target angles outside the joint ranges; nothing was sent."""
+    """Error: target angles are outside the joint ranges; nothing was sent to the hand."""
 
 
 class AllegroBusError(AllegroError):
-    """The CAN channel failed: unplugged, bus off, or buffer full."""
+    """Error: the CAN channel of the Allegro hand failed: unplugged, bus off, or buffer full."""
 
 
 class CanUrlError(TaxelError):
-    """The CAN channel cannot be opened. Attributes: url, problem (cause and remedy)."""
+    """Error: the CAN channel cannot be opened. Attributes: url, problem (cause and remedy)."""
 
     def __init__(self, url: str, problem: str) -> None:
         """Create the error for a CAN channel that cannot be opened; url: the channel; problem: cause and remedy."""

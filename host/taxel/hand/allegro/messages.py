@@ -8,7 +8,10 @@ FingerValues = tuple[float, float, float, float]
 
 
 class MessageId(IntEnum):
-    """Message ids; messages of a finger or a sensor use four consecutive ids from this value on."""
+    """Ids of the CAN messages of the hand.
+
+    A message of a finger or a sensor has four consecutive ids from this value on.
+    """
 
     FINGER_POSE = 0x20
     IMU = 0x30
@@ -25,12 +28,12 @@ class MessageId(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class SystemOn:
-    """Switch the motors on."""
+    """Command that switches the motors of the hand on."""
 
 
 @dataclass(frozen=True, slots=True)
 class SystemOff:
-    """Switch the motors off."""
+    """Command that switches the motors of the hand off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +46,7 @@ class SetTorque:
 
 @dataclass(frozen=True, slots=True)
 class SetPose:
-    """Target angles of the four joints of finger `finger`, radians."""
+    """Command: target angles of the four joints of finger `finger`, radians."""
 
     finger: int
     angles: FingerValues
@@ -51,7 +54,7 @@ class SetPose:
 
 @dataclass(frozen=True, slots=True)
 class SetPeriod:
-    """Report periods, milliseconds, 0 to 65535; 0 disables a report."""
+    """Command: periods of the reports of the hand, milliseconds, 0 to 65535; 0 disables a report."""
 
     position_ms: int
     imu_ms: int
@@ -60,7 +63,7 @@ class SetPeriod:
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """New device id (0 to 3) and RS-485 baud rate; None: unchanged. The hand stores both permanently."""
+    """Command: new device id (0 to 3) and RS-485 baud rate, stored permanently by the hand; None: unchanged."""
 
     device_id: int | None = None
     rs485_baud: int | None = None
@@ -89,7 +92,7 @@ class HandInfo:
 
 @dataclass(frozen=True, slots=True)
 class Serial:
-    """Serial number: 1 to 8 printable ASCII characters, padded with NUL in the frame."""
+    """Report of the hand's serial number: 1 to 8 printable ASCII characters, padded with NUL in the frame."""
 
     text: str
 
@@ -111,7 +114,7 @@ class Imu:
 
 @dataclass(frozen=True, slots=True)
 class Temperature:
-    """Temperature at sensor `sensor`, 0 to 3, degrees Celsius."""
+    """Report of the temperature at sensor number `sensor`, 0 to 3, degrees Celsius."""
 
     sensor: int
     celsius: int

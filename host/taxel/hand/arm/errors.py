@@ -4,7 +4,10 @@ from taxel.errors import TaxelError
 
 
 class ArmError(TaxelError):
-    """A command of the arm failed. Attributes: arm (its name), problem (cause and remedy)."""
+    """Base class of the errors of an arm whose command failed.
+
+    Attributes: arm (its name), problem (cause and remedy).
+    """
 
     def __init__(self, arm: str, problem: str) -> None:
         """Create the error for a failed command; arm: name of the arm; problem: cause and remedy."""
@@ -18,16 +21,16 @@ class ArmError(TaxelError):
 
 
 class ArmLimitError(ArmError, ValueError):
-    """Target or speed outside the limits; the arm has not moved."""
+    """Error: target or speed outside the limits of the arm; the arm has not moved."""
 
 
 class ArmBusyError(ArmError):
-    """The arm is still moving; the motion continues."""
+    """Error: the arm is still moving; the motion continues."""
 
 
 class ArmConnectionError(ArmError):
-    """The controller of the arm is not reachable or rejects a command."""
+    """Error: the controller of the arm is not reachable or rejects a command."""
 
 
 class ArmPackageMissingError(ArmError):
-    """An optional Python package required by this arm is not installed."""
+    """Error: an optional Python package that this arm requires is not installed."""

@@ -23,7 +23,10 @@ FAULTS: Final = (
 
 
 class Fault(NamedTuple):
-    """A fault of the processor. kind: of `FAULTS`. pc: address of the instruction. address: address of the access."""
+    """A fault of an emulated processor.
+
+    kind: one of `FAULTS`. pc: address of the instruction. address: address of the memory access.
+    """
 
     kind: str
     pc: int
@@ -31,7 +34,7 @@ class Fault(NamedTuple):
 
 
 class Processor(NamedTuple):
-    """Processor of a board or of the hub, counted since its first power-up.
+    """State of the emulated processor of a board or of the hub, counted since its first power-up.
 
     cycles: clock cycles, including sleep. sleep_cycles: cycles in sleep. stack: largest stack size, bytes. faults:
     number of faults. fault: the latest fault, or None. is_broken: the processor has stopped, because its program used a
@@ -51,10 +54,11 @@ class Processor(NamedTuple):
 
 
 class HandlerCost(NamedTuple):
-    """Cycles of an exception handler, including entry and return, summed over `count` calls.
+    """Clock cycles of an exception handler, including entry and return, summed over `count` calls.
 
-    own: without the handlers that preempt the handler. inclusive: with these handlers. latency: from the request of the
-    exception to the first cycle of its entry. The names with _min and _max are the extremes of single calls.
+    own: without the handlers that preempt this handler. inclusive: with the handlers that preempt it. latency: from the
+    request of the exception to the first cycle of its entry. The names with _min and _max are the extremes of single
+    calls.
     """
 
     count: int  # type: ignore[assignment]  # replaces the method tuple.count
@@ -68,7 +72,7 @@ class HandlerCost(NamedTuple):
 
 
 class ProcessorStruct(ctypes.Structure):
-    """`struct taxel_bench_processor` of firmware/emulator/bench.h."""
+    """C structure `struct taxel_bench_processor` of firmware/emulator/bench.h, the state of an emulated processor."""
 
     _fields_ = (
         *((name, ctypes.c_uint64) for name in ("resets", "cycles", "slept", "faults")),
@@ -93,7 +97,7 @@ class ProcessorStruct(ctypes.Structure):
 
 
 class CostStruct(ctypes.Structure):
-    """`struct taxel_bench_cost` of firmware/emulator/bench.h."""
+    """C structure `struct taxel_bench_cost` of firmware/emulator/bench.h, the cost of an exception handler."""
 
     _fields_ = tuple((name, ctypes.c_uint64) for name in HandlerCost._fields)
 

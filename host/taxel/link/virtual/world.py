@@ -44,17 +44,17 @@ _REFUSALS: Final = {
 
 
 class FaultError(LinkError):
-    """A fault cannot be injected, or an address has no board or executed image."""
+    """Error: a fault cannot be injected into the virtual world, or an address has no board or executed image."""
 
 
 class _LibraryMissingError(TaxelError):
-    """The compiled library is missing."""
+    """Error: the compiled emulator library is missing."""
 
 
 class FaultEvent(NamedTuple):
-    """A fault that has occurred.
+    """A fault that has occurred in the virtual world.
 
-    time_s: virtual time, seconds. kind: number of the fault in the emulator. address: of the board, 0: no board.
+    time_s: virtual time, seconds. kind: number of the fault in the emulator. address: of the board; 0: no board.
     """
 
     time_s: float
@@ -88,6 +88,8 @@ class PowerCut(NamedTuple):
 
 
 class _FaultEventStruct(ctypes.Structure):
+    """C structure of a fault event in the emulator library."""
+
     _fields_ = (("time", ctypes.c_uint64), ("kind", ctypes.c_uint32), ("address", ctypes.c_uint32))
 
 

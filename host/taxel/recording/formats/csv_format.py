@@ -33,7 +33,7 @@ _LINE_MAX = 1 << 16
 
 
 class CsvSink:
-    """Writes a folder of CSV files.
+    """Writer of a recording as a folder of CSV files, one for each board.
 
     topics: source of the contact cloud; None: no `active.csv`. grasp: object and approach in `active.csv`. The folder
     gets its final name when it is complete.

@@ -29,11 +29,11 @@ INTEGER_COLUMNS: Mapping[str, int] = {
 
 
 class RecordingFormatError(FieldError):
-    """A recording in CSV, Parquet or HDF5 that cannot be read."""
+    """Error: a recording in CSV, Parquet or HDF5 cannot be read."""
 
 
 class FrameSink(Protocol):
-    """Writer of the frames of a recording."""
+    """Interface of the writers of taxel frames to a recording."""
 
     def take(self, frame: TaxelFrame) -> None:
         """Write one frame. Frames come in the order of their arrival."""

@@ -44,7 +44,7 @@ _TYPES = {
 
 
 class Hdf5Sink:
-    """Writes a dataset with one grasp. joint_position: radians [j]; None: all 0.
+    """Writer of a recording as an HDF5 dataset with one grasp. joint_position: radians [j]; None: all 0.
 
     Raises DatasetError for an unknown object, HandGeometryError for a hand description without geometry.
     """

@@ -42,7 +42,7 @@ def _make_schema(arrow: Any) -> Any:
 
 
 class ParquetSink:
-    """Writes a Parquet file in row groups. The file gets its final name when it is complete."""
+    """Writer of a recording as a Parquet file, which gets its final name when it is complete."""
 
     def __init__(self, path: Path, hand: Hand, header: Mapping[str, Any]) -> None:
         """Create a Parquet file for taxel frames; header: header of the recording, stored as metadata of the file."""

@@ -36,16 +36,16 @@ _SEQUENCE_MODULUS: Final = 1 << 16
 
 
 class PortClosedError(Exception):
-    """The program has closed the port."""
+    """Error: the program that read the pseudo-terminal has closed it."""
 
 
 class VirtualPort:
     """A pseudo-terminal on which a recording is played.
 
     open_link: opens the recording from its start; called several times. A host that opens the port gets the replies of
-    a
-    hub: handshake, boards, settings, start. After the start the port only plays. speed: factor on the recorded speed;
-    None: as fast as the program reads. The attribute `device` is the name of the port, such as /dev/pts/3.
+    a hub to handshake, board requests, settings and START. After START the port only plays. speed: factor on the
+    recorded speed; None: as fast as the program reads. The attribute `device` is the name of the port, such as
+    /dev/pts/3.
 
     Raises `CaptureError` for a recording without a taxel frame.
     """

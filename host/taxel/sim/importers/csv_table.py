@@ -31,7 +31,7 @@ def ignore_progress(step: str, completed: int, total: int) -> None:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """Specification of a column of an imported CSV file.
 
     kind: "text", "number" (finite) or "integer" (0 or more). aliases: further permitted names. blank: an empty cell is
     permitted and becomes NaN.
@@ -46,7 +46,7 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class CsvTable:
-    """The r rows of a file.
+    """The r rows of an imported CSV file.
 
     line: i64[r], line number in the file. texts, numbers: columns by name, [r] strings and f64[r]; only the columns of
     the file.

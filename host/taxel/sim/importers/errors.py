@@ -18,7 +18,7 @@ _MAX_CHARACTERS = 64
 
 
 class ImportDataError(FieldError, ValueError):
-    """A file that cannot be imported. field: the location in the file, such as ``line 7, column fx``."""
+    """Error: a file cannot be imported. field: the location in the file, such as ``line 7, column fx``."""
 
 
 @dataclass(frozen=True)

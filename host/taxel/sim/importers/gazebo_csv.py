@@ -103,7 +103,7 @@ def import_contacts(
 
 @dataclass(frozen=True, eq=False)
 class _ContactPoints:
-    """Contact points of a file with r rows.
+    """Contact points of a CSV file with r rows.
 
     is_contact: bool[r]; false for a frame without contact. position: f64[r, 3], world, metres. force: f64[r], newtons;
     None without forces. board: i64[r], the only board on which a contact acts; -1: any board.

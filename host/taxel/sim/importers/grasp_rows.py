@@ -30,7 +30,7 @@ _ID_DIGITS = 4
 
 @dataclass(frozen=True, eq=False)
 class GraspRows:
-    """The rows of one grasp. rows: i64, indices of rows of the table."""
+    """The rows of one grasp in a table, with its labels. rows: i64, indices of rows of the table."""
 
     id: str
     object: str

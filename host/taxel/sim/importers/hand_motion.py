@@ -34,7 +34,7 @@ _PHASES = {phase.name.lower(): int(phase) for phase in Phase}
 
 @dataclass(frozen=True, eq=False)
 class GraspTrack:
-    """The hand at k times of one grasp.
+    """Poses of the hand at k times of one grasp.
 
     time_s: f64[k], increasing. sensor_pose: f64[k, s, 4, 4], brackets in the world. phase: u8[k]; None if the file has
     none. joints: f64[k, j], radians; None for a file of poses. object_pose: f64[k, 4, 4], world; None if the file has
@@ -97,7 +97,7 @@ def _interpolate_poses(
 
 @dataclass(frozen=True, eq=False)
 class HandMotion:
-    """The hand during all grasps of a file."""
+    """Poses of the hand during all grasps of a file; tracks: by name of the grasp."""
 
     source: FileLocation
     tracks: Mapping[str, GraspTrack]

@@ -158,7 +158,10 @@ def _row_shapes(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
 
 @dataclass(frozen=True, eq=False)
 class _Snapshot:
-    """One state of the model. sensors: f64[s, 4, 4], brackets. object_pose: f64[4, 4]. Both in the world."""
+    """Poses and contacts in one state of the MuJoCo model.
+
+    sensors: f64[s, 4, 4], brackets, and object_pose: f64[4, 4], both in the world.
+    """
 
     sensors: FloatArray
     object_pose: FloatArray
@@ -166,7 +169,7 @@ class _Snapshot:
 
 
 class _Run:
-    """A model with its parts, which is set to one recorded state after the other."""
+    """Replay of a MuJoCo model, which is set to one recorded state after the other."""
 
     def __init__(
         self, model: mujoco.MjModel, parts: ModelParts, rollout_object: RolloutObject, options: ImportOptions

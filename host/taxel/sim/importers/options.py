@@ -14,7 +14,7 @@ __all__ = ["ImportOptions", "ImportReport"]
 
 @dataclass(frozen=True, eq=False)
 class ImportOptions:
-    """Common options.
+    """Common options of all imports into a grasp dataset.
 
     Attributes:
         objects: known shapes by name.

@@ -115,7 +115,7 @@ def _require_table(value: Any, location: FileLocation) -> dict[str, Any]:
 
 
 class _PartFinder:
-    """Finds parts of a model by their names. An entry is a kind of `KINDS` and an index in the model."""
+    """Search for parts of a MuJoCo model by their names; a part is a kind of `KINDS` and an index in the model."""
 
     def __init__(
         self, model: mujoco.MjModel, hand: Hand, names: Mapping[str, Sequence[str]], source: FileLocation

@@ -25,7 +25,7 @@ _BOX, _CYLINDER, _MESH = (
 
 @dataclass(frozen=True, eq=False)
 class RolloutObject:
-    """The object and its part of the model.
+    """The grasped object and its part of the MuJoCo model.
 
     grasp_object: name and shape. frame: f64[4, 4], frame of the shape in the body of the object. is_geom: bool[geoms],
     whether a geom of the model belongs to the object.

@@ -25,7 +25,7 @@ _DEFAULTS: dict[str, Any] = {"grasp": "0001", "approach": "rollout", "iteration"
 
 @dataclass(frozen=True, eq=False)
 class RolloutStates:
-    """The T states of a file.
+    """The T recorded states of a MuJoCo rollout.
 
     values: arrays f64[T, ...] by name, of the names `STATES` that the file contains. time_s: f64[T]. phase: u8[T].
     grasp, approach: names of each state [T]. iteration, session: i64[T]. has_start_only: whether qpos, qvel and act
