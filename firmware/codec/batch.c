@@ -34,9 +34,9 @@ static uint16_t missing_between(uint16_t cycles, uint16_t scans)
     return steps ? (uint16_t)(steps - 1u) : 0;
 }
 
-/* Fill the members that come from the taxel header, and count missing cycles. A board that is polled while it encodes a
- * compact snapshot delivers nothing in this cycle and a newer snapshot in the next cycle: `skipped` is the number of
- * such skipped scans, which are no loss. */
+/* Fill the members of a row that come from the header of a taxel frame, and count missing poll cycles. A board that
+ * is polled while it encodes a compact snapshot delivers nothing in this cycle and a newer snapshot in the next
+ * cycle: `skipped` is the number of such skipped scans, which are no loss. */
 static void account(struct taxel_batch *batch, struct taxel_batch_row *row, const struct taxel_taxel_header *header,
                     uint16_t skipped)
 {
@@ -96,8 +96,8 @@ static void unpack_counts(uint16_t *restrict counts, const uint8_t *restrict byt
     }
 }
 
-/* CRC table for `size` zero bytes, built at the first use of this size. Returns NULL if TAXEL_BATCH_SIZES tables are in
- * use. */
+/* The table that advances a CRC over `size` zero bytes, built at the first use of this size. Returns NULL if
+ * TAXEL_BATCH_SIZES tables are in use. */
 static const struct taxel_crc32_zeros *zeros_of(struct taxel_batch *batch, size_t size)
 {
     for (size_t i = 0; i < batch->size_count; i++) {

@@ -13,7 +13,7 @@ struct range_decoder {
     uint32_t range;
 };
 
-/* Shift the next byte into the range decoder; 0 after the end of the bytes. */
+/* Shift the next byte of the code into the range decoder; 0 after the end of the bytes. */
 static void shift(struct range_decoder *decoder)
 {
     const uint8_t byte = decoder->position < decoder->size ? decoder->bytes[decoder->position] : 0;
@@ -21,7 +21,8 @@ static void shift(struct range_decoder *decoder)
     decoder->code = decoder->code << 8 | byte;
 }
 
-/* Share of the range, out of 2^bits equal shares, to which the next symbol belongs. */
+/* The share of the range decoder's present range, out of 2^bits equal shares, to which the next symbol belongs.
+ * Nothing is removed. */
 static uint32_t peek(const struct range_decoder *decoder, uint8_t bits)
 {
     const uint32_t target = decoder->code / (decoder->range >> bits), last = (1u << bits) - 1u;
@@ -29,8 +30,8 @@ static uint32_t peek(const struct range_decoder *decoder, uint8_t bits)
     return target < last ? target : last;
 }
 
-/* Remove a decoded symbol from the range decoder. Its interval is [first, first + size) of 2^bits equal shares of the
- * range. */
+/* Remove a decoded symbol from the range decoder. The interval of the symbol is [first, first + size) of 2^bits
+ * equal shares of the range. */
 static void take(struct range_decoder *decoder, uint32_t first, uint32_t size, uint8_t bits)
 {
     const uint32_t share = decoder->range >> bits;

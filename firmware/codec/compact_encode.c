@@ -13,7 +13,8 @@ struct range_encoder {
     uint32_t range;
 };
 
-/* Add 1 to the number formed by the bytes already written: the carry of the range encoder. */
+/* Add 1 to the number formed by the bytes already written: the carry of the range encoder, whose output is one long
+ * number. */
 static void carry(struct range_encoder *encoder)
 {
     for (size_t i = encoder->size; i > 0; i--) {
@@ -74,7 +75,8 @@ static bool put_count(struct range_encoder *encoder, taxel_compact_state state, 
            (!interval.raw_bits || put(encoder, count & ((1u << interval.raw_bits) - 1u), 1, interval.raw_bits));
 }
 
-/* Write the fewest bytes that identify the interval; a decoder reads zeros behind them. */
+/* Write the fewest bytes that identify the final interval of the range encoder; a decoder reads zeros behind them.
+ * Returns false if the output is full. */
 static bool finish(struct range_encoder *encoder)
 {
     unsigned kept = 0;

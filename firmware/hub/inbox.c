@@ -111,8 +111,8 @@ static bool is_header_valid(const uint8_t *header)
            length <= TAXEL_HUB_COMMAND_PAYLOAD_MAX;
 }
 
-/* Length in the ring of the frame that begins at the tail, and its header; 0 if none begins there. `size`: bytes of
- * the chunk. */
+/* Looks for a frame that begins at the oldest byte of the receive ring; `size`: bytes before the next delimiter.
+ * Returns the length of the frame in the ring, and its header; 0 if no valid frame begins there. */
 TAXEL_OWN_FRAME static uint8_t find_frame(const struct taxel_inbox *inbox, uint8_t size, uint8_t *header)
 {
     struct body body = body_at_tail(inbox, size);
@@ -141,8 +141,8 @@ TAXEL_OWN_FRAME static uint8_t find_frame(const struct taxel_inbox *inbox, uint8
     return body.remaining == 0 && crc == CRC_OF_WHOLE_BODY ? (uint8_t)(size - body.ahead) : 0;
 }
 
-/* Copy the payload of the valid frame at the tail. Acknowledgements are handled one by one, because the payload
- * buffer may still hold the command in progress. */
+/* Copies the payload of the valid frame at the oldest byte of the receive ring; `header`: header of the frame.
+ * Acknowledgements are handled one by one, because the payload buffer may still hold the command in progress. */
 TAXEL_OWN_FRAME static void take_payload(struct taxel_hub *hub, uint8_t size, const uint8_t *header)
 {
     struct taxel_inbox *inbox = &hub->inbox;
@@ -169,7 +169,8 @@ TAXEL_OWN_FRAME static void take_payload(struct taxel_hub *hub, uint8_t size, co
     inbox->tail = (uint8_t)(inbox->tail + size);
 }
 
-/* Execute the valid frame at the tail; false if it is a handshake or command that has to wait. */
+/* Executes the valid frame at the oldest byte of the receive ring; `header`: header of the frame. Returns false if
+ * it is a handshake or command that has to wait. */
 static bool take_frame(struct taxel_hub *hub, uint8_t size, const uint8_t *header)
 {
     const bool is_acknowledge = header[0] == TAXEL_FRAME_TYPE_ACKNOWLEDGE;

@@ -57,15 +57,16 @@ size_t taxel_hub_uart_pull(struct taxel_hub *hub, uint8_t *bytes, size_t size)
 #define REPLY_MAX (TAXEL_REPLY_HEADER_SIZE + TAXEL_ADDRESS_MAX - TAXEL_ADDRESS_MIN + 1u) /* of SCAN_BUS: the longest */
 #define REPLY_ENCODED_MAX taxel_encoded_size_max(REPLY_MAX)
 
-/* Space reserved for the next frame of a report in progress. Without it, shorter and more frequent taxel frames
- * would use all free space, the report would never end, and GET_STATUS would block all other commands. */
+/* Number of bytes of the transmit ring that are reserved for the next frame of a status report in progress. Without
+ * this reserve, shorter and more frequent taxel frames would use all free space, the report would never end, and
+ * GET_STATUS would block all other commands. */
 static size_t report_reserve(const struct taxel_hub *hub)
 {
     return hub->report.active ? taxel_encoded_size_max(TAXEL_HUB_STATUS_SIZE) : 0;
 }
 
-/* Space that a frame of this type must leave free in the ring: every frame except a reply leaves space for one
- * reply; a frame that can wait also leaves space for the small frames that cannot wait. */
+/* Number of bytes that a frame of this type must leave free in the transmit ring: every frame except a reply leaves
+ * space for one reply; a frame that can wait also leaves space for the small frames that cannot wait. */
 static size_t reserve_for(const struct taxel_hub *hub, uint8_t type)
 {
     switch (type) {

@@ -28,8 +28,8 @@ static bool board_was_restarted(const struct taxel_hub_slot *board, uint32_t sta
     return board->has_clock && (went_back || difference > CLOCK_SLACK_US + (elapsed >> CLOCK_SLACK_SHIFT));
 }
 
-/* Record that `size` bytes read by the last transfer are to become a frame of this type. They are framed while the next
- * transfer runs. */
+/* Record that `size` bytes read by the last transfer are to become a frame of this type for the host. The frame is
+ * built while the next transfer runs. */
 void taxel_hub_keep(struct taxel_hub *hub, uint8_t type, size_t size)
 {
     struct taxel_unframed *unframed = &hub->unframed;
@@ -55,7 +55,8 @@ void taxel_hub_keep_snapshot(struct taxel_hub *hub)
     taxel_hub_keep(hub, TAXEL_FRAME_TYPE_COMPACT_TAXELS, size < job->read_size ? size : job->read_size - 1u);
 }
 
-/* The board's clock in a snapshot. A delta frame holds its low 24 bits; the upper bits follow from the hub's clock. */
+/* The board's clock (microseconds, 32 bits) in a snapshot. A delta frame holds its low 24 bits; the upper bits
+ * follow from the hub's clock. */
 static uint32_t timestamp_of(const struct taxel_hub_slot *board, const struct taxel_unframed *unframed,
                              const uint8_t *bytes, bool is_delta)
 {

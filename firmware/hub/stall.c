@@ -27,8 +27,8 @@ static void decode_prefix(const uint8_t *frame, uint8_t prefix[PREFIX_SIZE])
     }
 }
 
-/* Discard a queued frame. Returns its sequence number, which a LOG frame takes over, because later frames are already
- * numbered. */
+/* Discard a queued frame, which begins with its delimiter. Returns its sequence number, which a LOG frame takes
+ * over, because later frames are already numbered. */
 static uint16_t discard_frame(struct taxel_hub *hub, const uint8_t *frame)
 {
     uint8_t prefix[PREFIX_SIZE];

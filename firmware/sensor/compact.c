@@ -91,8 +91,9 @@ bool taxel_sensor_compact_write(struct taxel_sensor *sensor, const uint8_t *byte
     return size == 1 && bytes[0] == 0;
 }
 
-/* Make the acknowledged pending key frame the current one. After a packed key frame `states` are already set; otherwise
- * each state is updated with the residual of its taxel. */
+/* Make the pending key frame, which the host has acknowledged, the current one. After a packed key frame
+ * `states` are already set; otherwise each state is updated with the residual (difference from the prediction)
+ * of its taxel. */
 static void accept_key_frame(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;
@@ -112,7 +113,8 @@ static void accept_key_frame(struct taxel_sensor *sensor)
     compact->key_frame_us = compact->pending.timestamp_us;
 }
 
-/* Apply what the host wrote since the last call. The states change only here, never while the coder uses them. */
+/* Apply the acknowledgements that the host wrote since the last call. The states of the taxels change only here,
+ * never while the coder uses them. */
 static void process_answers(struct taxel_sensor *sensor)
 {
     struct taxel_compact *compact = &sensor->compact;

@@ -128,7 +128,8 @@ void taxel_sensor_on_conversion(struct taxel_sensor *sensor, uint16_t raw_count)
     begin_scan(sensor);
 }
 
-/* Give the newest complete snapshot to the reader. Without a new scan, the reader keeps the previous snapshot. */
+/* Give the newest complete snapshot to the reader. Without a new scan since the last call, the reader keeps the
+ * previous snapshot. */
 void taxel_scan_latch(struct taxel_sensor *sensor)
 {
     struct taxel_scan *scan = &sensor->scan;

@@ -12,7 +12,8 @@ static void count_u16(uint16_t *counter)
     }
 }
 
-/* Copy the current status into the shadow register, so that all bytes of one read belong to the same instant. */
+/* Copy the current status into the buffer of the status register, so that all bytes of one read belong to the same
+ * instant. */
 static void fill_status(struct taxel_sensor *sensor)
 {
     const struct taxel_sensor_hal *hal = sensor->config->hal;
@@ -38,8 +39,8 @@ static uint32_t settings_crc(const struct taxel_sensor *sensor, const uint8_t *b
     return taxel_crc32(taxel_crc32(0, &sensor->config->address, 1), bytes, TAXEL_SCAN_SETTINGS_SIZE);
 }
 
-/* Copy the scan settings with their CRC into the shadow register. Settings that take effect with the next scan are
- * already returned. */
+/* Copy the scan settings with their CRC into the buffer of the settings register. Settings that take effect with
+ * the next scan are already returned. */
 static void fill_settings(struct taxel_sensor *sensor)
 {
     const struct taxel_scan_settings *settings =
@@ -49,7 +50,7 @@ static void fill_settings(struct taxel_sensor *sensor)
                   settings_crc(sensor, sensor->slave.shadow));
 }
 
-/* Let the reader read `size` bytes, from byte `skip` on. */
+/* Let the master read `size` bytes from `bytes`, from byte `skip` on. */
 static void read_from(struct taxel_slave *slave, const uint8_t *bytes, size_t size, size_t skip)
 {
     slave->source = bytes;
