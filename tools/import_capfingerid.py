@@ -68,14 +68,17 @@ def parse_integer(text: str, field: str, low: int, high: int) -> int:
 
 
 def check_choice(text: str, field: str, choices: tuple[str, ...]) -> str:
-    """`text`; raises FormatError unless it is one of `choices`."""
+    """Check that `text` is one of `choices`. Returns it; raises FormatError otherwise."""
     if text not in choices:
         raise FormatError(f"{field}: expected one of {', '.join(choices)}, found {text[:20]!r}")
     return text
 
 
 def parse_line(text: str) -> Line | None:
-    """Parse one line without its line end; None if its frame has another length. Raises FormatError."""
+    """Parse one line of a CapFingerId file, without its line end, as a frame of the touch panel.
+
+    None if the frame is truncated (has another length). Raises FormatError.
+    """
     fields = text.split(";")
     if len(fields) != 6:
         raise FormatError(f"expected 6 fields between semicolons, found {len(fields)}")
@@ -179,7 +182,7 @@ def import_folder(source: Path, data: Path) -> str:
 
 
 def main() -> int:
-    """Run the command line; returns the exit status."""
+    """Import CapFingerId text files as the command line states. Returns the exit status."""
     parser = argparse.ArgumentParser(description="Import CapFingerId text files into the package.")
     parser.add_argument(
         "source", type=Path, metavar="SOURCE_DIR", help="folder with CapMatrix_<name>.txt files and their LICENSE"

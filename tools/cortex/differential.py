@@ -144,6 +144,9 @@ def check_blocks(seed: int, first: int, blocks: int) -> tuple[Counter[str], list
 
 
 def _check_part(part: tuple[int, int, int]) -> tuple[Counter[str], list[str]]:
+    """Compare the emulator with Unicorn on a part (seed, first block, count) of the instructions, in a worker
+    process.
+    """
     return check_blocks(*part)
 
 

@@ -54,7 +54,11 @@ def encode_pin(path: str, field: str, name: object) -> str:
 
 
 def check_table(path: str, name: str, table: dict[str, Any], single: Iterable[str]) -> None:
-    """Check that every pin is used once and that fixed pins are correct. Raises PinsError."""
+    """Check that every pin of a board is used once and that pins with a fixed function are correct. Raises
+    PinsError.
+
+    name: of the board. table: pin names by use. single: uses that need exactly one pin.
+    """
     used: dict[str, str] = {}
     for key in single:
         expected = FIXED.get(key)
@@ -75,7 +79,7 @@ def list_kinds_of_hands(hands: list[str]) -> list[BoardKind]:
 
 
 def format_pins_header(path: str, name: str, table: dict[str, Any], single: Iterable[str], lines: list[str]) -> str:
-    """Text of a board_pins.h."""
+    """Text of the C header board_pins.h with the pins of a board. lines: additional C lines."""
     guard = f"PSOC4200_BOARD_PINS_{name.upper()}_H"
     text = [MARK, f"#ifndef {guard}", f"#define {guard}", "", '#include "boards/psoc4200/pins.h"', ""]
     text += [f"#define BOARD_PIN_{key.upper()} {encode_pin(path, f'{name}.{key}', table[key])}" for key in single]
@@ -83,8 +87,9 @@ def format_pins_header(path: str, name: str, table: dict[str, Any], single: Iter
 
 
 def format_sensor_lines(path: str, table: dict[str, Any], kinds: list[BoardKind]) -> list[str]:
-    """Definitions of the front end's lines and of the initial scan settings. Raises PinsError if a kind has more lines
-    than there are pins.
+    """C lines that define the TX and RX lines of the capacitance measurement, and the initial scan settings.
+
+    Raises PinsError if a board kind has more lines than there are pins.
     """
     text = []
     for key, counts in (("tx", [kind.tx_count for kind in kinds]), ("rx", [kind.rx_count for kind in kinds])):
@@ -117,7 +122,10 @@ def format_kinds_source(kinds: list[BoardKind]) -> str:
 
 
 def write_all(pins: Path, out: Path) -> None:
-    """Write the three files. Raises PinsError, HandDescriptionError, OSError."""
+    """Write the C files with pins and board kinds to the folder `out`. pins: path of pins.toml.
+
+    Raises PinsError, HandDescriptionError, OSError.
+    """
     path = pins.name
     try:
         document = tomllib.loads(pins.read_text())
@@ -143,7 +151,7 @@ def write_all(pins: Path, out: Path) -> None:
 
 
 def main() -> int:
-    """Write the files; print an error as one line."""
+    """Write the C files with pins and board kinds; print an error as one line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--pins", type=Path, required=True)
     parser.add_argument("--out", type=Path, required=True)

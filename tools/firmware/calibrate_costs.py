@@ -56,7 +56,9 @@ Costs = dict[str, int | list[int]]
 
 
 def round_exactly(value: float, quantity: str) -> int:
-    """Round a number of cycles that must be whole. Raises ValueError if it is not."""
+    """Round a measured number of processor cycles that must be whole. Raises ValueError with `quantity` if it is
+    not.
+    """
     if abs(value - round(value)) > 0.2:
         raise ValueError(f"{quantity}: expected whole cycles, found {value:.3f}")
     return round(value)
@@ -70,7 +72,9 @@ def list_crossings(board: Board) -> list[int]:
 
 
 def conversions(world: VirtualWorld, board: Board) -> list[int]:
-    """Cycles of the interrupts of a scan, in the order of the crossings whose conversion they start."""
+    """Measure the processor cycles of each interrupt that starts the conversion of a taxel, in the order of the
+    crossings.
+    """
     costs: list[int] = []
     last = world.read_handler_costs(board.address)["CSD"]
     while len(costs) < 2 * board.kind.taxel_count + 1:
@@ -84,7 +88,7 @@ def conversions(world: VirtualWorld, board: Board) -> list[int]:
 
 
 def measure_conversion_costs(scans: dict[int, tuple[Board, list[int]]]) -> Costs:
-    """Derive the cost of each case from the cycles of the interrupts of whole scans."""
+    """Processor cycles of each kind of conversion interrupt, derived from the interrupts of whole scans."""
     cost_by_line: dict[int, int] = {}
     switching: list[tuple[int, int, int]] = []
     first: tuple[int, int] | None = None
@@ -121,14 +125,19 @@ def measure_conversion_costs(scans: dict[int, tuple[Board, list[int]]]) -> Costs
 
 
 def snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, HandlerCost]:
-    """Read a snapshot: (sequence, microseconds, cycle account of the conversion interrupt)."""
+    """Read a snapshot of an emulated board. Returns its scan number, time in us, and cycles of the conversion
+    interrupt.
+    """
     _, data = world.transfer(board.address, b"", SNAPSHOT_OVERHEAD + 2 * board.kind.taxel_count)
     sequence, time_us = struct.unpack_from("<HI", data)
     return sequence, time_us, world.read_handler_costs(board.address)["CSD"]
 
 
 def scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, float]:
-    """Measure (cycles of a scan beyond its conversions, board clock in microseconds at the start of the first scan)."""
+    """Measure the processor cycles of a scan beyond its conversions.
+
+    Also returns the time of the board clock in us at the start of the first scan.
+    """
     world.transfer(board.address, bytes([REGISTER_SNAPSHOT]), 0)
     world.run(0.05)
     begin = snapshot(world, board)
@@ -144,8 +153,9 @@ def scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, float]:
 
 
 def measure_slave_costs(world: VirtualWorld, board: Board) -> Costs:
-    """Cycles of the slave's interrupts, and the bus delay of each: the minimum of several transfers, without
-    preemption.
+    """Measure the processor cycles of a board's I2C interrupts, and the time by which each delays the bus.
+
+    Each value is the minimum of several transfers, which no other interrupt has prolonged.
     """
 
     def find_fastest_transfer(write: bytes, size: int) -> tuple[int, float]:
@@ -185,7 +195,10 @@ def measure_slave_costs(world: VirtualWorld, board: Board) -> Costs:
 
 
 def measure_board(image: Path) -> Costs:
-    """All costs of a sensor board. Raises ValueError if the measurements contradict the model of costs.h."""
+    """Measure all processor costs of a sensor board. image: its firmware image.
+
+    Raises ValueError if the measurements contradict the model of costs.h.
+    """
     hand = load_hand("allegro")
     scans, overheads = {}, {}
     costs: Costs = {}
@@ -216,7 +229,7 @@ def measure_board(image: Path) -> Costs:
 
 
 def header(board: Costs, hub: Costs) -> str:
-    """Text of costs.h."""
+    """Text of the C header costs.h with the processor costs of board and hub."""
 
     def define(name: str, value: int | list[int]) -> str:
         """Line of C code that defines a cost as a macro: a number or an initializer."""
@@ -246,7 +259,9 @@ def header(board: Costs, hub: Costs) -> str:
 
 
 def main() -> int:
-    """Measure, then write or compare; print an error as one line."""
+    """Measure the processor costs of the firmware images and write costs.h, or compare it; print an error as one
+    line.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="only report whether costs.h or its page is stale")
     parser.add_argument("--images", type=Path, default=IMAGES, help="folder of the images that `make firmware` builds")

@@ -19,7 +19,7 @@ SETTLE_S, RUN_S = 2.0, 4.0
 
 
 def measure_busy_cycles(image: Path, address: int, frames: Literal["plain", "compact"]) -> float:
-    """Cycles of the main loop per scan while a hub streams the board in this frame format."""
+    """Processor cycles of the main loop per scan while a hub streams the board. frames: frame format."""
     hand = load_hand("allegro")
     text = make_board_world(hand, address, WorldSettings(noise_counts=NOISE_COUNTS)) + format_image_line(address)
     with (
@@ -42,7 +42,7 @@ def measure_busy_cycles(image: Path, address: int, frames: Literal["plain", "com
 
 
 def _read_busy(world: VirtualWorld, address: int) -> tuple[int, int]:
-    """(cycles awake outside interrupts, number of conversions)."""
+    """Processor cycles of an emulated board so far: cycles awake outside interrupts, and number of conversions."""
     processor, handlers = world.read_processor(address), world.read_handler_costs(address)
     return processor.cycles - processor.sleep_cycles - sum(cost.own for cost in handlers.values()), handlers[
         "CSD"

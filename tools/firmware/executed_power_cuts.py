@@ -58,6 +58,7 @@ class Cuts:
 
 
 def _sample_time_s(generator: random.Random) -> float:
+    """Random time in s after the start of a flash write at which the power is cut."""
     return generator.choice(POINTS_S) if generator.random() < 0.3 else generator.uniform(1e-6, WRITE_S - 1e-6)
 
 
@@ -80,8 +81,9 @@ class _Board:
         return version
 
     def update(self, number: int, planned_cuts: int, result: Cuts) -> None:
-        """Update once, repeating the command until it succeeds and all planned cuts have occurred. Raises
-        `TaxelError`.
+        """Update the firmware of the board until the update succeeds and all planned power cuts have occurred.
+
+        number: of the update, which determines the version. Raises `TaxelError`.
         """
         firmware = make_firmware((1, number // 256, number % 256), self.images, rows=CHANGED_ROWS)
         target = firmware.images[0].version
@@ -113,7 +115,9 @@ class _Board:
         return None
 
     def _check(self, firmware: Firmware) -> None:
-        """Check that one slot contains the new image and that the processor has not faulted since the last start."""
+        """Check that one flash slot contains the new image and that the processor has not faulted since the last
+        start.
+        """
         flash, layout = self.world.read_flash(BOARD).data, LAYOUTS[BootDevice.BOARD]
         if not any(flash[layout.slot_address(image.slot) :].startswith(image.data) for image in firmware.images):
             raise TaxelError("the command succeeded, but neither slot contains the new image")
@@ -123,7 +127,10 @@ class _Board:
 
 
 def cut_updates(cuts: int, seed: int = 1, images: Path = IMAGES) -> Cuts:
-    """Run updates with at least `cuts` power cuts; stop at the first failure."""
+    """Run firmware updates with at least `cuts` power cuts in total; stop at the first failure.
+
+    images: folder of the firmware images that the emulated board executes.
+    """
     generator, result = random.Random(f"executed {seed}"), Cuts()
     text = make_small_world(2, ["boot_listens 1"], seed) + format_image_line(BOARD)
     with VirtualWorld(text, files={BOARD_IMAGE: files(images)[BOARD_IMAGE]}) as world:
@@ -146,7 +153,7 @@ def cut_updates(cuts: int, seed: int = 1, images: Path = IMAGES) -> Cuts:
 
 
 def main() -> int:
-    """Run the updates and print the result."""
+    """Run firmware updates with power cuts and print the outcomes."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cuts", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)

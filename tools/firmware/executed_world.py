@@ -21,17 +21,19 @@ HUB_IMAGE: Final = "hub-factory.hex"
 
 
 def files(images: Path = IMAGES) -> dict[str, Path]:
-    """Paths of the factory images by the names that the world files use."""
+    """Paths of the factory firmware images of board and hub, by the names that the world files use."""
     return {name: images / name for name in (BOARD_IMAGE, HUB_IMAGE)}
 
 
 def format_image_line(address: int) -> str:
-    """World-file line that makes a board, or the hub (0), execute its image."""
+    """Line of a world file that makes a board, or the hub (address 0), execute its firmware image."""
     return f"image 0x{address:02X} {BOARD_IMAGE}\n" if address else f"hub_image {HUB_IMAGE}\n"
 
 
 def make_board_world(hand: Hand, address: int, settings: WorldSettings | None = None) -> str:
-    """World file with only this board, natively emulated."""
+    """Text of a world file with only the board at `address`, whose firmware is emulated natively instead of
+    executed.
+    """
     lines = format_world(hand, settings).splitlines()
     lines_of_board = [line for line in lines if not line.startswith("board ") or f" 0x{address:02X} " in line]
     return "\n".join(lines_of_board) + "\n"
@@ -39,7 +41,7 @@ def make_board_world(hand: Hand, address: int, settings: WorldSettings | None = 
 
 @contextmanager
 def open_scanning_world(hand: Hand, board: Board, image: Path) -> Iterator[VirtualWorld]:
-    """World in which the board scans and no hub reads it."""
+    """Emulated world in which a board executes its firmware image and scans its taxels, and no hub reads it."""
     text = make_board_world(hand, board.address, WorldSettings(clock_spread_ppm=0.0)) + format_image_line(board.address)
     with VirtualWorld(text, "none", files={BOARD_IMAGE: image}) as world:
         world.inject("hub_unplug")

@@ -71,20 +71,20 @@ class FirmwareCycles(NamedTuple):
 
 
 def _read(world: VirtualWorld, board: Board) -> tuple[int, int]:
-    """(sequence, microseconds) of the current snapshot."""
+    """Scan number and time in us of the current snapshot of an emulated board."""
     _, data = world.transfer(board.address, b"", SNAPSHOT_OVERHEAD + 2 * board.kind.taxel_count)
     sequence, time_us = struct.unpack_from("<HI", data)
     return int(sequence), int(time_us)
 
 
 def _read_cycle_counts(world: VirtualWorld, address: int) -> tuple[int, int]:
-    """(all cycles, cycles awake) so far."""
+    """Processor cycles of an executed board or hub so far: all cycles, and cycles awake."""
     processor = world.read_processor(address)
     return processor.cycles, processor.cycles - processor.sleep_cycles
 
 
 def measure_board(hand: Hand, board: Board, image: Path) -> BoardCycles:
-    """Measure a board of a kind, first without and then with polls."""
+    """Count the processor cycles of a board that executes its image, first without and then with polls."""
     address = board.address
     with open_scanning_world(hand, board, image) as world:
         world.transfer(address, bytes([REGISTER_SNAPSHOT]), 0)
@@ -106,7 +106,9 @@ def measure_board(hand: Hand, board: Board, image: Path) -> BoardCycles:
 
 
 def measure_hub(hand: Hand, image: Path) -> HubCycles:
-    """Measure the hub of the whole hand; its boards are emulated natively."""
+    """Count the processor cycles of a hub that executes its image and polls the whole hand, whose boards are
+    emulated natively.
+    """
     text = format_world(hand, WorldSettings(noise_counts=0.0)) + format_image_line(0)
     with VirtualWorld(text, files={HUB_IMAGE: image}) as world, Skin(VirtualMemoryLink(world), hand) as skin:
 
@@ -129,7 +131,11 @@ def measure_hub(hand: Hand, image: Path) -> HubCycles:
 
 
 def measure(images: Path) -> FirmwareCycles:
-    """Measure every board kind of the allegro hand, and its hub. Raises `TaxelError`, OSError."""
+    """Count the processor cycles of every board kind of the Allegro hand and of its hub. images: folder of firmware
+    images.
+
+    Raises `TaxelError`, OSError.
+    """
     hand = load_hand("allegro")
     kinds = {board.kind.name: board for board in hand.boards}
     ordered = sorted(kinds.values(), key=lambda board: board.kind.taxel_count)

@@ -50,13 +50,14 @@ class LinkedImage:
     functions: tuple[Function, ...]
 
     def symbol(self, name: str) -> int:
-        """Value of a symbol. Raises FirmwareFileError if it is missing."""
+        """Value of a symbol of the linked image. Raises FirmwareFileError if it is missing."""
         if name not in self.symbols:
             _fail(self.path, f"symbol {name}", "one", "none", "link it with image.ld.in")
         return self.symbols[name]
 
 
 def _fail(path: str, field: str, expected: str, found: str, remedy: str = "rebuild it") -> NoReturn:
+    """Raise `FirmwareFileError` for a defect of an ELF file."""
     raise FirmwareFileError(path, field, expected, found, remedy)
 
 
@@ -92,11 +93,12 @@ def read_linked_image(path: Path) -> LinkedImage:
 
 
 def _text(data: bytes, offset: int) -> str:
+    """Text in the bytes of an ELF file from `offset` to the next zero byte."""
     return data[offset : data.index(0, offset)].decode("ascii") if 0 in data[offset:] else ""
 
 
 def _flash(path: str, data: bytes, header: tuple[int, ...]) -> tuple[int, bytes]:
-    """(address, bytes) of everything loaded into flash."""
+    """Address and bytes of everything that a linked image loads into flash. header: fields of the ELF header."""
     pieces: list[tuple[int, bytes]] = []
     for place in range(header[10]):
         segment = PROGRAM_HEADER.unpack_from(data, header[5] + place * header[9])
@@ -120,7 +122,7 @@ def _flash(path: str, data: bytes, header: tuple[int, ...]) -> tuple[int, bytes]
 
 
 def _symbols(data: bytes, tables: list[tuple[int, ...]]) -> tuple[dict[str, int], tuple[Function, ...]]:
-    """Values of all symbols by name, and the functions in the order of their addresses."""
+    """Values of all symbols of an ELF file by name, and its functions in the order of their addresses."""
     values: dict[str, int] = {}
     functions: list[Function] = []
     for table in tables:

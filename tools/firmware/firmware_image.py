@@ -31,6 +31,7 @@ ANY_KIND: Final = 0
 
 
 def _fail(path: str, field: str, expected: str, found: str, remedy: str) -> NoReturn:
+    """Raise `FirmwareFileError` for a defect of a linked firmware image."""
     raise FirmwareFileError(path, field, expected, found, remedy)
 
 
@@ -54,8 +55,9 @@ def read_project_version(version_file: Path) -> tuple[int, int, int]:
 
 
 def _check_vectors(linked: LinkedImage, offset: int) -> None:
-    """Check the first two vectors at `offset` of the content: stack pointer in RAM, reset vector in this image with
-    the Thumb bit.
+    """Check the first two entries of the vector table at `offset` of a linked image.
+
+    The stack pointer must be in RAM, the reset vector in this image with the Thumb bit.
     """
     stack, reset = (int.from_bytes(linked.content[at : at + 4], "little") for at in (offset, offset + 4))
     if not RAM_BEGIN < stack <= RAM_BEGIN + RAM_SIZE or stack % 8:
@@ -67,7 +69,7 @@ def _check_vectors(linked: LinkedImage, offset: int) -> None:
 
 
 def build_slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, int]) -> FirmwareImage:
-    """Image with a complete header. Raises FirmwareFileError if it is not linked for this slot."""
+    """Bytes of a firmware image with a complete header. Raises FirmwareFileError if it is not linked for this slot."""
     device = _device(linked)
     layout = LAYOUTS[device]
     linked_slot = linked.symbol("image_slot")
@@ -121,7 +123,11 @@ def format_manifest(name: str, images: list[FirmwareImage], files: list[Path]) -
 def write_images(
     bootloader: Path, slots: tuple[Path, Path], name: str, out: Path, version_file: Path = VERSION_FILE
 ) -> None:
-    """Write all files of one device. Raises FirmwareFileError, OSError; no usable manifest remains after an error."""
+    """Write all firmware files of one device: images, manifest and factory file.
+
+    slots: linked images of both slots. name: start of the file names. Raises FirmwareFileError, OSError; no usable
+    manifest remains after an error.
+    """
     version = read_project_version(version_file)
     boot_file = read_linked_image(bootloader)
     boot = read_bootloader(boot_file)
@@ -148,7 +154,7 @@ def write_images(
 
 
 def main() -> int:
-    """Write the files; print an error as one line."""
+    """Write the firmware files of a device from its linked images; print an error as one line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     for option in ("--bootloader", "--slot-a", "--slot-b", "--out"):
         parser.add_argument(option, type=Path, required=True)

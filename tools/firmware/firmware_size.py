@@ -70,12 +70,12 @@ class Size:
 
     @property
     def ram(self) -> int:
-        """Static RAM plus worst-case stack."""
+        """RAM that an image needs, in bytes: static variables plus worst-case stack."""
         return self.static_ram + self.stack
 
     @property
     def spent(self) -> int:
-        """Cycles of all activities."""
+        """Sum of the processor cycles of all activities of an image."""
         return sum(count for name, count in (self.cycles or {}).items() if name != "of")
 
     def describe_excess(self) -> str:
@@ -94,14 +94,14 @@ class Size:
 
 
 def flash_budget(linked: LinkedImage) -> int:
-    """Flash budget of the image in bytes: its slot, or the bootloader's rows."""
+    """Number of flash bytes available to an image: its slot, or the rows of the bootloader."""
     if "image_slot" in linked.symbols:
         return LAYOUTS[BootDevice(linked.symbol("image_device"))].slot_size
     return BOOT_BOOTLOADER_ROWS * BOOT_ROW_SIZE
 
 
 def measure(linked: LinkedImage, use: StackUse) -> Size:
-    """Sizes of one image."""
+    """Flash, RAM and stack of one linked image. use: its worst-case stack."""
     end = max((part.address + part.size for part in linked.sections if part.address >= RAM_BEGIN), default=RAM_BEGIN)
     return Size(
         len(linked.content),
@@ -115,7 +115,10 @@ def measure(linked: LinkedImage, use: StackUse) -> Size:
 
 
 def measure_all(build: Path, objdump: str, calls: Path) -> dict[str, Size]:
-    """Sizes of all images of a build folder. Raises FirmwareFileError, OSError."""
+    """Flash, RAM and stack of all images of a build folder. objdump: path of the tool; calls: path of calls.toml.
+
+    Raises FirmwareFileError, OSError.
+    """
     table = read_call_table(calls)
     shared = list(build.rglob("memory.c*.su"))
     sizes = {}
@@ -129,7 +132,7 @@ def measure_all(build: Path, objdump: str, calls: Path) -> dict[str, Size]:
 
 
 def with_cycles(sizes: dict[str, Size], counted: FirmwareCycles) -> dict[str, Size]:
-    """Add the cycles counted in the images of slot A; the images of slot B are the same program."""
+    """Add counted processor cycles to the sizes of the images of slot A; the images of slot B are the same program."""
     palm, hub = counted.boards[-1], counted.hub
     cycles = {
         "board": {"scan": palm.scan, "poll": palm.poll, "of": palm.budget},
@@ -147,7 +150,7 @@ def _format_cycles(cycles: dict[str, int] | None) -> str:
 
 
 def format_table(sizes: dict[str, Size]) -> list[str]:
-    """Table in Markdown."""
+    """Markdown table of flash, RAM, stack and processor cycles of all images."""
     lines = [f"| {' | '.join(COLUMNS)} |", f"|---{'|---:' * (len(COLUMNS) - 1)}|"]
     for name, size in sizes.items():
         numbers = (size.flash, size.flash_budget, size.static_ram, size.stack, size.stack_reserve, size.ram)
@@ -157,7 +160,7 @@ def format_table(sizes: dict[str, Size]) -> list[str]:
 
 
 def format_page(sizes: dict[str, Size], compiler: str) -> str:
-    """Text of the whole page."""
+    """Text of docs/firmware-size.md. compiler: sentence that names the compiler."""
     chains = [
         f"- Deepest call chain of the image {name}: {', '.join(size.chain)}"
         for name, size in sizes.items()
@@ -167,7 +170,7 @@ def format_page(sizes: dict[str, Size], compiler: str) -> str:
 
 
 def format_json(sizes: dict[str, Size], compiler: str) -> str:
-    """JSON text for a later comparison."""
+    """JSON text of the sizes of all images, for a later comparison. compiler: sentence that names the compiler."""
     document = {"compiler": compiler, "images": {name: asdict(size) for name, size in sizes.items()}}
     return json.dumps(document, indent=1) + "\n"
 
@@ -206,7 +209,9 @@ def describe_compiler(objdump: str) -> str:
 
 
 def main() -> int:
-    """Measure, write and compare; return 1 if a budget is exceeded or a file is unusable."""
+    """Measure the sizes of the images, write and compare them; return 1 if a budget is exceeded or a file is
+    unusable.
+    """
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--build", type=Path, required=True, help="folder of the cross build")
     parser.add_argument("--json", type=Path)

@@ -63,6 +63,7 @@ class StackUse:
 
 
 def _fail(path: str, name: str, expected: str, found: str, remedy: str) -> NoReturn:
+    """Raise `FirmwareFileError` for an image whose stack depth cannot be computed."""
     raise FirmwareFileError(path, name, expected, found, remedy)
 
 
@@ -78,13 +79,13 @@ def read_call_table(path: Path) -> CallTable:
 
 
 def disassemble(path: str, objdump: str) -> dict[int, Routine]:
-    """Routines of an ELF file by address. Raises OSError if the tool is missing."""
+    """Functions of an ELF file by address, from the output of objdump. Raises OSError if the tool is missing."""
     run = subprocess.run([objdump, "-d", "--no-show-raw-insn", path], capture_output=True, text=True, check=True)
     return read_disassembly(run.stdout)
 
 
 def read_disassembly(text: str) -> dict[int, Routine]:
-    """Routines in objdump's text by address."""
+    """Functions in the text of objdump, by address."""
     routines: dict[int, Routine] = {}
     begin, previous = -1, ""
     for line in text.splitlines():
@@ -166,7 +167,10 @@ class CallGraph:
         self._pointer_targets = self._find_pointer_targets(image)
 
     def _find_pointer_targets(self, image: LinkedImage) -> dict[int, str]:
-        """Functions whose address is a word of the image; each must be listed in the table."""
+        """Names of the functions whose address is stored as a word of the image, by address.
+
+        These functions can be called through pointers; each must be listed in calls.toml.
+        """
         words = {int.from_bytes(image.content[at : at + 4], "little") for at in range(0, len(image.content) - 3, 4)}
         known = {name for _, levels in self._table.levels for level in levels for name in level} | {ENTRY, UNEXPECTED}
         functions = {function.address for function in image.functions}
@@ -191,8 +195,10 @@ class CallGraph:
         return callees
 
     def depth(self, address: int, ancestors: tuple[int, ...] = ()) -> tuple[int, tuple[str, ...]]:
-        """Stack in bytes of the deepest call chain from a function on, and its names. Raises FirmwareFileError for
-        recursion.
+        """Stack in bytes of the deepest call chain that begins with a function, and the names of the functions in
+        it.
+
+        address: of the function. ancestors: its callers. Raises FirmwareFileError for recursion.
         """
         if address in self._depths:
             return self._depths[address]
@@ -206,7 +212,9 @@ class CallGraph:
         return self._depths[address]
 
     def use(self, image: str) -> StackUse:
-        """Worst-case stack of the image of this name."""
+        """Worst-case stack of the image: deepest call chain from the start, and the interrupts that can nest.
+        image: its name.
+        """
         by_name = {routine.name: address for address, routine in self._routines.items()}
         if ENTRY not in by_name:
             _fail(self._path, "symbols", ENTRY, "none", "is it an image of this port?")

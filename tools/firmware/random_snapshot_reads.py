@@ -66,7 +66,7 @@ class _Board:
         world.transfer(address, bytes([REGISTER_SNAPSHOT]), 0)
 
     def _advance(self, seconds: float) -> None:
-        """Advance the time; the measured value increases by 1 every `STEP_S`."""
+        """Advance the virtual time; the raw count of all taxels increases by 1 every `STEP_S`."""
         end = self._world.now_s + seconds
         while self._world.now_s < end:
             self._value += 1
@@ -101,7 +101,10 @@ class _Board:
 
 
 def read_random_snapshots(reads: int, seed: int = 1, address: int = 0x2C, images: Path = IMAGES) -> Reads:
-    """Read `reads` snapshots; stop at the first incoherent snapshot."""
+    """Read `reads` snapshots of a board at random times; stop at the first that cannot originate from one scan.
+
+    address: I2C address. images: folder of the firmware images that the board executes.
+    """
     hand = load_hand("allegro")
     text = make_board_world(hand, address, WorldSettings(seed=seed)) + format_image_line(address)
     result = Reads()
@@ -117,7 +120,7 @@ def read_random_snapshots(reads: int, seed: int = 1, address: int = 0x2C, images
 
 
 def main() -> int:
-    """Read the snapshots and print the result; print an error as one line."""
+    """Read snapshots of an executed board at random times and print the result; print an error as one line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--reads", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)

@@ -21,7 +21,10 @@ NEW_ADDRESS: Final = 0x30
 
 
 def run_configurations(plan: WorldPlan) -> WorldResult:
-    """Run every sequence of a world on one board, or on one blank board each, until the first failure."""
+    """Run every planned configuration write with power cuts in one emulated world, until the first failure.
+
+    All writes are to one board, or each to another blank board.
+    """
     result = WorldResult(plan.number, plan.route)
     is_blank = "blank" in plan.route
     lines = [f"boot_listens {int(plan.bootloader_listens)}"]
@@ -54,14 +57,17 @@ class _Configured:
 
     @property
     def longest_gap_s(self) -> float:
+        """Longest time in s without a frame of the neighbour board, which keeps its power."""
         return self._route.neighbour.longest_gap_s
 
     def addresses(self, board: int) -> tuple[int, int]:
-        """Present address and new address of the board."""
+        """The present and the new I2C address of a board, which are equal here."""
         return board, board
 
     def is_alive(self, board: int, unique_id: bytes, configuration: dict[str, Any] | None) -> bool:
-        """Whether the application runs; raises `TaxelError` if the hub does not poll the neighbour board."""
+        """Whether the application of the board runs. Raises `TaxelError` if the hub does not poll the neighbour
+        board.
+        """
         self._route.check_hub()
         return self._route.version() is not None
 
@@ -72,14 +78,17 @@ class _Blank:
     longest_gap_s = 0.0
 
     def __init__(self, world: VirtualWorld) -> None:
+        """Connect to blank emulated boards through an I2C adapter."""
         self.wire = SmbusWire(VirtualSMBus(world), "virtual", lambda: world.now_s, world.run)
 
     def addresses(self, board: int) -> tuple[int, int]:
-        """Present address and new address of the board."""
+        """The present I2C address of a blank board, and the new one."""
         return BOOT_DEFAULT_ADDRESS, NEW_ADDRESS + board - BOARD
 
     def is_alive(self, board: int, unique_id: bytes, configuration: dict[str, Any] | None) -> bool:
-        """Whether the bootloader answers at the address of its configuration."""
+        """Whether the bootloader of a board answers at the address of its configuration, or at the default address
+        without one.
+        """
         address = configuration["address"] if configuration else BOOT_DEFAULT_ADDRESS
         return unique_id in [board.unique_id for board in find_boards(self.wire, address)]
 
@@ -130,7 +139,7 @@ class _Provision:
         raise CampaignError(f"{RUNS_MAX} runs of the command did not finish; the last ended with: {failure}")
 
     def _record_outcomes(self) -> str:
-        """Record the cuts since the last call with the configuration that is valid now; returns that outcome."""
+        """Record the new power cuts with the configuration that is valid now. Returns this outcome."""
         cuts = self.world.read_power_cuts(self.board, self.cuts_before)
         configuration = decode_configuration(self.world.read_flash(self.board).data)
         outcome = self._classify_outcome(configuration)

@@ -39,7 +39,7 @@ MOMENTS: Final = ("before", "erasing", "programming", "after")
 
 
 def name_moment(after_s: float) -> str:
-    """Phase of a write at `after_s` seconds after its start."""
+    """Name of the phase of a flash write `after_s` seconds after its start: before, erasing, programming or after."""
     if after_s == 0.0:
         return MOMENTS[0]
     if after_s >= WRITE_S:
@@ -59,12 +59,14 @@ class Cut:
 
     @property
     def moment(self) -> str:
-        """Phase of the write: before, erasing, programming or after."""
+        """Phase of the flash write in which the power is cut: before, erasing, programming or after."""
         return name_moment(self.after_s)
 
     @property
     def can_be_complete(self) -> bool:
-        """Whether a record can be complete: written fully, or except for the last word, which no CRC covers."""
+        """Whether the interrupted record can be valid: fully written, or except for the last word, which no CRC
+        covers.
+        """
         return self.after_s > WRITE_S - _WORD_S
 
 
@@ -108,7 +110,10 @@ def plan_worlds(cuts: int, seed: int) -> list[WorldPlan]:
 
 
 def _update_sequences(generator: random.Random) -> Iterator[CutSequence]:
-    """Every write of images of all sizes at every point, in random order, repeated with other second cuts."""
+    """Firmware updates without end in which the power is cut in every write at every point, in random order.
+
+    When all combinations of image size, write and point have been planned, they repeat with other second cuts.
+    """
     while True:
         first_cuts = [(rows, Cut(n, after)) for rows in ROWS for n in range(1, rows + 4) for after in POINTS_S]
         generator.shuffle(first_cuts)
@@ -117,7 +122,12 @@ def _update_sequences(generator: random.Random) -> Iterator[CutSequence]:
 
 
 def _sample_second_cut(generator: random.Random, rows: int, first: Cut) -> list[Cut]:
-    """A cut in one of the writes that must follow: missing rows, pending record, boot attempt, confirmation."""
+    """A random second power cut of an update, in one of the writes that must follow the first cut; [] if none
+    follows.
+
+    The following writes are the missing rows, the record of the pending image, the boot attempt and the
+    confirmation.
+    """
     if first.operation <= rows:
         following = rows - first.operation + 3
     elif first.operation < rows + 3 or not first.can_be_complete:
@@ -128,7 +138,7 @@ def _sample_second_cut(generator: random.Random, rows: int, first: Cut) -> list[
 
 
 def _sample_instant(generator: random.Random) -> float:
-    """Random instant of a write; before the write with probability 0.1 and after the write with probability 0.1."""
+    """Random time in s after the start of a flash write; before or after the write with a probability of 0.1 each."""
     fraction = generator.random()
     if fraction < 0.2:
         return POINTS_S[0] if fraction < 0.1 else POINTS_S[-1]
@@ -136,7 +146,10 @@ def _sample_instant(generator: random.Random) -> float:
 
 
 def _list_configuration_writes(generator: random.Random) -> Iterator[CutSequence]:
-    """One write, cut before, at each point and after; a second cut if the write was not complete."""
+    """Planned power cuts of configuration writes: before, at each point of, and after the write.
+
+    A second cut follows if the write was not complete.
+    """
     for after in itertools.cycle(POINTS_S):
         first = Cut(1, after)
         yield CutSequence(0, (first,) if first.can_be_complete else (first, Cut(1, _sample_instant(generator))))

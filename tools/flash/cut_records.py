@@ -22,7 +22,7 @@ OPERATIONS: Final = ("row of the image", "image made pending", "try counted", "i
 
 
 def name_operation(cut: PowerCut) -> str:
-    """Name of the interrupted flash operation."""
+    """Name of the flash operation that a power cut interrupted, such as a row, a record or a configuration."""
     if cut.row in (BOOT_CONFIGURATION_ROW, BOOT_CONFIGURATION_ROW + 1):
         return OPERATIONS[4]
     if cut.row not in (BOOT_METADATA_ROW, BOOT_METADATA_ROW + 1):
@@ -34,7 +34,10 @@ def name_operation(cut: PowerCut) -> str:
 
 
 def _find_newest_payload(flash: bytes, first_row: int, magic: int) -> bytes | None:
-    """Payload of the valid record with the highest sequence number."""
+    """Payload of the valid flash record with the highest sequence number; None without a valid record.
+
+    flash: content of the whole flash. first_row: first of the rows with such records. magic: their first bytes.
+    """
     newest: tuple[int, bytes] | None = None
     for row in (first_row, first_row + 1):
         data = flash[row * BOOT_ROW_SIZE : (row + 1) * BOOT_ROW_SIZE]

@@ -39,7 +39,7 @@ class Route(Protocol):
 
 
 def ignore_progress(progress: Progress) -> None:
-    """Progress callback without effect."""
+    """Ignore the progress of an update."""
 
 
 class NeighbourMonitor:
@@ -56,7 +56,9 @@ class NeighbourMonitor:
         client.start()
 
     def check_frames(self) -> None:
-        """Process new frames. Raises `TaxelError` if the hub was restarted or the board is missing."""
+        """Check the new frames of the neighbour board. Raises `TaxelError` if the hub restarted or the board is
+        missing.
+        """
         self.client.wait(2.5 / RATE_HZ)
         times = [frame.time_s for frame in self.client.stream.frames if frame.address == NEIGHBOUR]
         self.client.stream.frames.clear()
@@ -89,11 +91,11 @@ class BoardRoute:
         self.neighbour = NeighbourMonitor(client)
 
     def update(self, firmware: Firmware) -> None:
-        """`taxel flash --board`."""
+        """Write firmware to the board as `taxel flash --board` does."""
         run(self.wire, update_board(BOARD, firmware, self.wire.now_s, ignore_progress))
 
     def version(self) -> tuple[int, int, int] | None:
-        """Version from the identity registers."""
+        """Firmware version of the board from its identity registers; None if no application starts."""
         identity = run(self.wire, wait_for_application(BOARD, self.wire.now_s, START_TIMEOUT_S))
         return None if identity is None else firmware_version(identity)
 
@@ -108,15 +110,16 @@ class HubRoute:
     address = HUB
 
     def __init__(self, world: VirtualWorld) -> None:
+        """Connect to the emulated hub over its UART."""
         self._link = VirtualMemoryLink(world)
 
     def update(self, firmware: Firmware) -> None:
-        """`taxel flash --hub`; ends when the hub polls its boards."""
+        """Write firmware to the hub as `taxel flash --hub` does; ends when the hub polls its boards."""
         target = HubTarget(self._link)
         run(target.wire, update_target(target, firmware, ignore_progress))
 
     def version(self) -> tuple[int, int, int] | None:
-        """Version from the handshake."""
+        """Firmware version of the hub from its handshake; None if no application starts."""
         target = HubTarget(self._link)
         return run(target.wire, target.wait_for_application(START_TIMEOUT_S))
 

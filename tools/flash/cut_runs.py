@@ -51,7 +51,9 @@ class WorldResult:
 
 
 def run_updates(plan: WorldPlan) -> WorldResult:
-    """Run every sequence of a world in turn on the same flash, until the first failure."""
+    """Run every planned update of an emulated world with its power cuts, one after the other, until the first
+    failure.
+    """
     result = WorldResult(plan.number, plan.route)
     is_hub = plan.route.startswith("hub")
     text = make_small_world(
@@ -127,10 +129,10 @@ class _Update:
         return None
 
     def _record_outcomes(self) -> int:
-        """Record the outcome of the cuts since the last call; returns the number of cuts so far.
+        """Record the outcome of the new power cuts. Returns the number of cuts of this update so far.
 
-        Checking the device can trigger the next planned cut, because an image confirms itself when a host communicates
-        with it.
+        Checking the device can trigger the next planned cut, because an image confirms itself when a host
+        communicates with it.
         """
         while True:
             self.world.run(OFF_S + 0.01)  # Until the power is back.
@@ -144,6 +146,7 @@ class _Update:
                 return recorded_count
 
     def _count_cuts(self) -> int:
+        """Number of power cuts of this update so far."""
         return self.world.count_power_cuts(self.route.address) - self.cuts_before
 
     def _record_cuts(self, version: tuple[int, int, int] | None) -> int:

@@ -31,7 +31,7 @@ class Tally:
     failures: list[str] = field(default_factory=list)
 
     def add(self, result: WorldResult) -> None:
-        """Add the results of one world."""
+        """Add the results of one emulated world to the counts."""
         self.worlds += 1
         self.cuts += len(result.cut_records)
         self.sequences += len(result.runs)
@@ -48,12 +48,14 @@ class Tally:
         self.failures += result.failures
 
     def count_cuts(self, name: str) -> int:
-        """Number of cuts with a phase of the write or an outcome, over all operations."""
+        """Number of power cuts with a phase of the write or an outcome, such as "erasing" or "old", over all
+        operations.
+        """
         return sum(counter[name] for counter in self.by_operation.values())
 
 
 def build_tally(results: Iterable[WorldResult]) -> Tally:
-    """Sum of the results of all worlds."""
+    """Sum of the counts of power cuts over all emulated worlds."""
     tally = Tally()
     for result in results:
         tally.add(result)
@@ -61,7 +63,7 @@ def build_tally(results: Iterable[WorldResult]) -> Tally:
 
 
 def build_document(tally: Tally, seed: int) -> dict[str, Any]:
-    """JSON document of all results."""
+    """JSON document with the counts of all power cuts."""
     return {
         "seed": seed,
         "cuts": tally.cuts,
@@ -86,7 +88,7 @@ def build_document(tally: Tally, seed: int) -> dict[str, Any]:
 
 
 def format_operation_rows(tally: Tally) -> list[list[str]]:
-    """Headings, one row for each operation, and the totals."""
+    """Table of power cuts by interrupted flash operation: headings, one row for each operation, and the totals."""
     rows = [["interrupted operation", *MOMENTS, "cuts", "old", "new", CUT_AGAIN, DAMAGED, BRICKED]]
     for name, counter in tally.by_operation.items():
         cuts = sum(counter[moment] for moment in MOMENTS)
@@ -98,7 +100,7 @@ def format_operation_rows(tally: Tally) -> list[list[str]]:
 
 
 def format_route_rows(tally: Tally) -> list[list[str]]:
-    """Headings and one row for each route."""
+    """Table of power cuts by route (adapter, hub, blank boards): headings and one row for each route."""
     rows = [["route", "updates", "command runs", "cuts", "old", "new", CUT_AGAIN, BRICKED]]
     for name, counter in tally.by_route.items():
         cuts = sum(counter[key] for key in OUTCOMES)
@@ -113,7 +115,7 @@ def format_route_rows(tally: Tally) -> list[list[str]]:
 
 
 def render_text(tally: Tally, seed: int) -> str:
-    """Both tables as text, and the totals."""
+    """Text with both tables of power cuts and the totals."""
     run_counts = ", ".join(f"{count} in {runs}" for runs, count in sorted(tally.runs.items()))
     lines = [*_format_columns(format_operation_rows(tally)), "", *_format_columns(format_route_rows(tally)), ""]
     lines.append(
@@ -138,7 +140,7 @@ def _format_columns(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def render_page(tally: Tally, seed: int, command: str) -> str:
-    """Documentation page, from its template."""
+    """Text of docs/flash-power-cuts.md from its template. command: that reproduces the page."""
     values = {
         "command": command,
         "seed": str(seed),

@@ -44,7 +44,7 @@ class Setting:
 
     @property
     def lines(self) -> list[str]:
-        """Lines of the world file."""
+        """Lines of the world file for this connection between host and hub."""
         down = LATENCY_MS if self.latency == "each way" else 1.0
         return [f"usb_latency_down_ms {down}", f"flow_control {int(self.has_flow_control)}"]
 
@@ -59,11 +59,11 @@ class Speed:
 
     @property
     def serial_s(self) -> float:
-        """Virtual seconds for all boards one after the other."""
+        """Virtual seconds to update all boards one after the other."""
         return BOARDS * self.alone_s
 
     def to_json(self) -> dict[str, Any]:
-        """Values of the JSON document."""
+        """The measured durations of updates as values of a JSON document."""
         setting = {
             "latency": self.setting.latency,
             "held": self.setting.has_flow_control,
@@ -88,7 +88,7 @@ SETTINGS: Final = (
 
 
 def ignore_progress(progress: Progress) -> None:
-    """Progress callback without effect."""
+    """Ignore the progress of an update."""
 
 
 def measure_boards(setting: Setting, boards: int, rows: int) -> float:
@@ -121,7 +121,7 @@ def measure_hub(setting: Setting, rows: int) -> float:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure the durations and print the table."""
+    """Measure the durations of firmware updates and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", type=int, default=LAYOUTS[BootDevice.BOARD].slot_rows, help="rows of a board's image")
     parser.add_argument("--json", type=Path, help="write the results to this file")

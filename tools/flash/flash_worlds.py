@@ -24,7 +24,10 @@ def make_firmware_images(device: BootDevice, rows: int, version: tuple[int, int,
 
 
 def make_small_world(boards: int, lines: Sequence[str] = (), seed: int = 1) -> str:
-    """World file with the first boards of a rig, without noise and with a short boot time, plus `lines`."""
+    """Text of a world file with the first boards of a small rig, without noise and with a short boot time.
+
+    lines: additional lines of the world file.
+    """
     settings = WorldSettings(seed=seed, noise_counts=0.0, boot_ms=4.0, usb_latency_ms=1.0)
     text = format_world(load_hand("rig4"), settings).splitlines()
     board_lines = [i for i, line in enumerate(text) if line.startswith("board ")]

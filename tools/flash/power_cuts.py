@@ -31,12 +31,12 @@ PAGE: Final = Path(__file__).resolve().parents[2] / "docs" / "flash-power-cuts.m
 
 
 def run_world(plan: WorldPlan) -> WorldResult:
-    """Run every sequence of a world."""
+    """Run the planned power cuts of one emulated world."""
     return run_configurations(plan) if plan.route.startswith("configuration") else run_updates(plan)
 
 
 def run_worlds(plans: Sequence[WorldPlan], jobs: int) -> Iterator[WorldResult]:
-    """Results in arbitrary order; each result is independent of the order."""
+    """Run the planned power cuts of all emulated worlds in `jobs` processes; results in arbitrary order."""
     if jobs == 1:
         yield from map(run_world, plans)
         return
@@ -45,7 +45,7 @@ def run_worlds(plans: Sequence[WorldPlan], jobs: int) -> Iterator[WorldResult]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the campaign and print its results."""
+    """Run the campaign of power cuts during firmware updates and print its results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cuts", type=int, default=10_000, help="least number of cuts (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="seed of images, second cuts and torn words")

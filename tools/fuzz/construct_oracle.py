@@ -33,7 +33,9 @@ TO_HUB = 2
 
 
 def _list_block_ends(chunk: bytes) -> Iterator[tuple[int, bytes]]:
-    """(stuffed bytes, body so far) at the end of each block from the start of `chunk`, while blocks end within it."""
+    """Ends of the blocks of the byte stuffing in a chunk of received bytes: (encoded bytes so far, decoded body so
+    far).
+    """
     body = bytearray()
     position = 0
     while position < len(chunk) and len(body) <= BODY_MAX:
@@ -50,7 +52,10 @@ def _list_block_ends(chunk: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _parse_frame(wire: bytes, body: bytes, directions: int) -> Frame | None:
-    """The frame in these stuffed bytes; None if construct or the rules of its type reject it."""
+    """Parse the body of a frame with construct; None if construct or the rules of the frame type reject it.
+
+    wire: encoded bytes. directions: bit mask of the permitted directions.
+    """
     try:
         content = WireFrame.parse(b"\0" + wire + b"\0")
         spec = FRAMES[FrameType(content.type)]
@@ -85,7 +90,11 @@ def _find_first_frame(chunk: bytes, directions: int) -> tuple[int, Frame] | None
 
 
 def parse_stream(stream: bytes, directions: int = TO_HOST | TO_HUB) -> list[Frame]:
-    """All frames in a complete stream, in order: construct parses from each byte at which a frame can begin."""
+    """All valid frames in a byte stream, in order; construct tries to parse a frame from each byte at which one can
+    begin.
+
+    directions: bit mask of the permitted directions.
+    """
     frames: list[Frame] = []
     for chunk in stream.split(b"\0"):
         start = 0
@@ -112,7 +121,10 @@ class Losses:
     damaged: dict[int, int] = field(default_factory=dict)
 
     def to_totals(self) -> list[int]:
-        """Content of `struct taxel_batch_totals`: 3 numbers, then 4 x 128 by address (without compact frames)."""
+        """The counts of lost frames in the layout of the C struct `taxel_batch_totals`.
+
+        3 numbers, then 4 x 128 numbers by I2C address (without compact frames).
+        """
         totals = [self.frames, self.lost, self.restarts] + [0] * (4 * 128)
         for number, table in enumerate((self.received, self.missing, self.damaged)):
             for address, count in table.items():

@@ -53,11 +53,14 @@ class Decoders:
         self._decoder = StreamDecoder()
 
     def decode_frames(self, pieces: list[bytes]) -> list[Frame]:
-        """Frames of the C deframer."""
+        """Decode a byte stream, given in pieces, with the C deframer."""
         return self._deframer.decode(pieces)
 
     def decode_batches(self, pieces: list[bytes]) -> tuple[list[Frame], list[Frame], list[int]]:
-        """Results of the host's batch decoder: taxel frames without the CRC of the board, other frames, and totals."""
+        """Decode a byte stream, given in pieces, with the host's batch decoder.
+
+        Returns taxel frames without the CRC of the board, other frames, and the totals of losses.
+        """
         self._library.taxel_batch_init(self._decoder._state, TO_HOST)
         batches = [batch for piece in pieces for batch in self._decoder.push(piece)] + self._decoder.finish()
         taxels = [frame for batch in batches for frame in _list_taxel_frames(batch)]
@@ -84,7 +87,7 @@ def _list_other_frames(batch: Batch) -> list[Frame]:
 
 
 def decode_reference(pieces: list[bytes]) -> list[Frame]:
-    """Frames to the host, from the Python reference decoder of the protocol package."""
+    """Decode a byte stream, given in pieces, with the Python reference decoder of the protocol."""
     decoder = ReferenceDecoder()
     frames = [frame for piece in pieces for frame in decoder.push(piece)] + decoder.finish()
     return [frame for frame in frames if frame[0] < 0x80]
@@ -114,7 +117,7 @@ def sample_frames(rng: np.random.Generator) -> list[Frame]:
 
 
 def apply_damage(stream: bytes, kind: str, rng: np.random.Generator) -> bytes:
-    """The stream after one damage of this kind at a random position."""
+    """Damage a byte stream once at a random position. kind: one of `DAMAGES`, such as "flip" or "delete"."""
     at = int(rng.integers(len(stream) + (kind == "insert"))) if stream else 0
     size = int(rng.integers(1, 12 if rng.random() < 0.8 else 200))
     part = stream[at : at + size]
@@ -132,7 +135,10 @@ def apply_damage(stream: bytes, kind: str, rng: np.random.Generator) -> bytes:
 
 
 def find_intact_frames(frames: list[Frame], bodies: list[bytes], stream: bytes) -> list[Frame]:
-    """The frames whose stuffed bytes are contiguous in the stream, once for each occurrence, in order."""
+    """The sent frames whose encoded bytes are complete in the damaged stream, once for each occurrence, in order.
+
+    bodies: encoded bytes of each frame.
+    """
     places: list[tuple[int, int]] = []
     for index, body in enumerate(bodies):
         at = stream.find(body)
@@ -143,7 +149,7 @@ def find_intact_frames(frames: list[Frame], bodies: list[bytes], stream: bytes) 
 
 
 def split_randomly(stream: bytes, rng: np.random.Generator) -> list[bytes]:
-    """The stream in random pieces."""
+    """Split a byte stream into random pieces, as a serial port delivers them."""
     if rng.random() < 0.1:
         return [stream[i : i + 1] for i in range(len(stream))]
     places = sorted({0, len(stream), *(int(n) for n in rng.integers(0, len(stream) + 1, rng.integers(0, 6)))})
@@ -151,7 +157,10 @@ def split_randomly(stream: bytes, rng: np.random.Generator) -> list[bytes]:
 
 
 def check_stream(seed: int, index: int, decoders: Decoders, tally: Counter[str]) -> str | None:
-    """Sample stream `index`, decode it with all decoders and count; the name of the decoder that differs, or None."""
+    """Compare all decoders on damaged stream number `index`. Returns the name of a decoder that differs, or None.
+
+    seed: of the stream. tally: counts of streams and frames, updated.
+    """
     rng = np.random.default_rng([seed, index])
     frames = sample_frames(rng)
     wires = [encode_frame(*frame) for frame in frames]
@@ -184,7 +193,10 @@ def check_stream(seed: int, index: int, decoders: Decoders, tally: Counter[str])
 
 
 def check_range(seed: int, first: int, count: int) -> tuple[Counter[str], float, str | None]:
-    """(tally, processor time of this process in seconds, text of the first difference or None)."""
+    """Compare all decoders on `count` damaged streams from number `first` on.
+
+    Returns counts, processor time of this process in s, and a text on the first difference or None.
+    """
     tally: Counter[str] = Counter()
     decoders = Decoders()
     start_s = time.process_time()
@@ -196,7 +208,7 @@ def check_range(seed: int, first: int, count: int) -> tuple[Counter[str], float,
 
 
 def main() -> int:
-    """Run the campaign and print the counts."""
+    """Compare the decoders on damaged streams and print the counts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--streams", type=int, default=500_000)
     parser.add_argument("--seed", type=int, default=1, help="random seed (default: 1)")
@@ -228,6 +240,7 @@ def main() -> int:
 
 
 def _check_part(part: tuple[int, int, int]) -> tuple[Counter[str], float, str | None]:
+    """Compare all decoders on a part (seed, first stream, count) of the streams, in a worker process."""
     return check_range(*part)
 
 

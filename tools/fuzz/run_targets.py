@@ -83,7 +83,7 @@ def find_clang() -> str:
 
 
 def build(clang: str) -> Path:
-    """The folder of the built targets. Raises FuzzError."""
+    """Build the fuzz targets with `clang`. Returns their folder; raises FuzzError."""
     tools = Path(sys.executable).parent
     cmake = str(tools / "cmake") if (tools / "cmake").exists() else "cmake"
     folder = BUILD / "cmake"
@@ -144,7 +144,7 @@ def run_target(binary: Path, limits: list[str], seed: int) -> Outcome:
 
 
 def _select_cover(binary: Path, name: str, options: list[str], sources: list[Path]) -> list[Path]:
-    """A minimal set of inputs with the coverage of all inputs in `sources`."""
+    """Select a minimal set of fuzz inputs that has the coverage of all inputs in the folders `sources`."""
     folder = OUT / "merged" / binary.name / name
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -173,7 +173,7 @@ def merge_corpus(binary: Path) -> int:
 
 
 def main() -> int:
-    """Run the targets and print one line for each."""
+    """Run the fuzz targets of the firmware and print one line for each."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=int, default=60, help="seconds for each target (default: 60)")
     parser.add_argument("--runs", type=int, help="executions of each target instead of a time")

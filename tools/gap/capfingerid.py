@@ -81,7 +81,7 @@ COMPARISONS: Final = (
 
 
 def sample_repeats(recorded: Iterable[Frames], seed: int, max_touches: int | None = None) -> list[Repeat]:
-    """Random repeats of the touches of all recordings. max_touches: limit for each recording."""
+    """Random repeats of the touches of all recordings. max_touches: largest number of touches of each recording."""
     rng = np.random.default_rng(seed)
     repeats: list[Repeat] = []
     for frames in recorded:
@@ -92,7 +92,9 @@ def sample_repeats(recorded: Iterable[Frames], seed: int, max_touches: int | Non
 
 
 def compare_halves(folder: Path, repeats: list[Repeat]) -> dict[str, Any]:
-    """Result of the diagnosis for the first half of the repeats against the second half."""
+    """Diagnosis of the first half of the repeats of every touch against the second half, between which no gap
+    exists.
+    """
     first, second = folder / "first_half.h5", folder / "second_half.h5"
     for path, half in zip((first, second), split_halves(repeats), strict=True):
         write_dataset(path, half, "measured")
@@ -100,7 +102,7 @@ def compare_halves(folder: Path, repeats: list[Repeat]) -> dict[str, Any]:
 
 
 def summarise(report: dict[str, Any]) -> dict[str, Any]:
-    """The parts of a report that the table contains."""
+    """The parts of a diagnosis report that the result table contains."""
     rows = [line for line in report["where"]["lines"] if line["axis"] == "tx"]
     return {
         "status": report["verdict"]["status"],
@@ -117,7 +119,9 @@ def summarise(report: dict[str, Any]) -> dict[str, Any]:
 
 
 def compare_versions(folder: Path, repeats: list[Repeat], comparison: Comparison) -> dict[str, Any]:
-    """Result of the diagnosis for two versions of the frames, compared with the expected status and location."""
+    """Diagnosis of two versions of the same frames, such as recorded and corrected ones, and whether it is as
+    expected.
+    """
     for version in (comparison.first, comparison.second):
         if not (folder / f"{version}.h5").exists():
             write_dataset(folder / f"{version}.h5", repeats, version)
@@ -165,7 +169,10 @@ def locate_difference(repeats: list[Repeat], comparison: Comparison) -> dict[str
 
 
 def run(folder: Path, recorded: list[Frames], splits: int, seed: int, show: Callable[[str], None]) -> dict[str, Any]:
-    """Run all comparisons. splits: number of random splits, with the seeds from `seed` on. show: prints one line."""
+    """Run the diagnosis on recordings of a touch panel: all comparisons for a number of random splits into repeats.
+
+    splits: number of splits, with the seeds from `seed` on. show: called with one line for each result.
+    """
     repeats = sample_repeats(recorded, seed)
     touches = len(repeats) // N_REPEATS
     result: dict[str, Any] = {

@@ -63,7 +63,7 @@ class Frames:
 
     @classmethod
     def from_recording(cls, recording: TouchRecording) -> Frames:
-        """Detect and correct the faults of a recording."""
+        """Detect the faults of a touch panel's recording and build its corrected versions."""
         frames = recording.values.reshape(len(recording.values), N_TAXELS).astype(np.float64)
         is_new = np.concatenate([[True], (frames[1:] != frames[:-1]).any(axis=1)])
         values, time = frames[is_new], recording.time_s[is_new]
@@ -85,7 +85,7 @@ class Frames:
         return np.asarray(np.abs(self.measured - self.without_impulses) > IMPULSE_COUNTS)
 
     def summarise(self) -> dict[str, Any]:
-        """Statistics of the faults, for the report."""
+        """Statistics of the faults in the recorded frames, for the report."""
         prefix, impulses = self.stale.sum(axis=1)[1:], self.impulses
         is_new_impulse = np.abs(self.measured - self.corrected)[np.arange(len(self.first)), self.first] > IMPULSE_COUNTS
         size = (self.measured - self.corrected)[np.arange(len(self.first)), self.first][is_new_impulse]
@@ -180,9 +180,11 @@ def list_touches(frames: Frames, task: str = "TAP") -> list[Touch]:
 
 
 def split_repeats(touch: Touch, n_repeats: int, rng: np.random.Generator) -> list[Repeat]:
-    """Assign the frames of each block at random to repeats; [] for a touch that is too short.
+    """Split a long touch into `n_repeats` repeats, as if the finger had touched several times; [] for a touch that
+    is too short.
 
-    All frames of a block get the time of the block, so that the times do not depend on the assignment.
+    The frames of each block of the touch are assigned at random. All frames of a block get the time of the block,
+    so that the times do not depend on the assignment.
     """
     result = touch.split_blocks(n_repeats)
     if result is None:

@@ -36,12 +36,12 @@ class RunTime(NamedTuple):
     workers: float
 
     def subtract(self, other: RunTime) -> RunTime:
-        """Difference to another run."""
+        """Difference of the times of this run and another run."""
         return RunTime(*(a - b for a, b in zip(self, other, strict=True)))
 
 
 def measure_run(recipe: Recipe, workers: int) -> RunTime:
-    """Times of one run."""
+    """Generate grasps with `workers` processes. Returns real time and processor times."""
 
     def now() -> RunTime:
         """Real time, and processor time of this process and of its child processes, until now."""
@@ -55,7 +55,7 @@ def measure_run(recipe: Recipe, workers: int) -> RunTime:
 
 
 def measure_per_grasp(recipe: Recipe, shards: int, workers: int) -> RunTime:
-    """Times of one grasp, without the start of the processes. shards: of the long run."""
+    """Times of one generated grasp, without the start of the processes. shards: number of files of the long run."""
     short, long = (
         replace(recipe, grasps=recipe.grasps_per_shard * count) for count in (SHORT_SHARDS * workers, shards)
     )
@@ -64,7 +64,7 @@ def measure_per_grasp(recipe: Recipe, shards: int, workers: int) -> RunTime:
 
 
 def print_table(recipe: Recipe, shards: int) -> None:
-    """Measure and print the table."""
+    """Measure and print the generated grasps per second for 1 and 2 workers and the projection to more."""
     one, two = (measure_per_grasp(recipe, shards, workers) for workers in (1, 2))
     load = os.getloadavg()[0]
     print(f"{recipe.fidelity}, {len(recipe.effects)} effects, load of the machine {load:.1f} on {os.cpu_count()} cores")
@@ -79,11 +79,14 @@ def print_table(recipe: Recipe, shards: int) -> None:
 
 
 def _row(workers: str, wall: str, cpu: str, rate: float) -> str:
+    """Line of the table: number of workers, real time, processor time, grasps per second, and hours for a large
+    dataset.
+    """
     return f"{workers:>9} {wall:>9} {cpu:>9} {rate:>17.1f} {PROJECTED_GRASPS / rate / 3600.0:>17.2f}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line."""
+    """Measure the generation rate as the command line states."""
     parser = argparse.ArgumentParser(description="Grasps per second with 1 and 2 workers, and a projection.")
     parser.add_argument("--fidelity", choices=tuple(FIDELITIES), default="quick")
     parser.add_argument("--effects", type=Path, help="report.json of taxel gap diagnose")

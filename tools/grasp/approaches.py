@@ -35,7 +35,7 @@ CAMERA_DISTANCE_M = 0.42
 
 
 def main() -> None:
-    """Draw the panels and save the picture."""
+    """Draw a picture of the final pose of each grasp approach and save it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("picture", type=Path)
     parser.add_argument("--size", type=int, default=480, help="size of a panel, pixels")
@@ -64,7 +64,7 @@ def _make_panel(scene: Scene, approach: Approach, size: int) -> tuple[NDArray[np
 
 
 def _render(scene: Scene, approach: Approach, motion: GraspMotion, size: int) -> NDArray[np.uint8]:
-    """Render the last sample, seen from the thumb side."""
+    """Render the last sample of a simulated grasp, seen from the thumb side. size: pixels."""
     model = copy.copy(scene.model)  # the colours of the scene's model stay unchanged
     data = mujoco.MjData(model)
     data.qpos[scene.joint_addresses] = motion.joint_angles[-1]
@@ -81,7 +81,7 @@ def _render(scene: Scene, approach: Approach, motion: GraspMotion, size: int) ->
 
 
 def _make_camera(scene: Scene, approach: Approach, palm: NDArray[np.float64]) -> mujoco.MjvCamera:
-    """Make the camera: for side approaches above the thumb, for top approaches level with the palm."""
+    """Make the camera of a picture: for side approaches above the thumb, for top approaches level with the palm."""
     is_top = approach.name == "top"
     direction = 0.5 * palm[:3, 0] + 0.5 * palm[:3, 2] - (2.0 if is_top else 1.2) * palm[:3, 1]
     camera = mujoco.MjvCamera()

@@ -30,21 +30,21 @@ DOME_ROWS = 7  # TX 0..6 of a fingertip are on the dome, the other lines on the 
 
 
 def compute_sheet_coordinates(kind: BoardKind) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Compute the coordinates of each taxel on the sheet, metres: to the distal end and to the left of its centre."""
+    """Coordinates of each taxel on its flat sheet, in m: to the distal end, and to the left of the sheet's centre."""
     along = (0.5 * (kind.tx_count - 1) - kind.tx.astype(float)) * PITCH_M
     across = (0.5 * (kind.rx_count - 1) - kind.rx.astype(float)) * PITCH_M
     return along, across
 
 
 def lay_flat(kind: BoardKind) -> FloatArray:
-    """Compute the rows of a flat board."""
+    """Positions and normals of the taxels of a flat board, one row per taxel."""
     along, across = compute_sheet_coordinates(kind)
     zero = np.zeros_like(along)
     return np.column_stack([along, across, zero, zero, zero, zero + 1.0])
 
 
 def lay_around_link(kind: BoardKind) -> FloatArray:
-    """Compute the rows of a sheet over the face of a finger link and around both corners."""
+    """Positions and normals of the taxels of a sheet over the face of a finger link and around both corners."""
     along, across = compute_sheet_coordinates(kind)
     flat_half = FACE_HALF_WIDTH_M - BEND_RADIUS_M
     beyond = np.maximum(np.abs(across) - flat_half, 0.0)
@@ -57,7 +57,10 @@ def lay_around_link(kind: BoardKind) -> FloatArray:
 
 
 def lay_on_fingertip(kind: BoardKind) -> FloatArray:
-    """Compute the rows of a strip over the dome and around the cylinder below it; origin: centre of the dome."""
+    """Positions and normals of the taxels of a strip over a fingertip's dome and around the cylinder below it.
+
+    The origin is the centre of the dome.
+    """
     _, across = compute_sheet_coordinates(kind)
     lateral = across / TIP_RADIUS_M
     row = kind.tx.astype(float)
@@ -69,7 +72,7 @@ def lay_on_fingertip(kind: BoardKind) -> FloatArray:
 
 
 def lay_around_bar(kind: BoardKind) -> FloatArray:
-    """Compute the rows of a sheet around a bar."""
+    """Positions and normals of the taxels of a sheet that is bent around a bar."""
     along, across = compute_sheet_coordinates(kind)
     angle = across / SLEEVE_RADIUS_M
     left, out = SLEEVE_RADIUS_M * np.sin(angle), SLEEVE_RADIUS_M * (np.cos(angle) - 1.0)
@@ -93,7 +96,7 @@ ROW_FUNCTIONS: dict[str, Callable[[BoardKind], FloatArray]] = {
 
 
 def format_geometry(kinds: dict[str, BoardKind]) -> str:
-    """Format the generated part of a description: one line per taxel, in the order of its map."""
+    """Text of the generated part of a hand description: position and normal of each taxel, in the order of its map."""
     lines = [MARKER, "# Row: x, y, z of the electrode centre (metres) and its outward normal, in the bracket frame:"]
     lines += ["# z out of the skin, x to the distal end, y to the left seen from outside."]
     for name, kind in kinds.items():
@@ -106,7 +109,7 @@ def format_geometry(kinds: dict[str, BoardKind]) -> str:
 
 
 def main() -> int:
-    """Write the geometry of every packaged hand; with --check only compare."""
+    """Write the taxel positions of every packaged hand, or compare them with --check."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="write nothing; exit status 1 if a file is outdated")
     is_check = parser.parse_args().check

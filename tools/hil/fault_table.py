@@ -30,7 +30,7 @@ COUNTERS = (*(name for name in OUTCOMES if name not in {"forwarded", "repeated"}
 
 
 def measure_row(case: FaultCase) -> str:
-    """The row of the table for one fault case."""
+    """Inject a fault case on the virtual rig and measure its consequences. Returns the row of the table."""
     build = WorldBuild(has_known_counts=True)
     with open_rig(load_rig("virtual"), build) as rig, Skin(rig.uart.open_link(), rig.hand) as skin:
         address = get_address(rig.hand, BOARD_INDEX)
@@ -52,11 +52,15 @@ def measure_row(case: FaultCase) -> str:
 
 
 def _format_increases(before: dict[str, int], after: dict[str, int]) -> str:
+    """Text with the counters of the hub that have increased, and their increases. before, after: counters by name."""
     return ", ".join(f"{name} {after[name] - before[name]}" for name in COUNTERS if after[name] > before[name])
 
 
 def _measure_recovery(case: FaultCase, frames: Sequence[TaxelFrame], address: int, effect_s: float) -> str:
-    """Time in ms from the end of the fault to the next frame of the board, as text."""
+    """Text with the time in ms from the end of a fault to the next frame of the board.
+
+    effect_s: time in s at which the fault took effect.
+    """
     own_frames = [frame for frame in frames if frame.address == address]
     if case.restarts:  # the hub's clock restarted at 0
         times_us = [frame.hub_time_us for frame in own_frames]
@@ -67,7 +71,7 @@ def _measure_recovery(case: FaultCase, frames: Sequence[TaxelFrame], address: in
 
 
 def main() -> int:
-    """Measure all fault cases and write the page."""
+    """Measure all fault cases on the virtual rig and write docs/faults-on-the-wires.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=PAGE)
     options = parser.parse_args()

@@ -43,7 +43,7 @@ REMOVE_NOTIFICATIONS = "for (const box of document.querySelectorAll('.mantine-No
 
 
 def main() -> int:
-    """Write monitor-terminal.png and monitor-web.png."""
+    """Write the pictures of the monitor: monitor-terminal.png and monitor-web.png."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("docs/images"))
     out: Path = parser.parse_args().out
@@ -74,7 +74,9 @@ def main() -> int:
 
 
 def _draw_until_contact(monitor: SkinMonitor, view: WebView) -> SkinReading:
-    """Draw ten readings in a second of the skin's clock up to `END_S`; returns the last one."""
+    """Draw ten readings of the skin per second in a view of the monitor, until `END_S` of virtual time. Returns the
+    last reading.
+    """
     due_s = 0.0
     while True:
         for frame in monitor.skin.poll():
@@ -88,7 +90,7 @@ def _draw_until_contact(monitor: SkinMonitor, view: WebView) -> SkinReading:
 
 
 def _wait_for_page(view: WebView, reading: SkinReading, page: Page) -> None:
-    """Draw the reading until the page shows it."""
+    """Draw a reading of the skin repeatedly until the browser page of the monitor shows it."""
     for _ in range(100):
         view.draw(reading)
         time.sleep(0.3)

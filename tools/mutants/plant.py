@@ -37,7 +37,9 @@ def write_diff(bug: Bug) -> Path:
 
 
 def run(bugs: Sequence[Bug], folder: Path, jobs: int) -> int:
-    """Try the bugs and return the exit status. Raises PlantError."""
+    """Plant the bugs one at a time in copies of the repository and test them. Returns the exit status; raises
+    PlantError.
+    """
     needed = {stage for bug in bugs for stage in select_stages(bug)}
     with SandboxPool(folder, jobs) as sandboxes:
         sandboxes.prepare()
@@ -54,7 +56,7 @@ def run(bugs: Sequence[Bug], folder: Path, jobs: int) -> int:
 
 
 def main() -> int:
-    """Plant and test the bugs; print one line for each."""
+    """Plant and test the bugs of bugs.toml; print one line for each."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="plant only this bug")
     parser.add_argument("--list", action="store_true", help="list the bugs and exit")

@@ -120,7 +120,9 @@ class SandboxedCopy:
                 raise PlantError(f"the suite would not test the copy: expected a path in {self.copy}, found {line}")
 
     def build(self, build_name: str, *programs: str) -> None:
-        """Update a build. The package's libraries are installed where the copy expects them."""
+        """Update a build folder of the copy. The compiled libraries are installed where the Python package of the
+        copy expects them.
+        """
         targets = ["--target", *programs] if programs else []
         self._run_checked([_tool("cmake"), "--build", str(self.folder / build_name), "-j", "1", *targets])
         if build_name == "package":
@@ -156,7 +158,7 @@ class SandboxedCopy:
         return find_first_failure(output) if code else None
 
     def try_bug(self, bug: Bug) -> Outcome:
-        """Plant a bug, run the suite until a stage fails, and remove the bug."""
+        """Plant a bug in the copy, run the tests until a stage fails, and remove the bug."""
         path = self.copy / bug.file
         text = path.read_text()
         begin = time.monotonic()
@@ -181,7 +183,10 @@ class SandboxedCopy:
             raise PlantError(f"{Path(command[0]).name} failed: {(errors or [output.strip()[-200:]])[0]}")
 
     def _run(self, command: list[str]) -> tuple[int | None, str]:
-        """Run a command in its own process group. Returns (exit status, output); None: time limit exceeded."""
+        """Run a command in the copy of the repository, in its own process group.
+
+        Returns exit status and output; the status is None if the time limit was exceeded.
+        """
         with tempfile.TemporaryFile() as output:
             self._process = subprocess.Popen(
                 command, cwd=self.copy, env=self._environment, stdout=output, stderr=subprocess.STDOUT,
@@ -227,13 +232,13 @@ class SandboxPool:
         self._pool.shutdown()
 
     def prepare(self) -> None:
-        """Build every copy. Raises PlantError."""
+        """Build every copy of the repository. Raises PlantError."""
         list(self._pool.map(SandboxedCopy.prepare, self._sandboxes))
         for sandbox in self._sandboxes:
             self._free.put(sandbox)
 
     def check_without_bugs(self, stages: Sequence[Stage]) -> None:
-        """Run the stages without a bug. Raises PlantError if one fails."""
+        """Run the stages of tests on a copy without a bug. Raises PlantError if one fails."""
         for stage, failure in zip(stages, self._pool.map(self._failure, stages), strict=True):
             print(f"without a bug: {stage.name}: {failure or 'pass'}", flush=True)
             if failure:
@@ -248,7 +253,9 @@ class SandboxPool:
             self._free.put(sandbox)
 
     def try_all(self, bugs: Sequence[Bug]) -> list[Outcome]:
-        """Try every bug and print each outcome. Returns the outcomes in the order of the list."""
+        """Plant every bug in turn and run the tests, several in parallel. Returns the outcomes in the order of the
+        list.
+        """
         width = max(len(bug.name) for bug in bugs)
         return list(self._pool.map(lambda bug: self._try(bug, width), bugs))
 

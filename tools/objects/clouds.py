@@ -66,7 +66,10 @@ def contact_cloud(prism: Prism, distribution: ContactDistribution, samples: Floa
 
 
 def _sample_face(prism: Prism, samples: FloatArray) -> FloatArray:
-    """Points with uniform density on the area of the profile: curve points scaled by the root of a uniform number."""
+    """Random points on the top face of a prism, with uniform density. samples: numbers in (0, 1), f64[n, 4].
+
+    Points of the outline are scaled towards the centre by the root of a uniform number.
+    """
     profile = prism.profile
     if isinstance(profile, Circle):
         curve, _ = profile.evaluate(samples[:, 0])
@@ -77,7 +80,9 @@ def _sample_face(prism: Prism, samples: FloatArray) -> FloatArray:
 
 
 def _sample_curve_by_area(profile: Polygon, u: FloatArray) -> FloatArray:
-    """Curve points with a uniform distribution of the area between curve and centre, instead of the arc length."""
+    """Points of a closed curve for the uniform numbers u, f64[n], such that equal numbers fall on sectors of equal
+    area.
+    """
     starts, ends = profile.corners, np.roll(profile.corners, -1, axis=0)
     areas = np.cumsum(starts[:, 0] * ends[:, 1] - starts[:, 1] * ends[:, 0])
     swept = u * areas[-1]

@@ -79,7 +79,11 @@ def match_clouds(starts: list[FloatArray], prism: Prism) -> list[FloatArray]:
 
 
 def _take_step(points: FloatArray, offset: FloatArray, damping: FloatArray) -> FloatArray:
-    """The clouds after one damped step: a rotation about each centroid and a translation."""
+    """Move each cloud by one damped step towards a surface: a rotation about its centroid and a translation.
+
+    points: f64[k, n, 3]. offset: from each point to its nearest surface point. damping: f64[k], larger for smaller
+    steps.
+    """
     centre = points.mean(axis=1, keepdims=True)
     arms = points - centre
     distance = np.sqrt(np.sum(offset**2, axis=2))

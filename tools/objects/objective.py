@@ -39,7 +39,7 @@ class Sizes:
     leg: float
 
     def prisms(self) -> tuple[Prism, Prism, Prism]:
-        """The objects in OBJECTS order."""
+        """The three objects with these sizes as prisms, in the order of OBJECTS."""
         return (
             make_box(self.width, self.depth, self.height),
             make_cylinder(self.radius, self.cylinder_height),
@@ -47,7 +47,7 @@ class Sizes:
         )
 
     def rounded(self) -> "Sizes":
-        """The sizes rounded to 1 mm. Equal sides of a triangle stay equal."""
+        """The sizes of the objects rounded to 1 mm. Equal sides of a triangle stay equal."""
         return Sizes(*(float(round(size)) for size in astuple(self)))
 
     def circumferences(self) -> tuple[float, float, float]:
@@ -83,7 +83,7 @@ def compute_contact_distributions(table: CloudTable, settings: CloudSettings) ->
 
 
 def compute_distances(sizes: Sizes, settings: CloudSettings, with_own: bool = True) -> list[Distances]:
-    """Distances of the modelled clouds of each of TABLES to the three objects, after the best registration.
+    """Distances of modelled contact clouds to the three objects after the best registration, for each of TABLES.
 
     with_own: also the distances of each cloud to its own object.
     """
@@ -108,7 +108,9 @@ def compute_distances(sizes: Sizes, settings: CloudSettings, with_own: bool = Tr
 
 
 def sum_squared_log_ratios(distances: Distances, table: CloudTable) -> float:
-    """Weighted sum of the squared log ratios over the six cross pairs."""
+    """Weighted sum of the squared log ratios of modelled distances and a table of the thesis, over the six cross
+    pairs.
+    """
     terms = (
         (distances.mean, table.mean, 1.0),
         (distances.rms, table.rms, 1.0),
@@ -118,6 +120,9 @@ def sum_squared_log_ratios(distances: Distances, table: CloudTable) -> float:
 
 
 def compute_objective(sizes: Sizes, settings: CloudSettings) -> float:
-    """Weighted deviation from both tables. The value 0.1 corresponds to a typical ratio of about 1.09."""
+    """Deviation of the modelled distances for some object sizes from both distance tables of the thesis, weighted.
+
+    The value 0.1 corresponds to a typical ratio of about 1.09.
+    """
     distances = compute_distances(sizes, settings, with_own=False)
     return sum(weight * sum_squared_log_ratios(d, table) for d, (table, weight) in zip(distances, TABLES, strict=True))

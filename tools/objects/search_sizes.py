@@ -70,14 +70,17 @@ class SearchSpace:
     narrowest: float = NARROWEST_MM
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Vectors of the lower and upper bounds."""
+        """Lower and upper bounds of the vector of object sizes, in mm."""
         low, high = self.narrowest, WIDEST_MM
         rows = [(low, high), (low, high), self.heights, (low / 2, high / 2), self.heights, (low, high), self.heights]
         table = np.array([*rows, (low, high)] if self.isosceles else rows)
         return table[:, 0], table[:, 1]
 
     def sizes(self, vector: FloatArray) -> tuple[Sizes, float]:
-        """The nearest sizes within the bounds, and a penalty for sizes outside them or against the thesis."""
+        """Object sizes within the bounds that are nearest to a vector, and a penalty.
+
+        The penalty grows with the distance from the bounds and with contradictions to the thesis.
+        """
         lowest, highest = self.bounds()
         clipped = np.clip(vector, lowest, highest)
         values = [float(v) for v in clipped]
@@ -91,7 +94,11 @@ class SearchSpace:
 
 
 def search(space: SearchSpace, settings: CloudSettings, log: Callable[[str], None]) -> Sizes:
-    """The best sizes for one seed: differential evolution with few points, then a simplex descent with more points."""
+    """Search the object sizes that reproduce the distances of the thesis best, for one seed.
+
+    Differential evolution with few points per cloud, then a simplex descent with more points. log: called with one
+    line.
+    """
 
     def penalised_objective(vector: FloatArray, cloud_settings: CloudSettings) -> float:
         """Objective of the sizes that an optimiser's vector represents, plus a penalty for sizes out of bounds."""
@@ -113,7 +120,7 @@ def search(space: SearchSpace, settings: CloudSettings, log: Callable[[str], Non
 
 
 def format_sizes(sizes: Sizes) -> str:
-    """The sizes in one line, in the order of --evaluate."""
+    """The object sizes in one line, in the order of the option --evaluate."""
     s = sizes
     leg = "" if s.leg == s.side else f" (legs {s.leg:.0f})"
     return (
@@ -124,7 +131,10 @@ def format_sizes(sizes: Sizes) -> str:
 
 
 def format_table(distances: Distances, table: CloudTable) -> list[str]:
-    """Modelled distances and those of the thesis, one line for each pair. A ratio above LARGE_RATIO is marked."""
+    """Text table of modelled distances and distances of the thesis, one line for each pair of cloud and object.
+
+    A ratio above LARGE_RATIO is marked.
+    """
     lines = [f"{table.source} clouds, mm".ljust(24) + HEADINGS]
     for i, cloud in enumerate(OBJECTS):
         for j, model in enumerate(OBJECTS):
@@ -151,7 +161,7 @@ def build_report(sizes: Sizes, settings: CloudSettings) -> dict[str, object]:
 
 
 def format_ranges(results: list[tuple[float, Sizes]]) -> list[str]:
-    """Ranges of the sizes whose objective is close to the best one. results: sorted by objective."""
+    """Text with the ranges of the object sizes whose objective is close to the best. results: sorted by objective."""
     near = [astuple(sizes) for value, sizes in results if value <= NEAR_BEST * results[0][0]]
     names = [f.name for f in fields(Sizes)]
     count = f"{len(near)} of {len(results)} seeds"
@@ -177,7 +187,7 @@ def parse_arguments() -> argparse.Namespace:
 
 
 def main() -> int:
-    """Print the best sizes, or the objective of given sizes; returns the exit status."""
+    """Print the best object sizes, or the objective of given sizes; returns the exit status."""
     args = parse_arguments()
     final = CloudSettings(FINAL_POINTS, 0, args.band_mm, args.palm_share)
     log: Callable[[str], None] = (lambda line: print(line, file=sys.stderr)) if args.json else print

@@ -30,13 +30,16 @@ class Circle:
     radius: float
 
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `Profile`."""
+        """Point and outward normal, f64[n, 2] each, of the circle at the relative arc lengths u, f64[n], 0 to 1."""
         angle = 2 * np.pi * u
         normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         return self.radius * normal, normal
 
     def nearest(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """See `Profile`. For the centre, an arbitrary point of the circle is returned."""
+        """Nearest point of the circle, f64[..., 2], for each point, and whether the point is inside.
+
+        For the centre, an arbitrary point of the circle is returned.
+        """
         distance = np.sqrt(points[..., 0] ** 2 + points[..., 1] ** 2)
         scale = self.radius / np.maximum(distance, 1e-9)
         return points * scale[..., None], distance < self.radius
@@ -49,7 +52,7 @@ class Polygon:
     corners: FloatArray
 
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """See `Profile`."""
+        """Point and outward normal, f64[n, 2] each, of the polygon at the relative arc lengths u, f64[n], 0 to 1."""
         edges = np.roll(self.corners, -1, axis=0) - self.corners
         lengths = np.linalg.norm(edges, axis=1)
         ends = np.cumsum(lengths)
@@ -60,7 +63,7 @@ class Polygon:
         return points, np.stack([along[:, 1], -along[:, 0]], axis=-1)
 
     def nearest(self, points: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """See `Profile`."""
+        """Nearest point of the polygon's outline, f64[..., 2], for each point, and whether the point is inside."""
         x, y = points[..., 0], points[..., 1]
         smallest = np.full(x.shape, np.inf)
         nearest = np.empty_like(points)

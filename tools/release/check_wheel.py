@@ -105,7 +105,7 @@ class Environment:
 
 
 def check_core(environment: Environment) -> list[Check]:
-    """The commands of the light core, the messages of the others, and the size."""
+    """Check the installed core of the package: its commands, the messages for missing extras, and its size."""
     checks = []
     for command in CORE_COMMANDS:
         done = environment.run(*command)
@@ -123,7 +123,7 @@ def check_core(environment: Environment) -> list[Check]:
 
 
 def check_diagnosis(simulating: Environment, diagnosing: Environment) -> list[Check]:
-    """A campaign in one environment and its diagnosis in another one."""
+    """Check an installed package: simulate a campaign in one environment and diagnose it in another one."""
     campaign = simulating.folder / "campaign"
     commands = (
         (simulating, (*CAMPAIGN, str(campaign))),
@@ -149,7 +149,7 @@ def _run_checks(folder: Path, wheel: Path, extra: str | None) -> list[Check]:
 
 
 def main() -> int:
-    """Run the checks; the exit status is 1 if one failed."""
+    """Check a wheel in empty environments; the exit status is 1 if a check failed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("wheel", type=Path)
     parser.add_argument("--extra", choices=("gap",), help="record a campaign, and diagnose it with this extra alone")

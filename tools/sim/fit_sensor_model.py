@@ -45,7 +45,7 @@ class Calibration:
 
 
 def measure_signals(hand: Hand, seed: int) -> Calibration:
-    """Load one taxel of every board with one force after the other."""
+    """Mean baseline and signals of emulated boards while one taxel of each is loaded with one force after the other."""
     loaded = np.array([hand.get_slice(board.address).start + board.kind.taxel_count // 2 for board in hand.boards])
     starts = START_S + HOLD_S * np.arange(len(FORCES_N))
     times = np.concatenate([[0.0, START_S - 0.1], np.stack([starts, starts + HOLD_S - 0.1], axis=1).ravel()])
@@ -70,12 +70,15 @@ def measure_signals(hand: Hand, seed: int) -> Calibration:
 
 
 def compute_signal(force_n: FloatArray, full: float, half: float) -> FloatArray:
-    """Sensor model of grasp datasets: full F / (F + half), counts."""
+    """Signal in counts of a taxel under a force in N: full F / (F + half), the sensor model of grasp datasets.
+
+    full: signal at infinite force in counts. half: force in N at half of this signal.
+    """
     return full * force_n / (force_n + half)
 
 
 def fit(calibration: Calibration) -> tuple[float, float]:
-    """Full-scale signal (counts) and half force (newtons), by least squares."""
+    """Fit the sensor model: signal at infinite force in counts, and force in N at half of it, by least squares."""
     low, high = FIT_RANGE_N
     is_used = (calibration.force_n >= low) & (calibration.force_n <= high)
     start = (calibration.signal_counts.max(), 5.0)
@@ -86,7 +89,7 @@ def fit(calibration: Calibration) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Print the fit."""
+    """Print the fitted sensor model of the emulated skin."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--hand", default="allegro", help="a packaged hand or a description file")
     parser.add_argument("--seed", type=int, default=1, help="seed of the emulated world")

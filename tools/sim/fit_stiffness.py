@@ -22,7 +22,9 @@ BLOCK_M = 0.2
 
 
 def main() -> int:
-    """Print forces and depths, the constant stiffness (fitted in log force) and the parameters of the force law."""
+    """Print indentation depths under several forces, the fitted constant stiffness and the parameters of the force
+    law.
+    """
     hand = load_hand("flat8")
     block = np.eye(4)
     force, depth = [], np.linspace(0.02e-3, 1.4e-3, 70)

@@ -20,8 +20,10 @@ Key = tuple[str, str]
 def read_hold_signals(
     path: str, use_all: bool
 ) -> tuple[dict[Key, dict[int, list[NDArray[np.float64]]]], NDArray[np.bool_]]:
-    """Mean signal over hold, counts [n], of each grasp by (object, approach) and session; bool[n]: the
-    taxels to use.
+    """Mean signals over the hold phase of all grasps of a dataset, in counts [n], by (object, approach) and
+    session.
+
+    Also returns which taxels to use, bool[n]. use_all: all taxels instead of the working ones.
     """
     signals: dict[Key, dict[int, list[NDArray[np.float64]]]] = {}
     with GraspDataset(path) as data:
@@ -32,7 +34,10 @@ def read_hold_signals(
 
 
 def main() -> int:
-    """Print gap and floor in counts, for each approach and for all, over the taxels with a signal in either dataset."""
+    """Print the gap between simulator and emulated hand and its floor in counts, for each approach and for all.
+
+    Only the taxels with a signal in either dataset are used.
+    """
     paths = [argument for argument in sys.argv[1:] if argument != "--all"]
     if len(paths) != 2:
         print("usage: measure_mismatch.py [--all] REAL.h5 SIM.h5", file=sys.stderr)

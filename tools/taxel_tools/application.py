@@ -19,17 +19,20 @@ _CRC: Final = _SIZE - 4
 
 
 def is_identity(data: bytes) -> bool:
-    """Whether `data` holds a valid identity block: first byte WHO_AM_I, correct CRC-32."""
+    """Whether `data` is a valid identity block of a board: first byte WHO_AM_I, correct CRC-32."""
     return data[0] == WHO_AM_I and crc32(data[:_CRC]) == int.from_bytes(data[_CRC:_SIZE], "little")
 
 
 def read_identity_bytes(address: int) -> Procedure[bytes]:
-    """Read the identity registers without checking their CRC-32. Raises `TransferError`."""
+    """Read the identity registers of a board without checking their CRC-32. Raises `TransferError`."""
     return (yield Transfer(address, bytes([REGISTER_IDENTITY]), _SIZE))
 
 
 def read_identity(address: int) -> Procedure[dict[str, Any] | None]:
-    """Read the fields of `Identity`; None if the device does not return a valid identity. Raises `TransferError`."""
+    """Read the identity of a board (fields of `Identity`); None if the device does not return a valid one.
+
+    Raises `TransferError`.
+    """
     for attempt in range(READ_ATTEMPTS):
         try:
             data = yield from read_identity_bytes(address)
@@ -43,17 +46,19 @@ def read_identity(address: int) -> Procedure[dict[str, Any] | None]:
 
 
 def read_status(address: int) -> Procedure[dict[str, Any]]:
-    """Read the fields of `Status`. Raises `TransferError`."""
+    """Read the status of a board (fields of `Status`). Raises `TransferError`."""
     return unpack(Status, (yield Transfer(address, bytes([REGISTER_STATUS]), get_packer(Status).size)))[0]
 
 
 def firmware_version(identity: dict[str, Any]) -> tuple[int, int, int]:
-    """Firmware version (major, minor, patch) of an identity."""
+    """Firmware version (major, minor, patch) in the identity of a board."""
     return identity["firmware_major"], identity["firmware_minor"], identity["firmware_patch"]
 
 
 def wait_for_application(address: int, now_s: Clock, timeout_s: float) -> Procedure[dict[str, Any] | None]:
-    """Wait until an application answers at `address`; None after `timeout_s` seconds."""
+    """Wait until the application of the board at an I2C address answers. Returns its identity, or None after
+    `timeout_s`.
+    """
     deadline = now_s() + timeout_s
     while now_s() < deadline:
         try:
@@ -67,7 +72,7 @@ def wait_for_application(address: int, now_s: Clock, timeout_s: float) -> Proced
 
 
 def trigger_confirmation(address: int, now_s: Clock, timeout_s: float) -> Procedure[None]:
-    """Let a new image scan, then read a snapshot, so that the image confirms itself.
+    """Let a new firmware image scan, then read a snapshot, so that the image confirms itself.
 
     Raises `BoardError` if the image does not complete `SCANS_TO_CONFIRM` scans within `timeout_s` seconds.
     """

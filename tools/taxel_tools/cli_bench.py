@@ -116,7 +116,7 @@ class _BenchOperator(TerminalOperator):
     bars: Bars | None = None
 
     def prompt(self, text: str) -> None:
-        """Show an instruction without progress bars and wait for Enter."""
+        """Show an instruction to the operator without progress bars and wait for Enter."""
         with self._hide_bars():
             super().prompt(text)
 
@@ -144,7 +144,9 @@ def _load_plan(file: Path | None, phases: list[str] | None, hand: str) -> Plan:
 
 
 def _find_operator(console: Console, plan: Plan, arguments: _BenchArguments) -> Operator:
-    """The operator at the terminal, if any. Raises `TaxelError` without a required operator."""
+    """The operator at the terminal, or `NoOperator` without a terminal. Raises `TaxelError` if the test needs an
+    operator.
+    """
     if arguments.serial_number is not None:
         plan.check_serial_number(arguments.serial_number)
     if console.is_terminal and sys.stdin.isatty():
@@ -172,7 +174,7 @@ def _read_login_name() -> str:
 
 
 def _run_test(plan: Plan, arguments: _BenchArguments, operator: Operator, console: Console) -> TestRecord:
-    """Open bench, board and probe, run the plan, and close the probe."""
+    """Open bench, board and probe, run the test plan, and close the probe."""
     address = parse_address(arguments.board, "--board") if arguments.board else None
     with open_bench(arguments.url) as (wire, emulated):
         hand = emulated.hand if emulated else load_hand(arguments.hand)
@@ -191,7 +193,7 @@ def _run_test(plan: Plan, arguments: _BenchArguments, operator: Operator, consol
 def _run_with_bars(
     plan: Plan, board: BoardUnderTest, labels: RecordLabels, operator: Operator, console: Console
 ) -> TestRecord:
-    """Run the plan with one progress bar for each phase."""
+    """Run a test plan on a board, with one progress bar for each phase."""
     titles = {phase.name: phase.title for phase in load_plan_phases(plan)}
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with Bars(*columns, console=console) as bars:
@@ -209,7 +211,7 @@ def _run_with_bars(
 
 
 def _print_record(record: TestRecord, folder: Path) -> None:
-    """Print the phases, the findings and the outcome of a test."""
+    """Print the phases, the findings and the outcome of a board test. folder: with the reports."""
     rows = [
         (
             phase.title,

@@ -82,7 +82,10 @@ def flash_command(
 
 
 def _select_boards(firmware: Firmware, devices: dict[int, BusDevice], board: list[str] | None) -> list[int]:
-    """Addresses of the boards to update. Raises `TaxelError` for a missing board or a board of another kind."""
+    """I2C addresses of the boards to update. devices: found on the bus. board: addresses from the command line.
+
+    Raises `TaxelError` for a missing board or a board of another kind.
+    """
     if board is None:
         boards = [device for device in devices.values() if device.runs in ("application", "bootloader")]
         addresses = [board.address for board in boards if not firmware.kind or board.kind in (0, firmware.kind)]

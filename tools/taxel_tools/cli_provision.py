@@ -45,6 +45,7 @@ def provision_command(
     console = Console(stderr=True, soft_wrap=True)
 
     def announce(change: Change) -> None:
+        """Print one configuration before it is written, or that it would be written in a dry run."""
         console.print(f"  {_describe_change(change)} {'would be written' if dry_run else 'is written'}")
 
     with open_wire(url) as wire:
@@ -63,7 +64,11 @@ def _build_entries(
     idac: str | None,
     plan: Path | None,
 ) -> list[Entry]:
-    """Entries of the plan file, or one entry from the options; empty without values. Raises `TaxelError`."""
+    """Configurations requested on the command line: of the plan file, or one from the options; empty without
+    values.
+
+    Raises `TaxelError`.
+    """
     values = (new_address, kind, serial, idac)
     if plan is not None:
         if unique_id is not None or any(value is not None for value in values):
@@ -79,10 +84,12 @@ def _build_entries(
 
 
 def _parse_code(text: str) -> int | str:
+    """Board kind from the command line: a number, or a text to be checked later."""
     return int(text) if text.strip().isdecimal() else text
 
 
 def _decode_serial(configuration: dict[str, Any] | None) -> str:
+    """Serial number in the configuration of a board; empty if it has none."""
     return configuration["serial_number"].rstrip(b"\0").decode("ascii", "replace") if configuration else ""
 
 

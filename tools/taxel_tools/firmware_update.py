@@ -81,7 +81,7 @@ class _Update:
         self.kept_rows = self.written_rows = 0
 
     def run(self) -> Procedure[Outcome]:
-        """Update the device: check, program, start and confirm the image. Raises `BoardError`."""
+        """Run the update of one device: check it, write, start and confirm the image. Raises `BoardError`."""
         start_s = self.now_s()
         before = yield from self.target.read_version()
         self.report(Progress(self.address, "entering"))
@@ -116,7 +116,9 @@ class _Update:
         return Outcome(self.address, before, after, slot, self.written_rows, self.kept_rows, is_written, seconds)
 
     def _check_device(self, info: BootInfo) -> None:
-        """Check that the file is for this kind of device. Raises `BoardError`."""
+        """Check that the firmware is for this kind of device. info: information of its bootloader. Raises
+        `BoardError`.
+        """
         firmware = self.firmware
         if info.device != firmware.device:
             names = {BootDevice.BOARD: "a sensor board", BootDevice.HUB: "the hub"}
@@ -149,10 +151,14 @@ class _Update:
         return self._build_outcome(before, slot, False, start_s)
 
     def _count_rows(self, image: FirmwareImage) -> int:
+        """Number of flash rows of a firmware image."""
         return len(image.rows())
 
     def _program(self, image: FirmwareImage) -> Procedure[None]:
-        """Write the missing rows; if the image CRC is wrong although every row sum is right, write all rows."""
+        """Write the missing rows of the firmware image to the free slot.
+
+        If the image CRC is wrong although every row sum is right, all rows are written.
+        """
         first, last = yield from self.session.read_free_rows()
         rows = image.rows()
         if first + len(rows) - 1 > last or first != LAYOUTS[image.device].first_rows[image.slot]:
@@ -175,7 +181,10 @@ class _Update:
         )
 
     def _count_valid_rows(self, first: int, rows: list[bytes]) -> Procedure[int]:
-        """Number of rows, from the first row of the slot, that an interrupted update has already written."""
+        """Number of rows at the beginning of the slot that an interrupted update has already written correctly.
+
+        first: first row of the slot. rows: of the new image.
+        """
         for index, row in enumerate(rows):
             if (yield from self.session.read_row_sum(first + index)) != compute_row_sum(row):
                 return index
@@ -183,7 +192,10 @@ class _Update:
         return len(rows)
 
     def _start_image(self, image: FirmwareImage, before: Version | None) -> Procedure[None]:
-        """Restart into the new image and check that it confirms itself and starts again. Raises `BoardError`."""
+        """Restart the device into the new image, and check that the image confirms itself and starts again.
+
+        before: version that ran before. Raises `BoardError`.
+        """
         total, device_name = self._count_rows(image), self.target.device_name
         self.report(Progress(self.address, "starting", total, total))
         yield from self.session.exit()
@@ -204,7 +216,10 @@ class _Update:
         yield from self.target.check_operation()
 
     def _check_version(self, found: Version | None, before: Version | None) -> None:
-        """Check that the application after the restart has the new version. Raises `BoardError`."""
+        """Check that the application has the new version after the restart. Raises `BoardError`.
+
+        found: its version; before: version that ran before the update.
+        """
         device_name = self.target.device_name
         if found is None:
             raise BoardError(

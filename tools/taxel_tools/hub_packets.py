@@ -44,27 +44,29 @@ class HubPackets:
         bytes of frames are lost."""
 
     def submit(self, transfer: Transfer) -> int:
-        """Send the packet and wait for its response."""
+        """Send the bytes of a transfer as a packet to the hub's bootloader and wait for the response. Returns a
+        number.
+        """
         self._number += 1
         self._completed.append((self._number, self._run_transfer(transfer)))
         return self._number
 
     def collect(self, timeout_s: float) -> list[CompletedTransfer]:
-        """Transfers that have ended; waits if there are none."""
+        """The packets that have been answered, by number, with their responses; waits if there are none."""
         if not self._completed:
             self._wait(timeout_s)
         completed, self._completed = self._completed, []
         return completed
 
     def scan(self) -> list[int]:
-        """Empty list: there is no bus."""
+        """Empty list, as the hub's bootloader has no bus."""
         return []
 
     def close(self) -> None:
-        """Do nothing: the caller owns the link."""
+        """Do nothing, as the caller owns the link."""
 
     def drain(self) -> None:
-        """Discard bytes that are still in flight."""
+        """Discard bytes from the hub that are still in flight."""
         deadline = self.now_s() + DRAIN_TIMEOUT_S
         while self._link.read(DRAIN_QUIET_S) is not None and self.now_s() < deadline:
             pass
@@ -78,7 +80,7 @@ class HubPackets:
         return self._response[: transfer.read_size].ljust(transfer.read_size, b"\xff")
 
     def _send(self, packet: bytes) -> bool:
-        """Send a packet; whether the expected response arrived."""
+        """Send a packet to the hub's bootloader and store its response. Returns whether a response arrived."""
         self._response = b""
         while self._link.read(0.0) is not None:
             pass
@@ -95,7 +97,7 @@ class HubPackets:
         return bool(self._response)
 
     def _wait(self, seconds: float) -> None:
-        """Wait, and discard the bytes that arrive meanwhile."""
+        """Wait, and discard the bytes that arrive from the hub meanwhile."""
         if self.frame_client is not None:
             self.frame_client.wait(seconds)
             return

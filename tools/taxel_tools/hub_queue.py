@@ -48,6 +48,7 @@ FLUSH: Final = 0
 
 
 def _compute_frame_size(payload: bytes) -> int:
+    """Number of bytes on the wire of a reply frame with this payload."""
     return len(encode_frame(FrameType.REPLY, 0, payload))
 
 
@@ -58,7 +59,10 @@ FLUSH_SIZE: Final = len(encode_frame(FrameType.COMMAND, 0, bytes(2)))
 
 
 def _count_flush_commands(expected: int) -> int:
-    """Number of GET_TIME commands whose replies must follow this number of reply bytes."""
+    """Number of GET_TIME commands whose replies flush earlier replies out of the USB adapter.
+
+    expected: bytes of the replies that are due.
+    """
     return max(-((expected - FLUSH_THRESHOLD) // FLUSH_REPLY_SIZE), 0)
 
 
@@ -105,14 +109,14 @@ class HubQueue(HubClient):
             self.window = min(self.window, RING_WINDOW)
 
     def submit(self, transfer: Transfer) -> int:
-        """Queue a transfer; returns its number."""
+        """Queue an I2C transfer through the hub. Returns its number."""
         self._number += 1
         self._waiting.append((self._number, transfer))
         self._send_waiting()
         return self._number
 
     def collect(self, timeout_s: float) -> list[tuple[int, bytes | TransferError]]:
-        """Transfers that have ended; waits at most `timeout_s` for the first."""
+        """The I2C transfers through the hub that have ended, by number; waits at most `timeout_s` for the first."""
         deadline = self.now_s() + timeout_s
         while True:
             self._send_waiting()
@@ -126,7 +130,9 @@ class HubQueue(HubClient):
                 raise WireError(self._link.name, "the link ended during transfers; check the connection") from None
 
     def _send_waiting(self) -> None:
-        """Send commands while the window has space, then the GET_TIME commands that flush their replies."""
+        """Send queued commands to the hub while few enough bytes are in flight, then GET_TIME commands that flush
+        their replies.
+        """
         while (index := self._find_sendable()) is not None:
             number, transfer = self._waiting[index]
             del self._waiting[index]
@@ -143,7 +149,10 @@ class HubQueue(HubClient):
             self._send_frame(FLUSH, Transfer(0), self._frame(Command.GET_TIME), FLUSH_REPLY_SIZE)
 
     def _find_sendable(self) -> int | None:
-        """Index of the first waiting transfer that may be sent now; transfers of one board keep their order."""
+        """Index of the first queued transfer that may be sent now; None if all must wait.
+
+        Transfers of one board keep their order.
+        """
         skipped_addresses: set[int] = set()
         for index, (_, transfer) in enumerate(self._waiting):
             if (
@@ -174,7 +183,7 @@ class HubQueue(HubClient):
         return self._bytes_in_flight + TRANSFER_SIZE + len(transfer.write) + flush_bytes <= self.window
 
     def _pop_oldest(self) -> _SentCommand:
-        """Remove the oldest command in flight."""
+        """Remove the oldest command without a reply."""
         sent = self._sent.popleft()
         self._bytes_in_flight -= sent.size
         self._expected_reply_bytes -= sent.reply_size
@@ -203,7 +212,9 @@ class HubQueue(HubClient):
         self._expected_reply_bytes += reply_size
 
     def _collect_completed(self) -> list[tuple[int, bytes | TransferError]]:
-        """Transfers that have ended. The hub answers in order, so a command before an answered one is lost."""
+        """The transfers for which the hub has replied. The hub answers in order, so a command before an answered
+        one is lost.
+        """
         completed: list[tuple[int, bytes | TransferError]] = []
         answered_indices = [index for index, sent in enumerate(self._sent) if sent.tag in self._replies]
         for _ in range(answered_indices[-1] + 1 if answered_indices else 0):
@@ -218,7 +229,9 @@ class HubQueue(HubClient):
         return completed
 
     def _outcome(self, sent: _SentCommand) -> bytes | TransferError:
-        """Bytes or error of a command that has ended. Raises `WireError` if the hub refuses transfers."""
+        """Bytes read by a transfer whose command has been answered, or its error. Raises `WireError` if the hub
+        refuses transfers.
+        """
         if sent.tag not in self._replies:
             return self._make_lost_error(sent, "a command was lost")
         reply = self._replies.pop(sent.tag)
@@ -239,4 +252,5 @@ class HubQueue(HubClient):
         raise WireError(self._link.name, f"the hub refuses transfers (status {status}); update the hub's firmware")
 
     def _make_lost_error(self, sent: _SentCommand, problem: str) -> LostError:
+        """Create the error of a command to which the hub has not replied."""
         return LostError(sent.transfer.address, f"{problem} on {self._link.name}")

@@ -42,7 +42,7 @@ class HubTarget:
         self._client: HubClient | None = None
 
     def read_version(self) -> Procedure[Version | None]:
-        """Version of the application; None if the hub is in its bootloader. Raises `HubError` without an answer."""
+        """Firmware version of the hub; None if the hub is in its bootloader. Raises `HubError` without an answer."""
         if (yield from self.read_bootloader_info()) is not None:
             return None
         client = self._open_client()
@@ -52,7 +52,10 @@ class HubTarget:
         return _read_firmware_version(client)
 
     def read_bootloader_info(self) -> Procedure[BootInfo | None]:
-        """Information of the bootloader, if it runs: an interrupted update leaves the bootloader active."""
+        """Information of the hub's bootloader; None if the bootloader does not run.
+
+        An interrupted update leaves the bootloader active.
+        """
         self._switch_to_packets()
         for _ in range(2):
             with suppress(BoardError):
@@ -60,7 +63,7 @@ class HubTarget:
         return None
 
     def enter(self) -> Procedure[None]:
-        """Restart the application into its bootloader and start a session. Raises `HubError`, `BoardError`."""
+        """Restart the hub into its bootloader and start a session. Raises `HubError`, `BoardError`."""
         refusal: HubError | None = None
         if self._client is not None:
             key = pack(EnterBootloaderArguments, {"key": BOOTLOADER_KEY})
@@ -79,7 +82,9 @@ class HubTarget:
                     raise refusal or error from None
 
     def wait_for_application(self, timeout_s: float) -> Procedure[Version | None]:
-        """Repeat the handshake until a hub answers; its version, or None after `timeout_s` seconds."""
+        """Repeat the handshake until the hub answers. Returns its firmware version, or None after `timeout_s`
+        seconds.
+        """
         yield from ()
         deadline = self.now_s() + timeout_s
         while self.now_s() < deadline:
@@ -88,7 +93,10 @@ class HubTarget:
         return None
 
     def trigger_confirmation(self, timeout_s: float) -> Procedure[None]:
-        """Start polling and read frames, so that a new image confirms itself. Raises `BoardError`, `HubError`."""
+        """Start polling and read frames of the hub, so that its new firmware image confirms itself.
+
+        Raises `BoardError`, `HubError`.
+        """
         yield from ()
         client = self._open_client()
         missing = set(self.polled_addresses)
@@ -107,7 +115,7 @@ class HubTarget:
             raise BoardError(HUB, f"does not poll {names} any more; check the power of these boards with taxel scan")
 
     def check_operation(self) -> Procedure[None]:
-        """Check that the hub polls its boards again."""
+        """Check after an update that the hub polls the same boards as before."""
         return self.trigger_confirmation(POLL_TIMEOUT_S)
 
     def _open_client(self) -> HubClient:

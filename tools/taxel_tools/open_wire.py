@@ -88,7 +88,10 @@ def open_emulated(url: str) -> Iterator[tuple[BoardWire, EmulatedBench]]:
 
 @contextmanager
 def _start_emulated_bench(url: str) -> Iterator[tuple[EmulatedBench, float, str]]:
-    """A booted bench, the baud rate of its UART, and the kind of connection: `hub` or `i2c`."""
+    """Start the emulated boards of an `emulator:` URL and let them boot.
+
+    Returns them, the baud rate of the UART, and the kind of connection: `hub` or `i2c`.
+    """
     query = parse_qs(split_url(url).query)
     unknown = sorted(set(query) - OPTIONS)
     if unknown:
@@ -116,7 +119,7 @@ def _start_emulated_bench(url: str) -> Iterator[tuple[EmulatedBench, float, str]
 
 
 def _select_boards(hand: Hand, texts: Sequence[str]) -> Hand:
-    """The hand with only the boards at these addresses; with all boards if no address is given."""
+    """Reduce a hand to the boards at the given addresses; without addresses all boards stay."""
     if not texts:
         return hand
     addresses = {parse_address(text, "board") for text in texts}

@@ -80,7 +80,7 @@ def provision(
 
 
 def enter_bootloaders(wire: BoardWire, address: int) -> None:
-    """Restart every board at `address` into its bootloader. Boards in their bootloader stay there."""
+    """Restart every board at an I2C address into its bootloader. Boards in their bootloader stay there."""
     run(wire, _request_bootloader(address))
 
 
@@ -144,7 +144,10 @@ def collect_boards(wire: BoardWire, addresses: Sequence[int], entries: Sequence[
 
 
 def _find_moved_board(wire: BoardWire, entry: Entry, boards: Sequence[Candidate]) -> list[Candidate]:
-    """The board of `entry` if the board is missing in `boards` but answers at its new address."""
+    """A list with the board of a plan entry, if this board already answers at its new address; [] otherwise.
+
+    boards: found at their old addresses.
+    """
     is_at_old_address = any(board.unique_id == entry.unique_id for board in boards)
     if (
         entry.unique_id is None
@@ -174,7 +177,7 @@ def _is_acknowledged(wire: BoardWire, address: int) -> bool:
 
 
 def _select_board(wire: BoardWire, session: BootSession, unique_id: bytes) -> None:
-    """Make only this board listen."""
+    """Make only the board with this unique id listen to the session at a shared address. Raises `BoardError`."""
     if run(wire, session.search(UNIQUE_ID_BITS, unique_id)) is None:
         raise BoardError(session.address, f"the board with id {unique_id.hex()} does not answer any more; search again")
 
@@ -188,9 +191,10 @@ def _read_configuration(wire: BoardWire, session: BootSession, unique_id: bytes)
 
 
 def plan_changes(candidates: Sequence[Candidate], entries: Sequence[Entry], in_use: Sequence[int]) -> list[Change]:
-    """Changes that configure `candidates` as `entries` state. `in_use`: addresses where other boards answer.
+    """Plan the configurations to be written. candidates: boards found; entries: requested values.
 
-    Raises `BoardError` for a board that was not found, a board without an address, and an address in use.
+    in_use: addresses where other boards answer. Raises `BoardError` for a board that was not found, a board without
+    an address, and an address in use.
     """
     changes: list[Change] = []
     for entry in entries:
@@ -232,7 +236,7 @@ def _select_candidate(entry: Entry, candidates: Sequence[Candidate]) -> Candidat
 
 
 def _merge_configuration(candidate: Candidate, entry: Entry) -> dict[str, Any]:
-    """Fields of the new configuration: values of the entry, else those of the old configuration."""
+    """Fields of a board's new configuration: requested values, else those of its old configuration."""
     old = candidate.configuration or {}
     address = entry.address if entry.address is not None else old.get("address")
     if address is None:

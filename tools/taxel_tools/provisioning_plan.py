@@ -40,7 +40,10 @@ class Entry:
 
 
 def read_plan(path: Path) -> list[Entry]:
-    """Read the entries of a plan, in file order. Raises `PlanError`, OSError."""
+    """Read a provisioning plan, a list of boards with their new addresses and other values, in file order.
+
+    Raises `PlanError`, OSError.
+    """
     try:
         document = tomllib.loads(path.read_text())
     except ValueError as error:
@@ -57,7 +60,7 @@ def read_plan(path: Path) -> list[Entry]:
 
 
 def _parse_entry(source: str, field: str, table: dict[str, Any]) -> Entry:
-    """Entry of one table of the plan. Raises `PlanError` with the field."""
+    """Parse the table of one board in a provisioning plan. field: its position. Raises `PlanError`."""
     unknown = sorted(set(table) - KEYS)
     if unknown:
         raise PlanError(
@@ -80,9 +83,14 @@ def _parse_entry(source: str, field: str, table: dict[str, Any]) -> Entry:
 
 
 def validate_entry(source: str, prefix: str, unique_id: Any, address: Any, kind: Any, serial: Any, idac: Any) -> Entry:
-    """Check untrusted values and return them as an entry. Raises `PlanError` that names the invalid field."""
+    """Check the values for one board, which a user has written, and return them as an entry. prefix: of the field
+    names.
+
+    Raises `PlanError` that names the invalid field.
+    """
 
     def fail(field: str, expected: str, value: object) -> NoReturn:
+        """Raise `PlanError` for a field of the entry."""
         raise PlanError(source, f"{prefix}{field}", expected, repr(value), "correct it")
 
     if unique_id is not None and not (isinstance(unique_id, str) and re.fullmatch(r"[0-9a-fA-F]{16}", unique_id)):
@@ -112,11 +120,12 @@ def validate_entry(source: str, prefix: str, unique_id: Any, address: Any, kind:
 
 
 def _is_integer(value: object) -> bool:
+    """Whether a value of a file is an integer and not a boolean."""
     return isinstance(value, int) and not isinstance(value, bool)
 
 
 def _check_unique(source: str, entries: Sequence[Entry]) -> None:
-    """Check that unique ids and addresses occur once. Raises `PlanError`."""
+    """Check that unique ids and addresses occur once in a provisioning plan. Raises `PlanError`."""
     for name in ("unique_id", "address"):
         first_index: dict[object, int] = {}
         for index, entry in enumerate(entries):

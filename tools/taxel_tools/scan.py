@@ -42,7 +42,7 @@ class BusDevice:
 
 
 def scan_bus(wire: BoardWire) -> list[BusDevice]:
-    """Every device on the bus, sorted by address.
+    """List every device on the bus, sorted by address.
 
     Writes only register pointers, and SEARCH packets to bootloaders.
     """
@@ -54,7 +54,7 @@ def scan_bus(wire: BoardWire) -> list[BusDevice]:
 
 
 def identify_device(address: int, now_s: Clock) -> Procedure[BusDevice]:
-    """Identify the device at one address."""
+    """Find out what answers at an I2C address: a running board, a bootloader, several boards, or a foreign device."""
     data = b"\xff"
     has_taxel_signature = False
     for _ in range(READ_ATTEMPTS):
@@ -89,7 +89,7 @@ def _can_be_bootloader(data: bytes, can_be_several: bool) -> bool:
 
 
 def _describe_application(address: int, identity: dict[str, Any]) -> Procedure[BusDevice]:
-    """Description of a running board: identity, counters, and notes on problems."""
+    """Describe a running board for the scan: identity, counters, and notes on problems."""
     status = yield from read_status(address)
     notes = []
     if identity["address"] != address:
@@ -115,7 +115,7 @@ def _describe_application(address: int, identity: dict[str, Any]) -> Procedure[B
 
 
 def _identify_bootloader(address: int, now_s: Clock) -> Procedure[BusDevice]:
-    """Send SEARCH and GET_INFO, which a bootloader accepts without a session.
+    """Describe the bootloader at an address for the scan, by SEARCH and GET_INFO, which need no session.
 
     Overlapping replies of several boards are detected by their second half, which repeats the id inverted.
     """
@@ -134,7 +134,9 @@ def _identify_bootloader(address: int, now_s: Clock) -> Procedure[BusDevice]:
 
 
 def describe_bootloader(info: BootInfo) -> tuple[str, ...]:
-    """Notes on a bootloader: the reason why no image runs, the missing configuration, the image on trial."""
+    """Notes for the user on a bootloader: why no image runs, whether the configuration is missing, whether an image
+    is on trial.
+    """
     reasons = {
         BootStay.LISTENING: "waits for a host",
         BootStay.REQUESTED: "entered on request of the application",

@@ -19,7 +19,7 @@ IDLE_TIMEOUT_S: Final = 5.0
 
 
 def run(wire: BoardWire, procedure: Procedure[Result]) -> Result:
-    """Run one procedure to its end. Raises the errors of the procedure."""
+    """Run one procedure, a generator of bus transfers, to its end. Returns its result; raises its errors."""
     result = run_all(wire, {0: procedure})[0]
     if isinstance(result, TaxelError):
         raise result
@@ -27,7 +27,8 @@ def run(wire: BoardWire, procedure: Procedure[Result]) -> Result:
 
 
 def run_all(wire: BoardWire, procedures: Mapping[Key, Procedure[Result]]) -> dict[Key, Result | TaxelError]:
-    """Run all procedures concurrently; each returns its result or its `TaxelError`, independent of the others.
+    """Run several procedures, generators of bus transfers, concurrently. Returns the result or the `TaxelError` of
+    each.
 
     Raises `WireError` or `LinkError` if the bus fails; every procedure is then closed.
     """
@@ -64,7 +65,7 @@ class _Scheduler(Generic[Key, Result]):
         self._count = 0
 
     def run(self) -> None:
-        """Run the procedures until all have ended. Raises `WireError` if no transfer ends in time."""
+        """Run all procedures on the wire until they have ended. Raises `WireError` if no transfer ends in time."""
         while self._ready or self._waiting or self._pauses:
             while self._ready:
                 self._step(*self._ready.popleft())
@@ -96,10 +97,11 @@ class _Scheduler(Generic[Key, Result]):
             self._ready.append((pending.key, b""))
 
     def _submit(self, key: Key, burst: Burst, index: int) -> None:
+        """Start transfer number `index` of a burst for the procedure `key`."""
         self._waiting[self._wire.submit(burst.transfers[index])] = _PendingTransfer(key, burst)
 
     def _step(self, key: Key, outcome: bytes | TransferError | None) -> None:
-        """Resume a procedure with the outcome of its last request, and start its next request."""
+        """Resume the procedure `key` with the outcome of its last request, and start its next request."""
         procedure = self._procedures[key]
         try:
             if isinstance(outcome, TransferError):

@@ -92,7 +92,7 @@ class BootSession:
         self.row_write_s = ROW_WRITE_S
 
     def enter(self) -> Procedure[dict[str, Any]]:
-        """Restart a running application into its bootloader and start a session; fields of `EnterReply`."""
+        """Restart a running application into its bootloader and start a session. Returns the fields of `EnterReply`."""
         command = BoardCommand.ENTER_BOOTLOADER
         deadline = self.now_s() + RESTART_TIMEOUT_S
         while True:
@@ -110,7 +110,7 @@ class BootSession:
                     raise
 
     def start_session(self, attempts: int = ATTEMPTS) -> Procedure[dict[str, Any]]:
-        """Start a session with a board in its bootloader; fields of `EnterReply`."""
+        """Start a session with a device in its bootloader. Returns the fields of `EnterReply`."""
         reply = yield from self.request(BootCommand.ENTER, reply=EnterReply, attempts=attempts)
         return unpack(EnterReply, reply)[0]
 
@@ -120,12 +120,14 @@ class BootSession:
         return BootInfo(**{name: value for name, value in fields.items() if name != "version"})
 
     def read_free_rows(self) -> Procedure[tuple[int, int]]:
-        """First and last row that may be written."""
+        """First and last flash row that the bootloader permits to be written."""
         fields = unpack(FlashSizeReply, (yield from self.request(BootCommand.GET_FLASH_SIZE, b"\0", FlashSizeReply)))[0]
         return fields["first_row"], fields["last_row"]
 
     def read_metadata(self, slot: int) -> Procedure[dict[str, Any] | None]:
-        """Fields of `StockMetadata` of the image in a slot; None without a startable image."""
+        """Read from the bootloader the metadata (`StockMetadata`) of the image in a slot; None without a startable
+        image.
+        """
         try:
             data = yield from self.request(BootCommand.GET_METADATA, bytes([slot]), StockMetadata)
         except StatusError as error:
@@ -135,12 +137,12 @@ class BootSession:
         return unpack(StockMetadata, data)[0]
 
     def read_row_sum(self, row: int) -> Procedure[int]:
-        """8-bit sum of a row."""
+        """Read from the bootloader the 8-bit sum of the bytes of a flash row."""
         data = yield from self.request(BootCommand.VERIFY_ROW, pack(RowAddress, {"array": 0, "row": row}), 1)
         return data[0]
 
     def write_row(self, row: int, data: bytes) -> Procedure[None]:
-        """Write 128 bytes and compare their sum; a row that was damaged on the bus is sent again."""
+        """Write a flash row of 128 bytes and compare its sum; a row that was damaged on the bus is sent again."""
         assert len(data) == BOOT_ROW_SIZE
         for attempt in range(ROW_ATTEMPTS):
             try:
@@ -156,7 +158,10 @@ class BootSession:
         raise BoardError(self.address, problem)
 
     def _send_row(self, row: int, data: bytes) -> Procedure[None]:
-        """Send a row. The first two responses are not read: PROGRAM_ROW detects a missing chunk by the length."""
+        """Send the packets of a flash row to the bootloader.
+
+        The first two responses are not read: PROGRAM_ROW detects a missing chunk by the length.
+        """
         row_address = pack(RowAddress, {"array": 0, "row": row})
         yield from self._write_all(
             (
@@ -168,7 +173,9 @@ class BootSession:
         yield Pause(self.row_write_s)
 
     def _write_all(self, packets: Sequence[bytes]) -> Procedure[None]:
-        """Send packets that belong together in a burst; after a NACK of a busy board, continue one packet at a time."""
+        """Send several packets to the bootloader in a burst; after a NACK of a busy board, continue one packet at a
+        time.
+        """
         burst = Burst(tuple(Transfer(self.address, packet) for packet in packets))
         yield burst
         failed = {i: outcome for i, outcome in enumerate(burst.outcomes) if isinstance(outcome, TransferError)}
@@ -184,7 +191,7 @@ class BootSession:
             yield from self._write(packet)
 
     def _finish_row(self, row: int) -> Procedure[int]:
-        """Wait for the end of PROGRAM_ROW; returns the 8-bit sum of the row in flash."""
+        """Wait until the bootloader has written a flash row. Returns the 8-bit sum of the row in flash."""
         verify_packet = build_packet(BootCommand.VERIFY_ROW, pack(RowAddress, {"array": 0, "row": row}))
         burst = Burst((self._make_response_read(0), Transfer(self.address, verify_packet), self._make_response_read(1)))
         yield burst
@@ -198,22 +205,31 @@ class BootSession:
         return (data if data is not None else (yield from self.read_response(1)))[0]
 
     def _parse_if_ready(self, outcome: bytes | TransferError | None, size: int) -> bytes | None:
-        """Data of a response; None if the response is missing or damaged. Raises `StatusError` for a refusal."""
+        """Data of a bootloader's response; None if the response is missing or damaged. Raises `StatusError` for a
+        refusal.
+
+        outcome: result of the read transfer. size: expected data bytes.
+        """
         if isinstance(outcome, bytes):
             with suppress(ValueError):
                 return self._parse_response(outcome, size)
         return None
 
     def verify_application(self) -> Procedure[bool]:
-        """Whether the image in the free slot is complete; if rows were written, the image starts next."""
+        """Whether the image in the free slot is complete, as checked by the bootloader. If rows were written, it
+        starts next.
+        """
         return (yield from self.request(BootCommand.VERIFY_APPLICATION, reply=1)) == b"\x01"
 
     def set_active(self, slot: int) -> Procedure[None]:
-        """Select the image of a slot for the next start."""
+        """Select the flash slot whose image the bootloader starts next."""
         yield from self.request(BootCommand.SET_ACTIVE, bytes([slot]))
 
     def exit(self) -> Procedure[None]:
-        """Restart the board. The command has no response; if the packet may be lost, GET_INFO tests for a restart."""
+        """Leave the bootloader and restart the device.
+
+        The command has no response; if the packet may be lost, GET_INFO tests for a restart.
+        """
         for _ in range(ATTEMPTS):
             try:
                 yield from self.send_without_response(BootCommand.EXIT)
@@ -226,7 +242,7 @@ class BootSession:
         raise LostError(self.address, "does not restart; check the wiring")
 
     def read_configuration(self) -> Procedure[dict[str, Any] | None]:
-        """Fields of `Configuration`; None if the board has no configuration."""
+        """Read the configuration of the board from its bootloader (fields of `Configuration`); None if it has none."""
         try:
             return unpack(
                 Configuration, (yield from self.request(BootCommand.READ_CONFIGURATION, reply=Configuration))
@@ -241,9 +257,11 @@ class BootSession:
         yield from self.request(BootCommand.WRITE_CONFIGURATION, unique_id + pack(Configuration, fields))
 
     def search(self, bits: int, prefix: bytes) -> Procedure[bytes | None]:
-        """Send SEARCH; the data of the reply (several boards may overlap), or None without an acknowledgement.
+        """Send the packet SEARCH to all bootloaders at the address: boards whose unique id has the same first
+        `bits` bits as `prefix` answer.
 
-        Boards that do not match the search acknowledge the packet but not the read.
+        Returns the reply (those of several boards may overlap), or None without a match: a board that does not
+        match acknowledges the packet but not the read.
         """
         packet = build_packet(BootCommand.SEARCH, pack(SearchArguments, {"bits": bits, "unique_id": prefix}))
         try:
@@ -268,13 +286,13 @@ class BootSession:
             yield Pause(next(pauses))
 
     def send_without_response(self, command: BootCommand, data: bytes = b"") -> Procedure[None]:
-        """Send a packet without reading its response."""
+        """Send a packet to the bootloader without reading its response."""
         yield from self._write(build_packet(command, data))
 
     def request(
         self, command: BootCommand, data: bytes = b"", reply: Struct | int = 0, attempts: int = ATTEMPTS
     ) -> Procedure[bytes]:
-        """Send a packet; returns the data of the response, which must have the size of `reply`.
+        """Send a packet to the bootloader. Returns the data of the response, which must have the size of `reply`.
 
         A lost or damaged packet is sent again, because every request may be repeated without harm.
         """
@@ -290,7 +308,7 @@ class BootSession:
         raise AssertionError
 
     def _write(self, packet: bytes) -> Procedure[None]:
-        """Write a packet; a NACK means that the board is busy."""
+        """Write a packet to the bootloader; repeat it while the board does not acknowledge, because it is busy."""
         deadline = self.now_s() + RESPONSE_TIMEOUT_S
         pauses = _retry_pauses()
         while True:
@@ -303,7 +321,10 @@ class BootSession:
             yield Pause(next(pauses))
 
     def read_response(self, size: int) -> Procedure[bytes]:
-        """Read until a response arrives: NACK and FF mean "busy". Raises `StatusError` unless the status is OK."""
+        """Read the response of the bootloader. A NACK or FF means that it is busy: the read is repeated.
+
+        Raises `StatusError` unless the status is OK.
+        """
         deadline = self.now_s() + RESPONSE_TIMEOUT_S
         pauses = _retry_pauses()
         problem = "the bootloader does not answer; check the power"
@@ -321,10 +342,13 @@ class BootSession:
             yield Pause(next(pauses))
 
     def _make_response_read(self, size: int) -> Transfer:
+        """The I2C transfer that reads a response with `size` data bytes from the bootloader."""
         return Transfer(self.address, read_size=BOOT_PACKET_OVERHEAD + size)
 
     def _parse_response(self, packet: bytes, size: int) -> bytes:
-        """Data of a response. Raises `StatusError` for a refusal, ValueError for an invalid response."""
+        """Data of a bootloader's response packet. Raises `StatusError` for a refusal, ValueError for an invalid
+        packet.
+        """
         status, data = parse_packet(packet)
         if status != BootStatus.OK:
             raise StatusError(self.address, _describe_status(status), status)

@@ -27,7 +27,7 @@ TCL_SPECIAL: Final = set('{}[]"\\$;\n')
 
 
 def find_tool(requested: str | None) -> str:
-    """The requested tool, or the first on the PATH (OpenOCD before pyOCD).
+    """Name of the program for the debug port: the requested one, or the first installed (OpenOCD before pyOCD).
 
     Raises `TaxelError` with the installation command.
     """
@@ -42,7 +42,10 @@ def find_tool(requested: str | None) -> str:
 
 
 def check_hex(path: Path) -> list[int]:
-    """Flash rows that the file sets; the file must contain a bootloader. Raises `FirmwareFileError`, OSError."""
+    """Check an Intel HEX file for a blank board, which must contain a bootloader. Returns its flash rows.
+
+    Raises `FirmwareFileError`, OSError.
+    """
     source = str(path)
     if path.suffix not in {".hex", ".ihex"}:
         raise FirmwareFileError(source, "file name", ".hex", repr(path.suffix), "provide the bootloader as Intel HEX")

@@ -49,7 +49,9 @@ class BoardTarget:
         self.session = BootSession(address, now_s)
 
     def read_version(self) -> Procedure[Version | None]:
-        """Version from the identity registers; None also while the board writes its flash or restarts."""
+        """Firmware version of the board from its identity registers; None also while it writes its flash or
+        restarts.
+        """
         try:
             identity = yield from read_identity(self.address)
         except TransferError:
@@ -57,18 +59,18 @@ class BoardTarget:
         return None if identity is None else firmware_version(identity)
 
     def enter(self) -> Procedure[None]:
-        """Write the command register and start a bootloader session."""
+        """Restart the board into its bootloader by the command register, and start a session."""
         yield from self.session.enter()
 
     def wait_for_application(self, timeout_s: float) -> Procedure[Version | None]:
-        """Read the identity until it is valid."""
+        """Read the identity of the board until it is valid. Returns its version, or None after `timeout_s` seconds."""
         identity = yield from wait_for_application(self.address, self.now_s, timeout_s)
         return None if identity is None else firmware_version(identity)
 
     def trigger_confirmation(self, timeout_s: float) -> Procedure[None]:
-        """Wait for scans, then read a snapshot."""
+        """Wait until the board has scanned, then read a snapshot, so that its new firmware image confirms itself."""
         yield from trigger_confirmation(self.address, self.now_s, timeout_s)
 
     def check_operation(self) -> Procedure[None]:
-        """Nothing to check: no other device depends on a board."""
+        """Check nothing, as no other device depends on a board."""
         yield from ()

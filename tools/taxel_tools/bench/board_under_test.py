@@ -73,9 +73,10 @@ class BoardUnderTest:
         return float(self.settings["sub_conversions"] * self.settings["sense_clock_divider"])
 
     def read_at_rest(self, seconds: float, log: PhaseLog | None = None) -> Capture:
-        """At least `seconds` of frames of the untouched board; recorded once and shared. Raises `BoardError`.
+        """Frames of the untouched board over at least `seconds`. Recorded once and shared by the phases; raises
+        `BoardError`.
 
-        `log`: receives the progress.
+        log: receives the progress.
         """
         self.rest_record_s = max(self.rest_record_s, seconds)
         if self._rest_record is None or self._rest_record.seconds < 0.9 * seconds:
@@ -105,7 +106,7 @@ class BoardUnderTest:
         return self.readout.read_frames(is_enough)
 
     def select_inner_taxels(self, count: int) -> list[int]:
-        """Indices of healthy taxels with taxels on all sides, spread over the board; of any taxels without such."""
+        """Indices of `count` healthy taxels spread over the board, which have neighbours on all sides if possible."""
         has_taxel = np.pad(self.kind.crossings, 1)
         is_inner = ~self.find_faulty_taxels()
         for row in (0, 1, 2):
@@ -116,17 +117,21 @@ class BoardUnderTest:
         return [int(taxel) for taxel in candidates[positions]]
 
     def attach_picture(self, log: PhaseLog, name: str, draw: Callable[[], bytes], caption: str) -> None:
-        """Attach a picture if pictures are enabled."""
+        """Attach a picture to the log of a phase if pictures are enabled. draw: function that returns the bytes of
+        the picture.
+        """
         if self.draws_pictures:
             log.attach(name, MEDIA_TYPE, draw(), caption)
 
     def read_status(self) -> dict[str, Any]:
-        """Status registers. Raises `BoardError` after several reads without an answer."""
+        """Read the status registers of the board. Raises `BoardError` after several reads without an answer."""
         self.was_measured = True
         return _read_registers(self.wire, lambda: read_status(self.address))
 
     def find_faulty_taxels(self) -> BoolArray:
-        """Taxels explained by a detected fault, bool[taxels]; faults of the whole board explain none."""
+        """Taxels that a detected fault of a taxel or a line concerns, bool[taxels]. Faults of the whole board are
+        ignored.
+        """
         mask = np.zeros(self.kind.taxel_count, dtype=bool)
         for fault in (*self.evidence.at_rest, *(self.evidence.response or ())):
             taxels = find_taxels(self.kind, fault.place)
@@ -149,11 +154,15 @@ def open_board(wire: BoardWire, address: int, hand: Hand | None) -> BoardUnderTe
 
 
 def _read_settings(address: int) -> Procedure[bytes]:
+    """Read the scan settings of a board."""
     return (yield Transfer(address, bytes([REGISTER_SETTINGS]), get_packer(ScanSettings).size))
 
 
 def _read_registers(wire: BoardWire, build_procedure: Callable[[], Procedure[T]]) -> T:
-    """Read registers, repeatedly if a transfer fails, because a faulty bus is to be measured by the phases."""
+    """Read registers of a board, repeatedly if a transfer fails, because the phases are to measure a faulty bus.
+
+    build_procedure: makes the transfers of one attempt.
+    """
     for _ in range(ATTEMPTS - 1):
         with suppress(TransferError):
             return run(wire, build_procedure())
@@ -161,7 +170,9 @@ def _read_registers(wire: BoardWire, build_procedure: Callable[[], Procedure[T]]
 
 
 def build_kind(address: int, identity: dict[str, Any], hand: Hand | None) -> BoardKind:
-    """Kind of the board from its identity, with the name of this kind in the hand description. Raises `BoardError`."""
+    """Board kind from the identity registers, with the name of this kind in the hand description. Raises
+    `BoardError`.
+    """
     rows, columns = identity["rows"], identity["columns"]
     bits = np.unpackbits(np.frombuffer(identity["crossing_map"], dtype=np.uint8), bitorder="little")
     code = int(identity["kind"])

@@ -37,7 +37,7 @@ class Capture:
 
     @property
     def missed_scans(self) -> int:
-        """Number of scans between the first and the last without a frame."""
+        """Number of scans between the first and the last for which no frame was received."""
         return int(np.maximum(np.diff(self.sequence) - 1, 0).sum())
 
     @property

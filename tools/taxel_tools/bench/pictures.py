@@ -40,7 +40,9 @@ def render_png(figure: "Figure") -> bytes:
 
 
 def draw_board_map(kind: BoardKind, values: FloatArray, label: str, marked: BoolArray | None = None) -> bytes:
-    """Values of taxels at their crossings: TX lines down, RX lines to the right; marked taxels have a red frame."""
+    """Picture of one value per taxel at its crossing: TX lines down, RX lines to the right; marked taxels have a
+    red frame.
+    """
     grid = np.full(kind.crossings.shape, np.nan)
     grid[kind.crossings] = values
     rows, columns = kind.tx_count, kind.rx_count
@@ -98,7 +100,10 @@ def _axes(x: str, y: str, height: float = 3.2) -> "tuple[Figure, Any]":
 
 
 def draw_spectrum(frequency_hz: FloatArray, density: FloatArray, white: float, rate_hz: float) -> bytes:
-    """Spectrum of an untouched board, counts^2/Hz, mean over taxels, and the level of white noise of `white` counts."""
+    """Diagram of the noise spectrum of an untouched board.
+
+    density: counts^2/Hz, mean over taxels, at frequency_hz. white: standard deviation of the white noise in counts.
+    """
     figure, axes = _axes("frequency (Hz)", "counts² / Hz")
     bin_index = np.floor(BINS_PER_DECADE * np.log10(frequency_hz))
     bins = [bin_index == index for index in np.unique(bin_index)]
@@ -116,7 +121,9 @@ def draw_spectrum(frequency_hz: FloatArray, density: FloatArray, white: float, r
 
 
 def draw_time_course(time_s: FloatArray, counts: FloatArray, slope_per_min: float) -> bytes:
-    """Changes of counts over time, f64[k], relative to the first value, and their slope in counts/min."""
+    """Diagram of the drift of a board: counts f64[k] over time, relative to the first value, and their slope in
+    counts/min.
+    """
     figure, axes = _axes("time (s)", "change (counts)", height=2.8)
     change = counts - counts[0]
     axes.plot(time_s, change, color=BLUE, marker="o", markersize=3, linewidth=1.0)
@@ -141,7 +148,9 @@ def draw_loading_curve(curve: Curve) -> bytes:
 def draw_small_forces(
     force_n: FloatArray, signal: FloatArray, error: float, detectable_n: float, sigmas: float
 ) -> bytes:
-    """Signals under small forces, f64[k], and the noise of one frame, in counts."""
+    """Diagram of the signals f64[k] in counts under small forces, with the noise of one frame and the detectable
+    force.
+    """
     figure, axes = _axes("force (N)", "signal (counts)", height=3.0)
     axes.errorbar(force_n, signal, yerr=error, color=BLUE, marker="o", markersize=4, linewidth=1.0, capsize=2)
     axes.axhline(sigmas * error, color=RED, linestyle="--", linewidth=1.2, label=f"{sigmas:g} standard deviations")
@@ -152,4 +161,5 @@ def draw_small_forces(
 
 
 def _legend(axes: Any, title: str | None = None) -> None:
+    """Add a legend without frame to a diagram."""
     axes.legend(frameon=False, fontsize=TICK_PT, title=title, title_fontsize=TICK_PT)

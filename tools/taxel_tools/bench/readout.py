@@ -37,11 +37,11 @@ class Readout(Protocol):
     """Frames of one board, each scan once."""
 
     def start(self) -> None:
-        """Start the frames. Earlier frames are discarded."""
+        """Start the frames of the board. Earlier frames are discarded."""
         ...
 
     def stop(self) -> None:
-        """Stop the frames."""
+        """Stop the frames of the board."""
         ...
 
     def read_frames(self, is_enough: Callable[[int, float], bool]) -> Capture:
@@ -86,17 +86,20 @@ class HubReadout:
         self._taxels = taxels
 
     def start(self) -> None:
-        """Send START."""
+        """Send the command START to the hub, so that it streams frames."""
         self._hub.start()
         self._hub.stream.frames.clear()
 
     def stop(self) -> None:
-        """Send STOP."""
+        """Send the command STOP to the hub, so that it streams no frames."""
         self._hub.stop()
         self._hub.stream.frames.clear()
 
     def read_frames(self, is_enough: Callable[[int, float], bool]) -> Capture:
-        """Implements `Readout`."""
+        """Receive frames of the board from the hub until `is_enough(frames, seconds)` is True.
+
+        Raises `BoardError` if the board stops responding, `WireError` if the connection ends.
+        """
         rows: list[Row] = []
         queue = self._hub.stream.frames
         self._poll(0.0)
@@ -124,7 +127,7 @@ class HubReadout:
             raise WireError(self._name, "the link ended while frames were read; check the connection") from None
 
     def read_bus_errors(self) -> tuple[int, int]:
-        """Counters of the hub."""
+        """Number of failed reads of the board and of all its reads, from the counters of the hub."""
         self._hub.read_status()
         deadline_s = self._hub.now_s() + STATUS_WAIT_S
         while self._hub.now_s() < deadline_s:
@@ -145,13 +148,16 @@ class AdapterReadout:
         self._reads = self._failed_reads = 0
 
     def start(self) -> None:
-        """Do nothing: boards scan permanently."""
+        """Do nothing, as a board scans permanently."""
 
     def stop(self) -> None:
-        """Do nothing."""
+        """Do nothing, as a board scans permanently."""
 
     def read_frames(self, is_enough: Callable[[int, float], bool]) -> Capture:
-        """Implements `Readout`."""
+        """Read snapshots of the board through the adapter until `is_enough(frames, seconds)` is True.
+
+        Raises `BoardError` if the board stops responding, `WireError` if the connection ends.
+        """
         rows: list[Row] = []
         start_s = last_frame_s = self._wire.now_s()
         last = -1
@@ -169,7 +175,7 @@ class AdapterReadout:
                 rows.append((last, self._wire.now_s(), header["timestamp_us"], counts))
 
     def read_bus_errors(self) -> tuple[int, int]:
-        """Counters of this object."""
+        """Number of failed snapshot reads and of all snapshot reads by this object."""
         return self._failed_reads, self._reads
 
     def _read(self) -> Procedure[bytes | None]:
@@ -189,5 +195,5 @@ class AdapterReadout:
 
 
 def open_readout(wire: BoardWire, address: int, taxels: int) -> Readout:
-    """The readout for this kind of connection."""
+    """Create the reader of a board's frames for its kind of connection, hub or adapter."""
     return HubReadout(wire, address, taxels) if isinstance(wire, HubWire) else AdapterReadout(wire, address, taxels)

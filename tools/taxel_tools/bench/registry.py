@@ -47,12 +47,14 @@ PROBES: Final[Mapping[str, str]] = MappingProxyType(
 
 
 def list_phase_names() -> tuple[str, ...]:
-    """Names of all phases. Raises `PluginError` if two packages use one name."""
+    """Names of all phases of a board test, including those of plug-ins. Raises `PluginError` if two packages use
+    one name.
+    """
     return list_plugin_names(BENCH_PHASES, PHASES)
 
 
 def load_phases(names: Collection[str]) -> tuple[Phase, ...]:
-    """The phases with these names, in the order of `list_phase_names()`; unknown names are ignored.
+    """Load phases of a board test by name, in the order of `list_phase_names()`; unknown names are ignored.
 
     Raises `PluginError` as one line, with entry point and distribution, for a phase that cannot be used.
     """

@@ -40,13 +40,14 @@ class RecordLabels:
 
 
 def load_default_plan() -> Plan:
-    """The plan that is part of the package."""
+    """The test plan for boards that is part of the package."""
     data = (resources.files("taxel_tools.bench") / "plans" / DEFAULT_PLAN).read_bytes()
     return parse_plan(data, DEFAULT_PLAN)
 
 
 def select_phases(plan: Plan, phases: Sequence[str]) -> Plan:
-    """The plan with only these phases and the merging phase, in the order of the plan, and all of them enabled.
+    """Reduce a test plan to the named phases and the merging phase, in the order of the plan, and enable all of
+    them.
 
     Raises `TaxelError` for a phase that the plan does not have.
     """
@@ -82,7 +83,7 @@ def load_plan_phases(plan: Plan, kinds: Iterable[str] = ()) -> tuple[Phase, ...]
 
 @contextmanager
 def open_bench(url: str) -> Iterator[tuple[BoardWire, EmulatedBench | None]]:
-    """Open a bus, and the emulated bench of an emulated bus. Raises `TaxelError`."""
+    """Open the bus of a test bench and, for an emulated bus, its emulated bench. Raises `TaxelError`."""
     if url.startswith("emulator:"):
         with open_emulated(url) as (wire, bench):
             yield wire, bench
@@ -92,7 +93,7 @@ def open_bench(url: str) -> Iterator[tuple[BoardWire, EmulatedBench | None]]:
 
 
 def find_single_board(wire: BoardWire) -> int:
-    """Address of the only application on the bus. Raises `TaxelError` for none or several."""
+    """I2C address of the only running board on the bus. Raises `TaxelError` for none or several."""
     addresses = [device.address for device in scan_bus(wire) if device.runs == "application"]
     if len(addresses) == 1:
         return addresses[0]

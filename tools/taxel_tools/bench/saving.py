@@ -15,7 +15,7 @@ TESTS_PER_SECOND_MAX: Final = 1000
 
 
 def check_output(out: Path, history_file: Path) -> None:
-    """Check before the test that reports and history can be written. Raises `TaxelError`."""
+    """Check before a test that its reports and its row of the history can be written. Raises `TaxelError`."""
     for folder in (out, history_file.parent):
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -54,7 +54,7 @@ def save_record(record: TestRecord, out: Path, history_file: Path) -> Path:
 
 
 def _create_folder(out: Path, name: str) -> Path:
-    """A new folder; tests within one second are numbered."""
+    """Create the folder for the reports of a test in `out`; tests within one second are numbered."""
     for number in range(TESTS_PER_SECOND_MAX):
         folder = out / (name if not number else f"{name}-{number}")
         try:

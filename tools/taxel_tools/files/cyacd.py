@@ -66,7 +66,9 @@ def _parse_hex(digits: str, location: str, source: str) -> bytes:
 
 
 def _check_header(line: str, source: str) -> None:
-    """Check silicon id and checksum kind in the first line. Raises `FirmwareFileError`."""
+    """Check the first line of a .cyacd file, with the silicon id and the kind of checksum. Raises
+    `FirmwareFileError`.
+    """
     header = _parse_hex(line.strip(), "line 1", source)
     if len(header) != HEADER_BYTES:
         _fail(source, "line 1", "a header of 12 digits", f"{2 * len(header)}", "is this a .cyacd file?")
@@ -84,7 +86,9 @@ def _check_header(line: str, source: str) -> None:
 
 
 def _parse_row(line: str, location: str, source: str) -> tuple[int, bytes]:
-    """Row number and data of one line. Raises `FirmwareFileError` for a damaged or foreign row."""
+    """Parse one line of a .cyacd file: number and data of a flash row. Raises `FirmwareFileError` for a damaged
+    line.
+    """
     if not line.startswith(":"):
         _fail(source, location, "a row that begins with ':'", repr(line[:1]))
     record = _parse_hex(line[1:], location, source)

@@ -38,11 +38,11 @@ class FirmwareImage:
 
     @property
     def crc(self) -> int:
-        """CRC-32 in the header."""
+        """CRC-32 of the firmware image, from its header."""
         return int.from_bytes(self.data[CRC_OFFSET:HEADER_SIZE], "little")
 
     def rows(self) -> list[bytes]:
-        """Flash rows of the image; the last row is padded with zeros."""
+        """The firmware image divided into flash rows; the last row is padded with zeros."""
         padded = self.data + bytes(-len(self.data) % BOOT_ROW_SIZE)
         return [padded[begin : begin + BOOT_ROW_SIZE] for begin in range(0, len(padded), BOOT_ROW_SIZE)]
 
@@ -54,37 +54,39 @@ class Firmware:
     images: tuple[FirmwareImage, ...]
 
     def select_image_for(self, slot: int) -> FirmwareImage | None:
-        """The image linked for a slot; None if there is none."""
+        """The firmware image that is linked for a flash slot; None if there is none."""
         return next((image for image in self.images if image.slot == slot), None)
 
     @property
     def device(self) -> BootDevice:
-        """Device on which the firmware runs."""
+        """Device on which the firmware runs: board or hub."""
         return self.images[0].device
 
     @property
     def kind(self) -> int:
-        """Board kind; 0: any kind."""
+        """Board kind for which the firmware is built; 0: any kind."""
         return self.images[0].kind
 
     @property
     def version(self) -> tuple[int, int, int]:
-        """Major, minor, patch."""
+        """Version of the firmware: major, minor, patch."""
         return self.images[0].version
 
     @property
     def source(self) -> str:
-        """Names of the source files."""
+        """Names of the files that contain the firmware."""
         return " and ".join(dict.fromkeys(image.source for image in self.images))
 
 
 def parse_image(data: bytes, source: str, first_row: int | None = None) -> FirmwareImage:
-    """Check an image with the rules of the bootloader. `first_row`: row where the file places the image; None: unknown.
+    """Parse a firmware image and check it with the rules of the bootloader. Raises `FirmwareFileError`.
 
-    Bytes after the length in the header are ignored. Raises `FirmwareFileError`.
+    first_row: flash row where the file places the image; None: unknown. Bytes after the length in the header are
+    ignored.
     """
 
     def fail(field: str, expected: str, found: str, remedy: str = "build the image again") -> NoReturn:
+        """Raise `FirmwareFileError` for a field of the image header."""
         raise FirmwareFileError(source, field, expected, found, remedy)
 
     if len(data) < IMAGE_SIZE_MIN:

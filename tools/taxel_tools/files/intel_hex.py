@@ -75,7 +75,7 @@ def _fail(
 
 
 def _parse_record(line: str, location: str, source: str) -> tuple[int, int, bytes]:
-    """Type, address and data of a line."""
+    """Parse one line of an Intel HEX file: type of the record, address and data."""
     if not line.startswith(":"):
         _fail(source, location, "a record that begins with ':'", repr(line[:1]))
     try:
@@ -108,7 +108,10 @@ def _store_data(
     location: str,
     source: str,
 ) -> None:
-    """Store a data record in the flash image; note the first location of each row. Raises `FirmwareFileError`."""
+    """Store a data record of an Intel HEX file in the flash image, and note the first line that sets each row.
+
+    is_set: which bytes have been set. Raises `FirmwareFileError` for a byte that is set twice or outside the flash.
+    """
     end = address + len(data)
     if end > FLASH_SIZE:
         _fail(

@@ -16,7 +16,8 @@ SIZE_MAX: Final = 1 << 20
 
 
 def load_firmware(paths: Sequence[Path]) -> Firmware:
-    """Read `.cyacd`, `.hex`, `.bin` (an image with its header) and manifests; at most one image for each slot.
+    """Read firmware files: `.cyacd`, `.hex`, `.bin` (an image with its header) and manifests; at most one image per
+    slot.
 
     Raises `FirmwareFileError` for damaged or contradicting files, OSError for a file that cannot be read.
     """
@@ -63,7 +64,9 @@ def _read_bytes(path: Path) -> bytes:
 
 
 def _read_one(path: Path, data: bytes) -> FirmwareImage:
-    """Image of one file, read by the reader of its extension. Raises `FirmwareFileError`."""
+    """Read the image of one firmware file. data: its bytes. The extension selects the format. Raises
+    `FirmwareFileError`.
+    """
     if path.suffix == ".bin":
         return parse_image(data, str(path))
     readers = {".cyacd": read_cyacd, ".hex": read_intel_hex, ".ihex": read_intel_hex}

@@ -37,7 +37,11 @@ ReadOne = Callable[[Path, bytes], FirmwareImage]
 
 
 def read_manifest(path: Path, data: bytes, read_one: ReadOne) -> list[FirmwareImage]:
-    """Read the images of a manifest. `read_one` reads a file with a header. Raises `FirmwareFileError`, OSError."""
+    """Read the firmware images that a manifest lists. data: bytes of the manifest. read_one: reads a file with a
+    header.
+
+    Raises `FirmwareFileError`, OSError.
+    """
     document = _parse_document(path, data)
     if document.get("taxel_firmware") != 1:
         _fail(path, "taxel_firmware", "1", repr(document.get("taxel_firmware")), "is this a firmware manifest?")
@@ -63,11 +67,15 @@ def _parse_document(path: Path, data: bytes) -> dict[str, Any]:
 
 
 def _fail(path: Path, field: str, expected: str, found: str, remedy: str) -> NoReturn:
+    """Raise `FirmwareFileError` for a field of a manifest."""
     raise FirmwareFileError(str(path), field, expected, found, remedy)
 
 
 def _read_image(path: Path, field: str, entry: dict[str, Any], read_one: ReadOne) -> FirmwareImage:
-    """Image of one manifest entry, after checks of its hash and of its claims. Raises `FirmwareFileError`."""
+    """Read the firmware image of one manifest entry, and check its hash and the properties that the entry states.
+
+    Raises `FirmwareFileError`.
+    """
     unknown = sorted(set(entry) - KEYS)
     if unknown:
         _fail(path, f"{field}.{unknown[0]}", f"one of {', '.join(sorted(KEYS))}", "an unknown key", "correct its name")
@@ -113,7 +121,9 @@ def _add_header(path: Path, field: str, entry: dict[str, Any], file: Path, data:
 
 
 def _parse_claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, Any]:
-    """Device, kind, slot and version that an entry states. Raises `FirmwareFileError` for an invalid value."""
+    """Device, kind, slot and version that an entry of a manifest states. Raises `FirmwareFileError` for an invalid
+    value.
+    """
     claims: dict[str, Any] = {}
     if "device" in entry:
         if entry["device"] not in DEVICE_NAMES:
@@ -137,7 +147,9 @@ def _parse_claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, An
 
 
 def _check_claims(path: Path, field: str, entry: dict[str, Any], loaded_image: FirmwareImage) -> None:
-    """Compare the claims of an entry with the image. Raises `FirmwareFileError` for a difference."""
+    """Compare the properties that a manifest entry states with the image. Raises `FirmwareFileError` for a
+    difference.
+    """
     formatters: dict[str, Callable[[Any], str]] = {
         "slot": format_slot,
         "version": lambda version: ".".join(map(str, version)),

@@ -19,9 +19,9 @@ DEVICE_OFFSET: Final = 5
 
 
 def build_image(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareImage:
-    """Assemble an image. Raises `FirmwareFileError`.
+    """Assemble a firmware image from flash rows. Raises `FirmwareFileError`.
 
-    `rows`: 128 bytes of each row, and the place in the file that sets the row ("line 12").
+    rows: for each row number its 128 bytes, and the place in the file that sets the row ("line 12").
     """
     for row, (_, location) in sorted(rows.items()):
         if row < BOOT_BOOTLOADER_ROWS:
@@ -60,11 +60,14 @@ def build_image(rows: Mapping[int, tuple[bytes, str]], source: str) -> FirmwareI
 
 
 def _find_slot(row: int, layout: FlashLayout) -> int | None:
+    """Flash slot that contains a row; None for a row outside the slots."""
     return next((slot for slot, first in enumerate(layout.first_rows) if 0 <= row - first < layout.slot_rows), None)
 
 
 def _find_layout(rows: Mapping[int, tuple[bytes, str]], source: str) -> FlashLayout:
-    """Flash layout of the device that the image header names; the layout determines the rows of the slots."""
+    """Flash layout of the device that the header of a firmware image names; the layout determines the rows of the
+    slots.
+    """
     magic = BOOT_IMAGE_MAGIC.to_bytes(4, "little")
     for row in sorted({first for layout in LAYOUTS.values() for first in layout.first_rows} & set(rows)):
         data = rows[row][0]

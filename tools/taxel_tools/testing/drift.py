@@ -67,7 +67,11 @@ def compare_value(phase: str, measurement: Measurement, earlier: list[float]) ->
 
 
 def _shift(value: float | None, centre: float, earlier: list[float], limit: Limit | None) -> float:
-    """Distance of a value from the earlier median, relative to the permitted distance; infinite for no value."""
+    """Distance of a value from the median of earlier values, in units of the permitted distance; infinite for no
+    value.
+
+    centre: the median.
+    """
     if value is None or not math.isfinite(value):
         return math.inf
     permitted: float | None

@@ -62,7 +62,7 @@ class RestCounts:
 
     @property
     def relative_capacitance(self) -> FloatArray:
-        """Capacitances relative to the median of the board, f64[taxels]."""
+        """Capacitances of the crossings relative to the median of the board, f64[taxels]."""
         return np.asarray(self.hardware / max(float(np.median(self.hardware)), 1.0))
 
     @property
@@ -72,14 +72,14 @@ class RestCounts:
         return max(MAD_TO_SIGMA * float(np.median(np.abs(relative - np.median(relative)))), SPREAD_MIN)
 
     def to_grid(self, values: FloatArray) -> FloatArray:
-        """Values of taxels at their crossings, f64[tx, rx]; NaN at crossings without a taxel."""
+        """Arrange one value per taxel at the crossings of the board, f64[tx, rx]; NaN at crossings without a taxel."""
         grid = np.full(self.kind.crossings.shape, np.nan)
         grid[self.kind.crossings] = values
         return grid
 
 
 def compute_standard_error(raw_counts: CountArray) -> FloatArray:
-    """Standard error of the mean of each taxel, f64[taxels], for `raw_counts` u16[t, taxels].
+    """Standard error of the mean raw count of each taxel, f64[taxels]. raw_counts: u16[t, taxels].
 
     The larger of the error for white noise and the error from the means of `BATCHES` parts, pooled over the board.
     """
@@ -93,9 +93,9 @@ def compute_standard_error(raw_counts: CountArray) -> FloatArray:
 
 
 def find_line_faults(counts: RestCounts, limit: float) -> tuple[list[Fault], BoolArray]:
-    """Faults, and the taxels that these faults explain, bool[taxels].
+    """Faults of TX and RX lines of an untouched board, and the taxels that these faults explain, bool[taxels].
 
-    `limit`: relative capacitance below which a crossing counts as missing.
+    limit: relative capacitance below which a crossing counts as missing.
     """
     missing = counts.relative_capacitance < limit
     explained = np.zeros(len(missing), dtype=bool)
@@ -115,7 +115,11 @@ def find_line_faults(counts: RestCounts, limit: float) -> tuple[list[Fault], Boo
 
 
 def _find_open_lines(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[list[Fault], BoolArray]:
-    """Lines whose crossings are all missing; the line with more crossings explains a shared crossing."""
+    """Lines of an untouched board whose crossings are all missing; a shared crossing is explained by the longer
+    line.
+
+    missing: bool, which crossings have a relative capacitance below `limit`.
+    """
     explained = np.zeros(len(missing), dtype=bool)
     candidates = []
     for axis in Axis:
@@ -137,7 +141,7 @@ def _find_open_lines(counts: RestCounts, missing: BoolArray, limit: float) -> tu
 
 
 def _find_shorts(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[list[Fault], BoolArray]:
-    """Neighbouring lines that measure the same counts, the least probable equality first.
+    """Neighbouring lines of an untouched board that measure the same counts, the least probable equality first.
 
     A short changes the crossings of both its lines, so these crossings give no evidence on the lines that cross it.
     """
@@ -165,9 +169,10 @@ def _find_shorts(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[
 def _compute_chance_of_short(
     counts: RestCounts, missing: BoolArray, pair: tuple[Axis, int], shorted: list[tuple[Axis, int]]
 ) -> tuple[float, float]:
-    """Result of `_compute_chance_of_equality` for line `index` of an axis and the next one.
+    """Probability that line `index` of an axis and the next line look like a short by chance, and their relative
+    level.
 
-    `pair`: (axis, index). `shorted`: pairs with a short, whose crossings are not used for lines of the other axis.
+    pair: (axis, index). shorted: pairs with a short, whose crossings are not used for lines of the other axis.
     """
     axis, index = pair
     grids = [counts.to_grid(values) for values in (counts.hardware, counts.error, counts.relative_capacitance)]
@@ -181,10 +186,9 @@ def _compute_chance_of_short(
 
 
 def _is_crossing_line_open(missing: FloatArray, index: int) -> BoolArray:
-    """Crossing lines that are missing on all lines except `index` and `index + 1`, bool[crossing lines].
+    """Which crossing lines are open: missing on all lines except `index` and `index + 1`, bool[crossing lines].
 
-    `missing`: [lines, crossing lines], NaN without a taxel. Such a crossing line is open and gives no evidence on the
-    two lines.
+    missing: [lines, crossing lines], NaN without a taxel. An open crossing line gives no evidence on the two lines.
     """
     outside_pair = np.delete(missing, [index, index + 1], axis=0)
     is_open = (np.nan_to_num(outside_pair, nan=1.0) == 1.0).all(axis=0)
@@ -224,7 +228,10 @@ def _compute_chance_of_equality(counts: RestCounts, pair: list[FloatArray]) -> t
 
 
 def _compute_p_value(deviation: float, spread: float, count: int) -> float:
-    """Two-sided probability of a mean deviation of `count` crossings with standard deviation `spread`."""
+    """Two-sided probability that the mean deviation of `count` healthy crossings is at least as large.
+
+    spread: standard deviation of one crossing.
+    """
     return float(erfc(abs(deviation) / spread * np.sqrt(count / 2.0)))
 
 
@@ -234,7 +241,9 @@ def _combine_p_values(p_values: list[float]) -> float:
 
 
 def _find_swapped_lines(counts: RestCounts, missing: BoolArray, limit: float) -> tuple[list[Fault], BoolArray]:
-    """The only pair of lines whose exchange explains exactly the missing crossings."""
+    """The only pair of lines whose exchange explains exactly the missing crossings of an untouched board; []
+    otherwise.
+    """
     nothing = np.zeros(len(missing), dtype=bool)
     if not missing.any() or (counts.relative_capacitance[missing] > NO_TAXEL_SHARE).any():
         return [], nothing

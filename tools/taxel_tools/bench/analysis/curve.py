@@ -20,14 +20,20 @@ class Curve:
 
     @property
     def hysteresis(self) -> float:
-        """Largest distance of the mean branches, relative to the range of the mean loading branch, 0 to 1."""
+        """Hysteresis of the loading curve, 0 to 1.
+
+        Largest distance of the mean loading and unloading branches, relative to the range of the mean loading
+        branch.
+        """
         loading, unloading = self.loading.mean(axis=0), self.unloading.mean(axis=0)
         span = float(loading.max() - loading.min())
         return float(np.abs(unloading - loading).max()) / span if span > 0.0 else float("nan")
 
     @property
     def area(self) -> float:
-        """Area between the mean branches, relative to the area of the signal of the loading branch, 0 to 1."""
+        """Area between the mean loading and unloading branches, relative to the area under the loading branch, 0 to
+        1.
+        """
         loading, unloading = self.loading.mean(axis=0), self.unloading.mean(axis=0)
         under = _integrate(loading[0] - loading, self.force_n)
         between = _integrate(np.abs(loading - unloading), self.force_n)
@@ -35,14 +41,14 @@ class Curve:
 
     @property
     def saturation_n(self) -> float:
-        """Force in newtons at which the mean loading branch reaches 95 % of its fall, interpolated."""
+        """Force in N at which the mean loading branch has reached 95 % of its change of counts, interpolated."""
         fall = self.loading.mean(axis=0)[0] - self.loading.mean(axis=0)
         target = 0.95 * float(fall[-1])
         return float(np.interp(target, np.maximum.accumulate(fall), self.force_n)) if target > 0.0 else float("nan")
 
     @property
     def spread(self) -> float:
-        """Standard deviation over taxels of the relative count, averaged over the loading branch."""
+        """Standard deviation of the relative counts between taxels, averaged over the loading branch."""
         return float(self.loading.std(axis=0, ddof=1).mean()) if len(self.loading) > 1 else float("nan")
 
     @property
@@ -52,16 +58,16 @@ class Curve:
 
 
 def _integrate(values: FloatArray, positions: FloatArray) -> float:
-    """Integral of f64[k] over f64[k] by the trapezoidal rule (`numpy.trapezoid` needs numpy 2)."""
+    """Integral of `values` f64[k] over `positions` f64[k] by the trapezoidal rule (`numpy.trapezoid` needs numpy 2)."""
     return float((np.diff(positions) * (values[1:] + values[:-1]) / 2.0).sum())
 
 
 def extrapolate_detectable_force(force_n: FloatArray, signal: FloatArray, error: float, sigmas: float = 3.0) -> float:
-    """Force at which a line through the signals reaches `sigmas` standard errors.
+    """Smallest detectable force in N: where a line through the signals of small forces reaches `sigmas` standard
+    errors.
 
-    `force_n`: f64[k], increasing, all small; `signal`: f64[k], in counts; `error`: standard error of one signal. The
-    line passes through the origin, because the response of a layer is linear for small forces. NaN without a positive
-    slope.
+    force_n: f64[k], increasing; signal: f64[k], in counts; error: standard error of one signal. The line passes
+    through the origin, because the response of a layer is linear for small forces. NaN without a positive slope.
     """
     slope = float(force_n @ signal / (force_n @ force_n))
     return sigmas * error / slope if slope > 0.0 else float("nan")

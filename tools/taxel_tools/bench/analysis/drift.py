@@ -29,9 +29,10 @@ class Drift:
 
 
 def fit_drift(raw_counts: CountArray, time_s: FloatArray, step_s: float = 0.5) -> Drift:
-    """Fit slopes to means over steps by least squares. Raises ValueError for less than four steps.
+    """Fit the drift of each taxel, a slope of its raw counts over time, by least squares to means over steps.
 
-    `raw_counts`: u16[t, taxels]; `time_s`: f64[t].
+    raw_counts: u16[t, taxels]; time_s: f64[t]; step_s: duration of a step. Raises ValueError for less than four
+    steps.
     """
     steps = int((time_s[-1] - time_s[0]) / step_s) if len(time_s) else 0
     if steps < 4:

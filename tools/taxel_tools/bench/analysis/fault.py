@@ -34,12 +34,12 @@ class Fault:
 
 
 def get_lines_of_taxels(kind: BoardKind, axis: Axis) -> ByteArray:
-    """Line of each taxel, u8[taxels]."""
+    """Number of the TX or RX line (`axis`) of each taxel of a board, u8[taxels]."""
     return kind.tx if axis is Axis.TX else kind.rx
 
 
 def compute_severity_below(share: float, limit: float) -> float:
-    """Factor by which a share is below its lower limit; infinite for a share of 0 or less."""
+    """Severity of a value below its lower limit: limit divided by value; infinite for a value of 0 or less."""
     return float("inf") if share <= 0.0 else limit / share
 
 

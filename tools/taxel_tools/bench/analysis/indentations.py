@@ -56,17 +56,24 @@ class Indentations:
 
     @property
     def own_response(self) -> FloatArray:
-        """Response of each indented taxel itself, f64[taxels]; NaN elsewhere."""
+        """Response of each indented taxel to its own indentation, f64[taxels], counts; NaN for taxels that were not
+        indented.
+        """
         return np.asarray(np.diagonal(self.response).copy())
 
     @cached_property
     def median_response(self) -> float:
-        """Median over indentations of the largest response anywhere, which does not depend on the order of lines."""
+        """Median over indentations of the largest response of any taxel, which does not depend on the order of
+        lines.
+        """
         indented = self.indented_taxels
         return float(np.median(self.response[indented].max(axis=1))) if len(indented) else float("nan")
 
     def compute_median_response(self, taxels: BoolArray) -> float:
-        """Median own response of `taxels`, bool[taxels]; `median_response` if none of them was indented."""
+        """Median response of indented taxels to their own indentation. taxels: bool[taxels], which to use.
+
+        `median_response` if none of these taxels was indented.
+        """
         own = self.own_response[taxels]
         own = own[np.isfinite(own)]
         return float(np.median(own)) if len(own) else self.median_response
@@ -78,9 +85,10 @@ class Indentations:
 
 
 def find_response_faults(indentations: Indentations, limit: float) -> list[Fault]:
-    """Dead taxels; open, shorted and swapped lines; or a board without response.
+    """Faults in the responses to indentations: dead taxels, open, shorted and swapped lines, or a board without
+    response.
 
-    `limit`: share of the median response below which a taxel is dead.
+    limit: share of the median response below which a taxel is dead.
     """
     if not indentations.has_response:
         text = "no taxel responds to an indentation; check the contact between probe and board, and the layer"
@@ -104,7 +112,10 @@ def find_response_faults(indentations: Indentations, limit: float) -> list[Fault
 
 
 def _list_line_pairs(indentations: Indentations, axis: Axis, first: int, second: int) -> list[tuple[int, int]]:
-    """Pairs of taxels of two lines at the same crossing line, in both orders, whose first taxel was indented."""
+    """Pairs of taxels of the lines `first` and `second` on the same crossing line, in both orders.
+
+    Only pairs whose first taxel was indented.
+    """
     kind = indentations.kind
     lines, crossing_lines = get_lines_of_taxels(kind, axis), get_lines_of_taxels(kind, Axis(1 - axis))
     taxel_at = {
@@ -122,7 +133,10 @@ def _list_line_pairs(indentations: Indentations, axis: Axis, first: int, second:
 
 
 def _find_swapped_lines(indentations: Indentations, explained: BoolArray) -> tuple[list[Fault], BoolArray]:
-    """Pairs of lines whose indentations appear on the other line of the pair."""
+    """Pairs of exchanged lines: an indentation of one line appears on the other line.
+
+    explained: bool[taxels], taxels with a fault that was found before.
+    """
     kind, response, median = indentations.kind, indentations.response, indentations.median_response
     faults: list[Fault] = []
     on_swapped_line = np.zeros(len(explained), dtype=bool)
@@ -147,7 +161,10 @@ def _find_swapped_lines(indentations: Indentations, explained: BoolArray) -> tup
 
 
 def _find_shorts(indentations: Indentations, explained: BoolArray) -> tuple[list[Fault], BoolArray]:
-    """Neighbouring lines that both respond to an indentation of either line."""
+    """Pairs of shorted neighbouring lines: both respond to an indentation of either line.
+
+    explained: bool[taxels], taxels with a fault that was found before.
+    """
     kind, response, error = indentations.kind, indentations.response, indentations.error
     faults: list[Fault] = []
     on_shorted_line = np.zeros(len(explained), dtype=bool)
@@ -174,7 +191,10 @@ def _find_shorts(indentations: Indentations, explained: BoolArray) -> tuple[list
 
 
 def _find_open_lines(indentations: Indentations, dead: BoolArray, limit: float) -> tuple[list[Fault], BoolArray]:
-    """Lines without any response, with at least two taxels: a single taxel is a dead taxel."""
+    """Open lines, on which no indented taxel responds. dead: bool[taxels], taxels without response.
+
+    A line needs at least two taxels: a single taxel without response is a dead taxel.
+    """
     on_open_line = np.zeros(len(dead), dtype=bool)
     is_indented = np.isfinite(indentations.own_response)
     candidates = []
@@ -246,9 +266,10 @@ def measure_crosstalk(indentations: Indentations, ignored: BoolArray) -> list[Cr
 
 
 def find_gain_fault(indentations: Indentations, signal_counts: float, minimum: float, maximum: float) -> Fault | None:
-    """Low or high gain of the whole board; None within the limits or without a known force.
+    """Fault of a board whose median signal is outside the permitted range; None if it is inside or the force is
+    unknown.
 
-    `signal_counts`: median signal of an indentation on healthy taxels; `minimum`, `maximum`: its permitted range.
+    signal_counts: median signal of an indentation on healthy taxels; minimum, maximum: its permitted range.
     """
     if not np.isfinite(indentations.force_n) or minimum <= signal_counts <= maximum:
         return None

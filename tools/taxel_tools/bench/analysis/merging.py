@@ -18,7 +18,9 @@ _GAIN: Final = ("low gain", "high gain")
 
 
 def find_taxels(kind: BoardKind, place: str) -> BoolArray:
-    """Taxels at a place, bool[taxels]: of "TX 3", "RX 1 and RX 2" or "taxel 17"; all taxels for any other place."""
+    """Taxels of a board at a place, bool[taxels]. place: "TX 3", "RX 1 and RX 2" or "taxel 17"; any other place:
+    all taxels.
+    """
     mask = np.zeros(kind.taxel_count, dtype=bool)
     for axis in Axis:
         lines = get_lines_of_taxels(kind, axis)
@@ -31,7 +33,8 @@ def find_taxels(kind: BoardKind, place: str) -> BoolArray:
 
 
 def _is_refuted(kind: BoardKind, short: Fault, response_faults: list[Fault]) -> bool:
-    """Whether all taxels of a short detected at rest respond normally to indentations.
+    """Whether a short that was detected at rest is refuted, because all its taxels respond normally to
+    indentations.
 
     Two healthy lines may measure the same by chance; joined lines never respond independently.
     """
@@ -40,9 +43,10 @@ def _is_refuted(kind: BoardKind, short: Fault, response_faults: list[Fault]) -> 
 
 
 def merge_faults(kind: BoardKind, rest_faults: list[Fault], response_faults: list[Fault] | None) -> list[Fault]:
-    """Merge the faults at rest and under indentation (None: no taxel was indented), in order of decreasing severity.
+    """Merge the faults of a board found at rest and under indentation, in order of decreasing severity.
 
-    A fault is omitted if all its taxels are explained by faults of earlier groups; places within one group may overlap.
+    response_faults: None if no taxel was indented. A fault is omitted if all its taxels are explained by faults of
+    earlier groups (kinds of faults, the most certain first); places within one group may overlap.
     """
     if response_faults is None:
         response_faults = []

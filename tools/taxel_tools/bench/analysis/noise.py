@@ -63,7 +63,7 @@ class NoiseParts:
     spectrum: FloatArray
 
     def amplitudes(self) -> dict[str, float]:
-        """Amplitudes in counts, by the names of the measurements in plans and records."""
+        """Amplitudes of the noise components in counts, by the names of the measurements in plans and records."""
         return {
             "white": self.white,
             "tx": self.tx,
@@ -125,6 +125,7 @@ def separate_noise(kind: BoardKind, raw_counts: CountArray, rate_hz: float, scan
 
 
 def _sigma(density: float, band_hz: float) -> float:
+    """Standard deviation of noise from its spectral density in counts^2/Hz and its bandwidth in Hz."""
     return float(np.sqrt(max(density, 0.0) * band_hz))
 
 
@@ -136,7 +137,12 @@ def _subtract_cubic(counts: FloatArray) -> FloatArray:
 
 
 def _fit_components(kind: BoardKind, transform: ComplexArray) -> _Components:
-    """Variance components of the two-way layout, from sums over lines without a matrix of all pairs."""
+    """Spectral density of noise that is independent in each taxel, or shared along TX lines, RX lines or by the
+    board.
+
+    transform: Fourier transform of the counts, [frequencies, taxels]. The variance components of the two-way layout
+    follow from sums over lines, without a matrix of all pairs of taxels.
+    """
     tx, rx = kind.tx.astype(int), kind.rx.astype(int)
     power = float((np.abs(transform) ** 2).sum(axis=1).mean())
     taxels = transform.shape[1]
@@ -151,7 +157,10 @@ def _fit_components(kind: BoardKind, transform: ComplexArray) -> _Components:
 
 
 def _sum_line_pairs(transform: ComplexArray, line: NDArray[np.int_]) -> tuple[float, int]:
-    """Sum of the covariances of ordered pairs on the same line, and the number of these pairs."""
+    """Sum of the covariances of ordered pairs of different taxels on the same line, and the number of these pairs.
+
+    transform: Fourier transform of the counts, [frequencies, taxels]. line: number of the line of each taxel.
+    """
     total, pairs = 0.0, 0
     for index in np.unique(line):
         rows = transform[:, line == index]
@@ -164,7 +173,10 @@ def _sum_line_pairs(transform: ComplexArray, line: NDArray[np.int_]) -> tuple[fl
 def _fit_pink(
     kind: BoardKind, transform: ComplexArray, frequency: FloatArray, white: _Components
 ) -> tuple[float, float]:
-    """1/f noise of each taxel and of the board: densities times frequency over the band, minus the white part."""
+    """Strength of the 1/f noise, independent in each taxel and shared by the board: density times frequency.
+
+    transform: Fourier transform of the counts, [frequencies, taxels]. The white part is subtracted.
+    """
     band = (frequency >= FIT_LOW_HZ) & (frequency <= min(FIT_HIGH_HZ, 0.5 * frequency[-1]))
     if band.sum() < 4:
         return 0.0, 0.0
@@ -177,7 +189,9 @@ def _fit_pink(
 
 
 def _fit_mean_change(mean: FloatArray, rate_hz: float, white: _Components, kind: BoardKind) -> tuple[float, float]:
-    """Root mean square change within 0.25 s, and the exponent of the growth of its square with the lag."""
+    """Root mean square change of the mean of a board within 0.25 s, and the exponent with which its square grows
+    with the lag.
+    """
     taxels = kind.taxel_count
     nyquist = rate_hz / 2.0
     lines = white.tx / kind.tx_count + white.rx / kind.rx_count

@@ -53,7 +53,7 @@ A component of amplitude 1 (row) may cause this amplitude in the estimate of ano
 
 
 def find_noise_faults(parts: NoiseParts, limits: Mapping[str, float]) -> list[Fault]:
-    """Components of noise beyond their limits. `limits`: largest amplitude in counts, by name in `TITLES`."""
+    """Faults of a board whose noise exceeds the limits. limits: largest amplitude in counts, by name in `TITLES`."""
     amplitudes = parts.amplitudes()
     is_drift = parts.mean_change_exponent > DRIFT_EXPONENT
     amplitudes["pink_board" if is_drift else "wander"] = 0.0

@@ -22,18 +22,19 @@ class Drift:
     limit_names = frozenset({"board", "worst_taxel"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No requirements."""
+        """No reason against running the drift phase: it needs only the board."""
         return ""
 
     def check_options(self, options: Options) -> None:
-        """`seconds`: duration of the record of the untouched board."""
+        """Check the option of the drift phase, `seconds`: duration of the record of the untouched board."""
         self._take_seconds(options)
 
     def _take_seconds(self, options: Options) -> float:
+        """Duration of the record in s from the options; default 12 s."""
         return options.take_number("seconds", 12.0, 3.0, 36000.0)
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
-        """Measure the slopes, and report a significant drift beyond the limit."""
+        """Measure the drift of the raw counts, and report a significant drift beyond the limit."""
         seconds = self._take_seconds(options)
         options.refuse_unknown_keys()
         capture = board.read_at_rest(seconds, log)

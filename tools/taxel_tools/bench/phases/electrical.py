@@ -26,14 +26,15 @@ class Electrical:
     limit_names = frozenset({"capacitance", "signal"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No requirements."""
+        """No reason against running the electrical phase: it needs only the board."""
         return ""
 
     def check_options(self, options: Options) -> None:
-        """`seconds`: duration of the record of the untouched board."""
+        """Check the option of the electrical phase, `seconds`: duration of the record of the untouched board."""
         self._take_seconds(options)
 
     def _take_seconds(self, options: Options) -> float:
+        """Duration of the record in s from the options; default 2 s."""
         return options.take_number("seconds", 2.0, 0.2, 3600.0)
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:

@@ -15,14 +15,17 @@ class Faults:
     limit_names = frozenset[str]()
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """Another phase must have measured the board; otherwise a test without measurements would pass."""
+        """Reason why faults cannot be reported: no other phase has measured the board.
+
+        Without this requirement, a test without measurements would pass.
+        """
         return "" if board.was_measured else "no other phase has run"
 
     def check_options(self, options: Options) -> None:
-        """No options."""
+        """Check nothing, as this phase has no options."""
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
-        """Report the merged faults as findings."""
+        """Merge the faults that other phases have detected, and report them as findings."""
         options.refuse_unknown_keys()
         evidence = board.evidence
         merged = merge_faults(board.kind, evidence.at_rest, evidence.response)

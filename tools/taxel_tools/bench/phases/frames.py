@@ -16,18 +16,19 @@ class Frames:
     limit_names = frozenset({"rate", "rate_of_scans", "scan_time", "missed_scans", "clock", "bus_errors", "saturated"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No requirements."""
+        """No reason against running the frames phase: it needs only the board."""
         return ""
 
     def check_options(self, options: Options) -> None:
-        """`seconds`: duration of the record."""
+        """Check the option of the frames phase, `seconds`: duration of the record."""
         self._take_seconds(options)
 
     def _take_seconds(self, options: Options) -> float:
+        """Duration of the record in s from the options; default 2 s."""
         return options.take_number("seconds", 2.0, 0.2, 3600.0)
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
-        """Compare the counters before and after a record."""
+        """Measure frame rate, scan time and errors of a board over a record, from counters before and after it."""
         seconds = self._take_seconds(options)
         options.refuse_unknown_keys()
         before, (errors_before, reads_before) = board.read_status(), board.readout.read_bus_errors()
@@ -35,6 +36,7 @@ class Frames:
         after, (errors_after, reads_after) = board.read_status(), board.readout.read_bus_errors()
 
         def increase(name: str, bits: int = 16) -> int:
+            """Increase of a status counter of the board during the record; the counter wraps after `bits` bits."""
             return int((after[name] - before[name]) % 2**bits)
 
         scan_s = after["scan_time_us"] * 1e-6

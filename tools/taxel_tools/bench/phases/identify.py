@@ -23,15 +23,17 @@ class Identify:
     limit_names = frozenset({"error_flags"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No requirements."""
+        """No reason against running the identification phase: it needs only the board."""
         return ""
 
     def check_options(self, options: Options) -> None:
-        """`firmware`: required version, such as "0.1.0"; empty: any version."""
+        """Check the option of the identification phase, `firmware`: required version, such as "0.1.0"; empty: any
+        version.
+        """
         options.take_text("firmware", "")
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
-        """Read the registers and report deviations."""
+        """Read identity and status of the board, and report deviations from the hand description and the plan."""
         required_version = options.take_text("firmware", "")
         options.refuse_unknown_keys()
         identity, status = board.identity, board.read_status()
@@ -73,5 +75,5 @@ class Identify:
 
 
 def _format_code(names: type[IntEnum], value: int) -> str:
-    """Name of a code; the number for an unknown code."""
+    """Name of a numeric code in a register; the number if the code is unknown."""
     return names(value).name.lower().replace("_", " ") if value in set(names) else str(value)

@@ -40,11 +40,11 @@ class EachTaxel:
     limit_names = frozenset({"response", "weakest", "snr", "lowest_snr", "crosstalk"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """A probe is required."""
+        """Reason why the taxels cannot be indented: no probe. Empty with a probe."""
         return "no probe; choose one with --probe" if isinstance(board.probe, NoProbe) else ""
 
     def check_options(self, options: Options) -> None:
-        """`force_n` and `diameter_mm` of the probe; `frames` per mean."""
+        """Check the options of this phase: `force_n` and `diameter_mm` of the probe; `frames` per mean."""
         self._take_options(options)
 
     def _take_options(self, options: Options) -> tuple[float, float, int]:
@@ -56,7 +56,7 @@ class EachTaxel:
         )
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
-        """Indent and release one taxel after the other."""
+        """Indent and release every taxel in turn, and report responses, crosstalk and faults."""
         force_n, diameter_m, frames = self._take_options(options)
         options.refuse_unknown_keys()
         noise = board.noise.white_by_taxel if board.noise else board.read_at_rest(1.0, log).raw_counts.std(axis=0)
@@ -93,7 +93,11 @@ class EachTaxel:
     def _write_results(
         self, board: BoardUnderTest, indentations: Indentations, sigma: FloatArray, log: PhaseLog
     ) -> None:
-        """Write measurements, faults and the picture of the response matrix to the log."""
+        """Write the results of the indentations to the log: measurements, faults and the picture of the response
+        matrix.
+
+        sigma: standard deviation of the noise of one frame, in counts.
+        """
         limit = log.get_limit("weakest")
         minimum = limit.minimum if limit is not None and limit.minimum is not None else WEAKEST_MIN
         faults = find_response_faults(indentations, minimum)
@@ -118,7 +122,7 @@ class EachTaxel:
         )
 
     def _find_board_faults(self, indentations: Indentations, explained: BoolArray, log: PhaseLog) -> list[Fault]:
-        """Faults of gain and crosstalk."""
+        """Faults of gain and crosstalk of the whole board. explained: bool[taxels], taxels with another fault."""
         faults: list[Fault] = []
         limit = log.get_limit("response")
         if limit is not None:
@@ -142,7 +146,11 @@ class EachTaxel:
 def _press_manually(
     board: BoardUnderTest, taxel: int, force_n: float, diameter_m: float, rest_counts: FloatArray
 ) -> None:
-    """Request an indentation until this taxel has the largest signal, at most `MANUAL_ATTEMPTS` times."""
+    """Request an indentation by hand until the requested taxel has the largest signal, at most `MANUAL_ATTEMPTS`
+    times.
+
+    rest_counts: raw counts of the untouched board.
+    """
     for _ in range(MANUAL_ATTEMPTS):
         board.probe.release()
         board.probe.press(taxel, force_n, diameter_m)
@@ -151,7 +159,11 @@ def _press_manually(
 
 
 def _wait_for_signal(board: BoardUnderTest, rest_counts: FloatArray, *, is_pressed: bool) -> FloatArray:
-    """Wait until a taxel is active (`is_pressed`) or none is, at most `MANUAL_S`; returns the signal, f64[taxels]."""
+    """Wait at most `MANUAL_S` until a taxel is active or, without `is_pressed`, none is. Returns the signals
+    f64[taxels].
+
+    rest_counts: raw counts of the untouched board.
+    """
     start_s = board.wire.now_s()
     while True:
         signal_counts = np.asarray(rest_counts - board.read_frames(2).mean)

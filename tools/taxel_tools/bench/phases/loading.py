@@ -23,11 +23,15 @@ class Loading:
     limit_names = frozenset({"hysteresis", "fall", "saturation", "spread"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """A probe is required."""
+        """Reason why taxels cannot be loaded: no probe. Empty with a probe."""
         return "no probe; choose one with --probe" if isinstance(board.probe, NoProbe) else ""
 
     def check_options(self, options: Options) -> None:
-        """`force_n`: largest force; `diameter_mm`; `steps` in each direction; `taxels`: number; `frames` per mean."""
+        """Check the options of the loading phase.
+
+        `force_n`: largest force; `diameter_mm`: tip; `steps`: in each direction; `taxels`: number; `frames`: per
+        mean.
+        """
         self._take_options(options)
 
     def _take_options(self, options: Options) -> tuple[float, float, int, int, int]:
@@ -43,7 +47,7 @@ class Loading:
         )
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
-        """Load and unload one taxel after the other."""
+        """Load and unload several taxels in steps, one after the other, and report the loading curve."""
         force_max_n, diameter_m, steps, count, frames = self._take_options(options)
         options.refuse_unknown_keys()
         # The signal rises fastest at small forces, so the steps are closer there.

@@ -18,18 +18,19 @@ class Noise:
     limit_names = frozenset(TITLES) | {"impulses"}
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No requirements."""
+        """No reason against running the noise phase: it needs only the board."""
         return ""
 
     def check_options(self, options: Options) -> None:
-        """`seconds`: duration of the record of the untouched board."""
+        """Check the option of the noise phase, `seconds`: duration of the record of the untouched board."""
         self._take_seconds(options)
 
     def _take_seconds(self, options: Options) -> float:
+        """Duration of the record in s from the options; default 12 s."""
         return options.take_number("seconds", 12.0, 2.0, 3600.0)
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
-        """Measure the components and report those beyond their limits."""
+        """Measure the components of the noise of an untouched board, and report those beyond their limits."""
         seconds = self._take_seconds(options)
         options.refuse_unknown_keys()
         capture = board.read_at_rest(seconds, log)
@@ -51,7 +52,7 @@ class Noise:
         self._attach_pictures(board, parts, capture.rate_hz, log)
 
     def _attach_pictures(self, board: BoardUnderTest, parts: NoiseParts, rate_hz: float, log: PhaseLog) -> None:
-        """Attach the spectrum and the map of the white noise."""
+        """Attach pictures of the noise spectrum and of the white noise of each taxel to the log."""
         board.attach_picture(
             log,
             "spectrum.png",

@@ -28,18 +28,19 @@ class Rest:
     limit_names = frozenset({"median", "lowest", "highest"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No requirements."""
+        """No reason against running this phase: it needs only the untouched board."""
         return ""
 
     def check_options(self, options: Options) -> None:
-        """`seconds`: duration of the record of the untouched board."""
+        """Check the option of this phase, `seconds`: duration of the record of the untouched board."""
         self._take_seconds(options)
 
     def _take_seconds(self, options: Options) -> float:
+        """Duration of the record in s from the options; default 2 s."""
         return options.take_number("seconds", 2.0, 0.2, 3600.0)
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
-        """Measure the level and find constant taxels and bits."""
+        """Measure the raw counts of the untouched board, and report constant taxels and constant bits."""
         seconds = self._take_seconds(options)
         options.refuse_unknown_keys()
         kind = board.kind

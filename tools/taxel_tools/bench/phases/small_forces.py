@@ -26,13 +26,13 @@ class SmallForces:
     limit_names = frozenset({"visible", "seen"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """A probe with a known force is required."""
+        """Reason why small forces cannot be applied: no probe with a known force. Empty with such a probe."""
         if isinstance(board.probe, NoProbe):
             return "no probe; choose one with --probe"
         return "" if board.probe.has_known_force else "an operator cannot set forces this small"
 
     def check_options(self, options: Options) -> None:
-        """`diameter_mm`; `taxels`: number; `frames` per mean."""
+        """Check the options of this phase: `diameter_mm` of the tip; `taxels`: number; `frames` per mean."""
         self._take_options(options)
 
     def _take_options(self, options: Options) -> tuple[float, int, int]:
@@ -44,7 +44,7 @@ class SmallForces:
         )
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
-        """Apply increasing forces to each taxel."""
+        """Apply increasing small forces to several taxels, and report the smallest force that noise does not hide."""
         diameter_m, count, frames = self._take_options(options)
         options.refuse_unknown_keys()
         forces = np.array(FORCES_N)

@@ -42,7 +42,7 @@ class SoakLog:
     _last_clock: tuple[float, int] | None = None
 
     def add_silence(self) -> None:
-        """Record that no frames arrived; successive silences count once."""
+        """Record an interruption of the frames; successive calls count once."""
         self.silences += not self._is_silent
         self._is_silent = True
 
@@ -55,7 +55,7 @@ class SoakLog:
         self._last_clock = time_s, clock_us
 
     def add_part(self, time_s: float, part: Capture) -> None:
-        """Record a part of the frames."""
+        """Record mean and noise of a part of the frames at the host time `time_s`."""
         self._is_silent = False
         self.missed_scans += part.missed_scans
         self.time_s.append(time_s)
@@ -72,18 +72,19 @@ class Soak:
     limit_names = frozenset({"silences", "restarts", "missed_scans", "walk", "noise_growth"})
 
     def unmet_requirement(self, board: BoardUnderTest) -> str:
-        """No requirements."""
+        """No reason against running the long record: it needs only the board."""
         return ""
 
     def check_options(self, options: Options) -> None:
-        """`minutes`: duration of the record."""
+        """Check the option of this phase, `minutes`: duration of the long record."""
         self._take_seconds(options)
 
     def _take_seconds(self, options: Options) -> float:
+        """Duration of the long record in s, from the option in minutes; default 10 minutes."""
         return options.take_number("minutes", 10.0, 0.1, 10000.0) * S_PER_MIN
 
     def run(self, board: BoardUnderTest, options: Options, log: PhaseLog) -> None:
-        """Record frames and report interruptions and restarts."""
+        """Record frames of a board for minutes and report interruptions and restarts."""
         seconds = self._take_seconds(options)
         options.refuse_unknown_keys()
         soak = self._record(board, seconds, log)

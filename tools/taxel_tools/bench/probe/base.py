@@ -68,16 +68,16 @@ class NoProbe:
     has_known_force = False
 
     def press(self, taxel: int, force_n: float, diameter_m: float) -> None:
-        """Raises `ProbeError`."""
+        """Raise `ProbeError`, as there is no probe."""
         raise ProbeError("no probe to indent the board; choose one with --probe")
 
     def release(self) -> None:
-        """Do nothing."""
+        """Do nothing, as there is no probe."""
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing, as there is no probe."""
 
 
 def open_no_probe(request: ProbeRequest) -> NoProbe:
-    """The probe `none`."""
+    """The probe named `none`, which cannot indent taxels."""
     return NoProbe()

@@ -43,7 +43,7 @@ class EmulatedProbe:
         self._taxel = -1
 
     def press(self, taxel: int, force_n: float, diameter_m: float) -> None:
-        """Apply the force."""
+        """Apply a force to a taxel of the emulated board with a tip of the given diameter."""
         if taxel != self._taxel:
             self.release()
             self._world.run(self._move_s)
@@ -54,7 +54,7 @@ class EmulatedProbe:
         self._world.set_stimulus(forces)
 
     def _compute_force_shares(self, taxel: int, diameter_m: float) -> FloatArray:
-        """Share of the tip over the area of each taxel; force beside the taxels has no effect."""
+        """Share of the tip's area over each taxel of the emulated board; force beside the taxels has no effect."""
         across = (np.arange(TIP_SAMPLES) + 0.5) / TIP_SAMPLES - 0.5
         along_tx, along_rx = np.meshgrid(across * diameter_m, across * diameter_m, indexing="ij")
         is_under_tip = np.hypot(along_tx, along_rx) <= diameter_m / 2.0
@@ -67,17 +67,17 @@ class EmulatedProbe:
         return np.asarray(shares[self._kind.crossings])
 
     def release(self) -> None:
-        """Remove the force."""
+        """Remove the force from the emulated board."""
         self._taxel = -1
         self._world.set_stimulus(np.zeros(self._world.taxels))
 
     def close(self) -> None:
-        """Remove the force."""
+        """Remove the force from the emulated board, as there is no device to close."""
         self.release()
 
 
 def open_emulated_probe(request: ProbeRequest) -> EmulatedProbe:
-    """The probe `emulated`. Raises `ProbeError` for a board that is not emulated."""
+    """The probe named `emulated`. Raises `ProbeError` for a board that is not emulated."""
     if request.emulated is None:
         raise ProbeError("--probe: 'emulated' requires an emulated board, found a physical one; choose another probe")
     first_taxel = request.emulated.hand.get_slice(request.address).start

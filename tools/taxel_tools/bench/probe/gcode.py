@@ -90,7 +90,7 @@ class GcodeProbe:
         self._move_clear()
 
     def press(self, taxel: int, force_n: float, diameter_m: float) -> None:
-        """Move to the taxel and apply the force. The operator changes the tip if necessary."""
+        """Move the gantry to the taxel and apply the force. The operator changes the tip if necessary."""
         gantry = self._gantry
         if not 0.0 <= force_n <= FORCE_MAX_N:
             raise ProbeError(f"{self._port_name}: expected a force from 0 to {FORCE_MAX_N:g} N, found {force_n:g}")
@@ -110,13 +110,13 @@ class GcodeProbe:
         self._send("G4 P0")
 
     def release(self) -> None:
-        """Lift the tip."""
+        """Lift the tip of the gantry from the board."""
         self._taxel = -1
         if self._is_down and not self._failure:
             self._move_clear()
 
     def close(self) -> None:
-        """Lift the tip and close the port."""
+        """Lift the tip of the gantry and close its serial port."""
         if self._port.is_open:
             with suppress(ProbeError):
                 self.release()
@@ -136,7 +136,9 @@ class GcodeProbe:
         self._is_down = False
 
     def _connect(self) -> None:
-        """Send G21 until the controller answers, then read the answers to all of these lines."""
+        """Repeat the G-code G21 (millimetres) until the controller of the gantry answers, then read all remaining
+        answers.
+        """
         self._port.timeout = CONNECT_TIMEOUT_S
         for _ in range(CONNECT_ATTEMPTS):
             try:
@@ -167,7 +169,11 @@ class GcodeProbe:
             self._fail(f"{error}; check the cable")
 
     def _read_answer(self, line: str) -> None:
-        """Read one line. A line that is neither an answer nor an alarm is ignored."""
+        """Read one line from the gantry and count an answer to a sent line. A line that is neither answer nor alarm
+        is ignored.
+
+        line: last line that was sent, for error messages.
+        """
         answer = self._port.readline().decode("ascii", errors="replace").strip()
         if answer.split(" ")[0] == "ok":
             self._unanswered_lines -= 1
@@ -178,7 +184,7 @@ class GcodeProbe:
             self._fail(f"answered '{answer}' to '{line}'; home the gantry and clear its path")
 
     def _fail(self, problem: str, error: type[ProbeError] = ProbeError) -> NoReturn:
-        """Request a lift of the tip, if possible, and refuse all further moves."""
+        """Request a lift of the tip of the gantry if possible, refuse all further moves, and raise `ProbeError`."""
         self._failure = f"{self._port_name}: {problem}"
         if self._is_down:
             with suppress(OSError, serial.SerialException):
@@ -208,7 +214,9 @@ def open_gcode_probe(request: ProbeRequest) -> GcodeProbe:
 
 
 def _parse_gantry(url: str, options: dict[str, str]) -> Gantry:
-    """The gantry that the options of the URL describe. Raises `ProbeError` with the URL and the option."""
+    """Position and properties of the gantry from the options in its URL. Raises `ProbeError` with the URL and the
+    option.
+    """
     is_required = {field.name: field.default is MISSING for field in fields(Gantry)}
     unknown = sorted(set(options) - set(is_required))
     if unknown:

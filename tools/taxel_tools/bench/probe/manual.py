@@ -36,15 +36,15 @@ class ManualProbe:
         self._is_pressed, self._last_request = True, (taxel, force_n)
 
     def release(self) -> None:
-        """Instruct the operator to release, after an indentation."""
+        """Instruct the operator to remove the probe, if a taxel is indented."""
         if self._is_pressed:
             self._is_pressed = False
             self._operator.prompt("release the probe")
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing, as a probe held by hand has no device."""
 
 
 def open_manual_probe(request: ProbeRequest) -> ManualProbe:
-    """The probe `operator`."""
+    """The probe named `operator`, which is held by hand."""
     return ManualProbe(request.kind, request.operator)

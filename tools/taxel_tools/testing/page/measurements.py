@@ -59,11 +59,12 @@ def render_measurements(title: str, measurements: Sequence[Measurement]) -> str:
 
 
 def _severity(limit: Limit | None, measurement: Measurement) -> float:
+    """Factor by which a measurement exceeds its limit; 0 without a limit."""
     return 0.0 if limit is None else limit.severity(measurement.value)
 
 
 def _build_axes(measurements: Sequence[Measurement]) -> dict[tuple[str, Limit], Axis]:
-    """One axis for all values of a name, so that rows are comparable."""
+    """One axis for all values with the same name and limit, so that the bars of the table rows are comparable."""
     keys = dict.fromkeys(
         (measurement.name, measurement.limit) for measurement in measurements if measurement.limit is not None
     )
@@ -82,7 +83,7 @@ def _build_axes(measurements: Sequence[Measurement]) -> dict[tuple[str, Limit], 
 
 
 def _table(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis], caption: str) -> str:
-    """HTML table with one row per measurement. axes: axis of the bar for each (unit, limit); empty: a table without
+    """HTML table with one row per measurement. axes: axis of the bar for each (name, limit); empty: a table without
     limits.
     """
     columns: tuple[Column, ...] = _COLUMNS_WITH_LIMITS if axes else _COLUMNS_WITHOUT_LIMITS
@@ -95,7 +96,7 @@ def _table(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Ax
 
 
 def _row(measurement: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple[str, ...]:
-    """HTML cells of one measurement."""
+    """HTML cells of the table row of one measurement. axes: axis of the bar for each (name of a measurement, limit)."""
     bar, verdict = "", ""
     if measurement.limit is not None:
         bar = render_value_bar(
@@ -115,7 +116,7 @@ def _row(measurement: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple
 def _summary(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis], caption: str) -> str:
     """HTML table with one row per measured quantity; measurements of several places are combined.
 
-    axes: axis of the bar for each (unit, limit).
+    axes: axis of the bar for each (name of a measurement, limit).
     """
     groups: dict[tuple[str, str, Limit | None], list[Measurement]] = {}
     for measurement in measurements:
@@ -127,7 +128,7 @@ def _summary(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], 
 def _render_summary_row(
     name: str, unit: str, limit: Limit | None, group: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis]
 ) -> tuple[str, ...]:
-    """HTML cells of all measurements with one name: count, failures, range and picture."""
+    """HTML cells of all measurements with one name: number of places, failures, range of values, and a bar."""
     failed = sum(measurement.outcome is Outcome.FAIL for measurement in group)
     values = [
         measurement.value
