@@ -48,7 +48,7 @@ def measure_rate(hand: Hand, sigma: float) -> float:
     return frames / len(hand.boards) / RUN_S
 
 
-def _figure(name: str, hand: Hand, tally: Tally, entropy: float) -> Figure:
+def _make_figure(name: str, hand: Hand, tally: Tally, entropy: float) -> Figure:
     """The row of the report that compares the coded bytes of compact frames with the entropy of their counts.
 
     tally: bytes sent by the emulated boards. entropy: bits per taxel.
@@ -66,7 +66,7 @@ def measure() -> list[Figure]:
     figures = []
     for sigma in SIGMAS:
         tally = measure_bytes(hand, sigma, SECONDS, has_contacts=False)
-        figures.append(_figure(f"noise {sigma:g} counts", hand, tally, compute_noise_entropy(sigma)))
+        figures.append(_make_figure(f"noise {sigma:g} counts", hand, tally, compute_noise_entropy(sigma)))
         start = time.perf_counter()
         hertz = measure_rate(hand, sigma)
         figures.append(
@@ -80,4 +80,4 @@ def measure() -> list[Figure]:
         )
     tally = measure_bytes(hand, REQUIRED_SIGMA, SECONDS, has_contacts=True)
     entropy = compute_recording_entropy(np.array(tally.counts, dtype=np.int64))
-    return [*figures, _figure(f"noise {REQUIRED_SIGMA:g} counts and contacts", hand, tally, entropy)]
+    return [*figures, _make_figure(f"noise {REQUIRED_SIGMA:g} counts and contacts", hand, tally, entropy)]

@@ -25,7 +25,7 @@ ANSWER_TIMEOUT_S = 5.0  # a busy machine must not count as a hand that does not 
 _CHANNEL = "bench_control_loop"
 
 
-def _control(hand: AllegroHand, seconds: float) -> dict[str, float]:
+def _run_controller(hand: AllegroHand, seconds: float) -> dict[str, float]:
     """Run the joint controller for `seconds` and return statistics of its periods."""
     loop = ControlLoop(PERIOD_S)
     while not np.isfinite(hand.read_joint_angles().angles).all():
@@ -33,7 +33,7 @@ def _control(hand: AllegroHand, seconds: float) -> dict[str, float]:
     start_angles = last = hand.read_joint_angles().angles
     complete = 0
 
-    def tick(period: int) -> None:
+    def run_period(period: int) -> None:
         """One period of the control loop: read the joint angles of the hand, and set torques that follow a swaying
         target pose.
         """
@@ -45,7 +45,7 @@ def _control(hand: AllegroHand, seconds: float) -> dict[str, float]:
         hand.set_torque(STIFFNESS * (target - reading.angles) - DAMPING * (reading.angles - last) / PERIOD_S)
         last = reading.angles
 
-    statistics = loop.run(tick, round(seconds / PERIOD_S))
+    statistics = loop.run(run_period, round(seconds / PERIOD_S))
     return {
         "periods": statistics.periods + statistics.missed,
         "missed": statistics.missed,
@@ -83,7 +83,7 @@ def _run_loop(seconds: float) -> dict[str, float]:
     thread.start()
     try:
         with AllegroHand(host_end, reply_timeout_s=ANSWER_TIMEOUT_S, silence_limit_s=ANSWER_TIMEOUT_S) as hand:
-            return _control(hand, seconds)
+            return _run_controller(hand, seconds)
     finally:
         stop.set()
         thread.join()

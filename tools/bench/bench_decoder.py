@@ -21,7 +21,7 @@ CHUNK = 4096
 CONSTRUCT_FRAMES = 200
 
 
-def _stream(path: Path) -> bytes:
+def _read_stream(path: Path) -> bytes:
     """All bytes of a capture file, in the order in which the host received them."""
     data = bytearray()
     with CaptureLink(path) as link:
@@ -60,36 +60,36 @@ def measure() -> list[Figure]:
 
 def _compare_decoders(capture: Path) -> list[Figure]:
     """Compare the speed of all decoders on one capture file of the emulated hand. Returns the rows of the report."""
-    data, file = _stream(capture), np.fromfile(capture, dtype=np.uint8)
+    data, file = _read_stream(capture), np.fromfile(capture, dtype=np.uint8)
     bodies = [whiten(cobs_decode(chunk)) for chunk in data.split(b"\0")[:-1] if chunk]  # the last frame is truncated
     bodies = [body for body in bodies if body[0] == FrameType.TAXELS]
     sample = bodies[:CONSTRUCT_FRAMES]
     target = np.empty_like(file)
 
-    def construct() -> None:
+    def parse_with_construct() -> None:
         """Parse the bodies of sample frames with the library construct."""
         # Uses unstuffed, unwhitened bodies, so that only construct's own work is measured.
         for body in sample:
             Body.parse(body)
 
-    def memory() -> None:
+    def copy_and_checksum() -> None:
         """Copy the capture in memory and compute its CRC-32, a lower bound for the work of a decoder."""
         np.copyto(target, file)
         zlib.crc32(target.data)
 
-    def capture_as_batches() -> None:
+    def decode_capture_batches() -> None:
         """Decode the capture file in batches, without use of the results."""
         for _ in decode_capture(capture):
             pass
 
     share = len(bodies) / len(sample)
     batches, frames = (
-        compare(lambda: _decode_batches(data), construct),
-        compare(lambda: _decode_frames(data), construct),
+        compare(lambda: _decode_batches(data), parse_with_construct),
+        compare(lambda: _decode_frames(data), parse_with_construct),
     )
     capture_decode, against_memory = (
-        compare(capture_as_batches, construct),
-        compare(capture_as_batches, memory, repeats=41),
+        compare(decode_capture_batches, parse_with_construct),
+        compare(decode_capture_batches, copy_and_checksum, repeats=41),
     )
     rate = f"construct {len(sample) / batches.reference_s:,.0f} frames/s, {len(data) / len(bodies):.0f} bytes per frame"
     return [

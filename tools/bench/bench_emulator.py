@@ -73,7 +73,7 @@ def _write_contacts(path: Path) -> None:
     write_stimulus(path, times, np.outer(5.0 + 4.0 * np.sin(times), share))
 
 
-def _speed(folder: Path, world: str, threads: int) -> tuple[float, dict[str, Any]]:
+def _measure_speed(folder: Path, world: str, threads: int) -> tuple[float, dict[str, Any]]:
     """Run the emulator program on a world file. Returns virtual seconds per second of real time, and its statistics."""
     speeds = []
     for _ in range(REPEATS):
@@ -95,8 +95,8 @@ def measure() -> list[Figure]:
         folder = Path(name)
         _write_contacts(folder / "contacts.stm")
         for condition, (target, world) in worlds.items():
-            single_speed, _ = _speed(folder, world, 1)
-            speed, run = _speed(folder, world, threads)
+            single_speed, _ = _measure_speed(folder, world, 1)
+            speed, run = _measure_speed(folder, world, threads)
             detail = (
                 f"{threads} threads ({single_speed:.0f} x with one thread); "
                 f"{1e6 / run['cycle_time_us']:.2f} scans/s, bus {100 * run['bus_busy']:.1f} % busy"

@@ -70,7 +70,7 @@ open(out, "w").write(json.dumps(result))
 
 
 @contextlib.contextmanager
-def emulated_port(settings: WorldSettings) -> Iterator[str]:
+def open_emulated_port(settings: WorldSettings) -> Iterator[str]:
     """Context with an emulated hand in real time. Yields the URL of its pseudo-terminal."""
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world = Path(folder) / "world.txt"
@@ -122,7 +122,7 @@ def measure_rows(buses: Sequence[str], kinds: Sequence[str], seconds: float) -> 
     for bus in buses:
         settings = BUSES[bus]
         for kind in kinds:
-            with emulated_port(settings) as device:
+            with open_emulated_port(settings) as device:
                 reading = run_monitor(f"serial://{device}?baud={settings.baud:.0f}", kind, seconds)
             keys = ("scans_hz", "frames_hz", "cpu_share", "lost_on_wire", "missing", "damaged", "hub_dropped")
             rows.append({"bus": bus, "view": kind, **{key: reading[key] for key in keys}, "age_s": reading["age_s"]})

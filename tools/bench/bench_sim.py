@@ -39,7 +39,7 @@ def _measure_grasp_s(setup: Setup) -> float:
     return statistics.mean(medians)
 
 
-def _load_ratio(setup: Setup) -> tuple[float, float]:
+def _compare_contact_models(setup: Setup) -> tuple[float, float]:
     """Compare the contact model in C with the one in NumPy for a hand that closes and holds an object.
 
     Returns the time of NumPy divided by the time of C, and the time of C per step in seconds.
@@ -51,13 +51,13 @@ def _load_ratio(setup: Setup) -> tuple[float, float]:
     simulation = SimulationSettings(rate_hz=1.0 / SOFT_STEP_S, law=law)
     motion = simulate_grasp(scene, setup.approach(planned), line, simulation)
 
-    def loads(contact: LayerContact) -> None:
+    def compute_loads(contact: LayerContact) -> None:
         """Compute the forces on the taxels for every frame of the motion with a contact model."""
         for poses, pose in zip(motion.sensor_poses, motion.object_pose, strict=True):
             contact.compute_load(poses, pose)
 
-    numpy = measure_median_seconds(lambda: loads(SoftContact(setup.hand, item.shape, law)))
-    native = measure_median_seconds(lambda: loads(NativeContact(setup.hand, item.shape, law)))
+    numpy = measure_median_seconds(lambda: compute_loads(SoftContact(setup.hand, item.shape, law)))
+    native = measure_median_seconds(lambda: compute_loads(NativeContact(setup.hand, item.shape, law)))
     return numpy / native, native / len(motion.time_s)
 
 
@@ -67,7 +67,7 @@ def measure() -> list[Figure]:
     """
     setup = Setup()
     grasp = _measure_grasp_s(setup)
-    ratio, load = _load_ratio(setup)
+    ratio, load = _compare_contact_models(setup)
     taxels = f"{setup.hand.n_taxels} taxels"
     return [
         Figure("simulated grasp", GRASP_S / grasp, 1.0, f"{GRASP_S:g} s of one core", f"{grasp:.2f} s, {taxels}"),

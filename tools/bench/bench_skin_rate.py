@@ -101,7 +101,7 @@ def measure_rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
     )
 
 
-def _figure(scl_hz: float, baud: float, name: str) -> Figure:
+def _make_figure(scl_hz: float, baud: float, name: str) -> Figure:
     """The row of the report for one bus clock (Hz), UART rate (baud) and name of the scan settings."""
     scan, rates = SCANS[name], measure_rates(scl_hz, baud, SCANS[name])
     has_enough_signal = rates.threshold >= SIGMAS * rates.sigma
@@ -125,4 +125,4 @@ def _figure(scl_hz: float, baud: float, name: str) -> Figure:
 
 def measure() -> list[Figure]:
     """Benchmark of the skin rate with uncompressed frames: measured rate divided by the rate of the slowest part."""
-    return [_figure(*case) for case in CASES]
+    return [_make_figure(*case) for case in CASES]

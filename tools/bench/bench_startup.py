@@ -13,7 +13,7 @@ HELP_LIMIT_S, IMPORT_LIMIT_S = 0.4, 0.1
 """Limits of the requirements of release 0.2.0, in seconds of processor time."""
 
 
-def _child_seconds(command: list[str]) -> float:
+def _measure_child_seconds(command: list[str]) -> float:
     """Run a command. Returns its user and system time in seconds."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
@@ -21,19 +21,19 @@ def _child_seconds(command: list[str]) -> float:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def _median_seconds(command: list[str]) -> float:
+def _measure_median_seconds(command: list[str]) -> float:
     """Median duration in s of `REPEATS` runs of a command, after a first run that is not counted."""
-    _child_seconds(command)  # fills the file cache and writes the compiled modules
-    return statistics.median(_child_seconds(command) for _ in range(REPEATS))
+    _measure_child_seconds(command)  # fills the file cache and writes the compiled modules
+    return statistics.median(_measure_child_seconds(command) for _ in range(REPEATS))
 
 
 def measure() -> list[Figure]:
     """Benchmark of the start of `taxel --help` and of `import taxel`, the latter without the start of the
     interpreter.
     """
-    empty = _median_seconds([sys.executable, "-c", ""])
-    imported = max(_median_seconds([sys.executable, "-c", "import taxel"]) - empty, 1e-4)
-    helped = _median_seconds([str(Path(sys.executable).with_name("taxel")), "--help"])
+    empty = _measure_median_seconds([sys.executable, "-c", ""])
+    imported = max(_measure_median_seconds([sys.executable, "-c", "import taxel"]) - empty, 1e-4)
+    helped = _measure_median_seconds([str(Path(sys.executable).with_name("taxel")), "--help"])
     return [
         Figure(
             "start: taxel --help",

@@ -10,7 +10,7 @@ from figures import Figure
 TEMPLATE = Path(__file__).parent / "benchmarks.template.md"
 
 
-def _commit() -> str:
+def _describe_commit() -> str:
     """Short id of the measured Git commit, with a note if files differed from the commit."""
     head = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True, check=True)
     changed = subprocess.run(
@@ -22,7 +22,7 @@ def _commit() -> str:
     return head.stdout.strip() + (" with uncommitted changes" if changed.stdout.strip() else "")
 
 
-def _number(value: float | None) -> str:
+def _format_number(value: float | None) -> str:
     """Format a number with two decimals below 10 and without decimals above; empty text for None."""
     if value is None:
         return ""
@@ -33,8 +33,8 @@ def format_page(figures: list[Figure]) -> str:
     """Markdown text of docs/benchmarks.md: machine, one row per measured ratio, and the method of each."""
     machine = f"{os.cpu_count()} cores ({platform.machine()}), Python {platform.python_version()}"
     rows = [
-        f"| {f.name} | {_number(f.ratio)} | {'' if f.target is None else f'{f.target:g}'} | "
+        f"| {f.name} | {_format_number(f.ratio)} | {'' if f.target is None else f'{f.target:g}'} | "
         f"{'' if f.target is None else 'yes' if f.is_met else 'no'} | {f.reference} | {f.detail} |"
         for f in figures
     ]
-    return TEMPLATE.read_text().format(commit=_commit(), machine=machine, rows="\n".join(rows))
+    return TEMPLATE.read_text().format(commit=_describe_commit(), machine=machine, rows="\n".join(rows))

@@ -17,7 +17,7 @@ INK: Final = "#1b1d22"
 COLOURS: Final = ("#1f5fa8", "#b3313e", "#3d8f5f", "#c9a227", "#7a4fa3", "#d9772b")
 
 
-def _counts(results: Sequence[Result]) -> tuple[int, int, int]:
+def _count_results(results: Sequence[Result]) -> tuple[int, int, int]:
     return len(results), sum(result.caught for result in results), sum(result.named for result in results)
 
 
@@ -35,7 +35,7 @@ def _format_rows(results: Sequence[Result]) -> list[tuple[str, int, int, int, in
     for family in FAMILIES:
         family_results = [result for result in _select_faults(results) if result.case.family == family.name]
         without_others = sum(not result.others for result in family_results)
-        rows.append((family.name, *_counts(family_results), without_others))
+        rows.append((family.name, *_count_results(family_results), without_others))
     return rows
 
 
@@ -44,7 +44,7 @@ def _format_totals(results: Sequence[Result]) -> list[str]:
     tests.
     """
     faults = _select_faults(results)
-    count, caught, named = _counts(faults)
+    count, caught, named = _count_results(faults)
     healthy = [result for result in results if result.case.family == "healthy"]
     alarms = [result for result in healthy if result.caught]
     without_others = sum(not result.others for result in faults)

@@ -193,7 +193,7 @@ def compute_excess_percent(value: float, reference: float) -> float:
     return 100.0 * (value / reference - 1.0) if reference > 0.0 else 0.0
 
 
-def time_sweep(tool: CloudCompare, cloud: ContactCloud, mesh: TriangleMesh, name: str) -> Speed:
+def measure_sweep_time(tool: CloudCompare, cloud: ContactCloud, mesh: TriangleMesh, name: str) -> Speed:
     """Measure how long taxel.cloud and CloudCompare take for Tables I-1 to I-6 of one object, starting from files."""
     write_mesh(mesh, tool.folder / "mesh.ply", overwrite=True)
     path = tool.folder / "sweep.ply"
@@ -259,7 +259,9 @@ def main() -> int:
             definitions = compare_filter_definitions(tool)
             first = next(iter(real.objects))
             item = real.objects[first]
-            speed = time_sweep(tool, accumulate(real, first), TriangleMesh(first, item.vertices, item.faces), first)
+            speed = measure_sweep_time(
+                tool, accumulate(real, first), TriangleMesh(first, item.vertices, item.faces), first
+            )
             print(file=sys.stderr)
     except (TaxelError, RuntimeError, OSError) as error:
         print(f"compare_cloudcompare: {error}", file=sys.stderr)

@@ -69,16 +69,22 @@ def measure_candidate(candidate: Candidate, data: Path) -> dict[str, Any]:
     rows = range(sum(name.startswith("points") for name in arrays))
     if align is not None:
         for what in ("samples", "sim"):
-            runs = [_time(partial(align, arrays[f"points{r}"], arrays[f"{what}{r}"])) for r in rows]
+            runs = [_measure_time(partial(align, arrays[f"points{r}"], arrays[f"{what}{r}"])) for r in rows]
             result[what] = {"ms": _compute_mean_ms(runs), "transforms": [transform.tolist() for _, transform in runs]}
     clouds = [arrays[f"points{r}"] for r in rows]
     if align_to_surface is not None:
-        runs = [_time(partial(align_to_surface, clouds[r], arrays[f"vertices{r}"], arrays[f"faces{r}"])) for r in rows]
+        runs = [
+            _measure_time(partial(align_to_surface, clouds[r], arrays[f"vertices{r}"], arrays[f"faces{r}"]))
+            for r in rows
+        ]
         result["surface"] = {"ms": _compute_mean_ms(runs), "transforms": [transform.tolist() for _, transform in runs]}
     if measure is not None:
-        to_mesh = [_time(partial(measure, clouds[r], arrays[f"vertices{r}"], arrays[f"faces{r}"])) for r in rows]
+        to_mesh = [
+            _measure_time(partial(measure, clouds[r], arrays[f"vertices{r}"], arrays[f"faces{r}"])) for r in rows
+        ]
         to_sphere = [
-            _time(partial(measure, cloud, arrays["sphere_vertices"], arrays["sphere_faces"]), 2) for cloud in clouds
+            _measure_time(partial(measure, cloud, arrays["sphere_vertices"], arrays["sphere_faces"]), 2)
+            for cloud in clouds
         ]
         distances = [distance.tolist() for _, distance in to_mesh]
         result["mesh"] = {
@@ -90,7 +96,7 @@ def measure_candidate(candidate: Candidate, data: Path) -> dict[str, Any]:
     return result
 
 
-def _time(run: Callable[[], FloatArray], repeats: int = REPEATS) -> tuple[float, FloatArray]:
+def _measure_time(run: Callable[[], FloatArray], repeats: int = REPEATS) -> tuple[float, FloatArray]:
     """Run a function `repeats` times after one run to warm up. Returns the median processor time of all threads in
     s, and the result.
     """
@@ -138,11 +144,11 @@ def _read_peak_mb() -> float:
 
 def measure_size_mb(package: str) -> tuple[float, float]:
     """Installed size of a distribution, alone and with the dependencies that taxel does not require otherwise, MB."""
-    added = _dependencies(package).difference(*map(_dependencies, REQUIRED))
+    added = _list_dependencies(package).difference(*map(_list_dependencies, REQUIRED))
     return _measure_own_size(package), sum(_measure_own_size(name) for name in added)
 
 
-def _dependencies(package: str) -> set[str]:
+def _list_dependencies(package: str) -> set[str]:
     """Names of a distribution and of all its installed dependencies."""
     names: set[str] = set()
     pending = [package]

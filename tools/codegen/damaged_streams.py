@@ -53,7 +53,7 @@ def build_raw_frame(frame_type: int, payload: bytes, length: int | None = None) 
     return encode_body(body + crc32(body).to_bytes(4, "little"))
 
 
-def _flip(data: bytes, position: int, mask: int = 0x01) -> bytes:
+def _flip_bits(data: bytes, position: int, mask: int = 0x01) -> bytes:
     """Invert the bits `mask` of one byte in a byte string."""
     return data[:position] + bytes([data[position] ^ mask]) + data[position + 1 :]
 
@@ -79,11 +79,11 @@ class Streams:
         vector = {"name": name, "directions": directions, "sent": [frame.content for frame in sent]}
         self.vectors.append(vector | {"stream": stream.hex(), "expected": expected})
 
-    def garbage(self, size: int) -> bytes:
+    def make_garbage(self, size: int) -> bytes:
         """Random bytes without a zero, which do not contain the delimiter of frames."""
         return bytes(self.rng.randrange(1, 256) for _ in range(size))
 
-    def delimiters(self) -> None:
+    def add_delimiter_streams(self) -> None:
         """Add streams with lost delimiters, and with bytes between two frames."""
         a, b, c = self.a, self.b, self.c
         abc = [a, b, c]
@@ -96,17 +96,17 @@ class Streams:
         self.add("three_frames_glued", abc, b"\0" + a.stuffed + b.stuffed + c.stuffed + b"\0", every)
         self.add("no_delimiter_at_all", abc, a.stuffed + b.stuffed + c.stuffed, every)
         self.add("many_delimiters", abc, bytes(9).join([a.wire, b.wire, c.wire]), every)
-        self.add("garbage_before", abc, self.garbage(40) + a.wire + b.wire + c.wire, every)
-        self.add("garbage_glued_before", abc, self.garbage(40) + a.stuffed + b.wire + c.wire, every)
-        self.add("garbage_glued_between", abc, a.wire[:-1] + self.garbage(17) + b.stuffed + c.wire, every)
+        self.add("garbage_before", abc, self.make_garbage(40) + a.wire + b.wire + c.wire, every)
+        self.add("garbage_glued_before", abc, self.make_garbage(40) + a.stuffed + b.wire + c.wire, every)
+        self.add("garbage_glued_between", abc, a.wire[:-1] + self.make_garbage(17) + b.stuffed + c.wire, every)
         self.add(
             "garbage_with_zeros",
             abc,
             self.rng.randbytes(600) + a.wire + b.wire + self.rng.randbytes(99) + c.wire,
             every,
         )
-        self.add("long_garbage_glued_before", abc, self.garbage(5000) + a.stuffed + b.wire + c.wire, every)
-        self.add("long_garbage_then_delimiter", abc, self.garbage(3000) + a.wire + b.wire + c.wire, every)
+        self.add("long_garbage_glued_before", abc, self.make_garbage(5000) + a.stuffed + b.wire + c.wire, every)
+        self.add("long_garbage_then_delimiter", abc, self.make_garbage(3000) + a.wire + b.wire + c.wire, every)
         for name in ("run_254_at_end", "run_253_at_end", "body_507_without_zero"):
             edge = self.frames[name]
             self.add(f"{name}_glued", [edge, b, edge], edge.stuffed + b.stuffed + edge.stuffed, every)
@@ -115,7 +115,7 @@ class Streams:
         longest = self.frames["taxels_longest_arbitrary"]
         self.add("8_longest_frames_glued", [longest] * 8, longest.stuffed * 8, list(range(8)))
 
-    def damage(self) -> None:
+    def add_damaged_frames(self) -> None:
         """Add streams with a damaged frame, whose bytes are changed, lost or added: only its neighbours must be
         decoded.
         """
@@ -123,10 +123,10 @@ class Streams:
         abc = [a, b, c]
         middle = len(a.wire) // 2
         cases = {
-            "bit_flipped": _flip(a.wire, middle),
-            "first_code_byte_flipped": _flip(a.wire, 1),
-            "crc_flipped": _flip(a.wire, len(a.wire) - 2),
-            "type_flipped": _flip(a.wire, 2, 0x80),
+            "bit_flipped": _flip_bits(a.wire, middle),
+            "first_code_byte_flipped": _flip_bits(a.wire, 1),
+            "crc_flipped": _flip_bits(a.wire, len(a.wire) - 2),
+            "type_flipped": _flip_bits(a.wire, 2, 0x80),
             "byte_became_zero": a.wire[:middle] + b"\0" + a.wire[middle + 1 :],
             "byte_lost": a.wire[:middle] + a.wire[middle + 1 :],
             "byte_added": a.wire[:middle] + b"\x55" + a.wire[middle:],
@@ -143,7 +143,7 @@ class Streams:
         reaching = b"\0" + b"\xff" + a.stuffed[1:] + b.stuffed + c.stuffed + b"\0"
         self.add("code_byte_reaches_over_the_next_frame", abc, reaching, [1, 2])
 
-    def quotations(self) -> None:
+    def add_quotations(self) -> None:
         """Add streams with a frame in the payload of another frame, which must never be decoded, even if the outer
         one is damaged.
         """
@@ -152,16 +152,16 @@ class Streams:
             host = self.frames[name]
             quotation = len(host.wire) - len(bytes.fromhex(host.vector["tail"])) - 5
             cases = {
-                "crc_flipped": _flip(host.wire, len(host.wire) - 2),
+                "crc_flipped": _flip_bits(host.wire, len(host.wire) - 2),
                 "head_lost": host.wire[quotation:],
                 "head_and_a_byte_lost": host.wire[quotation + 1 :],
-                "code_flipped": _flip(host.wire, 1),
+                "code_flipped": _flip_bits(host.wire, 1),
             }
             self.add(name, [host, quoted], host.wire + quoted.wire, [0, 1])
             for case, damaged in cases.items():
                 self.add(f"{name}_{case}", [host, quoted], damaged + quoted.wire, [1])
 
-    def rejections(self) -> None:
+    def add_rejections(self) -> None:
         """Add streams with frames of a valid CRC that this protocol version does not allow."""
         b, c = self.b, self.c
         time_sync = bytes.fromhex(b.content["payload"])
@@ -186,7 +186,7 @@ class Streams:
         for name, rejected in cases.items():
             self.add(name, [b, c], b.wire + rejected + c.wire, [0, 1], BOTH_WAYS)
 
-    def directions(self) -> None:
+    def add_directions(self) -> None:
         """Add streams with frames of both directions, of which a decoder must accept only its own."""
         b, handshake = self.b, self.frames["host_handshake_arbitrary"]
         stream = b.wire + handshake.wire + b.wire
@@ -199,11 +199,11 @@ def format_text() -> str:
     """Text of the file of test vectors of damaged streams."""
     frames = json.loads((VECTORS / "frames.json").read_text())["frames"]
     streams = Streams({vector["name"]: Sent(vector) for vector in frames})
-    streams.delimiters()
-    streams.damage()
-    streams.quotations()
-    streams.rejections()
-    streams.directions()
+    streams.add_delimiter_streams()
+    streams.add_damaged_frames()
+    streams.add_quotations()
+    streams.add_rejections()
+    streams.add_directions()
     about = "damaged streams and the frames that they yield"
     head = json.dumps({"about": about, "protocol_version": PROTOCOL_VERSION, "made_by": Path(__file__).name})
     lines = ",\n".join(json.dumps(vector) for vector in streams.vectors)

@@ -12,7 +12,7 @@ from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN
 SEED = 20
 
 
-def nest(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def nest_values(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested field values that construct needs to build a message, from values by flat field name.
 
     prefix: start of the flat names of this part of the message.
@@ -21,7 +21,7 @@ def nest(definition: Struct, flat: Mapping[str, Any], prefix: str = "") -> dict[
     for renamed in definition.subcons:
         name = prefix + renamed.name
         if isinstance(renamed.subcon, Struct):
-            nested[renamed.name] = nest(renamed.subcon, flat, name + "_")
+            nested[renamed.name] = nest_values(renamed.subcon, flat, name + "_")
         elif not isinstance(renamed.subcon, Const):
             nested[renamed.name] = flat[name]
     return nested

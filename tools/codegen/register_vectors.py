@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from construct import Struct
-from field_values import SEED, compute_board_crc, fill_fields, nest, to_json_values
+from field_values import SEED, compute_board_crc, fill_fields, nest_values, to_json_values
 
 from taxel_protocol import limits, registers
 from taxel_protocol.framing import crc32
@@ -27,14 +27,14 @@ REGISTERS: dict[str, Struct] = {
 def build_register_vector(name: str, struct: str, start: int, values: Mapping[str, Any]) -> dict[str, Any]:
     """Test vector of a block of registers of a board. start: first register; values: by field name."""
     definition = REGISTERS[struct]
-    data = definition.build(nest(definition, values))
+    data = definition.build(nest_values(definition, values))
     shown = to_json_values(list_fields(definition), values)
     return {"name": name, "struct": struct, "register": start, "fields": shown, "bytes": data.hex()}
 
 
 def _build_identity(name: str, values: dict[str, Any]) -> dict[str, Any]:
     """Build a test vector of the identity register of a board from its field values; the CRC is computed."""
-    without_crc = registers.Identity.build(nest(registers.Identity, values | {"crc32": 0}))[:-4]
+    without_crc = registers.Identity.build(nest_values(registers.Identity, values | {"crc32": 0}))[:-4]
     return build_register_vector(name, "identity", limits.REGISTER_IDENTITY, values | {"crc32": crc32(without_crc)})
 
 
@@ -46,7 +46,7 @@ def _build_settings(name: str, address: int, numbers: Sequence[int]) -> dict[str
     """
     fields = [field.name for field in list_fields(registers.SettingsRegister)][:-1]
     values = dict(zip(fields, numbers, strict=True))
-    without_crc = registers.SettingsRegister.build(nest(registers.SettingsRegister, values | {"crc32": 0}))[:-4]
+    without_crc = registers.SettingsRegister.build(nest_values(registers.SettingsRegister, values | {"crc32": 0}))[:-4]
     values["crc32"] = compute_board_crc(address, without_crc)
     vector = build_register_vector(name, "settings_register", limits.REGISTER_SETTINGS, values)
     return vector | {"address": address}
@@ -57,7 +57,7 @@ def _build_snapshot(name: str, address: int, header: tuple[int, int], counts: Se
     flat: dict[str, Any] = {"header_sequence": header[0], "header_timestamp_us": header[1]}
     flat |= {"raw_counts": list(counts), "crc32": 0}
     definition = registers.snapshot(len(counts))
-    flat["crc32"] = compute_board_crc(address, definition.build(nest(definition, flat))[:-4])
+    flat["crc32"] = compute_board_crc(address, definition.build(nest_values(definition, flat))[:-4])
     return {
         "name": name,
         "struct": "snapshot_header",
@@ -66,7 +66,7 @@ def _build_snapshot(name: str, address: int, header: tuple[int, int], counts: Se
         "fields": {"sequence": header[0], "timestamp_us": header[1]},
         "counts": list(counts),
         "crc32": flat["crc32"],
-        "bytes": definition.build(nest(definition, flat)).hex(),
+        "bytes": definition.build(nest_values(definition, flat)).hex(),
     }
 
 

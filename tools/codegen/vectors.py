@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from construct import Struct
-from field_values import SEED, compute_board_crc, fill_fields, find_tail_name, nest, to_json_values
+from field_values import SEED, compute_board_crc, fill_fields, find_tail_name, nest_values, to_json_values
 from register_vectors import build_register_vectors
 
 from taxel_protocol import frames, limits, registers
@@ -57,7 +57,7 @@ class Sample:
         return bytes.fromhex(self.vector["wire"])
 
 
-def sample(
+def build_sample(
     name: str,
     frame_type: FrameType,
     sequence: int,
@@ -82,17 +82,17 @@ def sample(
     vector["tail"] = tail.hex()
     if inner:
         vector["inner"] = inner
-    return Sample(vector | _encode(frame_type, sequence, nest(definition, flat)))
+    return Sample(vector | _encode_frame(frame_type, sequence, nest_values(definition, flat)))
 
 
-def _encode(frame_type: FrameType, sequence: int, payload: Mapping[str, Any]) -> dict[str, str]:
+def _encode_frame(frame_type: FrameType, sequence: int, payload: Mapping[str, Any]) -> dict[str, str]:
     """Hexadecimal texts of a frame: its payload, its body with header and CRC, and its encoded bytes on the wire."""
     content = {"type": int(frame_type), "sequence": sequence, "payload": payload}
     body = Body.build({"content": {"value": content}})
     return {"payload": body[5:-4].hex(), "body": body.hex(), "wire": WireFrame.build(content).hex()}
 
 
-def taxels(
+def build_taxel_frame(
     name: str,
     sequence: int,
     counts: Sequence[int],
@@ -117,7 +117,7 @@ def taxels(
         "snapshot_crc32": 0,
     }
     definition = registers.snapshot(len(counts))
-    without_crc = definition.build(nest(definition, flat, "snapshot_"))[:-4]
+    without_crc = definition.build(nest_values(definition, flat, "snapshot_"))[:-4]
     flat["snapshot_crc32"] = compute_board_crc(address, without_crc) ^ crc_error
     payload = FRAMES[FrameType.TAXELS].payload
     fields = to_json_values(list_fields(payload), flat) | {"snapshot_crc32": flat["snapshot_crc32"]}
@@ -129,7 +129,7 @@ def taxels(
         "fields": fields,
     }
     vector |= {"counts": list(counts), "board_crc_ok": not crc_error, "tail": ""}
-    return Sample(vector | _encode(FrameType.TAXELS, sequence, nest(payload, flat)))
+    return Sample(vector | _encode_frame(FrameType.TAXELS, sequence, nest_values(payload, flat)))
 
 
 VERSION_1 = tuple(kind for kind in FRAMES if kind not in (FrameType.COMPACT_TAXELS, FrameType.ACKNOWLEDGE))
@@ -158,13 +158,13 @@ def build_every_type(rng: random.Random, types: Sequence[FrameType]) -> list[Sam
             name = f"{frame_type.name.lower()}_{filling}"
             values = fill_fields(fields, value, spec.has_address)
             tail = bytes(value(Field("", "B", 0, 1)) for _ in range(longest))
-            samples.append(sample(name, frame_type, sequence, values, tail[:shortest]))
+            samples.append(build_sample(name, frame_type, sequence, values, tail[:shortest]))
             if longest > shortest:
-                samples.append(sample(f"{name}_longest", frame_type, sequence, values, tail))
+                samples.append(build_sample(f"{name}_longest", frame_type, sequence, values, tail))
     return samples
 
 
-def _inner(name: str, values: Mapping[str, Any], tail: bytes = b"") -> tuple[bytes, dict[str, Any]]:
+def _build_inner_struct(name: str, values: Mapping[str, Any], tail: bytes = b"") -> tuple[bytes, dict[str, Any]]:
     """Build a struct that is the tail of a command or a reply. Returns its bytes, and its fields as an entry of the
     file.
     """
@@ -172,7 +172,7 @@ def _inner(name: str, values: Mapping[str, Any], tail: bytes = b"") -> tuple[byt
     flat = dict(values)
     if find_tail_name(definition):
         flat[str(find_tail_name(definition))] = tail
-    data = definition.build(nest(definition, flat))
+    data = definition.build(nest_values(definition, flat))
     return data, {"struct": name, "fields": to_json_values(list_fields(definition), flat), "tail": tail.hex()}
 
 
@@ -182,23 +182,25 @@ def build_every_command() -> list[Sample]:
     settings |= {"idac_code": 96, "settle_cycles": 240}
     on_all_boards = {"address": 0} | {f"settings_{name}": value for name, value in settings.items()}
     arguments: dict[Command, tuple[bytes, dict[str, Any] | None]] = dict.fromkeys(Command, (b"", None))
-    arguments[Command.SET_RATE] = _inner("set_rate_arguments", {"period_us": 52_632})
-    arguments[Command.ENTER_BOOTLOADER] = _inner("enter_bootloader_arguments", {"key": BOOTLOADER_KEY})
-    arguments[Command.I2C_TRANSFER] = _inner("transfer_arguments", {"address": 0x21, "read_length": 28}, b"\x40")
-    arguments[Command.SET_SCAN_SETTINGS] = _inner("set_scan_settings_arguments", on_all_boards)
-    arguments[Command.GET_BOARD_INFO] = _inner("get_board_info_arguments", {"address": 0x30})
+    arguments[Command.SET_RATE] = _build_inner_struct("set_rate_arguments", {"period_us": 52_632})
+    arguments[Command.ENTER_BOOTLOADER] = _build_inner_struct("enter_bootloader_arguments", {"key": BOOTLOADER_KEY})
+    arguments[Command.I2C_TRANSFER] = _build_inner_struct(
+        "transfer_arguments", {"address": 0x21, "read_length": 28}, b"\x40"
+    )
+    arguments[Command.SET_SCAN_SETTINGS] = _build_inner_struct("set_scan_settings_arguments", on_all_boards)
+    arguments[Command.GET_BOARD_INFO] = _build_inner_struct("get_board_info_arguments", {"address": 0x30})
     samples = []
     for tag, (command, (tail, inner)) in enumerate(arguments.items()):
         values = {"tag": tag, "command": int(command)}
-        samples.append(sample(f"command_{command.name.lower()}", FrameType.COMMAND, tag, values, tail, inner))
+        samples.append(build_sample(f"command_{command.name.lower()}", FrameType.COMMAND, tag, values, tail, inner))
     values = {"tag": 9, "command": int(Command.GET_TIME), "status": 0}
-    tail, inner = _inner("start_arguments", {"flags": int(StartFlag.COMPACT)})
+    tail, inner = _build_inner_struct("start_arguments", {"flags": int(StartFlag.COMPACT)})
     started = {"tag": 10, "command": int(Command.START)}
-    samples.append(sample("command_start_compact", FrameType.COMMAND, 78, started, tail, inner))
-    tail, inner = _inner("acknowledgement", {"address": 0x20, "key_frame": 0xBEEF})
-    samples.append(sample("acknowledge_one", FrameType.ACKNOWLEDGE, 79, {}, tail, inner))
-    tail, inner = _inner("get_time_reply", {"hub_time_us": 4_295_000_000})
-    return [*samples, sample("reply_get_time", FrameType.REPLY, 77, values, tail, inner)]
+    samples.append(build_sample("command_start_compact", FrameType.COMMAND, 78, started, tail, inner))
+    tail, inner = _build_inner_struct("acknowledgement", {"address": 0x20, "key_frame": 0xBEEF})
+    samples.append(build_sample("acknowledge_one", FrameType.ACKNOWLEDGE, 79, {}, tail, inner))
+    tail, inner = _build_inner_struct("get_time_reply", {"hub_time_us": 4_295_000_000})
+    return [*samples, build_sample("reply_get_time", FrameType.REPLY, 77, values, tail, inner)]
 
 
 def _find_zeros(frame: Sample) -> list[int]:
@@ -207,7 +209,7 @@ def _find_zeros(frame: Sample) -> list[int]:
     return [i for i, byte in enumerate(body) if byte == 0]
 
 
-def _with_zeros_at(name: str, taxel_count: int, zeros: list[int]) -> Sample:
+def _build_frame_with_zeros(name: str, taxel_count: int, zeros: list[int]) -> Sample:
     """Build a taxel frame whose whitened body has zero bytes at exactly the given positions.
 
     The byte stuffing replaces zeros, so its runs get known lengths.
@@ -219,7 +221,7 @@ def _with_zeros_at(name: str, taxel_count: int, zeros: list[int]) -> Sample:
     counts = [data[i] | data[i + 1] << 8 for i in range(0, len(data), 2)]
     for attempt in range(10_000):
         times = (0x51525354 + attempt, 0x61626364)
-        frame = taxels(name, sequence, counts, 0x31, 0x4142, times, board_sequence=0x3132)
+        frame = build_taxel_frame(name, sequence, counts, 0x31, 0x4142, times, board_sequence=0x3132)
         if _find_zeros(frame) == zeros:
             return frame
     raise AssertionError(f"{name}: no frame has zeros at these positions")
@@ -229,27 +231,27 @@ def build_stuffing_edges() -> list[Sample]:
     """Frames at the edge cases of byte stuffing: zero-free runs of 253 to 255 bytes, and longer ones."""
     key = whiten(bytes(limits.BODY_MAX))
     samples = [
-        _with_zeros_at("run_253_then_zero", 120, [2, 256]),
-        _with_zeros_at("run_254_then_zero", 120, [2, 257]),
-        _with_zeros_at("run_255_then_zero", 120, [2, 258]),
-        _with_zeros_at("run_254_from_start_then_zero", 120, [254]),
-        _with_zeros_at("run_253_at_end", 114, [1]),
-        _with_zeros_at("run_254_at_end", 115, [2]),
-        _with_zeros_at("run_255_at_end", 115, [1]),
-        _with_zeros_at("body_253_without_zero", 113, []),
-        _with_zeros_at("body_255_without_zero", 114, []),
-        _with_zeros_at("body_507_without_zero", 240, []),
-        _with_zeros_at("run_472_at_end", 224, [1, 2]),
-        _with_zeros_at("two_zeros_in_a_row", 20, [40, 41]),
+        _build_frame_with_zeros("run_253_then_zero", 120, [2, 256]),
+        _build_frame_with_zeros("run_254_then_zero", 120, [2, 257]),
+        _build_frame_with_zeros("run_255_then_zero", 120, [2, 258]),
+        _build_frame_with_zeros("run_254_from_start_then_zero", 120, [254]),
+        _build_frame_with_zeros("run_253_at_end", 114, [1]),
+        _build_frame_with_zeros("run_254_at_end", 115, [2]),
+        _build_frame_with_zeros("run_255_at_end", 115, [1]),
+        _build_frame_with_zeros("body_253_without_zero", 113, []),
+        _build_frame_with_zeros("body_255_without_zero", 114, []),
+        _build_frame_with_zeros("body_507_without_zero", 240, []),
+        _build_frame_with_zeros("run_472_at_end", 224, [1, 2]),
+        _build_frame_with_zeros("two_zeros_in_a_row", 20, [40, 41]),
     ]
     start = limits.FRAME_HEADER_SIZE + FRAMES[FrameType.REPLY].minimum
     values = {"tag": key[5], "command": key[6], "status": key[7]}
-    samples.append(sample("payload_whitens_to_zeros", FrameType.REPLY, 3, values, key[start : start + 128]))
+    samples.append(build_sample("payload_whitens_to_zeros", FrameType.REPLY, 3, values, key[start : start + 128]))
     last = b"the last byte whitens to zero"
     last += key[start + len(last) : start + len(last) + 1]
-    samples.append(sample("payload_ends_in_zero", FrameType.REPLY, 4, values, last))
+    samples.append(build_sample("payload_ends_in_zero", FrameType.REPLY, 4, values, last))
     for sequence in range(65_536):
-        frame = sample("body_ends_in_zero", FrameType.COMMAND, sequence, {"tag": 1, "command": 1})
+        frame = build_sample("body_ends_in_zero", FrameType.COMMAND, sequence, {"tag": 1, "command": 1})
         if frame.wire[-2] == 1:
             return [*samples, frame]
     raise AssertionError("no sequence number gives a CRC that ends in zero")
@@ -260,13 +262,15 @@ def build_taxel_frames(rng: random.Random) -> list[Sample]:
     arbitrary = [rng.getrandbits(16) for _ in range(limits.TAXELS_MAX)]
     last = {"address": limits.ADDRESS_MAX, "cycle": 0xFFFF, "times_us": (0xFFFFFFFF, 0xFFFFFFFF)}
     return [
-        taxels("taxels_shortest", 0, [0], limits.ADDRESS_MIN),
-        taxels("taxels_longest_zeros", 1, [0] * limits.TAXELS_MAX, limits.ADDRESS_MIN),
-        taxels("taxels_longest_ones", 0xFFFF, [0xFFFF] * limits.TAXELS_MAX, board_sequence=0xFFFF, **last),  # type: ignore[arg-type]
-        taxels("taxels_longest_arbitrary", 0x8000, arbitrary, 0x2A, 999, (123_456_789, 98_765_432), 4321),
-        taxels("taxels_63", 258, arbitrary[:63], 0x30, 7, (1_000_000, 2_000_000), 55),
-        taxels("taxels_idle_counts", 259, [4000 - i % 7 for i in range(63)], 0x21, 8, (1_052_632, 52_000), 56),
-        taxels("taxels_bad_board_crc", 260, arbitrary[:5], 0x22, 8, (1_053_000, 52_000), 57, crc_error=1),
+        build_taxel_frame("taxels_shortest", 0, [0], limits.ADDRESS_MIN),
+        build_taxel_frame("taxels_longest_zeros", 1, [0] * limits.TAXELS_MAX, limits.ADDRESS_MIN),
+        build_taxel_frame("taxels_longest_ones", 0xFFFF, [0xFFFF] * limits.TAXELS_MAX, board_sequence=0xFFFF, **last),  # type: ignore[arg-type]
+        build_taxel_frame("taxels_longest_arbitrary", 0x8000, arbitrary, 0x2A, 999, (123_456_789, 98_765_432), 4321),
+        build_taxel_frame("taxels_63", 258, arbitrary[:63], 0x30, 7, (1_000_000, 2_000_000), 55),
+        build_taxel_frame(
+            "taxels_idle_counts", 259, [4000 - i % 7 for i in range(63)], 0x21, 8, (1_052_632, 52_000), 56
+        ),
+        build_taxel_frame("taxels_bad_board_crc", 260, arbitrary[:5], 0x22, 8, (1_053_000, 52_000), 57, crc_error=1),
     ]
 
 
@@ -277,8 +281,8 @@ def build_quotations(quoted: Sample) -> list[Sample]:
     reply = {"tag": 7, "command": int(Command.I2C_TRANSFER), "status": 0}
     samples = []
     for variant, data in (("wire", once), ("two_wires", twice), ("stuffed", stuffed)):
-        samples.append(sample(f"log_quotes_{variant}", FrameType.LOG, 9, log, data))
-        samples.append(sample(f"reply_quotes_{variant}", FrameType.REPLY, 10, reply, data))
+        samples.append(build_sample(f"log_quotes_{variant}", FrameType.LOG, 9, log, data))
+        samples.append(build_sample(f"reply_quotes_{variant}", FrameType.REPLY, 10, reply, data))
     return samples
 
 

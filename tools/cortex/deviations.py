@@ -42,7 +42,7 @@ class Deviation(NamedTuple):
         return np.asarray(self.matches(outcome.block.first, outcome.block.second) & explained_cases, dtype=np.bool_)
 
 
-def _compare_of_low_or_pc(first: CountArray, _: CountArray) -> Any:
+def _is_compare_of_low_or_pc(first: CountArray, _: CountArray) -> Any:
     """Whether an instruction is a CMP in the encoding for high registers with two low registers or the program
     counter.
 
@@ -52,37 +52,37 @@ def _compare_of_low_or_pc(first: CountArray, _: CountArray) -> Any:
     return (first >> 8 == 0x45) & (((d < 8) & (m < 8)) | (d == 15) | (m == 15))
 
 
-def _add_pc_to_pc(first: CountArray, _: CountArray) -> Any:
+def _is_add_pc_to_pc(first: CountArray, _: CountArray) -> Any:
     """Whether an instruction is ADD PC, PC. first: first halfwords of the instructions."""
     return first == 0x44FF
 
 
-def _branch_with_low_bits_or_pc(first: CountArray, _: CountArray) -> Any:
+def _is_branch_with_low_bits_or_pc(first: CountArray, _: CountArray) -> Any:
     """Whether an instruction is BX or BLX with nonzero low bits or of the program counter. first: first halfwords."""
     return (first >> 8 == 0x47) & ((first & 7 != 0) | (first >> 3 & 15 == 15))
 
 
-def _if_then(first: CountArray, _: CountArray) -> Any:
+def _is_if_then(first: CountArray, _: CountArray) -> Any:
     """Whether an instruction is IT (if-then), which a Cortex-M0 does not have. first: first halfwords."""
     return (first >> 8 == 0xBF) & (first & 15 != 0)
 
 
-def _compare_and_branch(first: CountArray, _: CountArray) -> Any:
+def _is_compare_and_branch(first: CountArray, _: CountArray) -> Any:
     """Whether an instruction is CBZ or CBNZ, which a Cortex-M0 does not have. first: first halfwords."""
     return first & 0xF500 == 0xB100
 
 
-def _set_endianness(first: CountArray, _: CountArray) -> Any:
+def _is_set_endianness(first: CountArray, _: CountArray) -> Any:
     """Whether an instruction is SETEND, which a Cortex-M0 does not have. first: first halfwords."""
     return first & 0xFFF7 == 0xB650
 
 
-def _change_state(first: CountArray, _: CountArray) -> Any:
+def _is_change_state(first: CountArray, _: CountArray) -> Any:
     """Whether an instruction is CPS in an encoding that a Cortex-M0 does not have. first: first halfwords."""
     return (first & 0xFFE8 == 0xB660) & (first & 0xFFEF != 0xB662)
 
 
-def _special_registers(first: CountArray, second: CountArray) -> Any:
+def _is_special_register_access(first: CountArray, second: CountArray) -> Any:
     """Whether an instruction is MSR or MRS, which access the special registers. first, second: halfwords of the
     instructions.
     """
@@ -91,14 +91,14 @@ def _special_registers(first: CountArray, second: CountArray) -> Any:
 
 
 KNOWN: tuple[Deviation, ...] = (
-    Deviation("CMP of two low registers or of PC", "unpredictable", _compare_of_low_or_pc),
-    Deviation("ADD PC, PC", "unpredictable", _add_pc_to_pc),
-    Deviation("BX, BLX with low bits or PC", "unpredictable", _branch_with_low_bits_or_pc),
-    Deviation("IT", "not in ARMv6-M", _if_then),
-    Deviation("CBZ, CBNZ", "not in ARMv6-M", _compare_and_branch),
-    Deviation("SETEND", "not in ARMv6-M", _set_endianness),
-    Deviation("CPS with other bits", "unpredictable", _change_state),
-    Deviation("MRS, MSR with SP, PC or an unknown register", "unpredictable", _special_registers),
+    Deviation("CMP of two low registers or of PC", "unpredictable", _is_compare_of_low_or_pc),
+    Deviation("ADD PC, PC", "unpredictable", _is_add_pc_to_pc),
+    Deviation("BX, BLX with low bits or PC", "unpredictable", _is_branch_with_low_bits_or_pc),
+    Deviation("IT", "not in ARMv6-M", _is_if_then),
+    Deviation("CBZ, CBNZ", "not in ARMv6-M", _is_compare_and_branch),
+    Deviation("SETEND", "not in ARMv6-M", _is_set_endianness),
+    Deviation("CPS with other bits", "unpredictable", _is_change_state),
+    Deviation("MRS, MSR with SP, PC or an unknown register", "unpredictable", _is_special_register_access),
 )
 
 

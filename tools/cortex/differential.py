@@ -59,7 +59,7 @@ def get_emulated_verdict(outcome: Outcome) -> NDArray[np.int64]:
     return verdict
 
 
-def differences(outcome: Outcome) -> NDArray[np.bool_]:
+def find_differences(outcome: Outcome) -> NDArray[np.bool_]:
     """Mask bool[n] of the test cases in which the emulator and Unicorn disagree, or a fault changed a register."""
     emulated, reference, before = outcome.emulated, outcome.reference, outcome.block.states
     different = get_emulated_verdict(outcome) != outcome.verdict
@@ -125,7 +125,7 @@ def check_block(seed: int, index: int, cpu: BareCpu, oracle: UnicornOracle) -> t
         explained |= cases
     for verdict in Verdict:
         tally[verdict.name] += int(((outcome.verdict == verdict) & ~explained).sum())
-    lines = [describe(outcome, int(i)) for i in np.flatnonzero(differences(outcome) & ~explained)]
+    lines = [describe(outcome, int(i)) for i in np.flatnonzero(find_differences(outcome) & ~explained)]
     if not memory_equal:
         lines.append(find_first_memory_difference(block, cpu, oracle))
     return tally, [f"block {index}: {line}" for line in lines]

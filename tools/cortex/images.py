@@ -64,7 +64,7 @@ class Run(NamedTuple):
 
 
 @cache
-def _folder() -> tempfile.TemporaryDirectory[str]:
+def _get_folder() -> tempfile.TemporaryDirectory[str]:
     return tempfile.TemporaryDirectory(prefix="taxel-cortex-")
 
 
@@ -73,7 +73,7 @@ def build_image(name: str, optimisation: str = "-Os") -> Image:
     """Compile programs/`name`.c for a Cortex-M0. Raises `ToolMissingError`, `ImageError`."""
     if not shutil.which(COMPILER):
         raise ToolMissingError(f"{COMPILER} is missing: apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi")
-    elf = Path(_folder().name) / f"{name}{optimisation}.elf"
+    elf = Path(_get_folder().name) / f"{name}{optimisation}.elf"
     sources = [PROGRAMS / "image.c", PROGRAMS / f"{name}.c", *(FIRMWARE / source for source in SOURCES.get(name, ()))]
     options = ["-mcpu=cortex-m0", "-mthumb", optimisation, "-std=gnu11", "-Wall", "-Wextra", "-Werror", "-nostartfiles"]
     options += [

@@ -70,7 +70,7 @@ class UnicornOracle:
         self._u, self._arm, self._library = _load_unicorn()
         self._handle = ctypes.c_void_p()
         self._call("open", self._u.UC_ARCH_ARM, self._u.UC_MODE_THUMB, ctypes.byref(self._handle), handle=False)
-        self._control(self._u.UC_CTL_CPU_MODEL, self._arm.UC_CPU_ARM_CORTEX_M0)
+        self._set_control(self._u.UC_CTL_CPU_MODEL, self._arm.UC_CPU_ARM_CORTEX_M0)
         self._map(0, FLASH_SIZE, self._u.UC_PROT_READ | self._u.UC_PROT_EXEC)
         self._map(RAM_BASE, RAM_SIZE, self._u.UC_PROT_ALL)
         self._interrupt = NO_INTERRUPT
@@ -88,7 +88,7 @@ class UnicornOracle:
             raise UnicornMissingError(f"uc_{name} failed with error {result}")
         return result
 
-    def _control(self, kind: int, *values: int) -> None:
+    def _set_control(self, kind: int, *values: int) -> None:
         """Set a property of the emulator by uc_ctl(), as the macro UC_CTL_WRITE in unicorn.h does. kind: number of
         the property.
         """
@@ -117,25 +117,28 @@ class UnicornOracle:
         registers = [arm.UC_ARM_REG_R0 + i for i in range(13)] + [arm.UC_ARM_REG_SP, arm.UC_ARM_REG_LR]
         self._state = np.zeros(1, STATE)
         words = self._state.view("<u4")
-        word_indices = [*range(15), self._word_index("xpsr")]
-        self._write_batch = self._batch([*registers, arm.UC_ARM_REG_XPSR], word_indices, words)
+        word_indices = [*range(15), self._get_word_index("xpsr")]
+        self._write_batch = self._make_batch([*registers, arm.UC_ARM_REG_XPSR], word_indices, words)
         before = [(arm.UC_ARM_REG_CONTROL, "control"), (arm.UC_ARM_REG_PSP, "psp"), (arm.UC_ARM_REG_PRIMASK, "primask")]
-        self._special_batch = self._batch(
-            [number for number, _ in before], [self._word_index(name) for _, name in before], words
+        self._special_batch = self._make_batch(
+            [number for number, _ in before], [self._get_word_index(name) for _, name in before], words
         )
         everything = [*registers, arm.UC_ARM_REG_PC, arm.UC_ARM_REG_XPSR, arm.UC_ARM_REG_MSP, arm.UC_ARM_REG_PSP]
         everything += [arm.UC_ARM_REG_PRIMASK, arm.UC_ARM_REG_CONTROL]
-        word_indices = [*range(16), *(self._word_index(name) for name in ("xpsr", "msp", "psp", "primask", "control"))]
-        self._read_batch = self._batch(everything, word_indices, words)
+        word_indices = [
+            *range(16),
+            *(self._get_word_index(name) for name in ("xpsr", "msp", "psp", "primask", "control")),
+        ]
+        self._read_batch = self._make_batch(everything, word_indices, words)
 
     @staticmethod
-    def _word_index(name: str) -> int:
+    def _get_word_index(name: str) -> int:
         """Index of a field in the array of 32-bit words that holds the state of the processor."""
         assert STATE.fields is not None
         return int(STATE.fields[name][1]) // 4
 
     @staticmethod
-    def _batch(registers: list[int], word_indices: list[int], words: NDArray[np.uint32]) -> tuple[Any, Any, int]:
+    def _make_batch(registers: list[int], word_indices: list[int], words: NDArray[np.uint32]) -> tuple[Any, Any, int]:
         """Arguments of a Unicorn function that transfers several registers in one call.
 
         registers: register numbers of Unicorn. word_indices: index in `words` of the value of each register.
@@ -150,7 +153,7 @@ class UnicornOracle:
     def write_memory(self, address: int, data: bytes) -> None:
         """Write flash or RAM and discard the translated code."""
         self._call("mem_write", ctypes.c_uint64(address), data, ctypes.c_uint64(len(data)))
-        self._control(self._u.UC_CTL_TB_FLUSH)
+        self._set_control(self._u.UC_CTL_TB_FLUSH)
 
     def read_memory(self, address: int, size: int) -> bytes:
         """Read flash or RAM."""

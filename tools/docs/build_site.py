@@ -84,11 +84,11 @@ def main() -> int:
 
 def build_site(build: Path) -> int:
     """Copy the pages to `build`/source and build the site in `build`/site. Returns the exit status of MkDocs."""
-    from site_pages import stage
+    from site_pages import copy_pages
 
     source, site = build / "source", build / "site"
     shutil.rmtree(source, ignore_errors=True)
-    pages = stage(ROOT, source)
+    pages = copy_pages(ROOT, source)
     entries = make_navigation(source / "docs" / "README.md", source, pages)
     add_references(source, entries)
     shutil.copyfile(HERE / "site.css", source / "site.css")

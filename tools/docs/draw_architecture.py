@@ -51,12 +51,12 @@ def draw_data_flow() -> str:
     right_x, right_width = 540, 280
     full_width = right_x + right_width - left_x
     top = 156
-    drawing.box(
+    drawing.draw_box(
         left_x, 24, right_x + right_width - left_x, box_height, "grasp, campaign", "one plan of grasps for both sides"
     )
-    drawing.group(24, 116, 420, 3 * step + 20, "blue", "firmware/ (C11)")
-    drawing.group(24, 116 + 3 * step + 36, 420, 5 * step + 20, "green", "host/taxel (Python)")
-    drawing.group(520, 116, 320, 3 * step + 20, "orange", "host/taxel/sim")
+    drawing.draw_group(24, 116, 420, 3 * step + 20, "blue", "firmware/ (C11)")
+    drawing.draw_group(24, 116 + 3 * step + 36, 420, 5 * step + 20, "green", "host/taxel (Python)")
+    drawing.draw_group(520, 116, 320, 3 * step + 20, "orange", "host/taxel/sim")
     firmware = (
         ("emulator, or physical skin", "elastic layer and capacitance of each taxel", "analogue value"),
         ("sensor", "scan of all taxels, snapshots with CRC-32", "I2C: raw counts"),
@@ -71,39 +71,39 @@ def draw_data_flow() -> str:
     )
     middle = left_x + box_width / 2
     tops = [top + number * step for number in range(3)] + [top + 36 + number * step for number in range(3, 8)]
-    drawing.arrow((middle, 74), (middle, top))
-    drawing.text("label", middle + 10, 104, "contact forces", 160)
+    drawing.draw_arrow((middle, 74), (middle, top))
+    drawing.draw_text("label", middle + 10, 104, "contact forces", 160)
     for y, following, (name, note, label) in zip(tops, [*tops[1:], 0], (*firmware, *host), strict=True):
-        drawing.box(left_x, y, box_width, box_height, name, note)
+        drawing.draw_box(left_x, y, box_width, box_height, name, note)
         if label:
-            drawing.arrow((middle, y + box_height), (middle, following))
-            drawing.text("label", middle + 10, y + box_height + 22, label, 190)
+            drawing.draw_arrow((middle, y + box_height), (middle, following))
+            drawing.draw_text("label", middle + 10, y + box_height + 22, label, 190)
     simulator = (
         ("motion", "rigid bodies, joints, mount", "poses"),
         ("contact", "springs of the elastic layer", "force on each taxel"),
         ("sensor model", "signal as a function of force", ""),
     )
     centre = right_x + right_width / 2
-    drawing.arrow((centre, 74), (centre, top))
+    drawing.draw_arrow((centre, 74), (centre, top))
     for y, following, (name, note, label) in zip(tops[:3], [*tops[1:3], 0], simulator, strict=True):
-        drawing.box(right_x, y, right_width, box_height, name, note)
+        drawing.draw_box(right_x, y, right_width, box_height, name, note)
         if label:
-            drawing.arrow((centre, y + box_height), (centre, following))
-            drawing.text("label", centre + 10, y + box_height + 22, label, 160)
-    drawing.box(right_x, tops[7], right_width, box_height, "recording", "grasp dataset sim.h5")
+            drawing.draw_arrow((centre, y + box_height), (centre, following))
+            drawing.draw_text("label", centre + 10, y + box_height + 22, label, 160)
+    drawing.draw_box(right_x, tops[7], right_width, box_height, "recording", "grasp dataset sim.h5")
     arrow_x = right_x + right_width - 24
-    drawing.arrow((arrow_x, tops[2] + box_height), (arrow_x, tops[7]))
-    drawing.text("label", arrow_x - 120, tops[7] - 14, "raw counts", 110)
+    drawing.draw_arrow((arrow_x, tops[2] + box_height), (arrow_x, tops[7]))
+    drawing.draw_text("label", arrow_x - 120, tops[7] - 14, "raw counts", 110)
     for number, (name, note) in enumerate((("monitor", "live view"), ("ros", "topics, MCAP files"))):
         y = tops[4] + 18 + number * step
-        drawing.box(right_x, y, 200, box_height, name, note)
+        drawing.draw_box(right_x, y, 200, box_height, name, note)
         turn = 490
-        drawing.arrow((left_x + box_width, tops[5] + 25), (turn, tops[5] + 25), (turn, y + 25), (right_x, y + 25))
+        drawing.draw_arrow((left_x + box_width, tops[5] + 25), (turn, tops[5] + 25), (turn, y + 25), (right_x, y + 25))
     bottom = tops[7] + box_height
     result = "location, cause and reduction of the gap: report.json, report.html"
-    drawing.box(left_x, bottom + 40, full_width, box_height, "gap", result)
-    drawing.arrow((middle, bottom), (middle, bottom + 40))
-    drawing.arrow((centre, bottom), (centre, bottom + 40))
+    drawing.draw_box(left_x, bottom + 40, full_width, box_height, "gap", result)
+    drawing.draw_arrow((middle, bottom), (middle, bottom + 40))
+    drawing.draw_arrow((centre, bottom), (centre, bottom + 40))
     return drawing.to_svg()
 
 
@@ -112,20 +112,22 @@ def draw_layers() -> str:
     layers = read_layers()
     height, step, left_x = 46, 56, 60
     drawing = Drawing(WIDTH, 92 + step * (len(layers) + 1), "Layers of the Python packages, highest first")
-    drawing.text("title", 20, 32, "A package imports only packages of lower rows.", WIDTH - 40)
+    drawing.draw_text("title", 20, 32, "A package imports only packages of lower rows.", WIDTH - 40)
     space = WIDTH - left_x - 20
     y = 48
-    drawing.group(left_x, y, space, height, "violet", "")
+    drawing.draw_group(left_x, y, space, height, "violet", "")
     programs = "tools/, hil_tests/, examples/: programs that use the packages"
-    drawing.text("note", left_x + space / 2, y + 28, programs, space, is_centred=True)
+    drawing.draw_text("note", left_x + space / 2, y + 28, programs, space, is_centred=True)
     for number, packages in enumerate(layers):
         y += step
-        drawing.text("title", 20, y + 28, str(len(layers) - number), 30)
+        drawing.draw_text("title", 20, y + 28, str(len(layers) - number), 30)
         width = (space - 12 * (len(packages) - 1)) // len(packages)
         for column, package in enumerate(packages):
-            drawing.box(left_x + column * (width + 12), y, width, height, package, NOTES[package])
+            drawing.draw_box(left_x + column * (width + 12), y, width, height, package, NOTES[package])
     y += step
-    drawing.text("label", left_x, y + 20, "firmware/ uses the C header that is generated from taxel_protocol.", space)
+    drawing.draw_text(
+        "label", left_x, y + 20, "firmware/ uses the C header that is generated from taxel_protocol.", space
+    )
     return drawing.to_svg()
 
 

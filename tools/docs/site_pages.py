@@ -35,7 +35,7 @@ def find_links(text: str) -> Iterator[tuple[str, str]]:
             yield target, anchor
 
 
-def stage(root: Path, out: Path) -> list[Path]:
+def copy_pages(root: Path, out: Path) -> list[Path]:
     """Copy the Markdown pages, and the files to which they link, to the folder from which the site is built.
 
     root: repository; out: folder. Returns the pages.

@@ -60,27 +60,27 @@ class Drawing:
             f'<rect class="page" x="0.5" y="0.5" width="{width - 1}" height="{height - 1}" rx="8"/>',
         ]
 
-    def group(self, x: int, y: int, width: int, height: int, colour: str, title: str) -> None:
+    def draw_group(self, x: int, y: int, width: int, height: int, colour: str, title: str) -> None:
         """Draw a coloured area with a title in its upper left corner."""
-        self._rectangle(f"group {colour}", x, y, width, height)
-        self.text("title", x + PADDING_PX, y + 20, title, width - 2 * PADDING_PX)
+        self._draw_rectangle(f"group {colour}", x, y, width, height)
+        self.draw_text("title", x + PADDING_PX, y + 20, title, width - 2 * PADDING_PX)
 
-    def box(self, x: int, y: int, width: int, height: int, name: str, note: str = "") -> None:
+    def draw_box(self, x: int, y: int, width: int, height: int, name: str, note: str = "") -> None:
         """Draw a box with a name and, below the name, a note, both centred."""
-        self._rectangle("box", x, y, width, height)
+        self._draw_rectangle("box", x, y, width, height)
         space, middle = width - 2 * PADDING_PX, y + height / 2
         if note:
-            self.text("name", x + width / 2, middle - 4, name, space, is_centred=True)
-            self.text("note", x + width / 2, middle + 15, note, space, is_centred=True)
+            self.draw_text("name", x + width / 2, middle - 4, name, space, is_centred=True)
+            self.draw_text("note", x + width / 2, middle + 15, note, space, is_centred=True)
         else:
-            self.text("name", x + width / 2, middle + 5, name, space, is_centred=True)
+            self.draw_text("name", x + width / 2, middle + 5, name, space, is_centred=True)
 
-    def arrow(self, *points: tuple[float, float]) -> None:
+    def draw_arrow(self, *points: tuple[float, float]) -> None:
         """Draw a line through the points, with a head at the last point."""
         path = " L ".join(f"{x:g} {y:g}" for x, y in points)
         self._parts.append(f'<path class="arrow" d="M {path}" marker-end="url(#head)"/>')
 
-    def text(self, kind: str, x: float, y: float, text: str, space: float, is_centred: bool = False) -> None:
+    def draw_text(self, kind: str, x: float, y: float, text: str, space: float, is_centred: bool = False) -> None:
         """Draw a text with its baseline at y. kind: CSS class. space: available width in pixels.
 
         Raises `ValueError` if the text is wider than the space.
@@ -96,6 +96,6 @@ class Drawing:
         """The text of the SVG file."""
         return "\n".join([*self._parts, "</svg>", ""])
 
-    def _rectangle(self, style: str, x: int, y: int, width: int, height: int) -> None:
+    def _draw_rectangle(self, style: str, x: int, y: int, width: int, height: int) -> None:
         """Draw a rectangle with rounded corners. style: CSS class."""
         self._parts.append(f'<rect class="{style}" x="{x}" y="{y}" width="{width}" height="{height}" rx="6"/>')

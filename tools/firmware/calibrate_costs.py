@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from compact_costs import measure_compact
-from costs_page import costs_page, parse_costs
+from costs_page import format_costs_page, parse_costs
 from executed_world import BOARD_IMAGE, HUB_IMAGE, IMAGES, open_scanning_world
 from firmware_cycles import measure
 from hub_costs import measure_hub
@@ -71,7 +71,7 @@ def list_crossings(board: Board) -> list[int]:
     return [crossing for crossing in crossings if bits[crossing >> 3] >> (crossing & 7) & 1]
 
 
-def conversions(world: VirtualWorld, board: Board) -> list[int]:
+def measure_conversions(world: VirtualWorld, board: Board) -> list[int]:
     """Measure the processor cycles of each interrupt that starts the conversion of a taxel, in the order of the
     crossings.
     """
@@ -124,7 +124,7 @@ def measure_conversion_costs(scans: dict[int, tuple[Board, list[int]]]) -> Costs
     }
 
 
-def snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, HandlerCost]:
+def read_snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, HandlerCost]:
     """Read a snapshot of an emulated board. Returns its scan number, time in us, and cycles of the conversion
     interrupt.
     """
@@ -133,16 +133,16 @@ def snapshot(world: VirtualWorld, board: Board) -> tuple[int, int, HandlerCost]:
     return sequence, time_us, world.read_handler_costs(board.address)["CSD"]
 
 
-def scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, float]:
+def measure_scan_overhead(world: VirtualWorld, board: Board) -> tuple[float, float]:
     """Measure the processor cycles of a scan beyond its conversions.
 
     Also returns the time of the board clock in us at the start of the first scan.
     """
     world.transfer(board.address, bytes([REGISTER_SNAPSHOT]), 0)
     world.run(0.05)
-    begin = snapshot(world, board)
+    begin = read_snapshot(world, board)
     world.run(RUN_S)
-    end = snapshot(world, board)
+    end = read_snapshot(world, board)
     scans = end[0] - begin[0]
     period_us = (end[1] - begin[1]) / scans
     account, before = end[2], begin[2]
@@ -205,9 +205,9 @@ def measure_board(image: Path) -> Costs:
     for address in (SMALL, LARGE):
         board = hand.get_board(address)
         with open_scanning_world(hand, board, image) as world:
-            scans[address] = (board, conversions(world, board))
+            scans[address] = (board, measure_conversions(world, board))
             tick = world.read_handler_costs(address)["SysTick"]
-            overheads[address] = scan_overhead(world, board)
+            overheads[address] = measure_scan_overhead(world, board)
             if address == SMALL:
                 costs.update(measure_slave_costs(world, board))
     costs.update(measure_conversion_costs(scans))
@@ -228,32 +228,33 @@ def measure_board(image: Path) -> Costs:
     }
 
 
-def header(board: Costs, hub: Costs) -> str:
+def format_header(board: Costs, hub: Costs) -> str:
     """Text of the C header costs.h with the processor costs of board and hub."""
 
-    def define(name: str, value: int | list[int]) -> str:
+    def format_definition(name: str, value: int | list[int]) -> str:
         """Line of C code that defines a cost as a macro: a number or an initializer."""
         text = "{" + ", ".join(map(str, value)) + "}" if isinstance(value, list) else f"{value}u"
         return f"#define COST_{name.upper()} {text}"
 
     conversion = [
-        define("conversion", board["conversion"]),
-        define("settle_loop", 4),
-        define("quotient", board["quotient"]),
-        define("new_tx", board["new_tx"]),
-        define("skipped_crossing", board["skipped"]),
-        *(define(name, board[name]) for name in ("scan", "after_start", "after_scan", "sensor_init")),
+        format_definition("conversion", board["conversion"]),
+        format_definition("settle_loop", 4),
+        format_definition("quotient", board["quotient"]),
+        format_definition("new_tx", board["new_tx"]),
+        format_definition("skipped_crossing", board["skipped"]),
+        *(format_definition(name, board[name]) for name in ("scan", "after_start", "after_scan", "sensor_init")),
     ]
     tick = [
-        define("tick", board["tick"]),
-        define("tick_period", 4096 * CYCLES_PER_US),
-        define("tail_chain", TAIL_CHAIN),
+        format_definition("tick", board["tick"]),
+        format_definition("tick_period", 4096 * CYCLES_PER_US),
+        format_definition("tail_chain", TAIL_CHAIN),
     ]
-    slave = [define(name, board[name]) for name in board if name.startswith("slave_")]
-    slave.append(define("slave_fifo", 8))
-    compact = [define(name, board[name]) for name in ("compact", "compact_taxel")]
+    slave = [format_definition(name, board[name]) for name in board if name.startswith("slave_")]
+    slave.append(format_definition("slave_fifo", 8))
+    compact = [format_definition(name, board[name]) for name in ("compact", "compact_taxel")]
     blocks = [
-        "\n".join(block) for block in (conversion, tick, slave, compact, [define(name, hub[name]) for name in hub])
+        "\n".join(block)
+        for block in (conversion, tick, slave, compact, [format_definition(name, hub[name]) for name in hub])
     ]
     return HEAD + "\n\n".join(blocks) + "\n\n#endif\n"
 
@@ -269,7 +270,10 @@ def main() -> int:
     try:
         board = options.images / BOARD_IMAGE
         costs = measure_board(board) | measure_compact(board), measure_hub(options.images / HUB_IMAGE)
-        texts = {COSTS: header(*costs), PAGE: costs_page(parse_costs(header(*costs)), measure(options.images))}
+        texts = {
+            COSTS: format_header(*costs),
+            PAGE: format_costs_page(parse_costs(format_header(*costs)), measure(options.images)),
+        }
     except (TaxelError, OSError, ValueError) as error:
         print(f"calibrate_costs: {error}", file=sys.stderr)
         return 1

@@ -110,7 +110,7 @@ def _format_board_line(board: BoardCycles) -> str:
     return f"| {board.kind} | {numbers} |"
 
 
-def costs_page(costs: dict[str, str], cycles: FirmwareCycles) -> str:
+def format_costs_page(costs: dict[str, str], cycles: FirmwareCycles) -> str:
     """Text of docs/firmware-cycles.md from the constants of costs.h and the counted processor cycles."""
     boards = ["| board | taxels | scan | poll | length of a scan | awake |", "|---|---:|---:|---:|---:|---:|"]
     boards += [_format_board_line(board) for board in cycles.boards]

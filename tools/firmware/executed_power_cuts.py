@@ -19,7 +19,7 @@ sys.path.insert(1, str(Path(__file__).parents[1] / "flash"))
 
 from cut_plan import POINTS_S, WRITE_S, name_moment
 from cut_routes import BOARD, BoardRoute
-from executed_world import BOARD_IMAGE, IMAGES, files, format_image_line, make_firmware
+from executed_world import BOARD_IMAGE, IMAGES, find_image_files, format_image_line, make_firmware
 from flash_worlds import make_small_world
 
 from taxel.errors import TaxelError
@@ -133,7 +133,7 @@ def cut_updates(cuts: int, seed: int = 1, images: Path = IMAGES) -> Cuts:
     """
     generator, result = random.Random(f"executed {seed}"), Cuts()
     text = make_small_world(2, ["boot_listens 1"], seed) + format_image_line(BOARD)
-    with VirtualWorld(text, files={BOARD_IMAGE: files(images)[BOARD_IMAGE]}) as world:
+    with VirtualWorld(text, files={BOARD_IMAGE: find_image_files(images)[BOARD_IMAGE]}) as world:
         world.run(0.4)
         board = _Board(world, images)
         try:

@@ -20,7 +20,7 @@ BOARD_IMAGE: Final = "board-factory.hex"
 HUB_IMAGE: Final = "hub-factory.hex"
 
 
-def files(images: Path = IMAGES) -> dict[str, Path]:
+def find_image_files(images: Path = IMAGES) -> dict[str, Path]:
     """Paths of the factory firmware images of board and hub, by the names that the world files use."""
     return {name: images / name for name in (BOARD_IMAGE, HUB_IMAGE)}
 

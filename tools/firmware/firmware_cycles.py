@@ -70,7 +70,7 @@ class FirmwareCycles(NamedTuple):
     hub: HubCycles
 
 
-def _read(world: VirtualWorld, board: Board) -> tuple[int, int]:
+def _read_snapshot_header(world: VirtualWorld, board: Board) -> tuple[int, int]:
     """Scan number and time in us of the current snapshot of an emulated board."""
     _, data = world.transfer(board.address, b"", SNAPSHOT_OVERHEAD + 2 * board.kind.taxel_count)
     sequence, time_us = struct.unpack_from("<HI", data)
@@ -89,16 +89,16 @@ def measure_board(hand: Hand, board: Board, image: Path) -> BoardCycles:
     with open_scanning_world(hand, board, image) as world:
         world.transfer(address, bytes([REGISTER_SNAPSHOT]), 0)
         world.run(0.05)
-        first = _read(world, board)
+        first = _read_snapshot_header(world, board)
         begin = _read_cycle_counts(world, address)
         world.run(RUN_S)
         end = _read_cycle_counts(world, address)
-        last = _read(world, board)
+        last = _read_snapshot_header(world, board)
         share = (end[1] - begin[1]) / (end[0] - begin[0])
         length = (last[1] - first[1]) * CYCLES_PER_US / (last[0] - first[0])
         begin = _read_cycle_counts(world, address)
         for _ in range(POLLS):
-            _read(world, board)
+            _read_snapshot_header(world, board)
             world.run(POLL_PERIOD_S)
         end = _read_cycle_counts(world, address)
     poll = (end[1] - begin[1] - share * (end[0] - begin[0])) / POLLS
@@ -112,17 +112,17 @@ def measure_hub(hand: Hand, image: Path) -> HubCycles:
     text = format_world(hand, WorldSettings(noise_counts=0.0)) + format_image_line(0)
     with VirtualWorld(text, files={HUB_IMAGE: image}) as world, Skin(VirtualMemoryLink(world), hand) as skin:
 
-        def stream(seconds: float) -> int:
+        def count_frames(seconds: float) -> int:
             """Number of frames that the emulated hub delivers within a virtual time in seconds."""
             end, frames = world.now_s + seconds, 0
             while world.now_s < end:
                 frames += len(skin.poll(0.01))
             return frames
 
-        stream(0.5)
+        count_frames(0.5)
         before = {name: world.read_handler_costs(0)[name].own for name in ("SCB0", "SCB1")}
         begin = _read_cycle_counts(world, 0)
-        frames = stream(FRAMES_S)
+        frames = count_frames(FRAMES_S)
         end = _read_cycle_counts(world, 0)
         after = {name: world.read_handler_costs(0)[name].own for name in ("SCB0", "SCB1")}
     bus, uart = ((after[name] - before[name]) / frames for name in ("SCB0", "SCB1"))

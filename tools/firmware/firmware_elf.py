@@ -76,15 +76,17 @@ def read_linked_image(path: Path) -> LinkedImage:
             "use arm-none-eabi-gcc",
         )
     try:
-        address, content = _flash(str(path), data, header)
+        address, content = _read_flash(str(path), data, header)
         tables = [SECTION_HEADER.unpack_from(data, header[6] + place * header[11]) for place in range(header[12])]
         names = tables[header[13]]
-        symbols, functions = _symbols(data, tables)
+        symbols, functions = _read_symbols(data, tables)
         return LinkedImage(
             str(path),
             address,
             content,
-            tuple(Section(_text(data, names[4] + table[0]), table[3], table[5]) for table in tables if table[2] & 2),
+            tuple(
+                Section(_read_text(data, names[4] + table[0]), table[3], table[5]) for table in tables if table[2] & 2
+            ),
             symbols,
             functions,
         )
@@ -92,12 +94,12 @@ def read_linked_image(path: Path) -> LinkedImage:
         _fail(str(path), "file", "complete tables", "a table beyond the end of the file")
 
 
-def _text(data: bytes, offset: int) -> str:
+def _read_text(data: bytes, offset: int) -> str:
     """Text in the bytes of an ELF file from `offset` to the next zero byte."""
     return data[offset : data.index(0, offset)].decode("ascii") if 0 in data[offset:] else ""
 
 
-def _flash(path: str, data: bytes, header: tuple[int, ...]) -> tuple[int, bytes]:
+def _read_flash(path: str, data: bytes, header: tuple[int, ...]) -> tuple[int, bytes]:
     """Address and bytes of everything that a linked image loads into flash. header: fields of the ELF header."""
     pieces: list[tuple[int, bytes]] = []
     for place in range(header[10]):
@@ -121,7 +123,7 @@ def _flash(path: str, data: bytes, header: tuple[int, ...]) -> tuple[int, bytes]
     return begin, bytes(content)
 
 
-def _symbols(data: bytes, tables: list[tuple[int, ...]]) -> tuple[dict[str, int], tuple[Function, ...]]:
+def _read_symbols(data: bytes, tables: list[tuple[int, ...]]) -> tuple[dict[str, int], tuple[Function, ...]]:
     """Values of all symbols of an ELF file by name, and its functions in the order of their addresses."""
     values: dict[str, int] = {}
     functions: list[Function] = []
@@ -131,7 +133,7 @@ def _symbols(data: bytes, tables: list[tuple[int, ...]]) -> tuple[dict[str, int]
         names = tables[table[6]][4]
         for offset in range(table[4], table[4] + table[5], SYMBOL.size):
             name, value, size, info, _, _ = SYMBOL.unpack_from(data, offset)
-            text = _text(data, names + name)
+            text = _read_text(data, names + name)
             if not text or text.startswith("$"):
                 continue
             values[text] = value

@@ -70,7 +70,7 @@ def _check_vectors(linked: LinkedImage, offset: int) -> None:
 
 def build_slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, int]) -> FirmwareImage:
     """Bytes of a firmware image with a complete header. Raises FirmwareFileError if it is not linked for this slot."""
-    device = _device(linked)
+    device = _read_device(linked)
     layout = LAYOUTS[device]
     linked_slot = linked.symbol("image_slot")
     if linked_slot != slot or linked.address != layout.slot_address(slot):
@@ -86,7 +86,7 @@ def build_slot_image(linked: LinkedImage, slot: int, version: tuple[int, int, in
     return parse_image(data, linked.path)
 
 
-def _device(linked: LinkedImage) -> BootDevice:
+def _read_device(linked: LinkedImage) -> BootDevice:
     """Whether a linked firmware image is for a board or for the hub, according to its symbol `image_device`."""
     value = linked.symbol("image_device")
     if value not in LAYOUTS:
@@ -134,9 +134,15 @@ def write_images(
     linked = [read_linked_image(path) for path in slots]
     images = [build_slot_image(file, slot, version) for slot, file in enumerate(linked)]
     for other in (boot_file, linked[1]):
-        if _device(other) != images[0].device:
+        if _read_device(other) != images[0].device:
             device = images[0].device.name.lower()
-            _fail(other.path, "device", f"{device}, as slot A", _device(other).name.lower(), "pass files of one device")
+            _fail(
+                other.path,
+                "device",
+                f"{device}, as slot A",
+                _read_device(other).name.lower(),
+                "pass files of one device",
+            )
     out.mkdir(parents=True, exist_ok=True)
     (out / f"{name}.toml").unlink(missing_ok=True)
     files = []

@@ -131,7 +131,7 @@ def measure_all(build: Path, objdump: str, calls: Path) -> dict[str, Size]:
     return sizes
 
 
-def with_cycles(sizes: dict[str, Size], counted: FirmwareCycles) -> dict[str, Size]:
+def add_cycles(sizes: dict[str, Size], counted: FirmwareCycles) -> dict[str, Size]:
     """Add counted processor cycles to the sizes of the images of slot A; the images of slot B are the same program."""
     palm, hub = counted.boards[-1], counted.hub
     cycles = {
@@ -222,7 +222,7 @@ def main() -> int:
     options = parser.parse_args()
     try:
         counted = measure_cycles(options.build / "images")
-        sizes = with_cycles(measure_all(options.build, options.objdump, options.calls), counted)
+        sizes = add_cycles(measure_all(options.build, options.objdump, options.calls), counted)
         compiler = describe_compiler(options.objdump)
         compared = compare_sizes(sizes, options.compare) if options.compare else []
         print("\n".join([*format_table(sizes), *compared]))

@@ -108,7 +108,7 @@ def read_disassembly(text: str) -> dict[int, Routine]:
 def _read_instruction(routine: Routine, begin: int, mnemonic: str, operands: str, previous: str) -> None:
     """Add the effect of one instruction to its routine: frame size, calls, calls by pointer."""
     if mnemonic == "push":
-        routine.frame += 4 * _register_count(operands)
+        routine.frame += 4 * _count_registers(operands)
     elif mnemonic == "sub" and operands.startswith("sp, #"):
         routine.frame += int(operands[5:].split()[0])
     elif (mnemonic == "add" and operands.startswith("sp, r")) or (mnemonic == "mov" and operands.startswith("sp, ")):
@@ -121,7 +121,7 @@ def _read_instruction(routine: Routine, begin: int, mnemonic: str, operands: str
             routine.calls.add(target)
 
 
-def _register_count(operands: str) -> int:
+def _count_registers(operands: str) -> int:
     """Number of registers in the operand list of an ARM instruction; "{r4-r7, lr}" has 5."""
     count = 0
     for part in operands.strip("{}").split(","):
@@ -178,7 +178,7 @@ class CallGraph:
         for address, routine in self._routines.items():
             if address not in functions or address | 1 not in words or routine.name in known:
                 continue
-            if not any(_matches(routine.name, targets) for _, targets in self._table.pointers):
+            if not any(_matches_patterns(routine.name, targets) for _, targets in self._table.pointers):
                 _fail(image.path, routine.name, f"an entry in {self._table.path}", "none", "add its callers")
             names[address] = routine.name
         return names
@@ -189,12 +189,12 @@ class CallGraph:
         callees = set(routine.calls)
         if routine.uses_pointer:
             targets = next(
-                (targets for callers, targets in self._table.pointers if _matches(routine.name, callers)), []
+                (targets for callers, targets in self._table.pointers if _matches_patterns(routine.name, callers)), []
             )
-            callees |= {target for target, name in self._pointer_targets.items() if _matches(name, targets)}
+            callees |= {target for target, name in self._pointer_targets.items() if _matches_patterns(name, targets)}
         return callees
 
-    def depth(self, address: int, ancestors: tuple[int, ...] = ()) -> tuple[int, tuple[str, ...]]:
+    def compute_depth(self, address: int, ancestors: tuple[int, ...] = ()) -> tuple[int, tuple[str, ...]]:
         """Stack in bytes of the deepest call chain that begins with a function, and the names of the functions in
         it.
 
@@ -207,7 +207,7 @@ class CallGraph:
             _fail(self._path, name, "no recursion", "a direct or indirect call of itself", "see calls.toml")
         deepest: tuple[int, tuple[str, ...]] = (0, ())
         for callee in sorted(self._list_callees(address)):
-            deepest = max(deepest, self.depth(callee, (*ancestors, address)))
+            deepest = max(deepest, self.compute_depth(callee, (*ancestors, address)))
         self._depths[address] = deepest[0] + self._routines[address].frame, (name, *deepest[1])
         return self._depths[address]
 
@@ -218,19 +218,19 @@ class CallGraph:
         by_name = {routine.name: address for address, routine in self._routines.items()}
         if ENTRY not in by_name:
             _fail(self._path, "symbols", ENTRY, "none", "is it an image of this port?")
-        levels = next((levels for images, levels in self._table.levels if _matches(image, images)), None)
+        levels = next((levels for images, levels in self._table.levels if _matches_patterns(image, images)), None)
         if levels is None:
             _fail(self._table.path, "levels", f"a row for {image}", "none", "add one")
-        interrupts, chain = 0, self.depth(by_name[ENTRY])
+        interrupts, chain = 0, self.compute_depth(by_name[ENTRY])
         names = chain[1]
         for level in levels:
-            deepest = max((self.depth(by_name[name]) for name in level if name in by_name), default=(0, ()))
+            deepest = max((self.compute_depth(by_name[name]) for name in level if name in by_name), default=(0, ()))
             interrupts += EXCEPTION_FRAME + deepest[0]
             names = (*names, *deepest[1])
         return StackUse(chain[0], interrupts, names)
 
 
-def _matches(name: str, patterns: list[str]) -> bool:
+def _matches_patterns(name: str, patterns: list[str]) -> bool:
     """Whether a function name matches one of the shell patterns and none of the patterns that begin with "!"."""
     if any(fnmatchcase(name, pattern[1:]) for pattern in patterns if pattern.startswith("!")):
         return False

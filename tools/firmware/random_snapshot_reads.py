@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from executed_world import BOARD_IMAGE, IMAGES, files, format_image_line, make_board_world
+from executed_world import BOARD_IMAGE, IMAGES, find_image_files, format_image_line, make_board_world
 
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
@@ -108,7 +108,7 @@ def read_random_snapshots(reads: int, seed: int = 1, address: int = 0x2C, images
     hand = load_hand("allegro")
     text = make_board_world(hand, address, WorldSettings(seed=seed)) + format_image_line(address)
     result = Reads()
-    with VirtualWorld(text, "none", counts=True, files={BOARD_IMAGE: files(images)[BOARD_IMAGE]}) as world:
+    with VirtualWorld(text, "none", counts=True, files={BOARD_IMAGE: find_image_files(images)[BOARD_IMAGE]}) as world:
         world.inject("hub_unplug")
         world.run(0.3)
         board = _Board(world, address, hand.get_board(address).kind.taxel_count, seed)

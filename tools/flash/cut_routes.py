@@ -5,7 +5,7 @@ from typing import Final, Protocol
 from taxel.errors import TaxelError
 from taxel.link.virtual import VirtualMemoryLink, VirtualSMBus, VirtualWorld
 from taxel.stream import HubClient
-from taxel_tools.application import firmware_version, wait_for_application
+from taxel_tools.application import get_firmware_version, wait_for_application
 from taxel_tools.errors import HUB
 from taxel_tools.files import Firmware
 from taxel_tools.firmware_update import Progress, update_board, update_target
@@ -97,7 +97,7 @@ class BoardRoute:
     def version(self) -> tuple[int, int, int] | None:
         """Firmware version of the board from its identity registers; None if no application starts."""
         identity = run(self.wire, wait_for_application(BOARD, self.wire.now_s, START_TIMEOUT_S))
-        return None if identity is None else firmware_version(identity)
+        return None if identity is None else get_firmware_version(identity)
 
     def check_hub(self) -> None:
         """Check that the neighbour board is still polled."""

@@ -69,7 +69,7 @@ class Frames:
         values, time = frames[is_new], recording.time_s[is_new]
         first = np.concatenate([[0], (values[1:] != values[:-1]).argmax(axis=1)])
         stale = np.arange(N_TAXELS) < first[:, None]
-        corrected = _correct(values, time, np.arange(N_TAXELS) > first[:, None])
+        corrected = _interpolate_invalid(values, time, np.arange(N_TAXELS) > first[:, None])
         torn = corrected.copy()
         for k in range(1, len(torn)):
             torn[k, stale[k]] = torn[k - 1, stale[k]]
@@ -106,7 +106,7 @@ class Frames:
         }
 
 
-def _correct(values: FloatArray, time_s: FloatArray, is_valid: BoolArray) -> FloatArray:
+def _interpolate_invalid(values: FloatArray, time_s: FloatArray, is_valid: BoolArray) -> FloatArray:
     """Interpolate invalid counts in time between the valid counts of the same taxel. values, is_valid: [T, n];
     time_s: f64[T].
     """

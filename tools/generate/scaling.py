@@ -43,15 +43,15 @@ class RunTime(NamedTuple):
 def measure_run(recipe: Recipe, workers: int) -> RunTime:
     """Generate grasps with `workers` processes. Returns real time and processor times."""
 
-    def now() -> RunTime:
+    def read_times() -> RunTime:
         """Real time, and processor time of this process and of its child processes, until now."""
         children = resource.getrusage(resource.RUSAGE_CHILDREN)
         return RunTime(time.perf_counter(), time.process_time(), children.ru_utime + children.ru_stime)
 
     with tempfile.TemporaryDirectory() as folder:
-        before = now()
+        before = read_times()
         generate(recipe, Path(folder) / "out", Processes(workers))
-        return now().subtract(before)
+        return read_times().subtract(before)
 
 
 def measure_per_grasp(recipe: Recipe, shards: int, workers: int) -> RunTime:
@@ -72,13 +72,13 @@ def print_table(recipe: Recipe, shards: int) -> None:
     # A single worker also writes the files; with two workers this process writes while they work.
     rates = {1: 1.0 / (one.own + one.workers), 2: min(2.0 / two.workers, 1.0 / max(two.own, 1e-9))}
     for workers, times, cpu in ((1, one, one.own + one.workers), (2, two, two.workers)):
-        print(_row(str(workers), f"{1.0 / times.wall:.2f}", f"{1e3 * cpu:.0f}", rates[workers]))
+        print(_format_row(str(workers), f"{1.0 / times.wall:.2f}", f"{1e3 * cpu:.0f}", rates[workers]))
     for workers in PROJECTED_WORKERS:
-        print(_row(f"{workers} *", "", "", min(workers / two.workers, 1.0 / max(two.own, 1e-9))))
+        print(_format_row(f"{workers} *", "", "", min(workers / two.workers, 1.0 / max(two.own, 1e-9))))
     print(f"* projected; the writing process takes {1e3 * two.own:.2f} ms for each grasp")
 
 
-def _row(workers: str, wall: str, cpu: str, rate: float) -> str:
+def _format_row(workers: str, wall: str, cpu: str, rate: float) -> str:
     """Line of the table: number of workers, real time, processor time, grasps per second, and hours for a large
     dataset.
     """

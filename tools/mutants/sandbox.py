@@ -51,7 +51,7 @@ class Outcome:
     seconds: float
 
 
-def _tool(name: str) -> str:
+def _find_tool(name: str) -> str:
     """Path of a build program beside the Python interpreter; otherwise its name, to be found in the search path."""
     local_tool = Path(sys.executable).with_name(name)
     return str(local_tool) if local_tool.exists() else name
@@ -106,8 +106,8 @@ class SandboxedCopy:
 
     def prepare(self) -> None:
         """Configure and build without a bug. Raises PlantError on failure, or if Python would import other files."""
-        ninja = [] if _tool("ninja") == "ninja" else [f"-DCMAKE_MAKE_PROGRAM={_tool('ninja')}"]
-        configure = [_tool("cmake"), "-G", "Ninja", *ninja]
+        ninja = [] if _find_tool("ninja") == "ninja" else [f"-DCMAKE_MAKE_PROGRAM={_find_tool('ninja')}"]
+        configure = [_find_tool("cmake"), "-G", "Ninja", *ninja]
         tests = ["-DTAXEL_BUILD_TESTS=ON", "-DTAXEL_SANITIZE=ON", "-DCMAKE_BUILD_TYPE=RelWithDebInfo"]
         package = ["-DTAXEL_INSTALL_PYTHON=ON", f"-DCMAKE_INSTALL_PREFIX={self.copy / 'host'}"]
         self._run_checked([*configure, "-S", str(self.copy / "firmware"), "-B", str(self.folder / "tests"), *tests])
@@ -124,14 +124,14 @@ class SandboxedCopy:
         copy expects them.
         """
         targets = ["--target", *programs] if programs else []
-        self._run_checked([_tool("cmake"), "--build", str(self.folder / build_name), "-j", "1", *targets])
+        self._run_checked([_find_tool("cmake"), "--build", str(self.folder / build_name), "-j", "1", *targets])
         if build_name == "package":
-            self._run_checked([_tool("cmake"), "--install", str(self.folder / build_name)])
+            self._run_checked([_find_tool("cmake"), "--install", str(self.folder / build_name)])
 
-    def _c_tests(self, stage: Stage) -> list[str]:
+    def _build_c_tests(self, stage: Stage) -> list[str]:
         """Build the C tests of a stage and return the command that runs them."""
         folder = self.folder / "tests"
-        ctest = [_tool("ctest"), "--test-dir", str(folder), "-R", stage.pattern, "--no-tests=error"]
+        ctest = [_find_tool("ctest"), "--test-dir", str(folder), "-R", stage.pattern, "--no-tests=error"]
         code, output = self._run([*ctest, "--show-only=json-v1"])
         if code:
             raise PlantError(f"{stage.name}: {find_first_failure(output)}")
@@ -150,7 +150,7 @@ class SandboxedCopy:
             command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--tb=short"]
             command += ["-m", "not slow", *sorted(stage.tests, key=lambda tests: Path(tests).stem not in file)]
         else:
-            command = self._c_tests(stage)
+            command = self._build_c_tests(stage)
         code, output = self._run(command)
         (self.folder / f"{stage.name}.log").write_text(output)
         if code is None:
@@ -239,12 +239,12 @@ class SandboxPool:
 
     def check_without_bugs(self, stages: Sequence[Stage]) -> None:
         """Run the stages of tests on a copy without a bug. Raises PlantError if one fails."""
-        for stage, failure in zip(stages, self._pool.map(self._failure, stages), strict=True):
+        for stage, failure in zip(stages, self._pool.map(self._find_failure, stages), strict=True):
             print(f"without a bug: {stage.name}: {failure or 'pass'}", flush=True)
             if failure:
                 raise PlantError(f"{stage.name} fail without any bug ({failure}); fix this failure first")
 
-    def _failure(self, stage: Stage) -> str | None:
+    def _find_failure(self, stage: Stage) -> str | None:
         """Run a stage of tests in a free copy without any bug. Returns the first failing test, or None."""
         sandbox = self._free.get()
         try:

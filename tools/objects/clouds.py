@@ -41,13 +41,13 @@ class ContactDistribution:
     palm_share: float = PALM_SHARE
 
 
-def unit_samples(n: int, seed: int) -> FloatArray:
+def sample_unit_cube(n: int, seed: int) -> FloatArray:
     """Quasi-random numbers in (0, 1), f64[n, 4] (Sobol). Equal samples make clouds change smoothly with the sizes."""
     samples = qmc.Sobol(4, seed=seed).random_base2(int(np.ceil(np.log2(n))))[:n]
     return np.clip(np.asarray(samples, dtype=np.float64), 1e-4, 1 - 1e-4)
 
 
-def contact_cloud(prism: Prism, distribution: ContactDistribution, samples: FloatArray) -> FloatArray:
+def build_contact_cloud(prism: Prism, distribution: ContactDistribution, samples: FloatArray) -> FloatArray:
     """Contact points, f64[n, 3], mm. samples: f64[n, 4], from `unit_samples`."""
     on_top = samples[:, 2] < distribution.top_share * distribution.palm_share
     from_top = samples[:, 2] < distribution.top_share

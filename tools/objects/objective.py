@@ -7,7 +7,7 @@ distances of the six pairs of different objects are compared by the logarithms o
 from dataclasses import astuple, dataclass, field
 
 import numpy as np
-from clouds import BAND_MM, PALM_SHARE, ContactDistribution, contact_cloud, unit_samples
+from clouds import BAND_MM, PALM_SHARE, ContactDistribution, build_contact_cloud, sample_unit_cube
 from match import build_starting_clouds, match_clouds
 from surfaces import Prism, make_box, make_cylinder, make_triangle
 from thesis_tables import REAL, SIMULATED, TOP_GRASP_SHARES, CloudTable
@@ -88,10 +88,10 @@ def compute_distances(sizes: Sizes, settings: CloudSettings, with_own: bool = Tr
     with_own: also the distances of each cloud to its own object.
     """
     prisms = sizes.prisms()
-    samples = unit_samples(settings.points, settings.seed)
+    samples = sample_unit_cube(settings.points, settings.seed)
     clouds = [
         [
-            contact_cloud(*pair, samples)
+            build_contact_cloud(*pair, samples)
             for pair in zip(prisms, compute_contact_distributions(table, settings), strict=True)
         ]
         for table, _ in TABLES

@@ -50,7 +50,7 @@ def read_status(address: int) -> Procedure[dict[str, Any]]:
     return unpack(Status, (yield Transfer(address, bytes([REGISTER_STATUS]), get_packer(Status).size)))[0]
 
 
-def firmware_version(identity: dict[str, Any]) -> tuple[int, int, int]:
+def get_firmware_version(identity: dict[str, Any]) -> tuple[int, int, int]:
     """Firmware version (major, minor, patch) in the identity of a board."""
     return identity["firmware_major"], identity["firmware_minor"], identity["firmware_patch"]
 

@@ -137,7 +137,7 @@ class HubQueue(HubClient):
             number, transfer = self._waiting[index]
             del self._waiting[index]
             fields = {"address": transfer.address, "read_length": transfer.read_size}
-            frame = self._frame(Command.I2C_TRANSFER, pack(TransferArguments, fields, transfer.write))
+            frame = self._build_frame(Command.I2C_TRANSFER, pack(TransferArguments, fields, transfer.write))
             self._send_frame(number, transfer, frame, REPLY_SIZE + transfer.read_size)
             self._bus_bytes += len(transfer.write) + transfer.read_size
             self._last_unanswered[transfer.address] = (number, self._bus_bytes)
@@ -146,7 +146,7 @@ class HubQueue(HubClient):
             and self._expected_reply_bytes < FLUSH_THRESHOLD
             and self._bytes_in_flight + FLUSH_SIZE <= self.window
         ):
-            self._send_frame(FLUSH, Transfer(0), self._frame(Command.GET_TIME), FLUSH_REPLY_SIZE)
+            self._send_frame(FLUSH, Transfer(0), self._build_frame(Command.GET_TIME), FLUSH_REPLY_SIZE)
 
     def _find_sendable(self) -> int | None:
         """Index of the first queued transfer that may be sent now; None if all must wait.
@@ -192,7 +192,7 @@ class HubQueue(HubClient):
             del self._last_unanswered[sent.transfer.address]
         return sent
 
-    def _frame(self, command: Command, arguments: bytes = b"") -> bytes:
+    def _build_frame(self, command: Command, arguments: bytes = b"") -> bytes:
         """Bytes of a command frame to the hub, with the tag by which its reply is recognised."""
         payload = pack(CommandPayload, {"tag": self._tag % 255 + 1, "command": int(command)}, arguments)
         return encode_frame(FrameType.COMMAND, self._sequence, payload)
@@ -219,7 +219,7 @@ class HubQueue(HubClient):
         answered_indices = [index for index, sent in enumerate(self._sent) if sent.tag in self._replies]
         for _ in range(answered_indices[-1] + 1 if answered_indices else 0):
             sent = self._pop_oldest()
-            outcome = self._outcome(sent)
+            outcome = self._read_outcome(sent)
             if sent.number != FLUSH:
                 completed.append((sent.number, outcome))
         while self._sent and self._sent[0].deadline_s <= self.now_s():
@@ -228,7 +228,7 @@ class HubQueue(HubClient):
                 completed.append((sent.number, self._make_lost_error(sent, "the hub does not answer")))
         return completed
 
-    def _outcome(self, sent: _SentCommand) -> bytes | TransferError:
+    def _read_outcome(self, sent: _SentCommand) -> bytes | TransferError:
         """Bytes read by a transfer whose command has been answered, or its error. Raises `WireError` if the hub
         refuses transfers.
         """

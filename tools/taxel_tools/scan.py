@@ -10,7 +10,7 @@ from taxel_protocol.layout import unpack
 from taxel_protocol.limits import REGISTER_IDENTITY, WHO_AM_I
 from taxel_protocol.names import BoardErrorFlag, ResetCause
 from taxel_protocol.registers import Identity
-from taxel_tools.application import READ_ATTEMPTS, firmware_version, is_identity, read_status
+from taxel_tools.application import READ_ATTEMPTS, get_firmware_version, is_identity, read_status
 from taxel_tools.errors import BoardError, TransferError
 from taxel_tools.firmware_update import format_version
 from taxel_tools.procedure import Clock, Procedure, Transfer
@@ -106,7 +106,7 @@ def _describe_application(address: int, identity: dict[str, Any]) -> Procedure[B
         address,
         "application",
         identity["kind"],
-        format_version(firmware_version(identity)),
+        format_version(get_firmware_version(identity)),
         identity["unique_id"].hex(),
         identity["taxel_count"],
         tuple(notes),

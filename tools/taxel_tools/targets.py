@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from taxel_tools.application import firmware_version, read_identity, trigger_confirmation, wait_for_application
+from taxel_tools.application import get_firmware_version, read_identity, trigger_confirmation, wait_for_application
 from taxel_tools.errors import TransferError
 from taxel_tools.procedure import Clock, Procedure, Version
 from taxel_tools.session import BootSession
@@ -56,7 +56,7 @@ class BoardTarget:
             identity = yield from read_identity(self.address)
         except TransferError:
             return None
-        return None if identity is None else firmware_version(identity)
+        return None if identity is None else get_firmware_version(identity)
 
     def enter(self) -> Procedure[None]:
         """Restart the board into its bootloader by the command register, and start a session."""
@@ -65,7 +65,7 @@ class BoardTarget:
     def wait_for_application(self, timeout_s: float) -> Procedure[Version | None]:
         """Read the identity of the board until it is valid. Returns its version, or None after `timeout_s` seconds."""
         identity = yield from wait_for_application(self.address, self.now_s, timeout_s)
-        return None if identity is None else firmware_version(identity)
+        return None if identity is None else get_firmware_version(identity)
 
     def trigger_confirmation(self, timeout_s: float) -> Procedure[None]:
         """Wait until the board has scanned, then read a snapshot, so that its new firmware image confirms itself."""

@@ -36,10 +36,10 @@ def test_a_difference_is_found_and_described(cortex, cpu, oracle):
     block = cortex.cases.generate_block(SEED, 0)
     outcome, is_equal = cortex.differential.run_block(block, cpu, oracle)
     assert is_equal
-    different = cortex.differential.differences(outcome)
+    different = cortex.differential.find_differences(outcome)
     case = int(np.flatnonzero(~different & (outcome.verdict == 0))[0])
     outcome.emulated["r"][case, 3] ^= 1
-    assert cortex.differential.differences(outcome)[case]
+    assert cortex.differential.find_differences(outcome)[case]
     assert " r3 " in cortex.differential.describe(outcome, case)
 
 

@@ -74,11 +74,11 @@ def compute_icp_error(points, prism, iterations):
 
 
 def test_registration_is_at_most_2_percent_above_the_minimum_of_icp(tool):
-    samples = tool.clouds.unit_samples(128, SEED)
+    samples = tool.clouds.sample_unit_cube(128, SEED)
     shapes = make_prisms(tool)
     distribution = tool.clouds.ContactDistribution(top_share=0.2, offset_mm=1.5, std_mm=0.5)
     for contacted_prism in shapes:
-        cloud = tool.clouds.contact_cloud(contacted_prism, distribution, samples)
+        cloud = tool.clouds.build_contact_cloud(contacted_prism, distribution, samples)
         for prism in shapes:
             starts = tool.match.build_starting_clouds(cloud, contacted_prism.height, prism.height)
             (distances,) = tool.match.match_clouds([starts], prism)
@@ -87,10 +87,10 @@ def test_registration_is_at_most_2_percent_above_the_minimum_of_icp(tool):
 
 
 def test_contact_points_without_random_distance_lie_at_the_offset_and_not_below_the_object(tool):
-    samples = tool.clouds.unit_samples(256, SEED)
+    samples = tool.clouds.sample_unit_cube(256, SEED)
     distribution = tool.clouds.ContactDistribution(top_share=0.2, offset_mm=1.5, std_mm=0.0)
     for prism in make_prisms(tool):
-        cloud = tool.clouds.contact_cloud(prism, distribution, samples)
+        cloud = tool.clouds.build_contact_cloud(prism, distribution, samples)
         np.testing.assert_allclose(np.linalg.norm(cloud - prism.nearest(cloud), axis=1), 1.5, atol=1e-6)
         assert cloud[:, 2].min() >= 0
 

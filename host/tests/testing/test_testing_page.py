@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from taxel_tools.testing.errors import ResultFileError
 from taxel_tools.testing.history import History
-from taxel_tools.testing.page import page_text, write_page
+from taxel_tools.testing.page import render_page, write_page
 from taxel_tools.testing.page.bars import build_axis, render_value_bar
 from taxel_tools.testing.page.figures import format_duration, format_figure, format_time
 from taxel_tools.testing.record import Attachment, Finding, Limit, Measurement, Outcome, PhaseRecord, TestRecord
@@ -31,7 +31,7 @@ def find_section(page, title):
 
 
 def test_the_header_shows_the_verdict_and_the_problems(full_record):
-    header = parse_page(page_text(full_record)).find("body/header")
+    header = parse_page(render_page(full_record)).find("body/header")
     assert read_text(header.find("h1")) == "AB-0001 could not be tested completely: 2 faults found"
     items = [read_text(node) for node in header.find("ol")]
     assert items[0] == "open TX line TX 5 check the trace"
@@ -41,14 +41,14 @@ def test_the_header_shows_the_verdict_and_the_problems(full_record):
 
 
 def test_a_passed_board_has_no_problem_list(make_record):
-    page = page_text(make_record(lambda log: log.measure("white", 4.0, "counts")))
+    page = render_page(make_record(lambda log: log.measure("white", 4.0, "counts")))
     assert "AB-0001 passed" in read_text(parse_page(page).find("body/header/h1"))
     assert "What to do" not in page
 
 
 def test_a_single_fault_is_in_the_title(make_record):
     record = make_record(lambda log: log.add_finding("open TX line", "TX 3", "fix it", 2.0))
-    assert read_text(parse_page(page_text(record)).find("head/title")) == "AB-0001 failed: open TX line at TX 3"
+    assert read_text(parse_page(render_page(record)).find("head/title")) == "AB-0001 failed: open TX line at TX 3"
 
 
 def test_a_violated_limit_without_a_finding_is_listed_with_its_worst_place(make_record):
@@ -56,7 +56,7 @@ def test_a_violated_limit_without_a_finding_is_listed_with_its_worst_place(make_
         for line, value in enumerate([9.0, 24.0, 12.0]):
             log.measure("white", value, "counts", f"TX {line}")
 
-    header = read_text(parse_page(page_text(make_record(measure))).find("body/header"))
+    header = read_text(parse_page(render_page(make_record(measure))).find("body/header"))
     assert "Noise, white: 3 places beyond the limit, the worst 24 counts at TX 1 (allowed ≤ 8)" in header
 
 
@@ -65,7 +65,7 @@ def test_a_long_problem_list_is_folded(make_record):
         for line in range(30):
             log.add_finding("open TX line", f"TX {line}", "fix it", float(line))
 
-    header = parse_page(page_text(make_record(measure))).find("body/header")
+    header = parse_page(render_page(make_record(measure))).find("body/header")
     assert len(header.find("ol")) == 10
     assert read_text(header.find("details/summary")) == "20 more"
     assert len(header.find("details/ol")) == 20
@@ -74,7 +74,7 @@ def test_a_long_problem_list_is_folded(make_record):
 def test_the_header_contains_the_identity(full_record):
     entries = {
         read_text(node.find("dt")): read_text(node.find("dd"))
-        for node in parse_page(page_text(full_record)).find("body/header/dl")
+        for node in parse_page(render_page(full_record)).find("body/header/dl")
     }
     assert entries["serial number"] == "AB-0001"
     assert entries["operator"] == "Zoë"
@@ -84,7 +84,7 @@ def test_the_header_contains_the_identity(full_record):
 
 def test_each_value_is_shown_with_its_limit(full_record):
     rows = [
-        [read_text(entry) for entry in row] for row in find_section(page_text(full_record), "Noise").find(".//tbody")
+        [read_text(entry) for entry in row] for row in find_section(render_page(full_record), "Noise").find(".//tbody")
     ]
     assert rows[0] == ["white", "TX 3", "9.50 counts", "≤ 8", "", "fail"]
     assert rows[2] == ["white", "TX 5", "NaN", "≤ 8", "", "fail"]
@@ -92,7 +92,7 @@ def test_each_value_is_shown_with_its_limit(full_record):
 
 
 def test_empty_columns_are_omitted(full_record):
-    headings = [read_text(node) for node in find_section(page_text(full_record), "Identity").find(".//thead/tr")]
+    headings = [read_text(node) for node in find_section(render_page(full_record), "Identity").find(".//thead/tr")]
     assert headings == ["measurement", "value"]
 
 
@@ -101,7 +101,7 @@ def test_many_measurements_are_folded_except_the_failing_ones(make_record):
         for taxel in range(300):
             log.measure("white", 9.0 if taxel in (7, 80) else 4.0 + taxel / 1000, "counts", f"taxel {taxel}")
 
-    page = page_text(make_record(measure))
+    page = render_page(make_record(measure))
     noise = find_section(page, "Noise")
     summary, failing = (table for table in noise.findall("div/table"))
     assert [read_text(entry) for entry in summary.find("tbody/tr")][:7] == [
@@ -114,7 +114,7 @@ def test_many_measurements_are_folded_except_the_failing_ones(make_record):
 
 
 def test_pictures_and_files_are_embedded_in_the_page(full_record):
-    noise = find_section(page_text(full_record), "Noise")
+    noise = find_section(render_page(full_record), "Noise")
     assert noise.find(".//img").get("src").startswith("data:image/png;base64,iVBOR")
     assert noise.find(".//img").get("alt") == "White noise"
     link = noise.find(".//a[@download]")
@@ -125,7 +125,7 @@ def test_pictures_and_files_are_embedded_in_the_page(full_record):
 @pytest.mark.parametrize("media_type", ["text/html", "image/jpeg", 'image/png" onload="x', "IMAGE/SVG+XML"])
 def test_only_known_picture_types_are_shown(make_record, media_type):
     record = make_record(lambda log: log.attach("x", media_type, b"<script>alert(1)</script>"))
-    page = page_text(record)
+    page = render_page(record)
     assert "<img" not in page
     assert "data:application/octet-stream;base64," in page
     assert media_type not in page
@@ -133,22 +133,22 @@ def test_only_known_picture_types_are_shown(make_record, media_type):
 
 def test_a_script_in_a_picture_is_not_part_of_the_page(make_record):
     record = make_record(lambda log: log.attach("x.svg", "image/svg+xml", b"<svg><script>alert(1)</script></svg>"))
-    assert "<script" not in page_text(record)
-    assert find_section(page_text(record), "Noise").find(".//img") is not None
+    assert "<script" not in render_page(record)
+    assert find_section(render_page(record), "Noise").find(".//img") is not None
 
 
 def test_a_traceback_is_shown_on_the_page(make_plan, phase, run):
     def measure(context, options, log):
         raise ValueError("<no index>")
 
-    page = page_text(run(make_plan("[phases.a]\n"), [phase("a", measure)]))
+    page = render_page(run(make_plan("[phases.a]\n"), [phase("a", measure)]))
     pre = find_section(page, "A").find(".//pre")
     assert pre.text.startswith("Traceback (most recent call last):\n  File")
     assert "ValueError: <no index>" in pre.text
 
 
 def test_the_content_security_policy_permits_only_embedded_style_and_pictures(full_record):
-    page = page_text(full_record)
+    page = render_page(full_record)
     policy = parse_page(page).find("head/meta[@http-equiv='Content-Security-Policy']").get("content")
     assert policy == "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
     assert not re.search(r"""(?:src|href)="(?!data:|#)""", page)
@@ -183,7 +183,7 @@ def test_no_text_of_a_record_becomes_markup(text):
         problem=text,
     )
     record = TestRecord(text, text, text, text, text, text, {text: text}, text, text, Outcome.ERROR, [phase], 1.0)
-    page = page_text(record)
+    page = render_page(record)
     assert "<script" not in page
     allowed_tags = {
         "html",
@@ -242,7 +242,7 @@ def test_earlier_tests_and_moved_values_are_shown(make_record, tmp_path):
         for white in (4.0, 4.1):
             history.add(make_record(lambda log, white=white: log.measure("white", white, "counts", "TX 3")))
         record = make_record(lambda log: log.measure("white", 7.5, "counts", "TX 3"))
-        page = page_text(record, history.compare(record), history.list_earlier("AB-0001"))
+        page = render_page(record, history.compare(record), history.list_earlier("AB-0001"))
     earlier = find_section(page, "Earlier tests")
     changes, runs = earlier.findall("div/table")
     assert [read_text(entry) for entry in changes.find("tbody/tr")] == [
@@ -261,23 +261,23 @@ def test_moved_values_are_sorted_by_shift(make_record, tmp_path):
 
     with History(tmp_path / "h.sqlite") as history:
         history.add(make_values_record(4.0, 4.0, 4.0))
-        page = page_text(make_values_record(5.5, 4.1, 7.5), history.compare(make_values_record(5.5, 4.1, 7.5)))
+        page = render_page(make_values_record(5.5, 4.1, 7.5), history.compare(make_values_record(5.5, 4.1, 7.5)))
     rows = find_section(page, "Earlier tests").find("div/table/tbody")
     assert [read_text(row[1]) for row in rows] == ["TX 2", "TX 0"]
 
 
 def test_without_a_history_the_section_is_missing(full_record):
-    assert "Earlier tests" not in page_text(full_record)
+    assert "Earlier tests" not in render_page(full_record)
 
 
 def test_a_test_without_phases_has_a_page(make_plan, run, phase):
-    page = page_text(run(make_plan("[phases.a]\nenabled = false\n"), [phase("a")], serial_number=""))
+    page = render_page(run(make_plan("[phases.a]\nenabled = false\n"), [phase("a")], serial_number=""))
     assert "A device without serial number was not tested" in read_text(parse_page(page).find("body/header/h1"))
     assert "The plan has no phase for this kind of device." in page
 
 
 def test_equal_records_give_equal_pages(full_record):
-    assert page_text(full_record) == page_text(dataclasses.replace(full_record))
+    assert render_page(full_record) == render_page(dataclasses.replace(full_record))
 
 
 def test_an_existing_page_is_not_overwritten(full_record, tmp_path):
@@ -285,7 +285,7 @@ def test_an_existing_page_is_not_overwritten(full_record, tmp_path):
     with pytest.raises(ResultFileError, match="an existing one"):
         write_page(full_record, tmp_path / "r.html")
     write_page(full_record, tmp_path / "r.html", overwrite=True)
-    assert (tmp_path / "r.html").read_text(encoding="utf-8") == page_text(full_record)
+    assert (tmp_path / "r.html").read_text(encoding="utf-8") == render_page(full_record)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from taxel_tools.testing import whole_file
 from taxel_tools.testing.errors import ResultFileError
 from taxel_tools.testing.junit import format_junit
-from taxel_tools.testing.page import page_text
+from taxel_tools.testing.page import render_page
 from taxel_tools.testing.record import (
     Attachment,
     Finding,
@@ -109,7 +109,7 @@ def test_any_record_is_read_back_as_written(record):
 @settings(deadline=None, max_examples=60)
 @given(records())
 def test_any_record_has_a_page_and_a_junit_file(record):
-    ET.fromstring(page_text(record).removeprefix("<!DOCTYPE html>\n"))
+    ET.fromstring(render_page(record).removeprefix("<!DOCTYPE html>\n"))
     ET.fromstring(format_junit(record))
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from taxel.errors import TaxelError
 from taxel.link.virtual import FaultError, VirtualSMBus
-from taxel_tools.application import firmware_version, wait_for_application
+from taxel_tools.application import get_firmware_version, wait_for_application
 from taxel_tools.firmware_update import update_board
 from taxel_tools.scheduler import run, run_all
 from taxel_tools.wires import SmbusWire
@@ -28,7 +28,7 @@ def read_version(wire):
     """Version of the running application, which must start within 6 s."""
     identity = run(wire, wait_for_application(BOARD, wire.now_s, 6.0))
     assert identity is not None, "bricked"
-    return firmware_version(identity)
+    return get_firmware_version(identity)
 
 
 def connect_with_observer(world, observe):

@@ -12,7 +12,7 @@ from smbus2 import i2c_msg
 from taxel.link.virtual import VirtualSMBus
 from taxel_protocol.bootloader import BootChecksum
 from taxel_protocol.bootloader_packets import build_packet, parse_packet
-from taxel_tools.application import firmware_version, read_identity
+from taxel_tools.application import get_firmware_version, read_identity
 from taxel_tools.files.cyacd import write_cyacd
 from taxel_tools.scheduler import run
 
@@ -80,7 +80,7 @@ def test_a_stock_host_tool_programs_the_taxel_bootloader(worlds, adapter, make_i
     host.program(write_cyacd(make_image(1, size=1024), 128, checksum))
     assert host.sent == [ENTER, FLASH_SIZE, *[SEND, SEND, PROGRAM, VERIFY_ROW] * 8, VERIFY, EXIT]
     world.run(0.2)
-    assert firmware_version(run(adapter(world), read_identity(BOARD))) == (1, 2, 3)
+    assert get_firmware_version(run(adapter(world), read_identity(BOARD))) == (1, 2, 3)
 
 
 def test_a_stock_host_tool_refuses_a_file_for_the_slot_in_use(worlds, make_image):

@@ -5,7 +5,7 @@ import pytest
 from taxel.errors import TaxelError
 from taxel_protocol import bootloader
 from taxel_protocol.bootloader import BootDevice
-from taxel_tools.application import firmware_version, read_identity
+from taxel_tools.application import get_firmware_version, read_identity
 from taxel_tools.errors import BoardError
 from taxel_tools.files import Firmware
 from taxel_tools.firmware_update import update_board
@@ -23,7 +23,7 @@ def ignore_progress(progress) -> None:
 
 def read_versions(wire, addresses=BOARDS):
     identities = run_all(wire, {address: read_identity(address) for address in addresses})
-    return {address: firmware_version(identity) for address, identity in identities.items()}
+    return {address: get_firmware_version(identity) for address, identity in identities.items()}
 
 
 def update_all(wire, firmware, addresses=BOARDS, report=ignore_progress, **options):

@@ -47,7 +47,7 @@ def draw_board_map(kind: BoardKind, values: FloatArray, label: str, marked: Bool
     grid[kind.crossings] = values
     rows, columns = kind.tx_count, kind.rx_count
     width = max(TAXEL_IN * columns + 1.6, WIDTH_MIN_IN)
-    figure = _new_figure(width, TAXEL_IN * rows + 0.9)
+    figure = _create_figure(width, TAXEL_IN * rows + 0.9)
     axes = figure.add_subplot()
     image = axes.imshow(grid, cmap="viridis", interpolation="nearest")
     figure.suptitle(
@@ -62,14 +62,14 @@ def draw_board_map(kind: BoardKind, values: FloatArray, label: str, marked: Bool
         side.set_visible(False)
     if marked is not None:
         for tx, rx in zip(kind.tx[marked].tolist(), kind.rx[marked].tolist(), strict=True):
-            axes.add_patch(_frame(rx, tx))
+            axes.add_patch(_make_frame(rx, tx))
     bar = figure.colorbar(image, ax=axes, shrink=0.9, fraction=0.06)
     bar.ax.tick_params(labelsize=TICK_PT)
     bar.outline.set_visible(False)
     return render_png(figure)
 
 
-def _new_figure(width_in: float, height_in: float) -> "Figure":
+def _create_figure(width_in: float, height_in: float) -> "Figure":
     """Create an empty figure of the given size in inches. Raises an error that names the package if matplotlib is
     missing.
     """
@@ -78,16 +78,16 @@ def _new_figure(width_in: float, height_in: float) -> "Figure":
     return Figure(figsize=(width_in, height_in), layout="constrained")
 
 
-def _frame(x: int, y: int) -> "Rectangle":
+def _make_frame(x: int, y: int) -> "Rectangle":
     """Red frame around one element of the picture of a matrix. x, y: column and row of the element."""
     from matplotlib.patches import Rectangle
 
     return Rectangle((x - 0.5, y - 0.5), 1.0, 1.0, fill=False, edgecolor=RED, linewidth=2.0, clip_on=False)
 
 
-def _axes(x: str, y: str, height: float = 3.2) -> "tuple[Figure, Any]":
+def _make_axes(x: str, y: str, height: float = 3.2) -> "tuple[Figure, Any]":
     """Create a figure with one diagram in the style of the report. x, y: labels of the axes; height: inches."""
-    figure = _new_figure(WIDTH_IN, height)
+    figure = _create_figure(WIDTH_IN, height)
     axes = figure.add_subplot()
     axes.set_xlabel(x, fontsize=LABEL_PT)
     axes.set_ylabel(y, fontsize=LABEL_PT)
@@ -104,7 +104,7 @@ def draw_spectrum(frequency_hz: FloatArray, density: FloatArray, white: float, r
 
     density: counts^2/Hz, mean over taxels, at frequency_hz. white: standard deviation of the white noise in counts.
     """
-    figure, axes = _axes("frequency (Hz)", "counts² / Hz")
+    figure, axes = _make_axes("frequency (Hz)", "counts² / Hz")
     bin_index = np.floor(BINS_PER_DECADE * np.log10(frequency_hz))
     bins = [bin_index == index for index in np.unique(bin_index)]
     centres, levels = ([float(values[mask].mean()) for mask in bins] for values in (frequency_hz, density))
@@ -116,7 +116,7 @@ def draw_spectrum(frequency_hz: FloatArray, density: FloatArray, white: float, r
         linestyle="--",
         label=f"white noise of each taxel: {white:.2f} counts",
     )
-    _legend(axes)
+    _add_legend(axes)
     return render_png(figure)
 
 
@@ -124,24 +124,24 @@ def draw_time_course(time_s: FloatArray, counts: FloatArray, slope_per_min: floa
     """Diagram of the drift of a board: counts f64[k] over time, relative to the first value, and their slope in
     counts/min.
     """
-    figure, axes = _axes("time (s)", "change (counts)", height=2.8)
+    figure, axes = _make_axes("time (s)", "change (counts)", height=2.8)
     change = counts - counts[0]
     axes.plot(time_s, change, color=BLUE, marker="o", markersize=3, linewidth=1.0)
     line = slope_per_min / 60.0 * (time_s - time_s.mean()) + change.mean()
     axes.plot(time_s, line, color=RED, linestyle="--", linewidth=1.2, label=f"{slope_per_min:+.1f} counts/min")
-    _legend(axes)
+    _add_legend(axes)
     return render_png(figure)
 
 
 def draw_loading_curve(curve: Curve) -> bytes:
     """Loading and unloading curve, mean over taxels with shaded standard deviation, as in Figure 2.5 of the thesis."""
-    figure, axes = _axes("force (N)", "count over count at rest", height=3.6)
+    figure, axes = _make_axes("force (N)", "count over count at rest", height=3.6)
     for branch, style, name in ((curve.loading, "-", "loading"), (curve.unloading, "--", "unloading")):
         mean = branch.mean(axis=0)
         spread = branch.std(axis=0, ddof=1) if len(branch) > 1 else np.zeros_like(mean)
         axes.plot(curve.force_n, mean, style, color=BLUE, linewidth=1.6, label=name)
         axes.fill_between(curve.force_n, mean - spread, mean + spread, color=BLUE, alpha=0.15, linewidth=0.0)
-    _legend(axes, f"mean of {len(curve.loading)} taxels; shaded: standard deviation")
+    _add_legend(axes, f"mean of {len(curve.loading)} taxels; shaded: standard deviation")
     return render_png(figure)
 
 
@@ -151,15 +151,15 @@ def draw_small_forces(
     """Diagram of the signals f64[k] in counts under small forces, with the noise of one frame and the detectable
     force.
     """
-    figure, axes = _axes("force (N)", "signal (counts)", height=3.0)
+    figure, axes = _make_axes("force (N)", "signal (counts)", height=3.0)
     axes.errorbar(force_n, signal, yerr=error, color=BLUE, marker="o", markersize=4, linewidth=1.0, capsize=2)
     axes.axhline(sigmas * error, color=RED, linestyle="--", linewidth=1.2, label=f"{sigmas:g} standard deviations")
     if np.isfinite(detectable_n):
         axes.axvline(detectable_n, color=EDGE, linewidth=1.2, label=f"detectable from {detectable_n:.3f} N")
-    _legend(axes)
+    _add_legend(axes)
     return render_png(figure)
 
 
-def _legend(axes: Any, title: str | None = None) -> None:
+def _add_legend(axes: Any, title: str | None = None) -> None:
     """Add a legend without frame to a diagram."""
     axes.legend(frameon=False, fontsize=TICK_PT, title=title, title_fontsize=TICK_PT)

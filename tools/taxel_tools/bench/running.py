@@ -7,7 +7,7 @@ from importlib import metadata, resources
 from typing import Final
 
 from taxel.errors import TaxelError
-from taxel_tools.application import firmware_version
+from taxel_tools.application import get_firmware_version
 from taxel_tools.bench import registry
 from taxel_tools.bench.board_under_test import BoardUnderTest
 from taxel_tools.bench.probe import Probe, ProbeRequest
@@ -125,7 +125,7 @@ def run_board_test(plan: Plan, board: BoardUnderTest, labels: RecordLabels, repo
         "address": f"0x{board.address:02X}",
         "kind": kind,
         "unique id": board.identity["unique_id"].hex(),
-        "firmware": format_version(firmware_version(board.identity)),
+        "firmware": format_version(get_firmware_version(board.identity)),
         "wire": board.wire.name,
         "probe": board.probe.name,
     }

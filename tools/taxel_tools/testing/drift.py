@@ -51,7 +51,7 @@ def compare_value(phase: str, measurement: Measurement, earlier: list[float]) ->
     if isinstance(measurement.value, str):
         raise TypeError("expected a number, found text")
     centre = median(earlier)
-    shift = _shift(measurement.value, centre, earlier, measurement.limit)
+    shift = _compute_shift(measurement.value, centre, earlier, measurement.limit)
     return Change(
         phase=phase,
         measurement=measurement.name,
@@ -66,7 +66,7 @@ def compare_value(phase: str, measurement: Measurement, earlier: list[float]) ->
     )
 
 
-def _shift(value: float | None, centre: float, earlier: list[float], limit: Limit | None) -> float:
+def _compute_shift(value: float | None, centre: float, earlier: list[float], limit: Limit | None) -> float:
     """Distance of a value from the median of earlier values, in units of the permitted distance; infinite for no
     value.
 
@@ -79,14 +79,14 @@ def _shift(value: float | None, centre: float, earlier: list[float], limit: Limi
         deviation = ROBUST_SD_PER_MAD * median(abs(other - centre) for other in earlier)
         permitted = MOVED_DEVIATIONS * max(deviation, SPREAD_MIN * abs(centre))
     else:
-        width = None if limit is None else _width(value > centre, centre, limit)
+        width = None if limit is None else _compute_width(value > centre, centre, limit)
         permitted = None if width is None else MOVED_SHARE * width
     if permitted is None or value == centre:
         return 0.0
     return abs(value - centre) / permitted if permitted > 0 else math.inf
 
 
-def _width(is_above: bool, centre: float, limit: Limit) -> float | None:
+def _compute_width(is_above: bool, centre: float, limit: Limit) -> float | None:
     """Distance from a median to the bound of its limit, by which a change of the value is judged; None without a
     bound.
 

@@ -64,7 +64,7 @@ class History:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         """Open or create a file of test results. Raises `HistoryError` if the file is locked or is no history."""
         self.path = Path(path)
-        with self._translated_errors():
+        with self._translate_errors():
             # Explicit transactions: sqlite3 would start them too late to exclude another station.
             self._connection = sqlite3.connect(self.path, timeout=LOCK_TIMEOUT_S, isolation_level=None)
         try:
@@ -88,7 +88,7 @@ class History:
 
     def add(self, record: TestRecord) -> bool:
         """Store a test. False if the same record is stored already."""
-        with self._translated_errors(), self._transaction():
+        with self._translate_errors(), self._transaction():
             cursor = self._connection.execute(
                 "INSERT INTO run (digest, serial_number, started_utc, outcome, operator, station, plan_name,"
                 " plan_version, software_version, seconds) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
@@ -115,7 +115,7 @@ class History:
         """Tests of a serial number, newest first; empty for an empty number, which identifies no device."""
         if not serial_number:
             return []
-        with self._translated_errors():
+        with self._translate_errors():
             rows = self._connection.execute(
                 "SELECT id, started_utc, outcome, operator, station, plan_name, plan_version FROM run"
                 " WHERE serial_number = ? ORDER BY id DESC",
@@ -142,7 +142,7 @@ class History:
         """
         if not record.serial_number:
             return []
-        with self._translated_errors():
+        with self._translate_errors():
             rows = self._connection.execute(
                 "SELECT phase, name, place, unit, value FROM measurement JOIN run ON measurement.run = run.id"
                 " WHERE serial_number = ? AND typeof(value) = 'real'"
@@ -157,7 +157,8 @@ class History:
             compare_value(phase.name, measurement, earlier[quantity])
             for phase in record.phases
             for measurement in phase.measurements
-            if not isinstance(measurement.value, str) and (quantity := _quantity(phase.name, measurement)) in earlier
+            if not isinstance(measurement.value, str)
+            and (quantity := _make_quantity_key(phase.name, measurement)) in earlier
         ]
 
     def _list_faults(self, run: int) -> list[str]:
@@ -199,7 +200,7 @@ class History:
 
     def _open(self) -> None:
         """Create the tables in a new file, and check the identity and version of the database."""
-        with self._translated_errors():
+        with self._translate_errors():
             if self._is_new():
                 with self._transaction():
                     if self._is_new():  # Another station may have created the tables meanwhile.
@@ -232,7 +233,7 @@ class History:
             raise
 
     @contextmanager
-    def _translated_errors(self) -> Iterator[None]:
+    def _translate_errors(self) -> Iterator[None]:
         """Context that turns errors of SQLite into `HistoryError` with a remedy."""
         try:
             yield
@@ -248,7 +249,7 @@ class History:
         raise HistoryError(format_path(self.path), problem) from None
 
 
-def _quantity(phase: str, measurement: Measurement) -> tuple[str, ...]:
+def _make_quantity_key(phase: str, measurement: Measurement) -> tuple[str, ...]:
     return tuple(map(_to_utf8, (phase, measurement.name, measurement.place, measurement.unit)))
 
 

@@ -38,7 +38,7 @@ def format_junit(record: TestRecord) -> bytes:
     suite.set("timestamp", _replace_invalid(record.started_utc))
     suite.set("hostname", _replace_invalid(record.station))
     properties = ET.SubElement(suite, "properties")
-    for name, value in _properties(record).items():
+    for name, value in _list_properties(record).items():
         ET.SubElement(properties, "property", name=_replace_invalid(name), value=_replace_invalid(value))
     suite.extend(cases)
     ET.indent(root)
@@ -46,7 +46,7 @@ def format_junit(record: TestRecord) -> bytes:
     return document + b"\n"
 
 
-def _properties(record: TestRecord) -> dict[str, str]:
+def _list_properties(record: TestRecord) -> dict[str, str]:
     """Properties of the JUnit suite: labels of the test and fields of the device."""
     return {
         "serial_number": record.serial_number,

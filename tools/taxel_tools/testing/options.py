@@ -64,18 +64,22 @@ class Options:
                 remedy = "this phase has no options; remove the key"
                 if self._read_keys:
                     remedy = suggest_name(key, self._read_keys)
-                raise PlanError(self._source, self._location(key), "an option of this phase", "an unknown key", remedy)
+                raise PlanError(
+                    self._source, self._get_location(key), "an option of this phase", "an unknown key", remedy
+                )
 
     def _take(self, key: str, default: Any) -> Any:
         """Value of an option, or the default; the option counts as used by the phase."""
         self._read_keys.add(key)
         return self._values.get(key, default)
 
-    def _location(self, key: str) -> str:
+    def _get_location(self, key: str) -> str:
         return self._locations.get(key, key)
 
     def _fail(self, key: str, expected: str, value: object) -> NoReturn:
-        raise PlanError(self._source, self._location(key), expected, format_value(value), "correct or remove the value")
+        raise PlanError(
+            self._source, self._get_location(key), expected, format_value(value), "correct or remove the value"
+        )
 
 
 def is_number(value: object) -> bool:

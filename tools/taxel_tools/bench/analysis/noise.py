@@ -108,11 +108,11 @@ def separate_noise(kind: BoardKind, raw_counts: CountArray, rate_hz: float, scan
     pink, pink_board = _fit_pink(kind, transform, frequency, white)
     mean_change, exponent = _fit_mean_change(clean.mean(axis=1), rate_hz, white, kind)
     return NoiseParts(
-        white=_sigma(white.independent, nyquist),
+        white=_compute_sigma(white.independent, nyquist),
         white_by_taxel=np.sqrt(white_density_by_taxel * nyquist),
-        tx=_sigma(white.tx, nyquist),
-        rx=_sigma(white.rx, nyquist),
-        board=_sigma(white.board, nyquist),
+        tx=_compute_sigma(white.tx, nyquist),
+        rx=_compute_sigma(white.rx, nyquist),
+        board=_compute_sigma(white.board, nyquist),
         pink=pink,
         pink_board=pink_board,
         mean_change=mean_change,
@@ -124,7 +124,7 @@ def separate_noise(kind: BoardKind, raw_counts: CountArray, rate_hz: float, scan
     )
 
 
-def _sigma(density: float, band_hz: float) -> float:
+def _compute_sigma(density: float, band_hz: float) -> float:
     """Standard deviation of noise from its spectral density in counts^2/Hz and its bandwidth in Hz."""
     return float(np.sqrt(max(density, 0.0) * band_hz))
 

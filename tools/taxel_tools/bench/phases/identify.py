@@ -6,7 +6,7 @@ import numpy as np
 
 from taxel.hand import Hand
 from taxel_protocol.names import BoardErrorFlag, ResetCause
-from taxel_tools.application import firmware_version
+from taxel_tools.application import get_firmware_version
 from taxel_tools.bench.analysis.fault import BOARD, Fault
 from taxel_tools.bench.board_under_test import BoardUnderTest
 from taxel_tools.firmware_update import format_version
@@ -37,7 +37,7 @@ class Identify:
         required_version = options.take_text("firmware", "")
         options.refuse_unknown_keys()
         identity, status = board.identity, board.read_status()
-        version = format_version(firmware_version(identity))
+        version = format_version(get_firmware_version(identity))
         log.measure("kind", board.kind.name, "")
         log.measure("taxels", board.kind.taxel_count, "")
         log.measure("firmware", version, "")

@@ -4,7 +4,7 @@ import base64
 from collections.abc import Sequence
 
 from taxel_tools.testing.page.figures import format_size
-from taxel_tools.testing.page.html_text import bullets, escaped, folded
+from taxel_tools.testing.page.html_text import escape_text, render_bullets, render_folded
 from taxel_tools.testing.record import Attachment
 
 PICTURE_TYPES = ("image/png", "image/svg+xml")
@@ -24,12 +24,12 @@ def render_attachments(attachments: Sequence[Attachment]) -> str:
         if attachment.media_type not in PICTURE_TYPES and not _is_text(attachment)
     ]
     picture_list = f'<div class="pictures">{pictures}</div>' if pictures else ""
-    return picture_list + texts + (bullets(links, "files") if links else "")
+    return picture_list + texts + (render_bullets(links, "files") if links else "")
 
 
 def _format_picture(attachment: Attachment) -> str:
     """HTML figure with the embedded picture and its caption."""
-    caption = escaped(attachment.caption or attachment.name)
+    caption = escape_text(attachment.caption or attachment.name)
     data = base64.b64encode(attachment.data).decode()
     return (
         f'<figure><img alt="{caption}" src="data:{attachment.media_type};base64,{data}"/>'
@@ -44,20 +44,20 @@ def _is_text(attachment: Attachment) -> bool:
 def _format_text(attachment: Attachment) -> str:
     """HTML of a text attachment in a block that the reader can unfold."""
     lines = attachment.data.decode("utf-8", "replace").splitlines()
-    # Line by line, because `escaped` returns one line; the indentation of each line is kept.
-    body = "\n".join(" " * (len(line) - len(line.lstrip(" "))) + escaped(line) for line in lines)
-    return folded(_format_caption(attachment), f"<pre>{body}</pre>")
+    # Line by line, because `escape_text` returns one line; the indentation of each line is kept.
+    body = "\n".join(" " * (len(line) - len(line.lstrip(" "))) + escape_text(line) for line in lines)
+    return render_folded(_format_caption(attachment), f"<pre>{body}</pre>")
 
 
 def _format_link(attachment: Attachment) -> str:
     """HTML link that saves an attachment, whose bytes are embedded in the page."""
     # The media type is fixed, so that browsers save the file and never open it.
     data = base64.b64encode(attachment.data).decode()
-    name = escaped(attachment.name) or "attachment"
+    name = escape_text(attachment.name) or "attachment"
     return f'<a download="{name}" href="data:application/octet-stream;base64,{data}">{_format_caption(attachment)}</a>'
 
 
 def _format_caption(attachment: Attachment) -> str:
     """HTML text with name, caption and size of an attachment."""
-    description = f": {escaped(attachment.caption)}" if attachment.caption.strip() else ""
-    return f"{escaped(attachment.name)}{description} ({format_size(len(attachment.data))})"
+    description = f": {escape_text(attachment.caption)}" if attachment.caption.strip() else ""
+    return f"{escape_text(attachment.name)}{description} ({format_size(len(attachment.data))})"

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterable
 
 from taxel.gap.page.bars import HEIGHT, MIDDLE, Axis
-from taxel_tools.testing.page.html_text import diagram
+from taxel_tools.testing.page.html_text import render_diagram
 from taxel_tools.testing.record import Limit, Outcome, Value
 
 _MARGIN = 0.35  # Margin beyond a bound, in units of the permitted width.
@@ -27,21 +27,23 @@ def build_axis(limit: Limit, values: Iterable[Value]) -> Axis:
     if low is None and high is None:
         return Axis.over(finite)
     if low is not None and high is not None:
-        width = _widen((high - low) or abs(high) or 1.0, low, high)
+        width = _compute_least_width((high - low) or abs(high) or 1.0, low, high)
         start, end = low - _MARGIN * width, high + _MARGIN * width
     elif high is not None:
-        width = _widen(high if high > 0 and least >= 0 else abs(high - least) or abs(high) or 1.0, least, high)
+        width = _compute_least_width(
+            high if high > 0 and least >= 0 else abs(high - least) or abs(high) or 1.0, least, high
+        )
         start, end = high - width, high + _MARGIN * width
     else:
         bound = 0.0 if low is None else low
-        width = _widen(max(abs(largest - bound), abs(bound)) or 1.0, bound, largest)
+        width = _compute_least_width(max(abs(largest - bound), abs(bound)) or 1.0, bound, largest)
         start, end = (0.0 if bound > 0 and least >= 0 else bound - _MARGIN * width), bound + (1.0 + _END_MARGIN) * width
     return Axis(
         max(min(start, least), start - _STRETCH_MAX * width), min(max(end, largest), end + _STRETCH_MAX * width)
     )
 
 
-def _widen(width: float, *ends: float) -> float:
+def _compute_least_width(width: float, *ends: float) -> float:
     """The least width for which a margin is representable in floating point near these ends."""
     return max(width, 1e-9 * max(abs(end) for end in ends), sys.float_info.min)
 
@@ -49,7 +51,7 @@ def _widen(width: float, *ends: float) -> float:
 def render_value_bar(axis: Axis, limit: Limit, value: Value, outcome: Outcome) -> str:
     """The permitted range as a band and the value as a dot; an arrow for a value beyond the axis."""
     kind = "bad" if outcome is Outcome.FAIL else "good"
-    return diagram(f"{_limit_band(axis, limit)}{_render_value_mark(axis, value, kind)}")
+    return render_diagram(f"{_render_limit_band(axis, limit)}{_render_value_mark(axis, value, kind)}")
 
 
 def render_value_strip(axis: Axis, limit: Limit | None, values: Iterable[Value]) -> str:
@@ -59,10 +61,10 @@ def render_value_strip(axis: Axis, limit: Limit | None, values: Iterable[Value])
         f' class="tick {"good" if limit is None or limit.contains(value) else "bad"}"/>'
         for value in sorted(value for value in values if isinstance(value, int | float) and math.isfinite(value))
     )
-    return diagram(("" if limit is None else _limit_band(axis, limit)) + ticks)
+    return render_diagram(("" if limit is None else _render_limit_band(axis, limit)) + ticks)
 
 
-def _limit_band(axis: Axis, limit: Limit) -> str:
+def _render_limit_band(axis: Axis, limit: Limit) -> str:
     """SVG band that shows the permitted range of a measurement on an axis, with a line at each finite bound."""
     low, high = limit.bounds
     left, width = axis.span(max(low, axis.low), min(high, axis.high))

@@ -8,9 +8,9 @@ from importlib import resources
 from taxel_tools.testing.drift import Change
 from taxel_tools.testing.history import Summary
 from taxel_tools.testing.page.earlier import render_earlier_section
-from taxel_tools.testing.page.html_text import escaped
+from taxel_tools.testing.page.html_text import escape_text
 from taxel_tools.testing.page.phases import render_phase_section, render_phases_section
-from taxel_tools.testing.page.verdict import format_title, header
+from taxel_tools.testing.page.verdict import format_title, render_header
 from taxel_tools.testing.record import TestRecord
 from taxel_tools.testing.whole_file import write_whole
 
@@ -37,10 +37,10 @@ def write_page(
     Raises:
         ResultFileError: the file exists, or is not writable.
     """
-    write_whole(path, page_text(record, changes, earlier).encode(), overwrite)
+    write_whole(path, render_page(record, changes, earlier).encode(), overwrite)
 
 
-def page_text(record: TestRecord, changes: Sequence[Change] = (), earlier: Sequence[Summary] = ()) -> str:
+def render_page(record: TestRecord, changes: Sequence[Change] = (), earlier: Sequence[Summary] = ()) -> str:
     """The page as HTML text that is also well-formed XML; equal records give equal text."""
     sections = [render_phases_section(record.phases)]
     sections += [render_phase_section(number, phase) for number, phase in enumerate(record.phases, start=1)]
@@ -48,13 +48,13 @@ def page_text(record: TestRecord, changes: Sequence[Change] = (), earlier: Seque
     body = "".join(section.html() for section in [*sections, *([history] if history else [])])
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8"/>\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{escaped(_POLICY)}"/>\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{escape_text(_POLICY)}"/>\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1"/>\n'
-        f'<meta name="color-scheme" content="light dark"/>\n<title>{format_title(record)}</title>\n<style>\n{_style()}'
-        f"</style>\n</head>\n<body>\n{header(record)}<main>\n{body}</main>\n</body>\n</html>\n"
+        f'<meta name="color-scheme" content="light dark"/>\n<title>{format_title(record)}</title>\n'
+        f"<style>\n{_read_style()}</style>\n</head>\n<body>\n{render_header(record)}<main>\n{body}</main>\n</body>\n</html>\n"
     )
 
 
 @cache
-def _style() -> str:
+def _read_style() -> str:
     return resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")

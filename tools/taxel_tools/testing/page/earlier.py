@@ -5,9 +5,17 @@ from collections.abc import Sequence
 from taxel.gap.page.text import ABSENT, format_count
 from taxel_tools.testing.drift import Change
 from taxel_tools.testing.history import Summary
-from taxel_tools.testing.page.elements import format_place, scrolled
+from taxel_tools.testing.page.elements import format_place, render_scrolled
 from taxel_tools.testing.page.figures import format_figure, format_time, format_with_unit
-from taxel_tools.testing.page.html_text import Column, Section, escaped, escaped_name, folded, paragraph, table
+from taxel_tools.testing.page.html_text import (
+    Column,
+    Section,
+    escape_name,
+    escape_text,
+    render_folded,
+    render_paragraph,
+    render_table,
+)
 from taxel_tools.testing.record import PhaseRecord
 
 RUNS_MAX = 10
@@ -38,23 +46,26 @@ def render_earlier_section(
         text = (
             f"{len(moved):,} of {format_count(len(changes), 'number')} moved more than expected from the earlier tests."
         )
-        parts += [paragraph(text), _table(moved[:MOVED_MAX], titles, "Moved values, in order of decreasing shift")]
+        parts += [
+            render_paragraph(text),
+            _render_changes(moved[:MOVED_MAX], titles, "Moved values, in order of decreasing shift"),
+        ]
     elif changes:
-        parts.append(paragraph(f"None of {format_count(len(changes), 'number')} moved more than expected."))
+        parts.append(render_paragraph(f"None of {format_count(len(changes), 'number')} moved more than expected."))
     if len(changes) > min(len(moved), MOVED_MAX):
-        full_table = _table(changes, titles, "All numbers, now and before")
-        parts.append(folded(f"All {format_count(len(changes), 'number')}, now and before", full_table))
+        full_table = _render_changes(changes, titles, "All numbers, now and before")
+        parts.append(render_folded(f"All {format_count(len(changes), 'number')}, now and before", full_table))
     if earlier:
-        parts.append(_runs(earlier))
+        parts.append(_render_runs(earlier))
     return Section("earlier", "Earlier tests", "".join(parts))
 
 
-def _table(changes: Sequence[Change], titles: dict[str, str], caption: str) -> str:
+def _render_changes(changes: Sequence[Change], titles: dict[str, str], caption: str) -> str:
     """HTML table of measurements compared with earlier tests."""
     rows = (
         (
-            f"{escaped_name(change.measurement)} "
-            f'<span class="phase">{escaped(titles.get(change.phase, change.phase))}</span>',
+            f"{escape_name(change.measurement)} "
+            f'<span class="phase">{escape_text(titles.get(change.phase, change.phase))}</span>',
             format_place(change.place),
             format_with_unit(change.value, change.unit),
             format_figure(change.last),
@@ -64,21 +75,23 @@ def _table(changes: Sequence[Change], titles: dict[str, str], caption: str) -> s
         )
         for change in changes
     )
-    return scrolled(table(_CHANGES, rows, caption, "measured"), caption)
+    return render_scrolled(render_table(_CHANGES, rows, caption, "measured"), caption)
 
 
-def _runs(earlier: Sequence[Summary]) -> str:
+def _render_runs(earlier: Sequence[Summary]) -> str:
     """HTML table of the earlier tests of the board."""
     rows = (
         (
             format_time(run.started_utc),
             f'<b class="{run.outcome}">{run.outcome}</b>',
-            escaped(f"{run.plan_name}, version {run.plan_version}"),
-            escaped(run.operator),
-            escaped("; ".join(run.faults)) or ABSENT,
+            escape_text(f"{run.plan_name}, version {run.plan_version}"),
+            escape_text(run.operator),
+            escape_text("; ".join(run.faults)) or ABSENT,
         )
         for run in earlier[:RUNS_MAX]
     )
     hidden_count = len(earlier) - RUNS_MAX
-    remark = paragraph(f"{format_count(hidden_count, 'older test')} not shown.", "small") if hidden_count > 0 else ""
-    return scrolled(table(_RUNS, rows, "Earlier tests", "runs"), "Earlier tests") + remark
+    remark = (
+        render_paragraph(f"{format_count(hidden_count, 'older test')} not shown.", "small") if hidden_count > 0 else ""
+    )
+    return render_scrolled(render_table(_RUNS, rows, "Earlier tests", "runs"), "Earlier tests") + remark

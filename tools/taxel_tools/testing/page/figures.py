@@ -4,7 +4,7 @@ import math
 from datetime import datetime
 
 from taxel.gap.page.text import ABSENT, MINUS, SPACE, format_count
-from taxel_tools.testing.page.html_text import escaped
+from taxel_tools.testing.page.html_text import escape_text
 from taxel_tools.testing.record import Limit, Value
 
 _DIGITS = 3
@@ -16,14 +16,14 @@ def format_figure(value: Value, limit: Limit | None = None) -> str:
     if value is None:
         return "no value"
     if isinstance(value, str):
-        return escaped(value)
+        return escape_text(value)
     if not math.isfinite(value):
         return "NaN" if math.isnan(value) else "infinite" if value > 0 else f"{MINUS}infinite"
-    text = _round(value, _DIGITS)
+    text = _format_digits(value, _DIGITS)
     for digits in range(_DIGITS + 1, _DIGITS_MAX + 1):
         if limit is None or limit.contains(float(text.replace(",", ""))) == limit.contains(value):
             break
-        text = _round(value, digits)
+        text = _format_digits(value, digits)
     return text.replace("-", MINUS)
 
 
@@ -31,7 +31,7 @@ def format_with_unit(value: Value, unit: str, limit: Limit | None = None) -> str
     """A value and its unit."""
     is_finite = isinstance(value, int | float) and math.isfinite(value)
     return (
-        f"{format_figure(value, limit)}{SPACE}{escaped(unit)}"
+        f"{format_figure(value, limit)}{SPACE}{escape_text(unit)}"
         if is_finite and unit.strip()
         else format_figure(value, limit)
     )
@@ -54,7 +54,7 @@ def format_time(started_utc: str) -> str:
     try:
         return f"{datetime.fromisoformat(started_utc):%Y-%m-%d %H:%M:%S}{SPACE}UTC"
     except ValueError:
-        return escaped(started_utc)
+        return escape_text(started_utc)
 
 
 def format_duration(seconds: float) -> str:
@@ -72,7 +72,7 @@ def format_size(size: int) -> str:
     return format_count(size, "byte") if size < 1000 else f"{size / 1000:,.0f}{SPACE}kB"
 
 
-def _round(value: float, digits: int) -> str:
+def _format_digits(value: float, digits: int) -> str:
     """Text of a number with `digits` significant digits. Whole numbers below ten million keep all digits."""
     size = abs(value)
     if value == 0 or (size < 1e7 and value.is_integer()):

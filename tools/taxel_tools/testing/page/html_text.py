@@ -11,17 +11,17 @@ from taxel.gap.page.bars import HEIGHT
 from taxel.gap.page.text import clean_text, make_readable
 
 
-def escaped(text: str) -> str:
+def escape_text(text: str) -> str:
     """Text as HTML, on one line and without unprintable characters."""
     return html.escape(clean_text(text))
 
 
-def escaped_name(name: str) -> str:
+def escape_name(name: str) -> str:
     """A name with underscores as readable HTML: `dead_taxel` becomes "dead taxel"."""
     return html.escape(make_readable(name))
 
 
-def diagram(shapes: str, height: int = HEIGHT) -> str:
+def render_diagram(shapes: str, height: int = HEIGHT) -> str:
     """The SVG element of a diagram in a table cell. shapes: SVG text. height: pixels."""
     return f'<svg class="bar" width="100%" height="{height}" aria-hidden="true">{shapes}</svg>'
 
@@ -50,40 +50,40 @@ class Column:
     kind: str = ""
 
 
-def table(columns: Sequence[Column], rows: Iterable[Sequence[str]], caption: str, kind: str = "") -> str:
+def render_table(columns: Sequence[Column], rows: Iterable[Sequence[str]], caption: str, kind: str = "") -> str:
     """A table whose first column contains the names of the rows.
 
     rows: the HTML of each row, by column. caption: for screen readers, unless the class `kind` makes it visible.
     """
-    head = "".join(f'<th scope="col"{_class(column.kind)}>{column.heading}</th>' for column in columns)
-    body = "\n".join(_row(columns, row) for row in rows)
+    head = "".join(f'<th scope="col"{_format_class(column.kind)}>{column.heading}</th>' for column in columns)
+    body = "\n".join(_render_row(columns, row) for row in rows)
     return (
-        f"<table{_class(kind)}><caption>{caption}</caption>\n<thead><tr>{head}</tr></thead>\n"
+        f"<table{_format_class(kind)}><caption>{caption}</caption>\n<thead><tr>{head}</tr></thead>\n"
         f"<tbody>\n{body}\n</tbody></table>"
     )
 
 
-def _row(columns: Sequence[Column], row: Sequence[str]) -> str:
+def _render_row(columns: Sequence[Column], row: Sequence[str]) -> str:
     """HTML table row; the first cell is its header. row: HTML content of the cells."""
     (name_column, name), *pairs = zip(columns, row, strict=True)
-    values = "".join(f"<td{_class(column.kind)}>{content}</td>" for column, content in pairs)
-    return f'<tr><th scope="row"{_class(name_column.kind)}>{name}</th>{values}</tr>'
+    values = "".join(f"<td{_format_class(column.kind)}>{content}</td>" for column, content in pairs)
+    return f'<tr><th scope="row"{_format_class(name_column.kind)}>{name}</th>{values}</tr>'
 
 
-def _class(kind: str) -> str:
+def _format_class(kind: str) -> str:
     return f' class="{kind}"' if kind else ""
 
 
-def paragraph(text: str, kind: str = "") -> str:
+def render_paragraph(text: str, kind: str = "") -> str:
     """A paragraph. text: HTML."""
-    return f"<p{_class(kind)}>{text}</p>"
+    return f"<p{_format_class(kind)}>{text}</p>"
 
 
-def bullets(items: Iterable[str], kind: str = "", tag: str = "ul") -> str:
+def render_bullets(items: Iterable[str], kind: str = "", tag: str = "ul") -> str:
     """A list. items: HTML. tag: "ul" or "ol"."""
-    return f"<{tag}{_class(kind)}>{''.join(f'<li>{item}</li>' for item in items)}</{tag}>"
+    return f"<{tag}{_format_class(kind)}>{''.join(f'<li>{item}</li>' for item in items)}</{tag}>"
 
 
-def folded(summary: str, body: str) -> str:
+def render_folded(summary: str, body: str) -> str:
     """Content that a screen shows on demand and a print shows always."""
     return f"<details><summary>{summary}</summary>{body}</details>"

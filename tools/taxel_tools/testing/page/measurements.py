@@ -7,9 +7,16 @@ from statistics import median
 from taxel.gap.page.bars import Axis
 from taxel.gap.page.text import ABSENT, format_count
 from taxel_tools.testing.page.bars import build_axis, render_value_bar, render_value_strip
-from taxel_tools.testing.page.elements import format_place, scrolled
+from taxel_tools.testing.page.elements import format_place, render_scrolled
 from taxel_tools.testing.page.figures import format_figure, format_limit, format_with_unit
-from taxel_tools.testing.page.html_text import Column, escaped, escaped_name, folded, paragraph, table
+from taxel_tools.testing.page.html_text import (
+    Column,
+    escape_name,
+    escape_text,
+    render_folded,
+    render_paragraph,
+    render_table,
+)
 from taxel_tools.testing.record import Limit, Measurement, Outcome
 
 ROWS_MAX = 16
@@ -41,24 +48,24 @@ def render_measurements(title: str, measurements: Sequence[Measurement]) -> str:
     if not measurements:
         return ""
     axes = _build_axes(measurements)
-    caption = f"Measurements of {escaped(title)}"
+    caption = f"Measurements of {escape_text(title)}"
     if len(measurements) <= ROWS_MAX:
-        return _table(measurements, axes, caption)
+        return _render_table(measurements, axes, caption)
     failing = sorted(
         (measurement for measurement in measurements if measurement.outcome is Outcome.FAIL),
-        key=lambda measurement: -_severity(measurement.limit, measurement),
+        key=lambda measurement: -_compute_severity(measurement.limit, measurement),
     )
-    parts = [_summary(measurements, axes, f"{caption}, one line each")]
+    parts = [_render_summary(measurements, axes, f"{caption}, one line each")]
     if failing:
         parts.append(f"<h4>Beyond their limits ({len(failing):,})</h4>")
-        parts.append(_table(failing[:FAILING_MAX], axes, f"{caption} beyond their limits"))
+        parts.append(_render_table(failing[:FAILING_MAX], axes, f"{caption} beyond their limits"))
     if len(failing) > FAILING_MAX:
-        parts.append(paragraph(f"The worst {FAILING_MAX} are shown; the full table is below.", "small"))
-    full_table = _table(measurements, axes, f"{caption}, all")
-    return "".join(parts) + folded(f"All {format_count(len(measurements), 'measurement')}", full_table)
+        parts.append(render_paragraph(f"The worst {FAILING_MAX} are shown; the full table is below.", "small"))
+    full_table = _render_table(measurements, axes, f"{caption}, all")
+    return "".join(parts) + render_folded(f"All {format_count(len(measurements), 'measurement')}", full_table)
 
 
-def _severity(limit: Limit | None, measurement: Measurement) -> float:
+def _compute_severity(limit: Limit | None, measurement: Measurement) -> float:
     """Factor by which a measurement exceeds its limit; 0 without a limit."""
     return 0.0 if limit is None else limit.severity(measurement.value)
 
@@ -82,20 +89,20 @@ def _build_axes(measurements: Sequence[Measurement]) -> dict[tuple[str, Limit], 
     }
 
 
-def _table(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis], caption: str) -> str:
+def _render_table(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis], caption: str) -> str:
     """HTML table with one row per measurement. axes: axis of the bar for each (name, limit); empty: a table without
     limits.
     """
     columns: tuple[Column, ...] = _COLUMNS_WITH_LIMITS if axes else _COLUMNS_WITHOUT_LIMITS
     has_places = any(measurement.place for measurement in measurements)
     indices = [index for index in range(len(columns)) if index != _PLACE_COLUMN or has_places]
-    full_rows = (_row(measurement, axes) for measurement in measurements)
+    full_rows = (_render_row(measurement, axes) for measurement in measurements)
     rows = ([row[index] for index in indices] for row in full_rows)
     columns = tuple(columns[index] for index in indices)
-    return scrolled(table(columns, rows, caption, "measured" if axes else "measured plain"), caption)
+    return render_scrolled(render_table(columns, rows, caption, "measured" if axes else "measured plain"), caption)
 
 
-def _row(measurement: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple[str, ...]:
+def _render_row(measurement: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple[str, ...]:
     """HTML cells of the table row of one measurement. axes: axis of the bar for each (name of a measurement, limit)."""
     bar, verdict = "", ""
     if measurement.limit is not None:
@@ -104,7 +111,7 @@ def _row(measurement: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple
         )
         verdict = f'<b class="{measurement.outcome}">{measurement.outcome}</b>'
     return (
-        escaped_name(measurement.name),
+        escape_name(measurement.name),
         format_place(measurement.place),
         format_with_unit(measurement.value, measurement.unit, measurement.limit),
         format_limit(measurement.limit),
@@ -113,7 +120,7 @@ def _row(measurement: Measurement, axes: dict[tuple[str, Limit], Axis]) -> tuple
     )
 
 
-def _summary(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis], caption: str) -> str:
+def _render_summary(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], Axis], caption: str) -> str:
     """HTML table with one row per measured quantity; measurements of several places are combined.
 
     axes: axis of the bar for each (name of a measurement, limit).
@@ -122,7 +129,7 @@ def _summary(measurements: Sequence[Measurement], axes: dict[tuple[str, Limit], 
     for measurement in measurements:
         groups.setdefault((measurement.name, measurement.unit, measurement.limit), []).append(measurement)
     rows = (_render_summary_row(*key, group, axes) for key, group in groups.items())
-    return scrolled(table(_SUMMARY_COLUMNS, rows, caption, "measured"), caption)
+    return render_scrolled(render_table(_SUMMARY_COLUMNS, rows, caption, "measured"), caption)
 
 
 def _render_summary_row(
@@ -141,7 +148,7 @@ def _render_summary_row(
     if values and (limit is not None or len(values) > 1):
         picture = render_value_strip(Axis.over(values) if limit is None else axes[name, limit], limit, values)
     return (
-        escaped_name(f"{name}, {unit}" if unit.strip() else name),
+        escape_name(f"{name}, {unit}" if unit.strip() else name),
         f"{len(group):,}",
         ABSENT if limit is None else f'<b class="fail">{failed:,}</b>' if failed else "0",
         *statistic_texts,

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from taxel.gap.page.text import format_count
 from taxel_tools.testing.page.elements import format_inline_place
 from taxel_tools.testing.page.figures import format_duration, format_limit, format_time, format_with_unit
-from taxel_tools.testing.page.html_text import bullets, escaped, escaped_name, folded
+from taxel_tools.testing.page.html_text import escape_name, escape_text, render_bullets, render_folded
 from taxel_tools.testing.record import Finding, Measurement, Outcome, PhaseRecord, TestRecord
 
 SHOWN_MAX = 10
@@ -29,18 +29,18 @@ _PHASE_SUMMARIES = {
 
 def format_title(record: TestRecord) -> str:
     """The verdict as one escaped line."""
-    device = escaped(record.serial_number) or "A device without serial number"
+    device = escape_text(record.serial_number) or "A device without serial number"
     findings = record.findings()
     fault_text = ""
     if findings:
         fault_text = f": {format_count(len(findings), 'fault')} found"
     if len(findings) == 1:
-        place = escaped(findings[0].place)
-        fault_text = f": {escaped(findings[0].fault)}" + (f" at {place}" if place.strip() else "")
+        place = escape_text(findings[0].place)
+        fault_text = f": {escape_text(findings[0].fault)}" + (f" at {place}" if place.strip() else "")
     return f"{device} {_VERDICTS[record.outcome]}{fault_text}"
 
 
-def header(record: TestRecord) -> str:
+def render_header(record: TestRecord) -> str:
     """The header as an HTML element."""
     counts = Counter(phase.outcome for phase in record.phases)
     summaries = [
@@ -50,15 +50,15 @@ def header(record: TestRecord) -> str:
     ]
     chips = [f'<li class="chip status {record.outcome}">{_CHIPS[record.outcome]}</li>']
     chips += [f'<li class="chip">{summary}</li>' for summary in summaries]
-    plan = f"<b>{escaped(record.plan_name)}</b>, version {escaped(record.plan_version)}"
+    plan = f"<b>{escape_text(record.plan_name)}</b>, version {escape_text(record.plan_version)}"
     return (
         f'<header>\n<p class="eyebrow">Hardware test: {plan}</p>\n<h1>{format_title(record)}</h1>\n'
         f'<ul class="chips" aria-label="Verdict">{"".join(chips)}</ul>\n'
-        f"{_to_do_list(record)}{_render_skipped_list(record)}{_render_identity_list(record)}</header>\n"
+        f"{_render_to_do_list(record)}{_render_skipped_list(record)}{_render_identity_list(record)}</header>\n"
     )
 
 
-def _to_do_list(record: TestRecord) -> str:
+def _render_to_do_list(record: TestRecord) -> str:
     """HTML list of the problems of a test with their remedies; problems beyond `SHOWN_MAX` can be unfolded."""
     problems = list(_list_problems(record))
     if not problems:
@@ -67,8 +67,8 @@ def _to_do_list(record: TestRecord) -> str:
     if len(problems) > SHOWN_MAX:
         items = "".join(f"<li>{problem}</li>" for problem in problems[SHOWN_MAX:])
         hidden_list = f'<ol class="todo" start="{SHOWN_MAX + 1}">{items}</ol>'
-        details = folded(f"{len(problems) - SHOWN_MAX:,} more", hidden_list)
-    return f"<h2>What to do</h2>{bullets(problems[:SHOWN_MAX], 'todo', 'ol')}{details}\n"
+        details = render_folded(f"{len(problems) - SHOWN_MAX:,} more", hidden_list)
+    return f"<h2>What to do</h2>{render_bullets(problems[:SHOWN_MAX], 'todo', 'ol')}{details}\n"
 
 
 def _list_problems(record: TestRecord) -> Iterator[str]:
@@ -82,23 +82,23 @@ def _list_problems(record: TestRecord) -> Iterator[str]:
             yield from _render_violated_limits(phase, number)
     for number, phase in numbered:
         if phase.problem:
-            yield f"{_link(phase.title, number)} ended with an error: {escaped(phase.problem)}"
+            yield f"{_format_link(phase.title, number)} ended with an error: {escape_text(phase.problem)}"
 
 
 def _render_skipped_list(record: TestRecord) -> str:
     """HTML list of the phases that were skipped, each with the reason; empty text if there are none."""
     skipped = [
-        f"{_link(phase.title, number)}: {escaped('; '.join(phase.notes)) or 'no reason given'}"
+        f"{_format_link(phase.title, number)}: {escape_text('; '.join(phase.notes)) or 'no reason given'}"
         for number, phase in enumerate(record.phases, start=1)
         if phase.outcome is Outcome.SKIP
     ]
-    return f"<h2>Skipped</h2>{bullets(skipped, 'muted')}\n" if skipped else ""
+    return f"<h2>Skipped</h2>{render_bullets(skipped, 'muted')}\n" if skipped else ""
 
 
 def _format_finding(finding: Finding, number: int) -> str:
     """HTML text of a fault that was found, with a link to the phase `number` of the report."""
-    fault = f'<a href="#phase-{number}"><b>{escaped(finding.fault)}</b></a>'
-    return f"{fault}{format_inline_place(finding.place)} {escaped(finding.text)}"
+    fault = f'<a href="#phase-{number}"><b>{escape_text(finding.fault)}</b></a>'
+    return f"{fault}{format_inline_place(finding.place)} {escape_text(finding.text)}"
 
 
 def _render_violated_limits(phase: PhaseRecord, number: int) -> Iterator[str]:
@@ -108,38 +108,38 @@ def _render_violated_limits(phase: PhaseRecord, number: int) -> Iterator[str]:
         if measurement.outcome is Outcome.FAIL:
             groups.setdefault(measurement.name, []).append(measurement)
     for name, group in groups.items():
-        worst = max(group, key=_severity)
-        place = f" at {escaped(worst.place)}" if worst.place else ""
+        worst = max(group, key=_compute_severity)
+        place = f" at {escape_text(worst.place)}" if worst.place else ""
         value = format_with_unit(worst.value, worst.unit, worst.limit)
         count = (
             f"{format_count(len(group), 'place')} beyond the limit, the worst"
             if len(group) > 1
             else "beyond the limit:"
         )
-        link = f"{_link(phase.title, number)}, <b>{escaped_name(name)}</b>"
+        link = f"{_format_link(phase.title, number)}, <b>{escape_name(name)}</b>"
         yield f"{link}: {count} {value}{place} (allowed {format_limit(worst.limit)})"
 
 
-def _severity(measurement: Measurement) -> float:
+def _compute_severity(measurement: Measurement) -> float:
     return measurement.limit.severity(measurement.value) if measurement.limit else 0.0
 
 
-def _link(title: str, number: int) -> str:
-    return f'<a href="#phase-{number}">{escaped(title)}</a>'
+def _format_link(title: str, number: int) -> str:
+    return f'<a href="#phase-{number}">{escape_text(title)}</a>'
 
 
 def _render_identity_list(record: TestRecord) -> str:
     """HTML list that identifies board, test and plan."""
     entries = {
-        "serial number": escaped(record.serial_number) or "none",
-        **{escaped_name(key): escaped(value) for key, value in record.device.items()},
+        "serial number": escape_text(record.serial_number) or "none",
+        **{escape_name(key): escape_text(value) for key, value in record.device.items()},
         "tested": format_time(record.started_utc),
         "duration": format_duration(record.seconds),
-        "operator": escaped(record.operator),
-        "station": escaped(record.station),
-        "software": escaped(record.software_version),
-        "plan": f"{escaped(record.plan_name)}, version {escaped(record.plan_version)}",
-        "plan's SHA-256": f"<code>{escaped(record.plan_sha256[:16])}...</code>",
+        "operator": escape_text(record.operator),
+        "station": escape_text(record.station),
+        "software": escape_text(record.software_version),
+        "plan": f"{escape_text(record.plan_name)}, version {escape_text(record.plan_version)}",
+        "plan's SHA-256": f"<code>{escape_text(record.plan_sha256[:16])}...</code>",
     }
     items = "".join(f"<div><dt>{name}</dt><dd>{value}</dd></div>" for name, value in entries.items())
     return f'<dl class="identity">{items}</dl>\n'
