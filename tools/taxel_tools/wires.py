@@ -37,19 +37,22 @@ class BoardWire(Protocol):
         ...
 
     def submit(self, transfer: Transfer) -> int:
-        """Start a transfer after the transfers started earlier; returns the number of the transfer."""
+        """Start an I2C transfer after the transfers started earlier. Returns the number of the transfer."""
         ...
 
     def collect(self, timeout_s: float) -> list[CompletedTransfer]:
-        """Transfers that have ended; waits at most `timeout_s` for the first. Raises `WireError`, `LinkError`."""
+        """The I2C transfers that have ended, by number; waits at most `timeout_s` for the first.
+
+        Raises `WireError`, `LinkError`.
+        """
         ...
 
     def scan(self) -> list[int]:
-        """Every address that acknowledges."""
+        """List every I2C address that a device acknowledges."""
         ...
 
     def close(self) -> None:
-        """Close the port. May be called twice."""
+        """Close the port of the bus. May be called twice."""
         ...
 
 
@@ -57,11 +60,11 @@ class SmbusBus(Protocol):
     """The methods of `smbus2.SMBus` that this package uses."""
 
     def i2c_rdwr(self, *i2c_msgs: i2c_msg) -> None:
-        """Run one transfer."""
+        """Run the messages of one I2C transfer."""
         ...
 
     def close(self) -> None:
-        """Close the device."""
+        """Close the I2C adapter."""
         ...
 
 
@@ -94,7 +97,7 @@ class SmbusWire:
         return self._now_s()
 
     def submit(self, transfer: Transfer) -> int:
-        """Run the transfer immediately."""
+        """Run an I2C transfer on the adapter immediately, and store its result. Returns the number of the transfer."""
         self._number += 1
         self._completed.append((self._number, self._run_transfer(transfer)))
         return self._number
@@ -116,18 +119,18 @@ class SmbusWire:
         return bytes(read) if transfer.read_size else b""
 
     def collect(self, timeout_s: float) -> list[CompletedTransfer]:
-        """Transfers that have ended; waits if there are none."""
+        """The I2C transfers that have ended, by number; waits if there are none."""
         if not self._completed:
             self._wait(max(timeout_s, WAIT_MIN_S))
         completed, self._completed = self._completed, []
         return completed
 
     def scan(self) -> list[int]:
-        """Every address that acknowledges an empty write."""
+        """List every I2C address that acknowledges an empty write."""
         return [address for address in range(0x08, 0x78) if self._run_transfer(Transfer(address)) == b""]
 
     def close(self) -> None:
-        """Close the adapter."""
+        """Close the I2C adapter."""
         self._bus.close()
 
 
@@ -154,17 +157,17 @@ class HubWire:
         return self.hub.now_s()
 
     def submit(self, transfer: Transfer) -> int:
-        """Queue the transfer; the transfer is sent once the hub has space in its receive buffer."""
+        """Queue an I2C transfer through the hub; it is sent once the hub has space in its receive buffer."""
         return self.hub.submit(transfer)
 
     def collect(self, timeout_s: float) -> list[CompletedTransfer]:
-        """Transfers whose replies have arrived."""
+        """The I2C transfers through the hub whose replies have arrived, by number."""
         return self.hub.collect(timeout_s)
 
     def scan(self) -> list[int]:
-        """Every address that acknowledges the hub's bus scan."""
+        """List every I2C address that acknowledges in the hub's bus scan."""
         return self.hub.scan_bus()
 
     def close(self) -> None:
-        """Stop reading and close the link."""
+        """Stop reading from the hub and close the link."""
         self.hub.stream.close()

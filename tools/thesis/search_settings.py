@@ -126,7 +126,9 @@ class CandidateModel:
         self.boards = [np.flatnonzero(self.taxels.sensor == board) for board in np.unique(self.taxels.sensor)]
 
     def predict_signal(self, force: FloatArray, candidate: Candidate, rng: np.random.Generator) -> FloatArray:
-        """Signal f64[n], counts, for forces f64[n] with the effects of a candidate."""
+        """Predict the signals f64[n] in counts of a real hand from the forces f64[n], with the effects of a
+        candidate.
+        """
         result = np.zeros_like(force)
         full_scale, half_force = self.sensor_model.full_scale_drop_counts, self.sensor_model.half_force_n
         for board in self.boards:
@@ -148,7 +150,10 @@ CloudParts = dict[str, list[tuple[FloatArray, FloatArray]]]
 
 
 def build_clouds(model: CandidateModel, candidate: Candidate, seed: int) -> dict[str, ObjectClouds]:
-    """Clouds of all objects with a candidate, by their printed names. seed: of the noise."""
+    """Contact clouds of all objects with the settings of a candidate, by the printed names of the objects.
+
+    seed: of the noise.
+    """
     rng = np.random.default_rng(seed)
     propagation = Propagation(candidate.reach_m, candidate.min_signal_counts)
     neighbours = propagation.find_neighbours(model.taxels)
@@ -186,7 +191,11 @@ def _join_and_treat(model: CandidateModel, name: str, parts: CloudParts) -> Obje
 
 
 def compute_objective(model: CandidateModel, candidate: Candidate, seed: int) -> tuple[float, float, list[Finding]]:
-    """Objective of a candidate, share of distances within `FACTOR`, and the findings. seed: of the noise."""
+    """Evaluate candidate settings: the objective, the share of distances within `FACTOR`, and the findings of the
+    thesis.
+
+    seed: of the noise.
+    """
     items = build_clouds(model, candidate, seed)
     meshes = {name: items[name].mesh for name in OBJECTS}
     results = [measure(items[name], meshes, with_sweeps=False) for name in OBJECTS]
@@ -198,14 +207,18 @@ def compute_objective(model: CandidateModel, candidate: Candidate, seed: int) ->
 
 
 def _compute_agreement(result: ObjectResult) -> float:
-    """Share of the real-to-sim RMS and mean distances within `FACTOR` of the printed ones."""
+    """Share of the distances between real and simulated clouds that agree with the printed ones within `FACTOR`."""
     rows = select_rows("I_10_to_12_sim_to_real", result.printed_name)
     ratios = [getattr(result.to_sim[row["stage"]], key) / row[key] for row in rows for key in ("rms_m", "mean_m")]
     return float(np.mean(np.abs(np.log(ratios)) < np.log(FACTOR)))
 
 
 def sample_candidate(rng: np.random.Generator, best: list[tuple[float, Candidate]], campaigns: int) -> Candidate:
-    """A random candidate within the bounds, or near one of the best; each object from any displaced campaign."""
+    """Random settings within the bounds, or near one of the best so far.
+
+    best: (objective, candidate). campaigns: number of campaigns with displaced objects, of which each object uses
+    one.
+    """
     low, high = asdict(LOWER_BOUND), asdict(UPPER_BOUND)
     if best and rng.random() < 0.8:
         base: dict[str, Any] = asdict(best[int(rng.integers(min(5, len(best))))][1])
@@ -219,7 +232,7 @@ def sample_candidate(rng: np.random.Generator, best: list[tuple[float, Candidate
 
 
 def main() -> None:
-    """Search, and write one line for each candidate."""
+    """Search the settings that reproduce the thesis, and write one line for each candidate."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sim", type=Path, help="grasp dataset of the simulator")
     parser.add_argument("displaced", type=Path, nargs="+", help="the same grasps with displaced objects")

@@ -28,12 +28,14 @@ class EmulatedVariation(Variation):
     unit_samples: tuple[float, ...] = ()
 
     def apply(self, draw: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-        """Offset of the object and factor on the torque, see `Variation.apply`; the argument is ignored."""
+        """Offset of the object and factor on the torque of a grasp, see `Variation.apply`; the argument `draw` is
+        ignored.
+        """
         return super().apply(np.array(self.unit_samples))
 
 
 def main() -> None:
-    """Simulate the campaign."""
+    """Simulate a campaign of grasps with displaced objects."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path, help="dataset to write")
     parser.add_argument("--share", type=float, default=1.0, help="factor on the pose variation")

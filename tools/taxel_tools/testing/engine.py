@@ -35,11 +35,11 @@ class Phase(Protocol):
 
     @property
     def name(self) -> str:
-        """Name in plans."""
+        """Name of the phase in test plans."""
 
     @property
     def title(self) -> str:
-        """Name in reports."""
+        """Name of the phase in reports."""
 
     @property
     def is_automatic(self) -> bool:
@@ -47,13 +47,13 @@ class Phase(Protocol):
 
     @property
     def limit_names(self) -> frozenset[str]:
-        """Names of the measurements for which a plan may set a limit."""
+        """Names of the measurements of this phase for which a test plan may set a limit."""
 
     def unmet_requirement(self, context: Any, /) -> str:
         """Reason why the phase cannot run, in one line; empty if it can run."""
 
     def run(self, context: Any, options: Options, log: PhaseLog, /) -> None:
-        """Measure, and write the results to `log`.
+        """Measure the object under test (`context`), and write the results to `log`.
 
         Reads all options first, then calls `options.refuse_unknown_keys()` before anything is done to the device.
         """
@@ -64,7 +64,7 @@ class SupportsOptionCheck(Protocol):
     """A phase that can check its options without running, so that errors are found before the test starts."""
 
     def check_options(self, options: Options, /) -> None:
-        """Read every option as `run` does. Raises `PlanError`."""
+        """Check every option of a phase by taking it as `run` does, before the test starts. Raises `PlanError`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +169,10 @@ def run_test(
 def _run_phases(
     plan: Plan, kind: str, phases: Mapping[str, Phase], context: Any, now_s: Callable[[], float], report: Report
 ) -> list[PhaseRecord]:
-    """Run the enabled phases of the plan in order; phases after a final failure are recorded as skipped."""
+    """Run the enabled phases of a test plan in order; phases after a final failure are recorded as skipped.
+
+    kind: of the device. context: object under test. now_s: clock in s.
+    """
     records: list[PhaseRecord] = []
     end_reason = ""  # Reason why no further phase runs.
     for planned in plan.enabled_phases(kind):
@@ -189,7 +192,11 @@ def _run_phases(
 
 
 def _run_phase(phase: Phase, context: Any, options: Options, log: PhaseLog) -> tuple[bool, str, str]:
-    """Whether the phase was skipped, the error that ended it, and the reason why the whole test ends."""
+    """Run one phase of a test.
+
+    Returns whether it was skipped, the error that ended it (else empty), and the reason why the whole test ends
+    (else empty).
+    """
     try:
         log.report_progress(0.0)
         requirement = phase.unmet_requirement(context)
@@ -216,4 +223,5 @@ def _run_phase(phase: Phase, context: Any, options: Options, log: PhaseLog) -> t
 
 
 def _join_lines(text: str) -> str:
+    """Text of an exception on one line; "no reason given" for an empty text."""
     return " ".join(text.split()) or "no reason given"

@@ -17,7 +17,9 @@ _NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 
 
 def encode_number(value: float) -> float | dict[str, str]:
-    """A number for JSON, which has no infinite values and no NaN: these become `{"not_finite": "nan"}`."""
+    """Encode a number for JSON, which has no infinite values and no NaN: these become a table such as
+    `{"not_finite": "nan"}`.
+    """
     return value if math.isfinite(value) else {"not_finite": str(value)}
 
 
@@ -30,11 +32,11 @@ class Field:
     path: str = ""
 
     def fail(self, expected: str, remedy: str = REMEDY, found: str = "") -> NoReturn:
-        """Raise `ResultFileError` for this position."""
+        """Raise `ResultFileError` for the position of this field in a result file."""
         raise ResultFileError(self.file, self.path or "file", expected, found or format_value(self.content), remedy)
 
     def table(self, keys: Collection[str]) -> dict[str, Field]:
-        """A table with exactly these keys."""
+        """The fields of a JSON object that must have exactly these keys. Raises `ResultFileError` otherwise."""
         fields = dict(self.entries())
         for key, field in fields.items():
             if key not in keys:
@@ -45,7 +47,7 @@ class Field:
         return fields
 
     def entries(self) -> Iterator[tuple[str, Field]]:
-        """Keys and values of a table."""
+        """Keys and fields of a JSON object with any keys. Raises `ResultFileError` for another value."""
         if not isinstance(self.content, dict):
             self.fail("a table")
         for key, content in self.content.items():
@@ -53,25 +55,27 @@ class Field:
             yield key, Field(self.file, content, f"{self.path}.{name}" if self.path else name)
 
     def items(self) -> list[Field]:
-        """Elements of a list."""
+        """Elements of a JSON list. Raises `ResultFileError` for another value."""
         if not isinstance(self.content, list):
             self.fail("a list")
         return [Field(self.file, item, f"{self.path}[{index}]") for index, item in enumerate(self.content)]
 
     def text(self) -> str:
-        """A string."""
+        """The value of this field, which must be a string. Raises `ResultFileError` otherwise."""
         if not isinstance(self.content, str):
             self.fail("a string")
         return self.content
 
     def flag(self) -> bool:
-        """True or false."""
+        """The value of this field, which must be true or false. Raises `ResultFileError` otherwise."""
         if not isinstance(self.content, bool):
             self.fail("true or false")
         return self.content
 
     def number(self) -> float:
-        """A number, finite or as `encode_number` writes it."""
+        """The value of this field, a number that is finite or encoded by `encode_number`. Raises `ResultFileError`
+        otherwise.
+        """
         content = self.content
         if isinstance(content, dict) and list(content) == ["not_finite"]:
             name = content["not_finite"]
@@ -84,7 +88,7 @@ class Field:
         return float(content)
 
     def finite(self, minimum: float = -math.inf) -> float:
-        """A finite number of at least `minimum`."""
+        """The value of this field, a finite number of at least `minimum`. Raises `ResultFileError` otherwise."""
         number = self.number()
         if not math.isfinite(number) or number < minimum:
             self.fail("a finite number" if math.isinf(minimum) else f"a number of at least {minimum:g}")

@@ -87,7 +87,7 @@ class History:
         self._connection.close()
 
     def add(self, record: TestRecord) -> bool:
-        """Store a test. False if the same record is stored already."""
+        """Store the record of a test in the history. Returns False if the same record is stored already."""
         with self._translate_errors(), self._transaction():
             cursor = self._connection.execute(
                 "INSERT INTO run (digest, serial_number, started_utc, outcome, operator, station, plan_name,"
@@ -112,7 +112,9 @@ class History:
             return True
 
     def list_earlier(self, serial_number: str) -> list[Summary]:
-        """Tests of a serial number, newest first; empty for an empty number, which identifies no device."""
+        """Earlier tests of the device with a serial number, newest first; empty for an empty number, which
+        identifies no device.
+        """
         if not serial_number:
             return []
         with self._translate_errors():
@@ -135,10 +137,10 @@ class History:
             ]
 
     def compare(self, record: TestRecord) -> list[Change]:
-        """Compare each number of a record with the earlier tests of its serial number; see `drift`.
+        """Compare each number of a test record with the earlier tests of the same serial number; see `drift`.
 
-        Earlier tests are those added before the record, or all if the record was not added: the clocks of stations may
-        differ. Text and quantities without an earlier value in the same unit are omitted.
+        Earlier tests are those added before the record, or all if the record was not added: the clocks of stations
+        may differ. Text and quantities without an earlier value in the same unit are omitted.
         """
         if not record.serial_number:
             return []
@@ -171,7 +173,7 @@ class History:
         return [f"{fault}, {place}" if place else fault for fault, place in rows]
 
     def _add_details(self, run: int | None, record: TestRecord) -> None:
-        """Insert the measurements and findings of a test."""
+        """Insert the measurements and findings of a test into the database. run: its row."""
         self._connection.executemany(
             "INSERT INTO measurement VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
             [
@@ -199,7 +201,7 @@ class History:
         )
 
     def _open(self) -> None:
-        """Create the tables in a new file, and check the identity and version of the database."""
+        """Create the tables in a new history file; check the identity and version of an existing one."""
         with self._translate_errors():
             if self._is_new():
                 with self._transaction():
@@ -218,11 +220,14 @@ class History:
         return not (tables or self._read_pragma("application_id") or self._read_pragma("user_version"))
 
     def _read_pragma(self, name: str) -> int:
+        """Integer setting `name` of the SQLite database."""
         return int(self._connection.execute(f"PRAGMA {name}").fetchone()[0])
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        """Transaction that locks the file from its start; rolled back after an exception."""
+        """Context of a database transaction that locks the history file from its start; rolled back after an
+        exception.
+        """
         self._connection.execute("BEGIN IMMEDIATE")
         try:
             yield
@@ -246,14 +251,17 @@ class History:
             self._fail(f"expected a history of tests, found: {reason}; check the file, or choose another")
 
     def _fail(self, problem: str) -> None:
+        """Raise `HistoryError` for this history file."""
         raise HistoryError(format_path(self.path), problem) from None
 
 
 def _make_quantity_key(phase: str, measurement: Measurement) -> tuple[str, ...]:
+    """Key under which the history stores a measurement: phase, name, place, unit."""
     return tuple(map(_to_utf8, (phase, measurement.name, measurement.place, measurement.unit)))
 
 
 def _compute_digest(record: TestRecord) -> str:
+    """SHA-256 of a test record, by which the history recognises a record that is stored already."""
     return hashlib.sha256(format_json_bytes(record)).hexdigest()
 
 

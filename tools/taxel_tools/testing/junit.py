@@ -13,12 +13,12 @@ _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 
 def write_junit(record: TestRecord, path: str | os.PathLike[str], overwrite: bool = False) -> None:
-    """Write the XML file. Raises `ResultFileError` if the file exists or is not writable."""
+    """Write a test record as JUnit XML. Raises `ResultFileError` if the file exists or is not writable."""
     write_whole(path, format_junit(record), overwrite)
 
 
 def format_junit(record: TestRecord) -> bytes:
-    """One test suite with a case for each measurement that has a limit and for each finding.
+    """Test record as a JUnit suite, with a case for each measurement that has a limit and for each finding.
 
     A phase that ended with an error, was skipped, or has no limits is an additional case, so that every phase is
     listed. Characters that XML cannot contain become U+FFFD.
@@ -62,7 +62,7 @@ def _list_properties(record: TestRecord) -> dict[str, str]:
 
 
 def _build_cases(record: TestRecord, phase: PhaseRecord) -> list[ET.Element]:
-    """JUnit cases of a phase: measurements with limits, findings, or the phase itself."""
+    """JUnit cases of a phase of a test: measurements with limits, findings, or the phase itself."""
     kind = f"{record.plan_name}.{phase.name}".replace(" ", "_")
     cases = [
         _build_measurement_case(kind, measurement)
@@ -100,12 +100,15 @@ def _build_finding_case(kind: str, finding: Finding) -> ET.Element:
 
 
 def _build_case(kind: str, name: str) -> ET.Element:
+    """JUnit test case without a failure. kind: class name of the case."""
     return ET.Element("testcase", classname=_replace_invalid(kind), name=_replace_invalid(name))
 
 
 def _add_result(case: ET.Element, tag: str, message: str) -> None:
+    """Add a failure, an error or a skip to a JUnit test case. tag: XML tag of the result."""
     ET.SubElement(case, tag, message=_replace_invalid(message)).text = _replace_invalid(message)
 
 
 def _replace_invalid(text: str) -> str:
+    """Replace the characters of a text that XML cannot contain."""
     return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)

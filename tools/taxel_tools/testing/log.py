@@ -43,9 +43,10 @@ class PhaseLog:
         return self._limits.get(name)
 
     def measure(self, name: str, value: SupportsFloat | str | None, unit: str, place: str = "") -> Measurement:
-        """Record a value and check its limit. None: the value could not be measured, which violates every limit.
+        """Record a measured value and check its limit. place: such as "TX 3".
 
-        Raises ValueError for a second measurement of the same name and place.
+        None as value: the value could not be measured, which violates every limit. Raises ValueError for a second
+        measurement of the same name and place.
         """
         if (name, place) in self._measurements:
             raise ValueError(f"{name} at '{place}' is measured twice in phase {self._phase}")
@@ -62,11 +63,11 @@ class PhaseLog:
         return finding
 
     def attach(self, name: str, media_type: str, data: bytes, caption: str = "") -> None:
-        """Store bytes with the phase."""
+        """Store bytes, such as a picture or a recording, with the phase."""
         self._attachments.append(Attachment(name, media_type, bytes(data), caption))
 
     def add_note(self, text: str) -> None:
-        """Add a sentence for readers of the record."""
+        """Add a sentence for readers of the test record."""
         self._notes.append(text)
 
     def report_progress(self, fraction: float) -> None:
@@ -79,7 +80,10 @@ class PhaseLog:
         return [name for name in self._limits if name not in measured]
 
     def close(self, title: str, is_automatic: bool, seconds: float, is_skipped: bool, problem: str) -> PhaseRecord:
-        """Record of the finished phase. `problem`: the error that ended the phase, else empty."""
+        """Record of the finished phase, with all measurements, findings, attachments and notes.
+
+        problem: the error that ended the phase, else empty.
+        """
         measurements = list(self._measurements.values())
         if problem:
             outcome = Outcome.ERROR

@@ -18,7 +18,7 @@ class Operator(Protocol):
         """The serial number of the device, without surrounding spaces."""
 
     def prompt(self, text: str) -> None:
-        """Show an instruction and wait until it is done."""
+        """Show an instruction to the operator and wait until it is done."""
 
 
 class TerminalOperator:
@@ -39,7 +39,7 @@ class TerminalOperator:
         self._check_serial_number = check_serial_number
 
     def read_serial_number(self) -> str:
-        """Repeat the question until the serial number is valid."""
+        """Read a serial number from the terminal; the question is repeated until the number is valid."""
         while True:
             serial_number = self._read_line("serial number: ")
             try:
@@ -52,7 +52,7 @@ class TerminalOperator:
                 return serial_number
 
     def prompt(self, text: str) -> None:
-        """Show the text and wait for Enter."""
+        """Show an instruction at the terminal and wait for Enter."""
         self._console.print(text, markup=False, highlight=False)
         self._read_line("press Enter when done ")
 
@@ -68,9 +68,9 @@ class NoOperator:
     """No operator: a phase that needs one ends with one error line."""
 
     def read_serial_number(self) -> str:
-        """Raises `OperatorNeededError`."""
+        """Raise `OperatorNeededError`, as there is no operator."""
         raise OperatorNeededError("serial number")
 
     def prompt(self, text: str) -> None:
-        """Raises `OperatorNeededError`."""
+        """Raise `OperatorNeededError`, as there is no operator."""
         raise OperatorNeededError(text)

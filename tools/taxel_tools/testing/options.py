@@ -30,35 +30,40 @@ class Options:
         self._read_keys: set[str] = set()
 
     def take_number(self, key: str, default: float, minimum: float = -math.inf, maximum: float = math.inf) -> float:
-        """A finite number from `minimum` to `maximum`, both included."""
+        """Value of an option: a finite number from `minimum` to `maximum`, both included. Raises `PlanError`
+        otherwise.
+        """
         value = self._take(key, default)
         if not (is_number(value) and minimum <= value <= maximum):
             self._fail(key, f"a number{_format_range(minimum, maximum)}", value)
         return float(value)
 
     def take_integer(self, key: str, default: int, minimum: float = -math.inf, maximum: float = math.inf) -> int:
-        """An integer from `minimum` to `maximum`, both included."""
+        """Value of an option: an integer from `minimum` to `maximum`, both included. Raises `PlanError` otherwise."""
         value = self._take(key, default)
         if isinstance(value, bool) or not isinstance(value, int) or not minimum <= value <= maximum:
             self._fail(key, f"an integer{_format_range(minimum, maximum)}", value)
         return value
 
     def take_flag(self, key: str, default: bool) -> bool:
-        """True or false."""
+        """Value of an option: true or false. Raises `PlanError` otherwise."""
         value = self._take(key, default)
         if not isinstance(value, bool):
             self._fail(key, "true or false", value)
         return value
 
     def take_text(self, key: str, default: str, choices: Collection[str] | None = None) -> str:
-        """Text; one of `choices` if given."""
+        """Value of an option: a text, one of `choices` if given. Raises `PlanError` otherwise."""
         value = self._take(key, default)
         if not isinstance(value, str) or (choices is not None and value not in choices):
             self._fail(key, "text" if choices is None else f"one of {', '.join(sorted(choices))}", value)
         return value
 
     def refuse_unknown_keys(self) -> None:
-        """Raise `PlanError` for a key that was not read. Call after the last `take_...`, before any measurement."""
+        """Raise `PlanError` for an option that the phase does not have.
+
+        To be called after the last `take_...`, before any measurement.
+        """
         for key in self._values:
             if key not in self._read_keys:
                 remedy = "this phase has no options; remove the key"
@@ -74,9 +79,11 @@ class Options:
         return self._values.get(key, default)
 
     def _get_location(self, key: str) -> str:
+        """Position of an option in the plan, for error messages; its key if the position is unknown."""
         return self._locations.get(key, key)
 
     def _fail(self, key: str, expected: str, value: object) -> NoReturn:
+        """Raise `PlanError` for an option whose value is not as expected."""
         raise PlanError(
             self._source, self._get_location(key), expected, format_value(value), "correct or remove the value"
         )

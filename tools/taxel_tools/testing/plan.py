@@ -72,27 +72,34 @@ class Plan:
     kinds: dict[str, dict[str, PhaseTable]]
 
     def enabled_phases(self, kind_name: str) -> list[PhasePlan]:
-        """Phases that run for a kind of board, in order; a kind without differences has the general plan."""
+        """Phases of the test plan that run for a kind of board, in order.
+
+        A kind without entries of its own has the general plan.
+        """
         return [phase for is_enabled, phase in self.all_phases(kind_name) if is_enabled]
 
     def all_phases(self, kind_name: str) -> list[tuple[bool, PhasePlan]]:
-        """All phases for a kind, and whether each is enabled."""
+        """All phases of the test plan for a kind of board, and whether each is enabled."""
         kind_tables = self.kinds.get(kind_name, {})
         return [self._merge(table, kind_tables.get(table.name)) for table in self.phases.values()]
 
     def build_options(self, phase: PhasePlan) -> Options:
-        """Options of a phase; their errors name this plan."""
+        """Options of a phase from the test plan; errors in them name this plan."""
         return Options(phase.options, self.source, phase.locations)
 
     def check_serial_number(self, serial_number: str) -> None:
-        """Raises `SerialNumberError` for a number that is not printable, too long, or not as `serial_pattern`."""
+        """Check a serial number that an operator has entered.
+
+        Raises `SerialNumberError` for a number that is not printable, too long, or does not match the plan's
+        `serial_pattern`.
+        """
         if not serial_number.isprintable() or len(serial_number) > SERIAL_LENGTH_MAX:
             raise SerialNumberError(format_value(serial_number), f"at most {SERIAL_LENGTH_MAX} printable characters")
         if self.serial_pattern is not None and not re.fullmatch(self.serial_pattern, serial_number):
             raise SerialNumberError(format_value(serial_number), f"a number that matches {self.serial_pattern}")
 
     def check_kinds(self, known_kinds: Collection[str]) -> None:
-        """Raises `PlanError` if the plan names a kind of board that does not exist."""
+        """Check that the kinds of boards in the test plan exist. Raises `PlanError` otherwise."""
         for kind in self.kinds:
             if kind not in known_kinds:
                 Location(self.source, f"kinds.{kind}").fail(
@@ -100,7 +107,10 @@ class Plan:
                 )
 
     def _merge(self, table: PhaseTable, kind_table: PhaseTable | None) -> tuple[bool, PhasePlan]:
-        """(is enabled, plan of the phase) from the table of the phase and the table for the kind of board."""
+        """Merge the general table of a phase and its table for one kind of board.
+
+        Returns whether the phase is enabled, and its options and limits.
+        """
         layers = [table] if kind_table is None else [table, kind_table]
         is_enabled = True
         options: dict[str, Any] = {}
@@ -122,7 +132,7 @@ class Plan:
 
 
 def read_plan(path: str | PathLike[str]) -> Plan:
-    """Read a plan file. Raises `PlanError` as one line, also for an unreadable file."""
+    """Read a test plan file. Raises `PlanError` as one line, also for an unreadable file."""
     location = Location(format_path(path))
     try:
         with Path(path).open("rb") as stream:
@@ -133,7 +143,7 @@ def read_plan(path: str | PathLike[str]) -> Plan:
 
 
 def parse_plan(data: bytes, source: str) -> Plan:
-    """Parse the bytes of an untrusted plan. Raises `PlanError` as one line that names `source` and the key."""
+    """Parse the bytes of an untrusted test plan. Raises `PlanError` as one line that names `source` and the key."""
     top = Location(source)
     document = parse_toml(data, top)
     version = document.get("taxel_test_plan")

@@ -26,16 +26,18 @@ class Location:
     path: str = ""
 
     def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
-        """Raise `PlanError` for this location."""
+        """Raise `PlanError` for this location in a test plan."""
         raise PlanError(self.file, self.path or "file", expected, found, remedy)
 
     def key(self, name: str) -> Location:
-        """Location of a key below this one."""
+        """Location in a test plan of a key below this one."""
         key = name if _NAME.fullmatch(name) else format_value(name)
         return Location(self.file, f"{self.path}.{key}" if self.path else key)
 
     def name(self, name: str) -> Location:
-        """Location of a key that names a phase, a kind or a limit."""
+        """Location of a key that names a phase, a kind or a limit in a test plan. Raises `PlanError` for an invalid
+        name.
+        """
         if not _NAME.fullmatch(name):
             self.key(name).fail(
                 "a letter, then letters, digits and _ (64 at most)", format_value(name), "rename the key"
@@ -43,25 +45,28 @@ class Location:
         return self.key(name)
 
     def table(self, value: object) -> dict[str, Any]:
-        """A table."""
+        """Check that a value of a test plan is a table. Returns it; raises `PlanError` otherwise."""
         if not isinstance(value, dict):
             self.fail("a table", format_value(value), "write a table")
         return value
 
     def flag(self, value: object) -> bool:
-        """True or false."""
+        """Check that a value of a test plan is true or false. Returns it; raises `PlanError` otherwise."""
         if not isinstance(value, bool):
             self.fail("true or false", format_value(value), "correct the value")
         return value
 
     def line(self, value: object, longest: int) -> str:
-        """Text of one line."""
+        """Check that a value of a test plan is a text of one line, of at most `longest` characters. Returns it.
+
+        Raises `PlanError` otherwise.
+        """
         if not (isinstance(value, str) and value.strip() and value.isprintable() and len(value) <= longest):
             self.fail(f"one line of text, at most {longest} characters", format_value(value), "correct the value")
         return value
 
     def check_keys(self, table: dict[str, Any], required: Collection[str], optional: Collection[str] = ()) -> None:
-        """Check that the table has the required keys and no unknown ones."""
+        """Check that a table of a test plan has the required keys and no unknown ones. Raises `PlanError` otherwise."""
         known = (*required, *optional)
         for key in table:
             if key not in known:
@@ -86,7 +91,7 @@ class PhaseTable:
 
 
 def parse_toml(data: bytes, top: Location) -> dict[str, Any]:
-    """The document. Raises `PlanError` for a file that is too large, not UTF-8 or not TOML."""
+    """Parse the TOML text of a test plan. Raises `PlanError` for a file that is too large, not UTF-8 or not TOML."""
     if len(data) > FILE_BYTES_MAX:
         top.fail(f"at most {FILE_BYTES_MAX} bytes", "more", "is this a test plan?")
     longest = max(map(len, data.split(b"\n")))
@@ -105,7 +110,7 @@ def parse_toml(data: bytes, top: Location) -> dict[str, Any]:
 
 
 def read_phases(location: Location, value: object) -> dict[str, PhaseTable]:
-    """The tables below `phases` or a kind, in file order. Raises `PlanError`."""
+    """Parse the tables of phases in a test plan, or those for one kind of board, in file order. Raises `PlanError`."""
     return {name: _parse_phase(location.name(name), name, table) for name, table in location.table(value).items()}
 
 

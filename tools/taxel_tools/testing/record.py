@@ -36,12 +36,12 @@ class Limit:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Both bounds as numbers; infinite without a bound."""
+        """Lower and upper bound of the permitted range; infinite if there is no bound on this side."""
         low = -math.inf if self.minimum is None else self.minimum
         return low, math.inf if self.maximum is None else self.maximum
 
     def contains(self, value: Value) -> bool:
-        """Whether the value lies within the limit; always False for text, None and NaN."""
+        """Whether a value lies within the permitted range, bounds included; always False for text, None and NaN."""
         low, high = self.bounds
         return isinstance(value, int | float) and low <= value <= high
 
@@ -151,24 +151,26 @@ class TestRecord:
     seconds: float
 
     def findings(self) -> list[Finding]:
-        """All findings, in order of decreasing severity."""
+        """All faults that the phases of the test have found, in order of decreasing severity."""
         findings = [finding for phase in self.phases for finding in phase.findings]
         return sorted(findings, key=lambda finding: -finding.severity)
 
 
 def judge_value(value: Value, limit: Limit | None) -> Outcome:
-    """PASS within the limit or without a limit, else FAIL."""
+    """Outcome of a measurement: PASS within the limit or without a limit, else FAIL."""
     return Outcome.PASS if limit is None or limit.contains(value) else Outcome.FAIL
 
 
 def judge_phase(measurements: Iterable[Measurement], findings: Iterable[Finding]) -> Outcome:
-    """Result of a completed phase: FAIL with at least one failed measurement or finding."""
+    """Outcome of a completed phase: FAIL with at least one failed measurement or finding, else PASS."""
     has_failed = any(measurement.outcome is Outcome.FAIL for measurement in measurements) or any(True for _ in findings)
     return Outcome.FAIL if has_failed else Outcome.PASS
 
 
 def judge_test(phases: Iterable[PhaseRecord]) -> Outcome:
-    """Worst result of the phases: ERROR, FAIL, PASS; SKIP if no phase ran, because nothing was tested."""
+    """Outcome of a test, the worst of its phases: ERROR, FAIL, PASS; SKIP if no phase ran, because nothing was
+    tested.
+    """
     outcomes = {phase.outcome for phase in phases}
     order = (Outcome.ERROR, Outcome.FAIL, Outcome.PASS)
     return next((outcome for outcome in order if outcome in outcomes), Outcome.SKIP)

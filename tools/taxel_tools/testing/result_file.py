@@ -46,12 +46,14 @@ _ATTACHMENT_KEYS = ("name", "media_type", "caption", "base64")
 
 
 def write_json(record: TestRecord, path: str | os.PathLike[str], overwrite: bool = False) -> None:
-    """Write a result file completely or not at all. Raises `ResultFileError` if the file exists or is not writable."""
+    """Write a test record as JSON completely or not at all. Raises `ResultFileError` if the file exists or is not
+    writable.
+    """
     write_whole(path, format_json_bytes(record), overwrite)
 
 
 def format_json_bytes(record: TestRecord) -> bytes:
-    """A record as UTF-8 JSON; equal records give equal bytes."""
+    """Test record as UTF-8 JSON; equal records give equal bytes."""
     document: dict[str, Any] = {"taxel_test_record": VERSION, **asdict(record)}
     document["seconds"] = encode_number(record.seconds)
     for phase in document["phases"]:
@@ -106,12 +108,14 @@ def parse_json(data: bytes, source: str) -> TestRecord:
 
 
 def _parse_document(data: bytes, top: Field) -> object:
-    """JSON value of a result file. Raises `ResultFileError` with the reason and the position."""
+    """Parse the JSON text of a result file. Raises `ResultFileError` with the reason and the position."""
 
     def fail(expected: str, found: str) -> NoReturn:
+        """Raise `ResultFileError` for the whole result file."""
         top.fail(expected, "is this a complete result file?", found)
 
     def refuse(constant: str) -> NoReturn:
+        """Refuse a constant such as NaN, which Python reads although JSON does not have it."""
         fail("JSON", f"{constant}, which JSON does not have")
 
     def unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
@@ -139,7 +143,7 @@ def _parse_document(data: bytes, top: Field) -> object:
 
 
 def _parse_phase(field: Field) -> PhaseRecord:
-    """Record of one phase; its outcome must agree with its measurements and findings."""
+    """Parse one phase of a result file; its outcome must agree with its measurements and findings."""
     fields = field.table(_PHASE_KEYS)
     measurements = [_parse_measurement(item) for item in fields["measurements"].items()]
     _check_unique(
@@ -165,7 +169,7 @@ def _parse_phase(field: Field) -> PhaseRecord:
 
 
 def _parse_measurement(field: Field) -> Measurement:
-    """One measurement; its outcome must agree with value and limit."""
+    """Parse one measurement of a result file; its outcome must agree with value and limit."""
     fields = field.table(_MEASUREMENT_KEYS)
     value = _parse_value(fields["value"])
     limit = _parse_limit(fields["limit"])
@@ -216,9 +220,10 @@ def _parse_attachment(field: Field) -> Attachment:
 
 
 def _check_outcome(field: Field, *possible: Outcome) -> Outcome:
-    """The outcome in the file. Raises ResultFileError unless it is one of `possible`.
+    """Check an outcome in a result file. possible: outcomes that follow from the measurements and findings in the
+    file.
 
-    possible: the outcomes that follow from the measurements and findings in the file.
+    Returns the outcome; raises ResultFileError for another one.
     """
     outcome = field.text()
     if outcome not in possible:

@@ -10,10 +10,11 @@ from taxel_tools.testing.errors import ResultFileError
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes, overwrite: bool) -> None:
-    """Write a temporary file, wait until it is on the disk, then give it the final name in one step.
+    """Write a file completely or not at all.
 
-    Raises `ResultFileError` if the file exists and `overwrite` is False, or if the system refuses; an existing file
-    stays unchanged.
+    The bytes are written to a temporary file, which gets the final name in one step when it is on the disk. Raises
+    `ResultFileError` if the file exists and `overwrite` is False, or if the system refuses; an existing file stays
+    unchanged.
     """
     target = Path(path)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
@@ -51,7 +52,10 @@ def _rename(temporary: Path, target: Path, overwrite: bool) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Write the folder to the disk, because the new name is stored there; not every file system supports this."""
+    """Write the entries of a folder to the disk, so that the new name of a file survives a power cut.
+
+    Not every file system supports this.
+    """
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:

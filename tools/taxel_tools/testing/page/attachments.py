@@ -13,7 +13,7 @@ TEXT_BYTES_MAX = 2**16
 
 
 def render_attachments(attachments: Sequence[Attachment]) -> str:
-    """All attachments of a phase, pictures first."""
+    """HTML of all attachments of a phase, pictures first."""
     pictures = "".join(
         _format_picture(attachment) for attachment in attachments if attachment.media_type in PICTURE_TYPES
     )
@@ -38,6 +38,7 @@ def _format_picture(attachment: Attachment) -> str:
 
 
 def _is_text(attachment: Attachment) -> bool:
+    """Whether an attachment is shown as text in the page: plain text that is not too long."""
     return attachment.media_type == "text/plain" and len(attachment.data) <= TEXT_BYTES_MAX
 
 

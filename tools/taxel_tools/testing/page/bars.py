@@ -20,7 +20,10 @@ _BAND = (MIDDLE - 5, 10)  # Top and height in pixels.
 
 
 def build_axis(limit: Limit, values: Iterable[Value]) -> Axis:
-    """An axis that covers the limit and the values; values far outside lie beyond the end of the axis."""
+    """Axis of a diagram that covers a limit and the measured values.
+
+    Values far outside the limit are beyond the end of the axis.
+    """
     finite = [value for value in values if isinstance(value, int | float) and math.isfinite(value)]
     least, largest = (min(finite), max(finite)) if finite else (0.0, 0.0)
     low, high = limit.minimum, limit.maximum
@@ -44,18 +47,18 @@ def build_axis(limit: Limit, values: Iterable[Value]) -> Axis:
 
 
 def _compute_least_width(width: float, *ends: float) -> float:
-    """The least width for which a margin is representable in floating point near these ends."""
+    """Width of an axis, at least so large that a margin at its ends is representable in floating point."""
     return max(width, 1e-9 * max(abs(end) for end in ends), sys.float_info.min)
 
 
 def render_value_bar(axis: Axis, limit: Limit, value: Value, outcome: Outcome) -> str:
-    """The permitted range as a band and the value as a dot; an arrow for a value beyond the axis."""
+    """SVG diagram of one measurement: permitted range as a band, value as a dot, or as an arrow beyond the axis."""
     kind = "bad" if outcome is Outcome.FAIL else "good"
     return render_diagram(f"{_render_limit_band(axis, limit)}{_render_value_mark(axis, value, kind)}")
 
 
 def render_value_strip(axis: Axis, limit: Limit | None, values: Iterable[Value]) -> str:
-    """Several values as ticks on one line."""
+    """SVG diagram of several measured values as ticks on one line, with the permitted range as a band."""
     ticks = "".join(
         f'<line x1="{axis.at(value)}" x2="{axis.at(value)}" y1="{MIDDLE - 7}" y2="{MIDDLE + 7}"'
         f' class="tick {"good" if limit is None or limit.contains(value) else "bad"}"/>'

@@ -25,23 +25,17 @@ def write_page(
     earlier: Sequence[Summary] = (),
     overwrite: bool = False,
 ) -> None:
-    """Write the page completely or not at all.
+    """Write the HTML page of a test record completely or not at all.
 
-    Args:
-        record: the test.
-        path: the file.
-        changes: result of `History.compare` for the record.
-        earlier: result of `History.list_earlier` for its serial number, without the record itself.
-        overwrite: whether an existing file may be replaced.
-
-    Raises:
-        ResultFileError: the file exists, or is not writable.
+    changes: result of `History.compare` for the record. earlier: result of `History.list_earlier` for its serial
+    number, without the record itself. overwrite: whether an existing file may be replaced. Raises `ResultFileError`
+    if the file exists or is not writable.
     """
     write_whole(path, render_page(record, changes, earlier).encode(), overwrite)
 
 
 def render_page(record: TestRecord, changes: Sequence[Change] = (), earlier: Sequence[Summary] = ()) -> str:
-    """The page as HTML text that is also well-formed XML; equal records give equal text."""
+    """HTML page of a test record, which is also well-formed XML; equal records give equal text."""
     sections = [render_phases_section(record.phases)]
     sections += [render_phase_section(number, phase) for number, phase in enumerate(record.phases, start=1)]
     history = render_earlier_section(record.phases, changes, earlier)
@@ -57,4 +51,5 @@ def render_page(record: TestRecord, changes: Sequence[Change] = (), earlier: Seq
 
 @cache
 def _read_style() -> str:
+    """CSS style sheet of the page."""
     return resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")

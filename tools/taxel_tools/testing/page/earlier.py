@@ -36,7 +36,7 @@ _RUNS = (Column("tested"), Column("", "verdict"), Column("plan"), Column("operat
 def render_earlier_section(
     phases: Sequence[PhaseRecord], changes: Sequence[Change], earlier: Sequence[Summary]
 ) -> Section | None:
-    """The section; None without earlier tests."""
+    """Section of the page that compares a test with earlier tests of the same device; None without earlier tests."""
     if not changes and not earlier:
         return None
     titles = {phase.name: phase.title for phase in phases}

@@ -12,7 +12,9 @@ _DIGITS_MAX = 17  # Distinguishes any two doubles.
 
 
 def format_figure(value: Value, limit: Limit | None = None) -> str:
-    """A value with three digits, or as many more as distinguish the value from its limit: 8.0004 for a limit of 8."""
+    """Text of a measured value with three digits, or as many more as distinguish it from its limit: 8.0004 for a
+    limit of 8.
+    """
     if value is None:
         return "no value"
     if isinstance(value, str):
@@ -28,7 +30,7 @@ def format_figure(value: Value, limit: Limit | None = None) -> str:
 
 
 def format_with_unit(value: Value, unit: str, limit: Limit | None = None) -> str:
-    """A value and its unit."""
+    """Text of a measured value with its unit."""
     is_finite = isinstance(value, int | float) and math.isfinite(value)
     return (
         f"{format_figure(value, limit)}{SPACE}{escape_text(unit)}"
@@ -38,7 +40,7 @@ def format_with_unit(value: Value, unit: str, limit: Limit | None = None) -> str
 
 
 def format_limit(limit: Limit | None) -> str:
-    """A limit with mathematical signs."""
+    """Text of a limit with mathematical signs."""
     if limit is None:
         return ABSENT
     low, high = (f"{bound:,.10g}".replace("-", MINUS) for bound in limit.bounds)

@@ -17,12 +17,12 @@ def escape_text(text: str) -> str:
 
 
 def escape_name(name: str) -> str:
-    """A name with underscores as readable HTML: `dead_taxel` becomes "dead taxel"."""
+    """Readable HTML of a name with underscores: `dead_taxel` becomes "dead taxel"."""
     return html.escape(make_readable(name))
 
 
 def render_diagram(shapes: str, height: int = HEIGHT) -> str:
-    """The SVG element of a diagram in a table cell. shapes: SVG text. height: pixels."""
+    """SVG element of a diagram in a table cell. shapes: SVG text. height: pixels."""
     return f'<svg class="bar" width="100%" height="{height}" aria-hidden="true">{shapes}</svg>'
 
 
@@ -35,7 +35,7 @@ class Section:
     body: str
 
     def html(self) -> str:
-        """The section as an HTML element."""
+        """The section of the page as an HTML element."""
         heading = f'<h2 id="{self.anchor}-title">{self.title}</h2>'
         return (
             f'<section id="{self.anchor}" aria-labelledby="{self.anchor}-title">\n{heading}\n{self.body}\n</section>\n'
@@ -51,9 +51,9 @@ class Column:
 
 
 def render_table(columns: Sequence[Column], rows: Iterable[Sequence[str]], caption: str, kind: str = "") -> str:
-    """A table whose first column contains the names of the rows.
+    """HTML table whose first column contains the names of the rows. rows: the HTML of each row, by column.
 
-    rows: the HTML of each row, by column. caption: for screen readers, unless the class `kind` makes it visible.
+    caption: for screen readers, unless the class `kind` makes it visible.
     """
     head = "".join(f'<th scope="col"{_format_class(column.kind)}>{column.heading}</th>' for column in columns)
     body = "\n".join(_render_row(columns, row) for row in rows)
@@ -71,19 +71,20 @@ def _render_row(columns: Sequence[Column], row: Sequence[str]) -> str:
 
 
 def _format_class(kind: str) -> str:
+    """HTML attribute for a CSS class; empty text for the empty class."""
     return f' class="{kind}"' if kind else ""
 
 
 def render_paragraph(text: str, kind: str = "") -> str:
-    """A paragraph. text: HTML."""
+    """HTML paragraph. text: HTML; kind: CSS class."""
     return f"<p{_format_class(kind)}>{text}</p>"
 
 
 def render_bullets(items: Iterable[str], kind: str = "", tag: str = "ul") -> str:
-    """A list. items: HTML. tag: "ul" or "ol"."""
+    """HTML list. items: HTML of each item; kind: CSS class; tag: "ul" or "ol"."""
     return f"<{tag}{_format_class(kind)}>{''.join(f'<li>{item}</li>' for item in items)}</{tag}>"
 
 
 def render_folded(summary: str, body: str) -> str:
-    """Content that a screen shows on demand and a print shows always."""
+    """HTML of a block that a screen shows on demand and a print shows always. summary: HTML of its visible line."""
     return f"<details><summary>{summary}</summary>{body}</details>"

@@ -44,7 +44,9 @@ _SUMMARY_COLUMNS = (
 
 
 def render_measurements(title: str, measurements: Sequence[Measurement]) -> str:
-    """The tables of a phase; empty without measurements. `title`: title of the phase, for screen readers."""
+    """HTML tables of the measurements of a phase; empty without measurements. title: of the phase, for screen
+    readers.
+    """
     if not measurements:
         return ""
     axes = _build_axes(measurements)

@@ -28,7 +28,7 @@ _PHASE_SUMMARIES = {
 
 
 def format_title(record: TestRecord) -> str:
-    """The verdict as one escaped line."""
+    """Title of the page in one line of HTML: the device and the outcome of the test."""
     device = escape_text(record.serial_number) or "A device without serial number"
     findings = record.findings()
     fault_text = ""
@@ -41,7 +41,7 @@ def format_title(record: TestRecord) -> str:
 
 
 def render_header(record: TestRecord) -> str:
-    """The header as an HTML element."""
+    """Header of the page as an HTML element: verdict, device, and what to do."""
     counts = Counter(phase.outcome for phase in record.phases)
     summaries = [
         f"{format_count(count, 'phase')} {text}"
@@ -72,7 +72,10 @@ def _render_to_do_list(record: TestRecord) -> str:
 
 
 def _list_problems(record: TestRecord) -> Iterator[str]:
-    """Findings first, then violated limits of phases without findings, then errors of phases."""
+    """HTML sentences on the problems of a test.
+
+    Findings first, then violated limits of phases without findings, then errors of phases.
+    """
     numbered = list(enumerate(record.phases, start=1))
     findings = [(finding, number) for number, phase in numbered for finding in phase.findings]
     for finding, number in sorted(findings, key=lambda pair: -pair[0].severity):
@@ -121,15 +124,17 @@ def _render_violated_limits(phase: PhaseRecord, number: int) -> Iterator[str]:
 
 
 def _compute_severity(measurement: Measurement) -> float:
+    """Factor by which a measurement exceeds its limit; 0 without a limit."""
     return measurement.limit.severity(measurement.value) if measurement.limit else 0.0
 
 
 def _format_link(title: str, number: int) -> str:
+    """HTML link to the section of phase `number` in the page."""
     return f'<a href="#phase-{number}">{escape_text(title)}</a>'
 
 
 def _render_identity_list(record: TestRecord) -> str:
-    """HTML list that identifies board, test and plan."""
+    """HTML list with the labels of a test: board, operator, station, plan and software."""
     entries = {
         "serial number": escape_text(record.serial_number) or "none",
         **{escape_name(key): escape_text(value) for key, value in record.device.items()},
