@@ -29,8 +29,9 @@ def compute_baseline_verdicts(diagnosis: Diagnosis) -> dict[str, str]:
 def _apply_rules(diagnosis: Diagnosis) -> str:
     """Name the effect of the first matching rule of an engineer's check list; a simple reference for the diagnosis.
 
-    The rules use the share of each feature in the squared difference of the real and the simulated signals, then the
-    signals of each taxel in the hold phase, counts.
+    The first rules use the share of groups of features (missing frames, noise, slow changes, onset) in the squared
+    difference of the real and the simulated signals. The other rules compare the signals in the hold phase, counts, of
+    loaded and of unloaded taxels.
     """
     layout, model, real = diagnosis.layout, diagnosis.judge.state.mean, np.nan_to_num(diagnosis.real.mean)
     gap2 = layout.weight[:, None] * (real - model) ** 2

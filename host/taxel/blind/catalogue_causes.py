@@ -75,9 +75,10 @@ MAX_CURRENT_FACTOR: Final = 1.35
 
 
 def _board_factor(name: str, emulator_effect: str, max_factor: float = np.inf) -> CauseType:
-    """Make a cause type: a sensitivity or stiffness of one or two boards is multiplied by a random factor.
+    """Make a cause type: a quantity of one or two boards, such as sensitivity or stiffness, has a wrong factor.
 
-    The factor is up to 1.8, or down to 1 / 1.8, at strength 1; it is limited to `max_factor`.
+    name, emulator_effect: of the cause. The factor is up to 1.8, or down to 1 / 1.8, at strength 1, and at most
+    `max_factor`.
     """
 
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:

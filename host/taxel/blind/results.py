@@ -45,8 +45,8 @@ class ReportedVerdict:
     def count_named(self, names: Collection[str]) -> int:
         """Count the true causes `names` that the verdict contains.
 
-        A true cause also counts if it is confounded with a wrong effect of the verdict; each wrong effect can replace
-        one true cause.
+        A true cause also counts if a wrong effect of the verdict is confounded with it (the data cannot distinguish
+        them); each wrong effect can replace one true cause.
         """
         missing = set(names) - set(self.effects)
         for effect in set(self.effects) - set(names):

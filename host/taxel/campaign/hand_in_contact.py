@@ -139,7 +139,8 @@ class HandInContact:
     def _substep(self, torque_nm: FloatArray, dt: float) -> None:
         """Integrate the motion over `dt` seconds by one implicit Euler step with the contact forces of the skin.
 
-        torque_nm: motor torques f64[j]. In contact, `dt` is not longer than `SUBSTEP_S`.
+        The new velocity v solves (mass / dt + damping + dt stiffness) v = mass v_old / dt + force. torque_nm: motor
+        torques f64[j]. In contact, `dt` is not longer than `SUBSTEP_S`.
         """
         joints = self._joints
         links = self._wrist @ self._kinematics.compute_link_poses(self._position[:joints])
@@ -172,7 +173,8 @@ class HandInContact:
     def _jacobian(self, links: FloatArray, brackets: FloatArray, boards: NDArray[np.intp]) -> FloatArray:
         """Compute the Jacobian f64[k, 6, j + 6] of the motion of k brackets relative to the object, in bracket frames.
 
-        The columns are the j joint speeds and the six speeds of the object's mount. links: poses of the robot's links.
+        Rows: translation, then rotation of a bracket. Columns: speeds of the j joints, then the six speeds of the
+        object's mount, which move the object and therefore have a negative sign. links: poses of the robot's links.
         brackets: true poses f64[k, 4, 4]. boards: indices [k] of their boards.
         """
         axes = (links[self._axes.joint_links, :3, :3] @ self._axes.axes[:, :, None])[:, :, 0]

@@ -88,9 +88,10 @@ def _signed_steps(values: NDArray[np.int64], modulus: int) -> NDArray[np.int64]:
 def _fill_board(
     cycles: PollCycles, column: int, taxels: slice, frames: list[TaxelFrame], index: NDArray[np.intp]
 ) -> None:
-    """Write the frames of one board into the arrays of the poll cycles; a missing frame repeats the last counts.
+    """Write the frames of one board into the arrays of the poll cycles; a missing frame repeats the latest counts.
 
-    column: number of the board. taxels: its columns in the counts. index: poll cycle of each frame.
+    column: number of the board. taxels: its columns in the counts. index: poll cycle of each frame. The board's clock
+    in microseconds, which wraps, becomes seconds without wraps.
     """
     clock = np.array([frame.board_time_us for frame in frames], dtype=np.int64)
     ticks = _signed_steps(clock, CLOCK_MODULUS_US)  # signed: the clock of a board that restarts steps back

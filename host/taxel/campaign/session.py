@@ -43,10 +43,10 @@ class _PerformedGrasp:
 
 
 class SceneMotion(NamedTuple):
-    """Motion of the scene in one session.
+    """Motion of the scene (objects and boards) in a part of a session.
 
-    time_s: f64[k], since power-up. number: [k], number of the object of the world that is present. object_poses:
-    f64[k, 4, 4], world. bracket_poses: f64[k, s, 4, 4], world, nominal.
+    time_s: f64[k], since power-up. number: [k], number of the object of the world that is present. object_poses: f64[k,
+    4, 4], world. bracket_poses: f64[k, s, 4, 4], world, nominal.
     """
 
     time_s: NDArray[np.float64]

@@ -85,7 +85,7 @@ class DistanceGrid:
         """Count the active and inactive points in each distance bin for a batch of poses, i64[poses, 2 BIN_COUNT].
 
         points: f32[N, 3], the first `active_count` of them active. rotations: f64[poses, 3, 3]. shifts: f64[poses, 3],
-        metres.
+        metres. Each moved point falls in a cell of the grid, whose value is the number of the distance bin.
         """
         scaled = (rotations / self.cell_m).astype(np.float32)
         offset = ((shifts - self.origin) / self.cell_m).astype(np.float32)

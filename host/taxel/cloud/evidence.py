@@ -74,8 +74,9 @@ class ShapeLikelihood:
     def _log_likelihood(self, points: Float32Array, active_count: int, poses: FloatArray) -> FloatArray:
         """Compute the log likelihood of the points of one grasp for P poses f64[P, 6]: f64[P, K].
 
-        K is the number of pairs of the model parameters reach and blur. points: f32[n, 3], relative to the centre of
-        the shape; the first `active_count` of them are active.
+        poses: shift in metres, then rotation vector times a lever arm in metres. points: f32[n, 3], relative to the
+        centre of the shape; the first `active_count` of them are active. K is the number of pairs of the model
+        parameters reach and blur.
         """
         rotations = Rotation.from_rotvec(poses[:, 3:] / TURN_ARM_M).as_matrix()
         counts = self._grid.count_points(points, active_count, rotations, poses[:, :3] + self._centre)
@@ -105,10 +106,12 @@ def compute_evidence(by_grasp: FloatArray, times: FloatArray | None = None) -> F
 
 @cache
 def _log_likelihood_table() -> FloatArray:
-    """Compute the log likelihood of an active taxel in each distance bin, then of an inactive one, f64[2 BIN_COUNT, K].
+    """Compute the log likelihood of an active and of an inactive taxel by distance bin, f64[2 BIN_COUNT, K].
 
-    K is the number of pairs of the model parameters reach and blur. An inactive taxel far away has the value 0, so that
-    the number of such taxels does not matter.
+    The rows of active taxels come first; K is the number of pairs of the parameters reach and blur. The probability of
+    an active taxel falls from 1 to 0 around the distance `reach`, over the width `blur`; a small share of taxels is
+    active or inactive regardless of distance. An active taxel deep inside the shape has a lower likelihood. An inactive
+    taxel far away has the value 0, so that the number of such taxels does not matter.
     """
     centre = MIN_DISTANCE_M + BIN_WIDTH_M * (np.arange(BIN_COUNT) + 0.5)
     reach, blur = (values.ravel() for values in np.meshgrid(REACH_M, BLUR_M, indexing="ij"))

@@ -49,8 +49,9 @@ LogLikelihood = Callable[[FloatArray], FloatArray]
 def average_over_poses(log_likelihood: LogLikelihood, seed: int) -> FloatArray:
     """Compute the log of a likelihood's mean over the prior of object poses, f64[K], by importance sampling.
 
-    log_likelihood: function of poses f64[n, 6] with result f64[n, K]. seed: of the samples. Different seeds for the
-    grasps of a cloud keep their sampling errors from adding up.
+    The first samples follow the prior; each iteration adds samples of a normal distribution that is fitted to the
+    weighted samples so far. log_likelihood: function of poses f64[n, 6] with result f64[n, K]. seed: of the samples.
+    Different seeds for the grasps of a cloud keep their sampling errors from adding up.
     """
     distributions = list(_PRIOR)
     counts = np.array([PRIOR_SAMPLES] * len(distributions) + [ITERATION_SAMPLES] * ITERATIONS)

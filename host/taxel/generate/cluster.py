@@ -36,7 +36,7 @@ class Cluster:
     def generate_shards(self, recipe: Recipe, shards: Iterable[int]) -> Iterator[tuple[int, bytes]]:
         """Yield number and bytes of each shard, in the order of completion, computed on a Dask cluster.
 
-        Implements the protocol `taxel.generate.workers.Workers`. Raises ClusterError.
+        Implements the protocol `taxel.generate.workers.Workers`. Raises ClusterError if the cluster cannot be used.
         """
         distributed = _import_distributed()
         try:
@@ -91,7 +91,8 @@ def _as_completed(
 ) -> Iterator[tuple[int, bytes]]:
     """Yield number and bytes of each shard in the order of completion, with at most `pending` shards on the cluster.
 
-    distributed: the package. client: connection to the scheduler. recipe: already sent to the workers.
+    distributed: the Dask package of this name. client: connection to the scheduler. recipe: already sent to the
+    workers.
     """
 
     def submit(shard: int) -> Any:

@@ -127,7 +127,8 @@ def _plan_reported(reported: ReportedEffect, widen: float, share: float, source:
 def _standard_deviation(reported: ReportedEffect, name: str, label: str, value: float) -> float:
     """Compute the standard deviation of a parameter from its 95 % interval in the report; 0 without an interval.
 
-    name, value: of the parameter. label: key of the interval.
+    name, value: of the parameter. label: key of the interval. All kinds of noise that taxels share have a common
+    interval; its relative width is used for each of them.
     """
     if reported.name == "noise" and name != NOISE_PARTS[0]:
         # The report gives one interval for all noise that taxels share.
@@ -168,11 +169,12 @@ def plan_effect(
     hand: Hand,
     moving_s: float,
 ) -> PlannedEffect:
-    """Plan an effect of the catalogue with parameters sampled from ranges. Raises RecipeError.
+    """Plan an effect of the catalogue whose parameters are sampled from ranges. Raises RecipeError.
 
-    where: location in the recipe, for errors. variant, scope: as in the catalogue; "" stands for the first one. share:
-    share of grasps with the effect. moving_s: seconds from closing to the end of a grasp, over which a drift reaches
-    its counts.
+    where: location in the recipe, for errors. name, variant, scope: as in the catalogue; "" as variant or scope stands
+    for the first one. share: share of grasps with the effect. ranges: by name of the parameter; a parameter without a
+    range keeps its neutral value. moving_s: seconds from closing to the end of a grasp, over which a drift reaches its
+    counts.
     """
     catalogue = all_effects()
     variants = [

@@ -167,9 +167,10 @@ class ConvexPolytope:
         return np.concatenate(pieces).reshape(shape)
 
     def _compute_separation(self, p: FloatArray, d: FloatArray) -> FloatArray:
-        """Compute the distance of points [m, e, 3] to the polytope along directions [m, 3], f64[m, e].
+        """Compute the distance of points f64[m, e, 3] to the polytope along directions f64[m, 3], f64[m, e].
 
-        All half-spaces are clipped at once; inf for a miss.
+        A line enters the solid at the last face that it crosses inwards, and leaves at the first face that it crosses
+        outwards; inf for a miss. All half-spaces are clipped at once.
         """
         speed = (self.normals @ d.T)[..., None]
         depth = (self.offsets[:, None] - self.normals @ p.reshape(-1, 3).T).reshape(len(self.normals), *p.shape[:2])
@@ -190,10 +191,11 @@ class ConvexPolytope:
         return separation, np.where(np.isfinite(separation)[..., None], self.normals[face], 0.0)
 
     def _clip_lines(self, points: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, npt.NDArray[np.intp]]:
-        """Clip lines by all half-spaces of the polytope (Cyrus and Beck 1978).
+        """Clip lines p + t d by all half-spaces of the polytope (Cyrus and Beck 1978).
 
-        points, directions: f64[..., 3]. Returns the distance to the entry, f64[...], inf for a miss, and the index of
-        the entered face.
+        points, directions: f64[..., 3]. A line enters the solid at the last face that it crosses inwards, and leaves at
+        the first face that it crosses outwards. Returns t at the entry, f64[...], inf for a miss, and the index of the
+        entered face.
         """
         p, d = as_points(points), as_points(directions)
         enter = np.full(np.broadcast_shapes(p.shape, d.shape)[:-1], -np.inf)

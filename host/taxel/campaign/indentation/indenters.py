@@ -74,7 +74,10 @@ def _prism(rng: np.random.Generator, name: str) -> Indenter:
 
 
 def _wedge(rng: np.random.Generator, name: str) -> Indenter:
-    """Sample a wedge as an indenter: a box of random size whose top slopes downwards along x."""
+    """Sample a wedge as an indenter: a box of random size whose top slopes downwards along x.
+
+    The local `toe` is the height of the lower end of the wedge, metres.
+    """
     width, depth, height = _sizes(rng, 3)
     toe = height * float(rng.uniform(0.45, 0.8))
     box = ConvexPolytope.box(width, depth, height)
@@ -87,7 +90,10 @@ def _wedge(rng: np.random.Generator, name: str) -> Indenter:
 
 
 def _cylinder(rng: np.random.Generator, name: str) -> Indenter:
-    """Sample a cylinder of random size as an indenter, with eight contact features on its side."""
+    """Sample a cylinder of random size as an indenter, with eight contact features around its side.
+
+    A contact feature is a line on the surface with its outward direction, at which the cylinder can touch the skin.
+    """
     radius, height = float(rng.uniform(0.5 * SIZE_M[0], 0.5 * SIZE_M[1])), float(rng.uniform(0.030, SIZE_M[1]))
     up = np.array([0.0, 0.0, 1.0])
     around = [

@@ -47,9 +47,10 @@ class SimulatedPath(NamedTuple):
     curve: PchipInterpolator
 
     def motions(self, travel_m: FloatArray, direction: FloatArray) -> FloatArray:
-        """Interpolate the motion f64[k, 6] of the object at `travel_m` f64[k] of its mount.
+        """Interpolate the motion f64[k, 6] of the object at `travel_m` f64[k] of its mount, metres.
 
-        Before first contact the object moves with the mount along `direction`, without deflection.
+        The motion is interpolated between the solved equilibria. Before first contact the object moves with the mount
+        along `direction`, without deflection.
         """
         loaded = np.asarray(self.curve(np.clip(travel_m, self.curve.x[0], self.travel_m)))
         loaded[:, :3] += np.minimum(travel_m - self.curve.x[0], 0.0)[:, None] * direction
