@@ -175,7 +175,8 @@ static void append(struct taxel_deframer *deframer, const uint8_t *bytes, size_t
     }
 }
 
-/* Searches the bytes that are still buffered, as if the stream ended here with a delimiter. */
+/* Searches the bytes of the stream that are still buffered for frames, as if the stream ended here with a
+ * delimiter. */
 void taxel_deframer_finish(struct taxel_deframer *deframer)
 {
     (void)search(deframer, deframer->config.chunk, deframer->fill, deframer->fill);

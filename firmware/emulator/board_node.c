@@ -18,7 +18,7 @@ static void on_front_end_configure(void *context, const struct taxel_scan_settin
     }
 }
 
-/* Seconds by which a drifting clock leads a clock of constant rate. */
+/* Seconds by which the drifting clock of the board leads a clock of constant rate at a virtual time. */
 static double clock_drift_lead_s(const struct board_node *board, vtime time)
 {
     return clock_drift_offset(&board->clock_drift, (double)time / (double)VTIME_SECOND);

@@ -65,7 +65,8 @@ static void init_wiring(struct electronics *electronics, const struct board_desc
     }
 }
 
-/* Update the capacitance of each taxel at rest and its change per relative rise (farad) for the current drift. */
+/* Update the capacitance of each taxel at rest and its change per relative rise (farad) for the present drift of
+ * the board. */
 static void update_rest_capacitances(struct electronics *electronics)
 {
     for (uint16_t taxel = 0; taxel < electronics->front_end->taxel_count; taxel++) {
@@ -168,7 +169,7 @@ static bool are_crossings_valid(const struct electronics *electronics, const str
     return electronics->mutual_tx == tx && !conversion->is_first_of_scan;
 }
 
-/* Capacitance (farad) that the converter measures at the electrode lines tx, rx. */
+/* Capacitance (farad) that the converter measures at the crossing of electrode lines `tx` and `rx`. */
 static double sensed_capacitance(struct electronics *electronics, const struct electronics_conversion *conversion,
                                  int tx, int rx)
 {

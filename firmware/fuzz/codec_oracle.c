@@ -142,8 +142,8 @@ struct board_history {
     uint16_t cycle, scan;
 };
 
-/* Expected counters and flags of a frame with taxel data: wrong CRC of the board, and missing cycles since the board's
- * last frame. */
+/* Fills in the expected counters and flags of a frame with taxel data: wrong CRC of the board, and missing cycles
+ * since the board's last frame. */
 static void count_board(struct oracle *oracle, struct oracle_frame *frame, struct board_history *history)
 {
     struct taxel_batch_totals *totals = &oracle->totals;
@@ -167,7 +167,8 @@ static void count_board(struct oracle *oracle, struct oracle_frame *frame, struc
     history[address] = (struct board_history){true, cycle, scan};
 }
 
-/* Expected losses from the frame sequence; a handshake with sequence 0 and tag 0 is a restart of the hub. */
+/* Fills in the expected number of lost frames from the frame sequence; a handshake with sequence 0 and tag 0 is a
+ * restart of the hub. */
 static void count_losses(struct oracle *oracle)
 {
     struct board_history history[TAXEL_BATCH_ADDRESSES] = {{0}};

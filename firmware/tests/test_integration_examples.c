@@ -22,7 +22,7 @@ static void on_frame(void *context, const struct taxel_frame *frame)
     frames++;
 }
 
-/* codec/encoder.h and codec/deframer.h */
+/* Runs the integration examples of codec/encoder.h and codec/deframer.h. */
 static void an_encoded_frame_is_decoded(void)
 {
     static const uint8_t payload[TAXEL_HOST_HANDSHAKE_SIZE] = {7, 1, 2};
@@ -54,7 +54,7 @@ static void an_encoded_frame_is_decoded(void)
     CHECK_EQUAL(last_frame.length, payload_size);
 }
 
-/* codec/compact.h */
+/* Runs the integration example of codec/compact.h. */
 static void counts_coded_against_a_key_frame_are_decoded(void)
 {
     enum { n = 3 };
@@ -125,7 +125,7 @@ static void reset(void *context)
     (void)context;
 }
 
-/* sensor/sensor.h and hal/sensor_hal.h */
+/* Runs the integration examples of sensor/sensor.h and hal/sensor_hal.h. */
 static void a_sensor_board_scans_and_is_read(void)
 {
     static const struct taxel_sensor_hal hal = {
@@ -228,7 +228,7 @@ static void set_wake_time(void *context, uint64_t time_us)
     (void)time_us;
 }
 
-/* hub/hub.h and hal/hub_hal.h */
+/* Runs the integration examples of hub/hub.h and hal/hub_hal.h. */
 static void a_hub_announces_itself_and_scans_the_bus(void)
 {
     static const struct taxel_hub_hal hal = {
@@ -323,7 +323,7 @@ static void copy_unique_id(void *context, uint8_t *id)
     memset(id, 0x5A, 8);
 }
 
-/* bootloader/bootloader.h and hal/boot_hal.h */
+/* Runs the integration examples of bootloader/bootloader.h and hal/boot_hal.h. */
 static void a_bootloader_answers_a_packet_and_an_application_confirms(void)
 {
     static struct taxel_boot_hal hal = {

@@ -36,8 +36,8 @@ void ticks_init(void)
 _Static_assert(CPU_HZ == 48000000u, "a microsecond is 16 * 3 cycles");
 _Static_assert(CYCLES <= CYCLES_MAX, "a wrap can be that long");
 
-/* x / 3 without a division: 1/3 = 1/4 + 1/16 + ...; the shifts lose less than 32 (checked for every x below 2^20,
- * more than a wrap). */
+/* The quotient x / 3 without a division, which this processor lacks: 1/3 = 1/4 + 1/16 + ...; the shifts lose less
+ * than 32 (checked for every x below 2^20, more than one period of the timer). */
 static uint32_t third_of(uint32_t x)
 {
     uint32_t third = (x >> 2) + (x >> 4);

@@ -30,7 +30,8 @@ void cortex_m0_account_begin(struct cortex_m0 *cpu, unsigned number, uint64_t be
     account->depth_max = account->depth > account->depth_max ? account->depth : account->depth_max;
 }
 
-/* Add one execution of a handler to the sum, minimum and maximum of its cycles. */
+/* Add one execution of a handler, which took `cycles`, to the sum, minimum and maximum of its cycles; `first`: it
+ * is the first execution. */
 static void add_cost(uint64_t cycles, bool first, uint64_t *sum, uint64_t *minimum, uint64_t *maximum)
 {
     *sum += cycles;

@@ -64,8 +64,8 @@ static void sum_columns(const double *in, double *out, const double *attenuation
     }
 }
 
-/* Allocate the grid of form `pillars`. It has a margin of one position on every side, so that every position has eight
- * neighbours. Returns 0, or -1 if out of memory. */
+/* Allocate the grid of cells for the effect `spread pillars`. It has a margin of one position on every side, so
+ * that every position has eight neighbours. Returns 0, or -1 if out of memory. */
 static int init_pillars(struct spread_state *state, const struct patch *patch)
 {
     const int width = patch->grid_columns + 2, grid_size = width * (patch->grid_rows + 2);
@@ -165,9 +165,9 @@ void spread_pressure(struct spread_state *state, const struct spread_effect *spr
     }
 }
 
-/* Chamfer pass from one row of cells to the next: each position takes the larger of its own compression and the
- * compressions of its three neighbours in row `from` minus the slope times the distance. The barrier (-INFINITY)
- * removes values at positions without a cell. */
+/* One step of spreading a compression over the grid (chamfer algorithm), from one row of cells to the next: each
+ * position takes the larger of its own compression and the compressions of its three neighbours in row `from` minus
+ * the slope times the distance. The barrier (-INFINITY) removes values at positions without a cell. */
 static void grow_across(double *row, const double *from, const double *barrier, double decrement, int columns)
 {
     const double diagonal_decrement = decrement * 1.4142135623730951;
@@ -179,8 +179,9 @@ static void grow_across(double *row, const double *from, const double *barrier, 
     }
 }
 
-/* Chamfer pass along one row of cells: each position takes the larger of its own compression and the compression of the
- * position before it minus `decrement`. Returns whether the row can raise its neighbours. */
+/* One step of spreading a compression over the grid (chamfer algorithm), along one row of cells: each position
+ * takes the larger of its own compression and the compression of the position before it minus `decrement`. Returns
+ * whether the row can raise its neighbours. */
 static bool grow_along(double *row, const double *barrier, double decrement, int columns, int direction)
 {
     const int first = direction > 0 ? 0 : columns - 1;

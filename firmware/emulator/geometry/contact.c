@@ -50,7 +50,7 @@ static bool square_is_far(const struct cell *cells, const struct shape *shape, c
     return shape_distance_bound(shape, point) >= reach + TAXEL_REACH_M;
 }
 
-/* Transform the cells of a taxel to the object's frame, as lines along their normals. */
+/* Transform the cells of a taxel to the object's frame, as lines through the cells along their normals. */
 static void place_lines(struct shape_lines *lines, const struct cell *cells, const struct frame *object_from_bracket)
 {
     frame_point(object_from_bracket, cells[0].position, lines->middle);

@@ -7,9 +7,9 @@ struct span {
     double enter, leave;
 };
 
-/* Clip the interval of a line by a half-space. `slope`: change of the distance from the plane per metre of the line;
- * `excess`: distance of the origin of the line outside the plane, metres. Divides only if the interval changes, because
- * most planes do not bound it. */
+/* Clip the interval in which a line lies inside a shape by a half-space. `slope`: change of the distance from the
+ * plane per metre of the line; `excess`: distance of the origin of the line outside the plane, metres. Divides only
+ * if the interval changes, because most planes do not bound it. */
 static inline void clip(struct span *span, double slope, double excess)
 {
     if (slope < 0.0) {
@@ -21,7 +21,7 @@ static inline void clip(struct span *span, double slope, double excess)
     }
 }
 
-/* Clip the interval of the line o + t d by all half-spaces of a polyhedron. */
+/* Clip the interval in which the line o + t d lies inside a polyhedron by all half-spaces of the polyhedron. */
 static void clip_planes(struct span *span, const struct shape *shape, const double o[3], const double d[3])
 {
     for (size_t i = 0; i < shape->plane_count; i++) {
@@ -30,8 +30,8 @@ static void clip_planes(struct span *span, const struct shape *shape, const doub
     }
 }
 
-/* Clip the interval of the line o + t d by the two caps and the wall of an upright cylinder, the latter from the roots
- * of a quadratic equation in t. */
+/* Clip the interval in which the line o + t d lies inside an upright cylinder by the two caps and the wall, the
+ * latter from the roots of a quadratic equation in t. */
 static void clip_cylinder(struct span *span, const struct shape *shape, const double o[3], const double d[3])
 {
     clip(span, -d[2], -o[2]);
@@ -66,7 +66,8 @@ double shape_entry(const struct shape *shape, const double origin[3], const doub
     return span.enter < span.leave ? span.enter : INFINITY;
 }
 
-/* Clip a group of lines by one plane, without branches, so that the compiler vectorises the loop. */
+/* Clip the intervals in which a group of lines lies inside a polyhedron by one of its planes, without branches, so
+ * that the compiler vectorises the loop. */
 static void clip_lines(const double *plane, const struct shape_lines *lines, double *enter, double *leave)
 {
     const double (*o)[SHAPE_LINES] = lines->origin, (*d)[SHAPE_LINES] = lines->direction;
