@@ -79,7 +79,7 @@ class OriginalDecoder:
         return self.position - self._covered
 
     def push(self, data: bytes) -> list[OriginalMessage]:
-        """Messages completed by `data`, in order."""
+        """Return the messages of the original hub that the received bytes `data` complete, in order."""
         self._buffer += data
         return self._process(is_end=False)
 

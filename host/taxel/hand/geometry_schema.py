@@ -84,7 +84,7 @@ def _check_reach(position: list[float], field: Field) -> None:
 
 
 def _check_pose(board: Mapping[str, Any], field: Field) -> None:
-    """Check link, position and quaternion of a board."""
+    """Check link, position and quaternion of a board in a hand description; field: the board in the file."""
     for key in _POSE_KEYS:
         if key not in board:
             field.key(key).fail("the pose of the bracket on its link", "nothing", f"add {key}")

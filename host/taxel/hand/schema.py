@@ -129,7 +129,7 @@ def check_hand(document: dict[str, Any], file: str) -> HandDocument:
 
 
 def _check_header(document: dict[str, Any], top: Field) -> None:
-    """Check format and version of a hand description."""
+    """Check the keys format and version of a hand description."""
     for key, expected in (("format", FORMAT), ("version", VERSION)):
         if key not in document:
             top.key(key).fail(
@@ -150,7 +150,7 @@ def _format_toml(value: str | int) -> str:
 
 
 def _check_taxel(taxel: Any, field: Field) -> None:
-    """Check the lengths of the table [taxel], metres."""
+    """Check the lengths (metres) in the table [taxel] of a hand description."""
     check_table(taxel, _TAXEL, field, _TAXEL_OPTIONAL)
     for key in taxel:
         if not 0 < taxel[key] < MAX_LENGTH_M:  # also false for nan and inf

@@ -125,7 +125,7 @@ class SerialLink:
             ) from error
 
     def close(self) -> None:
-        """Close the port."""
+        """Close the serial port; errors of a port that has been removed are ignored."""
         with contextlib.suppress(serial.SerialException, OSError):
             self._port.close()
 

@@ -161,7 +161,7 @@ class WebView:
             self._monitor.restart_baseline()
 
     def draw(self, reading: SkinReading) -> None:
-        """Show a reading in all connected browsers."""
+        """Show a reading of the skin in all connected browsers."""
         self._history.add(reading)
         self._drawings += 1
         if not self.has_client and not reading.is_ended:

@@ -58,13 +58,13 @@ class TouchRecording:
 
 
 def list_recordings() -> list[str]:
-    """Names of the recordings in the package, sorted."""
+    """List the names of the touch recordings that are part of the package, sorted."""
     with _open_archive() as archive:
         return sorted(name.removesuffix(_VALUES) for name in archive.files if name.endswith(_VALUES))
 
 
 def load_recording(name: str) -> TouchRecording:
-    """Load a recording of the package by its name. Raises `RecordingError` for an unknown name."""
+    """Load a touch recording that is part of the package by its name. Raises `RecordingError` for an unknown name."""
     available = list_recordings()
     if name not in available:
         raise RecordingError(f"recording {name!r}: expected one of {', '.join(available)}")

@@ -41,7 +41,7 @@ class Location:
     path: str = ""
 
     def key(self, name: str) -> Location:
-        """The location of a group, an array or an attribute below this one."""
+        """Return the location of a group, an array or an attribute below this location of a dataset."""
         return Location(self.file, f"{self.path}/{name}")
 
     def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
@@ -145,7 +145,7 @@ def check_content(name: str, array: NDArray[Any], location: Location) -> None:
 
 
 def _check_times(times: FloatArray, location: Location) -> None:
-    """Raise DatasetError if times f64[T] decrease."""
+    """Raise DatasetError if the times f64[T] of a grasp decrease."""
     decreases = times[1:] < times[:-1]
     if decreases.any():
         frame = find_first(decreases)[0] + 1
@@ -181,7 +181,7 @@ def find_first(mask: BoolArray | np.bool_) -> tuple[int, ...]:
 
 
 def format_index(index: tuple[int, ...]) -> str:
-    """An index for a message, such as "[3, 17]"."""
+    """Format an array index for an error message, such as "[3, 17]"."""
     return str(list(index))
 
 

@@ -72,7 +72,7 @@ class Node:
         self._open_datasets: dict[tuple[str, ArraySpec], Any] = {}
 
     def names(self) -> list[str]:
-        """Names of all members of the group, sorted."""
+        """Return the names of all members of the HDF5 group, sorted."""
         with convert_hdf5_errors(self.location):
             return sorted(self._group)
 
@@ -127,7 +127,7 @@ class Node:
             return self._group.attrs[name]
 
     def attributes(self, names: tuple[str, ...]) -> Mapping[str, Any]:
-        """Values of the existing attributes among `names`."""
+        """Return the values of the attributes `names` that the HDF5 group has, by name."""
         return {name: value for name in names if (value := self.optional_attribute(name)) is not None}
 
     def _get_member(self, name: str, kind: type, kind_name: str) -> Any:

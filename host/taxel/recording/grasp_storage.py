@@ -71,7 +71,10 @@ def check_target(target: Path, overwrite: bool, location: Location) -> None:
 
 
 def get_part_path(target: Path) -> Path:
-    """Path of a file until it is complete. A file that a killed program left there can be deleted."""
+    """Return the path of a dataset file until it is complete.
+
+    A file that a killed program left at this path can be deleted.
+    """
     return target.with_name(f".{target.name}.part")
 
 
@@ -105,7 +108,10 @@ def create_file(path: Path) -> Any:
 
 
 def create_group(parent: Any, name: str | None) -> Any:
-    """Create a group without time stamps. name None: an anonymous group, which is lost unless it is linked."""
+    """Create an HDF5 group without time stamps.
+
+    name: None: a group without a name, which is lost unless it is linked later.
+    """
     return h5py.Group(h5g.create(parent.id, _encode_name(name), None, _group_properties()))
 
 

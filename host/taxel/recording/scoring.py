@@ -59,7 +59,7 @@ class SourceTouches:
         return len(self.onset_s)
 
     def find_rows_at(self, time_s: FloatArray) -> IntArray:
-        """Row of `values` and `active` that is valid at each time; row 0 is the time before the first frame."""
+        """Return the row of `values` and `active` valid at each time, int[k]; row 0 is before the first frame."""
         return np.searchsorted(self.time_s, time_s, side="right")
 
 

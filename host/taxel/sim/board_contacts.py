@@ -177,7 +177,7 @@ def _compute_rows(hand: Hand | Sheet, centre: FloatArray, axes: FloatArray, taxe
 
 
 def _compute_surface_points(hand: Hand | Sheet, taxel: IndexArray) -> FloatArray:
-    """Points of the layer's surface above the electrode centres, f64[m, 3], bracket frame."""
+    """Return the points of the soft layer's surface above the electrode centres, f64[m, 3], bracket frame."""
     return hand.position[taxel] + get_layer_thickness(hand) * hand.normal[taxel]
 
 

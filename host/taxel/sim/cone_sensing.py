@@ -44,7 +44,10 @@ force to a signal of 1048 counts, well above the activation threshold of 150 cou
 
 
 def compute_base_radius(hand: Hand, pitches: float = 0.0) -> float:
-    """Radius of a cone's base, metres: half the diagonal of an electrode (2.12 mm for 3 mm) plus `pitches` pitches."""
+    """Compute the radius of the base of a taxel's sensing cone, metres.
+
+    The radius is half the diagonal of an electrode (2.12 mm for 3 mm) plus `pitches` pitches.
+    """
     return hand.size_m * float(np.sqrt(2.0)) / 2 + pitches * hand.pitch_m
 
 

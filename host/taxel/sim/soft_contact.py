@@ -64,7 +64,7 @@ class LayerLaw:
         return np.asarray(self.stiffness_n_per_m * factor * self._compute_growth(curved))
 
     def _compute_growth(self, depth_m: FloatArray) -> FloatArray:
-        """The exponential factor of the force law."""
+        """Compute the exponential factor of the layer's force law at compressions f64[...], metres."""
         return np.asarray(np.exp(depth_m / self.stiffening_m + (depth_m / self.closing_m) ** 4))
 
 

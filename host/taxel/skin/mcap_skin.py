@@ -33,11 +33,11 @@ class McapBytes:
         """Time of the latest frame, Unix nanoseconds."""
 
     def write(self, data: bytes, time_ns: int) -> None:
-        """Append bytes that arrived at `time_ns`, nanoseconds of the link's clock."""
+        """Append bytes of the hub to the MCAP file; time_ns: their arrival, nanoseconds of the link's clock."""
         self._file.write_bytes(data, time_ns, self.frame_ns if self._uses_hub_clock else time_ns + self._offset_ns)
 
     def tick(self) -> None:
-        """Give the file a chance to write buffered data to disk."""
+        """Write buffered data of the MCAP file to disk if this is due."""
         self._file.tick()
 
     def close(self) -> None:

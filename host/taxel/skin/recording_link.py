@@ -16,15 +16,15 @@ class ByteWriter(Protocol):
     """A recording that takes bytes with their arrival times."""
 
     def write(self, data: bytes, time_ns: int) -> None:
-        """Append bytes that arrived at `time_ns`, nanoseconds of the link's clock."""
+        """Append received bytes to the recording; time_ns: their arrival, nanoseconds of the link's clock."""
         ...
 
     def tick(self) -> None:
-        """Called when a read timed out: a chance to write buffered data to disk."""
+        """Write buffered data to disk if this is due; called after a read without data."""
         ...
 
     def close(self) -> None:
-        """Called once, after the last bytes."""
+        """Complete the recording; called once, after the last bytes."""
         ...
 
 
@@ -53,11 +53,11 @@ class RecordingLink:
         return chunk
 
     def write(self, data: bytes) -> None:
-        """Send bytes. Sent bytes are not recorded."""
+        """Send bytes to the hub. Sent bytes are not recorded."""
         self._link.write(data)
 
     def close(self) -> None:
-        """Close the link, then the recording."""
+        """Close the recorded link, then the recording."""
         self._link.close()
         self._writer.close()
 

@@ -101,7 +101,7 @@ class StreamDecoder:
         return int(self._library.taxel_batch_discarded_bytes(self._state))
 
     def forget_cycles(self) -> None:
-        """Reset the cycle tracking before a stream restart, so that the interrupted cycle counts no missing frames."""
+        """Reset the tracking of poll cycles before a stream restart, so that no interrupted cycle counts as missing."""
         self._library.taxel_batch_forget_cycles(self._state)
 
     def take_acknowledgements(self) -> bytes:

@@ -178,22 +178,22 @@ class HubClient:
         self.command(Command.START, pack(StartArguments, {"flags": int(StartFlag.COMPACT)}) if compact else b"")
 
     def stop(self) -> None:
-        """Stop streaming after the current frame."""
+        """Stop the stream of the hub after the current frame, and wait for the reply."""
         self.command(Command.STOP)
 
     def send_stop(self) -> None:
-        """Send STOP without waiting for the reply."""
+        """Send the command STOP to the hub without waiting for the reply."""
         self._send(FrameType.COMMAND, pack(CommandPayload, {"tag": self._next_tag(), "command": int(Command.STOP)}))
 
     def set_rate(self, rate_hz: float | None) -> None:
-        """Limit the poll rate to `rate_hz` cycles per second; None: as fast as the bus allows."""
+        """Limit the poll rate of the hub to `rate_hz` poll cycles per second; None: as fast as the bus allows."""
         if rate_hz is not None and not RATE_MIN_HZ <= rate_hz <= RATE_MAX_HZ:
             raise HubError(f"rate: expected {RATE_MIN_HZ:g} to {RATE_MAX_HZ:g} Hz, found {rate_hz:g} Hz")
         period = 0 if rate_hz is None else round(1e6 / rate_hz)
         self.command(Command.SET_RATE, pack(SetRateArguments, {"period_us": period}))
 
     def scan_bus(self) -> list[int]:
-        """Scan the bus and return every I2C address that acknowledges."""
+        """Let the hub scan its I2C bus, and return every address that acknowledges."""
         return list(self.command(Command.SCAN_BUS))
 
     def read_boards(self) -> None:

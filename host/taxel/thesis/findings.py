@@ -111,17 +111,20 @@ def _mean_ratio(result: ObjectResult) -> float:
 
 
 def _decrease(before: float, after: float) -> float:
-    """Relative decrease, percent."""
+    """Compute the relative decrease from `before` to `after`, percent."""
     return 100.0 * (before - after) / before
 
 
 def _removed_share(result: ObjectResult, threshold: int) -> float:
-    """Share of the points that the force filter removes, percent."""
+    """Compute the share of the real points that the force filter removes at a threshold in counts, percent."""
     return _decrease(result.cad[REAL].points, result.force[threshold].points)
 
 
 def _step_shares(result: ObjectResult, key: str) -> list[float]:
-    """Share of each treatment step in the total decrease of a distance, percent."""
+    """Compute the share of each treatment step in the total decrease of a distance, percent.
+
+    key: kind of distance, such as "mean_m".
+    """
     return compute_contributions({stage: getattr(result.to_sim[stage], key) for stage in STAGES})
 
 

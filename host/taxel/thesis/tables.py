@@ -177,7 +177,7 @@ def _build_best_sor(results: Sequence[ObjectResult]) -> Table:
 
 
 def find_best_sor(result: ObjectResult) -> tuple[int, float]:
-    """The first settings (N, nSigma) of the sweep with the smallest mean distance to the CAD model."""
+    """Return the first settings (N, nSigma) of the outlier filter with the smallest mean distance to the CAD model."""
     return min(result.sor, key=lambda key: result.sor[key].mean_m)
 
 

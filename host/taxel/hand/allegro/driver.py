@@ -177,7 +177,7 @@ class AllegroHand:
         self._silence_start_s = self._clock()
 
     def request_poses(self) -> None:
-        """Request the pose of all four fingers once."""
+        """Request one report of the joint angles of all four fingers from the Allegro hand."""
         for finger in range(len(FINGERS)):
             self._send(Request(MessageId.FINGER_POSE, finger))
 

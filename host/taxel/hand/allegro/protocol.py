@@ -187,7 +187,7 @@ def _decode_payload(kind: MessageId, index: int, frame: can.Message) -> Message:
 
 
 def _check_four(values: Sequence[float]) -> Sequence[float]:
-    """Four finite numbers. Raises ValueError for others."""
+    """Return `values` if they are four finite numbers, one for each joint of a finger; else raise ValueError."""
     if len(values) != 4 or not all(math.isfinite(value) for value in values):
         raise ValueError(f"expected four finite values, one per joint, found {values}")
     return values

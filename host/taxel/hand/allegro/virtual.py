@@ -157,7 +157,7 @@ class VirtualAllegro:
                 self._execute(message)
 
     def _execute(self, message: Message) -> None:
-        """Execute a command of the host."""
+        """Execute a command of the host in the virtual hand: motors, torques, target angles, periods, requests."""
         match message:
             case SetTorque(finger, torque):
                 self._torque_command[_get_joint_slice(finger)] = torque

@@ -84,7 +84,7 @@ class SimulatedArm:
         return self._profile is not None
 
     def read_joint_angles(self) -> FloatArray:
-        """Read the joint angles, f64[6], radians."""
+        """Return the present joint angles of the simulated arm, f64[6], radians."""
         if self._profile is None:
             return self._start_angles.copy()
         return self._start_angles + self._displacement * (self._travelled / self._profile.distance)

@@ -68,15 +68,15 @@ class VirtualSMBus:
         return data
 
     def write_quick(self, i2c_addr: int, force: bool | None = None) -> None:
-        """Address a device for writing, then send a stop condition."""
+        """Address a device on the emulated I2C bus for writing, then send a stop condition."""
         self._transfer(i2c_addr, b"", 0)
 
     def read_byte(self, i2c_addr: int, force: bool | None = None) -> int:
-        """Read one byte at the present register pointer of the device."""
+        """Read one byte of the device at an I2C address, at its present register pointer."""
         return self._transfer(i2c_addr, b"", 1)[0]
 
     def write_byte(self, i2c_addr: int, value: int, force: bool | None = None) -> None:
-        """Write one byte; on sensor boards this byte sets the register pointer."""
+        """Write one byte to the device at an I2C address; on sensor boards it sets the register pointer."""
         self._transfer(i2c_addr, bytes([value]), 0)
 
     def read_byte_data(self, i2c_addr: int, register: int, force: bool | None = None) -> int:

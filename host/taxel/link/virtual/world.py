@@ -195,7 +195,7 @@ class VirtualWorld:
             raise LinkError("virtual rig", "has ended (see the emulator's message on standard error)")
 
     def send(self, data: bytes) -> int:
-        """Send bytes from the host to the hub; returns the number of accepted bytes."""
+        """Send bytes from the host to the virtual hub; return the number of accepted bytes."""
         return int(self._library.taxel_bench_send(self._open_handle, data, len(data)))
 
     def receive(self) -> bytes:
@@ -310,7 +310,7 @@ class VirtualWorld:
             raise FaultError("virtual rig", f"a power cut of address 0x{address:02X} {problem}")
 
     def count_power_cuts(self, address: int) -> int:
-        """Number of planned power cuts of a board or of the hub (address 0) that have occurred."""
+        """Return the number of planned power cuts of a board or of the hub (address 0) that have occurred."""
         return int(self._library.taxel_bench_power_cut_count(self._open_handle, address))
 
     def read_power_cuts(self, address: int, first: int = 0) -> list[PowerCut]:

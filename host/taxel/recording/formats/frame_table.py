@@ -45,7 +45,7 @@ class FrameSink(Protocol):
 
 
 def fail(file: str | os.PathLike[str], field: str, expected: str, found: object, remedy: str) -> NoReturn:
-    """Raise RecordingFormatError for a field of a file."""
+    """Raise RecordingFormatError for a field of a file; remedy: what the user should do."""
     raise RecordingFormatError(format_path(os.fspath(file)), field, expected, format_value(found), remedy)
 
 
@@ -58,7 +58,7 @@ def check_free(path: Path, overwrite: bool) -> None:
 
 
 def format_header(header: Mapping[str, Any]) -> str:
-    """The header of a recording as JSON, with the name and the version of the format."""
+    """Format the header of a recording as JSON, with the name and the version of the format."""
     return json.dumps({"format": FORMAT, "version": VERSION, **header}, indent=1)
 
 

@@ -62,7 +62,7 @@ class CsvTable:
         return name in self.texts or name in self.numbers
 
     def at(self, row: int, column: str = "") -> FileLocation:
-        """Location of a row, and optionally a column, for an error."""
+        """Return the location of a row, and optionally a column, of the CSV file for an error message."""
         return self.source.at(int(self.line[row]), column)
 
     def vectors(self, names: Sequence[str]) -> FloatArray | None:

@@ -29,7 +29,7 @@ class FileLocation:
     field: str = "file"
 
     def at(self, line: int, column: str = "") -> FileLocation:
-        """A line of a CSV file, and optionally a column."""
+        """Return the location of a line of a CSV file, and optionally a column, for an error message."""
         return FileLocation(self.file, f"line {line}, column {format_path(column)}" if column else f"line {line}")
 
     def key(self, name: str) -> FileLocation:
@@ -38,7 +38,7 @@ class FileLocation:
         return FileLocation(self.file, text if self.field == "file" else f"{self.field}.{text}")
 
     def fail(self, expected: str, found: str, remedy: str) -> NoReturn:
-        """Raise ImportDataError for this location."""
+        """Raise ImportDataError for this location in an imported file."""
         raise ImportDataError(format_path(self.file), self.field, expected, found, remedy)
 
 

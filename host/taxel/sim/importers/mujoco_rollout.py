@@ -276,7 +276,7 @@ class _Run:
         return StepContacts(board[on_hand], position[on_hand], normal[on_hand], depth[on_hand], force[on_hand])
 
     def _is_on_hand(self, geom: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether each geom belongs to a body with boards, bool[c]; other bodies are, for example, a table."""
+        """Return whether each geom belongs to a body with boards, bool[c]; other bodies are, for example, a table."""
         return np.isin(self.model.geom_bodyid[geom], self.parts.board_body)
 
     def _find_boards(self, geom: NDArray[np.int64], position: FloatArray, sensors: FloatArray) -> NDArray[np.int64]:
