@@ -197,7 +197,7 @@ def _late_board(variant: str) -> CauseType:
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
         """Sample a cause: one or two boards are late by 0.04 s at strength 0 and 0.42 s at strength 1.
 
-        Only a delay has a true parameter that the score compares; the time constant of a lag is defined differently.
+        The true delay is a parameter that the score compares; a lag has no such parameter.
         """
         lines, parameters = [], {}
         for board in sample_boards(rng, hand, 2):

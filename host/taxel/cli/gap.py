@@ -78,7 +78,7 @@ def diagnose(
 def _check_folder(out: Path) -> None:
     """Raise `TaxelError` of one line if the report of a diagnosis cannot be written to the folder `out`.
 
-    The check is made before the diagnosis, which takes minutes.
+    The check precedes the diagnosis, so that a wrong folder is reported at once.
     """
     nearest = next(path for path in (out, *out.absolute().parents) if path.exists())
     if not nearest.is_dir() or not os.access(nearest, os.W_OK):
