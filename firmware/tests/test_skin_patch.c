@@ -22,7 +22,7 @@ static void the_cells_of_a_flat_sheet_form_a_regular_grid(void)
     struct patch patch;
     CHECK_EQUAL(patch_init(&patch, ROWS, COLUMNS, full_map, 15, NULL), 0);
     CHECK_EQUAL(patch.cell_count, 15 * CELLS_PER_TAXEL);
-    CHECK(fabs(SKIN_CELL_AREA_M2 * CELLS_PER_TAXEL - TAXEL_PITCH_M * TAXEL_PITCH_M) < 1e-18);
+    CHECK(fabs(patch.cells[0].area * CELLS_PER_TAXEL - TAXEL_PITCH_M * TAXEL_PITCH_M) < 1e-18);
     for (int row = 0; row < patch.grid_rows; row++) {
         for (int column = 0; column < patch.grid_columns; column++) {
             const int cell = patch.cell_at[row * patch.grid_columns + column];
@@ -86,6 +86,40 @@ static void cells_follow_a_cylinder(void)
     patch_free(&patch);
 }
 
+/* Two columns of three taxels that are described in another order than their places, with squares of 4 x 6 mm that are
+ * 5 mm (rows) and 8 mm (columns) apart. */
+static void taxels_lie_at_their_stated_places(void)
+{
+    const uint8_t map[TAXEL_CROSSING_MAP_SIZE] = {0x3F};
+    struct taxel_pose poses[6];
+    struct patch patch;
+    for (int i = 0; i < 6; i++) {
+        poses[i] = (struct taxel_pose){
+            .position = {-0.005 * (i % 3), -0.008 * (i / 3), 0.0},
+            .normal = {0.0, 0.0, 1.0},
+            .distal = {1.0, 0.0, 0.0},
+            .size = {0.004, 0.006},
+            .has_place = true,
+            .row = i % 3,
+            .column = i / 3,
+        };
+    }
+    CHECK_EQUAL(patch_init(&patch, 2, 3, map, 6, poses), 0);
+    CHECK_EQUAL(patch.grid_rows, 3 * CELLS_PER_SIDE);
+    CHECK_EQUAL(patch.grid_columns, 2 * CELLS_PER_SIDE);
+    CHECK(fabs(patch.step[0] - 0.005 / CELLS_PER_SIDE) < 1e-12);
+    CHECK(fabs(patch.step[1] - 0.008 / CELLS_PER_SIDE) < 1e-12);
+    for (size_t i = 0; i < patch.cell_count; i++) {
+        CHECK(fabs(patch.cells[i].area - 0.004 * 0.006 / CELLS_PER_TAXEL) < 1e-15);
+    }
+    CHECK_EQUAL(patch.cell_at[0], 0);
+    CHECK_EQUAL(patch.cell_at[CELLS_PER_SIDE], 3 * CELLS_PER_TAXEL); /* taxel 3 is the first of the second column */
+    CHECK(fabs(patch.cells[0].position[0] - 0.0015) < 1e-12);
+    CHECK(fabs(patch.cells[0].position[1] - 0.00225) < 1e-12);
+    CHECK(patch.reach >= distance(patch.cells[0].position, patch.cells[CELLS_PER_TAXEL - 1].position));
+    patch_free(&patch);
+}
+
 static void the_bounding_sphere_contains_every_cell(void)
 {
     struct taxel_pose poses[ROWS * COLUMNS];
@@ -103,6 +137,7 @@ int main(void)
     RUN(the_cells_of_a_flat_sheet_form_a_regular_grid);
     RUN(a_crossing_without_a_taxel_is_a_hole);
     RUN(cells_follow_a_cylinder);
+    RUN(taxels_lie_at_their_stated_places);
     RUN(the_bounding_sphere_contains_every_cell);
     return check_summary();
 }

@@ -67,7 +67,9 @@ def _write_contacts(path: Path) -> None:
     hand = load_hand("allegro")
     times = np.arange(0.0, VIRTUAL_S, 0.02)
     share = sum(
-        compute_force_shares(hand, Indentation(b.name, b.kind.tx_count / 2, b.kind.rx_count / 2, 1.0, 0.0))
+        compute_force_shares(
+            hand, Indentation(b.name, b.kind.layout_shape[0] / 2, b.kind.layout_shape[1] / 2, 1.0, 0.0)
+        )
         for b in hand.boards
     )
     write_stimulus(path, times, np.outer(5.0 + 4.0 * np.sin(times), share))

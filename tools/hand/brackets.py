@@ -1,6 +1,6 @@
-"""Compute the taxel positions of the packaged hands and write them into the hand descriptions.
+"""Compute the taxel positions of the assumed hands (allegro, flat8, rig4) and write them into their descriptions.
 
-The CAD model of the brackets is not published, so the positions are derived from the shapes of the links: flat plates
+These positions are derived from the shapes of the links: flat plates
 on flat links, sheets around the corners of the finger links (65 taxels at 5 mm pitch exceed their 27.5 mm face), and
 a strip over the dome of the fingertips. The tables are written below a marker line; the text above it is unchanged.
 
@@ -116,6 +116,8 @@ def main() -> int:
     outdated = []
     for path in sorted(DESCRIPTIONS.glob("*.toml")):
         text = path.read_text()
+        if MARKER not in text:  # another tool has written its positions
+            continue
         kinds = {board.kind.name: board.kind for board in load_hand(path).boards}
         expected = text.split(MARKER)[0].rstrip("\n") + "\n\n" + format_geometry(kinds)
         if text != expected:

@@ -10,7 +10,7 @@
 #define WATER_PERMITTIVITY 80.0 /* at 20 degrees C, below 1 GHz */
 #define NEGLIGIBLE_WATER 1e-7   /* water fraction with an effect far below one count */
 
-/* Read a world-file line `effect moisture`: a moist disc on one board, centred at (tx, rx) in line numbers, with radius
+/* Read a world-file line `effect moisture`: a moist disc on one board, centred at row `tx` and column `rx`, with radius
  * and edge width in metres and `water` as a share of the pore volume. Returns 0, or -1 after an error line on stderr.
  */
 int moisture_read(struct effect_line *line, struct effects *effects)
@@ -45,8 +45,8 @@ void moisture_fill(const struct moisture_effect *moisture, const struct patch *p
 {
     for (size_t i = 0; i < patch->cell_count; i++) {
         const int row = patch->grid_of[i] / patch->grid_columns, column = patch->grid_of[i] % patch->grid_columns;
-        const double along = (row + 0.5) * CELL_SIDE_M - (moisture->tx + 0.5) * TAXEL_PITCH_M;
-        const double across = (column + 0.5) * CELL_SIDE_M - (moisture->rx + 0.5) * TAXEL_PITCH_M;
+        const double along = (row + 0.5 - (moisture->tx + 0.5) * CELLS_PER_SIDE) * patch->step[0];
+        const double across = (column + 0.5 - (moisture->rx + 0.5) * CELLS_PER_SIDE) * patch->step[1];
         const double share = 0.5 * (1.0 - tanh((hypot(along, across) - moisture->radius_m) / moisture->edge_m));
         weight[i] = share < NEGLIGIBLE_WATER ? 0.0 : share;
     }

@@ -99,22 +99,24 @@ int spread_init(struct spread_state *state, const struct spread_effect *spread, 
     if (spread->form == SPREAD_PILLARS) {
         return init_pillars(state, patch);
     }
-    state->attenuation = calloc(4u * (size_t)grid_size, sizeof *state->attenuation);
+    state->attenuation = calloc(5u * (size_t)grid_size, sizeof *state->attenuation);
     if (!state->attenuation) {
         return -1;
     }
-    state->along_row = state->attenuation + grid_size;
+    state->attenuation_down = state->attenuation + grid_size;
+    state->along_row = state->attenuation_down + grid_size;
     state->along_column = state->along_row + grid_size;
     state->value = state->along_column + grid_size;
     for (int i = 0; i < grid_size; i++) {
-        state->attenuation[i] = patch->cell_at[i] >= 0 ? exp(-CELL_SIDE_M / spread->length_m) : 0.0;
+        state->attenuation[i] = patch->cell_at[i] >= 0 ? exp(-patch->step[1] / spread->length_m) : 0.0;
+        state->attenuation_down[i] = patch->cell_at[i] >= 0 ? exp(-patch->step[0] / spread->length_m) : 0.0;
         state->value[i] = patch->cell_at[i] >= 0 ? 1.0 : 0.0;
     }
     for (int row = 0; row < rows; row++) {
         const int first = row * columns;
         sum_row(state->value + first, state->along_row + first, state->attenuation + first, columns);
     }
-    sum_columns(state->value, state->along_column, state->attenuation, rows, columns);
+    sum_columns(state->value, state->along_column, state->attenuation_down, rows, columns);
     for (int i = 0; i < grid_size; i++) {
         state->along_row[i] = patch->cell_at[i] >= 0 ? 1.0 / state->along_row[i] : 0.0;
         state->along_column[i] = patch->cell_at[i] >= 0 ? 1.0 / state->along_column[i] : 0.0;
@@ -144,7 +146,7 @@ void spread_pressure(struct spread_state *state, const struct spread_effect *spr
     }
     memset(state->value, 0, (size_t)(rows * columns) * sizeof *state->value);
     for (size_t i = 0; i < patch->cell_count; i++) {
-        state->value[patch->grid_of[i]] = pressure[i];
+        state->value[patch->grid_of[i]] = pressure[i] * patch->cells[i].area; /* the kernel preserves the force */
     }
     for (int first = 0; first < rows * columns; first += columns) {
         bool is_nonzero = false;
@@ -159,30 +161,32 @@ void spread_pressure(struct spread_state *state, const struct spread_effect *spr
     for (int i = 0; i < rows * columns; i++) {
         state->value[i] *= state->along_column[i];
     }
-    sum_columns(state->value, out, state->attenuation, rows, columns);
+    sum_columns(state->value, out, state->attenuation_down, rows, columns);
     for (size_t i = 0; i < patch->cell_count; i++) {
-        pressure[i] += spread->strength * (out[patch->grid_of[i]] - pressure[i]);
+        pressure[i] += spread->strength * (out[patch->grid_of[i]] / patch->cells[i].area - pressure[i]);
     }
 }
 
-/* One step of spreading a compression over the grid (chamfer algorithm), from one row of cells to the next: each
- * position takes the larger of its own compression and the compressions of its three neighbours in row `from` minus
- * the slope times the distance. The barrier (-INFINITY) removes values at positions without a cell. */
-static void grow_across(double *row, const double *from, const double *barrier, double decrement, int columns)
+/* Chamfer pass from one row of cells to the next: each position takes the larger of its own compression and the
+ * compressions of its three neighbours in row `from` minus the slope times the distance. decrement: slope times the
+ * distance between neighbours along a column and along a row. The barrier (-INFINITY)
+ * removes values at positions without a cell. */
+static void grow_across(double *row, const double *from, const double *barrier, const double decrement[2], int columns)
 {
-    const double diagonal_decrement = decrement * 1.4142135623730951;
+    const double diagonal_decrement = hypot(decrement[0], decrement[1]);
     for (int i = 0; i < columns; i++) {
         const double neighbour = from[i - 1] > from[i + 1] ? from[i - 1] : from[i + 1];
-        const double corner = neighbour - diagonal_decrement, straight = from[i] - decrement;
+        const double corner = neighbour - diagonal_decrement, straight = from[i] - decrement[0];
         const double largest = corner > straight ? corner : straight;
         row[i] = (largest > row[i] ? largest : row[i]) + barrier[i];
     }
 }
 
-/* One step of spreading a compression over the grid (chamfer algorithm), along one row of cells: each position
- * takes the larger of its own compression and the compression of the position before it minus `decrement`. Returns
- * whether the row can raise its neighbours. */
-static bool grow_along(double *row, const double *barrier, double decrement, int columns, int direction)
+/* Chamfer pass along one row of cells: each position takes the larger of its own compression and the compression of the
+ * position before it minus `decrement`. Returns whether the row can raise its neighbours: whether a compression exceeds
+ * `smallest`, the smaller decrement of rows and columns. */
+static bool grow_along(double *row, const double *barrier, double decrement, double smallest, int columns,
+                       int direction)
 {
     const int first = direction > 0 ? 0 : columns - 1;
     bool can_grow = false;
@@ -191,7 +195,7 @@ static bool grow_along(double *row, const double *barrier, double decrement, int
         if (row[i - direction] - decrement > row[i]) {
             row[i] = row[i - direction] - decrement + barrier[i];
         }
-        can_grow |= row[i] > decrement;
+        can_grow |= row[i] > smallest;
     }
     return can_grow;
 }
@@ -203,7 +207,8 @@ void spread_compression(struct spread_state *state, const struct spread_effect *
                         double *compression)
 {
     const int rows = patch->grid_rows, columns = patch->grid_columns, width = columns + 2;
-    const double decrement = spread->slope * CELL_SIDE_M;
+    const double decrement[2] = {spread->slope * patch->step[0], spread->slope * patch->step[1]};
+    const double smallest = fmin(decrement[0], decrement[1]);
     bool can_grow[GRID_MAX + 2] = {false};
     if (!state->barrier) {
         return;
@@ -211,7 +216,7 @@ void spread_compression(struct spread_state *state, const struct spread_effect *
     memcpy(state->value, state->barrier, (size_t)(width * (rows + 2)) * sizeof *state->value);
     for (size_t i = 0; i < patch->cell_count; i++) {
         state->value[state->grid_index_of[i]] = compression[i];
-        can_grow[state->grid_index_of[i] / width] |= compression[i] > decrement;
+        can_grow[state->grid_index_of[i] / width] |= compression[i] > smallest;
     }
     for (int direction = 1; direction >= -1; direction -= 2) {
         for (int n = 1; n <= rows; n++) {
@@ -221,7 +226,8 @@ void spread_compression(struct spread_state *state, const struct spread_effect *
                 grow_across(row, row - direction * width, state->barrier + first, decrement, columns);
             }
             if (can_grow[row_index - direction] || can_grow[row_index]) {
-                can_grow[row_index] = grow_along(row, state->barrier + first, decrement, columns, direction);
+                can_grow[row_index] =
+                    grow_along(row, state->barrier + first, decrement[1], smallest, columns, direction);
             }
         }
     }

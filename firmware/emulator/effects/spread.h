@@ -33,7 +33,8 @@ bool spread_is_on(const struct spread_effect *spread);
 /* State of one board. Film: arrays [grid size] of its patch. Pillars: arrays of a grid with a margin of one position.
  */
 struct spread_state {
-    double *attenuation;              /* weight of a neighbour, 0 without a cell; NULL: inactive */
+    double *attenuation;              /* weight of a neighbour in the row, 0 without a cell; NULL: inactive */
+    double *attenuation_down;         /* weight of a neighbour in the column, 0 without a cell */
     double *along_row, *along_column; /* 1 / sum of the weights of a position */
     double *value;
     double *barrier;        /* 0 at a cell, -INFINITY elsewhere; NULL: form `pillars` inactive */

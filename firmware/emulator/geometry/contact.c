@@ -5,8 +5,6 @@
 
 #include "emulator/physics/layer.h"
 
-/* Bound of the distance from a corner cell of a taxel to its other cells, also on a curved sheet. */
-#define TAXEL_REACH_M (1.5 * TAXEL_PITCH_M)
 #define DEEPEST_M 0.006 /* a line that enters deeper below the electrode hits the opposite side of the object */
 
 /* Add the force of one compressed cell to the wrench on the board, and its contribution to the stiffness k l l^T. l =
@@ -16,8 +14,8 @@ static void add_cell(struct contact_load *load, const struct cell *cell, double 
     const double *n = cell->normal, *r = cell->position;
     const double line[6] = {
         n[0], n[1], n[2], r[1] * n[2] - r[2] * n[1], r[2] * n[0] - r[0] * n[2], r[0] * n[1] - r[1] * n[0]};
-    const double force = layer_contact_pressure(compression) * SKIN_CELL_AREA_M2;
-    const double rate = layer_contact_stiffness(compression) * SKIN_CELL_AREA_M2;
+    const double force = layer_contact_pressure(compression) * cell->area;
+    const double rate = layer_contact_stiffness(compression) * cell->area;
     for (int i = 0; i < 6; i++) {
         load->wrench[i] -= force * line[i];
         for (int j = 0; j < 6; j++) {
@@ -41,20 +39,21 @@ bool contact_is_far(const struct patch *patch, const struct shape *shape, const 
 }
 
 /* Whether every cell of a square of skin is farther from the object than `reach` (metres), by a test of one cell. This
- * holds for most squares of a hand most of the time. */
-static bool square_is_far(const struct cell *cells, const struct shape *shape, const struct frame *object_from_bracket,
-                          double reach)
+ * holds for most squares of a hand most of the time. size: bound of the distance between cells of a square, metres. */
+static bool square_is_far(const struct cell *cells, double size, const struct shape *shape,
+                          const struct frame *object_from_bracket, double reach)
 {
     double point[3];
     frame_point(object_from_bracket, cells[0].position, point);
-    return shape_distance_bound(shape, point) >= reach + TAXEL_REACH_M;
+    return shape_distance_bound(shape, point) >= reach + size;
 }
 
-/* Transform the cells of a taxel to the object's frame, as lines through the cells along their normals. */
-static void place_lines(struct shape_lines *lines, const struct cell *cells, const struct frame *object_from_bracket)
+/* Transform the cells of a square to the object's frame, as lines along their normals. size: as for square_is_far(). */
+static void place_lines(struct shape_lines *lines, const struct cell *cells, double size,
+                        const struct frame *object_from_bracket)
 {
     frame_point(object_from_bracket, cells[0].position, lines->middle);
-    lines->radius = TAXEL_REACH_M;
+    lines->radius = size;
     for (int k = 0; k < 3; k++) {
         const double *row = object_from_bracket->row[k];
         for (int i = 0; i < CELLS_PER_TAXEL; i++) {
@@ -74,10 +73,10 @@ static bool press_margins(const struct patch *patch, const struct shape *shape, 
     for (size_t square = 0; square < patch->margin_count; square++) {
         const struct cell *cells = &patch->margins[square * CELLS_PER_TAXEL];
         struct shape_lines lines;
-        if (square_is_far(cells, shape, object_from_bracket, thickness)) {
+        if (square_is_far(cells, patch->reach, shape, object_from_bracket, thickness)) {
             continue;
         }
-        place_lines(&lines, cells, object_from_bracket);
+        place_lines(&lines, cells, patch->reach, object_from_bracket);
         shape_entries(shape, &lines, fmax(thickness, DEEPEST_M));
         for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
             if (lines.entry[i] >= -DEEPEST_M && lines.entry[i] < thickness) {
@@ -108,11 +107,11 @@ bool contact_solve(const struct patch *patch, const struct shape *shape, const s
     }
     for (size_t taxel = 0; taxel < patch->taxel_count; taxel++) {
         const size_t first = taxel * CELLS_PER_TAXEL;
-        if (square_is_far(&patch->cells[first], shape, object_from_bracket, thickness + reach)) {
+        if (square_is_far(&patch->cells[first], patch->reach, shape, object_from_bracket, thickness + reach)) {
             continue;
         }
         struct shape_lines lines;
-        place_lines(&lines, &patch->cells[first], object_from_bracket);
+        place_lines(&lines, &patch->cells[first], patch->reach, object_from_bracket);
         shape_entries(shape, &lines, fmax(thickness + reach, DEEPEST_M));
         for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
             const double entry = lines.entry[i];

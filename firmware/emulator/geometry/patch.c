@@ -6,8 +6,8 @@
 #include <string.h>
 
 struct layout {
-    int tx_count, rx_count;
-    int taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX]; /* -1: the crossing has no taxel */
+    int rows, columns;
+    int taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX]; /* by place on the unrolled sheet; -1: no taxel */
 };
 
 /* The scalar product of two vectors. */
@@ -29,8 +29,8 @@ static void cross(const double a[3], const double b[3], double out[3])
 static void read_layout(struct layout *layout, uint8_t tx_count, uint8_t rx_count, const uint8_t *map, size_t taxels)
 {
     int taxel = 0;
-    layout->tx_count = tx_count;
-    layout->rx_count = rx_count;
+    layout->rows = tx_count;
+    layout->columns = rx_count;
     for (int tx = 0; tx < tx_count; tx++) {
         for (int rx = 0; rx < rx_count; rx++) {
             const int crossing = tx * rx_count + rx;
@@ -40,11 +40,27 @@ static void read_layout(struct layout *layout, uint8_t tx_count, uint8_t rx_coun
     }
 }
 
+/* Replace the layout by the places that the poses of the taxels state. */
+static void read_places(struct layout *layout, size_t taxels, const struct taxel_pose *poses)
+{
+    *layout = (struct layout){0, 0, {{0}}};
+    for (int row = 0; row < (int)TAXEL_LINES_MAX; row++) {
+        for (int column = 0; column < (int)TAXEL_LINES_MAX; column++) {
+            layout->taxel_at[row][column] = -1;
+        }
+    }
+    for (size_t i = 0; i < taxels; i++) {
+        layout->taxel_at[poses[i].row][poses[i].column] = (int)i;
+        layout->rows = poses[i].row >= layout->rows ? poses[i].row + 1 : layout->rows;
+        layout->columns = poses[i].column >= layout->columns ? poses[i].column + 1 : layout->columns;
+    }
+}
+
 /* Taxel poses on a flat sheet, for worlds without taxel poses: x is distal, y is left, one pitch per line. */
 static void place_flat(const struct layout *layout, struct taxel_pose *poses)
 {
-    for (int tx = 0; tx < layout->tx_count; tx++) {
-        for (int rx = 0; rx < layout->rx_count; rx++) {
+    for (int tx = 0; tx < layout->rows; tx++) {
+        for (int rx = 0; rx < layout->columns; rx++) {
             if (layout->taxel_at[tx][rx] >= 0) {
                 poses[layout->taxel_at[tx][rx]] = (struct taxel_pose){
                     .position = {-TAXEL_PITCH_M * tx, -TAXEL_PITCH_M * rx, 0.0},
@@ -56,14 +72,54 @@ static void place_flat(const struct layout *layout, struct taxel_pose *poses)
     }
 }
 
-/* Pose of the taxel at a crossing of TX and RX line; NULL if the crossing lies outside the board or has no taxel. */
-static const struct taxel_pose *find_neighbour(const struct layout *layout, const struct taxel_pose *poses, int tx,
-                                               int rx)
+/* Pose of the taxel at a place of the unrolled sheet; NULL if the place lies outside the sheet or has no taxel. */
+static const struct taxel_pose *find_neighbour(const struct layout *layout, const struct taxel_pose *poses, int row,
+                                               int column)
 {
-    if (tx < 0 || rx < 0 || tx >= layout->tx_count || rx >= layout->rx_count || layout->taxel_at[tx][rx] < 0) {
+    if (row < 0 || column < 0 || row >= layout->rows || column >= layout->columns ||
+        layout->taxel_at[row][column] < 0) {
         return NULL;
     }
-    return &poses[layout->taxel_at[tx][rx]];
+    return &poses[layout->taxel_at[row][column]];
+}
+
+/* Side of the square of a taxel or margin, metres. axis 0: along the distal direction, 1: across it. */
+static double get_side(const struct taxel_pose *pose, int axis)
+{
+    return pose->size[axis] > 0.0 ? pose->size[axis] : TAXEL_PITCH_M;
+}
+
+/* Set the mean distance between neighbouring cells along rows and columns of the grid, from the distances of
+ * neighbouring taxels if squares of different sizes are described. */
+static void measure_steps(struct patch *patch, const struct layout *layout, const struct taxel_pose *poses)
+{
+    patch->step[0] = patch->step[1] = CELL_SIDE_M;
+    for (int axis = 0; axis < 2; axis++) {
+        double sum = 0.0;
+        int count = 0;
+        for (size_t i = 0; i < patch->taxel_count && poses[0].has_place; i++) {
+            const struct taxel_pose *next =
+                find_neighbour(layout, poses, poses[i].row + (axis == 0), poses[i].column + (axis == 1));
+            if (next) {
+                double square = 0.0;
+                for (int k = 0; k < 3; k++) {
+                    square += (next->position[k] - poses[i].position[k]) * (next->position[k] - poses[i].position[k]);
+                }
+                sum += sqrt(square);
+                count++;
+            }
+        }
+        if (count) {
+            patch->step[axis] = sum / count / CELLS_PER_SIDE;
+        }
+    }
+}
+
+/* Bound of the distance between two cells of a square, also on a curved sheet, metres. */
+static double bound_square(const struct taxel_pose *pose)
+{
+    const double diagonal = hypot(get_side(pose, 0), get_side(pose, 1));
+    return pose->size[0] > 0.0 ? 1.1 * diagonal : 1.5 * TAXEL_PITCH_M;
 }
 
 /* Curvature of the sheet at a taxel (1/m): change of the normal per metre in the direction `along`, mean over the
@@ -109,25 +165,27 @@ static void place_cell(struct cell *cell, const struct taxel_pose *pose, const d
 
 /* Place the 4 x 4 cells of one taxel on a paraboloid through the taxel whose curvatures follow from the normals of the
  * neighbouring taxels, and enter them in the grid of the unrolled sheet. */
-static void add_taxel_cells(struct patch *patch, const struct layout *layout, const struct taxel_pose *poses, int tx,
-                            int rx)
+static void add_taxel_cells(struct patch *patch, const struct layout *layout, const struct taxel_pose *poses, int row,
+                            int column)
 {
-    const int taxel = layout->taxel_at[tx][rx];
+    const int taxel = layout->taxel_at[row][column];
     const struct taxel_pose *pose = &poses[taxel];
-    const struct taxel_pose *const along_tx[2] = {find_neighbour(layout, poses, tx - 1, rx),
-                                                  find_neighbour(layout, poses, tx + 1, rx)};
-    const struct taxel_pose *const along_rx[2] = {find_neighbour(layout, poses, tx, rx - 1),
-                                                  find_neighbour(layout, poses, tx, rx + 1)};
+    const struct taxel_pose *const along_column[2] = {find_neighbour(layout, poses, row - 1, column),
+                                                      find_neighbour(layout, poses, row + 1, column)};
+    const struct taxel_pose *const along_row[2] = {find_neighbour(layout, poses, row, column - 1),
+                                                   find_neighbour(layout, poses, row, column + 1)};
+    const double sides[2] = {get_side(pose, 0) / CELLS_PER_SIDE, get_side(pose, 1) / CELLS_PER_SIDE};
     double left[3];
     cross(pose->normal, pose->distal, left);
-    const double bend_distal = compute_curvature(pose, along_tx, pose->distal);
-    const double bend_left = compute_curvature(pose, along_rx, left);
+    const double bend_distal = compute_curvature(pose, along_column, pose->distal);
+    const double bend_left = compute_curvature(pose, along_row, left);
     for (int i = 0; i < CELLS_PER_TAXEL; i++) {
-        const int row = i / CELLS_PER_SIDE, column = i % CELLS_PER_SIDE;
+        const int down = i / CELLS_PER_SIDE, across = i % CELLS_PER_SIDE;
         const int index = taxel * CELLS_PER_TAXEL + i;
-        const int grid = (tx * CELLS_PER_SIDE + row) * patch->grid_columns + rx * CELLS_PER_SIDE + column;
-        const double a = (0.5 * (CELLS_PER_SIDE - 1) - row) * CELL_SIDE_M; /* TX 0 is distal, RX 0 is left */
-        const double b = (0.5 * (CELLS_PER_SIDE - 1) - column) * CELL_SIDE_M;
+        const int grid = (row * CELLS_PER_SIDE + down) * patch->grid_columns + column * CELLS_PER_SIDE + across;
+        const double a = (0.5 * (CELLS_PER_SIDE - 1) - down) * sides[0]; /* row 0 is distal, column 0 is left */
+        const double b = (0.5 * (CELLS_PER_SIDE - 1) - across) * sides[1];
+        patch->cells[index].area = sides[0] * sides[1];
         place_cell(&patch->cells[index], pose, left, a, b, bend_distal, bend_left);
         patch->cell_at[grid] = (int16_t)index;
         patch->grid_of[index] = grid;
@@ -163,15 +221,20 @@ int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const ui
     struct taxel_pose flat[TAXEL_LINES_MAX * TAXEL_LINES_MAX];
     read_layout(&layout, tx_count, rx_count, crossing_map, taxel_count);
     if (!poses) {
+        memset(flat, 0, sizeof flat);
         place_flat(&layout, flat);
         poses = flat;
+    } else if (poses[0].has_place) {
+        read_places(&layout, taxel_count, poses);
     }
     patch->margin_count = 0;
     patch->margins = NULL;
     patch->taxel_count = taxel_count;
     patch->cell_count = taxel_count * CELLS_PER_TAXEL;
-    patch->grid_rows = tx_count * CELLS_PER_SIDE;
-    patch->grid_columns = rx_count * CELLS_PER_SIDE;
+    patch->grid_rows = layout.rows * CELLS_PER_SIDE;
+    patch->grid_columns = layout.columns * CELLS_PER_SIDE;
+    measure_steps(patch, &layout, poses);
+    patch->reach = 0.0;
     const size_t grid = (size_t)patch->grid_rows * (size_t)patch->grid_columns;
     patch->cell_at = malloc(grid * sizeof *patch->cell_at);
     patch->grid_of = calloc(patch->cell_count, sizeof *patch->grid_of);
@@ -182,10 +245,11 @@ int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const ui
     for (size_t i = 0; i < grid; i++) {
         patch->cell_at[i] = -1;
     }
-    for (int tx = 0; tx < tx_count; tx++) {
-        for (int rx = 0; rx < rx_count; rx++) {
-            if (layout.taxel_at[tx][rx] >= 0) {
-                add_taxel_cells(patch, &layout, poses, tx, rx);
+    for (int row = 0; row < layout.rows; row++) {
+        for (int column = 0; column < layout.columns; column++) {
+            if (layout.taxel_at[row][column] >= 0) {
+                add_taxel_cells(patch, &layout, poses, row, column);
+                patch->reach = fmax(patch->reach, bound_square(&poses[layout.taxel_at[row][column]]));
             }
         }
     }
@@ -193,8 +257,8 @@ int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const ui
     return 0;
 }
 
-/* Add squares of bare sheet, one pitch wide, beside the taxels. They carry load but are not measured. Returns 0, or -1
- * if out of memory. */
+/* Add rectangles of bare sheet beside the taxels. They carry load but are not measured. Returns 0, or -1 if out of
+ * memory. */
 int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose *poses)
 {
     patch->margins = malloc((count ? count : 1) * CELLS_PER_TAXEL * sizeof *patch->margins);
@@ -204,13 +268,18 @@ int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose
     patch->margin_count = count;
     patch->bound += count ? 1.5 * TAXEL_PITCH_M : 0.0;
     for (size_t square = 0; square < count; square++) {
+        const double sides[2] = {get_side(&poses[square], 0) / CELLS_PER_SIDE,
+                                 get_side(&poses[square], 1) / CELLS_PER_SIDE};
         double left[3];
         cross(poses[square].normal, poses[square].distal, left);
+        patch->reach = fmax(patch->reach, bound_square(&poses[square]));
         for (int i = 0; i < CELLS_PER_TAXEL; i++) {
             const int row = i / CELLS_PER_SIDE, column = i % CELLS_PER_SIDE;
-            const double a = (0.5 * (CELLS_PER_SIDE - 1) - row) * CELL_SIDE_M;
-            const double b = (0.5 * (CELLS_PER_SIDE - 1) - column) * CELL_SIDE_M;
-            place_cell(&patch->margins[square * CELLS_PER_TAXEL + (size_t)i], &poses[square], left, a, b, 0.0, 0.0);
+            const double a = (0.5 * (CELLS_PER_SIDE - 1) - row) * sides[0];
+            const double b = (0.5 * (CELLS_PER_SIDE - 1) - column) * sides[1];
+            struct cell *cell = &patch->margins[square * CELLS_PER_TAXEL + (size_t)i];
+            place_cell(cell, &poses[square], left, a, b, 0.0, 0.0);
+            cell->area = sides[0] * sides[1];
         }
     }
     return 0;

@@ -1,10 +1,12 @@
 /* Skin of one board, divided into 4 x 4 cells per taxel, finer than the resolution of any measurement.
  *
  * The cells follow the curvature of the sheet, computed from the normals of neighbouring taxels. They also lie on a
- * grid of the unrolled sheet (4 rows per TX line, 4 columns per RX line), on which effects spread between cells. */
+ * grid of the unrolled sheet (4 rows and 4 columns per taxel), on which effects spread between cells. A taxel lies at
+ * the place that its pose states, else at its TX line (row) and RX line (column). */
 #ifndef EMULATOR_GEOMETRY_PATCH_H
 #define EMULATOR_GEOMETRY_PATCH_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -16,20 +18,25 @@
 #define CELLS_PER_TAXEL (CELLS_PER_SIDE * CELLS_PER_SIDE)
 #define TAXEL_PITCH_M 0.005
 #define CELL_SIDE_M (TAXEL_PITCH_M / CELLS_PER_SIDE)
-#define SKIN_CELL_AREA_M2 (CELL_SIDE_M * CELL_SIDE_M)
 
 /* Pose of a taxel in its bracket's frame: centre of the electrode, outward normal, direction of its distal side. */
 struct taxel_pose {
     double position[3], normal[3], distal[3];
+    double size[2];  /* sides of the measured square along the distal direction and across it, metres; 0: one pitch */
+    bool has_place;  /* whether row and column are stated */
+    int row, column; /* place on the unrolled sheet, 0 to TAXEL_LINES_MAX - 1 */
 };
 
 struct cell {
     double position[3], normal[3]; /* of the electrode surface below the cell, bracket frame */
+    double area;                   /* square metres */
 };
 
 struct patch {
     size_t taxel_count, cell_count;
     int grid_rows, grid_columns;
+    double step[2];     /* mean distance between neighbouring cells of the grid along rows and columns, metres */
+    double reach;       /* bound of the distance from a corner cell of a square to its other cells, metres */
     int16_t *cell_at;   /* [grid_rows][grid_columns]: index of a cell, or -1 without a taxel */
     int32_t *grid_of;   /* [cell_count]: position of a cell on the grid */
     struct cell *cells; /* [taxel_count][16] */
@@ -38,12 +45,12 @@ struct patch {
     double centre[3], bound; /* bounding sphere of the cells, metres */
 };
 
-/* Initialise a patch. Returns 0, or -1 if out of memory. poses: in the order of the crossing map; NULL: a flat sheet.
- */
+/* Initialise a patch. Returns 0, or -1 if out of memory. poses: in the order of the crossing map, at different places;
+ * NULL: a flat sheet. */
 int patch_init(struct patch *patch, uint8_t tx_count, uint8_t rx_count, const uint8_t *crossing_map, size_t taxel_count,
                const struct taxel_pose *poses);
 
-/* Add flat squares of bare sheet, each one pitch wide. Returns 0, or -1 if out of memory. */
+/* Add flat rectangles of bare sheet (size 0: one pitch). Returns 0, or -1 if out of memory. */
 int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose *poses);
 void patch_free(struct patch *patch);
 

@@ -145,7 +145,7 @@ static void finish_load(struct field *field, struct field_load *load)
         double force = 0.0;
         bool is_loaded = false;
         for (size_t i = first; i < first + CELLS_PER_TAXEL; i++) {
-            force += load->pressure[i] * SKIN_CELL_AREA_M2;
+            force += load->pressure[i] * patch->cells[i].area;
             is_loaded = is_loaded || load->pressure[i] > NEGLIGIBLE_PA || load->gap[i] < field->proximity_reach_m;
         }
         load->force[taxel] = force;
@@ -186,7 +186,8 @@ void field_load_forces(struct field *field, const float *force, double *compress
     const bool spreads_by_pillars =
         spread_is_on(&field->effects->spread) && field->effects->spread.form == SPREAD_PILLARS;
     for (size_t taxel = 0; taxel < field->patch->taxel_count; taxel++) {
-        const double pressure = (double)force[taxel] / (CELLS_PER_TAXEL * SKIN_CELL_AREA_M2);
+        const double pressure =
+            (double)force[taxel] / (CELLS_PER_TAXEL * field->patch->cells[taxel * CELLS_PER_TAXEL].area);
         const double depth = spreads_by_pillars ? layer_compression(pressure) : 0.0;
         for (size_t i = taxel * CELLS_PER_TAXEL; i < (taxel + 1) * CELLS_PER_TAXEL; i++) {
             load->pressure[i] = pressure;

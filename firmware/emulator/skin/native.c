@@ -74,7 +74,7 @@ static void write_forces(const struct skin_board *board, bool is_touching, doubl
     for (size_t taxel = 0; taxel < board->patch.taxel_count; taxel++) {
         force[taxel] = 0.0;
         for (size_t i = taxel * CELLS_PER_TAXEL; is_touching && i < (taxel + 1) * CELLS_PER_TAXEL; i++) {
-            force[taxel] += layer_contact_pressure(board->compression[i]) * SKIN_CELL_AREA_M2;
+            force[taxel] += layer_contact_pressure(board->compression[i]) * board->patch.cells[i].area;
         }
     }
 }

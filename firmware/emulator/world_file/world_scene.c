@@ -10,6 +10,9 @@
 #define OFFSET_MAX_RAD 3.2
 #define COMPONENT_MAX 1.1 /* of a unit vector; normalise() checks the length */
 #define UNIT_TOLERANCE 1e-3
+#define SIDES_WORD 11 /* index of the first optional word of a surface or margin line */
+#define PLACE_WORD 13
+#define SIDE_MAX_M 0.1
 
 /* Scale a direction vector to length 1, which removes the rounding of its decimal digits in the file. Returns 0, or -1
  * after an error line on stderr if the length deviates from 1 by more than 0.001. */
@@ -25,11 +28,16 @@ static int normalise(const struct world_reader *reader, double vector[3])
     return 0;
 }
 
-/* Read ADDRESS X Y Z NX NY NZ DX DY DZ: position (metres), outward normal and distal direction of a taxel or margin in
- * the frame of its bracket. Returns 0, or -1 after an error line on stderr. */
+/* Read ADDRESS X Y Z NX NY NZ DX DY DZ [A B]: position (metres), outward normal, distal direction and optionally the
+ * sides of the square (metres) of a taxel or margin in the frame of its bracket. Returns 0, or -1 after an error line on
+ * stderr. */
 static int read_taxel_pose(const struct world_reader *reader, struct taxel_pose *pose)
 {
     const struct world_line *line = &reader->line;
+    *pose = (struct taxel_pose){.has_place = false};
+    if (line->count > SIDES_WORD && world_line_read_numbers(line, SIDES_WORD, 2, 1e-5, SIDE_MAX_M, pose->size)) {
+        return -1;
+    }
     const bool is_valid = !world_line_read_numbers(line, 2, 3, -COORDINATE_MAX_M, COORDINATE_MAX_M, pose->position) &&
                           !world_line_read_numbers(line, 5, 3, -COMPONENT_MAX, COMPONENT_MAX, pose->normal) &&
                           !world_line_read_numbers(line, 8, 3, -COMPONENT_MAX, COMPONENT_MAX, pose->distal) &&
@@ -37,7 +45,7 @@ static int read_taxel_pose(const struct world_reader *reader, struct taxel_pose 
     return is_valid ? 0 : -1;
 }
 
-/* Read a line of a world file: margin ADDRESS X Y Z NX NY NZ DX DY DZ, a square of sheet, one pitch wide, that no taxel
+/* Read a line of a world file: margin ADDRESS X Y Z NX NY NZ DX DY DZ [A B], a rectangle of sheet that no taxel
  * measures. Returns 0, or -1 after an error line on stderr. */
 static int read_margin(const struct world_reader *reader)
 {
@@ -59,8 +67,35 @@ static int read_margin(const struct world_reader *reader)
     return 0;
 }
 
-/* Read a line of a world file: surface ADDRESS X Y Z NX NY NZ DX DY DZ, the pose of the next taxel of the board.
- * Returns 0, or -1 after an error line on stderr. */
+/* Read the optional place ROW COLUMN of a taxel on the unrolled sheet of its board. All taxels of a board state a place,
+ * or none does. Returns 0, or -1 after an error line on stderr. */
+static int read_place(const struct world_reader *reader, const struct board_description *board, struct taxel_pose *pose)
+{
+    const struct world_line *line = &reader->line;
+    long row, column;
+    pose->has_place = line->count > PLACE_WORD;
+    if (board->taxel_pose_count && board->taxel_poses[0].has_place != pose->has_place) {
+        return world_line_report_error(line, "expected a place (ROW COLUMN) for all taxels of a board, or for none");
+    }
+    if (!pose->has_place) {
+        return 0;
+    }
+    if (world_line_read_integer(line, PLACE_WORD, 0, TAXEL_LINES_MAX - 1, &row) ||
+        world_line_read_integer(line, PLACE_WORD + 1, 0, TAXEL_LINES_MAX - 1, &column)) {
+        return -1;
+    }
+    pose->row = (int)row;
+    pose->column = (int)column;
+    for (size_t i = 0; i < board->taxel_pose_count; i++) {
+        if (board->taxel_poses[i].row == pose->row && board->taxel_poses[i].column == pose->column) {
+            return world_line_report_error(line, "expected a place that no other taxel of the board has");
+        }
+    }
+    return 0;
+}
+
+/* Read a line of a world file: surface ADDRESS X Y Z NX NY NZ DX DY DZ [A B [ROW COLUMN]], the pose of the next taxel of
+ * the board. Returns 0, or -1 after an error line on stderr. */
 static int read_surface(const struct world_reader *reader)
 {
     const int index = world_reader_find_board(reader, 1);
@@ -78,7 +113,7 @@ static int read_surface(const struct world_reader *reader)
             return world_line_report_error(&reader->line, "out of memory");
         }
     }
-    if (read_taxel_pose(reader, &pose)) {
+    if (read_taxel_pose(reader, &pose) || read_place(reader, board, &pose)) {
         return -1;
     }
     board->taxel_poses[board->taxel_pose_count++] = pose;

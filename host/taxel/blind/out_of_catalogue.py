@@ -43,7 +43,7 @@ def _moisture(variant: str) -> CauseType:
     def sample(rng: Rng, hand: Hand, strength: float) -> Cause:
         """Sample a cause: a wet spot at a random position of a board. strength: 0 to 1, sets the amount of water."""
         (board,) = sample_boards(rng, hand)
-        tx, rx = rng.uniform(1, board.kind.tx_count - 2), rng.uniform(1, board.kind.rx_count - 2)
+        tx, rx = rng.uniform(1, board.kind.layout_shape[0] - 2), rng.uniform(1, board.kind.layout_shape[1] - 2)
         radius_m = log_uniform(rng, 0.01, 0.025)
         line = f"moisture {variant} {format_board_argument(board)} tx={tx:.1f} rx={rx:.1f} radius_m={radius_m:.4f}"
         line += f" water={log_interpolate(0.08, 0.3, strength)}"

@@ -8,9 +8,8 @@ import numpy as np
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand import Hand
 from taxel.hand.errors import HandGeometryError
-from taxel.hand.sheet import build_sheet
 from taxel.hand.transforms import to_rotation_vector
-from taxel.hand.world import WorldSettings, format_world
+from taxel.hand.world import WorldSettings, format_surface, format_world, has_layout
 from taxel.types import FloatArray
 
 
@@ -36,13 +35,8 @@ def format_scene(hand: Hand, scene: EmulatedScene, settings: WorldSettings | Non
     """
     if hand.layer_m is None:
         raise HandGeometryError(hand.name)
-    lines = [f"layer {hand.layer_m!r}", "# surface board x y z nx ny nz dx dy dz (d: distal direction of the taxel)"]
-    poses = np.hstack([hand.position, hand.normal, hand.distal])
-    for board in hand.boards:
-        lines += [
-            f"surface 0x{board.address:02X} {_format_numbers(row)}" for row in poses[hand.get_slice(board.address)]
-        ]
-    lines += _format_margins(hand)
+    lines = [f"layer {hand.layer_m!r}"]
+    lines += [] if has_layout(hand) else format_surface(hand)
     for name, shape in scene.objects.items():
         lines += _format_object(name, shape)
     for name, offset in scene.bracket_offsets.items():
@@ -50,15 +44,6 @@ def format_scene(hand: Hand, scene: EmulatedScene, settings: WorldSettings | Non
     for name, offset in scene.object_offsets.items():
         lines.append(f"object_offset {name} {_format_offset(offset)}")
     return format_world(hand, settings) + "\n".join(lines) + "\n"
-
-
-def _format_margins(hand: Hand) -> list[str]:
-    """Format the world file's lines for the squares of the soft sheet that have no taxel."""
-    sheet = build_sheet(hand)
-    margin = slice(hand.n_taxels, None)
-    rows = np.hstack([sheet.position[margin], sheet.normal[margin], sheet.distal[margin]])
-    addresses = [hand.boards[index].address for index in sheet.board_index[margin].tolist()]
-    return [f"margin 0x{address:02X} {_format_numbers(row)}" for address, row in zip(addresses, rows, strict=True)]
 
 
 def _format_object(name: str, shape: Shape) -> list[str]:

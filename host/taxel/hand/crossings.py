@@ -1,4 +1,6 @@
-"""Crossing map: ASCII picture of the TX x RX matrix of a board, and its array."""
+"""Crossing map: ASCII picture of the TX x RX matrix of a board. Layout: places of its taxels on the sheet."""
+
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,6 +9,9 @@ from taxel.hand.errors import Field, format_value
 
 TAXEL = "#"
 UNUSED = "."
+
+LAYOUT_MAX = 16
+"""Largest number of rows and of columns of a layout, the limit of the emulator."""
 
 
 def parse_crossings(text: str) -> NDArray[np.bool_]:
@@ -88,3 +93,53 @@ def _check_size(rows: list[str], tx: int, rx: int, field: Field) -> None:
             str(len(rows[0])),
             "correct the map or rx; columns are RX lines",
         )
+
+
+def parse_layout(text: str) -> NDArray[np.int16]:
+    """Convert a checked layout to the row and column of each taxel, i16[taxels, 2]."""
+    places = {
+        int(word): (row, column)
+        for row, words in enumerate(_split_words(text))
+        for column, word in enumerate(words)
+        if word != UNUSED
+    }
+    return np.array([places[index] for index in range(len(places))], dtype=np.int16)
+
+
+def check_layout(text: str, taxels: int, field: Field) -> None:
+    """Check that a layout contains every taxel index once, in rows of equal length.
+
+    Args:
+        text: one row of words per row of the unrolled sheet: the index of a taxel, or '.' for no taxel.
+        taxels: number of taxels of the kind.
+        field: position of the layout in the file, for errors.
+
+    Raises:
+        HandDescriptionError: another word, rows of unequal length, more than LAYOUT_MAX rows or columns, or an index
+            that is missing, repeated or too large.
+    """
+    rows = _split_words(text)
+    for row, words in enumerate(rows):
+        if len(words) != len(rows[0]):
+            field.fail(f"rows of equal length ({len(rows[0])})", f"{len(words)} words in row {row}", "fill with '.'")
+        for word in words:
+            if word != UNUSED and not (word.isascii() and word.isdigit()):
+                field.fail("taxel indices and '.'", f"{format_value(word)} in row {row}", "replace that word")
+    if max(len(rows), len(rows[0])) > LAYOUT_MAX:
+        field.fail(f"at most {LAYOUT_MAX} rows and columns", f"{len(rows)} x {len(rows[0])}", "divide the board")
+    indices = sorted(int(word) for words in rows for word in words if word != UNUSED)
+    if indices != list(range(taxels)):
+        field.fail(f"every index from 0 to {taxels - 1} once", _describe_indices(indices, taxels), "correct the layout")
+
+
+def _describe_indices(indices: list[int], taxels: int) -> str:
+    """The first index of a layout that is repeated, missing or too large."""
+    repeated = [a for a, b in pairwise(indices) if a == b]
+    missing = sorted(set(range(taxels)) - set(indices))
+    if repeated:
+        return f"index {repeated[0]} more than once"
+    return f"no index {missing[0]}" if missing else f"index {indices[-1]}"
+
+
+def _split_words(text: str) -> list[list[str]]:
+    return [line.split() for line in text.strip(" \t\r\n").split("\n")]

@@ -14,10 +14,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.crossings import parse_crossings
+from taxel.hand.crossings import parse_crossings, parse_layout
 from taxel.hand.errors import HandGeometryError, UnknownBoardError, format_address, format_path
-from taxel.hand.geometry import Surface, build_surface
-from taxel.hand.schema import BoardTable, HandDocument, parse_hand
+from taxel.hand.geometry import REFERENCE_AREA_M2, Surface, build_surface
+from taxel.hand.schema import DESCRIBED_LINES_MAX, BoardTable, HandDocument, parse_hand
 from taxel.hand.toml_text import read_description
 from taxel.hand.transforms import make_pose
 from taxel_protocol.limits import CROSSING_MAP_SIZE, LINES_MAX, TAXELS_MAX
@@ -36,27 +36,34 @@ class BoardKind:
         code: kind code that the board reports on I2C, 1..255.
         crossings: bool[tx_count, rx_count], true where a TX x RX crossing carries a taxel. Read-only.
         surface: taxel positions and normals; None if the description does not contain them.
+        layout: i16[taxel_count, 2], row and column of each taxel on the unrolled sheet, seen from outside, row 0
+            distal, column 0 left; neighbours on the sheet have adjacent places. None: its TX and RX line.
 
     Raises:
-        ValueError: not 1..16 TX and RX lines, not 1..240 taxels, or a surface with another number of taxels.
+        ValueError: not 1..32 TX and RX lines, not 1..240 taxels, or a surface or layout with another number of taxels.
     """
 
     name: str
     code: int
     crossings: NDArray[np.bool_]
     surface: Surface | None = None
+    layout: NDArray[np.int16] | None = None
 
     def __post_init__(self) -> None:
         """Check the numbers of lines, taxels and surface rows of the board kind; make `crossings` read-only."""
         crossings = np.array(self.crossings, dtype=np.bool_)
-        if crossings.ndim != 2 or not all(1 <= lines <= LINES_MAX for lines in crossings.shape):
-            raise ValueError(f"kind {self.name!r}: expected 1..{LINES_MAX} TX and RX lines, found {crossings.shape}")
+        if crossings.ndim != 2 or not all(1 <= n <= DESCRIBED_LINES_MAX for n in crossings.shape):
+            raise ValueError(
+                f"kind {self.name!r}: expected 1..{DESCRIBED_LINES_MAX} TX and RX lines, found {crossings.shape}"
+            )
         if not 1 <= crossings.sum() <= TAXELS_MAX:
             raise ValueError(f"kind {self.name!r}: expected 1..{TAXELS_MAX} taxels, found {crossings.sum()}")
         if self.surface is not None and len(self.surface.position) != crossings.sum():
             raise ValueError(
                 f"kind {self.name!r}: expected {crossings.sum()} surface rows, found {len(self.surface.position)}"
             )
+        if self.layout is not None and self.layout.shape != (crossings.sum(), 2):
+            raise ValueError(f"kind {self.name!r}: expected layout [{crossings.sum()}, 2], found {self.layout.shape}")
         object.__setattr__(self, "crossings", _make_read_only(crossings))
 
     def __eq__(self, other: object) -> bool:
@@ -64,10 +71,15 @@ class BoardKind:
         if not isinstance(other, BoardKind):
             return NotImplemented
         is_equal = (self.name, self.code, self.surface) == (other.name, other.code, other.surface)
-        return is_equal and np.array_equal(self.crossings, other.crossings)
+        places = zip((self.row, self.column), (other.row, other.column), strict=True)
+        return (
+            is_equal
+            and np.array_equal(self.crossings, other.crossings)
+            and all(np.array_equal(own, others) for own, others in places)
+        )
 
     def __hash__(self) -> int:
-        return hash((self.name, self.code, self.crossings.shape, self.crossing_bitmap()))
+        return hash((self.name, self.code, self.crossings.shape, self.crossings.tobytes()))
 
     @property
     def tx_count(self) -> int:
@@ -94,11 +106,34 @@ class BoardKind:
         """RX line of each taxel, u8[taxel_count], row-major over the map."""
         return _make_read_only(np.nonzero(self.crossings)[1].astype(np.uint8))
 
+    @cached_property
+    def row(self) -> NDArray[np.int16]:
+        """Row of each taxel on the unrolled sheet, i16[taxel_count]; row 0 is distal."""
+        return _make_read_only(self.tx.astype(np.int16) if self.layout is None else self.layout[:, 0].copy())
+
+    @cached_property
+    def column(self) -> NDArray[np.int16]:
+        """Column of each taxel on the unrolled sheet, i16[taxel_count]; column 0 is left, seen from outside."""
+        return _make_read_only(self.rx.astype(np.int16) if self.layout is None else self.layout[:, 1].copy())
+
+    @property
+    def layout_shape(self) -> tuple[int, int]:
+        """Number of rows and columns of the unrolled sheet."""
+        if self.layout is None:
+            return self.tx_count, self.rx_count
+        return int(self.row.max()) + 1, int(self.column.max()) + 1
+
     def crossing_bitmap(self) -> bytes:
         """Return the crossing map in the format of the board's register, 32 bytes.
 
-        Bit ``tx * rx_count + rx``, least significant bit of the first byte first; unused bits are zero.
+        Bit ``tx * rx_count + rx``, least significant bit of the first byte first; unused bits are zero. Raises
+        ValueError for more lines than the register describes.
         """
+        if max(self.crossings.shape) > LINES_MAX:
+            raise ValueError(
+                f"kind {self.name!r}: the project's firmware supports {LINES_MAX} TX and {LINES_MAX} RX lines, "
+                f"this kind has {self.tx_count} and {self.rx_count}; read its boards with protocol=original"
+            )
         return np.packbits(self.crossings.ravel(), bitorder="little").tobytes().ljust(CROSSING_MAP_SIZE, b"\0")
 
 
@@ -215,6 +250,26 @@ class Hand:
             np.repeat(np.arange(len(self.boards)), [board.kind.taxel_count for board in self.boards])
         )
 
+    @cached_property
+    def square_size(self) -> NDArray[np.float64]:
+        """Sides of the square that each taxel measures, along `distal` and across it, metres, f64[n_taxels, 2]."""
+        return _make_read_only(np.concatenate([surface.size for surface in self._get_surfaces()]))
+
+    @cached_property
+    def area_share(self) -> NDArray[np.float64]:
+        """Area of each taxel's square divided by the area to which the force laws of the layer refer, f64[n_taxels]."""
+        return _make_read_only(np.prod(self.square_size, axis=1) / REFERENCE_AREA_M2)
+
+    @cached_property
+    def row(self) -> NDArray[np.int16]:
+        """Row of each taxel on the unrolled sheet of its board, i16[n_taxels]."""
+        return _make_read_only(np.concatenate([board.kind.row for board in self.boards]))
+
+    @cached_property
+    def column(self) -> NDArray[np.int16]:
+        """Column of each taxel on the unrolled sheet of its board, i16[n_taxels]."""
+        return _make_read_only(np.concatenate([board.kind.column for board in self.boards]))
+
     def _get_surfaces(self) -> list[Surface]:
         """Return the taxel positions and normals of each board. Raises HandGeometryError if a board has none."""
         surfaces = [board.kind.surface for board in self.boards if board.kind.surface is not None]
@@ -315,7 +370,11 @@ def _build_hand(document: HandDocument) -> Hand:
     for name, table in document["kinds"].items():
         kind = BoardKind(name, table["code"], parse_crossings(table["crossings"]))
         if name in geometry:
-            surface = build_surface(np.array(geometry[name]["taxels"], dtype=np.float64), kind.tx, kind.rx)
+            if "layout" in geometry[name]:
+                kind = replace(kind, layout=parse_layout(geometry[name]["layout"]))
+            rows = np.array(geometry[name]["taxels"], dtype=np.float64)
+            margin = np.array(geometry[name]["margin"], dtype=np.float64) if "margin" in geometry[name] else None
+            surface = build_surface(rows, kind.row, kind.column, float(document["taxel"]["pitch_m"]), margin)
             kind = replace(kind, surface=surface)
         kinds[name] = kind
     return Hand(

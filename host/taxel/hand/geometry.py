@@ -1,13 +1,19 @@
 """Taxel positions and directions on a board, in its bracket frame.
 
-Bracket frame of a board: z points out of the skin, x to the distal end (decreasing TX number), y to the left seen from
-outside (decreasing RX number).
+Each taxel measures a square of the sheet, with one side along `distal` (to the fingertip) and the other along
+normal x distal (to the left seen from outside).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+SQUARE_NUMBERS = 11
+"""Numbers of a row that describes a square: centre, normal, distal direction, two sides."""
+
+REFERENCE_AREA_M2 = 0.005**2
+"""Area to which the force laws of the layer refer, square metres: one taxel at a pitch of 5 mm."""
 
 _DEGENERATE = 1e-6
 """Smallest length of a vector that defines a direction."""
@@ -21,6 +27,10 @@ class Surface:
         position: f64[count, 3], metres, centre of the electrode, bracket frame.
         normal: f64[count, 3], outward unit normal, bracket frame.
         distal: f64[count, 3], unit vector along the electrode side towards the distal end.
+        size: f64[count, 2], sides of the square that a taxel measures, along `distal` and across it, metres;
+            without rows: squares of the area to which the force laws of the layer refer.
+        margin: f64[m, 11], rectangles of bare sheet between and beside the taxels: centre, normal, distal direction and
+            sides; None: one pitch around the board, extrapolated from the taxels.
 
     Raises:
         ValueError: shapes do not agree, or a vector has length 0.
@@ -29,14 +39,19 @@ class Surface:
     position: NDArray[np.float64]
     normal: NDArray[np.float64]
     distal: NDArray[np.float64]
+    size: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    margin: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         """Check the three arrays [count, 3], normalise `normal` and `distal`, and store read-only copies."""
-        for name in ("position", "normal", "distal"):
+        if not len(self.size):
+            side = np.sqrt(REFERENCE_AREA_M2)
+            object.__setattr__(self, "size", np.full((len(self.position), 2), side))
+        for name, width in (("position", 3), ("normal", 3), ("distal", 3), ("size", 2)):
             array = np.array(getattr(self, name), dtype=np.float64)
-            if array.ndim != 2 or array.shape[1] != 3 or len(array) != len(self.position):
-                raise ValueError(f"{name}: expected [count, 3], found {array.shape}")
-            if name != "position":
+            if array.ndim != 2 or array.shape[1] != width or len(array) != len(self.position):
+                raise ValueError(f"{name}: expected [count, {width}], found {array.shape}")
+            if width == 3 and name != "position":
                 array = _normalise(array, name)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
@@ -45,36 +60,42 @@ class Surface:
         """Whether `other` is a surface with the same taxel positions, normals and distal directions."""
         if not isinstance(other, Surface):
             return NotImplemented
-        names = ("position", "normal", "distal")
-        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
+        names = ("position", "normal", "distal", "size")
+        is_equal = all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
+        return is_equal and np.array_equal(_get_rows(self.margin), _get_rows(other.margin))
 
     def __hash__(self) -> int:
         return hash(self.position.tobytes())
 
 
-def build_surface(rows: NDArray[np.float64], tx: NDArray[np.uint8], rx: NDArray[np.uint8]) -> Surface:
+def build_surface(
+    rows: NDArray[np.float64],
+    row: NDArray[np.int16],
+    column: NDArray[np.int16],
+    pitch_m: float,
+    margin: NDArray[np.float64] | None = None,
+) -> Surface:
     """Build the surface of a kind from its table of taxels.
 
-    rows: f64[count, 6], x, y, z, nx, ny, nz. tx, rx: electrode lines of each taxel, u8[count]; the neighbours of a
-    taxel on its RX line determine its distal direction.
+    rows: f64[count, 6], x, y, z, nx, ny, nz, or f64[count, 11] with the distal direction and the sides of the square.
+    row, column: position of each taxel on the unrolled sheet, [count]; without a distal direction in `rows`, the
+    neighbours of a taxel in its column determine it, and each square has the side `pitch_m`.
     """
-    position, normal = rows[:, :3], _normalise(rows[:, 3:], "normal")
-    return Surface(position, normal, _compute_distal(position, normal, tx.astype(int), rx.astype(int)))
+    position, normal = rows[:, :3], _normalise(rows[:, 3:6], "normal")
+    if rows.shape[1] == SQUARE_NUMBERS:
+        return Surface(position, normal, rows[:, 6:9], rows[:, 9:], margin)
+    distal = _compute_distal(position, normal, row.astype(int), column.astype(int))
+    return Surface(position, normal, distal, np.full((len(rows), 2), pitch_m), margin)
 
 
 def _compute_distal(
-    position: NDArray[np.float64], normal: NDArray[np.float64], tx: NDArray[np.int_], rx: NDArray[np.int_]
+    position: NDArray[np.float64], normal: NDArray[np.float64], row: NDArray[np.int_], column: NDArray[np.int_]
 ) -> NDArray[np.float64]:
-    """Compute the distal direction of each taxel, a tangential unit vector towards smaller TX numbers, f64[count, 3].
-
-    position, normal: f64[count, 3]. tx, rx: electrode lines, int[count]. The direction leads from the neighbour with
-    the next larger to the one with the next smaller TX number; without such neighbours an axis (x or y) of the bracket
-    frame is projected onto the tangential plane.
-    """
-    index_of = {crossing: index for index, crossing in enumerate(zip(tx.tolist(), rx.tolist(), strict=True))}
+    """Compute the tangential direction of decreasing row from the neighbours, else from the x or y axis."""
+    index_of = {place: index for index, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))}
     direction = np.zeros_like(position)
-    for (row, column), index in index_of.items():
-        next_distal, next_proximal = index_of.get((row - 1, column), index), index_of.get((row + 1, column), index)
+    for (r, c), index in index_of.items():
+        next_distal, next_proximal = index_of.get((r - 1, c), index), index_of.get((r + 1, c), index)
         direction[index] = position[next_distal] - position[next_proximal]
     direction -= normal * np.sum(direction * normal, axis=1, keepdims=True)
     for fallback in ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]):
@@ -82,6 +103,10 @@ def _compute_distal(
         projected = fallback - normal * (normal @ np.array(fallback))[:, None]
         direction[is_degenerate] = projected[is_degenerate]
     return _normalise(direction, "distal")
+
+
+def _get_rows(margin: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    return np.empty(0) if margin is None else margin
 
 
 def _normalise(vectors: NDArray[np.float64], name: str) -> NDArray[np.float64]:

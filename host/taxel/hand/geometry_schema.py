@@ -4,12 +4,20 @@ from collections.abc import Mapping
 from typing import Any
 
 from taxel.hand.checks import check_identifier, check_numbers, check_table, check_type, check_unit, suggest_name
+from taxel.hand.crossings import check_layout
 from taxel.hand.errors import Field, format_value
+from taxel.hand.geometry import SQUARE_NUMBERS
 
 MAX_REACH_M = 10.0
 """Largest coordinate of a taxel or bracket, metres; a larger value indicates a wrong unit."""
 
+PERPENDICULAR_TOLERANCE = 1e-3
+"""Largest cosine between a normal and a distal direction, which are rounded in the file."""
+MAX_SIDE_M = 0.1
+"""Largest side of a square of the sheet, metres; a larger value indicates a wrong unit."""
+
 _GEOMETRY: Mapping[str, type] = {"taxels": list}
+_GEOMETRY_OPTIONAL: Mapping[str, type] = {"margin": list, "layout": str}
 _POSE_KEYS = ("link", "position_m", "quaternion_wxyz")
 
 
@@ -43,8 +51,12 @@ def check_geometry(document: Mapping[str, Any], top: Field) -> None:
         item_field = top.key("geometry").key(name)
         if name not in geometry:
             item_field.fail("a table", "nothing", f"add [geometry.{name}]")
-        check_table(geometry[name], _GEOMETRY, item_field)
+        check_table(geometry[name], _GEOMETRY, item_field, _GEOMETRY_OPTIONAL)
         _check_taxels(geometry[name]["taxels"], kind["taxels"], item_field.key("taxels"))
+        for index, row in enumerate(geometry[name].get("margin", [])):
+            _check_square(row, item_field.key("margin").item(index))
+        if "layout" in geometry[name]:
+            check_layout(geometry[name]["layout"], kind["taxels"], item_field.key("layout"))
     for index, board in enumerate(document["boards"]):
         _check_pose(board, top.key("boards").item(index))
 
@@ -66,11 +78,27 @@ def _check_taxels(rows: list[Any], count: int, field: Field) -> None:
     """Check the rows of taxel positions and normals of one kind of board."""
     if len(rows) != count:
         field.fail(f"{count} rows, one per taxel in the order of the map", f"{len(rows)}", "write one row per taxel")
+    has_squares = bool(rows) and isinstance(rows[0], list) and len(rows[0]) == SQUARE_NUMBERS
     for index, row in enumerate(rows):
         item_field = field.item(index)
+        if has_squares:
+            _check_square(row, item_field)
+            continue
         check_numbers(row, 6, item_field, "x, y, z, nx, ny, nz")
         _check_reach(row[:3], item_field)
         check_unit(row[3:], item_field, "a normal")
+
+
+def _check_square(row: Any, field: Field) -> None:
+    """Check the 11 numbers of a square: position, normal, distal direction and two sides."""
+    check_numbers(row, SQUARE_NUMBERS, field, "x, y, z, nx, ny, nz, dx, dy, dz, two sides")
+    _check_reach(row[:3], field)
+    check_unit(row[3:6], field, "a normal")
+    check_unit(row[6:9], field, "a distal direction")
+    if abs(sum(n * d for n, d in zip(row[3:6], row[6:9], strict=True))) > PERPENDICULAR_TOLERANCE:
+        field.fail("a distal direction perpendicular to the normal", format_value(row[6:9]), "correct the direction")
+    if not all(0 < side <= MAX_SIDE_M for side in row[9:]):
+        field.fail(f"sides above 0 and at most {MAX_SIDE_M:g} m", format_value(row[9:]), "write the sides in metres")
 
 
 def _check_reach(position: list[float], field: Field) -> None:

@@ -60,8 +60,8 @@ def _draw_board(axis: Any, board: Board, values: NDArray[np.float64], active: ND
 
     kind = board.kind
     squares = [
-        Rectangle((rx - TAXEL_SIDE / 2, tx - TAXEL_SIDE / 2), TAXEL_SIDE, TAXEL_SIDE)
-        for tx, rx in zip(kind.tx.tolist(), kind.rx.tolist(), strict=True)
+        Rectangle((column - TAXEL_SIDE / 2, row - TAXEL_SIDE / 2), TAXEL_SIDE, TAXEL_SIDE)
+        for row, column in zip(kind.row.tolist(), kind.column.tolist(), strict=True)
     ]
     collection = PatchCollection(squares, cmap="viridis", norm=Normalize(0.0, limit))
     collection.set_array(np.ma.masked_invalid(values))
@@ -69,13 +69,14 @@ def _draw_board(axis: Any, board: Board, values: NDArray[np.float64], active: ND
     collection.set_edgecolor(["#d62728" if is_active else "none" for is_active in active])
     collection.set_linewidth([1.6 if is_active else 0.0 for is_active in active])
     axis.add_collection(collection)
-    axis.set_xlim(-0.7, kind.rx_count - 0.3)
-    axis.set_ylim(kind.tx_count - 0.3, -0.7)
+    rows, columns = kind.layout_shape
+    axis.set_xlim(-0.7, columns - 0.3)
+    axis.set_ylim(rows - 0.3, -0.7)
     axis.set_aspect("equal")
     axis.set_xticks([])
     axis.set_yticks([])
     count = int(active.sum())
     axis.set_title(f"{board.name.replace('_', ' ')}\n0x{board.address:02X} · {count} active", fontsize=8.5)
-    axis.set_xlabel("RX", fontsize=7, labelpad=1)
-    axis.set_ylabel("TX", fontsize=7, labelpad=1)
+    axis.set_xlabel("RX" if kind.layout is None else "across", fontsize=7, labelpad=1)
+    axis.set_ylabel("TX" if kind.layout is None else "distal up", fontsize=7, labelpad=1)
     return collection

@@ -19,7 +19,8 @@ SAMPLE_S = 0.01
 class Indentation:
     """Indentation of one board by a round probe.
 
-    `tx`, `rx`: position in electrode lines (fractions allowed; one line is one pitch). `force_n`: total force, newtons.
+    `tx`, `rx`: position in rows and columns of the unrolled sheet, which are the TX and RX lines of a board without a
+    described layout (fractions allowed; one row or column is one pitch). `force_n`: total force, newtons.
     `start_s`: start of the loading ramp. `hold_s`: duration of the full force. `diameter_m`: of the probe.
     """
 
@@ -44,7 +45,9 @@ def compute_force_shares(hand: Hand, indentation: Indentation) -> NDArray[np.flo
     the probe covers no taxel centre.
     """
     board = hand.find_board(indentation.board)
-    distance = hand.pitch_m * np.hypot(board.kind.tx - float(indentation.tx), board.kind.rx - float(indentation.rx))
+    distance = hand.pitch_m * np.hypot(
+        board.kind.row - float(indentation.tx), board.kind.column - float(indentation.rx)
+    )
     pressure_squared = 1.0 - (distance / (0.5 * indentation.diameter_m)) ** 2
     pressure = np.sqrt(np.maximum(pressure_squared, 0.0))
     share = np.zeros(hand.n_taxels)

@@ -12,7 +12,7 @@ from taxel.hand.crossings import check_crossings
 from taxel.hand.errors import Field, HandDescriptionError, format_address, format_value
 from taxel.hand.geometry_schema import check_geometry
 from taxel.hand.toml_text import parse_toml
-from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN, LINES_MAX, TAXELS_MAX
+from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN, TAXELS_MAX
 
 __all__ = ["FORMAT", "VERSION", "HandDescriptionError", "HandDocument", "check_hand", "parse_hand"]
 
@@ -21,6 +21,10 @@ VERSION = 1
 
 MAX_CODE = 255
 """Largest kind code, which is one byte; 0 means a blank board."""
+DESCRIBED_LINES_MAX = 32
+"""Largest number of TX or RX lines in a description. The project's own firmware supports fewer (`LINES_MAX`); boards
+with more lines are read with the original protocol.
+"""
 MAX_LENGTH_M = 1.0
 """Upper limit of taxel lengths, metres; a larger value indicates a wrong unit."""
 
@@ -71,9 +75,15 @@ class BoardTable(TypedDict):
 
 
 class GeometryTable(TypedDict):
-    """``[geometry.<kind>]``: a row x, y, z, nx, ny, nz per taxel, bracket frame, metres."""
+    """``[geometry.<kind>]``, bracket frame, metres.
+
+    taxels: a row per taxel: x, y, z, nx, ny, nz, and optionally the distal direction and the two sides of its square.
+    margin: rows of the same 11 numbers, rectangles of bare sheet. layout: places of the taxels on the unrolled sheet.
+    """
 
     taxels: list[list[float]]
+    margin: NotRequired[list[list[float]]]
+    layout: NotRequired[str]
 
 
 class HandDocument(TypedDict):
@@ -183,8 +193,8 @@ def _check_kinds(kinds: Mapping[str, Any], field: Field) -> None:
                 "choose an unused code",
             )
         names_by_code[code] = name
-        check_range(kind["tx"], 1, LINES_MAX, "a number of TX lines", item_field.key("tx"))
-        check_range(kind["rx"], 1, LINES_MAX, "a number of RX lines", item_field.key("rx"))
+        check_range(kind["tx"], 1, DESCRIBED_LINES_MAX, "a number of TX lines", item_field.key("tx"))
+        check_range(kind["rx"], 1, DESCRIBED_LINES_MAX, "a number of RX lines", item_field.key("rx"))
         check_range(kind["taxels"], 1, TAXELS_MAX, "a number of taxels", item_field.key("taxels"))
         check_crossings(kind["crossings"], kind["tx"], kind["rx"], kind["taxels"], item_field.key("crossings"))
 

@@ -4,13 +4,13 @@ The margin transmits contact forces like the other squares, but there is no elec
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.description import Board, BoardKind, Hand
-from taxel.hand.geometry import Surface
+from taxel.hand.geometry import REFERENCE_AREA_M2, Surface
 from taxel.types import FloatArray
 
 _NEIGHBOUR_STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))
@@ -20,10 +20,11 @@ _FLAT_RAD = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """Squares of the sheet, one pitch wide: first over the taxels in the order of the hand, then the margin.
+    """Rectangles of the sheet: first over the taxels in the order of the hand, then the margin.
 
     Attributes:
         position, normal, distal: f64[n, 3], as in `Hand`.
+        size: f64[n, 2], sides along `distal` and across it, metres.
         board_index: index of the board of each square, [n].
         n_taxels: number of squares n; has this name so that functions accept a `Hand` or a `Sheet`.
         name, boards, layer_m: of the hand.
@@ -35,12 +36,18 @@ class Sheet:
     position: FloatArray
     normal: FloatArray
     distal: FloatArray
+    size: FloatArray
     board_index: NDArray[np.intp]
 
     @property
     def n_taxels(self) -> int:
-        """Number of squares."""
+        """Number of rectangles."""
         return len(self.position)
+
+    @cached_property
+    def area_share(self) -> FloatArray:
+        """Area of each rectangle divided by the area to which the force laws of the layer refer, f64[n]."""
+        return np.asarray(self.size[:, 0] * self.size[:, 1] / REFERENCE_AREA_M2)
 
 
 @lru_cache(maxsize=8)
@@ -50,7 +57,8 @@ def build_sheet(hand: Hand, parts: int = 1) -> Sheet:
     Pieces over a taxel follow the curvature of the sheet; pieces of the margin lie in the plane of their square. Raises
     HandGeometryError if the description contains no positions.
     """
-    rows, board_indices = [np.hstack([hand.position, hand.normal, hand.distal])], [hand.board_index]
+    squares = np.hstack([hand.position, hand.normal, hand.distal, hand.square_size])
+    rows, board_indices = [squares], [hand.board_index]
     curvatures = [
         _compute_curvatures(board.kind, board.kind.surface) for board in hand.boards if board.kind.surface is not None
     ]
@@ -59,9 +67,10 @@ def build_sheet(hand: Hand, parts: int = 1) -> Sheet:
             rows.append(build_margin(board.kind, board.kind.surface, hand.pitch_m))
             board_indices.append(np.full(len(rows[-1]), index))
             curvatures.append(np.zeros((len(rows[-1]), 2)))
-    table = _divide_squares(np.vstack(rows), np.vstack(curvatures), parts, hand.pitch_m)
+    table = _divide_squares(np.vstack(rows), np.vstack(curvatures), parts)
     board_index = np.repeat(np.concatenate(board_indices), parts * parts)
-    return Sheet(hand.name, hand.boards, hand.layer_m, table[:, :3], table[:, 3:6], table[:, 6:], board_index)
+    columns = table[:, :3], table[:, 3:6], table[:, 6:9], table[:, 9:]
+    return Sheet(hand.name, hand.boards, hand.layer_m, *columns, board_index)
 
 
 def _compute_curvatures(kind: BoardKind, surface: Surface) -> FloatArray:
@@ -70,63 +79,68 @@ def _compute_curvatures(kind: BoardKind, surface: Surface) -> FloatArray:
     Curvature: change of the normal between the neighbours on both sides, divided by their distance; 0 without
     neighbours.
     """
-    index_of = {crossing: i for i, crossing in enumerate(zip(kind.tx.tolist(), kind.rx.tolist(), strict=True))}
+    index_of = {place: i for i, place in enumerate(zip(kind.row.tolist(), kind.column.tolist(), strict=True))}
     curvatures = np.zeros((len(surface.position), 2))
-    for (tx, rx), index in index_of.items():
+    for (row, column), index in index_of.items():
         distal = surface.distal[index]
         for axis, (along, step) in enumerate(((distal, (1, 0)), (np.cross(surface.normal[index], distal), (0, 1)))):
-            ends = [index_of.get((tx + sign * step[0], rx + sign * step[1]), index) for sign in (-1, 1)]
+            ends = [index_of.get((row + sign * step[0], column + sign * step[1]), index) for sign in (-1, 1)]
             distance = (surface.position[ends[0]] - surface.position[ends[1]]) @ along
             if distance > 0.0:
                 curvatures[index, axis] = (surface.normal[ends[0]] - surface.normal[ends[1]]) @ along / distance
     return curvatures
 
 
-def _divide_squares(table: FloatArray, curvatures: FloatArray, parts: int, pitch_m: float) -> FloatArray:
-    """Divide each square of a sheet into parts x parts pieces that follow its curvature, f64[m parts^2, 9].
-
-    table: f64[m, 9], centre, normal and distal direction of each square. curvatures: f64[m, 2], 1/m, in the distal and
-    the lateral direction. pitch_m: side of a square, metres.
+def _divide_squares(table: FloatArray, curvatures: FloatArray, parts: int) -> FloatArray:
+    """Divide each rectangle f64[m, 11] (centre, normal, distal direction, sides) into parts x parts pieces that follow
+    the curvature. curvatures: f64[m, 2], 1/m. Returns f64[m parts^2, 11].
     """
     if parts == 1:
         return table
-    offsets = (np.arange(parts) + 0.5) * pitch_m / parts - 0.5 * pitch_m
-    normal, distal = table[:, None, 3:6], table[:, None, 6:]
+    fractions = (np.arange(parts) + 0.5) / parts - 0.5
+    normal, distal = table[:, None, 3:6], table[:, None, 6:9]
     lateral = np.cross(normal, distal)
-    along, across = (grid.ravel()[:, None] for grid in np.meshgrid(offsets, offsets, indexing="ij"))
+    along, across = (
+        grid.ravel()[None, :, None] * table[:, None, None, 9 + axis]
+        for axis, grid in enumerate(np.meshgrid(fractions, fractions, indexing="ij"))
+    )
     slope_along, slope_across = curvatures[:, :1, None] * along, curvatures[:, 1:, None] * across
     depth = 0.5 * (slope_along * along + slope_across * across)
     pieces = np.repeat(table[:, None], parts * parts, axis=1)
     pieces[..., :3] += along * distal + across * lateral - depth * normal
     pieces[..., 3:6] += slope_along * distal + slope_across * lateral
     pieces[..., 3:6] /= np.linalg.norm(pieces[..., 3:6], axis=2, keepdims=True)
-    pieces[..., 6:] -= pieces[..., 3:6] * np.sum(pieces[..., 3:6] * pieces[..., 6:], axis=2, keepdims=True)
-    pieces[..., 6:] /= np.linalg.norm(pieces[..., 6:], axis=2, keepdims=True)
+    pieces[..., 6:9] -= pieces[..., 3:6] * np.sum(pieces[..., 3:6] * pieces[..., 6:9], axis=2, keepdims=True)
+    pieces[..., 6:9] /= np.linalg.norm(pieces[..., 6:9], axis=2, keepdims=True)
+    pieces[..., 9:] /= parts
     return np.asarray(pieces.reshape(-1, table.shape[1]))
 
 
 def build_margin(kind: BoardKind, surface: Surface, pitch_m: float) -> FloatArray:
-    """Build the margin: a square at every crossing without a taxel that has a taxel as neighbour.
+    """Build the margin: a square at every place without a taxel that has a taxel as neighbour.
 
-    Crossings just outside the map are included. Each square is extrapolated from its neighbours along the curvature of
-    the sheet. Returns f64[m, 9]: centre (metres), normal and distal direction, in the bracket frame.
+    Places just outside the layout are included. Each square is extrapolated from its neighbours along the curvature of
+    the sheet. A described margin (`Surface.margin`) is returned as it is. Returns f64[m, 11]: centre (metres), normal,
+    distal direction and sides (metres), in the bracket frame.
     """
-    index_of = {crossing: i for i, crossing in enumerate(zip(kind.tx.tolist(), kind.rx.tolist(), strict=True))}
+    if surface.margin is not None:
+        return surface.margin
+    index_of = {place: i for i, place in enumerate(zip(kind.row.tolist(), kind.column.tolist(), strict=True))}
     extrapolated: dict[tuple[int, int], list[FloatArray]] = {}
-    for (tx, rx), index in index_of.items():
+    for (row, column), index in index_of.items():
         for step in _NEIGHBOUR_STEPS:
-            crossing = (tx + step[0], rx + step[1])
-            if crossing not in index_of:
-                opposite = index_of.get((tx - step[0], rx - step[1]))
-                extrapolated.setdefault(crossing, []).append(_extrapolate(surface, index, opposite, step, pitch_m))
-    squares = [np.mean(extrapolated[crossing], axis=0) for crossing in sorted(extrapolated)]
+            place = (row + step[0], column + step[1])
+            if place not in index_of:
+                opposite = index_of.get((row - step[0], column - step[1]))
+                extrapolated.setdefault(place, []).append(_extrapolate(surface, index, opposite, step, pitch_m))
+    squares = [np.mean(extrapolated[place], axis=0) for place in sorted(extrapolated)]
     if not squares:
-        return np.empty((0, 9))
+        return np.empty((0, 11))
     rows = np.stack(squares)
     rows[:, 3:6] /= np.linalg.norm(rows[:, 3:6], axis=1, keepdims=True)
     rows[:, 6:] -= rows[:, 3:6] * np.sum(rows[:, 3:6] * rows[:, 6:], axis=1, keepdims=True)
     rows[:, 6:] /= np.linalg.norm(rows[:, 6:], axis=1, keepdims=True)
-    return rows
+    return np.hstack([rows, np.full((len(rows), 2), pitch_m)])
 
 
 def _extrapolate(surface: Surface, index: int, opposite: int | None, step: tuple[int, int], pitch: float) -> FloatArray:
@@ -138,7 +152,7 @@ def _extrapolate(surface: Surface, index: int, opposite: int | None, step: tuple
     """
     position, normal, distal = surface.position[index], surface.normal[index], surface.distal[index]
     lateral = np.cross(normal, distal)  # to the left, seen from outside with the distal direction upwards
-    along = -step[0] * distal - step[1] * lateral  # TX 0 is distal, RX 0 is left
+    along = -step[0] * distal - step[1] * lateral  # row 0 is distal, column 0 is left
     angle = 0.0
     if opposite is not None:  # the component of its normal is the sine of the angle between the normals
         angle = float(np.arcsin(np.clip(-surface.normal[opposite] @ along, -1.0, 1.0)))

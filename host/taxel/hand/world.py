@@ -4,7 +4,11 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from taxel.hand.description import Hand
+from taxel.hand.sheet import build_sheet
+from taxel.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,34 @@ def format_world(hand: Hand, settings: WorldSettings | None = None) -> str:
             f"board 0x{board.address:02X} {kind.code} {kind.tx_count} {kind.rx_count} {kind.taxel_count} "
             f"{kind.crossing_bitmap().hex()} {unique_id} {ppm!r} {settings.boot_ms!r}"
         )
+    lines += format_surface(hand) if has_layout(hand) else []
     lines += [f"fault {fault}" for fault in settings.faults]
     lines += [f"effect {effect}" for effect in settings.effects]
     return "\n".join(lines) + "\n"
+
+
+def has_layout(hand: Hand) -> bool:
+    """Whether a kind of board states the places of its taxels, so that every world of the hand contains its surface."""
+    return any(board.kind.layout is not None for board in hand.boards)
+
+
+def format_surface(hand: Hand) -> list[str]:
+    """Format the world lines of taxels and bare sheet: pose, sides of the square (metres) and place of each taxel.
+
+    Raises HandGeometryError if the description contains no positions.
+    """
+    sheet = build_sheet(hand)
+    poses = np.hstack([sheet.position, sheet.normal, sheet.distal, sheet.size])
+    addresses = [hand.boards[index].address for index in sheet.board_index.tolist()]
+    lines = ["# surface board x y z nx ny nz dx dy dz a b row column (d: distal direction, a, b: sides of the square)"]
+    places = zip(hand.row.tolist(), hand.column.tolist(), strict=True)
+    for address, pose, (row, column) in zip(addresses, poses, places, strict=False):
+        lines.append(f"surface 0x{address:02X} {_format_numbers(pose)} {row} {column}")
+    margin = slice(hand.n_taxels, None)
+    for address, pose in zip(addresses[margin], poses[margin], strict=True):
+        lines.append(f"margin 0x{address:02X} {_format_numbers(pose)}")
+    return lines
+
+
+def _format_numbers(values: FloatArray) -> str:
+    return " ".join(f"{value:.12g}" for value in values.tolist())

@@ -58,8 +58,8 @@ class BoardLayout:
 
 
 def _compute_block_height(board: Board, scale: int) -> int:
-    """Return the height of the picture of a board, characters; scale: width of a taxel, which is half as high."""
-    return -(-board.kind.tx_count * scale // 2)
+    """Height of the block of a board, characters."""
+    return -(-board.kind.layout_shape[0] * scale // 2)
 
 
 def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
@@ -72,7 +72,7 @@ def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
     if not by_name.keys() <= {name for row in rows for name in row}:
         return None
     columns = [[by_name[name] for name in column if name in by_name] for column in zip(*rows, strict=True)]
-    widths = [max((scale * board.kind.rx_count for board in column), default=0) for column in columns]
+    widths = [max((scale * board.kind.layout_shape[1] for board in column), default=0) for column in columns]
     fingers = (*FINGERS, *FINGERS[::-1])
     column_starts: list[int] = []
     start = 0
@@ -90,7 +90,7 @@ def layout_unrolled(hand: Hand, scale: int = 1) -> BoardLayout | None:
             continue
         tallest = max(_compute_block_height(board, scale) for _, board in boards)
         for column, board in boards:
-            x = column_starts[column] + (widths[column] - scale * board.kind.rx_count) // 2
+            x = column_starts[column] + (widths[column] - scale * board.kind.layout_shape[1]) // 2
             y = top + 1 + tallest - _compute_block_height(board, scale)
             label = get_short_name(board.name)
             placed.append(
@@ -121,7 +121,7 @@ def layout_rows(hand: Hand, width: int, scale: int = 1) -> BoardLayout:
         start = 0
         for board in row:
             label = _shorten_name(board.name)
-            block = scale * board.kind.rx_count
+            block = scale * board.kind.layout_shape[1]
             column = max(block, len(label))
             y = top + 1 + tallest - _compute_block_height(board, scale)
             x = start + (column - block) // 2
@@ -141,7 +141,7 @@ def _split_rows(hand: Hand, width: int, scale: int) -> list[list[Board]]:
     used = 0
     for group in _group_by_height(hand.boards):
         for number, board in enumerate(group):
-            column = max(scale * board.kind.rx_count, len(_shorten_name(board.name)))
+            column = max(scale * board.kind.layout_shape[1], len(_shorten_name(board.name)))
             if number == 0 or used + 1 + column > width:
                 rows.append([])
                 used = 0

@@ -166,9 +166,9 @@ def _locate_taxels(hand: Hand, layout: BoardLayout) -> tuple[IndexArray, IndexAr
     columns = np.zeros(hand.n_taxels, dtype=np.intp)
     for placed in layout.boards:
         kind, taxels = placed.board.kind, hand.get_slice(placed.board.address)
-        spare = (kind.tx_count * layout.scale) % 2  # an odd number of lines is aligned to the bottom of its block
-        rows[taxels] = 2 * placed.y + spare + layout.scale * kind.tx.astype(np.intp)
-        columns[taxels] = placed.x + layout.scale * kind.rx.astype(np.intp)
+        spare = (kind.layout_shape[0] * layout.scale) % 2  # an odd number of rows is aligned to the bottom of its block
+        rows[taxels] = 2 * placed.y + spare + layout.scale * kind.row.astype(np.intp)
+        columns[taxels] = placed.x + layout.scale * kind.column.astype(np.intp)
     return rows, columns
 
 

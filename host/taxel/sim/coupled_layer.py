@@ -78,7 +78,9 @@ def press_coupled_layer(
         if frames.any():
             of_board = frames[nodes.group]
             compliance = _compute_compliance(hand, board.address, decay_m)
-            layer = _BoardLayer(hand, shape, stiffness_n_per_m, compliance, max_tilt_rad * TILT_ARM_M)
+            # One stiffness for each board: the membrane couples springs of equal stiffness.
+            stiffness = stiffness_n_per_m * float(hand.area_share[hand.get_slice(board.address)].mean())
+            layer = _BoardLayer(hand, shape, stiffness, compliance, max_tilt_rad * TILT_ARM_M)
             result = layer.settle(nodes.select(frames), bears[of_board], travel[frames])
             nodes.pose[frames], force[of_board], indentation[of_board], travel[frames] = result
     settled = SettledBoards(nodes, force, indentation, travel[:, 0], travel[:, 1:] / TILT_ARM_M)
@@ -86,18 +88,18 @@ def press_coupled_layer(
 
 
 def _compute_compliance(hand: Hand, address: int, decay_m: float) -> FloatArray:
-    """Compute the compliance of a board's coupled layer, f64[c, c]: inverse of 1 + (decay / pitch)^2 L.
+    """Inverse of 1 + decay^2 L over the nodes of one board, f64[c, c]; L: Laplacian with the distances of the nodes.
 
-    L is the graph Laplacian of the c nodes (taxels) of the board; two nodes are neighbours if they share a TX or RX
-    line and their other lines are adjacent. decay_m: decay length of an indentation in the layer, metres.
+    Two nodes are neighbours if they are adjacent in a row or a column of the unrolled sheet.
     """
     of_board = hand.get_slice(address)
-    line_steps = [
-        np.abs(np.subtract.outer(line, line)) for line in (hand.tx[of_board].astype(int), hand.rx[of_board].astype(int))
-    ]
-    adjacency = (line_steps[0] + line_steps[1] == 1).astype(np.float64)
-    laplacian = np.diag(adjacency.sum(axis=1)) - adjacency
-    return np.asarray(np.linalg.inv(np.eye(len(adjacency)) + (decay_m / hand.pitch_m) ** 2 * laplacian), np.float64)
+    steps = [np.abs(np.subtract.outer(line, line)) for line in (hand.row[of_board], hand.column[of_board])]
+    differences = hand.position[of_board][:, None] - hand.position[of_board]
+    weight = np.zeros((len(differences), len(differences)))
+    is_neighbour = steps[0] + steps[1] == 1
+    weight[is_neighbour] = (decay_m / np.linalg.norm(differences[is_neighbour], axis=1)) ** 2
+    laplacian = np.diag(weight.sum(axis=1)) - weight
+    return np.asarray(np.linalg.inv(np.eye(len(weight)) + laplacian), np.float64)
 
 
 @dataclass(frozen=True, eq=False)

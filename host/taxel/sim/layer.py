@@ -25,9 +25,9 @@ from taxel.types import FloatArray
 __all__ = ["MAX_TILT_RAD", "STIFFNESS_N_PER_M", "LayerLoads", "LayerResult", "SettledBoards", "press_layer"]
 
 STIFFNESS_N_PER_M = 1450.0
-"""Stiffness of the layer under one taxel, N/m: fitted to a block that is pressed into the emulated skin, over the range
-of forces of one taxel in the grasps. Source: tools/sim/fit_stiffness.py. Taxel force and indentation depth follow from
-this value; the net force on a board does not.
+"""Stiffness of the layer under an area of 25 mm2 (one taxel at a pitch of 5 mm), N/m: fitted to a block that is pressed
+into the emulated skin, over the range of forces of one taxel in the grasps. Source: tools/sim/fit_stiffness.py. Taxel
+force and indentation depth follow from this value; the net force on a board does not.
 """
 
 MAX_TILT_RAD = np.radians(5.0)
@@ -128,8 +128,8 @@ def press_layer(
     """Distribute the wrench on every board over its taxels.
 
     sensor_poses: brackets in the world, f64[T, s, 4, 4]. object_poses: f64[T, 4, 4]. wrench: f64[T, s, 6], force (N)
-    and moment (Nm, about the bracket's origin) on the board, bracket frame. stiffness_n_per_m: of the layer under one
-    taxel. max_tilt_rad: bound of either tilt.
+    and moment (Nm, about the bracket's origin) on the board, bracket frame. stiffness_n_per_m: of the layer under
+    25 mm2. max_tilt_rad: bound of either tilt.
 
     If the moments require a larger tilt (the force passes outside the taxels that can bear it), the board rests at the
     bound and the residual states the unbalanced moment; the net force is kept. A board without force has no compressed
@@ -156,8 +156,8 @@ def settle_boards(
 ) -> SettledBoards:
     """Move the loaded boards to their rest positions on the uncoupled springs of their taxels.
 
-    stiffness: of the spring of one taxel, N/m. max_tilt_rad: bound of either tilt. The separations between taxels and
-    object are linearised at most `MAX_CASTS` times.
+    stiffness: of the layer under 25 mm2, N/m. max_tilt_rad: bound of either tilt. The separations are linearised at
+    most `MAX_CASTS` times.
     """
     travel = np.zeros((len(boards.frame), 3))
     bound = max_tilt_rad * TILT_ARM_M
@@ -165,7 +165,8 @@ def settle_boards(
     moving_boards, moved = np.arange(len(travel)), boards
     for _ in range(MAX_CASTS):
         gap, change = moved.cast_rays(hand, shape)
-        springs = _linearise(moved, gap, change, stiffness, bound, travel[moving_boards, 1:])
+        of_springs = stiffness * hand.area_share[moved.taxel]
+        springs = _linearise(moved, gap, change, of_springs, bound, travel[moving_boards, 1:])
         x = solve_rest_positions(springs)
         force[np.isin(boards.group, moving_boards)] = springs.stiffness * springs.compute_compression(x)
         moved = moved.move(x)
@@ -176,17 +177,18 @@ def settle_boards(
         if not len(moving_boards):
             break
     at_rest = replace(boards, pose=pose, centre=centre)
-    return SettledBoards(at_rest, force, -force / stiffness, travel[:, 0], travel[:, 1:] / TILT_ARM_M)
+    indentation = -force / (stiffness * hand.area_share[boards.taxel])
+    return SettledBoards(at_rest, force, indentation, travel[:, 0], travel[:, 1:] / TILT_ARM_M)
 
 
 def _linearise(
-    boards: BoardContacts, gap: FloatArray, change: FloatArray, stiffness: float, bound: float, tilt: FloatArray
+    boards: BoardContacts, gap: FloatArray, change: FloatArray, stiffness: FloatArray, bound: float, tilt: FloatArray
 ) -> Springs:
     """Build the springs of the problem that is linearised at the present positions of the boards.
 
-    gap f64[m] and change f64[m, 3]: separations and their derivatives, see `BoardContacts.cast_rays`. bound: of a tilt,
-    metres. tilt: f64[G, 2], present tilts, metres. A ray that meets the surface at an angle shortens faster than the
-    board approaches. One ratio for each taxel keeps the problem convex; its error vanishes as the board comes to rest.
+    gap f64[m] and change f64[m, 3]: see `BoardContacts.cast_rays`. stiffness: f64[m], N/m. bound: of a tilt, metres.
+    tilt: f64[G, 2], present tilts, metres. A ray that meets the surface at an angle shortens faster than the board
+    approaches. One ratio for each taxel keeps the problem convex; its error vanishes as the board comes to rest.
     """
     ratio = -np.sum(change * boards.rows, axis=1) / np.sum(boards.rows**2, axis=1)
     ratio = np.where(change.any(axis=1), np.clip(ratio, *RATIO_RANGE), 1.0)

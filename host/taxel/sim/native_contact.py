@@ -37,6 +37,7 @@ class _Layer(ctypes.Structure):
         ("first", ctypes.c_void_p),
         ("position", ctypes.c_void_p),
         ("normal", ctypes.c_void_p),
+        ("area_share", ctypes.c_void_p),
         ("taxel", ctypes.c_void_p),
         ("board_size", ctypes.c_void_p),
         ("square_size_m", ctypes.c_double),
@@ -77,17 +78,23 @@ def load_sim_library() -> ctypes.CDLL:
     return library
 
 
+_PIECE_ARRAYS = ("first", "position", "normal", "area_share", "taxel")
+"""Arrays of a `_PieceTable` to which `_Layer` points."""
+
+
 class _PieceTable(NamedTuple):
     """Pieces of a sheet sorted by board, in the memory layout of the library.
 
-    first: index of the first piece of each board, [s + 1]. position, normal: f64[p, 3], bracket frame. taxel: u32[p],
-    `_NO_TAXEL` for a piece of the margin. board_size: f64[s], largest distance of a piece from the bracket's origin.
-    square_size_m: largest distance of a piece from the middle of its square.
+    first: index of the first piece of each board, [s + 1]. position, normal: f64[p, 3], bracket frame. area_share:
+    f64[p], area relative to that of the force law. taxel: u32[p], `_NO_TAXEL` for a piece of the margin. board_size:
+    f64[s], largest distance of a piece from the bracket's origin. square_size_m: largest distance of a piece from the
+    middle of its square.
     """
 
     first: npt.NDArray[np.uintp]
     position: FloatArray
     normal: FloatArray
+    area_share: FloatArray
     taxel: npt.NDArray[np.uint32]
     board_size: FloatArray
     square_size_m: float
@@ -102,6 +109,7 @@ def _build_table(hand: Hand) -> _PieceTable:
     sheet = build_sheet(hand, SPRINGS_PER_SIDE)
     order = np.argsort(sheet.board_index, kind="stable")  # the bare squares of a sheet follow after all taxels
     position, normal = (np.ascontiguousarray(part[order], dtype=np.float64) for part in (sheet.position, sheet.normal))
+    area_share = np.ascontiguousarray(sheet.area_share[order])
     first = np.searchsorted(sheet.board_index[order], np.arange(len(hand.boards) + 1)).astype(np.uintp)
     square = order // SPRINGS_PER_SIDE**2
     taxel = np.where(square < hand.n_taxels, square, _NO_TAXEL).astype(np.uint32)
@@ -109,7 +117,7 @@ def _build_table(hand: Hand) -> _PieceTable:
     board_size = [radius[begin:end].max(initial=0.0) for begin, end in pairwise(first)]
     squares = position.reshape(-1, SPRINGS_PER_SIDE**2, 3)
     square_size = np.linalg.norm(squares - squares[:, SPRINGS_PER_SIDE**2 // 2, None], axis=2).max()
-    return _PieceTable(first, position, normal, taxel, np.array(board_size), float(square_size))
+    return _PieceTable(first, position, normal, area_share, taxel, np.array(board_size), float(square_size))
 
 
 class NativeContact:
@@ -136,7 +144,10 @@ class NativeContact:
         self._layer = _Layer(
             boards=self._boards,
             square_pieces=SPRINGS_PER_SIDE**2,
-            **{name: self._reference(getattr(table, name)) for name in ("first", "position", "normal", "taxel")},
+            **{
+                name: self._reference(getattr(table, name))
+                for name in ("first", "position", "normal", "area_share", "taxel")
+            },
             board_size=self._reference(table.board_size),
             square_size_m=table.square_size_m,
             thickness_m=hand.layer_m or 0.0,

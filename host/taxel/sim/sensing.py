@@ -85,7 +85,7 @@ def _sense_layer(hand: Hand, shape: Shape, motion: GraspMotion, stiffness_n_per_
         motion.sensor_poses,
         motion.object_pose,
         motion.wrench,
-        stiffness_n_per_m / pieces,
+        stiffness_n_per_m,
     )
     frames = len(result.contact_force)
     force = result.contact_force[:, : hand.n_taxels * pieces].reshape(frames, hand.n_taxels, pieces).sum(axis=2)

@@ -36,7 +36,8 @@ the object deeper enters through another side.
 
 @dataclass(frozen=True)
 class LayerLaw:
-    """Force law of the layer on one taxel: F(d) = stiffness_n_per_m d exp(d / stiffening_m + (d / closing_m)^4).
+    """Force law of the layer on 25 mm2, the area of one taxel at a pitch of 5 mm: F(d) = stiffness_n_per_m d exp(d /
+    stiffening_m + (d / closing_m)^4).
 
     d is the compression in metres. The function is an empirical fit to indentations of the emulated skin; source of the
     parameters: tools/sim/fit_stiffness.py. Beyond `straight_m`, which no taxel reaches in a grasp, the force continues
@@ -125,8 +126,9 @@ class SoftContact:
         normal = np.einsum("mij,mj->mi", rotation, self.sheet.normal[piece])
         arm = np.einsum("mij,mj->mi", rotation, self.sheet.position[piece])
         line = np.hstack([normal, cross(arm, normal)])
-        force = self._law.compute_force(depth) / SPRINGS_PER_SIDE**2
-        rate = self._law.compute_stiffness(depth) / SPRINGS_PER_SIDE**2
+        share = self.sheet.area_share[piece]
+        force = self._law.compute_force(depth) * share
+        rate = self._law.compute_stiffness(depth) * share
         wrench, stiffness = np.zeros((len(sensor_poses), 6)), np.zeros((len(sensor_poses), 6, 6))
         for index in np.unique(board):
             on_board = board == index
@@ -140,7 +142,7 @@ class SoftContact:
         sensor_poses: f64[s, 4, 4], brackets in the world. object_pose: f64[4, 4], world.
         """
         piece, depth = self._find_compressed(inverse(object_pose) @ sensor_poses)
-        force = self._law.compute_force(depth) / SPRINGS_PER_SIDE**2
+        force = self._law.compute_force(depth) * self.sheet.area_share[piece]
         count = self.hand.n_taxels
         return np.asarray(np.bincount(piece // SPRINGS_PER_SIDE**2, force, count)[:count], dtype=np.float64)
 

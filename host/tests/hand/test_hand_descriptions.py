@@ -58,11 +58,11 @@ def is_connected(crossings: NDArray[np.bool_]) -> bool:
     return not remaining
 
 
-def test_three_hands_are_packaged() -> None:
-    assert list_packaged_hands() == ["allegro", "flat8", "rig4"]
+def test_original_assumed_and_test_hands_are_packaged() -> None:
+    assert list_packaged_hands() == ["allegro", "first_generation", "flat8", "original", "original_complete", "rig4"]
 
 
-@pytest.mark.parametrize("name", ["allegro", "flat8", "rig4"])
+@pytest.mark.parametrize("name", ["allegro", "first_generation", "flat8", "original", "original_complete", "rig4"])
 def test_the_name_of_a_packaged_hand_equals_its_file_name(name: str) -> None:
     assert load_hand(name).name == name
 

@@ -120,7 +120,7 @@ INVALID_EDITS: dict[str, tuple[str, str, str, str]] = {
         "taxels = [\n    [0, 0.002",
         "rows = [\n    [0, 0.002",
         "geometry.strip.rows",
-        "known names: taxels",
+        "known names: layout, margin, taxels",
     ),
     "unknown key of a geometry": (
         STRIP,

@@ -59,9 +59,9 @@ def test_tx_and_rx_identify_each_taxel_once_and_in_order(crossings: NDArray[np.b
     assert all(crossings[tx, rx] for tx, rx in crossing_lines)
 
 
-@pytest.mark.parametrize("shape", [(17, 1), (1, 17), (0, 3), (3,), (2, 2, 2)])
-def test_a_kind_has_1_to_16_tx_and_rx_lines(shape: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match=r"1\.\.16"):
+@pytest.mark.parametrize("shape", [(33, 1), (1, 33), (0, 3), (3,), (2, 2, 2)])
+def test_a_kind_has_1_to_32_tx_and_rx_lines(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match=r"1\.\.32"):
         BoardKind("any", 1, np.ones(shape, dtype=bool))
 
 
@@ -170,3 +170,8 @@ def test_a_hand_and_its_errors_can_be_pickled() -> None:
     assert pickle.loads(pickle.dumps(hand)) == hand
     error = UnknownBoardError("small", "0x77", ["0x10"])
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
+
+
+def test_a_kind_with_more_than_16_lines_has_no_register_bitmap() -> None:
+    with pytest.raises(ValueError, match="supports 16 TX and 16 RX lines, this kind has 1 and 25"):
+        BoardKind("any", 1, np.ones((1, 25), dtype=bool)).crossing_bitmap()

@@ -258,8 +258,8 @@ def test_a_rounded_axis_is_normalised(tmp_path: Path) -> None:
     np.testing.assert_allclose(axis, np.full(3, 3**-0.5), rtol=1e-15)
 
 
-def test_the_packaged_robots_are_the_plate_and_the_workstation() -> None:
-    assert list_packaged_robots() == ["plate", "ur5e_allegro"]
+def test_the_packaged_robots_are_the_plate_and_two_workstations() -> None:
+    assert list_packaged_robots() == ["plate", "ur5e_allegro", "ur5e_original"]
     assert len(load_robot("ur5e_allegro").joint_names) == 22
     assert load_robot("plate").joint_names == ("hinge",)
 

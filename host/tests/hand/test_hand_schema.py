@@ -124,8 +124,8 @@ INVALID_EDITS: dict[str, tuple[str, str, str, str]] = {
         "kinds.patch.crossings",
         "RX line 0 has no taxel",
     ),
-    "too many TX lines": ("tx = 2", "tx = 17", "kinds.patch.tx", "from 1 to 16, found 17"),
-    "no RX line": ("rx = 3", "rx = 0", "kinds.patch.rx", "from 1 to 16, found 0"),
+    "too many TX lines": ("tx = 2", "tx = 33", "kinds.patch.tx", "from 1 to 32, found 33"),
+    "no RX line": ("rx = 3", "rx = 0", "kinds.patch.rx", "from 1 to 32, found 0"),
     "no taxel": ("taxels = 5", "taxels = 0", "kinds.patch.taxels", "from 1 to 240, found 0"),
     "too many taxels": ("[[boards]]", BIG_KIND, "kinds.big.taxels", "from 1 to 240, found 241"),
     "kind code 0": ("code = 1", "code = 0", "kinds.patch.code", "0 is a blank board"),
@@ -204,7 +204,7 @@ def test_blanks_around_the_map_are_ignored(tmp_path: Path) -> None:
 def test_the_error_of_a_missing_file_lists_the_packaged_names() -> None:
     error = load_error("alegro")
     assert_one_line(error, "alegro", "file")
-    assert "no such file; the packaged hands are allegro, flat8" in str(error)
+    assert "no such file; the packaged hands are allegro, first_generation, flat8" in str(error)
 
 
 @pytest.mark.parametrize("name", ["", "two\nlines", "nul\0byte", "a" * 5000])

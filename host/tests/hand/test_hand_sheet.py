@@ -24,7 +24,7 @@ def get_margin(kind: BoardKind) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return centres, normals and distal directions of the margin of a kind."""
     assert kind.surface is not None
     rows = build_margin(kind, kind.surface, PITCH_M)
-    return rows[:, :3], rows[:, 3:6], rows[:, 6:]
+    return rows[:, :3], rows[:, 3:6], rows[:, 6:9]
 
 
 def find_nearest_taxel_m(kind: BoardKind) -> FloatArray:

@@ -29,17 +29,21 @@ class FixedSprings(NamedTuple):
     """Springs on fixed boards, world frame.
 
     point: f64[m, 3], foot of the spring on the level of the electrodes. normal: f64[m, 3]. moment: f64[m, 3], of the
-    normal about the origin. taxel: [m], index of the taxel; n or more for springs on the bare margin.
+    normal about the origin. area_share: f64[m], area relative to that of the force law. taxel: [m], index of the taxel;
+    n or more for springs on the bare margin.
     """
 
     point: FloatArray
     normal: FloatArray
     moment: FloatArray
+    area_share: FloatArray
     taxel: NDArray[np.intp]
 
     def select(self, mask: NDArray[np.bool_]) -> FixedSprings:
-        """Return the springs of the layer for which the mask bool[m] is true."""
-        return FixedSprings(self.point[mask], self.normal[mask], self.moment[mask], self.taxel[mask])
+        """The springs for which the mask bool[m] is true."""
+        return FixedSprings(
+            self.point[mask], self.normal[mask], self.moment[mask], self.area_share[mask], self.taxel[mask]
+        )
 
 
 class FixedSkinLayer:
@@ -58,10 +62,10 @@ class FixedSkinLayer:
         point = np.einsum("mij,mj->mi", pose[:, :3, :3], sheet.position) + pose[:, :3, 3]
         normal = np.einsum("mij,mj->mi", pose[:, :3, :3], sheet.normal)
         taxel = np.arange(sheet.n_taxels) // springs_per_side**2
-        self.springs = FixedSprings(point, normal, np.cross(point, normal), taxel)
+        self.springs = FixedSprings(point, normal, np.cross(point, normal), sheet.area_share, taxel)
         self.thickness_m = sheet.layer_m or 0.0
         self.n_taxels = hand.n_taxels
-        self._law, self._share = law, 1.0 / springs_per_side**2
+        self._law = law
 
     def near(self, shape: Shape, object_pose: FloatArray) -> FixedSprings:
         """Select the springs of the layer that an object can reach.
@@ -82,18 +86,15 @@ class FixedSkinLayer:
         depth = self.thickness_m - separation
         return np.where((depth > 0.0) & (depth < self.thickness_m + MAX_DEPTH_M), depth, 0.0)
 
-    def force(self, depth_m: FloatArray) -> FloatArray:
-        """Compute the force of each spring of the layer, newtons, from its compression f64[m], metres."""
-        return np.asarray(self._share * self._law.compute_force(depth_m))
+    def force(self, springs: FixedSprings, depth_m: FloatArray) -> FloatArray:
+        """Force of each spring, newtons, f64[m]; depth_m: its compression, metres."""
+        return np.asarray(springs.area_share * self._law.compute_force(depth_m))
 
-    def stiffness(self, depth_m: FloatArray) -> FloatArray:
-        """Compute the stiffness of each spring of the layer, newtons per metre, at its compression f64[m], metres."""
-        return np.asarray(self._share * self._law.compute_stiffness(depth_m))
+    def stiffness(self, springs: FixedSprings, depth_m: FloatArray) -> FloatArray:
+        """Stiffness of each spring, newtons per metre, f64[m]; depth_m: its compression, metres."""
+        return np.asarray(springs.area_share * self._law.compute_stiffness(depth_m))
 
     def taxel_forces(self, springs: FixedSprings, shape: Shape, object_pose: FloatArray) -> FloatArray:
-        """Compute the normal force of an object on every taxel, newtons, f64[n].
-
-        Forces on the bare margin of the layer belong to no taxel.
-        """
-        force = self.force(self.depth(springs, shape, object_pose))
+        """Normal force on every taxel, newtons, f64[n]; forces on the bare margin belong to no taxel."""
+        force = self.force(springs, self.depth(springs, shape, object_pose))
         return np.asarray(np.bincount(springs.taxel, force, self.n_taxels)[: self.n_taxels], dtype=np.float64)

@@ -139,8 +139,7 @@ class SimulatedEquilibrium:
             return np.concatenate([(touch_m + depth) * self._direction, np.zeros(3)])
 
         def layer_force(depth: float) -> float:
-            """Compute the force of the layer against the direction of motion at a depth in metres, newtons."""
-            forces = self._layer.force(self._layer.depth(self._near, self._shape, self.pose(motion(depth))))
+            forces = self._layer.force(self._near, self._layer.depth(self._near, self._shape, self.pose(motion(depth))))
             return -float(forces @ (self._near.normal @ self._direction))
 
         index = bisect_left(FIRST_DEPTHS_M, force, key=layer_force)
@@ -161,9 +160,9 @@ class SimulatedEquilibrium:
         x, y, z = (self._pivot + motion[:3]).tolist()
         cross_matrix = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         lines = np.hstack([springs.normal, springs.moment - springs.normal @ cross_matrix.T])
-        residual = self._layer.force(depth) @ lines - self._mount_stiffness @ motion
+        residual = self._layer.force(springs, depth) @ lines - self._mount_stiffness @ motion
         residual[:3] += force * self._direction
-        jacobian = -(lines * self._layer.stiffness(depth)[:, None]).T @ lines - self._mount_stiffness
+        jacobian = -(lines * self._layer.stiffness(springs, depth)[:, None]).T @ lines - self._mount_stiffness
         weight = np.array([1.0] * 3 + [1.0 / ARM_M] * 3) / force
         return weight * residual, weight[:, None] * jacobian * self._unit
 

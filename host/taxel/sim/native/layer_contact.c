@@ -269,13 +269,12 @@ static size_t select_lines(const struct sim_layer *layer, const struct sim_solid
 }
 
 /* Add the wrench, the stiffness and the taxel forces of one board at `pose` in the solid's frame; returns whether the
-   board is in contact. Each piece is a spring with its share of the force law of a taxel. */
+   board is in contact. Each piece is a spring with the share of the force law that its area has. */
 static int load_board(const struct sim_layer *layer, size_t board, const double *pose, double *wrench,
                       double *stiffness, double *taxel_force)
 {
     const uint32_t *near = layer->near + layer->first[board];
     const struct sim_solid solid = select_near_faces(layer, board);
-    const double share = 1.0 / (double)layer->square_pieces;
     int has_contact = 0;
     for (size_t begin = 0; begin < layer->near_count[board]; begin += RAY_BLOCK) {
         struct sim_lines lines;
@@ -288,6 +287,7 @@ static int load_board(const struct sim_layer *layer, size_t board, const double 
             const double depth = layer->thickness_m - entry[i];
             if (depth > 0.0 && depth < layer->thickness_m + layer->max_depth_m) {
                 const uint32_t taxel = layer->taxel[piece[i]];
+                const double share = layer->area_share[piece[i]];
                 double force, rate;
                 apply_law(&layer->law, depth, &force, &rate);
                 add_piece(layer, piece[i], share * force, share * rate, wrench, stiffness);

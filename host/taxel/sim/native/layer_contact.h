@@ -11,7 +11,7 @@
 #define SIM_POSE 16 /* numbers of a pose: 4 x 4, by rows */
 #define SIM_NO_TAXEL UINT32_MAX
 
-/* Force law of the layer on one taxel: taxel.sim.soft_contact.LayerLaw. */
+/* Force law of the layer on an area of 25 mm2: taxel.sim.soft_contact.LayerLaw. */
 struct sim_law {
     double stiffness_n_per_m;
     double stiffening_m;
@@ -26,6 +26,7 @@ struct sim_layer {
     const size_t *first;      /* [boards + 1], first piece of each board */
     const double *position;   /* [pieces][3], on the electrode's level, bracket frame, metres */
     const double *normal;     /* [pieces][3] */
+    const double *area_share; /* [pieces], area of the piece divided by the area of the law */
     const uint32_t *taxel;    /* [pieces], taxel of the piece; SIM_NO_TAXEL: a piece of the margin */
     const double *board_size; /* [boards], largest distance of a piece from the bracket's origin, metres */
     double square_size_m;     /* largest distance of a piece from the middle piece of its square, metres */

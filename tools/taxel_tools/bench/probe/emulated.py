@@ -58,13 +58,13 @@ class EmulatedProbe:
         across = (np.arange(TIP_SAMPLES) + 0.5) / TIP_SAMPLES - 0.5
         along_tx, along_rx = np.meshgrid(across * diameter_m, across * diameter_m, indexing="ij")
         is_under_tip = np.hypot(along_tx, along_rx) <= diameter_m / 2.0
-        tx = np.rint(along_tx[is_under_tip] / self._pitch_m).astype(int) + int(self._kind.tx[taxel])
-        rx = np.rint(along_rx[is_under_tip] / self._pitch_m).astype(int) + int(self._kind.rx[taxel])
-        rows, columns = self._kind.crossings.shape
-        on_board = (tx >= 0) & (tx < rows) & (rx >= 0) & (rx < columns)
+        row = np.rint(along_tx[is_under_tip] / self._pitch_m).astype(int) + int(self._kind.row[taxel])
+        column = np.rint(along_rx[is_under_tip] / self._pitch_m).astype(int) + int(self._kind.column[taxel])
+        rows, columns = self._kind.layout_shape
+        on_board = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         shares = np.zeros((rows, columns))
-        np.add.at(shares, (tx[on_board], rx[on_board]), 1.0 / is_under_tip.sum())
-        return np.asarray(shares[self._kind.crossings])
+        np.add.at(shares, (row[on_board], column[on_board]), 1.0 / is_under_tip.sum())
+        return np.asarray(shares[self._kind.row, self._kind.column])
 
     def release(self) -> None:
         """Remove the force from the emulated board."""

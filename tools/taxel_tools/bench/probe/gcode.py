@@ -101,8 +101,8 @@ class GcodeProbe:
         self._change_tip(round(diameter_m * 1e3, 3))
         if taxel != self._taxel:
             self._move_clear()
-            x = gantry.x + self._pitch_mm * float(self._kind.tx[taxel])
-            y = gantry.y + self._pitch_mm * float(self._kind.rx[taxel])
+            x = gantry.x + self._pitch_mm * float(self._kind.row[taxel])
+            y = gantry.y + self._pitch_mm * float(self._kind.column[taxel])
             self._send(f"G0 X{x:.3f} Y{y:.3f}")
             self._taxel = taxel
         self._is_down = True
