@@ -32,7 +32,8 @@ def test_every_bug_can_be_planted(bug):
     assert "\n" not in bug.what
 
 
-def test_there_are_bugs_in_every_part():
+def test_the_list_of_planted_bugs_covers_every_part_of_the_code():
+    """Planted bugs are deliberate errors that the test suite must detect."""
     listed_bugs = bugs.load_bugs()
     assert len(listed_bugs) >= BUGS_MIN
     parts = ("firmware/codec/", "firmware/sensor/", "firmware/hub/", "protocol/taxel_protocol/", "host/taxel/stream/")

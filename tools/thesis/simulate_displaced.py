@@ -28,8 +28,10 @@ class EmulatedVariation(Variation):
     unit_samples: tuple[float, ...] = ()
 
     def apply(self, draw: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-        """Offset of the object and factor on the torque of a grasp, see `Variation.apply`; the argument `draw` is
-        ignored.
+        """Object offset f64[6] and torque factor of a grasp, from the fixed samples `unit_samples`.
+
+        Overrides `Variation.apply`, which uses the random samples `draw`: all grasps of this program have the same
+        displacement, so that `draw` is ignored.
         """
         return super().apply(np.array(self.unit_samples))
 

@@ -45,7 +45,8 @@ bool droop_is_on(const struct droop_effect *droop)
     return droop->supply_ohms > 0.0;
 }
 
-/* The relative fall of a voltage, limited to FALL_MAX. */
+/* Limit the computed relative fall of a supply or reference voltage (1: down to 0 V) to FALL_MAX. The linear model of the
+ * droop is not valid for larger falls: a fall of 1 or more would be a voltage of 0 or below, and a division by 0. */
 static double limit_fall(double fall)
 {
     return fmin(fall, FALL_MAX);

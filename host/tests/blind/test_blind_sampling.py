@@ -78,8 +78,12 @@ def test_each_effect_is_withheld_equally_often_and_there_are_as_many_decoys(all_
     assert not any(world.is_withheld or world.decoy in world.hidden.names for world in decoys)
 
 
-def test_strengths_are_stratified_within_each_effect(monkeypatch):
-    """With a cause type that writes its strength into its effect line."""
+def test_strengths_of_sampled_causes_are_spread_evenly_over_the_range_of_gaps(monkeypatch):
+    """Of 240 worlds, 12 lie in each of 20 intervals of the intended gap (in multiples of the floor, from low to high).
+
+    The floor is the gap that repeats and sessions cause without any effect. The only cause type of this test writes its
+    strength (0 to 1) into its effect line; strength s corresponds to an intended gap of low * (high / low)^s.
+    """
 
     def sample(rng, hand, strength):
         return Cause("noise", "noise white", (f"{strength}",))
