@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "emulator/board_cortex.h"
+#include "emulator/board_original.h"
 #include "emulator/board_internal.h"
 #include "emulator/base/costs.h"
 
@@ -124,6 +125,8 @@ static void fill_taxel_table(struct board_node *board)
         for (unsigned rx = 0; rx < board->description->columns; rx++) {
             const unsigned crossing = tx * board->description->columns + rx;
             if ((board->description->crossing_map[crossing >> 3] >> (crossing & 7u)) & 1u) {
+                board->tx_of_taxel[taxel] = (uint8_t)tx;
+                board->rx_of_taxel[taxel] = (uint8_t)rx;
                 board->taxel_at[tx][rx] = taxel++;
             }
         }
@@ -164,6 +167,7 @@ static int open_effects(struct board_node *board, const struct world_description
 void board_node_free(struct board_node *board)
 {
     board_cortex_close(board);
+    board_original_close(board);
     free(board->electronics);
     free(board->boot);
     board->boot = NULL;
@@ -242,6 +246,9 @@ int board_node_init(struct board_node *board, const struct board_description *de
         return -1;
     }
     if (description->image && board_cortex_open(board, world)) {
+        return -1;
+    }
+    if (world->original.is_on && board_original_open(board, world)) {
         return -1;
     }
     board_set_power(board, true, 0, TAXEL_RESET_CAUSE_POWER_ON);
@@ -345,6 +352,10 @@ void board_advance(struct board_node *board, vtime until)
     }
     if (board->psoc) {
         board_cortex_advance(board, until);
+        return;
+    }
+    if (board->original) {
+        board_original_advance(board, until);
         return;
     }
     if (board->program != PROGRAM_APPLICATION) {

@@ -12,6 +12,7 @@
 #include "emulator/boot_node.h"
 #include "emulator/effects/droop.h"
 #include "emulator/electronics.h"
+#include "emulator/original/original_board.h"
 #include "emulator/base/fault_log.h"
 #include "emulator/physics/front_end.h"
 #include "emulator/psoc4200/psoc.h"
@@ -37,6 +38,7 @@ struct board_node {
     struct front_end front_end;
     struct normal_source normals;
     uint8_t taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX]; /* [tx][rx] */
+    uint8_t tx_of_taxel[TAXEL_TAXELS_MAX], rx_of_taxel[TAXEL_TAXELS_MAX];
     uint8_t snapshots[3][TAXEL_SNAPSHOT_SIZE(TAXEL_TAXELS_MAX)];
     taxel_compact_state compact_states[TAXEL_COMPACT_TAXELS_MAX];
     uint8_t compact_residuals[TAXEL_COMPACT_TAXELS_MAX];
@@ -47,6 +49,7 @@ struct board_node {
     vtime now;                      /* the time that the firmware sees while it runs */
     struct boot_node *boot;
     struct psoc *psoc; /* NULL: natively compiled firmware; otherwise an image is executed (board_cortex.h) */
+    struct original_board *original; /* not NULL: the board behaves as an original board (board_original.h) */
     enum running_program program;
     uint8_t address;    /* present I2C address */
     bool has_confirmed; /* the running image has been confirmed */
@@ -97,13 +100,13 @@ vtime board_next_power_event(const struct board_node *board);
 void board_run_power_events(struct board_node *board, vtime until);
 
 /* I2C events, at the end of the byte that causes them. A returned time is when the board releases SCL. */
-vtime board_on_address(struct board_node *board, vtime now, bool reading, bool *acknowledge);
+vtime board_on_address(struct board_node *board, vtime now, uint8_t address, bool reading, bool *acknowledge);
 vtime board_on_write(struct board_node *board, vtime now, uint8_t byte, bool *acknowledge);
 vtime board_on_read(struct board_node *board, vtime now, uint8_t *byte);
 void board_on_stop(struct board_node *board, vtime now);
 void board_on_bus_error(struct board_node *board, vtime now);
 
-/* Whether the board is ready and has this address: board_on_address() may be called. */
+/* Whether the board is ready and responds to this address: board_on_address() may be called. */
 bool board_can_respond(struct board_node *board, vtime now, uint8_t address);
 
 #endif

@@ -4,6 +4,7 @@
 #include "codec/crc32.h"
 #include "emulator/board_cortex.h"
 #include "emulator/board_internal.h"
+#include "emulator/board_original.h"
 #include "emulator/base/costs.h"
 
 #define CONFIRM_SCANS 10u /* an image on trial is confirmed after these scans and one snapshot that was read */
@@ -74,11 +75,15 @@ void board_set_power(struct board_node *board, bool on, vtime now, uint8_t reset
     board->sda_hold_clocks = 0; /* a board without power or after a reset releases the lines */
     board->scl_held_until = 0;
     board->address_stretch = 0;
-    if (board->psoc) {
+    if (board->psoc || board->original) {
         if (on && reset_cause == TAXEL_RESET_CAUSE_POWER_ON) {
             board->power_on_time = now;
         }
-        board_cortex_set_power(board, on, now, reset_cause);
+        if (board->psoc) {
+            board_cortex_set_power(board, on, now, reset_cause);
+        } else {
+            board_original_set_power(board, on, now);
+        }
         return;
     }
     if (!on) {

@@ -1,6 +1,7 @@
 /* The I2C slave of a board: passes the events of the bus to the application, the bootloader or the executed image. */
 #include "emulator/board_cortex.h"
 #include "emulator/board_internal.h"
+#include "emulator/board_original.h"
 #include "emulator/base/costs.h"
 
 #define CORRUPTED_BIT 0x10u
@@ -13,8 +14,8 @@ static void run_bootloader(struct board_node *board, vtime now)
     }
 }
 
-/* Whether the board would acknowledge this I2C address now: power on, address equal, and neither booting nor writing
- * flash. */
+/* Whether the board would acknowledge this I2C address now: power on, address equal (or the general call, for an original
+ * board), and neither booting nor writing flash. */
 bool board_can_respond(struct board_node *board, vtime now, uint8_t address)
 {
     if (!board->is_powered) {
@@ -25,6 +26,9 @@ bool board_can_respond(struct board_node *board, vtime now, uint8_t address)
         const bool has_address = board->is_powered && psoc_i2c_matches_address(board->psoc, address);
         board->address = has_address ? address : board->address;
         return has_address;
+    }
+    if (board->original) {
+        return board_original_can_respond(board, now, address);
     }
     if (board->program != PROGRAM_APPLICATION) {
         board_advance_bootloader(board, now);
@@ -49,7 +53,7 @@ static void log_fault(struct board_node *board, vtime now, enum fault_kind kind)
 
 /* The board is addressed on the bus. Returns the time at which it releases SCL; `acknowledge`: whether it acknowledges.
  * Injected faults apply first. */
-vtime board_on_address(struct board_node *board, vtime now, bool reading, bool *acknowledge)
+vtime board_on_address(struct board_node *board, vtime now, uint8_t address, bool reading, bool *acknowledge)
 {
     if (board->nacks_left) {
         board->nacks_left--;
@@ -65,6 +69,12 @@ vtime board_on_address(struct board_node *board, vtime now, bool reading, bool *
     if (board->psoc) {
         const vtime released = psoc_i2c_on_address(board->psoc, now, reading, acknowledge) + board->address_stretch;
         board->address_stretch = 0;
+        return released;
+    }
+    if (board->original) {
+        const vtime released = now + board->address_stretch;
+        board->address_stretch = 0;
+        *acknowledge = board_original_on_address(board, now, address, reading);
         return released;
     }
     if (board->program != PROGRAM_APPLICATION) {
@@ -88,6 +98,11 @@ vtime board_on_write(struct board_node *board, vtime now, uint8_t byte, bool *ac
         board_cortex_advance(board, now);
         return psoc_i2c_on_write(board->psoc, now, byte, acknowledge);
     }
+    if (board->original) {
+        board_original_advance(board, now);
+        *acknowledge = original_board_on_write(board->original, byte);
+        return now;
+    }
     if (board->program != PROGRAM_APPLICATION) {
         *acknowledge = taxel_boot_i2c_on_write(&board->boot->i2c, byte);
         return now;
@@ -104,6 +119,9 @@ vtime board_on_read(struct board_node *board, vtime now, uint8_t *byte)
     if (board->psoc) {
         board_cortex_advance(board, now);
         released = psoc_i2c_on_read(board->psoc, now, byte);
+    } else if (board->original) {
+        board_original_advance(board, now);
+        *byte = original_board_on_read(board->original);
     } else if (board->program != PROGRAM_APPLICATION) {
         *byte = taxel_boot_i2c_on_read(&board->boot->i2c);
     } else {
@@ -132,6 +150,11 @@ void board_on_bus_error(struct board_node *board, vtime now)
         psoc_i2c_on_bus_error(board->psoc);
         return;
     }
+    if (board->original) {
+        board_original_advance(board, now);
+        original_board_on_stop(board->original, now);
+        return;
+    }
     if (board->program != PROGRAM_APPLICATION) {
         taxel_boot_i2c_on_bus_error(&board->boot->i2c);
         return;
@@ -146,6 +169,11 @@ void board_on_stop(struct board_node *board, vtime now)
     if (board->psoc) {
         board_cortex_advance(board, now);
         psoc_i2c_on_stop(board->psoc);
+        return;
+    }
+    if (board->original) {
+        board_original_advance(board, now);
+        original_board_on_stop(board->original, now);
         return;
     }
     if (board->program != PROGRAM_APPLICATION) {

@@ -5,6 +5,7 @@
 
 #include "emulator/base/costs.h"
 #include "emulator/hub_cortex.h"
+#include "emulator/hub_original.h"
 
 static const uint8_t unique_id[8] = {'T', 'A', 'X', 'E', 'L', 'H', 'U', 'B'};
 
@@ -170,6 +171,9 @@ int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, con
         .transmit_ring_size = HUB_TRANSMIT_RING,
     };
     boot_node_init_hub(&node->boot, world, unique_id);
+    if (world->original.is_on) {
+        return hub_original_open(node, world);
+    }
     return world->hub_image ? hub_cortex_open(node, world) : 0;
 }
 
@@ -177,6 +181,12 @@ int hub_node_init(struct hub_node *node, struct bus *bus, struct uart *uart, con
 void hub_node_free(struct hub_node *node)
 {
     hub_cortex_close(node);
+    hub_original_close(node);
+}
+
+bool hub_node_is_streaming(const struct hub_node *node)
+{
+    return node->original || node->hub.streaming;
 }
 
 /* Start the hub's firmware at the end of its bootloader. */
@@ -224,6 +234,11 @@ void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause)
     if (node->psoc) {
         node->is_powered = true;
         hub_cortex_set_power(node, true, now, reset_cause);
+        return;
+    }
+    if (node->original) {
+        node->is_powered = true;
+        hub_original_boot(node, now);
         return;
     }
     if (node->is_powered && reset_cause != TAXEL_RESET_CAUSE_COMMAND && reset_cause != TAXEL_RESET_CAUSE_WATCHDOG) {
@@ -284,6 +299,10 @@ void hub_node_on_i2c_done(struct hub_node *node, vtime now)
         hub_cortex_on_bus_event(node, now);
         return;
     }
+    if (node->original) {
+        hub_original_on_i2c_done(node, now);
+        return;
+    }
     node->cpu_free = vtime_max(node->cpu_free, now) + cycles_to_time(node, COST_MASTER_DONE);
     taxel_hub_on_i2c_done(&node->hub, node->bus->result);
     wake_not_after(node, now + cycles_to_time(node, COST_MASTER_DONE));
@@ -292,8 +311,8 @@ void hub_node_on_i2c_done(struct hub_node *node, vtime now)
 /* Handles a byte that has arrived at the hub: adds the time of its interrupt, then a pass of the main loop. */
 void hub_node_on_uart_received(struct hub_node *node, vtime now)
 {
-    if (node->psoc) {
-        return; /* the executed image has run its own interrupt */
+    if (node->psoc || node->original) {
+        return; /* the executed image has run its own interrupt; the original hub ignores the byte */
     }
     node->cpu_free = vtime_max(node->cpu_free, now) + cycles_to_time(node, COST_UART_INTERRUPT);
     wake_not_after(node, node->cpu_free);
@@ -302,7 +321,7 @@ void hub_node_on_uart_received(struct hub_node *node, vtime now)
 /* Adds the CPU time of the interrupt in which the hub refilled its transmit FIFO with this number of bytes. */
 void hub_node_on_uart_sent(struct hub_node *node, vtime now, size_t bytes)
 {
-    if (node->psoc) {
+    if (node->psoc || node->original) {
         return;
     }
     node->cpu_free =
@@ -326,6 +345,9 @@ vtime hub_node_next_time(const struct hub_node *node)
     if (node->psoc) {
         return psoc_next_event(node->psoc);
     }
+    if (node->original) {
+        return hub_original_next_time(node);
+    }
     return node->wake == VTIME_NEVER ? VTIME_NEVER : vtime_max(node->wake, node->cpu_free);
 }
 
@@ -335,6 +357,10 @@ void hub_node_run(struct hub_node *node, vtime horizon)
 {
     if (node->psoc) {
         (void)psoc_run(node->psoc, vtime_max(horizon, hub_node_next_time(node) + 1u)); /* at least one instruction */
+        return;
+    }
+    if (node->original) {
+        hub_original_run(node, horizon);
         return;
     }
     const uint32_t sent = node->hub.outbox.bytes_sent;

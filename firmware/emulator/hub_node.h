@@ -5,6 +5,7 @@
 
 #include "emulator/boot_node.h"
 #include "emulator/bus.h"
+#include "emulator/original/original_hub.h"
 #include "emulator/psoc4200/psoc.h"
 #include "emulator/uart.h"
 #include "emulator/base/vtime.h"
@@ -16,7 +17,8 @@
 
 struct hub_node {
     struct boot_node boot;
-    struct psoc *psoc; /* NULL: natively compiled firmware; otherwise an image is executed (hub_cortex.h) */
+    struct psoc *psoc;             /* NULL: natively compiled firmware; otherwise an image is executed (hub_cortex.h) */
+    struct original_hub *original; /* not NULL: the hub behaves as the original hub (hub_original.h) */
     bool rts_is_wired;
     enum running_program program;
     bool has_confirmed; /* the running image has been confirmed */
@@ -49,6 +51,9 @@ void hub_node_boot(struct hub_node *node, vtime now, uint8_t reset_cause);
 
 /* Power loss. */
 void hub_node_unplug(struct hub_node *node, vtime now);
+
+/* Whether the hub sends its measurements: after a command of the host, or always (original hub). */
+bool hub_node_is_streaming(const struct hub_node *node);
 
 /* Fault: other work occupies the CPU until then. */
 void hub_node_stall(struct hub_node *node, vtime until);

@@ -137,7 +137,7 @@ static void sleep_ms(int milliseconds)
 static bool can_run_fast(const struct options *options, const struct world *world)
 {
     const bool interactive = world->endpoint->kind == ENDPOINT_FD || world->endpoint->kind == ENDPOINT_PTY;
-    return options->fast && (!interactive || world->hub.hub.streaming);
+    return options->fast && (!interactive || hub_node_is_streaming(&world->hub));
 }
 
 /* Run the world until its duration has passed, a signal arrives or the client leaves. In real time, each step lasts as

@@ -14,6 +14,7 @@ void uart_init(struct uart *uart, struct endpoint *endpoint, const struct world_
     uart->endpoint = endpoint;
     uart->log = log;
     uart->byte_time = (vtime)(BITS_PER_BYTE / world->baud * (double)VTIME_SECOND);
+    uart->lacks_cts = world->original.is_on;
     uart->usb_latency = (vtime)(world->usb_latency_ms * (double)VTIME_MS);
     uart->usb_latency_to_hub = (vtime)(world->usb_latency_down_ms * (double)VTIME_MS);
     uart->transmit_next = uart->packet_deadline = uart->receive_next = VTIME_NEVER;
@@ -75,15 +76,17 @@ size_t uart_refill_transmitter(struct uart *uart)
 {
     uint8_t bytes[UART_FIFO_SIZE];
     const vtime now = uart->transmit_next;
-    if (uart->packet_fill + 2u * UART_FIFO_SIZE > USB_BUFFER_SIZE) {
+    const bool is_adapter_full = uart->packet_fill + 2u * UART_FIFO_SIZE > USB_BUFFER_SIZE;
+    if (is_adapter_full && !uart->lacks_cts) {
         uart->is_blocked = true;
         uart->transmit_next = VTIME_NEVER;
         return 0;
     }
     const size_t size = uart->user.pull(uart->user.context, bytes, sizeof bytes);
-    for (size_t i = 0; i < size; i++) {
+    for (size_t i = 0; i < size && !is_adapter_full; i++) {
         transmit_to_adapter(uart, bytes[i], now + (i + 1u) * uart->byte_time);
     }
+    uart->bytes_lost += is_adapter_full ? size : 0;
     uart->bytes_sent += size;
     uart->transmit_next = size ? now + size * uart->byte_time : VTIME_NEVER;
     return size;

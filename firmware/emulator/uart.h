@@ -40,6 +40,8 @@ struct uart {
     /* hub to host */
     vtime transmit_next; /* when the transmit FIFO is refilled; VTIME_NEVER: idle or blocked */
     bool is_blocked;     /* by CTS */
+    bool lacks_cts;      /* CTS is not wired: bytes that find the adapter full are lost */
+    uint64_t bytes_lost; /* in a full adapter */
     uint8_t packet[USB_BUFFER_SIZE];
     size_t packet_fill;
     vtime packet_deadline;

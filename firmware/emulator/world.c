@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <string.h>
 
+#include "emulator/hub_original.h"
 #include "emulator/power_cuts.h"
 #include "emulator/world_fields.h"
 
@@ -271,12 +272,17 @@ int world_write_statistics(const struct world *world, const char *path, double w
             world->hub.hub.cycle.last_length_us);
     fprintf(file, "  \"bus_bytes\": %llu,\n  \"bus_busy\": %.6f,\n", (unsigned long long)world->bus.byte_count,
             seconds > 0.0 ? (double)world->bus.busy_time / (double)world->now : 0.0);
+    if (world->hub.original) {
+        hub_original_write_statistics(&world->hub, file);
+    }
     fprintf(file, "  \"bus_recoveries\": %u,\n  \"boards\": [", world->hub.hub.bus_recoveries);
     for (size_t i = 0; i < world->board_count; i++) {
         const struct board_node *board = &world->boards[i];
         fprintf(file, "%s\n    {\"address\": %u, \"scans\": %u, \"conversions\": %llu, \"snapshot_reads\": %u}",
-                i ? "," : "", board->description->address, board->sensor.scan.scans,
-                (unsigned long long)board->conversions, board->sensor.slave.snapshot_reads);
+                i ? "," : "", board->description->address,
+                board->original ? board->original->scans : board->sensor.scan.scans,
+                (unsigned long long)board->conversions,
+                board->original ? board->original->reads : board->sensor.slave.snapshot_reads);
     }
     fprintf(file, "\n  ]\n}\n");
     return fclose(file) ? -1 : 0;

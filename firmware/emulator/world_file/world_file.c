@@ -83,6 +83,15 @@ static int read_scan(const struct world_reader *reader)
     return 0;
 }
 
+/* Read a line of a world file: protocol original key=value ... The line also sets the clock rates of bus and UART and
+ * the scan settings; later lines may change them. Returns 0, or -1 after an error line on stderr. */
+static int read_protocol(const struct world_reader *reader)
+{
+    struct world_description *world = reader->world;
+    world->scan = (struct taxel_scan_settings)ORIGINAL_SCAN_SETTINGS;
+    return original_settings_read(&world->original, &reader->line, &world->scl_hz, &world->baud);
+}
+
 /* Read a line of a world file: fault TIME_S NAME ADDRESS [VALUE [SECOND_VALUE]], a fault that takes effect at that
  * time. Returns 0, or -1 after an error line on stderr. */
 static int read_fault(const struct world_reader *reader)
@@ -239,6 +248,9 @@ static int read_line(const struct world_reader *reader)
     if (strcmp(keyword, "scan") == 0) {
         return read_scan(reader);
     }
+    if (strcmp(keyword, "protocol") == 0) {
+        return read_protocol(reader);
+    }
     if (strcmp(keyword, "fault") == 0) {
         return read_fault(reader);
     }
@@ -329,8 +341,16 @@ static int read_lines(struct world_reader *reader, FILE *file)
             return -1;
         }
     }
-    return reader->world->board_count ? world_scene_check(reader)
-                                      : world_line_report_error(&reader->line, "no board is described");
+    struct world_description *world = reader->world;
+    if (!world->board_count) {
+        return world_line_report_error(line, "no board is described");
+    }
+    if (world->original.is_on && world->hub_image) {
+        return world_line_report_error(line, "protocol original and hub_image exclude each other");
+    }
+    return original_settings_complete(&world->original, world->boards, world->board_count, line->path)
+               ? -1
+               : world_scene_check(reader);
 }
 
 /* Read a world file into a description, with defaults for absent settings. parts_seed, the seed of manufacturing

@@ -12,6 +12,7 @@
 #include "emulator/base/faults.h"
 #include "emulator/geometry/frame.h"
 #include "emulator/geometry/shape.h"
+#include "emulator/original/original_settings.h"
 #include "generated/taxel_protocol.h"
 
 #define WORLD_FIRMWARE_VERSION {0, 1, 0} /* of the hub, and of boards without a `firmware` line */
@@ -39,6 +40,7 @@ struct world_description {
     double noise_counts;
     bool boot_listens; /* bootloaders wait 100 ms for a host after power-up, like those in silicon */
     struct taxel_scan_settings scan;
+    struct original_settings original; /* the original hub and boards in place of the project's own firmware */
     struct board_description boards[WORLD_BOARDS_MAX];
     size_t board_count;
     double layer_thickness;             /* above the electrodes, metres */

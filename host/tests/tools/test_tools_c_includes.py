@@ -27,9 +27,18 @@ PERMITTED = {
     "emulator/physics": ("emulator/base", "generated"),
     "emulator/geometry": ("emulator/physics", "emulator/base", "generated"),
     "emulator/effects": ("emulator/geometry", "emulator/physics", "emulator/base", "generated"),
-    "emulator/world_file": ("emulator/effects", "emulator/geometry", "emulator/physics", "emulator/base", "generated"),
+    "emulator/original": ("emulator/geometry", "emulator/base", "hal", "generated"),
+    "emulator/world_file": (
+        "emulator/original",
+        "emulator/effects",
+        "emulator/geometry",
+        "emulator/physics",
+        "emulator/base",
+        "generated",
+    ),
     "emulator/skin": (
         "emulator/world_file",
+        "emulator/original",
         "emulator/effects",
         "emulator/geometry",
         "emulator/physics",
@@ -39,6 +48,7 @@ PERMITTED = {
     "emulator": (
         "emulator/skin",
         "emulator/world_file",
+        "emulator/original",
         "emulator/effects",
         "emulator/geometry",
         "emulator/physics",

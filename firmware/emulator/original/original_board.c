@@ -1,0 +1,154 @@
+#include "emulator/original/original_board.h"
+
+#include <string.h>
+
+#include "generated/taxel_protocol.h"
+
+static void set_status(struct original_board *board, uint16_t status)
+{
+    taxel_put_u16(board->read_buffer, status);
+}
+
+/* Set up a board with `taxel_count` taxels, at most ORIGINAL_TAXELS_MAX, before its first reset. */
+void original_board_init(struct original_board *board, uint8_t taxel_count, const struct original_settings *settings)
+{
+    const bool is_truncated = (settings->faults & ORIGINAL_TRUNCATED_TAXEL) != 0;
+    memset(board, 0, sizeof *board);
+    board->taxel_count = taxel_count;
+    board->read_size = 2u * taxel_count + (is_truncated ? 0 : ORIGINAL_STATUS_SIZE);
+    board->copy_time = (vtime)(settings->copy_us * (double)VTIME_US);
+    board->conversion_end = board->copy_end = VTIME_NEVER;
+}
+
+/* Begin a scan of all taxels at virtual time `now`. */
+static void start_scan(struct original_board *board, vtime now)
+{
+    board->is_scanning = true;
+    board->scan_taxel = 0;
+    board->conversion_end = now + board->conversion_time;
+}
+
+/* Start the next scan, then begin to copy the counts that are in memory now. */
+static void execute_request(struct original_board *board, vtime now)
+{
+    board->has_request = false;
+    start_scan(board, now);
+    board->is_copying = true;
+    board->copy_taxel = 0;
+    board->copy_end = now + board->copy_time;
+}
+
+/* The main loop has found a start command: the counts are not ready, and requested. */
+static void execute_command(struct original_board *board, vtime now)
+{
+    set_status(board, ORIGINAL_STATUS_NOT_READY);
+    board->has_request = true;
+    if (!board->is_scanning) {
+        execute_request(board, now);
+    }
+}
+
+void original_board_reset(struct original_board *board, vtime now, vtime conversion_time)
+{
+    memset(board->counts, 0, sizeof board->counts);
+    memset(board->read_buffer, 0, sizeof board->read_buffer);
+    board->conversion_time = conversion_time;
+    board->read_position = 0;
+    board->write_size = 0;
+    board->is_copying = board->has_request = board->has_unread_command = board->has_unread_rewind = false;
+    board->copy_end = VTIME_NEVER;
+    start_scan(board, now);
+}
+
+vtime original_board_next_event(const struct original_board *board)
+{
+    return vtime_min(board->conversion_end, board->copy_end);
+}
+
+bool original_board_is_converting(const struct original_board *board)
+{
+    return board->conversion_end <= board->copy_end;
+}
+
+/* The conversion that ends at board->conversion_end has measured this raw count: store the count and convert the next
+ * taxel. After the last taxel, execute a waiting request. */
+void original_board_on_conversion(struct original_board *board, uint16_t raw_count)
+{
+    const vtime now = board->conversion_end;
+    board->counts[board->scan_taxel++] = raw_count;
+    if (board->scan_taxel < board->taxel_count) {
+        board->conversion_end = now + board->conversion_time;
+        return;
+    }
+    board->scans++;
+    board->is_scanning = false;
+    board->conversion_end = VTIME_NEVER;
+    if (board->has_request && !board->is_copying) {
+        execute_request(board, now);
+    }
+}
+
+/* The main loop is free at `now`: it polls the flags of the SCB, and a request whose scan has ended meanwhile. */
+static void poll_flags(struct original_board *board, vtime now)
+{
+    if (board->has_unread_rewind) {
+        board->has_unread_rewind = false;
+        board->read_position = 0;
+    }
+    if (board->has_unread_command) {
+        board->has_unread_command = false;
+        execute_command(board, now);
+    } else if (board->has_request && !board->is_scanning) {
+        execute_request(board, now);
+    }
+}
+
+/* Copy one word at board->copy_end, from memory that the running scan overwrites. After the last word the counts are
+ * ready. */
+void original_board_copy_word(struct original_board *board)
+{
+    const vtime now = board->copy_end;
+    const size_t taxel = board->copy_taxel++;
+    taxel_put_u16(board->read_buffer + ORIGINAL_STATUS_SIZE + 2u * taxel, board->counts[taxel]);
+    if (board->copy_taxel < board->taxel_count) {
+        board->copy_end = now + board->copy_time;
+        return;
+    }
+    board->is_copying = false;
+    board->copy_end = VTIME_NEVER;
+    set_status(board, ORIGINAL_STATUS_READY);
+    poll_flags(board, now);
+}
+
+void original_board_on_address(struct original_board *board)
+{
+    board->write_size = 0;
+}
+
+/* Receive a byte. The write buffer has one byte; a further byte is not acknowledged. */
+bool original_board_on_write(struct original_board *board, uint8_t byte)
+{
+    if (board->write_size++ == 0) {
+        board->written = byte;
+        return true;
+    }
+    return false;
+}
+
+/* The next byte of the read buffer, 0xFF after its end. */
+uint8_t original_board_on_read(struct original_board *board)
+{
+    board->has_unread_rewind = true;
+    return board->read_position < board->read_size ? board->read_buffer[board->read_position++] : 0xFF;
+}
+
+void original_board_on_stop(struct original_board *board, vtime now)
+{
+    const bool is_command = board->write_size == 1u && board->written == ORIGINAL_START_COMMAND;
+    board->reads += board->has_unread_rewind;
+    board->has_unread_command = board->has_unread_command || is_command;
+    board->write_size = 0;
+    if (!board->is_copying) {
+        poll_flags(board, now);
+    }
+}
