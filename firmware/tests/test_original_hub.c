@@ -222,7 +222,7 @@ static void the_main_variant_skips_a_board_after_five_tries_in_this_cycle_only(v
     CHECK_EQUAL(count_transfers(0x11, third_cycle), 1);
 }
 
-static void the_branch_variant_drops_a_board_after_ten_tries_until_the_hub_is_reset(void)
+static void in_the_branch_variant_a_board_is_offline_after_ten_tries_until_the_hub_is_reset(void)
 {
     describe(TAXELS);
     settings.variant = ORIGINAL_BRANCH;
@@ -370,7 +370,7 @@ int main(void)
     RUN(with_high_byte_first_the_counts_are_big_endian);
     RUN(a_board_that_is_not_ready_is_read_again_after_the_other_boards);
     RUN(the_main_variant_skips_a_board_after_five_tries_in_this_cycle_only);
-    RUN(the_branch_variant_drops_a_board_after_ten_tries_until_the_hub_is_reset);
+    RUN(in_the_branch_variant_a_board_is_offline_after_ten_tries_until_the_hub_is_reset);
     RUN(tries_of_the_branch_variant_are_counted_for_each_cycle_alone);
     RUN(with_the_fault_wait_for_ever_a_held_line_stops_the_hub_until_its_reset);
     RUN(without_that_fault_the_hub_continues_after_a_held_line);

@@ -9,7 +9,7 @@
  * therefore those of the scan that the previous request started, and the copy runs beside the new scan without guard.
  *
  * The port (board_original.c) executes the events in order of time: while original_board_next_event() is due, it calls
- * original_board_on_conversion() with the raw count if original_board_is_converting() says so, else
+ * original_board_on_conversion() with the raw count if original_board_is_converting() returns true, else
  * original_board_copy_word(). */
 #ifndef EMULATOR_ORIGINAL_ORIGINAL_BOARD_H
 #define EMULATOR_ORIGINAL_ORIGINAL_BOARD_H
