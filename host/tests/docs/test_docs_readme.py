@@ -71,4 +71,4 @@ def test_text_wider_than_its_box_is_refused(docs_tools):
     from svg_drawing import Drawing
 
     with pytest.raises(ValueError, match="at most"):
-        Drawing(200, 100, "test").box(0, 0, 100, 40, "a text that is wider than its box")
+        Drawing(200, 100, "test").draw_box(0, 0, 100, 40, "a text that is wider than its box")
