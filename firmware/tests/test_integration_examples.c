@@ -6,6 +6,7 @@
 #include "codec/crc32.h"
 #include "codec/deframer.h"
 #include "codec/encoder.h"
+#include "codec/original.h"
 #include "hub/hub.h"
 #include "sensor/sensor.h"
 
@@ -52,6 +53,43 @@ static void an_encoded_frame_is_decoded(void)
     CHECK_EQUAL(frames, 1);
     CHECK_EQUAL(last_frame.type, TAXEL_FRAME_TYPE_HOST_HANDSHAKE);
     CHECK_EQUAL(last_frame.length, payload_size);
+}
+
+static unsigned messages;
+
+/* Checks the address and the last count of the example's message. */
+static void on_message(void *context, const struct taxel_original_message *message)
+{
+    (void)context;
+    CHECK_EQUAL(message->address, 0x1D);
+    CHECK_EQUAL(taxel_original_word(message, 26), 0x0708);
+    messages++;
+}
+
+/* Runs the integration example of codec/original.h. */
+static void a_message_of_the_original_hub_is_decoded(void)
+{
+    uint8_t bytes[62] = {0x01, 62, 0x1D, 0, 0, 0x12, 0x34};
+    const size_t size = sizeof bytes;
+    bytes[59] = 0x08;
+    bytes[60] = 0x07;
+    bytes[61] = 0x0A;
+
+    static uint8_t buffer[TAXEL_ORIGINAL_BUFFER_MIN];
+    static const struct taxel_original_config config = {
+        .buffer = buffer,
+        .capacity = sizeof buffer,
+        .format = &taxel_format_original,
+        .handler = on_message,
+        .context = NULL,
+    };
+    static struct taxel_original_decoder decoder;
+    messages = 0;
+    int err = taxel_original_init(&decoder, &config);
+    taxel_original_push(&decoder, bytes, size);
+    taxel_original_finish(&decoder);
+    CHECK_EQUAL(err, 0);
+    CHECK_EQUAL(messages, 1);
 }
 
 /* Runs the integration example of codec/compact.h. */
@@ -365,6 +403,7 @@ static void a_bootloader_answers_a_packet_and_an_application_confirms(void)
 int main(void)
 {
     RUN(an_encoded_frame_is_decoded);
+    RUN(a_message_of_the_original_hub_is_decoded);
     RUN(counts_coded_against_a_key_frame_are_decoded);
     RUN(a_sensor_board_scans_and_is_read);
     RUN(a_hub_announces_itself_and_scans_the_bus);

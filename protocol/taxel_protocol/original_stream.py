@@ -4,7 +4,8 @@ Framing rule (SPEC.md, part 7). A *candidate* begins at every byte 0x01 that a k
 address follow, and that has 0x0A at its end. After a mismatch the search continues at the next byte. Candidates may
 overlap, because start and end values also occur in data. A candidate is accepted if no candidate that overlaps it has
 
-- better evidence: a plausible time (formats with a timestamp), or a header directly behind its end (formats without);
+- better evidence: a plausible time (formats with a timestamp), or a header or the end of the stream directly behind
+  its end (formats without);
 - or equal evidence and a later start: a message whose end was lost continues into the next one, never the reverse.
 
 The result depends only on the bytes of the stream, not on the pieces in which they arrive.
@@ -172,7 +173,7 @@ class OriginalDecoder:
                     length = self._match_header(one.end)
                     if length is None and not is_end:
                         return False
-                    one.has_evidence = bool(length)
+                    one.has_evidence = length != 0  # nothing or a part of a header behind it: the stream ends
         if current and current.has_evidence:
             self._strong_end = max(self._strong_end, current.end)
         is_beaten = not candidate.has_evidence and self._strong_end > candidate.start

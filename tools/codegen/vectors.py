@@ -3,9 +3,8 @@
 python tools/codegen/vectors.py            write them
 python tools/codegen/vectors.py --check    exit status 1 if a file on disk is stale
 
-This module writes frames.json and registers.json, and then runs `damaged_streams.py`, `field_tables.py` and
-`compact_vectors.py`. All values are constants or come from a seeded generator: the same definitions give the same
-files.
+This module writes frames.json and registers.json, and then runs the programs of GENERATORS. All values are constants
+or come from a seeded generator: the same definitions give the same files.
 """
 
 import json
@@ -31,6 +30,12 @@ from taxel_protocol.wire import Body, WireFrame
 
 HERE = Path(__file__).resolve().parent
 VECTORS = HERE.parents[1] / "protocol" / "vectors"
+
+GENERATORS = (
+    *("damaged_streams.py", "field_tables.py", "compact_vectors.py"),
+    *("original_header.py", "original_vectors.py"),
+)
+"""Programs that run after this one."""
 
 INNER: dict[str, Struct] = {
     "acknowledgement": frames.Acknowledgement,
@@ -324,8 +329,7 @@ def main() -> int:
         elif not path.exists() or path.read_text() != text:
             print(f"{name} is stale: run `make generate`", file=sys.stderr)
             return 1
-    scripts = (HERE / "damaged_streams.py", HERE / "field_tables.py", HERE / "compact_vectors.py")
-    return max(subprocess.run([sys.executable, str(script), *sys.argv[1:]]).returncode for script in scripts)
+    return max(subprocess.run([sys.executable, str(HERE / name), *sys.argv[1:]]).returncode for name in GENERATORS)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ BUILD = ROOT / "build" / "fuzz"
 OUT = ROOT / "out" / "fuzz"
 SEEDS = ROOT / "firmware" / "fuzz" / "corpus"
 MISSING = "clang or its runtime is missing: apt-get install clang libclang-rt-14-dev"
-LONGEST_INPUT = {"fuzz_codec": 320, "fuzz_sensor": 192, "fuzz_compact": 256, "fuzz_hub": 96}
+LONGEST_INPUT = {"fuzz_codec": 320, "fuzz_sensor": 192, "fuzz_compact": 256, "fuzz_hub": 96, "fuzz_original": 192}
 """Largest size of an input in bytes; longer inputs reach no further code (the hub's script has 48 events)."""
 
 TIMEOUT_S = 20

@@ -1,0 +1,111 @@
+"""Messages of an original hub's stream by the definition of the framing rule: the oracle of all decoders.
+
+Every position of the stream is tried with the construct definition of every board, and every candidate is compared with
+all candidates that overlap it. Needs the complete stream, and time that grows with the square of the number of
+candidates.
+"""
+
+from dataclasses import dataclass, replace
+
+from construct import ConstructError
+
+from taxel_protocol.original import (
+    REFERENCE_TIMES,
+    TIME_STEP_MAX_MS,
+    OriginalFormat,
+    OriginalMessage,
+    parse_message,
+)
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """Result of a whole stream: accepted messages in order, and the counters of the decoders."""
+
+    messages: list[OriginalMessage]
+    discarded_bytes: int
+    rejected_candidates: int
+    ambiguous_candidates: int
+
+    @property
+    def counters(self) -> tuple[int, int, int, int]:
+        """Messages, discarded bytes, rejected candidates, ambiguous candidates."""
+        return len(self.messages), self.discarded_bytes, self.rejected_candidates, self.ambiguous_candidates
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    message: OriginalMessage
+    end: int
+    has_evidence: bool
+
+    @property
+    def start(self) -> int:
+        return self.message.position
+
+    @property
+    def rank(self) -> tuple[bool, int]:
+        """The greater rank of two overlapping candidates wins."""
+        return self.has_evidence, self.start
+
+
+def decode_stream(known: OriginalFormat, stream: bytes) -> Decoded:
+    """Messages and counters of a stream that ends with its last byte."""
+    if known.record_size:
+        return _split_records(known, stream)
+    headers = [start for start in range(len(stream)) if find_address(known, stream, start) is not None]
+    candidates: list[_Candidate] = []
+    for start in headers:
+        address = find_address(known, stream, start)
+        assert address is not None
+        try:
+            message = parse_message(known, address, stream[start : start + known.lengths[address]])
+        except ConstructError:
+            continue
+        times = [c.message.timestamp_ms for c in _list_accepted(candidates) if c.end <= start][-REFERENCE_TIMES:]
+        end = start + known.lengths[address]
+        if message.timestamp_ms is None:
+            has_evidence = is_followed(known, stream, end)
+        else:
+            has_evidence = any(
+                (message.timestamp_ms - time_ms) % 2**32 <= TIME_STEP_MAX_MS
+                for time_ms in (0, *times)
+                if time_ms is not None
+            )
+        message = replace(message, position=start, is_time_plausible=known.has_timestamp and has_evidence)
+        candidates.append(_Candidate(message, end, has_evidence))
+    messages = [candidate.message for candidate in _list_accepted(candidates)]
+    covered = sum(known.lengths[message.address] for message in messages)
+    return Decoded(messages, len(stream) - covered, len(headers) - len(candidates), len(candidates) - len(messages))
+
+
+def _list_accepted(candidates: list[_Candidate]) -> list[_Candidate]:
+    return [
+        one
+        for one in candidates
+        if all(one.rank >= other.rank for other in candidates if other.start < one.end and one.start < other.end)
+    ]
+
+
+def find_address(known: OriginalFormat, stream: bytes, start: int) -> int | None:
+    """Address in the header that begins at `start`; None if no header begins there."""
+    for address, length in known.lengths.items():
+        if stream[start : start + 3] == bytes([0x01, length, address]):
+            return address
+    return None
+
+
+def is_followed(known: OriginalFormat, stream: bytes, end: int) -> bool:
+    """Whether a header, or the end of the stream, perhaps inside a header, follows position `end`."""
+    behind = stream[end : end + 3]
+    return any(bytes([0x01, length, address]).startswith(behind) for address, length in known.lengths.items())
+
+
+def _split_records(known: OriginalFormat, stream: bytes) -> Decoded:
+    size = known.record_size
+    (address,) = known.taxels
+    messages = [
+        replace(parse_message(known, address, stream[start : start + size]), position=start)
+        for start in range(0, len(stream) - size + 1, size)
+    ]
+    return Decoded(messages, len(stream) % size, 0, 0)
