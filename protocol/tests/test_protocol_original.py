@@ -2,6 +2,7 @@
 
 import random
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -21,12 +22,15 @@ from taxel_protocol.original import (
     TIME_STEP_MAX_MS,
     OriginalFormat,
     OriginalMessage,
+    Timestamped,
+    define_message,
     encode_message,
     parse_message,
 )
 from taxel_protocol.original_stream import OriginalDecoder
 
 ORIGINAL = FORMATS["original"]
+SPEC = (Path(__file__).resolve().parents[1] / "SPEC.md").read_text()
 FRAMED = [name for name, known in FORMATS.items() if not known.record_size]
 every_framed = pytest.mark.parametrize("name", FRAMED)
 
@@ -71,6 +75,25 @@ def test_the_tables_have_the_boards_and_taxels_of_the_sources() -> None:
     assert sum(FORMATS["first_generation"].lengths.values()) == 624
     assert sorted(READ_SEQUENCE) == sorted(TAXELS) == sorted(FIRST_GENERATION_TAXELS)
     assert {TAXELS[address] for address in FINGERTIPS} == {66}
+
+
+def read_rows(mark: str) -> list[list[str]]:
+    """Cells of the rows of the table behind `<!-- mark -->` in SPEC.md."""
+    table = SPEC.split(f"<!-- {mark} -->\n\n")[1].split("\n\n")[0]
+    return [[cell.strip() for cell in row.strip("|").split("|")] for row in table.splitlines()[2:]]
+
+
+def test_the_tables_of_the_spec_equal_the_definitions() -> None:
+    first = FORMATS["first_generation"]
+    for address, *numbers in read_rows("boards: original"):
+        board = int(address, 16)
+        expected = [known_value[board] for known in (ORIGINAL, first) for known_value in (known.taxels, known.lengths)]
+        assert [int(number) for number in numbers] == expected
+    assert len(read_rows("boards: original")) == len(TAXELS)
+    fields = [(renamed.name, renamed.subcon.sizeof()) for renamed in Timestamped.subcons]
+    rows = read_rows("layout: original")
+    assert [(row[2], int(row[1])) for row in rows[:4]] == fields
+    assert [row[2] for row in rows] == [renamed.name for renamed in define_message(ORIGINAL, 0x1D).subcons]
 
 
 def test_a_message_has_the_layout_of_the_original_hub() -> None:

@@ -106,3 +106,15 @@ def test_a_decoder_that_counts_differently_is_detected(campaign: ModuleType, mon
 def test_a_buffer_below_the_smallest_size_is_rejected() -> None:
     with pytest.raises(ValueError, match="expected 512 bytes or more, found 511"):
         NativeOriginalDecoder(capacity=511)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_undamaged_messages_are_all_decoded_and_undetected_damage_has_the_predicted_rate(
+    campaign: ModuleType, seed: int
+) -> None:
+    """Short run of tools/original/damage_rate.py with 1 % damaged bytes."""
+    tool = importlib.import_module("damage_rate")
+    messages, undamaged, decoded, undetected, predicted = tool.measure(600, 0.01, seed)
+    assert messages == 9000
+    assert decoded == undamaged > 2500
+    assert undetected == pytest.approx(predicted, abs=3.9 * predicted**0.5)
