@@ -3,8 +3,9 @@
 from typing import Any
 from urllib.parse import parse_qs
 
+from taxel.emulated.original_url import ORIGINAL_OPTIONS, parse_original_firmware
 from taxel.hand import Hand
-from taxel.hand.world import WorldSettings, format_world
+from taxel.hand.world import WorldSettings, format_world, make_original_settings
 from taxel.link import EmulatorLink, LinkError
 from taxel.link.url import split_url
 
@@ -18,7 +19,7 @@ _NUMBER_RANGES = {
 }
 """Minimum and maximum of each number of `WorldSettings` that a URL may set."""
 
-_OTHER_OPTIONS = {"speed", "stimulus", "duration_s", "live", "effect", "threads"}
+_OTHER_OPTIONS = {"speed", "stimulus", "duration_s", "live", "effect", "threads", "protocol"}
 
 
 def open_emulator(url: str, hand: Hand) -> EmulatorLink:
@@ -33,9 +34,29 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
     - `effect=LINE`: an effect line of the world file without the keyword `effect`; may be repeated.
     - `threads`: 1 to 16; more threads help with `speed=max` on a machine with free cores.
     - The numbers of `WorldSettings`: seed, scl_hz, baud, usb_latency_ms, noise_counts, clock_spread_ppm.
+    - `protocol=original`: the original hub and boards, see `open_original_emulator`.
 
     Raises `LinkError` for an unknown option or a value out of range.
     """
+    return _start_emulator(url, hand)
+
+
+def open_original_emulator(url: str, hand: Hand) -> EmulatorLink:
+    """Start an emulated original hand and return the link to the bytes of the original hub, without translation.
+
+    url: `emulator:?protocol=original` with the options of `open_emulator` and those of `parse_original_firmware`. The
+    clock rates have the values of the original hardware unless the URL states others. The hub sends from power-up on
+    and ignores the bytes that are written to the link. Raises `LinkError` as `open_emulator`, and for a URL without
+    `protocol=original`.
+    """
+    query = parse_qs(split_url(url).query, keep_blank_values=True)
+    if query.get("protocol", [""])[-1] != "original":
+        raise LinkError(url, "expected the option protocol=original")
+    return _start_emulator(url, hand)
+
+
+def _start_emulator(url: str, hand: Hand) -> EmulatorLink:
+    """Start the emulator of a URL, with the project's own firmware or with the original one."""
     parts = split_url(url)
     if parts.path or parts.netloc:
         raise LinkError(url, "expected emulator: or emulator:?option=value")
@@ -48,7 +69,12 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
     }
     if "seed" in options:
         numbers["seed"] = _parse_integer(url, "seed", options["seed"], *_NUMBER_RANGES["seed"])
-    settings = WorldSettings(**numbers, effects=_parse_effects(url, parts.query))
+    effects = _parse_effects(url, parts.query)
+    if options.get("protocol") == "original":
+        firmware = parse_original_firmware(url, options, hand)
+        settings = make_original_settings(firmware, **numbers, effects=effects)
+    else:
+        settings = WorldSettings(**numbers, effects=effects)
     threads = _parse_integer(url, "threads", options.get("threads", "1"), 1, 16)
     duration = _parse_number(url, "duration_s", options["duration_s"], 1e-3, 1e7) if "duration_s" in options else None
     return EmulatorLink(
@@ -64,7 +90,10 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
 
 def _check_choices(url: str, options: dict[str, str]) -> None:
     """Raise `LinkError` for an unknown option of an emulator URL, or a wrong value of `stimulus`, `speed` or `live`."""
-    known = {*_NUMBER_RANGES, *_OTHER_OPTIONS}
+    protocol = options.get("protocol", "taxel")
+    if protocol not in {"taxel", "original"}:
+        raise LinkError(url, f"option 'protocol' must be taxel or original, found '{protocol}'")
+    known = {*_NUMBER_RANGES, *_OTHER_OPTIONS, *(ORIGINAL_OPTIONS if protocol == "original" else ())}
     unknown = sorted(set(options) - known)
     if not options.get("stimulus", "x"):
         raise LinkError(url, "option 'stimulus' must name a file, found ''")

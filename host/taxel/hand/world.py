@@ -3,10 +3,12 @@
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any, Final
 
 import numpy as np
 
-from taxel.hand.description import Hand
+from taxel.hand.description import BoardKind, Hand
+from taxel.hand.original_firmware import THESIS, OriginalFirmware, format_original
 from taxel.hand.sheet import build_sheet
 from taxel.types import FloatArray
 
@@ -31,7 +33,8 @@ class WorldSettings:
     (clocks, unique ids, taxel gains and stiffness); None: `seed`. `boot_ms`: from power-on to the first acknowledge.
     `faults`: lines of the world file without the keyword `fault`, in order of time, such as "1.5 unplug 0x22".
     `effects`: lines without the keyword `effect`, such as "spread film length_m=0.002" (see
-    firmware/emulator/README.md).
+    firmware/emulator/README.md). `original`: the original hub and boards in place of the project's own firmware;
+    `make_original_settings` sets the other fields to the values of the original hardware.
     """
 
     seed: int = 1
@@ -46,11 +49,31 @@ class WorldSettings:
     scan: ScanSettings = field(default_factory=ScanSettings)
     faults: Sequence[str] = ()
     effects: Sequence[str] = ()
+    original: OriginalFirmware | None = None
 
     @property
     def effective_parts_seed(self) -> int:
         """Seed of the properties of parts that persist over power cycles: `parts_seed`, or `seed` if that is None."""
         return self.seed if self.parts_seed is None else self.parts_seed
+
+
+ORIGINAL_SCAN: Final = ScanSettings(100, 40, 4, 4, 0)
+"""Scan settings of the original boards: 12 MHz modulator clock, 300 kHz TX clock, 4,000 counts in 333 us per taxel.
+
+With the capacitance of the emulated taxels the IDAC code gives 38 % of full scale at rest; original boards calibrate to
+40 %.
+"""
+
+LINES_MAX: Final = 16
+"""TX lines and RX lines of an emulated board, each."""
+
+
+def make_original_settings(firmware: OriginalFirmware = THESIS, **settings: Any) -> WorldSettings:
+    """World settings with the original hub and boards, 100 kbit/s I2C, 115,200 baud and the original scan.
+
+    settings: further fields of `WorldSettings`, which take precedence.
+    """
+    return WorldSettings(**{"scl_hz": 100e3, "baud": 115200.0, "scan": ORIGINAL_SCAN, **settings}, original=firmware)
 
 
 def sample_board_clocks_ppm(hand: Hand, settings: WorldSettings) -> list[float]:
@@ -60,7 +83,10 @@ def sample_board_clocks_ppm(hand: Hand, settings: WorldSettings) -> list[float]:
 
 
 def format_world(hand: Hand, settings: WorldSettings | None = None) -> str:
-    """Format the world file of `hand` with `settings`; None: default settings."""
+    """Format the world file of `hand` with `settings`; None: default settings.
+
+    Raises ValueError if the original hub of `settings` skips a board that the hand does not have, or all boards.
+    """
     settings = settings or WorldSettings()
     scan = settings.scan
     lines = [
@@ -68,6 +94,7 @@ def format_world(hand: Hand, settings: WorldSettings | None = None) -> str:
         f"# hand {hand.name}: {len(hand.boards)} boards, {hand.n_taxels} taxels",
         f"seed {settings.seed}",
         f"parts_seed {settings.effective_parts_seed}",
+        *([format_original(hand, settings.original)] if settings.original else []),
         f"scl_hz {settings.scl_hz!r}",
         f"baud {settings.baud:.10g}",
         f"usb_latency_ms {settings.usb_latency_ms!r}",
@@ -81,13 +108,26 @@ def format_world(hand: Hand, settings: WorldSettings | None = None) -> str:
         kind = board.kind
         unique_id = random.Random(f"unique id {settings.effective_parts_seed} {board.address}").randbytes(8).hex()
         lines.append(
-            f"board 0x{board.address:02X} {kind.code} {kind.tx_count} {kind.rx_count} {kind.taxel_count} "
-            f"{kind.crossing_bitmap().hex()} {unique_id} {ppm!r} {settings.boot_ms!r}"
+            f"board 0x{board.address:02X} {kind.code} {_format_lines(kind, settings)} "
+            f"{unique_id} {ppm!r} {settings.boot_ms!r}"
         )
     lines += format_surface(hand) if has_layout(hand) else []
     lines += [f"fault {fault}" for fault in settings.faults]
     lines += [f"effect {effect}" for effect in settings.effects]
     return "\n".join(lines) + "\n"
+
+
+def _format_lines(kind: BoardKind, settings: WorldSettings) -> str:
+    """TX lines, RX lines, taxels and crossing map of a kind.
+
+    For the original firmware, the taxels of a kind with more than 16 lines (one TX line and up to 25 RX lines in the
+    first generation) become consecutive crossings of 16 RX lines; their order, the order of the counts, is unchanged.
+    """
+    if settings.original and max(kind.tx_count, kind.rx_count) > LINES_MAX:
+        crossings = (1 << kind.taxel_count) - 1
+        rows = -(-kind.taxel_count // LINES_MAX)
+        return f"{rows} {LINES_MAX} {kind.taxel_count} {crossings.to_bytes(LINES_MAX * LINES_MAX // 8, 'little').hex()}"
+    return f"{kind.tx_count} {kind.rx_count} {kind.taxel_count} {kind.crossing_bitmap().hex()}"
 
 
 def has_layout(hand: Hand) -> bool:

@@ -1,0 +1,85 @@
+"""Options of `emulator:?protocol=original`: the settings of the original hub and boards."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+from taxel.hand import Hand
+from taxel.hand.original_firmware import (
+    FIRST_GENERATION,
+    KNOWN_FAULTS,
+    MESSAGES,
+    THESIS,
+    VARIANTS,
+    OriginalFirmware,
+    list_polled_addresses,
+)
+from taxel.link import LinkError
+
+GENERATIONS: Final = {"thesis": THESIS, "first": FIRST_GENERATION}
+
+_NUMBERS: Final = {"delay_ms": (0.0, 1e5), "copy_us": (0.0, 1e4), "ring": (16.0, 4096.0), "pacing": (0.0, 1.0)}
+"""Minimum and maximum of each option with a number; `ring` and `pacing` are whole numbers."""
+
+ORIGINAL_OPTIONS: Final = frozenset({"generation", "variant", "message", "known_faults", "skip", *_NUMBERS})
+
+
+def parse_original_firmware(url: str, options: Mapping[str, str], hand: Hand) -> OriginalFirmware:
+    """The settings that the options of a URL state.
+
+    Options: `generation=thesis` (default) or `first`, which set all others; `variant`, `message` and `known_faults`
+    (names separated by commas), see `taxel.hand.original_firmware`; `delay_ms`; `pacing` (0 or 1); `ring` (bytes);
+    `copy_us`; `skip`: addresses of boards that the hub does not poll, separated by commas, such as 0x0B,0x17. Raises
+    `LinkError` for any other value.
+    """
+    firmware = GENERATIONS[_parse_choice(url, "generation", options.get("generation", "thesis"), tuple(GENERATIONS))]
+    changes: dict[str, Any] = {}
+    if "variant" in options:
+        changes["variant"] = _parse_choice(url, "variant", options["variant"], VARIANTS)
+    if "message" in options:
+        changes["message"] = _parse_choice(url, "message", options["message"], MESSAGES)
+    if options.get("known_faults"):
+        names = options["known_faults"].split(",")
+        changes["known_faults"] = [_parse_choice(url, "known_faults", name, KNOWN_FAULTS) for name in names]
+    if options.get("skip"):
+        changes["skipped_addresses"] = _parse_skipped(url, options["skip"], hand)
+    for name in ("delay_ms", "copy_us"):
+        if name in options:
+            changes[name] = _parse_number(url, name, options[name])
+    if "ring" in options:
+        changes["ring_size"] = int(_parse_number(url, "ring", options["ring"], is_whole=True))
+    if "pacing" in options:
+        changes["is_paced"] = _parse_number(url, "pacing", options["pacing"], is_whole=True) == 1.0
+    return replace(firmware, **changes)
+
+
+def _parse_choice(url: str, name: str, text: str, choices: tuple[str, ...]) -> str:
+    """The text of an option. Raises `LinkError` unless it is one of `choices`."""
+    if text not in choices:
+        raise LinkError(url, f"option '{name}' must be one of {', '.join(choices)}, found '{text}'")
+    return text
+
+
+def _parse_skipped(url: str, text: str, hand: Hand) -> list[int]:
+    """Addresses of boards of the hand. Raises `LinkError` for other text, or if the hub would poll no board."""
+    try:
+        addresses = [int(word, 0) for word in text.split(",")]
+        list_polled_addresses(hand, addresses)
+    except ValueError as error:
+        raise LinkError(url, f"option 'skip' must contain addresses of boards, found '{text}' ({error})") from None
+    return addresses
+
+
+def _parse_number(url: str, name: str, text: str, is_whole: bool = False) -> float:
+    """The number of an option. Raises `LinkError` for other text, a value out of range or, with `is_whole`, a
+    fraction.
+    """
+    low, high = _NUMBERS[name]
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not low <= value <= high or (is_whole and value % 1.0):
+        kind = "whole number" if is_whole else "number"
+        raise LinkError(url, f"option '{name}' must be a {kind} from {low:g} to {high:g}, found '{text}'")
+    return value

@@ -1,0 +1,54 @@
+"""Rate of the emulated original hub: the table of tools/original/rate.py and its copy in the emulator's page."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import pytest
+
+from taxel.hand import load_hand
+
+FOLDER = str(Path(__file__).resolve().parents[3] / "tools" / "original")
+sys.path.insert(0, FOLDER)
+try:
+    rate = importlib.import_module("rate")
+finally:
+    sys.path.remove(FOLDER)
+
+
+@pytest.fixture(scope="module")
+def measurements():
+    """Measurement of each configuration, by name."""
+    return {row.name.strip("*"): rate.measure(load_hand(row.hand), row) for row in rate.list_configurations()}
+
+
+def test_the_first_generation_runs_at_8_to_9_hz(measurements):
+    first = measurements["first generation, 22 boards"]
+    assert 8.0 < first.rate_hz < 9.0
+    assert first.wire_bytes == pytest.approx(624)
+    assert first.wire + first.pacing == pytest.approx(78.0, abs=0.5)
+    assert first.call + first.read == pytest.approx(47.0, abs=0.5)
+
+
+def test_15_boards_with_the_settings_of_the_thesis_run_within_1_percent_of_the_limit_of_the_uart(measurements):
+    thesis = measurements["also a ring of 256 bytes (settings of the thesis)"]
+    assert pytest.approx(5.97, abs=0.005) == rate.THESIS_RATE_HZ
+    assert thesis.rate_hz == pytest.approx(rate.THESIS_RATE_HZ, rel=0.01)
+    assert thesis.wire_share > 0.999
+
+
+def test_each_of_delay_pacing_and_ring_lowers_the_rate(measurements):
+    names = ["15 boards of the thesis, same firmware", "without pacing", "without delay and pacing"]
+    rates = [measurements[name].rate_hz for name in names]
+    assert rates == sorted(rates)
+    assert rates[-1] < 0.9 * rate.THESIS_RATE_HZ
+
+
+def test_the_times_of_a_cycle_add_up(measurements):
+    for m in measurements.values():
+        assert m.call + m.read + m.retry + m.blocked + m.delay == pytest.approx(m.cycle, rel=1e-6)
+
+
+def test_the_page_of_the_emulator_contains_the_measured_table(measurements):
+    rows = [(row, measurements[row.name.strip("*")]) for row in rate.list_configurations()]
+    assert rate.format_table(rows) in rate.README.read_text()
