@@ -125,8 +125,8 @@ static void find_messages(void)
     message_count = 0;
     while (position + 2u < stream_size && position + stream[position + 1u] <= stream_size) {
         const size_t length = stream[position + 1u];
-        if (!CHECK_EQUAL(stream[position], ORIGINAL_MESSAGE_START) ||
-            !CHECK_EQUAL(stream[position + length - 1u], ORIGINAL_MESSAGE_END)) {
+        if (!CHECK_EQUAL(stream[position], TAXEL_ORIGINAL_START) ||
+            !CHECK_EQUAL(stream[position + length - 1u], TAXEL_ORIGINAL_END)) {
             return;
         }
         messages[message_count].address = stream[position + 2u];

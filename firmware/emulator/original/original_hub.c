@@ -156,10 +156,10 @@ static void send_message(struct original_hub *hub, vtime now)
         source = hub->memory;
         size = hub->settings->list[hub->board].taxels + 5u;
     }
-    hub->frame[0] = ORIGINAL_MESSAGE_START;
+    hub->frame[0] = TAXEL_ORIGINAL_START;
     hub->frame[1] = (uint8_t)(size + 3u);
     memcpy(hub->frame + 2, source, size);
-    hub->frame[size + 2u] = ORIGINAL_MESSAGE_END;
+    hub->frame[size + 2u] = TAXEL_ORIGINAL_END;
     hub->account.messages++;
     hub->state = ORIGINAL_HUB_SENDS;
     hub->wake = VTIME_NEVER;

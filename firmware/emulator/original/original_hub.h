@@ -21,10 +21,9 @@
 #include "emulator/original/original_board.h"
 #include "emulator/original/original_sender.h"
 #include "emulator/original/original_settings.h"
+#include "generated/taxel_original.h"
 #include "hal/hub_hal.h"
 
-#define ORIGINAL_MESSAGE_START 0x01u
-#define ORIGINAL_MESSAGE_END 0x0Au
 #define ORIGINAL_MESSAGE_SIZE_MAX 256u
 #define ORIGINAL_TRIES_MAIN 5u
 #define ORIGINAL_TRIES_BRANCH 10u

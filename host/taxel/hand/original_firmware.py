@@ -5,10 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from taxel.hand.description import Hand
-
-FIRST_POLLED_ADDRESS: Final = 0x17
-FIRST_ADDRESS, LAST_ADDRESS = 0x08, 0x1D
-"""Addresses of the original boards. The original hub reads 0x17 to 0x1D first, then 0x08 to 0x16."""
+from taxel_protocol.original import READ_SEQUENCE
 
 VARIANTS: Final = ("main", "branch")
 MESSAGES: Final = ("timestamp", "no_timestamp", "high_byte_first")
@@ -59,9 +56,8 @@ def list_polled_addresses(hand: Hand, skipped_addresses: Sequence[int] = ()) -> 
     polled = [address for address in addresses if address not in skipped_addresses]
     if not polled:
         raise ValueError(f"expected at least one board of hand {hand.name} that is not skipped")
-    if all(FIRST_ADDRESS <= address <= LAST_ADDRESS for address in polled):
-        count = LAST_ADDRESS - FIRST_ADDRESS + 1
-        polled.sort(key=lambda address: (address - FIRST_POLLED_ADDRESS) % count)
+    if set(polled) <= set(READ_SEQUENCE):
+        polled.sort(key=READ_SEQUENCE.index)
     return polled
 
 

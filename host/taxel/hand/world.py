@@ -11,6 +11,7 @@ from taxel.hand.description import BoardKind, Hand
 from taxel.hand.original_firmware import THESIS, OriginalFirmware, format_original
 from taxel.hand.sheet import build_sheet
 from taxel.types import FloatArray
+from taxel_protocol.limits import CROSSING_MAP_SIZE, LINES_MAX
 
 
 @dataclass(frozen=True)
@@ -63,9 +64,6 @@ ORIGINAL_SCAN: Final = ScanSettings(100, 40, 4, 4, 0)
 With the capacitance of the emulated taxels the IDAC code gives 38 % of full scale at rest; original boards calibrate to
 40 %.
 """
-
-LINES_MAX: Final = 16
-"""TX lines and RX lines of an emulated board, each."""
 
 
 def make_original_settings(firmware: OriginalFirmware = THESIS, **settings: Any) -> WorldSettings:
@@ -126,7 +124,7 @@ def _format_lines(kind: BoardKind, settings: WorldSettings) -> str:
     if settings.original and max(kind.tx_count, kind.rx_count) > LINES_MAX:
         crossings = (1 << kind.taxel_count) - 1
         rows = -(-kind.taxel_count // LINES_MAX)
-        return f"{rows} {LINES_MAX} {kind.taxel_count} {crossings.to_bytes(LINES_MAX * LINES_MAX // 8, 'little').hex()}"
+        return f"{rows} {LINES_MAX} {kind.taxel_count} {crossings.to_bytes(CROSSING_MAP_SIZE, 'little').hex()}"
     return f"{kind.tx_count} {kind.rx_count} {kind.taxel_count} {kind.crossing_bitmap().hex()}"
 
 

@@ -10,13 +10,15 @@ from taxel.hand.original_firmware import FIRST_GENERATION, OriginalFirmware, lis
 from taxel.hand.world import format_world, make_original_settings
 from taxel.link import LinkError
 from taxel.link.emulator import run_emulator
+from taxel_protocol.original import FORMATS
+from taxel_protocol.original_stream import OriginalDecoder
 
 ORIGINAL = load_hand("original")
 
 
-def read_stream(url: str, size: int) -> bytes:
-    """The first `size` bytes of the original hub that the URL describes."""
-    link = open_original_emulator(url, ORIGINAL)
+def read_stream(url: str, size: int, hand: str = "original") -> bytes:
+    """The first `size` bytes of the original hub of a packaged hand."""
+    link = open_original_emulator(url, load_hand(hand))
     data = b""
     deadline = time.monotonic() + 20.0
     try:
@@ -69,6 +71,26 @@ def test_in_real_time_the_hub_sends_its_bytes_at_the_rate_of_the_uart():
     start = time.monotonic()
     read_stream("emulator:?protocol=original", 11520)
     assert 0.9 < time.monotonic() - start < 5.0
+
+
+@pytest.mark.parametrize(
+    ("hand", "message", "message_format"),
+    [
+        ("original", "timestamp", "original"),
+        ("first_generation", "timestamp", "first_generation"),
+        ("first_generation", "no_timestamp", "first_generation_untimed"),
+        ("first_generation", "high_byte_first", "first_generation_test"),
+    ],
+)
+def test_the_decoder_of_the_original_stream_accepts_every_byte(hand, message, message_format):
+    decoder = OriginalDecoder(FORMATS[message_format])
+    stream = read_stream(f"emulator:?protocol=original&speed=max&message={message}", 20000, hand)
+    messages = decoder.push(stream) + decoder.finish()
+    whole = split_messages(stream)
+    assert [message.address for message in messages] == [message[2] for message in whole]
+    assert sum(len(message) for message in whole) > 19000
+    assert all(500 < count < 2500 for message in messages for count in message.counts)
+    assert decoder.discarded_bytes == len(stream) - sum(len(message) for message in whole)  # the incomplete last one
 
 
 @pytest.mark.parametrize(
