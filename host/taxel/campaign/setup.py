@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from taxel.grasp.calibration import Calibration
 from taxel.grasp.objects import GraspObject, make_standing_pose, make_thesis_objects
-from taxel.grasp.plan import PALM_PLACEMENTS, Approach, PalmPlacement, PlannedGrasp, make_thesis_approaches
+from taxel.grasp.plan import (
+    PALM_PLACEMENTS,
+    Approach,
+    PalmPlacement,
+    PlannedGrasp,
+    compute_palm_surface_m,
+    make_thesis_approaches,
+)
 from taxel.grasp.reach import ArmReach
 from taxel.grasp.timeline import Timeline
 from taxel.hand import Hand, load_hand
@@ -57,9 +64,14 @@ class Setup:
 
     @cached_property
     def _approaches(self) -> dict[tuple[str, str], Approach]:
-        """The approaches of the thesis by names of object and approach."""
+        """The approaches of the thesis by names of object and approach.
+
+        The placements refer to the surface of the palm; the palm of a thicker hand is farther from the object.
+        """
         approaches = make_thesis_approaches(withdraw_m=WITHDRAW_M, placements=self.placements)
-        return {(approach.object, approach.name): approach for approach in approaches}
+        extra_m = compute_palm_surface_m(self.hand) - compute_palm_surface_m(load_hand("allegro"))
+        moved = (replace(one, palm_pose=_move_back(one.palm_pose, extra_m)) for one in approaches)
+        return {(approach.object, approach.name): approach for approach in moved}
 
     @cached_property
     def _arms(self) -> dict[tuple[str, str], NDArray[np.float64]]:
@@ -131,3 +143,10 @@ class Setup:
         """Make the triangle meshes of the grasped objects for the dataset, by name."""
         meshes = {name: item.shape.mesh() for name, item in self.objects.items()}
         return {name: ObjectMesh(vertices, faces.astype(np.int32)) for name, (vertices, faces) in meshes.items()}
+
+
+def _move_back(palm_pose: NDArray[np.float64], distance_m: float) -> NDArray[np.float64]:
+    """Move the palm f64[4, 4] away from the object along its -x axis by `distance_m`, metres."""
+    result = palm_pose.copy()
+    result[:3, 3] -= distance_m * result[:3, 0]
+    return result

@@ -17,6 +17,7 @@ from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.recording.grasp_record import GraspRecord
 from taxel.sim.closing import RATE_HZ, SimulationSettings, simulate_grasp
+from taxel.sim.original_sensing import OriginalRules, get_surface_heights, make_recorder_settings
 from taxel.sim.scene import Scene, build_scene
 from taxel.sim.sensing import Sensing, sense
 from taxel.sim.sensor_model import SimSensor
@@ -83,9 +84,13 @@ def run_simulated(
 
 
 @lru_cache(maxsize=8)  # small, because a cached scene keeps its setup in memory
-def _scene(setup: Setup, name: str) -> Scene:
-    """Build the simulated scene of the hand and one object; cached."""
-    return build_scene(setup.hand, setup.objects[name], WRIST_LINK)
+def _scene(setup: Setup, name: str, rules: OriginalRules | None) -> Scene:
+    """Build the simulated scene of the hand and one object; cached.
+
+    rules: of the original simulator, whose boards have no layer; None: the hand's layer.
+    """
+    heights = None if rules is None else get_surface_heights(setup.hand, rules)
+    return build_scene(setup.hand, setup.objects[name], WRIST_LINK, layer_m=heights)
 
 
 def simulate_planned_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSettings) -> GraspRecord:
@@ -93,13 +98,18 @@ def simulate_planned_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSet
     rng = np.random.default_rng([settings.seed, _STREAM, *planned.id.encode()])
     object_pose, item = setup.object_pose(planned.object), setup.objects[planned.object]
     law = settings.sensing.law if settings.sensing.level == "layer" else None
-    scene, approach = _scene(setup, planned.object), setup.approach(planned)
+    rules = settings.sensing.original if settings.sensing.level == "original" else None
+    recorder = None if rules is None else make_recorder_settings(setup.hand, rules)
+    scene, approach = _scene(setup, planned.object, rules), setup.approach(planned)
     name = f"{planned.object} {planned.approach}"
     variation = settings.variation.for_object(planned.object)
     offset, grip = variation.apply(sample_balanced_variation(settings.seed, name, planned.iteration))
-    simulation = SimulationSettings(RATE_HZ, object_offset=offset, torque_scale=grip, object_pose=object_pose, law=law)
+    simulation = SimulationSettings(
+        RATE_HZ, object_offset=offset, torque_scale=grip, object_pose=object_pose, law=law, recorder=recorder
+    )
     motion = simulate_grasp(scene, approach, settings.timeline, simulation)
     sensed = sense(setup.hand, item.shape, motion, settings.sensing)
+    counts_force = sensed.contact_force if sensed.signal_force is None else sensed.signal_force
     hold = motion.phase == Phase.HOLD
     middle = int(np.flatnonzero(hold)[hold.sum() // 2]) if hold.any() else len(hold) - 1
     arm = setup.arm_angles(planned, settings.timeline, motion.time_s)
@@ -110,7 +120,7 @@ def simulate_planned_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSet
         session=planned.session,
         timestamp=motion.time_s,
         phase=motion.phase,
-        raw_counts=settings.sensor.raw_counts(setup.hand, sensed.contact_force, rng),
+        raw_counts=settings.sensor.raw_counts(setup.hand, counts_force, rng),
         valid=np.ones((len(motion.time_s), len(setup.hand.boards)), bool),
         sensor_pose=motion.sensor_poses[middle],
         object_pose=object_pose,

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -19,7 +20,9 @@ from taxel.cli.progress import count_bar
 from taxel.errors import TaxelError
 from taxel.grasp.calibration import load_calibration
 from taxel.grasp.plan import PlannedGrasp, make_thesis_plan
-from taxel.sim.sensing import LEVELS, Level, Sensing
+from taxel.hand import load_hand
+from taxel.sim.original_sensing import PALM_TIPS_M
+from taxel.sim.sensing import GRASP_LEVELS, Level, Sensing
 
 SOURCES = ("emulated", "sim", "physical", "both")
 
@@ -45,7 +48,13 @@ def grasp(
     no_effects: Annotated[
         bool, typer.Option("--no-effects", help="Emulated: a skin without effects, except the read-out noise.")
     ] = False,
-    sensing: Annotated[str, typer.Option(help=f"Sensor model of the simulator: {', '.join(LEVELS)}.")] = "layer",
+    sensing: Annotated[
+        str,
+        typer.Option(
+            help=f"Sensor model of the simulator: {', '.join(GRASP_LEVELS)}. original: the contact plug-in of the "
+            "original simulator, on the hand original."
+        ),
+    ] = "layer",
     calibration: Annotated[Path | None, typer.Option(help="TOML file with the measured poses of the objects.")] = None,
     skin: Annotated[str, typer.Option(help="Physical: URL of the skin.")] = "serial:///dev/ttyUSB0",
     can: Annotated[str, typer.Option(help="Physical: CAN channel of the hand.")] = "can:socketcan:can0",
@@ -62,9 +71,10 @@ def grasp(
     Examples: taxel grasp --source both --out out/campaign; taxel grasp --source sim --grasps 10 --out sim.h5
     """
     plan = _select_plan(seed, sessions, grasps, objects or ())
-    setup = Setup(calibration=load_calibration(calibration) if calibration is not None else None)
+    level = _parse_level(sensing)
+    setup = _make_setup(calibration, level, source)
     emulated = EmulatedSettings(seed=seed, effects=_parse_effects(effects or (), no_effects))
-    sim = SimSettings(seed=seed, sensing=Sensing(_parse_level(sensing)))
+    sim = SimSettings(seed=seed, sensing=Sensing(level))
     console = Console(stderr=as_json, markup=False)
     paths = _output_files(source, out, overwrite or resume)
     if "emulated" in paths:
@@ -87,6 +97,19 @@ def grasp(
         ):
             run_physical(path, plan, workstation, settings, setup, overwrite, resume, show)
     _print_contact_points(console, list(paths.values()), as_json)
+
+
+def _make_setup(calibration: Path | None, level: Level, source: str) -> Setup:
+    """Make the workstation. Level "original" needs the original hand, whose palm touches with the tips of its mesh.
+
+    Raises `TaxelError` for level "original" with a source other than the simulator.
+    """
+    poses = load_calibration(calibration) if calibration is not None else None
+    if level != "original":
+        return Setup(calibration=poses)
+    if source != "sim":
+        raise TaxelError(f"--sensing original: expected --source sim, found --source {source}")
+    return Setup(hand=replace(load_hand("original"), layer_m=PALM_TIPS_M), calibration=poses)
 
 
 def _output_files(source: str, out: Path, may_exist: bool) -> dict[str, Path]:
@@ -139,10 +162,10 @@ def _parse_effects(texts: Sequence[str], no_effects: bool) -> list[str]:
 
 def _parse_level(name: str) -> Level:
     """Return the simulator's sensing level with this name. Raises `TaxelError` for an unknown name."""
-    for level in LEVELS:
+    for level in GRASP_LEVELS:
         if level == name:
             return level
-    raise TaxelError(f"--sensing: expected {', '.join(LEVELS)}, found '{name}'")
+    raise TaxelError(f"--sensing: expected {', '.join(GRASP_LEVELS)}, found '{name}'")
 
 
 def _wait_for_operator(planned: PlannedGrasp) -> None:

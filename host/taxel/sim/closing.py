@@ -11,6 +11,7 @@ from taxel.grasp.objects import make_standing_pose
 from taxel.grasp.plan import Approach
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand.transforms import to_quaternion
+from taxel.sim.contact_messages import ContactMessage, MessageRecorder, RecorderSettings
 from taxel.sim.contacts import NO_CONTACTS, ContactPoints, StepContacts, compute_board_wrenches, read_contacts
 from taxel.sim.native_contact import NativeContact
 from taxel.sim.scene import STEP_S, Scene
@@ -44,6 +45,7 @@ class GraspMotion:
             not included.
         contacts: MuJoCo's contact points between hand and object at the samples; empty with a soft layer.
         taxel_force: f64[T, n], newtons along each taxel's normal, with a soft layer; None with rigid contact.
+        messages: messages of the boards' contact sensors in ascending order of time; None if they are not recorded.
     """
 
     time_s: FloatArray
@@ -55,6 +57,7 @@ class GraspMotion:
     wrench: FloatArray
     contacts: ContactPoints
     taxel_force: FloatArray | None = None
+    messages: tuple[ContactMessage, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,7 @@ class SimulationSettings:
         soft_step_s: time step with a soft layer, seconds. Doubling the default changes the result by less than the
             uncertainty of the layer's parameters.
         settle_s: simulated time before closing, seconds.
+        recorder: records messages of contact sensors, which needs rigid contact; None: no messages.
     """
 
     rate_hz: float = RATE_HZ
@@ -81,6 +85,7 @@ class SimulationSettings:
     law: LayerLaw | None = None
     soft_step_s: float = SOFT_STEP_S
     settle_s: float = SETTLE_S
+    recorder: RecorderSettings | None = None
 
 
 DEFAULT_SETTINGS: Final = SimulationSettings()
@@ -114,17 +119,20 @@ def simulate_grasp(
         settings: sampling rate, displacement of the object, contact model and time steps.
 
     Raises:
-        ValueError: the approach has another number of joints or another object than the scene, or the rate is above
-            one sample per step.
+        ValueError: the approach has another number of joints or another object than the scene, the rate is above one
+            sample per step, or messages are to be recorded with a soft layer.
     """
     _check_arguments(scene, approach, settings.rate_hz)
+    if settings.recorder is not None and settings.law is not None:
+        raise ValueError("recorder: expected rigid contact, found a soft layer, which has no contact points")
     nominal_pose = make_standing_pose() if settings.object_pose is None else settings.object_pose
     true_pose = nominal_pose if settings.object_offset is None else nominal_pose @ settings.object_offset
     push = None
     if settings.law is not None:
         push = SoftPush(scene, NativeContact(scene.hand, scene.grasp_object.shape, settings.law), settings.soft_step_s)
     controller = GraspController(_deviate_targets(approach, settings.seed), timeline, settings.torque_scale)
-    run = _Run(scene, controller, nominal_pose, push)
+    recorder = MessageRecorder(scene, settings.recorder) if settings.recorder is not None else None
+    run = _Run(scene, controller, nominal_pose, push, recorder)
     run.place_bodies(true_pose)
     return run.record(timeline, settings.rate_hz, settings.settle_s)
 
@@ -157,18 +165,25 @@ class _Run:
     """One grasp while it is simulated: MuJoCo's data, the controller, and the wrenches of the last steps."""
 
     def __init__(
-        self, scene: Scene, controller: GraspController, nominal_pose: FloatArray, push: SoftPush | None
+        self,
+        scene: Scene,
+        controller: GraspController,
+        nominal_pose: FloatArray,
+        push: SoftPush | None,
+        recorder: MessageRecorder | None = None,
     ) -> None:
         """Prepare the simulation of one grasp in a MuJoCo scene.
 
         controller: gives the joint targets and torques of the fingers. nominal_pose: f64[4, 4], pose of the object that
         the grasp plan assumes. push: time integration of the contact of the soft layer; None: MuJoCo's own contact.
+        recorder: records messages of contact sensors; None: no messages.
         """
         self.scene = scene
         self.controller = controller
         self.nominal_pose = nominal_pose
         self.data = mujoco.MjData(scene.model)
         self._push = push
+        self._recorder = recorder
         self._step_s = STEP_S if push is None else push.step_s
         self._recent_wrenches: list[FloatArray] = []
         self._withdrawal = -1.0  # outside 0..1: the palm has no pose yet
@@ -213,6 +228,8 @@ class _Run:
                     self._step(begin_s + step * self._step_s, record_wrench=step >= last_step - AVERAGED_STEPS)
                 step_count, sample = last_step, self._take_sample()
             samples.append(sample)
+        if self._recorder is not None:
+            self._recorder.send()
         return self._join_samples(times, timeline.find_phases(times), samples)
 
     def _step(self, time_s: float, record_wrench: bool = False) -> None:
@@ -228,6 +245,8 @@ class _Run:
             self._push.step(data)
             return
         mujoco.mj_step(scene.model, data)
+        if self._recorder is not None:
+            self._recorder.observe(data, time_s + self._step_s)
         if record_wrench:
             self._recent_wrenches.append(self._compute_wrenches(read_contacts(scene, data)))
 
@@ -278,6 +297,7 @@ class _Run:
             None
             if self._push is None
             else np.stack([sample.taxel_force for sample in samples if sample.taxel_force is not None]),
+            None if self._recorder is None else tuple(self._recorder.messages),
         )
 
 

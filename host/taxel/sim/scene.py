@@ -5,7 +5,7 @@ mount are prescribed. Each board is a rigid part as thick as its bracket plus th
 compression of the layer is computed afterwards from the contact forces.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Final
@@ -102,7 +102,12 @@ class Scene:
 
 
 def build_scene(
-    hand: Hand, grasp_object: GraspObject, wrist: str, friction: float = 0.0, self_contact: bool = False
+    hand: Hand,
+    grasp_object: GraspObject,
+    wrist: str,
+    friction: float = 0.0,
+    self_contact: bool = False,
+    layer_m: Mapping[str, float] | None = None,
 ) -> Scene:
     """Compile a scene.
 
@@ -114,6 +119,8 @@ def build_scene(
         self_contact: True if parts of the hand more than two joints apart collide with each other. By default these
             parts pass through each other, as on the emulated hand; in the planned grasps the fingers touch the object
             first.
+        layer_m: height of the rigid boards' surface over their electrodes, metres, by name of the board; None: the
+            thickness of the hand's layer on every board.
 
     Raises:
         HandGeometryError: the hand's description gives no positions or no robot.
@@ -128,7 +135,9 @@ def build_scene(
             raise HandGeometryError(hand.name)
         if board.link_name not in links:
             raise UnknownLinkError(f"{robot.name} below {wrist}", board.link_name, links)
-    model = mujoco.MjModel.from_xml_string(_write_scene(hand, robot, grasp_object, wrist, friction, self_contact))
+    heights = tuple((hand.layer_m or 0.0) if layer_m is None else layer_m[board.name] for board in hand.boards)
+    text = _write_scene(hand, robot, grasp_object, wrist, friction, self_contact, heights)
+    model = mujoco.MjModel.from_xml_string(text)
     board_of_geom = np.full(model.ngeom, -1, dtype=np.int64)
     for index, board in enumerate(hand.boards):
         board_of_geom[model.geom(_make_board_name(board)).id] = index
@@ -137,9 +146,18 @@ def build_scene(
 
 
 def _write_scene(
-    hand: Hand, robot: Robot, grasp_object: GraspObject, wrist: str, friction: float = 0.0, self_contact: bool = False
+    hand: Hand,
+    robot: Robot,
+    grasp_object: GraspObject,
+    wrist: str,
+    friction: float,
+    self_contact: bool,
+    heights_m: tuple[float, ...],
 ) -> str:
-    """Write a MuJoCo scene as MJCF text; arguments as for `build_scene`."""
+    """Write a MuJoCo scene as MJCF text; arguments as for `build_scene`.
+
+    heights_m: height of the surface of each board over its electrodes, metres.
+    """
     dimensions = 3 if friction > 0 else 1
     collides_with = _OBJECT_BIT | _HAND_BIT if self_contact else _OBJECT_BIT
     contact = f'solref="{CONTACT_SOLREF}" solimp="{CONTACT_SOLIMP}" condim="{dimensions}" friction="{friction!r} 0 0"'
@@ -156,7 +174,7 @@ def _write_scene(
   frictionloss="{JOINT_FRICTION_NM}"/></default>
 </default>
 <asset>
-{_write_board_meshes(hand)}{_write_object_mesh(grasp_object)}</asset>
+{_write_board_meshes(hand, heights_m)}{_write_object_mesh(grasp_object)}</asset>
 <worldbody>
 <light pos="0 0 2"/>
 <geom name="table" type="box" size="{_write_row(TABLE_HALF_M)}" pos="0 0 {-TABLE_HALF_M[2]}"
@@ -176,9 +194,12 @@ def _load_robot_of(hand: Hand) -> Robot:
 
 
 @lru_cache(maxsize=4)
-def _write_board_meshes(hand: Hand) -> str:
+def _write_board_meshes(hand: Hand, heights_m: tuple[float, ...]) -> str:
     """Write the MJCF of the meshes of all boards; cached, because scenes with several objects share the hand."""
-    return "".join(_write_mesh(_make_board_name(board), _compute_board_hull(hand, board)) for board in hand.boards)
+    return "".join(
+        _write_mesh(_make_board_name(board), _compute_board_hull(hand, board, height))
+        for board, height in zip(hand.boards, heights_m, strict=True)
+    )
 
 
 def _make_link_name(name: str) -> str:
@@ -215,16 +236,18 @@ def _write_mesh(name: str, vertices: FloatArray) -> str:
     return f'<mesh name={quoteattr(name)} vertex="{_write_row(vertices)}"/>\n'
 
 
-def _compute_board_hull(hand: Hand, board: Board) -> FloatArray:
-    """Compute the convex hull of a board with its bracket and soft layer: vertices f64[v, 3], bracket frame, metres."""
+def _compute_board_hull(hand: Hand, board: Board, height_m: float) -> FloatArray:
+    """Compute the convex hull of a board with its bracket and soft layer: vertices f64[v, 3], bracket frame, metres.
+
+    height_m: height of the layer over the electrodes.
+    """
     sheet = build_sheet(hand)
     on_board = sheet.board_index == hand.boards.index(board)
     position, normal, distal = sheet.position[on_board], sheet.normal[on_board], sheet.distal[on_board]
     lateral = np.cross(normal, distal)
     half = hand.pitch_m / 2
     corners = [position + half * (a * distal + b * lateral) for a in (-1, 1) for b in (-1, 1)]
-    layer = hand.layer_m or 0.0
-    points = np.concatenate([corner + height * normal for corner in corners for height in (layer, -BACKING_M)])
+    points = np.concatenate([corner + height * normal for corner in corners for height in (height_m, -BACKING_M)])
     return points[ConvexHull(points).vertices]
 
 

@@ -114,3 +114,18 @@ def test_resuming_a_complete_campaign_prints_its_table(paired_campaign, capsys):
     options = ["--source", "sim", "--grasps", "2", "--object", "cylinder", "--jobs", "1", "--resume"]
     assert run_taxel("grasp", *options, "--out", path) == 0
     assert "cylinder" in capsys.readouterr().out
+
+
+def test_the_original_sensing_writes_a_dataset_of_the_original_hand(tmp_path):
+    out = tmp_path / "original.h5"
+    options = ("--source", "sim", "--sensing", "original", "--grasps", "1", "--jobs", "1")
+    assert run_taxel("grasp", *options, "--out", out) == 0
+    with GraspDataset(out) as data:
+        data.check()
+        assert "original sensing" in data.generator
+        assert data[data.ids[0]].raw_counts.shape[1] == 1037
+
+
+def test_the_original_sensing_is_refused_for_another_source(tmp_path, capsys):
+    line = run_refused_command(capsys, "grasp", "--source", "both", "--sensing", "original", "--out", tmp_path / "x")
+    assert "--sensing original: expected --source sim" in line
