@@ -64,8 +64,9 @@ class ContactMessage:
 class ContactTips:
     """Tips of a board, which touch an object instead of the board's surface.
 
-    The physics engine simulates the plane of the tips only. While this plane touches the object, the nearest tip touches,
-    and every other tip that is at most `offset_m` farther from the object: a curved object sinks between the tips.
+    The physics engine simulates the plane of the tips only. While this plane touches the object, the nearest tip
+    touches, and every other tip that is at most `offset_m` farther from the object: a curved object sinks between the
+    tips.
 
     Attributes:
         board: index in `hand.boards`.
