@@ -14,7 +14,8 @@ int board_original_open(struct board_node *board, const struct world_description
         fprintf(stderr, "board 0x%02X: out of memory for the original firmware\n", board->description->address);
         return -1;
     }
-    original_board_init(board->original, (uint8_t)board->description->taxel_count, &world->original);
+    original_board_init(board->original, board->description->address, (uint8_t)board->description->taxel_count,
+                        &world->original);
     front_end_configure(&board->front_end, &world->scan, board->clock_rate);
     if (board->electronics) {
         electronics_configure(board->electronics);

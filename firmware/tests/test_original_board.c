@@ -2,12 +2,14 @@
 #include "check.h"
 #include "emulator/original/original_board.h"
 
+#define ADDRESS 0x17u
 #define TAXELS 6u
 #define READ_SIZE (2u + 2u * TAXELS)
 #define CONVERSION (333u * VTIME_US)
 #define SCAN (TAXELS * CONVERSION)
 
 static struct original_board board;
+static bool has_accelerations;
 static uint16_t next_count; /* raw count of the next conversion */
 
 /* Execute all events up to `until`. The conversions of a board have the counts 100, 101, 102, ... */
@@ -29,7 +31,8 @@ static void power_up_with(unsigned faults, double copy_us)
     original_settings_set_defaults(&settings);
     settings.faults = faults;
     settings.copy_us = copy_us;
-    original_board_init(&board, TAXELS, &settings);
+    settings.has_accelerations[ADDRESS] = has_accelerations;
+    original_board_init(&board, ADDRESS, TAXELS, &settings);
     original_board_reset(&board, 0, CONVERSION);
     next_count = 100;
 }
@@ -210,6 +213,20 @@ static void with_the_fault_truncated_taxel_the_last_taxel_reads_0xFFFF(void)
     CHECK_EQUAL(count_at(bytes, TAXELS - 1u), 0xFFFF);
 }
 
+static void three_accelerations_follow_the_counts_of_some_fingertips(void)
+{
+    uint8_t bytes[READ_SIZE + 8u];
+    has_accelerations = true;
+    power_up();
+    has_accelerations = false;
+    send_start(10 * SCAN);
+    CHECK_EQUAL(read_bytes(bytes, sizeof bytes, 11 * SCAN), ORIGINAL_STATUS_READY);
+    CHECK_EQUAL(count_at(bytes, TAXELS - 1u), 105);
+    CHECK_EQUAL(count_at(bytes, TAXELS), 0);
+    CHECK_EQUAL(count_at(bytes, TAXELS + 2u), 256); /* gravity along z */
+    CHECK_EQUAL(count_at(bytes, TAXELS + 3u), 0xFFFF);
+}
+
 static void a_reset_clears_status_and_counts(void)
 {
     uint8_t bytes[READ_SIZE];
@@ -236,6 +253,7 @@ int main(void)
     RUN(a_command_while_the_counts_are_copied_is_executed_afterwards);
     RUN(a_copy_that_outlasts_the_scan_does_not_lose_a_request);
     RUN(with_the_fault_truncated_taxel_the_last_taxel_reads_0xFFFF);
+    RUN(three_accelerations_follow_the_counts_of_some_fingertips);
     RUN(a_reset_clears_status_and_counts);
     return check_summary();
 }

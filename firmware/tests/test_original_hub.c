@@ -77,7 +77,8 @@ static void describe(uint8_t taxels)
     call_fails = lines_are_held = false;
     settings.list_size = BOARDS;
     for (unsigned i = 0; i < BOARDS; i++) {
-        settings.list[i] = (struct original_board_entry){.address = (uint8_t)(0x10u + i), .taxels = taxels};
+        settings.list[i] =
+            (struct original_board_entry){.address = (uint8_t)(0x10u + i), .taxels = taxels, .words = taxels};
     }
 }
 

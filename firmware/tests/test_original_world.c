@@ -434,7 +434,8 @@ static void a_world_without_the_line_uses_the_project_s_own_firmware(void)
 static void the_keys_of_the_line_set_all_options(void)
 {
     read_text(WORLD "protocol original variant=branch message=no_timestamp faults=truncated_taxel,wait_for_ever "
-                    "delay_ms=0 pacing=0 ring=256 copy_us=2 scl_hz=400000 baud=57600 order=0x09,8,0x0B:66\n");
+                    "delay_ms=0 pacing=0 ring=256 copy_us=2 scl_hz=400000 baud=57600 order=0x09,8,0x0B:66 "
+                    "accelerations=11,0x08\n");
     CHECK_EQUAL(description.original.variant, ORIGINAL_BRANCH);
     CHECK_EQUAL(description.original.message, ORIGINAL_WITHOUT_TIMESTAMP);
     CHECK_EQUAL(description.original.faults, ORIGINAL_TRUNCATED_TAXEL | ORIGINAL_WAIT_FOR_EVER);
@@ -448,6 +449,8 @@ static void the_keys_of_the_line_set_all_options(void)
     CHECK_EQUAL(description.original.list[1].address, 0x08);
     CHECK_EQUAL(description.original.list[2].address, 0x0B);
     CHECK_EQUAL(description.original.list[2].taxels, 66);
+    CHECK_EQUAL(description.original.list[2].words, 69);
+    CHECK_EQUAL(description.original.list[1].words, 6);
     world_file_free(&description);
 }
 
@@ -483,6 +486,9 @@ static void invalid_lines_are_rejected_with_one_line(void)
         WORLD "protocol original order=0x0A:124\n",
         WORLD "protocol original order=0x0A:3x\n",
         WORLD "protocol original order=7\n",
+        WORLD "protocol original order=0x0A:121 accelerations=0x0A\n",
+        WORLD "protocol original accelerations=5\n",
+        WORLD "protocol original accelerations=palm\n",
         WORLD "protocol original order=0x78\n",
         WORLD "protocol original order=eight\n",
         WORLD "protocol original\nblank 8\n",

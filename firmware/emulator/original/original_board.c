@@ -9,13 +9,16 @@ static void set_status(struct original_board *board, uint16_t status)
     taxel_put_u16(board->read_buffer, status);
 }
 
-/* Set up a board with `taxel_count` taxels, at most ORIGINAL_TAXELS_MAX, before its first reset. */
-void original_board_init(struct original_board *board, uint8_t taxel_count, const struct original_settings *settings)
+/* Set up a board before its first reset. original_settings_complete() has checked its number of words. */
+void original_board_init(struct original_board *board, uint8_t address, uint8_t taxel_count,
+                         const struct original_settings *settings)
 {
     const bool is_truncated = (settings->faults & ORIGINAL_TRUNCATED_TAXEL) != 0;
     memset(board, 0, sizeof *board);
     board->taxel_count = taxel_count;
-    board->read_size = 2u * taxel_count + (is_truncated ? 0 : ORIGINAL_STATUS_SIZE);
+    board->has_accelerations = settings->has_accelerations[address];
+    board->read_size =
+        2u * original_settings_count_words(settings, address, taxel_count) + (is_truncated ? 0 : ORIGINAL_STATUS_SIZE);
     board->copy_time = (vtime)(settings->copy_us * (double)VTIME_US);
     board->conversion_end = board->copy_end = VTIME_NEVER;
 }
@@ -52,6 +55,10 @@ void original_board_reset(struct original_board *board, vtime now, vtime convers
 {
     memset(board->counts, 0, sizeof board->counts);
     memset(board->read_buffer, 0, sizeof board->read_buffer);
+    if (board->has_accelerations) {
+        const size_t z = ORIGINAL_STATUS_SIZE + 2u * (board->taxel_count + TAXEL_ORIGINAL_ACCELERATIONS - 1u);
+        taxel_put_u16(board->read_buffer + z, ORIGINAL_GRAVITY);
+    }
     board->conversion_time = conversion_time;
     board->read_position = 0;
     board->write_size = 0;

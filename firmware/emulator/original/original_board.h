@@ -2,7 +2,9 @@
  * start by general call.
  *
  *     offset 0: status, little-endian: 0xFFFE ready, 0x0000 not ready
- *     offset 2 + 2 i: raw count of taxel i, little-endian; 0xFF after the end of the buffer
+ *     offset 2 + 2 i: raw count of taxel i, little-endian
+ *     then, on some fingertips: accelerations x, y, z, signed; here constant, gravity along z
+ *     0xFF after the end of the buffer
  *
  * A write of exactly one byte 0x01 clears the status and requests counts. When the converter is idle, the board starts
  * the next scan, then copies the counts of the previous scan into the read buffer and sets the status. The counts are
@@ -25,14 +27,16 @@
 #define ORIGINAL_STATUS_NOT_READY 0x0000u
 #define ORIGINAL_START_COMMAND 0x01u
 #define ORIGINAL_STATUS_SIZE 2u
-#define ORIGINAL_READ_SIZE_MAX (ORIGINAL_STATUS_SIZE + 2u * ORIGINAL_TAXELS_MAX)
+#define ORIGINAL_READ_SIZE_MAX (ORIGINAL_STATUS_SIZE + 2u * ORIGINAL_WORDS_MAX)
+#define ORIGINAL_GRAVITY 256 /* of an acceleration; scale of the later sources */
 
 struct original_board {
     uint8_t taxel_count;
+    bool has_accelerations;
     size_t read_size;      /* bytes of the read buffer that the SCB sends */
     vtime conversion_time; /* of one taxel */
     vtime copy_time;       /* of one word */
-    uint16_t counts[ORIGINAL_TAXELS_MAX];
+    uint16_t counts[ORIGINAL_WORDS_MAX];
     uint8_t read_buffer[ORIGINAL_READ_SIZE_MAX];
     size_t read_position;
     unsigned write_size; /* bytes of the present write */
@@ -47,7 +51,8 @@ struct original_board {
     uint32_t scans, reads;
 };
 
-void original_board_init(struct original_board *board, uint8_t taxel_count, const struct original_settings *settings);
+void original_board_init(struct original_board *board, uint8_t address, uint8_t taxel_count,
+                         const struct original_settings *settings);
 
 /* Power-up or reset; the first scan starts at `now`. */
 void original_board_reset(struct original_board *board, vtime now, vtime conversion_time);

@@ -91,7 +91,7 @@ static void read_next_board(struct original_hub *hub, size_t first, vtime now)
             const struct original_board_entry *entry = &hub->settings->list[board];
             const struct taxel_i2c_transfer read = {.address = entry->address,
                                                     .read_bytes = hub->memory,
-                                                    .read_size = ORIGINAL_STATUS_SIZE + 2u * entry->taxels};
+                                                    .read_size = ORIGINAL_STATUS_SIZE + 2u * entry->words};
             hub->board = board;
             hub->state = ORIGINAL_HUB_READS;
             start_transfer(hub, &read);
@@ -140,7 +140,7 @@ static size_t build_message(struct original_hub *hub, vtime now)
     for (unsigned shift = 32; hub->settings->message != ORIGINAL_WITHOUT_TIMESTAMP && shift; shift -= 8) {
         message[size++] = (uint8_t)(timestamp_ms >> (shift - 8u)); /* big-endian */
     }
-    for (size_t i = 0; i < 2u * entry->taxels; i++) {
+    for (size_t i = 0; i < 2u * entry->words; i++) {
         message[size++] = hub->memory[ORIGINAL_STATUS_SIZE + (is_swapped ? i ^ 1u : i)];
     }
     return size;
@@ -154,7 +154,7 @@ static void send_message(struct original_hub *hub, vtime now)
     const uint8_t *source = hub->memory + hub->message_offset;
     if (hub->settings->faults & ORIGINAL_WRONG_BUFFER) {
         source = hub->memory;
-        size = hub->settings->list[hub->board].taxels + 5u;
+        size = hub->settings->list[hub->board].words + 5u;
     }
     hub->frame[0] = TAXEL_ORIGINAL_START;
     hub->frame[1] = (uint8_t)(size + 3u);

@@ -83,7 +83,7 @@ static int read_entry(struct original_settings *settings, const struct world_lin
     const long taxels = strtol(digits, &taxels_end, 10);
     const bool is_valid = end != text && (has_taxels || !*end) && address >= TAXEL_ADDRESS_MIN &&
                           address <= TAXEL_ADDRESS_MAX && taxels_end != digits && !*taxels_end && taxels >= 1 &&
-                          taxels <= (long)ORIGINAL_TAXELS_MAX;
+                          taxels <= (long)ORIGINAL_WORDS_MAX;
     if (!is_valid || settings->list_size == WORLD_BOARDS_MAX) {
         return report_value(line, "order",
                             is_valid ? "at most 64 boards" : "ADDRESS or ADDRESS:TAXELS with 1 to 123 taxels", text);
@@ -95,6 +95,21 @@ static int read_entry(struct original_settings *settings, const struct world_lin
     }
     settings->list[settings->list_size++] = (struct original_board_entry){
         .address = (uint8_t)address, .taxels = has_taxels ? (uint8_t)taxels : TAXELS_OF_THE_BOARD};
+    return 0;
+}
+
+/* Read the addresses after `accelerations=`, separated by commas. Returns 0, or -1 after an error line on stderr. */
+static int read_accelerations(struct original_settings *settings, const struct world_line *line, char *text)
+{
+    char *saved;
+    for (char *word = strtok_r(text, ",", &saved); word; word = strtok_r(NULL, ",", &saved)) {
+        char *end;
+        const long address = strtol(word, &end, 0);
+        if (end == word || *end || address < (long)TAXEL_ADDRESS_MIN || address > (long)TAXEL_ADDRESS_MAX) {
+            return report_value(line, "accelerations", "addresses of boards", word);
+        }
+        settings->has_accelerations[address] = true;
+    }
     return 0;
 }
 
@@ -129,6 +144,9 @@ static int read_text_key(struct original_settings *settings, const struct world_
     int choice = 0;
     if (strcmp(key, "order") == 0) {
         return read_order(settings, line, text);
+    }
+    if (strcmp(key, "accelerations") == 0) {
+        return read_accelerations(settings, line, text);
     }
     if (strcmp(key, "faults") == 0) {
         return read_faults(settings, line, text);
@@ -185,9 +203,10 @@ static int read_key(struct original_settings *settings, const struct world_line 
             return 0;
         }
     }
-    return report_value(
-        line, "options",
-        "order, faults, variant, message, scl_hz, baud, delay_ms, copy_us, pacing or ring before the '='", word);
+    return report_value(line, "options",
+                        "order, accelerations, faults, variant, message, scl_hz, baud, delay_ms, copy_us, pacing or "
+                        "ring before the '='",
+                        word);
 }
 
 int original_settings_read(struct original_settings *settings, const struct world_line *line, double *scl_hz,
@@ -218,6 +237,11 @@ static unsigned find_taxel_count(const struct board_description *boards, size_t 
     return 0;
 }
 
+unsigned original_settings_count_words(const struct original_settings *settings, uint8_t address, unsigned taxels)
+{
+    return taxels + (settings->has_accelerations[address] ? TAXEL_ORIGINAL_ACCELERATIONS : 0u);
+}
+
 int original_settings_complete(struct original_settings *settings, const struct board_description *boards,
                                size_t board_count, const char *path)
 {
@@ -230,9 +254,12 @@ int original_settings_complete(struct original_settings *settings, const struct 
                     boards[i].address);
             return -1;
         }
-        if (boards[i].taxel_count > ORIGINAL_TAXELS_MAX) {
-            fprintf(stderr, "world %s: protocol original: board 0x%02X: expected at most 123 taxels, found %u\n", path,
-                    boards[i].address, boards[i].taxel_count);
+        const unsigned words = original_settings_count_words(settings, boards[i].address, boards[i].taxel_count);
+        if (words > ORIGINAL_WORDS_MAX) {
+            fprintf(
+                stderr,
+                "world %s: protocol original: board 0x%02X: expected at most 123 taxels and accelerations, found %u\n",
+                path, boards[i].address, words);
             return -1;
         }
     }
@@ -251,6 +278,14 @@ int original_settings_complete(struct original_settings *settings, const struct 
                 "world %s: protocol original: order: no board has the address 0x%02X; expected 0x%02X:TAXELS for an "
                 "absent board\n",
                 path, entry->address, entry->address);
+            return -1;
+        }
+        entry->words = (uint8_t)original_settings_count_words(settings, entry->address, entry->taxels);
+        if (entry->words > ORIGINAL_WORDS_MAX) {
+            fprintf(
+                stderr,
+                "world %s: protocol original: order: 0x%02X: expected at most 123 taxels and accelerations, found %u\n",
+                path, entry->address, entry->words);
             return -1;
         }
     }

@@ -11,14 +11,16 @@
 
 #include "emulator/base/world_line.h"
 #include "emulator/geometry/board_description.h"
+#include "generated/taxel_original.h"
 
 #define ORIGINAL_SCL_HZ 100000.0 /* SCB of hub and boards, 8 + 8 clocks of oversampling */
 #define ORIGINAL_BAUD 115200.0   /* the divider of the hub's 24 MHz, 17 * 12, gives 117647 */
 #define ORIGINAL_DELAY_MS 50.0   /* after each cycle */
 #define ORIGINAL_RING_SIZE 128u  /* bytes of the transmit ring */
 #define ORIGINAL_RING_SIZE_MAX 4096u
-#define ORIGINAL_COPY_US 1.0     /* estimate: 24 CPU cycles for one word */
-#define ORIGINAL_TAXELS_MAX 123u /* the length of a message has one byte: 2 * 123 + 8 = 254 */
+#define ORIGINAL_COPY_US 1.0 /* estimate: 24 CPU cycles for one word */
+/* Counts and accelerations of a board: the length of a message has one byte, 2 * 123 + 8 = 254. */
+#define ORIGINAL_WORDS_MAX 123u
 /* Modulator 12 MHz, TX clock 300 kHz, 100 sub-conversions: 4,000 counts in 333 us. The current source, calibrated by the
  * original firmware to 40 % of full scale at rest, has the code for the capacitance of the emulated taxels. */
 #define ORIGINAL_SCAN_SETTINGS {100, 40, 4, 4, 0}
@@ -50,6 +52,7 @@ enum original_fault {
 struct original_board_entry {
     uint8_t address;
     uint8_t taxels;
+    uint8_t words; /* raw counts, and three accelerations of some fingertips */
 };
 
 struct original_settings {
@@ -64,6 +67,7 @@ struct original_settings {
     /* read order; without the key `order`, the boards in the order of their lines */
     struct original_board_entry list[WORLD_BOARDS_MAX];
     size_t list_size;
+    bool has_accelerations[TAXEL_ADDRESS_MAX + 1u]; /* of the board with this address: three words after its counts */
 };
 
 /* Read `protocol original key=value ...`. `scl_hz` and `baud` receive the clock rates of the line or their defaults.
@@ -75,6 +79,9 @@ int original_settings_read(struct original_settings *settings, const struct worl
  * line on stderr that begins with `path`. */
 int original_settings_complete(struct original_settings *settings, const struct board_description *boards,
                                size_t board_count, const char *path);
+
+/* Raw counts and accelerations that the board with this address sends. */
+unsigned original_settings_count_words(const struct original_settings *settings, uint8_t address, unsigned taxels);
 
 /* The settings of a line without keys. */
 void original_settings_set_defaults(struct original_settings *settings);

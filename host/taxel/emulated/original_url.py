@@ -21,7 +21,11 @@ GENERATIONS: Final = {"thesis": THESIS, "first": FIRST_GENERATION}
 _NUMBERS: Final = {"delay_ms": (0.0, 1e5), "copy_us": (0.0, 1e4), "ring": (16.0, 4096.0), "pacing": (0.0, 1.0)}
 """Minimum and maximum of each option with a number; `ring` and `pacing` are whole numbers."""
 
-ORIGINAL_OPTIONS: Final = frozenset({"generation", "variant", "message", "known_faults", "skip", *_NUMBERS})
+ORIGINAL_OPTIONS: Final = frozenset(
+    {"generation", "variant", "message", "known_faults", "skip", "accelerations", *_NUMBERS}
+)
+    {"generation", "variant", "message", "known_faults", "skip", "accelerations", *_NUMBERS}
+)
 
 
 def parse_original_firmware(url: str, options: Mapping[str, str], hand: Hand) -> OriginalFirmware:
@@ -29,8 +33,9 @@ def parse_original_firmware(url: str, options: Mapping[str, str], hand: Hand) ->
 
     Options: `generation=thesis` (default) or `first`, which set all others; `variant`, `message` and `known_faults`
     (names separated by commas), see `taxel.hand.original_firmware`; `delay_ms`; `pacing` (0 or 1); `ring` (bytes);
-    `copy_us`; `skip`: addresses of boards that the hub does not poll, separated by commas, such as 0x0B,0x17. Raises
-    `LinkError` for any other value.
+    `copy_us`; `skip`: addresses of boards that the hub does not poll, separated by commas, such as 0x0B,0x17;
+    `accelerations`: addresses of boards that send three more words after their counts. Raises `LinkError` for any other
+    value.
     """
     firmware = GENERATIONS[_parse_choice(url, "generation", options.get("generation", "thesis"), tuple(GENERATIONS))]
     changes: dict[str, Any] = {}
@@ -42,7 +47,9 @@ def parse_original_firmware(url: str, options: Mapping[str, str], hand: Hand) ->
         names = options["known_faults"].split(",")
         changes["known_faults"] = [_parse_choice(url, "known_faults", name, KNOWN_FAULTS) for name in names]
     if options.get("skip"):
-        changes["skipped_addresses"] = _parse_skipped(url, options["skip"], hand)
+        changes["skipped_addresses"] = _parse_boards(url, "skip", options["skip"], hand)
+    if options.get("accelerations"):
+        changes["accelerated_addresses"] = _parse_boards(url, "accelerations", options["accelerations"], hand)
     for name in ("delay_ms", "copy_us"):
         if name in options:
             changes[name] = _parse_number(url, name, options[name])
@@ -60,13 +67,16 @@ def _parse_choice(url: str, name: str, text: str, choices: tuple[str, ...]) -> s
     return text
 
 
-def _parse_skipped(url: str, text: str, hand: Hand) -> list[int]:
-    """Addresses of boards of the hand. Raises `LinkError` for other text, or if the hub would poll no board."""
+def _parse_boards(url: str, name: str, text: str, hand: Hand) -> list[int]:
+    """Addresses of boards of the hand. Raises `LinkError` for other text, or for `skip` if the hub would poll none."""
     try:
         addresses = [int(word, 0) for word in text.split(",")]
-        list_polled_addresses(hand, addresses)
+        if name == "skip":
+            list_polled_addresses(hand, addresses)
+        elif not set(addresses) <= {board.address for board in hand.boards}:
+            raise ValueError(f"hand {hand.name} has other addresses")
     except ValueError as error:
-        raise LinkError(url, f"option 'skip' must contain addresses of boards, found '{text}' ({error})") from None
+        raise LinkError(url, f"option '{name}' must contain addresses of boards, found '{text}' ({error})") from None
     return addresses
 
 

@@ -20,7 +20,7 @@ class OriginalFirmware:
     a board that does not answer. `message`: of `MESSAGES`. `delay_ms`: after each poll cycle. `is_paced`: the UART
     driver sends at most 8 bytes per tick of 0.5 ms. `ring_size`: bytes of the transmit ring. `copy_us`: time in which a
     board copies one count. `known_faults`: of `KNOWN_FAULTS`. `skipped_addresses`: boards of the hand that the hub does
-    not poll.
+    not poll. `accelerated_addresses`: boards that send three more words after the counts.
     """
 
     variant: str = "main"
@@ -31,6 +31,7 @@ class OriginalFirmware:
     copy_us: float = 1.0
     known_faults: Sequence[str] = ()
     skipped_addresses: Sequence[int] = ()
+    accelerated_addresses: Sequence[int] = ()
 
 
 FIRST_GENERATION: Final = OriginalFirmware()
@@ -76,5 +77,7 @@ def format_original(hand: Hand, firmware: OriginalFirmware) -> str:
         f"ring={firmware.ring_size}",
         f"copy_us={firmware.copy_us!r}",
     ]
+    accelerated = ",".join(f"0x{address:02X}" for address in firmware.accelerated_addresses)
+    words += [f"accelerations={accelerated}"] if accelerated else []
     words += [f"faults={','.join(firmware.known_faults)}"] if firmware.known_faults else []
     return " ".join(words)

@@ -77,6 +77,7 @@ def test_in_real_time_the_hub_sends_its_bytes_at_the_rate_of_the_uart():
     ("hand", "message", "message_format"),
     [
         ("original", "timestamp", "original"),
+        ("original", "timestamp&accelerations=0x0B,0x17,0x1C", "original_accelerations"),
         ("first_generation", "timestamp", "first_generation"),
         ("first_generation", "no_timestamp", "first_generation_untimed"),
         ("first_generation", "high_byte_first", "first_generation_test"),
@@ -105,6 +106,7 @@ def test_the_decoder_of_the_original_stream_accepts_every_byte(hand, message, me
         ("ring=20.5", "'ring' must be a whole number"),
         ("pacing=2", "'pacing' must be a whole number from 0 to 1"),
         ("skip=0x30", "'skip' must contain addresses of boards"),
+        ("accelerations=0x30", "'accelerations' must contain addresses of boards"),
         ("skip=all", "'skip' must contain addresses of boards"),
         ("order=8", "unknown option 'order'"),
     ],
