@@ -24,8 +24,6 @@ _NUMBERS: Final = {"delay_ms": (0.0, 1e5), "copy_us": (0.0, 1e4), "ring": (16.0,
 ORIGINAL_OPTIONS: Final = frozenset(
     {"generation", "variant", "message", "known_faults", "skip", "accelerations", *_NUMBERS}
 )
-    {"generation", "variant", "message", "known_faults", "skip", "accelerations", *_NUMBERS}
-)
 
 
 def parse_original_firmware(url: str, options: Mapping[str, str], hand: Hand) -> OriginalFirmware:
