@@ -78,6 +78,8 @@ def list_configurations() -> list[Configuration]:
         row("without pacing", "original", replace(kept, is_paced=False), {}),
         row("without delay and pacing", "original", replace(kept, delay_ms=0.0, is_paced=False), {}),
         row("**also a ring of 256 bytes (settings of the thesis)**", "original", thesis, {}),
+        row("without delay and pacing, bus at 400 kbit/s", "original",
+            replace(kept, delay_ms=0.0, is_paced=False), {"scl_hz": 400e3}),
         row("settings of the thesis, all 17 boards", "original", THESIS, {}),
         row("settings of the thesis, 230,400 baud", "original", thesis, {"baud": 230400.0}),
         row("settings of the thesis, bus at 400 kbit/s", "original", thesis, {"scl_hz": 400e3}),

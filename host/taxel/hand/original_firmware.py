@@ -38,11 +38,12 @@ FIRST_GENERATION: Final = OriginalFirmware()
 """Firmware of the 22 boards of the first generation (224 taxels), as it is public: 8.7 Hz."""
 
 THESIS: Final = OriginalFirmware(delay_ms=0.0, is_paced=False, ring_size=256)
-"""Settings with which 15 boards of 905 taxels reach the 5.97 Hz of the thesis's UART.
+"""Settings with which 15 boards of 905 taxels reach the 5.97 Hz that the UART allows.
 
-The firmware of these boards is not public. With the settings of the first generation they would run at 3.4 Hz, so that
-the later hub had neither the delay of 50 ms nor the pacing, and read the next board while a whole message (250 bytes)
-waited for the UART. `tools/original/rate.py` measures the share of each cause.
+The firmware of the thesis's boards is not public. With the settings of the first generation the 15 boards would run at
+3.4 Hz. These settings keep its bus clock (100 kbit/s) and baud rate, and omit the delay and the pacing; a ring of 256
+bytes lets the hub read the next board while a whole message (at most 250 bytes) waits for the UART. Other settings
+reach the same rate, for example a bus at 400 kbit/s. `tools/original/rate.py` measures the share of each cause.
 """
 
 
