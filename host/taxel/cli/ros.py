@@ -8,6 +8,7 @@ import typer
 from taxel.cli.options import HandOption, JointAngles, Seconds, Url, parse_joint_angles
 from taxel.hand.kinematics import build_kinematics
 from taxel.ros.node import JointListener, Node, open_node
+from taxel.ros.original_topics import OriginalTopics
 from taxel.ros.pace import Pace
 from taxel.ros.topics import NS_PER_S, SkinTopics
 from taxel.skin import Skin, open_skin
@@ -29,18 +30,26 @@ def ros(
         typer.Option("--ros-version", min=1, max=2, help="ROS 1 or 2. Default: 2 if rclpy is installed, else 1."),
     ] = None,
     seconds: Seconds = None,
+    original_topics: Annotated[
+        bool,
+        typer.Option(
+            "--original-topics",
+            help="Publish only sensor_8_readings ... (TactileData), the topics of the original ROS stack.",
+        ),
+    ] = False,
 ) -> None:
     """Publish a skin as ROS topics.
 
     Topics: one for each sensor, the TF tree, joint states, activations, contact cloud and diagnostics. The first 100
-    poll cycles are the baseline, during which nothing may touch the skin. Needs rospy (ROS 1) or rclpy (ROS 2).
+    poll cycles are the baseline, during which nothing may touch the skin. Needs rospy (ROS 1) or rclpy (ROS 2). With
+    --original-topics: one topic sensor_ADDRESS_readings for each board, as the original ROS stack publishes it.
 
     Example: taxel ros "emulator:" --seconds 1
     """
     node = open_node(version)
     try:
         with open_skin(url, hand) as skin:
-            publish_skin(skin, node, parse_joint_angles(joints), joint_topic, seconds, Pace(None))
+            publish_skin(skin, node, parse_joint_angles(joints), joint_topic, seconds, Pace(None), original_topics)
     finally:
         node.close()
 
@@ -52,12 +61,13 @@ def publish_skin(
     joint_topic: str | None,
     seconds: float | None,
     pace: Pace,
+    has_original_topics: bool = False,
 ) -> None:
     """Publish all frames of a skin as ROS topics until its end or until `seconds` have passed.
 
     node: None: a new node, which is closed at the end. angles: f64[j], joint angles in radians. joint_topic: topic with
-    the joint angles, used instead of `angles`. The times of a recording are shifted such that its first frame has the
-    present time.
+    the joint angles, used instead of `angles`. has_original_topics: publish only the topics of the original ROS stack.
+    The times of a recording are shifted such that its first frame has the present time.
     """
     publisher = open_node() if node is None else node
     try:
@@ -65,7 +75,7 @@ def publish_skin(
         if joint_topic is not None:
             joints = JointListener(publisher, joint_topic, build_kinematics(skin.hand).robot.joint_names)
         first_s: float | None = None
-        topics: SkinTopics | None = None
+        topics: SkinTopics | OriginalTopics | None = None
         count = 0
         for frame in skin:
             pace.wait(frame.time_s)
@@ -73,7 +83,12 @@ def publish_skin(
                 first_s = frame.time_s
                 is_live = skin.link.is_real_time and has_arrivals(skin.link)
                 now_ns = time.monotonic_ns() if is_live else round(frame.time_s * NS_PER_S)
-                topics = SkinTopics(skin.hand, skin.hub, time.time_ns() - now_ns, joints)
+                offset_ns = time.time_ns() - now_ns
+                topics = (
+                    OriginalTopics(skin.hand, offset_ns)
+                    if has_original_topics
+                    else SkinTopics(skin.hand, skin.hub, offset_ns, joints)
+                )
             for message in topics.take(frame):
                 if joint_topic is None or message.topic != "/joint_states":
                     publisher.publish(message)

@@ -4,6 +4,7 @@ A message to encode is a dict of values by field name. A decoded message is an o
 its arrays of numbers are NumPy arrays.
 """
 
+import struct
 from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
@@ -35,6 +36,15 @@ def decode(name: str, data: bytes) -> Any:
     try:
         return _STORE.deserialize_cdr(data, _make_ros2_name(name))
     except SerdeError as error:
+        raise CdrError(f"{name}: {error}") from None
+
+
+def decode_ros1(name: str, data: bytes) -> Any:
+    """Decode a message of type `name` in the encoding of ROS 1 (.bag files). Raises CdrError for malformed data."""
+    _register(name)
+    try:
+        return _STORE.deserialize_ros1(data, _make_ros2_name(name))
+    except (SerdeError, ValueError, IndexError, struct.error) as error:
         raise CdrError(f"{name}: {error}") from None
 
 

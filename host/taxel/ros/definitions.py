@@ -1,4 +1,4 @@
-"""Definitions of ROS messages: the project's own (the ROS package `taxel_msgs`) and the standard ones in use.
+"""Definitions of ROS messages: the project's own (`taxel_msgs`), that of the original ROS stack, and standard ones.
 
 A message name is "package/Name". ROS 1 and ROS 2 use the same definition text with two differences: `Header` has a
 counter `seq` in ROS 1, and the type of a time is `time` in ROS 1 and `builtin_interfaces/Time` in ROS 2.
@@ -10,6 +10,9 @@ from importlib import resources
 from typing import NamedTuple
 
 OWN_PACKAGE = "taxel_msgs"
+PACKAGES = (OWN_PACKAGE, "bici_ros_sensor_reader")
+"""ROS packages whose definitions are files of this package: the project's own, and that of the original ROS stack."""
+
 SEPARATOR = "=" * 80
 """Line between two definitions in one schema text (MCAP registry, schema encoding ros2msg)."""
 _FIELD = re.compile(r"^([\w/]+)(\[(\d*)\])?\s+(\w+)\s*(=?)")
@@ -68,9 +71,9 @@ class MessageField(NamedTuple):
 def get_definition(name: str) -> str:
     """Return the definition text of a ROS message type. Raises KeyError for a type that the project does not use."""
     package, _, leaf = name.partition("/")
-    if package != OWN_PACKAGE:
+    if package not in PACKAGES:
         return _STANDARD[name]
-    file = resources.files("taxel.ros") / OWN_PACKAGE / "msg" / f"{leaf}.msg"
+    file = resources.files("taxel.ros") / package / "msg" / f"{leaf}.msg"
     if not file.is_file():
         raise KeyError(name)
     return file.read_text().rstrip()

@@ -9,9 +9,10 @@ from typing import Any, BinaryIO
 
 from taxel.link import CaptureError, Chunk, Link
 from taxel.optional import optional_import
-from taxel.ros.cdr import CdrError, decode
+from taxel.ros.cdr import CdrError, decode, decode_ros1
 from taxel.ros.definitions import SEPARATOR, fields, parse_fields
 from taxel.ros.mcap_file import BYTES_TYPE, METADATA
+from taxel.ros.original_topics import ORIGINAL_HAND, ORIGINAL_TYPE, OriginalFrames, OriginalMessageError
 from taxel.stream import TaxelFrame
 from taxel.stream.encoder import FramesLink
 
@@ -24,6 +25,11 @@ with optional_import("mcap", "an MCAP file (.mcap)"):
     from mcap.stream_reader import StreamReader, breakup_chunk
 
 SCAN_TYPE = "taxel_msgs/TaxelScan"
+READ_TYPES = (BYTES_TYPE, SCAN_TYPE, ORIGINAL_TYPE)
+"""Message types of a skin."""
+
+_DECODERS = {"cdr": decode, "ros1": decode_ros1}  # by message encoding of a channel
+_ORIGINAL_NAME = ORIGINAL_TYPE.partition("/")[2]
 RECORD_MAX = 1 << 28
 """Largest size of a record or of an unpacked chunk, bytes. The limit bounds the memory that a damaged file can use."""
 
@@ -34,7 +40,9 @@ class McapReader:
     """Reader of an MCAP file with the hub's bytes or the scans of a skin, from front to back, in constant memory.
 
     header: header of the recording; {} if the file has none. has_bytes: False for a bag with scans but without the
-    hub's bytes. Raises `CaptureError` if the file cannot be read or has no topic of a skin.
+    hub's bytes. has_original_messages: the messages are those of the original ROS stack.
+
+    Raises `CaptureError` if the file cannot be read or has no topic of a skin.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -48,10 +56,10 @@ class McapReader:
         except OSError as error:
             raise CaptureError(self.name, f"cannot be read ({error.strerror})") from error
         self.header: dict[str, Any] = {}
-        self._channels: dict[int, tuple[str, str]] = {}
+        self._channels: dict[int, tuple[str, str]] = {}  # type and message encoding
         self._schemas: dict[int, str] = {}
         self._records = self._read_records()
-        self._first: tuple[str, Message] | None = None
+        self._first: tuple[str, str, Message] | None = None
         self._damage: CaptureError | None = None
         try:
             self._read_first_message()
@@ -59,6 +67,7 @@ class McapReader:
             self._file.close()
             raise
         self.has_bytes = self._first is None or self._first[0] == BYTES_TYPE
+        self.has_original_messages = self._first is not None and self._first[0] == ORIGINAL_TYPE
 
     def _read_first_message(self) -> None:
         """Read the MCAP file up to the first message of a skin.
@@ -73,7 +82,7 @@ class McapReader:
             self._damage = error
             return
         if self._first is None and not self.header:
-            raise CaptureError(self.name, "has no topic of a skin (taxel_msgs/msg/HubBytes or TaxelScan)")
+            raise CaptureError(self.name, "has no topic of a skin (taxel_msgs/msg/HubBytes, TaxelScan or TactileData)")
 
     def messages(self) -> Iterator[tuple[str, Any, int]]:
         """Yield (type, message, log time in nanoseconds) of each message of a skin in the MCAP file.
@@ -85,21 +94,21 @@ class McapReader:
         if self._first is not None:
             yield self._decode_message(*self._first)
             self._first = None
-        for type_name, message in self._records:
-            yield self._decode_message(type_name, message)
+        for record in self._records:
+            yield self._decode_message(*record)
 
-    def _decode_message(self, type_name: str, message: Message) -> tuple[str, Any, int]:
+    def _decode_message(self, type_name: str, encoding: str, message: Message) -> tuple[str, Any, int]:
         """Decode a message to (type, message, log time in nanoseconds).
 
         Raises `CaptureError` if its data are malformed.
         """
         try:
-            return type_name, decode(type_name, message.data), message.log_time
+            return type_name, _DECODERS[encoding](type_name, message.data), message.log_time
         except CdrError as error:
             raise CaptureError(self.name, f"has a message that cannot be decoded ({error})") from None
 
-    def _read_records(self) -> Iterator[tuple[str, Message]]:
-        """Yield (type, message) of all messages of a skin, up to the end of the data section of the MCAP file.
+    def _read_records(self) -> Iterator[tuple[str, str, Message]]:
+        """Yield (type, message encoding, message) of all messages of a skin, up to the end of the data section.
 
         Raises `CaptureError` at a damaged record.
         """
@@ -119,18 +128,19 @@ class McapReader:
                 self.name, f"is truncated or damaged {position}; everything before it was read"
             ) from None
 
-    def _process(self, record: Any) -> Iterator[tuple[str, Message]]:
+    def _process(self, record: Any) -> Iterator[tuple[str, str, Message]]:
         """Store what an MCAP record defines (schema, channel or header); yield the record if it is a skin's message."""
         if isinstance(record, Message):
             channel = self._channels.get(record.channel_id)
             if channel is not None:
-                yield channel[0], record
+                yield *channel, record
         elif isinstance(record, Schema):
             self._schemas[record.id] = self._check_schema(record)
         elif isinstance(record, Channel):
             name = self._schemas.get(record.schema_id, "")
-            if name in (BYTES_TYPE, SCAN_TYPE) and record.message_encoding == "cdr":
-                self._channels[record.id] = (name, record.topic)
+            is_cdr = record.message_encoding == "cdr"
+            if name in READ_TYPES and (is_cdr or (name == ORIGINAL_TYPE and record.message_encoding == "ros1")):
+                self._channels[record.id] = (name, record.message_encoding)
         elif isinstance(record, Metadata) and record.name == METADATA:
             self.header |= {key: json.loads(value) for key, value in record.metadata.items()}
 
@@ -140,11 +150,13 @@ class McapReader:
         Raises `CaptureError` if a type of this package has other fields.
         """
         name = schema.name.replace("/msg/", "/")
-        if name not in (BYTES_TYPE, SCAN_TYPE):
+        if name.rpartition("/")[2] == _ORIGINAL_NAME:  # early original stacks use other package names
+            name = ORIGINAL_TYPE
+        if name not in READ_TYPES:
             return name
         if parse_fields(schema.data.decode(errors="replace").partition(SEPARATOR)[0]) != fields(name):
             raise CaptureError(
-                self.name, f"has another definition of {schema.name}; use the taxel release that wrote the file"
+                self.name, f"has another definition of {schema.name}; use the release that wrote the file"
             )
         return name
 
@@ -213,25 +225,31 @@ class McapLink:
 
 
 def open_mcap(path: str | os.PathLike[str]) -> Link:
-    """Open an MCAP file as a link: the hub's bytes, or for a bag without them, bytes encoded from its scans."""
+    """Open an MCAP file as a link: the hub's bytes, or for a bag without them, bytes encoded from its messages."""
     reader = McapReader(path)
     if reader.has_bytes:
         return McapLink(reader)
     link = FramesLink(reader.name, _read_frames(reader))
-    link.header = reader.header
+    default = {"hand": ORIGINAL_HAND} if reader.has_original_messages else {}
+    link.header = default | reader.header
     return link
 
 
 def _read_frames(reader: McapReader) -> Iterator[TaxelFrame]:
-    """Yield the valid scan messages of an MCAP file as taxel frames, and close the reader at the end."""
+    """Yield the valid scans, or the original messages, of an MCAP file as taxel frames; close the reader at the end."""
+    original_frames = OriginalFrames()
     try:
-        for type_name, message, _ in reader.messages():
-            if type_name == SCAN_TYPE and message.valid:
+        for type_name, message, time_ns in reader.messages():
+            if type_name == ORIGINAL_TYPE and reader.has_original_messages:
+                yield original_frames.convert(message, time_ns)
+            elif type_name == SCAN_TYPE and message.valid:
                 stamp = message.header.stamp
                 time_s = stamp.sec + stamp.nanosec * 1e-9
                 times_us = (message.board_time_us, message.hub_time_us)
                 yield TaxelFrame(
                     message.address, message.cycle, message.sequence, time_s, *times_us, message.raw_counts
                 )
+    except OriginalMessageError as error:
+        raise CaptureError(reader.name, str(error)) from None
     finally:
         reader.close()

@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -21,6 +21,14 @@ class Node(Protocol):
 
     def publish(self, message: TopicMessage) -> None:
         """Publish a message on its topic."""
+        ...
+
+    def listen(self, topic: str, type_name: str, callback: Callable[[Any], None]) -> None:
+        """Call `callback(message)` for each message of a topic. type_name: "package/Name"."""
+        ...
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait up to `timeout_s` seconds, during which callbacks of received messages run."""
         ...
 
     def listen_to_joints(self, topic: str, callback: Callable[[list[str], list[float]], None]) -> None:

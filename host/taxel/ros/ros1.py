@@ -1,6 +1,7 @@
 """A ROS 1 node that publishes the topics of the skin."""
 
 import os
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -76,10 +77,17 @@ class Ros1Node:
 
     def listen_to_joints(self, topic: str, callback: Callable[[list[str], list[float]], None]) -> None:
         """Call `callback(names, angles)` for each sensor_msgs/JointState message of a topic. Angles in radians."""
-        message_class = self._load_classes("sensor_msgs/JointState")["sensor_msgs/JointState"]
-        self._rospy.Subscriber(
-            topic, message_class, lambda message: callback(list(message.name), list(message.position))
+        self.listen(
+            topic, "sensor_msgs/JointState", lambda message: callback(list(message.name), list(message.position))
         )
+
+    def listen(self, topic: str, type_name: str, callback: Callable[[Any], None]) -> None:
+        """Call `callback(message)` for each message of a topic, in a thread of rospy. type_name: "package/Name"."""
+        self._rospy.Subscriber(topic, self._load_classes(type_name)[type_name], callback)
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait `timeout_s` seconds. rospy runs the callbacks in its own threads."""
+        time.sleep(timeout_s)
 
     def close(self) -> None:
         """Shut the ROS 1 node down."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from taxel.ros.definitions import MessageField, fields
+from taxel.ros.definitions import PACKAGES, MessageField, fields
 from taxel.ros.ros_import import RosError, import_ros2
 from taxel.ros.topics import TopicMessage
 
@@ -48,9 +48,9 @@ class Ros2Node:
                 self._classes[type_name] = getattr(importlib.import_module(f"{package}.msg"), leaf)
             except (ImportError, AttributeError):
                 raise RosError(
-                    f"ROS 2 has no message {package}/msg/{leaf}; put the folder taxel/ros/taxel_msgs of this package "
-                    "into your workspace's src, then: colcon build --packages-select taxel_msgs"
-                    if package == "taxel_msgs"
+                    f"ROS 2 has no message {package}/msg/{leaf}; put the folder taxel/ros/{package} of this package "
+                    f"into your workspace's src, then: colcon build --packages-select {package}"
+                    if package in PACKAGES
                     else f"ROS 2 has no message {package}/msg/{leaf}; install the package {package}"
                 ) from None
         return self._classes[type_name]
@@ -89,13 +89,17 @@ class Ros2Node:
 
     def listen_to_joints(self, topic: str, callback: Callable[[list[str], list[float]], None]) -> None:
         """Call `callback(names, angles)` for each sensor_msgs/JointState message of a topic. Angles in radians."""
-        message_class = self._load_class("sensor_msgs/JointState")
-        self._node.create_subscription(
-            message_class,
-            topic,
-            lambda message: callback(list(message.name), list(message.position)),
-            QUEUE_LENGTH,
+        self.listen(
+            topic, "sensor_msgs/JointState", lambda message: callback(list(message.name), list(message.position))
         )
+
+    def listen(self, topic: str, type_name: str, callback: Callable[[Any], None]) -> None:
+        """Call `callback(message)` for each message of a topic, in `publish` or `wait`. type_name: "package/Name"."""
+        self._node.create_subscription(self._load_class(type_name), topic, callback, QUEUE_LENGTH)
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait up to `timeout_s` seconds for one callback of a received message, and run this callback."""
+        self._rclpy.spin_once(self._node, timeout_sec=timeout_s)
 
     def close(self) -> None:
         """Shut the ROS 2 node down."""

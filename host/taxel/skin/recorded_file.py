@@ -1,4 +1,4 @@
-"""The URL scheme `file`: a capture or an MCAP file as a link."""
+"""The URL scheme `file`: a capture, an MCAP file or a ROS 1 bag as a link."""
 
 from taxel.hand import Hand
 from taxel.link import Link, LinkError
@@ -15,8 +15,12 @@ def open_file(url: str, hand: Hand | None = None) -> Link:
     path = get_recorded_path(url)
     if path is None:
         raise LinkError(url, "is not a file: URL; expected file:capture.bin")
-    from taxel.ros.mcap_signature import is_mcap
+    from taxel.ros.mcap_signature import is_mcap, is_ros1_bag
 
+    if is_ros1_bag(path):
+        from taxel.ros.original_bag import open_original_bag  # needs the extra `ros`
+
+        return open_original_bag(path)
     if not is_mcap(path):
         return CaptureLink(path)
     from taxel.ros.mcap_link import open_mcap  # needs the extra `ros`, which the core does not install

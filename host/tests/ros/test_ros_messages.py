@@ -88,6 +88,13 @@ def test_standard_message_has_the_checksum_of_ros_1(name):
     assert generated._md5sum == (reference._md5sum if reference is not None else CHECKSUMS[name])
 
 
+def test_package_of_the_original_message_has_its_definition():
+    package = resources.files("taxel.ros") / "bici_ros_sensor_reader"
+    assert [file.name for file in (package / "msg").iterdir()] == ["TactileData.msg"]
+    assert "TactileData.msg" in (package / "CMakeLists.txt").read_text()
+    assert ET.fromstring((package / "package.xml").read_text()).findtext("name") == "bici_ros_sensor_reader"
+
+
 def test_cmake_list_of_the_ros_package_has_every_message_file():
     package = resources.files("taxel.ros") / "taxel_msgs"
     names = sorted(file.name.removesuffix(".msg") for file in (package / "msg").iterdir())

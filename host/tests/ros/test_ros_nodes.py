@@ -14,6 +14,7 @@ import pytest
 
 from host.tests.command_line import run_refused_command
 from taxel.cli.ros import publish_skin
+from taxel.hand import load_hand
 from taxel.hand.kinematics import build_kinematics
 from taxel.hand.transforms import make_pose
 from taxel.ros import ros_import
@@ -35,6 +36,21 @@ with open_skin("file:" + sys.argv[1]) as skin:
     publish_skin(skin, node, parse_joint_angles(sys.argv[2]), None, None, Pace(3.0))
 input()  # latched topics exist as long as the node
 node.close()
+"""
+PUBLISH_ORIGINAL = """
+from taxel.cli.ros import ros
+ros("emulator:", "original", version=1, seconds=30.0, original_topics=True)
+"""
+READ_ORIGINAL = """
+import json
+from taxel.skin import open_skin
+sizes = {}
+with open_skin("ros:original?version=1") as skin:
+    for frame in skin:
+        sizes[frame.address] = len(frame.raw_counts)
+        if len(sizes) == 17:
+            break
+print(json.dumps(sorted(sizes.items())))
 """
 EXAMPLE = "from taxel.cli.ros import ros; ros('emulator:', version=1, seconds=1.0)"  # taxel ros "emulator:" --seconds 1
 
@@ -140,6 +156,22 @@ def test_example_of_the_help_runs(master):
     assert result.stdout.endswith("frames published\n")
 
 
+def test_original_topics_of_ros_1_are_read_back_as_a_skin(master):
+    """One process publishes the original topics of an emulated original hand, another process reads them."""
+    reader = subprocess.Popen(
+        [sys.executable, "-c", READ_ORIGINAL], env=master, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    publisher = subprocess.Popen([sys.executable, "-c", PUBLISH_ORIGINAL], env=master, stdout=subprocess.DEVNULL)
+    try:
+        output, errors = reader.communicate(timeout=40.0)
+        assert reader.returncode == 0, errors
+        assert json.loads(output) == [[board.address, board.kind.taxel_count] for board in load_hand("original").boards]
+    finally:
+        reader.kill()
+        publisher.kill()
+        publisher.wait()
+
+
 def test_missing_master_gives_an_error_of_one_line(monkeypatch, capsys):
     missing = find_missing_ros1_part()
     if missing:
@@ -188,9 +220,10 @@ def rclpy(monkeypatch):
     module.init = module.shutdown = lambda: None
     module.ok, module.create_node, module.spin_once = lambda: True, create_node, lambda node, timeout_sec: None
     packages = ("std", "sensor", "geometry", "tf2", "diagnostic", "taxel")
+    names_of_original = {"bici_ros_sensor_reader.msg": Package("bici_ros_sensor_reader.msg")}
     names = {"rclpy": module, "rclpy.qos": qos, "builtin_interfaces.msg": Package("builtin_interfaces.msg")}
     names |= {f"{package}_msgs.msg": Package(f"{package}_msgs.msg") for package in packages}
-    for name, each in names.items():
+    for name, each in (names | names_of_original).items():
         monkeypatch.setitem(sys.modules, name, each)
     return published
 
@@ -210,6 +243,17 @@ def test_ros_2_node_publishes_the_topics_with_joint_angles_from_a_topic(rclpy, r
     forearm = next(each for each in by_topic["/tf"][1].transforms if each.child_frame_id == "forearm")
     assert forearm.transform.rotation.z == pytest.approx(np.sin(0.25))
     assert by_topic["/diagnostics"][1].status[0].level == b"\0"
+
+
+def test_ros_2_node_publishes_only_the_original_topics(rclpy, recorded):
+    node = Ros2Node()
+    with open_skin(f"file:{recorded.path}") as skin:
+        publish_skin(skin, node, None, None, 0.5, Pace(None), has_original_topics=True)
+    assert {topic for topic, _, _ in rclpy} == {f"/sensor_{board.address}_readings" for board in recorded.hand.boards}
+    frame = next(frame for frame in recorded.frames if frame.address == 0x20)
+    _, _, message = next(each for each in rclpy if each[0] == "/sensor_32_readings")
+    assert message.data == frame.raw_counts.tolist()
+    assert (message.sensor_num, message.timestamp) == (0x20, frame.hub_time_us // 1000)
 
 
 def test_ros_2_without_taxel_msgs_gives_the_build_command(rclpy, recorded, monkeypatch):
