@@ -2,6 +2,7 @@
 
 import time
 
+import numpy as np
 import pytest
 
 from taxel.emulated import open_emulator, open_original_emulator
@@ -143,3 +144,31 @@ def test_known_faults_reach_the_world_file():
         ORIGINAL, make_original_settings(OriginalFirmware(known_faults=["wrong_buffer", "wait_for_ever"]))
     )
     assert "faults=wrong_buffer,wait_for_ever" in world
+
+
+def test_a_force_lowers_the_count_of_its_taxel_only():
+    link = open_original_emulator("emulator:?protocol=original&live=1&noise_counts=0", ORIGINAL)
+    decoder = OriginalDecoder(FORMATS["original"])
+    palm, taxel = 0x15, 5
+
+    def read_palm(seconds: float) -> list[int]:
+        """The latest counts of the palm after reading for a time."""
+        counts: list[int] = []
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            chunk = link.read(0.1)
+            for message in decoder.push(chunk.data) if chunk else []:
+                counts = list(message.counts) if message.address == palm else counts
+        return counts
+
+    try:
+        rest = read_palm(0.8)
+        forces = np.zeros(ORIGINAL.n_taxels)
+        forces[ORIGINAL.get_slice(palm).start + taxel] = 1.0
+        link.apply(forces)
+        pressed = read_palm(0.8)
+    finally:
+        link.close()
+    signal_counts = np.subtract(rest, pressed)
+    assert 300 < signal_counts[taxel] < 700  # counts per newton, of a full scale of 4,000
+    assert not np.delete(signal_counts, taxel).any()
