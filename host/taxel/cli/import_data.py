@@ -26,7 +26,9 @@ from taxel.sim.importers.csv_table import Progress, ignore_progress
 from taxel.sim.importers.gazebo_csv import import_contacts
 from taxel.sim.importers.mujoco_rollout import import_rollout
 from taxel.sim.importers.options import ImportOptions, ImportReport
+from taxel.sim.importers.original_contacts import OriginalGrasp, import_original_contacts
 from taxel.sim.importers.rollout_names import load_map
+from taxel.sim.original_sensing import THRESHOLD_M, OriginalRules
 from taxel.sim.sensing import LEVELS, Sensing
 from taxel.sim.sensor_model import SimSensor
 from taxel.types import FloatArray
@@ -138,6 +140,47 @@ def active(
     with _progress_bar(as_json) as show:
         options = _make_options(calibration, wrist, baseline_frames, hand, seed, noise, overwrite, show)
         report = import_active(points, out, joints=joints, poses=poses, options=options)
+    _print_report(report, out, as_json)
+
+
+@import_app.command("original-contacts")
+def original_contacts(
+    files: Annotated[list[Path], typer.Argument(help="One file for each repeat of the grasp, without header.")],
+    out: Out,
+    object_name: Annotated[str, typer.Option("--object", help="Object of the grasps, such as cylinder.")],
+    approach: Annotated[str, typer.Option(help="Approach of the grasps, such as side_1.")],
+    joints: JointFile = None,
+    poses: PoseFile = None,
+    threshold_mm: Annotated[
+        float, typer.Option("--distance-mm", help="Raw contacts: distance to a contact below which a taxel is active.")
+    ] = THRESHOLD_M * 1e3,
+    true_centres: Annotated[
+        bool, typer.Option("--true-centres", help="True taxel centres instead of those in the original programs.")
+    ] = False,
+    calibration: Calibration = None,
+    wrist: WristPose = None,
+    baseline_frames: BaselineFrames = None,
+    hand: HandName = "original",
+    seed: Seed = 1,
+    noise: NoiseCounts = None,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Import contact files of the original simulator: raw contacts (x,y,z) or active points (x,y,z,force).
+
+    The name of a grasp in --joint-file or --pose-file is the file's name without folder and suffix.
+
+    Example: taxel import original-contacts grasp_0_raw_contacts_coordinates_1.csv --object cylinder --approach side_1
+    --joint-file joints.csv --baseline-frames 100 --out sim.h5
+    """
+    _require_one(joints, poses)
+    if not (np.isfinite(threshold_mm) and threshold_mm > 0):
+        raise TaxelError(f"--distance-mm: expected a number above 0, found {threshold_mm:g}; the original uses 2.34")
+    rules = OriginalRules(coded_centres=not true_centres, threshold_m=threshold_mm * 1e-3)
+    with _progress_bar(as_json) as show:
+        options = _make_options(calibration, wrist, baseline_frames, hand, seed, noise, overwrite, show)
+        labels = OriginalGrasp(object_name, approach)
+        report = import_original_contacts(files, out, labels, joints=joints, poses=poses, rules=rules, options=options)
     _print_report(report, out, as_json)
 
 

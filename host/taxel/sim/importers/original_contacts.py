@@ -1,0 +1,199 @@
+"""Import of the contact files of the original simulator: numbers without a header, one file for each grasp.
+
+Raw contacts are x, y, z of the physics engine's contact points; active points are x, y, z, force of the active taxels.
+Source: the contact plug-in of abed-almrad/BICI_SENSORS_ROS. The files name neither grasp nor board.
+"""
+
+import csv
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from taxel.errors import TaxelError
+from taxel.hand import Hand
+from taxel.hand.transforms import apply
+from taxel.sim.cone_sensing import NOMINAL_FORCE_N
+from taxel.sim.importers.active_points import MATCH_M
+from taxel.sim.importers.csv_grasps import PosedGrasp, group_rows_by_frame, read_hand, write_grasps
+from taxel.sim.importers.csv_table import CsvTable
+from taxel.sim.importers.errors import FileLocation
+from taxel.sim.importers.options import ImportOptions, ImportReport
+from taxel.sim.importers.records import refuse_existing_file
+from taxel.sim.original_sensing import OriginalRules, StoredPoints, find_active, get_centres
+from taxel.types import FloatArray
+
+__all__ = ["OriginalGrasp", "import_original_contacts", "read_original_contacts"]
+
+_RAW_COLUMNS, _ACTIVE_COLUMNS = 3, 4
+_FAR_M = 1e6  # coordinate of taxels that the plug-in has no centre for, metres
+
+
+@dataclass(frozen=True)
+class OriginalGrasp:
+    """Labels of the grasps of some files. object, approach: names, such as "cylinder" and "side_1"."""
+
+    object: str
+    approach: str
+
+
+def read_original_contacts(path: str | os.PathLike[str]) -> FloatArray:
+    """Read one contact file: f64[r, 3] raw contacts (x, y, z) or f64[r, 4] active points (x, y, z, force), metres, N.
+
+    A first line of column names is permitted. Raises ImportDataError for the first error in the file.
+    """
+    source, file = FileLocation(os.fspath(path)), Path(path)
+    if not file.is_file():
+        source.fail("a CSV file", "a folder" if file.is_dir() else "no such file", "check the path")
+    rows: list[list[float]] = []
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError:
+        source.fail("UTF-8 text", "other bytes", "give a contact file of the original simulator")
+    except OSError as error:
+        source.fail("a readable file", error.strerror or type(error).__name__, "check its permissions")
+    for number, cells in enumerate(csv.reader(lines), start=1):
+        if not any(cell.strip() for cell in cells) or (number == 1 and cells[0].strip() in {"x", "x_m"}):
+            continue
+        try:
+            values = [float(cell) for cell in cells]
+        except ValueError:
+            values = [np.nan]
+        expected = "x, y, z or x, y, z, force"
+        if len(values) not in {_RAW_COLUMNS, _ACTIVE_COLUMNS} or not np.isfinite(values).all():
+            source.at(number).fail(
+                expected, ",".join(cells)[:40] or "nothing", "give finite numbers, metres and newtons"
+            )
+        if rows and len(values) != len(rows[0]):
+            remedy = "give all lines of a file the same number of values"
+            source.at(number).fail(f"{len(rows[0])} values, as in the lines above", str(len(values)), remedy)
+        if len(values) == _ACTIVE_COLUMNS and values[3] < 0:
+            source.at(number).fail("a force of 0 or more", f"{values[3]:g}", "give the norm of the force, newtons")
+        rows.append(values)
+    if not rows:
+        source.fail("lines with coordinates", "none", "check whether the simulation saved contacts")
+    return np.array(rows)
+
+
+def import_original_contacts(
+    files: Sequence[str | os.PathLike[str]],
+    out: str | os.PathLike[str],
+    grasp: OriginalGrasp,
+    *,
+    joints: str | os.PathLike[str] | None = None,
+    poses: str | os.PathLike[str] | None = None,
+    rules: OriginalRules | None = None,
+    options: ImportOptions | None = None,
+) -> ImportReport:
+    """Convert contact files of the original simulator into a grasp dataset.
+
+    Raw contacts activate taxels by the rule of the plug-in (`find_active`) with the threshold and the centres of
+    `rules`; since the files do not name boards, a contact acts on every board. An active point belongs to the taxel
+    whose centre is within `MATCH_M`. An active taxel carries its force, or the nominal force without one.
+
+    Args:
+        files: one file for each repeat of the grasp, all of one type.
+        out: the dataset.
+        grasp: labels of the grasps.
+        joints: CSV of joint angles, see `hand_motion.read_joints`; exactly one of joints and poses. The name of a grasp
+            in it is the name of the contact file without folder and suffix.
+        poses: CSV of poses, see `hand_motion.read_poses`.
+        rules: threshold and centres; None: those of the original.
+        options: common options; the hand is the original hand.
+
+    Raises:
+        ImportDataError: the first error in a file.
+        NoCodedCentresError: another hand, although `rules` use the numbers of the original hand.
+        DatasetError: `out` cannot be written.
+        ValueError: both or neither of joints and poses.
+    """
+    options, rules = options or ImportOptions(), rules or OriginalRules()
+    refuse_existing_file(out, options.overwrite)
+    centres = get_centres(options.hand, rules)
+    table, values = _make_table(files, grasp)
+    motion = read_hand(joints, poses, options)
+    is_raw = values.shape[1] == _RAW_COLUMNS
+
+    def compute_forces(posed: PosedGrasp, report: ImportReport) -> FloatArray:
+        """Return the force of each taxel in a grasp, f64[T, n], newtons."""
+        sensors = posed.hand_track.sensor_pose
+        forces = np.zeros((len(sensors), options.hand.n_taxels))
+        for frame, rows in group_rows_by_frame(posed, np.ones(len(values), bool)):
+            placed = _place_centres(options.hand, centres, sensors[frame])
+            report.contacts += len(rows)
+            if is_raw:
+                forces[frame] = _activate(options.hand, placed, values[rows], rules.threshold_m, report)
+            else:
+                nearest = cKDTree(np.nan_to_num(placed, nan=_FAR_M)).query(values[rows, :3])
+                distance, taxel = np.asarray(nearest[0]), np.asarray(nearest[1], np.intp)
+                if (distance > MATCH_M).any():
+                    index = int(np.argmax(distance > MATCH_M))
+                    expected = f"a point within {MATCH_M * 1e3:g} mm of a taxel"
+                    remedy = "check the pose of the hand, and the centres (coded or true)"
+                    found = f"the nearest taxel {distance[index] * 1e3:.4g} mm away"
+                    table.at(int(rows[index])).fail(expected, found, remedy)
+                forces[frame, taxel] = np.where(values[rows, 3] > 0, values[rows, 3], NOMINAL_FORCE_N)
+        return forces
+
+    kind = "raw contacts" if is_raw else "active points"
+    description = f"import of {kind} of the original simulator, threshold {rules.threshold_m * 1e3:.4g} mm"
+    return write_grasps(table, motion, out, compute_forces, description, options)
+
+
+def _make_table(files: Sequence[str | os.PathLike[str]], grasp: OriginalGrasp) -> tuple[CsvTable, FloatArray]:
+    """Join the files to one table with labels, and return it with the numbers f64[r, 3 or 4].
+
+    Raises ImportDataError for an error in a file, for files of two types and for two files with one name.
+    """
+    if not files:
+        raise TaxelError("no contact file: give at least one file of the original simulator")
+    names = [Path(file).stem for file in files]
+    parts = [read_original_contacts(file) for file in files]
+    for file, name, part in zip(files, names, parts, strict=True):
+        location = FileLocation(os.fspath(file))
+        if names.count(name) > 1:
+            location.fail("files with different names", f"{name} twice", "rename one; the name is that of the grasp")
+        if part.shape[1] != parts[0].shape[1]:
+            location.fail(
+                f"{parts[0].shape[1]} columns, as in the first file", str(part.shape[1]), "import it separately"
+            )
+    lengths = [len(part) for part in parts]
+    total = sum(lengths)
+    texts = {
+        "grasp": [name for name, length in zip(names, lengths, strict=True) for _ in range(length)],
+        "object": [grasp.object] * total,
+        "approach": [grasp.approach] * total,
+    }
+    numbers = {"iteration": np.repeat(np.arange(len(files), dtype=np.float64), lengths)}
+    line = np.concatenate([np.arange(1, length + 1) for length in lengths])
+    source = FileLocation(os.fspath(files[0]) if len(files) == 1 else f"{len(files)} contact files")
+    return CsvTable(source, line, texts, numbers), np.concatenate(parts)
+
+
+def _place_centres(hand: Hand, centres: FloatArray, sensor_pose: FloatArray) -> FloatArray:
+    """Centres in the world, f64[n, 3], metres, from centres in the brackets' frames and poses f64[s, 4, 4]."""
+    placed = np.empty_like(centres)
+    for index, board in enumerate(hand.boards):
+        where = hand.get_slice(board.address)
+        placed[where] = apply(sensor_pose[index], centres[where])
+    return placed
+
+
+def _activate(
+    hand: Hand, placed: FloatArray, points: FloatArray, threshold_m: float, report: ImportReport
+) -> FloatArray:
+    """Nominal force on the active taxels, f64[n], newtons; contacts without a taxel are counted in the report.
+
+    placed: f64[n, 3], taxel centres in the world. points: f64[c, 3], contact points.
+    """
+    stored = StoredPoints(points, np.full(len(points), NOMINAL_FORCE_N))
+    force = np.zeros(hand.n_taxels)
+    for board in hand.boards:
+        where = hand.get_slice(board.address)
+        force[where] = find_active(placed[where], stored, threshold_m)[1]
+    distance, _ = cKDTree(np.nan_to_num(placed, nan=_FAR_M)).query(points)
+    report.far_contacts += int((np.asarray(distance) >= threshold_m).sum())
+    return force
