@@ -55,17 +55,17 @@ def read_original_contacts(path: str | os.PathLike[str]) -> FloatArray:
         source.fail("UTF-8 text", "other bytes", "give a contact file of the original simulator")
     except OSError as error:
         source.fail("a readable file", error.strerror or type(error).__name__, "check its permissions")
-    for number, cells in enumerate(csv.reader(lines), start=1):
-        if not any(cell.strip() for cell in cells) or (number == 1 and cells[0].strip() in {"x", "x_m"}):
+    for number, fields in enumerate(csv.reader(lines), start=1):
+        if not any(field.strip() for field in fields) or (number == 1 and fields[0].strip() in {"x", "x_m"}):
             continue
         try:
-            values = [float(cell) for cell in cells]
+            values = [float(field) for field in fields]
         except ValueError:
             values = [np.nan]
         expected = "x, y, z or x, y, z, force"
         if len(values) not in {_RAW_COLUMNS, _ACTIVE_COLUMNS} or not np.isfinite(values).all():
             source.at(number).fail(
-                expected, ",".join(cells)[:40] or "nothing", "give finite numbers, metres and newtons"
+                expected, ",".join(fields)[:40] or "nothing", "give finite numbers, metres and newtons"
             )
         if rows and len(values) != len(rows[0]):
             remedy = "give all lines of a file the same number of values"
