@@ -205,23 +205,26 @@ def test_board_runs_the_image_that_taxel_flash_programmed(tools: None) -> None:
 
 
 def test_wiring_of_the_emulator_equals_the_pins_of_the_port() -> None:
-    """Compares psoc4200/wiring.h with pins.toml."""
+    """Compares the standard part of psoc4200/parts.c with pins.toml."""
     pins = tomllib.loads((PORT / "pins.toml").read_text())
-    text = (ROOT / "firmware" / "emulator" / "psoc4200" / "wiring.h").read_text()
+    text = (ROOT / "firmware" / "emulator" / "psoc4200" / "parts.c").read_text()
+    standard = text.split('"standard"')[1].split(".name")[0]
 
     def read_numbers(name: str) -> list[int]:
-        """The integers of the C array `name` in the source text of the port."""
+        """The integers of the field `name` of the standard part."""
         return [
-            int(item, 0) for item in text.split(f"{name}[")[1].split("{")[1].split("}")[0].split(",") if item.strip()
+            int(item, 0)
+            for item in standard.split(f".{name} =")[1].split("{")[1].split("}")[0].split(",")
+            if item.strip()
         ]
 
     def encode_pin(name: str) -> int:
         port, number = name.removeprefix("P").split(".")
         return int(port) << 4 | int(number)
 
-    assert read_numbers("wiring_tx") == [encode_pin(name) for name in pins["sensor"]["tx"]]
-    assert read_numbers("wiring_rx") == [encode_pin(name) for name in pins["sensor"]["rx"]]
-    assert f"WIRING_RTS 0x{encode_pin(pins['hub']['uart_rts']):02X}u" in text
+    assert read_numbers("tx") == [encode_pin(name) for name in pins["sensor"]["tx"]]
+    assert read_numbers("rx") == [encode_pin(name) for name in pins["sensor"]["rx"]]
+    assert f".rts = 0x{encode_pin(pins['hub']['uart_rts']):02X}" in standard
 
 
 def test_invalid_image_file_is_rejected_with_one_line(hand: Hand, tmp_path: Path) -> None:

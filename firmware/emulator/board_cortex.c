@@ -62,6 +62,7 @@ int board_cortex_open(struct board_node *board, const struct world_description *
     struct psoc_config config = {
         .name = name,
         .flash = &board->boot->flash,
+        .part = board->description->part,
         .clock_rate = board->clock_rate,
         .seed = world->seed,
         .reset_time = board->boot->init_time,

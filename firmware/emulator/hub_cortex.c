@@ -99,6 +99,7 @@ int hub_cortex_open(struct hub_node *node, const struct world_description *world
     struct psoc_config config = {
         .name = "hub",
         .flash = &node->boot.flash,
+        .part = world->hub_part,
         .clock_rate = node->clock_rate,
         .seed = world->seed,
         .reset_time = BOOT_NODE_INIT_TIME,

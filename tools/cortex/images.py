@@ -37,7 +37,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "ticks": ("boards/psoc4200/ticks.c",),
 }
 """Firmware sources that a program is linked with."""
-DEFINITIONS: dict[str, tuple[str, ...]] = {"ticks": ("-DIMAGE_IN_SLOT",)}
+DEFINITIONS: dict[str, tuple[str, ...]] = {"ticks": ("-DIMAGE_APPLICATION",)}
 
 
 class ToolMissingError(Exception):

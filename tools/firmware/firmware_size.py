@@ -24,7 +24,11 @@ from taxel.errors import TaxelError
 from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS, BOOT_ROW_SIZE, LAYOUTS, BootDevice
 from taxel_tools.errors import FirmwareFileError
 
-IMAGES: Final = ("bootloader-board", "bootloader-hub", "board-a", "board-b", "hub-a", "hub-b")
+ORIGINAL_KINDS: Final = ("palm", "back_of_hand", "finger_tip", "finger_big", "finger_small", "hub")
+IMAGES: Final = (
+    *("bootloader-board", "bootloader-hub", "board-a", "board-b", "hub-a", "hub-b"),
+    *(f"original-{kind}" for kind in ORIGINAL_KINDS),
+)
 PORT: Final = Path(__file__).parents[2] / "firmware" / "boards" / "psoc4200"
 RAM_BEGIN: Final = 0x20000000
 COLUMNS: Final = ("image", "flash", "of", "static RAM", "stack", "reserved", "RAM", "of", "cycles")
@@ -32,7 +36,8 @@ COLUMNS: Final = ("image", "flash", "of", "static RAM", "stack", "reserved", "RA
 PAGE: Final = """# Size of the images
 
 This page lists the flash, RAM and cycles that each firmware image needs. It is written by `make size` from the linked
-images for the CY8C4245AXI-483. Sizes are in bytes.
+images for the CY8C4245AXI-483, and for the CY8C4244AZI-443 (16 KiB of flash) of the original boards and hub
+(`original-...`, [migrate-original-boards.md](migrate-original-boards.md)). Sizes are in bytes.
 
 - *static RAM* counts from the start of RAM: interrupt vectors, the words that survive a reset, and variables.
 - *stack* is the largest stack that the image can need: the deepest call chain from the reset handler plus the
@@ -94,9 +99,13 @@ class Size:
 
 
 def flash_budget(linked: LinkedImage) -> int:
-    """Number of flash bytes available to an image: its slot, or the rows of the bootloader."""
+    """Number of flash bytes available to an image: its slot, the rows of the bootloader, or the flash of an
+    original device.
+    """
     if "image_slot" in linked.symbols:
         return LAYOUTS[BootDevice(linked.symbol("image_device"))].slot_size
+    if "image_end_row" in linked.symbols:
+        return (linked.symbol("image_end_row") - linked.symbol("image_first_row")) * BOOT_ROW_SIZE
     return BOOT_BOOTLOADER_ROWS * BOOT_ROW_SIZE
 
 
@@ -120,7 +129,7 @@ def measure_all(build: Path, objdump: str, calls: Path) -> dict[str, Size]:
     Raises FirmwareFileError, OSError.
     """
     table = read_call_table(calls)
-    shared = list(build.rglob("memory.c*.su"))
+    shared = [*build.rglob("memory.c*.su"), *build.rglob("standalone.c*.su")]
     sizes = {}
     for name in IMAGES:
         path = build / f"{name}.elf"

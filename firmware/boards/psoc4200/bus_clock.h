@@ -6,6 +6,7 @@
 
 #include "boards/psoc4200/clocks.h"
 #include "boards/psoc4200/regs/peri_clk.h"
+#include "boards/psoc4200/serial_blocks.h"
 
 #ifndef BUS_SCL_HZ
 #define BUS_SCL_HZ 400000u
@@ -35,7 +36,7 @@ _Static_assert((BUS_LOW_PHASE + BUS_HIGH_PHASE) * BUS_SCL_HZ == BUS_CLOCK_HZ, "t
 static inline void bus_clock_init(void)
 {
     PERI_CLK->divider_a[0] = (BUS_DIVIDER - 1u) | PERI_CLK_DIVIDER_ENABLE;
-    PERI_CLK->select[PERI_CLK_OF_SCB0] = PERI_CLK_SELECT_A(0u);
+    PERI_CLK->select[BUS_PERI_CLK] = PERI_CLK_SELECT_A(0u);
 }
 
 #endif

@@ -3,7 +3,7 @@
 #ifndef PSOC4200_CLOCKS_H
 #define PSOC4200_CLOCKS_H
 
-#ifdef IMAGE_IN_SLOT
+#ifdef IMAGE_APPLICATION
 #define CPU_HZ 48000000u
 #else
 #define CPU_HZ 24000000u

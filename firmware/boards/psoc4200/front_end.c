@@ -18,13 +18,19 @@
 #define CYCLES_PER_SETTLE_LOOP 4u
 #define NO_LINE 0xFFu
 
-/* Between conversions the reference buffer keeps the capacitor charged; during a conversion the buffer is
- * disconnected. */
+/* Between conversions the reference buffer keeps the capacitor charged. With one capacitor, the buffer is disconnected
+ * during a conversion. With two capacitors it stays connected, as in the manufacturer's driver. */
 #define CONFIG_AT_REST \
     (CSD_CONFIG_ENABLE | CSD_CONFIG_SENSE_COMP_EN | CSD_CONFIG_SENSE_COMP_BW_HIGH | CSD_CONFIG_MUTUAL_CAP | \
      CSD_CONFIG_SENSE_IN_AMUX_A | CSD_CONFIG_REFBUF_DRIVE_3 | CSD_CONFIG_REFBUF_EN)
+#ifdef BOARD_PIN_CINT_A
+#define CONFIG_CONVERTING \
+    (CONFIG_AT_REST | CSD_CONFIG_SAMPLE_FILTER | CSD_CONFIG_TWO_CAPACITORS | CSD_CONFIG_SENSE_EN | \
+     CSD_CONFIG_REFBUF_OUT_AMUX_B)
+#else
 #define CONFIG_CONVERTING \
     ((CONFIG_AT_REST & ~CSD_CONFIG_REFBUF_EN) | CSD_CONFIG_SENSE_EN | CSD_CONFIG_REFBUF_OUT_AMUX_B)
+#endif
 
 static const uint8_t tx_pins[BOARD_TX_LINES] = BOARD_TX_PINS;
 static const uint8_t rx_pins[BOARD_RX_LINES] = BOARD_RX_PINS;
@@ -51,13 +57,28 @@ void front_end_init(uint8_t tx_lines, uint8_t rx_lines, const uint8_t *idac_code
     front_end.idac_codes = idac_codes;
     front_end.tx = NO_LINE;
     front_end.rx = NO_LINE;
+#ifdef BOARD_RX_PER_ROW
+    tx_lines = BOARD_TX_LINES;
+    rx_lines = BOARD_RX_LINES;
+#endif
     for (uint8_t line = 0; line < tx_lines && line < BOARD_TX_LINES; line++) {
         hold_low(tx_pins[line]);
     }
     for (uint8_t line = 0; line < rx_lines && line < BOARD_RX_LINES; line++) {
         hold_low(rx_pins[line]);
     }
+#ifdef BOARD_LOW_PINS
+    static const uint8_t low_pins[] = BOARD_LOW_PINS;
+    for (uint8_t i = 0; i < sizeof low_pins; i++) {
+        hold_low(low_pins[i]);
+    }
+#endif
+#ifdef BOARD_PIN_CINT_A
+    pin_connect(BOARD_PIN_CINT_A, PIN_MODE_ANALOG, PIN_AMUX_A);
+    pin_connect(BOARD_PIN_CINT_B, PIN_MODE_ANALOG, PIN_AMUX_A);
+#else
     pin_connect(BOARD_PIN_CMOD, PIN_MODE_ANALOG, PIN_AMUX_A);
+#endif
     PERI_CLK->select[PERI_CLK_OF_CSD_SAMPLE] = PERI_CLK_SELECT_A(1u);
     PERI_CLK->select[PERI_CLK_OF_CSD_SENSE] = PERI_CLK_SELECT_B(1u);
     CSD_TRIM1 = SFLASH->csd_trim1;
@@ -130,6 +151,10 @@ static void settle(void)
  * its end. */
 void front_end_start(uint8_t tx, uint8_t rx)
 {
+#ifdef BOARD_RX_PER_ROW /* a board with one TX line: a row of the register map is a group of RX lines */
+    rx = (uint8_t)(rx + tx * BOARD_RX_PER_ROW);
+    tx = 0;
+#endif
     const uint8_t calibrated = front_end.idac_codes && rx < BOARD_RX_LINES ? front_end.idac_codes[rx] : 0;
     connect_tx(tx);
     connect_rx(rx);

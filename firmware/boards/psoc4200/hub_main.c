@@ -12,7 +12,11 @@
 #include "boards/psoc4200/watchdog.h"
 #include "hub/hub.h"
 
+#ifdef BOARD_SLOTS
+#define SLOTS BOARD_SLOTS
+#else
 #define SLOTS 17u /* boards of the hand */
+#endif
 #define TRANSFER_POOL (2u * TAXEL_HUB_BUFFER_SIZE((TAXEL_COMPACT_OVERHEAD_PACKED + 2u * BOARD_TAXELS_MAX + 3u) & ~3u))
 #define TRANSMIT_RING 288u /* bytes: a status frame, or a frame of 30 taxels, plus the reserve for replies */
 #define NEVER UINT64_MAX
@@ -67,12 +71,14 @@ static void on_uart_kick(void *context)
     uart_kick();
 }
 
+#ifdef BOARD_PIN_UART_RTS
 /* HAL function of the hub: requests with the RTS output that the host pauses (`hold` true) or continues to send. */
 static void on_uart_hold(void *context, bool hold)
 {
     (void)context;
     uart_hold(hold);
 }
+#endif
 
 /* HAL function of the hub: the time since the start of the hub in microseconds. */
 static uint64_t on_clock_us(void *context)
@@ -118,7 +124,9 @@ static const struct taxel_hub_hal hal = {
     .i2c_scl = on_i2c_scl,
     .i2c_sda = on_i2c_sda,
     .uart_kick = on_uart_kick,
+#ifdef BOARD_PIN_UART_RTS
     .uart_hold = on_uart_hold,
+#endif
     .clock_us = on_clock_us,
     .delay_us = on_delay_us,
     .wake_at = on_wake_at,
@@ -167,6 +175,7 @@ size_t uart_pull(uint8_t *bytes, size_t size)
     return taxel_hub_uart_pull(&hub, bytes, size);
 }
 
+#ifndef IMAGE_STANDALONE
 /* Confirms the image of the hub if a host has sent a command and no transfer is in progress; returns whether it was
  * confirmed. Writing the flash row takes 20 ms without interrupts, so RTS stops the host during this time. */
 static bool try_confirm(void)
@@ -182,6 +191,7 @@ static bool try_confirm(void)
     uart_hold(hub.inbox.is_holding);
     return true;
 }
+#endif
 
 /* Sleeps until the next interrupt, unless the main loop has work. Interrupts are masked, so that none is handled
  * between the check and the sleep; a pending interrupt still ends the sleep. */
@@ -198,22 +208,29 @@ static void sleep_until_event(void)
  * image confirms itself once it has worked. */
 int main(void)
 {
+#ifdef IMAGE_STANDALONE
+    reset_take_cause(); /* else the bootloader did it */
+#endif
     clocks_init();
     watchdog_start();
     ticks_init();
     i2c_master_init();
     uart_init();
     taxel_hub_init(&hub, &taxel_hub_fixed_config, reset_cause());
+#ifndef IMAGE_STANDALONE
     bool on_trial = self_is_on_trial();
+#endif
     for (;;) {
         watchdog_feed();
         if (!was_interrupted && ticks_us() < wake_us) {
             sleep_until_event();
             continue;
         }
+#ifndef IMAGE_STANDALONE
         if (on_trial && try_confirm()) {
             on_trial = false;
         }
+#endif
         was_interrupted = false;
         wake_us = NEVER;
         taxel_hub_run(&hub);

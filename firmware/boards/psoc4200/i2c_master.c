@@ -4,6 +4,7 @@
 #include "boards/psoc4200/bus_pins.h"
 #include "boards/psoc4200/regs/core.h"
 #include "boards/psoc4200/regs/scb.h"
+#include "boards/psoc4200/serial_blocks.h"
 
 #define MASTER_EVENTS \
     (SCB_INTR_I2C_ARB_LOST | SCB_INTR_I2C_NACK | SCB_INTR_I2C_ACK | SCB_INTR_I2C_STOP | SCB_INTR_I2C_BUS_ERROR)
@@ -24,32 +25,32 @@ static struct {
  * events. */
 static void reset(void)
 {
-    SCB0->ctrl = SCB_CTRL_MODE_I2C;
-    SCB0->tx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR;
-    SCB0->rx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR;
-    SCB0->tx_fifo_ctrl = 0;
-    SCB0->rx_fifo_ctrl = 0;
-    SCB0->intr_m = SCB_INTR_ALL;
-    SCB0->intr_rx = SCB_INTR_ALL;
-    SCB0->ctrl = SCB_CTRL_MODE_I2C | SCB_CTRL_ENABLED;
+    BUS_SCB->ctrl = SCB_CTRL_MODE_I2C;
+    BUS_SCB->tx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR;
+    BUS_SCB->rx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR;
+    BUS_SCB->tx_fifo_ctrl = 0;
+    BUS_SCB->rx_fifo_ctrl = 0;
+    BUS_SCB->intr_m = SCB_INTR_ALL;
+    BUS_SCB->intr_rx = SCB_INTR_ALL;
+    BUS_SCB->ctrl = SCB_CTRL_MODE_I2C | SCB_CTRL_ENABLED;
     master.state = IDLE;
 }
 
-/* Set up serial block SCB0 as the I2C master. */
+/* Set up the serial block of the bus as the I2C master. */
 void i2c_master_init(void)
 {
     bus_clock_init();
     bus_pins_release();
-    SCB0->i2c_ctrl = CONTROL;
-    SCB0->tx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST;
-    SCB0->rx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST | SCB_RX_CTRL_MEDIAN;
-    SCB0->intr_s_mask = 0;
-    SCB0->intr_tx_mask = 0;
-    SCB0->intr_m_mask = MASTER_EVENTS;
-    SCB0->intr_rx_mask = SCB_INTR_RX_TRIGGER;
+    BUS_SCB->i2c_ctrl = CONTROL;
+    BUS_SCB->tx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST;
+    BUS_SCB->rx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST | SCB_RX_CTRL_MEDIAN;
+    BUS_SCB->intr_s_mask = 0;
+    BUS_SCB->intr_tx_mask = 0;
+    BUS_SCB->intr_m_mask = MASTER_EVENTS;
+    BUS_SCB->intr_rx_mask = SCB_INTR_RX_TRIGGER;
     reset();
     bus_pins_connect(PIN_I2C);
-    interrupt_enable(IRQ_SCB0);
+    interrupt_enable(BUS_IRQ);
 }
 
 /* True if no I2C transfer is in progress. */
@@ -94,8 +95,8 @@ static void collect_if_long(void)
 {
     const bool is_long = collects();
     const uint32_t level = master.transfer.read_size == SCB_FIFO_SIZE ? SCB_FIFO_SIZE - 1u : DRAIN_ABOVE;
-    SCB0->i2c_ctrl = is_long ? CONTROL | SCB_I2C_CTRL_M_READY_DATA_ACK : CONTROL;
-    SCB0->rx_fifo_ctrl = SCB_FIFO_CTRL_LEVEL(is_long ? level : 0u);
+    BUS_SCB->i2c_ctrl = is_long ? CONTROL | SCB_I2C_CTRL_M_READY_DATA_ACK : CONTROL;
+    BUS_SCB->rx_fifo_ctrl = SCB_FIFO_CTRL_LEVEL(is_long ? level : 0u);
 }
 
 /* Send the address: for reading, or for writing and probes. */
@@ -105,7 +106,7 @@ static void send_address(bool reading)
     if (reading) {
         collect_if_long();
     }
-    SCB0->tx_fifo_wr = ((uint32_t)master.transfer.address << 1) | reading;
+    BUS_SCB->tx_fifo_wr = ((uint32_t)master.transfer.address << 1) | reading;
 }
 
 /* Start a transfer. If a line is low, the transfer ends at once with TAXEL_I2C_BUSY. After manual control of the lines,
@@ -124,7 +125,7 @@ void i2c_master_start(const struct taxel_i2c_transfer *transfer)
     }
     master.transfer = *transfer;
     send_address(transfer->write_size == 0 && transfer->read_size != 0);
-    SCB0->i2c_m_cmd = SCB_I2C_M_CMD_START_ON_IDLE;
+    BUS_SCB->i2c_m_cmd = SCB_I2C_M_CMD_START_ON_IDLE;
 }
 
 /* Abort the transfer: a reset of the serial block releases both lines. */
@@ -147,7 +148,7 @@ static void stop(uint32_t command, int8_t result)
 {
     master.state = STOPPING;
     master.result = result;
-    SCB0->i2c_m_cmd = command | SCB_I2C_M_CMD_STOP;
+    BUS_SCB->i2c_m_cmd = command | SCB_I2C_M_CMD_STOP;
 }
 
 /* True while the master sends the address for writing or bytes to the slave. */
@@ -166,10 +167,10 @@ static void take_acknowledge(void)
     } else if (transfer->write_size) {
         transfer->write_size--;
         master.state = WRITING;
-        SCB0->tx_fifo_wr = *transfer->write_bytes++;
+        BUS_SCB->tx_fifo_wr = *transfer->write_bytes++;
     } else if (transfer->read_size) {
         /* before the address: while SCL is held, a byte in the FIFO would be sent as data */
-        SCB0->i2c_m_cmd = SCB_I2C_M_CMD_START;
+        BUS_SCB->i2c_m_cmd = SCB_I2C_M_CMD_START;
         send_address(true);
     } else {
         stop(0, TAXEL_I2C_OK);
@@ -183,7 +184,7 @@ static void take_bytes(size_t count)
     master.transfer.read_size -= count;
     master.transfer.read_bytes += count;
     while (count--) {
-        *bytes++ = (uint8_t)SCB0->rx_fifo_rd;
+        *bytes++ = (uint8_t)BUS_SCB->rx_fifo_rd;
     }
 }
 
@@ -191,7 +192,7 @@ static void take_bytes(size_t count)
  * stops the automatic acknowledge before the final NACK. */
 static void take_collected(void)
 {
-    const size_t count = SCB0->rx_fifo_status & SCB_FIFO_STATUS_USED;
+    const size_t count = BUS_SCB->rx_fifo_status & SCB_FIFO_STATUS_USED;
     const size_t spare = master.transfer.read_size - SCB_FIFO_SIZE;
     if (spare) {
         take_bytes(count < spare ? count : spare);
@@ -199,7 +200,7 @@ static void take_collected(void)
             collect_if_long();
         }
     } else if (count == SCB_FIFO_SIZE) {
-        SCB0->i2c_ctrl = CONTROL; /* first, because free space in the FIFO would cause an acknowledge */
+        BUS_SCB->i2c_ctrl = CONTROL; /* first, because free space in the FIFO would cause an acknowledge */
         stop(SCB_I2C_M_CMD_NACK, TAXEL_I2C_OK);
         take_bytes(SCB_FIFO_SIZE);
     }
@@ -210,7 +211,7 @@ static void take_collected(void)
 static void take_byte(void)
 {
     struct taxel_i2c_transfer *const transfer = &master.transfer;
-    const uint8_t byte = (uint8_t)SCB0->rx_fifo_rd;
+    const uint8_t byte = (uint8_t)BUS_SCB->rx_fifo_rd;
     if (master.state != READING) {
         return;
     }
@@ -220,7 +221,7 @@ static void take_byte(void)
     }
     transfer->read_size--;
     if (transfer->read_size) {
-        SCB0->i2c_m_cmd = SCB_I2C_M_CMD_ACK; /* first, because SCL is held until then */
+        BUS_SCB->i2c_m_cmd = SCB_I2C_M_CMD_ACK; /* first, because SCL is held until then */
         collect_if_long();
     } else {
         stop(SCB_I2C_M_CMD_NACK, TAXEL_I2C_OK);
@@ -232,7 +233,7 @@ static void take_byte(void)
  * during this interrupt waits until that acknowledge is handled. */
 static void take_bytes_if_any(void)
 {
-    if (!SCB0->intr_rx_masked || master.state == ADDRESS_TO_READ) {
+    if (!BUS_SCB->intr_rx_masked || master.state == ADDRESS_TO_READ) {
         return;
     }
     if (master.state == READING && collects()) {
@@ -240,21 +241,21 @@ static void take_bytes_if_any(void)
     } else {
         take_byte();
     }
-    SCB0->intr_rx = SCB_INTR_RX_TRIGGER;
+    BUS_SCB->intr_rx = SCB_INTR_RX_TRIGGER;
 }
 
 /* SCL is held low after each acknowledge and after each byte that the SCB does not acknowledge itself, until a
  * command or a byte to send is written: events occur one at a time. */
-void scb0_handler(void);
+void bus_handler(void);
 /* Interrupt of the I2C master: events of the bus, and received bytes. */
-void scb0_handler(void)
+void bus_handler(void)
 {
-    const uint32_t events = SCB0->intr_m_masked;
+    const uint32_t events = BUS_SCB->intr_m_masked;
     if (!events) { /* the most frequent case: one byte was received, and the bus waits */
         take_bytes_if_any();
         return;
     }
-    SCB0->intr_m = events;
+    BUS_SCB->intr_m = events;
     if (events & (SCB_INTR_I2C_ARB_LOST | SCB_INTR_I2C_BUS_ERROR)) {
         const bool was_idle = i2c_master_is_idle();
         reset();
@@ -264,8 +265,8 @@ void scb0_handler(void)
         return;
     }
     if (is_sending() && (events & SCB_INTR_I2C_NACK)) {
-        SCB0->tx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR;
-        SCB0->tx_fifo_ctrl = 0;
+        BUS_SCB->tx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR;
+        BUS_SCB->tx_fifo_ctrl = 0;
         stop(0, master.state == WRITING ? TAXEL_I2C_NACK_DATA : TAXEL_I2C_NACK_ADDRESS);
     } else if (is_sending() && (events & SCB_INTR_I2C_ACK)) {
         take_acknowledge();

@@ -1,4 +1,4 @@
-/* SCB0 as an I2C master: one transfer at a time. One interrupt per byte, except for long reads, which are collected
+/* Serial block of the bus as an I2C master: one transfer at a time. One interrupt per byte, except for long reads, which are collected
  * in the FIFO. */
 #ifndef PSOC4200_I2C_MASTER_H
 #define PSOC4200_I2C_MASTER_H

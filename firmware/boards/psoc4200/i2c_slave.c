@@ -4,8 +4,9 @@
 #include "boards/psoc4200/bus_pins.h"
 #include "boards/psoc4200/regs/core.h"
 #include "boards/psoc4200/regs/scb.h"
+#include "boards/psoc4200/serial_blocks.h"
 
-#ifdef IMAGE_IN_SLOT
+#ifdef IMAGE_APPLICATION
 #define FILLS_FIFO true
 #define REFILL_BELOW 4u /* bytes: half of the FIFO, 90 us at 400 kbit/s */
 #else
@@ -20,9 +21,9 @@ static volatile bool is_selected; /* a master addressed this slave, and no stop 
 /* Empty the TX FIFO: its bytes belong to a read that has ended. */
 __attribute__((noinline)) static void forget_unsent(void)
 {
-    SCB0->intr_tx_mask = 0;
-    SCB0->tx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR | SCB_FIFO_CTRL_LEVEL(REFILL_BELOW);
-    SCB0->tx_fifo_ctrl = SCB_FIFO_CTRL_LEVEL(REFILL_BELOW);
+    BUS_SCB->intr_tx_mask = 0;
+    BUS_SCB->tx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR | SCB_FIFO_CTRL_LEVEL(REFILL_BELOW);
+    BUS_SCB->tx_fifo_ctrl = SCB_FIFO_CTRL_LEVEL(REFILL_BELOW);
 }
 
 /* Switch the I2C slave on with empty FIFOs and no pending events. */
@@ -30,16 +31,16 @@ void i2c_slave_on(void)
 {
     is_selected = false;
     forget_unsent();
-    SCB0->rx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR;
-    SCB0->rx_fifo_ctrl = 0;
-    SCB0->intr_s = SCB_INTR_ALL;
-    SCB0->ctrl = SCB_CTRL_MODE_I2C | SCB_CTRL_ENABLED;
+    BUS_SCB->rx_fifo_ctrl = SCB_FIFO_CTRL_CLEAR;
+    BUS_SCB->rx_fifo_ctrl = 0;
+    BUS_SCB->intr_s = SCB_INTR_ALL;
+    BUS_SCB->ctrl = SCB_CTRL_MODE_I2C | SCB_CTRL_ENABLED;
 }
 
 /* Disables the I2C block, which keeps its settings: both lines are released and no address is acknowledged. */
 static void off(void)
 {
-    SCB0->ctrl = SCB_CTRL_MODE_I2C;
+    BUS_SCB->ctrl = SCB_CTRL_MODE_I2C;
 }
 
 /* Switch the slave off for a flash write. Returns false while the slave is addressed in a transfer. */
@@ -55,49 +56,49 @@ bool i2c_slave_try_off(void)
 /* Disables the I2C block and disconnects its pins, before the bootloader starts an image. */
 void i2c_slave_end(void)
 {
-    SCB0->ctrl = 0;
+    BUS_SCB->ctrl = 0;
     bus_pins_disconnect();
 }
 
-/* Set up serial block SCB0 as an I2C slave with this 7-bit address. */
+/* Set up the serial block of the bus as an I2C slave with this 7-bit address. */
 void i2c_slave_init(uint8_t address)
 {
     bus_clock_init();
     bus_pins_release();
-    SCB0->i2c_ctrl = SCB_I2C_CTRL_SLAVE | SCB_I2C_CTRL_S_GENERAL_IGNORE;
-    SCB0->tx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST;
-    SCB0->rx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST;
-    SCB0->rx_match = SCB_RX_MATCH_ADDRESS(address) | SCB_RX_MATCH_MASK;
-    SCB0->intr_s_mask = SLAVE_EVENTS;
-    SCB0->intr_rx_mask = SCB_INTR_RX_NOT_EMPTY;
+    BUS_SCB->i2c_ctrl = SCB_I2C_CTRL_SLAVE | SCB_I2C_CTRL_S_GENERAL_IGNORE;
+    BUS_SCB->tx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST;
+    BUS_SCB->rx_ctrl = SCB_DATA_WIDTH(8u) | SCB_MSB_FIRST;
+    BUS_SCB->rx_match = SCB_RX_MATCH_ADDRESS(address) | SCB_RX_MATCH_MASK;
+    BUS_SCB->intr_s_mask = SLAVE_EVENTS;
+    BUS_SCB->intr_rx_mask = SCB_INTR_RX_NOT_EMPTY;
     i2c_slave_on();
     bus_pins_connect(PIN_I2C);
-    interrupt_enable(IRQ_SCB0);
+    interrupt_enable(BUS_IRQ);
 }
 
 /* Fill the TX FIFO with the bytes that the master reads next. */
 static void fill(void)
 {
     do {
-        SCB0->tx_fifo_wr = i2c_slave_on_read();
-    } while (FILLS_FIFO && (SCB0->tx_fifo_status & SCB_FIFO_STATUS_USED) < SCB_FIFO_SIZE);
-    SCB0->intr_tx = SCB_INTR_TX_TRIGGER;
+        BUS_SCB->tx_fifo_wr = i2c_slave_on_read();
+    } while (FILLS_FIFO && (BUS_SCB->tx_fifo_status & SCB_FIFO_STATUS_USED) < SCB_FIFO_SIZE);
+    BUS_SCB->intr_tx = SCB_INTR_TX_TRIGGER;
 }
 
 /* Pass a received byte to the register machine and acknowledge it or not. */
 static void take_byte(void)
 {
-    if (SCB0->rx_fifo_status & SCB_FIFO_STATUS_USED) { /* at most one byte: the next follows after the acknowledge */
-        const bool acknowledge = i2c_slave_on_write((uint8_t)SCB0->rx_fifo_rd);
-        SCB0->i2c_s_cmd = acknowledge ? SCB_I2C_S_CMD_ACK : SCB_I2C_S_CMD_NACK;
+    if (BUS_SCB->rx_fifo_status & SCB_FIFO_STATUS_USED) { /* at most one byte: the next follows after the acknowledge */
+        const bool acknowledge = i2c_slave_on_write((uint8_t)BUS_SCB->rx_fifo_rd);
+        BUS_SCB->i2c_s_cmd = acknowledge ? SCB_I2C_S_CMD_ACK : SCB_I2C_S_CMD_NACK;
     }
-    SCB0->intr_rx = SCB_INTR_RX_NOT_EMPTY;
+    BUS_SCB->intr_rx = SCB_INTR_RX_NOT_EMPTY;
 }
 
 /* Handle a stop condition. Bytes that the master did not read are removed from the FIFO. */
 static void take_stop(void)
 {
-    SCB0->intr_s = SCB_INTR_I2C_STOP;
+    BUS_SCB->intr_s = SCB_INTR_I2C_STOP;
     forget_unsent();
     if (is_selected) {
         is_selected = false;
@@ -109,26 +110,26 @@ static void take_stop(void)
  * the acknowledge. */
 static void take_address(void)
 {
-    const bool reading = (SCB0->i2c_status & SCB_I2C_STATUS_S_READ) != 0;
-    SCB0->intr_s = SCB_INTR_S_ADDR_MATCH;
+    const bool reading = (BUS_SCB->i2c_status & SCB_I2C_STATUS_S_READ) != 0;
+    BUS_SCB->intr_s = SCB_INTR_S_ADDR_MATCH;
     forget_unsent();
     const bool acknowledge = i2c_slave_on_address(reading);
     is_selected = acknowledge;
     if (acknowledge && reading) {
         fill(); /* before the acknowledge releases the master */
-        SCB0->intr_tx_mask = SCB_INTR_TX_TRIGGER;
+        BUS_SCB->intr_tx_mask = SCB_INTR_TX_TRIGGER;
     }
-    SCB0->i2c_s_cmd = acknowledge ? SCB_I2C_S_CMD_ACK : SCB_I2C_S_CMD_NACK;
+    BUS_SCB->i2c_s_cmd = acknowledge ? SCB_I2C_S_CMD_ACK : SCB_I2C_S_CMD_NACK;
 }
 
 /* Handles the pending events in the only order in which they can occur: SCL is held low after an address and after a
  * byte, so no further event occurs before the acknowledge. */
-void scb0_handler(void);
+void bus_handler(void);
 /* Interrupt of the I2C slave. The order of the events matters: a byte and a stop condition of the last transfer precede
  * a new address. */
-void scb0_handler(void)
+void bus_handler(void)
 {
-    const uint32_t events = SCB0->intr_s_masked;
+    const uint32_t events = BUS_SCB->intr_s_masked;
     if (events & ERRORS) {
         off();
         i2c_slave_on_bus_error();
@@ -142,7 +143,7 @@ void scb0_handler(void)
     if (events & SCB_INTR_S_ADDR_MATCH) {
         take_address();
     }
-    if (SCB0->intr_tx_masked) {
+    if (BUS_SCB->intr_tx_masked) {
         fill();
     }
 }

@@ -1,4 +1,4 @@
-/* SCB0 as an I2C slave. Addresses and received bytes are acknowledged by software, one interrupt each, with SCL held
+/* Serial block of the bus as an I2C slave. Addresses and received bytes are acknowledged by software, one interrupt each, with SCL held
  * low until then; bytes to be sent go through the transmit FIFO. */
 #ifndef PSOC4200_I2C_SLAVE_H
 #define PSOC4200_I2C_SLAVE_H

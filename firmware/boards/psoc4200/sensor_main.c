@@ -10,6 +10,7 @@
 #include "boards/psoc4200/regs/core.h"
 #include "boards/psoc4200/reset.h"
 #include "boards/psoc4200/self.h"
+#include "boards/psoc4200/standalone.h"
 #include "boards/psoc4200/ticks.h"
 #include "boards/psoc4200/watchdog.h"
 #include "sensor/sensor.h"
@@ -177,6 +178,7 @@ static void start(const uint8_t *configuration, const struct kind *kind)
     interrupts_unmask(interrupts);
 }
 
+#ifndef IMAGE_STANDALONE
 /* True when the application has shown that it works: it has completed CONFIRM_SCANS scans, and a snapshot was
  * read. */
 static bool has_proven_itself(void)
@@ -197,6 +199,7 @@ static bool try_confirm(void)
     interrupts_unmask(interrupts);
     return now;
 }
+#endif
 
 /* Codes the newest scan as a compact snapshot, if a reader needs one. Not inlined: its stack frame would add to the
  * deepest call chain, the write to flash. */
@@ -209,21 +212,32 @@ static __attribute__((noinline)) void code_compact(void)
  * confirms itself once it has worked. */
 int main(void)
 {
+#ifdef IMAGE_STANDALONE
+    reset_take_cause(); /* else the bootloader did it */
+#endif
     clocks_init();
     watchdog_start();
     ticks_init();
+#ifdef IMAGE_STANDALONE
+    const uint8_t *const configuration = standalone_configuration;
+#else
     const uint8_t *const configuration = taxel_boot_configuration(&self_flash);
+#endif
     const struct kind *const kind = kind_of(configuration ? configuration[TAXEL_BOOT_CONFIGURATION_OFFSET_KIND] : 0u);
     configure(configuration, kind);
     (void)taxel_sensor_init(&sensor, &config); /* tools check kinds, pins and settings when the image is built */
     start(configuration, kind);
+#ifndef IMAGE_STANDALONE
     bool on_trial = self_is_on_trial();
+#endif
     for (;;) {
         watchdog_feed();
         atomic_signal_fence(memory_order_acquire); /* reload the counters that interrupts change */
+#ifndef IMAGE_STANDALONE
         if (on_trial && has_proven_itself()) {
             on_trial = !try_confirm();
         }
+#endif
         code_compact();
         wait_for_interrupt(); /* ends with the SysTick interrupt at the latest, within 4 ms */
     }

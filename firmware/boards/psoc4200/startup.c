@@ -51,7 +51,7 @@ VECTORS(".vectors.2") vectors_11_to_15[] = {
     {systick_handler},
 };
 
-#ifdef IMAGE_IN_SLOT
+#ifdef IMAGE_APPLICATION
 
 VECTORS(".vectors.1") vectors_4_to_10[] = {UNEXPECTED, UNEXPECTED, UNEXPECTED, UNEXPECTED,
                                            UNEXPECTED, UNEXPECTED, UNEXPECTED};
@@ -81,7 +81,7 @@ VECTORS(".vectors.4") interrupt_10[] = {{scb0_handler}};
 void reset_handler(void)
 {
     memset(bss_begin, 0, (size_t)((uintptr_t)bss_end - (uintptr_t)bss_begin));
-#ifdef IMAGE_IN_SLOT
+#ifdef IMAGE_APPLICATION
     memcpy(data_begin, data_load,
            (size_t)((uintptr_t)data_end - (uintptr_t)data_begin)); /* a bootloader has no initialised data */
     memcpy(ram_vectors, image_vectors, sizeof ram_vectors);

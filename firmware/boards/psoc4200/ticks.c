@@ -5,7 +5,7 @@
 #include "boards/psoc4200/clocks.h"
 #include "boards/psoc4200/regs/core.h"
 
-#ifdef IMAGE_IN_SLOT
+#ifdef IMAGE_APPLICATION
 #define US_SHIFT 12u
 #else
 #define US_SHIFT 10u
@@ -31,7 +31,7 @@ void ticks_init(void)
     SYSTICK->control = SYSTICK_CONTROL_ENABLE | SYSTICK_CONTROL_INTERRUPT | SYSTICK_CONTROL_PROCESSOR_CLOCK;
 }
 
-#ifdef IMAGE_IN_SLOT
+#ifdef IMAGE_APPLICATION
 
 _Static_assert(CPU_HZ == 48000000u, "a microsecond is 16 * 3 cycles");
 _Static_assert(CYCLES <= CYCLES_MAX, "a wrap can be that long");

@@ -1,4 +1,4 @@
-/* SCB1 as a UART, 8N1. RTS is a software-controlled output: this SCB has no flow control. */
+/* Serial block of the UART, 8N1. RTS is a software-controlled output: this SCB has no flow control. */
 #ifndef PSOC4200_UART_H
 #define PSOC4200_UART_H
 

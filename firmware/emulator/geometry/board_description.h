@@ -10,6 +10,8 @@
 #include "emulator/geometry/patch.h"
 #include "generated/taxel_protocol.h"
 
+struct psoc_part; /* psoc4200/parts.h */
+
 #define WORLD_BOARDS_MAX 64
 #define WORLD_IMAGE_SIZE 32768u
 #define WORLD_MARGINS_MAX 512
@@ -28,7 +30,8 @@ struct board_description {
     double clock_start_us; /* the board's clock after boot */
     double boot_ms;
     uint8_t *image; /* [WORLD_IMAGE_SIZE] flash of a board that executes an image; NULL: natively compiled firmware */
-    bool is_blank;  /* without application and configuration, as after assembly */
+    const struct psoc_part *part;   /* of a board that executes an image; NULL: the standard part */
+    bool is_blank;                  /* without application and configuration, as after assembly */
     size_t taxel_pose_count;        /* 0 or taxel_count */
     struct taxel_pose *taxel_poses; /* [taxel_pose_count] */
     size_t margin_count;

@@ -12,6 +12,7 @@
 
 #define CONFIG_ENABLE (1u << 31)
 #define CONFIG_SENSE_EN (1u << 12)
+#define CONFIG_OF_TWO_CAPACITORS (1u << 3 | 1u << 4 | 1u << 13) /* filter, two capacitors, reference buffer */
 #define STATUS_SENSE (1u << 1)
 #define STATUS_SAMPLE (1u << 3)
 #define PERI_CSD_SENSE 4u
@@ -44,13 +45,22 @@ static bool start_conversion(struct psoc *psoc, uint32_t period, uint64_t cycle)
     return true;
 }
 
+/* Whether the settings let the conversion balance the charge. With two capacitors the model requires the bits that the
+ * manufacturer's driver sets. */
+static bool balances_charge(const struct psoc *psoc)
+{
+    const uint32_t needed = psoc->config.part->has_two_capacitors ? CONFIG_OF_TWO_CAPACITORS : 0u;
+    const uint32_t config = psoc->csd.config;
+    return config & CONFIG_SENSE_EN && (config & needed) == needed && psoc_has_capacitors(psoc);
+}
+
 /* End the conversion: compute the count from the connected TX and RX lines, the clocks and the current code, and raise
  * the interrupt. */
 void psoc_csd_end(struct psoc *psoc)
 {
     struct psoc_csd *csd = &psoc->csd;
     const struct psoc_wires *wires = &psoc->config.wires;
-    const bool senses = csd->config & CONFIG_SENSE_EN;
+    const bool senses = balances_charge(psoc);
     struct psoc_conversion conversion = {
         .period = csd->period,
         .sense = csd->sense,

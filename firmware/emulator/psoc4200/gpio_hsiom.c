@@ -1,6 +1,5 @@
 /* GPIO ports and the high-speed I/O matrix: connected sensor lines, I2C lines driven by software, and RTS. */
 #include "emulator/psoc4200/internal.h"
-#include "emulator/psoc4200/wiring.h"
 
 #define PORT_DATA 0x00u
 #define PORT_STATE 0x04u
@@ -13,7 +12,6 @@
 #define FUNCTION_AMUX_A 6u
 #define MODE_OPEN_DRAIN 4u
 #define MODE_STRONG 6u
-#define BUS_PORT 4u
 #define SCL 0u
 #define SDA 1u
 
@@ -49,8 +47,9 @@ static void update_wires(struct psoc *psoc, uint64_t cycle)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
     struct psoc_gpio *gpio = &psoc->gpio;
-    const bool scl_low = pulls_low(psoc, BUS_PORT, SCL), sda_low = pulls_low(psoc, BUS_PORT, SDA);
-    const bool rts_high = is_high(psoc, WIRING_RTS >> 4, WIRING_RTS & 7u);
+    const struct psoc_part *part = psoc->config.part;
+    const bool scl_low = pulls_low(psoc, part->bus_port, SCL), sda_low = pulls_low(psoc, part->bus_port, SDA);
+    const bool rts_high = part->has_rts && is_high(psoc, part->rts >> 4, part->rts & 7u);
     if (wires->i2c_drive && (scl_low != gpio->scl_low || sda_low != gpio->sda_low)) {
         wires->i2c_drive(wires->context, !scl_low, !sda_low);
         psoc_end_run(psoc);
@@ -69,7 +68,7 @@ static uint32_t state_of(const struct psoc *psoc, unsigned port, uint64_t cycle)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
     uint32_t state = psoc->gpio.port[port].data;
-    if (port == BUS_PORT && wires->i2c_scl) {
+    if (port == psoc->config.part->bus_port && wires->i2c_scl) {
         const vtime now = psoc_time(psoc, cycle);
         state &= ~3u;
         state |= (uint32_t)wires->i2c_scl(wires->context, now) << SCL | (uint32_t)wires->i2c_sda(wires->context, now)
@@ -164,10 +163,29 @@ static int single_pin_with_function(const struct psoc *psoc, const uint8_t *pins
     return match;
 }
 
-/* Finds the TX line that is connected to the sense clock and the RX line that is connected to the converter; -1 for
- * none or several. */
+/* Finds the TX line that is connected to the sense clock and the RX line that is connected to the converter, as row and
+ * column of the board; -1 for none or several. */
 void psoc_connected_lines(const struct psoc *psoc, int *tx, int *rx)
 {
-    *tx = single_pin_with_function(psoc, wiring_tx, WIRING_TX_LINES, FUNCTION_SENSE);
-    *rx = single_pin_with_function(psoc, wiring_rx, WIRING_RX_LINES, FUNCTION_AMUX_A);
+    const struct psoc_part *part = psoc->config.part;
+    *tx = single_pin_with_function(psoc, part->tx, part->tx_lines, FUNCTION_SENSE);
+    *rx = single_pin_with_function(psoc, part->rx, part->rx_lines, FUNCTION_AMUX_A);
+    if (part->rx_per_row && *tx == 0 && *rx >= 0) {
+        *tx = *rx / part->rx_per_row;
+        *rx %= part->rx_per_row;
+    }
+}
+
+/* Whether the integration capacitors on ordinary pins are connected to the converter. A part without such pins has its
+ * capacitor on a pin that the model does not check. */
+bool psoc_has_capacitors(const struct psoc *psoc)
+{
+    const struct psoc_part *part = psoc->config.part;
+    for (unsigned i = 0; part->has_two_capacitors && i < 2u; i++) {
+        const uint8_t pin = part->capacitors[i];
+        if (function_of(psoc, pin >> 4, pin & 7u) != FUNCTION_AMUX_A) {
+            return false;
+        }
+    }
+    return true;
 }

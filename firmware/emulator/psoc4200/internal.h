@@ -8,6 +8,17 @@
 #define PSOC_IRQ_SCB1 11u
 #define PSOC_IRQ_CSD 15u
 
+/* Serial blocks of the I2C bus and of the UART. */
+static inline struct psoc_scb *psoc_bus_scb(struct psoc *psoc)
+{
+    return &psoc->scb[psoc->config.part->bus_scb];
+}
+
+static inline struct psoc_scb *psoc_uart_scb(struct psoc *psoc)
+{
+    return &psoc->scb[1u - psoc->config.part->bus_scb];
+}
+
 /* psoc.c */
 vtime psoc_time(const struct psoc *psoc, uint64_t cycle);
 uint64_t psoc_cycle(const struct psoc *psoc, vtime time);
@@ -36,6 +47,8 @@ bool psoc_gpio_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access
 bool psoc_hsiom_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
 bool psoc_hsiom_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
 void psoc_connected_lines(const struct psoc *psoc, int *tx, int *rx);
+/* True if all integration capacitors that the part needs are connected. */
+bool psoc_has_capacitors(const struct psoc *psoc);
 
 bool psoc_csd_read(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);
 bool psoc_csd_write(struct psoc *psoc, uint32_t offset, struct cortex_m0_access *access);

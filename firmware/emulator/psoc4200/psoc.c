@@ -98,11 +98,12 @@ int psoc_init(struct psoc *psoc, const struct psoc_config *config)
 {
     memset(psoc, 0, sizeof *psoc);
     psoc->config = *config;
+    psoc->config.part = config->part ? config->part : PSOC_PART_STANDARD;
     snprintf(psoc->name, sizeof psoc->name, "%s", config->name);
     random_init(&psoc->random, config->seed ^ 0x5241Du, config->unique_id[0]);
     const struct cortex_m0_config core = {
         .flash = config->flash->bytes,
-        .flash_size = sizeof config->flash->bytes,
+        .flash_size = psoc->config.part->flash_size,
         .ram = psoc->ram,
         .ram_base = PSOC_RAM_BASE,
         .ram_size = PSOC_RAM_SIZE,
@@ -154,7 +155,7 @@ void psoc_power_on(struct psoc *psoc, vtime now, uint32_t causes)
         memcpy(psoc->ram + i, &random_bytes, sizeof random_bytes);
     }
     cortex_m0_memory_changed(&psoc->cpu, PSOC_RAM_BASE, PSOC_RAM_SIZE);
-    cortex_m0_memory_changed(&psoc->cpu, 0, sizeof psoc->config.flash->bytes); /* a row may have been torn */
+    cortex_m0_memory_changed(&psoc->cpu, 0, psoc->config.part->flash_size); /* a row may have been torn */
     psoc->powered = true;
     psoc->has_stopped = false;
     psoc->srss.cause = 0;
@@ -171,7 +172,7 @@ void psoc_power_off(struct psoc *psoc)
  * its content. */
 static void reset_by(struct psoc *psoc, uint32_t cause)
 {
-    struct psoc_scb *const scb = &psoc->scb[0];
+    struct psoc_scb *const scb = psoc_bus_scb(psoc);
     const vtime now = psoc_now(psoc);
     psoc_slave_disabled(psoc, scb, psoc->cpu.cycle);
     psoc_master_disabled(psoc, scb, psoc->cpu.cycle);

@@ -1,4 +1,4 @@
-/* Emulated PSoC 4200 (CY8C4245AXI-483) that executes an image in virtual time: the Cortex-M0 of cortex_m0/ and the
+/* Emulated PSoC 4200 (CY8C4245AXI-483 or, as on the original boards, CY8C4244AZI-443) that executes an image in virtual time: the Cortex-M0 of cortex_m0/ and the
  * peripheral blocks that the firmware of boards/psoc4200 uses. boards/psoc4200/PERIPHERALS.md lists the modelled
  * registers.
  *
@@ -13,13 +13,14 @@
 #include "emulator/cortex_m0/cortex_m0.h"
 #include "emulator/base/flash.h"
 #include "emulator/psoc4200/blocks.h"
+#include "emulator/psoc4200/parts.h"
 #include "emulator/base/vtime.h"
 
 #define PSOC_RAM_BASE 0x20000000u
 #define PSOC_RAM_SIZE 4096u
 
-/* Parameters of a conversion. tx, rx: lines numbered as in boards/psoc4200/pins.toml, -1 unless exactly one is
- * connected. */
+/* Parameters of a conversion. tx, rx: row and column of the board (struct psoc_part), -1 unless exactly one line of
+ * each kind is connected. */
 struct psoc_conversion {
     int tx, rx;
     uint32_t period; /* sample clocks */
@@ -34,7 +35,7 @@ struct psoc_wires {
     void *context;
     /* Called at the end of a conversion. Returns the number of sample clocks in which the current source was on. */
     uint16_t (*convert)(void *context, const struct psoc_conversion *conversion);
-    /* SCB0 as master: start or repeated start with the address byte, write a byte, read a byte, stop.
+    /* Serial block of the bus as master: start or repeated start with the address byte, write a byte, read a byte, stop.
      * psoc_i2c_on_event() reports the result. */
     void (*i2c_start)(void *context, uint8_t address_byte, vtime clock, vtime now);
     void (*i2c_write)(void *context, uint8_t byte, vtime now);
@@ -44,7 +45,7 @@ struct psoc_wires {
     void (*i2c_drive)(void *context, bool scl_high, bool sda_high);
     bool (*i2c_scl)(void *context, vtime now);
     bool (*i2c_sda)(void *context, vtime now);
-    /* SCB1: a byte is available (psoc_uart_take()); RTS. */
+    /* Serial block of the UART: a byte is available (psoc_uart_take()); RTS. */
     void (*uart_kick)(void *context, vtime now);
     void (*uart_hold)(void *context, bool hold, vtime now);
 };
@@ -52,6 +53,7 @@ struct psoc_wires {
 struct psoc_config {
     const char *name; /* for messages; at most 15 characters */
     struct flash *flash;
+    const struct psoc_part *part; /* NULL: PSOC_PART_STANDARD */
     uint8_t unique_id[8];
     double clock_rate; /* actual divided by nominal frequency of the main oscillator */
     uint64_t seed;     /* of the random RAM contents after power-up */
@@ -113,7 +115,7 @@ bool psoc_runs_application(const struct psoc *psoc);
 /* Whether the processor has faulted or locked up since its last reset. */
 bool psoc_has_faulted(const struct psoc *psoc);
 
-/* SCB0 as slave: events of the bus at the end of a byte, at the time that psoc_run() reached. Each function returns the
+/* Serial block of the bus as slave: events of the bus at the end of a byte, at the time that psoc_run() reached. Each function returns the
  * time at which the slave releases SCL. */
 bool psoc_i2c_matches_address(const struct psoc *psoc, uint8_t address);
 vtime psoc_i2c_on_address(struct psoc *psoc, vtime now, bool reading, bool *acknowledge);
@@ -122,7 +124,7 @@ vtime psoc_i2c_on_read(struct psoc *psoc, vtime now, uint8_t *byte);
 void psoc_i2c_on_stop(struct psoc *psoc);
 void psoc_i2c_on_bus_error(struct psoc *psoc);
 
-/* SCB0 as master: result of its command. */
+/* Serial block of the bus as master: result of its command. */
 enum psoc_i2c_event {
     PSOC_I2C_ACK,
     PSOC_I2C_NACK,
@@ -133,7 +135,7 @@ enum psoc_i2c_event {
 };
 void psoc_i2c_on_event(struct psoc *psoc, vtime now, enum psoc_i2c_event event, uint8_t byte);
 
-/* SCB1: events at the time that psoc_run() reached. */
+/* Serial block of the UART: events at the time that psoc_run() reached. */
 void psoc_uart_receive(struct psoc *psoc, uint8_t byte);
 bool psoc_uart_take(struct psoc *psoc, uint8_t *byte);
 

@@ -26,7 +26,8 @@ static bool acknowledges_automatically(const struct psoc_scb *scb)
 static vtime bus_clock(const struct psoc *psoc, const struct psoc_scb *scb)
 {
     const uint32_t phases = (scb->i2c_ctrl & 15u) + (scb->i2c_ctrl >> 4 & 15u) + 2u;
-    return (vtime)((double)(phases * psoc_clock_divider(psoc, PERI_SCB0)) * psoc->ps_per_cycle);
+    return (vtime)((double)(phases * psoc_clock_divider(psoc, PERI_SCB0 + psoc->config.part->bus_scb)) *
+                   psoc->ps_per_cycle);
 }
 
 /* Send the next byte of the FIFO as address or data, if the state permits. */
@@ -125,7 +126,7 @@ static void handle_acknowledge(struct psoc *psoc, struct psoc_scb *scb, vtime no
 void psoc_i2c_on_event(struct psoc *psoc, vtime now, enum psoc_i2c_event event, uint8_t byte)
 {
     const struct psoc_wires *wires = &psoc->config.wires;
-    struct psoc_scb *scb = &psoc->scb[0];
+    struct psoc_scb *scb = psoc_bus_scb(psoc);
     if (!psoc->powered || scb->state != PSOC_SCB_MASTER_BUSY) {
         return;
     }

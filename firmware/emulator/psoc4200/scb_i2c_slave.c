@@ -8,7 +8,7 @@
 /* Whether the slave is on and this I2C address matches its address register under the mask. */
 bool psoc_i2c_matches_address(const struct psoc *psoc, uint8_t address)
 {
-    const struct psoc_scb *scb = &psoc->scb[0];
+    const struct psoc_scb *scb = &psoc->scb[psoc->config.part->bus_scb];
     const uint32_t mask = scb->rx_match >> 16 & 0xFEu;
     return psoc->powered && !psoc->has_stopped && psoc_scb_is_i2c(scb) && scb->i2c_ctrl & SCB_I2C_SLAVE &&
            !(((uint32_t)address << 1 ^ scb->rx_match) & mask);
@@ -49,7 +49,7 @@ static void load_shift_register(struct psoc *psoc, struct psoc_scb *scb, vtime t
  * time at which SCL is released. */
 vtime psoc_i2c_on_address(struct psoc *psoc, vtime now, bool reading, bool *acknowledge)
 {
-    struct psoc_scb *scb = &psoc->scb[0];
+    struct psoc_scb *scb = psoc_bus_scb(psoc);
     scb->state = PSOC_SCB_SLAVE_ADDRESSED;
     scb->reading = reading;
     scb->shift_full = false;
@@ -65,7 +65,7 @@ vtime psoc_i2c_on_address(struct psoc *psoc, vtime now, bool reading, bool *ackn
  * is released. */
 vtime psoc_i2c_on_write(struct psoc *psoc, vtime now, uint8_t byte, bool *acknowledge)
 {
-    struct psoc_scb *scb = &psoc->scb[0];
+    struct psoc_scb *scb = psoc_bus_scb(psoc);
     if (scb->state != PSOC_SCB_SLAVE_RECEIVING) {
         *acknowledge = false; /* the chip was reset during the transfer */
         return now;
@@ -80,7 +80,7 @@ vtime psoc_i2c_on_write(struct psoc *psoc, vtime now, uint8_t byte, bool *acknow
  * `now`, or later if the byte was not available at the end of the previous byte. */
 vtime psoc_i2c_on_read(struct psoc *psoc, vtime now, uint8_t *byte)
 {
-    struct psoc_scb *scb = &psoc->scb[0];
+    struct psoc_scb *scb = psoc_bus_scb(psoc);
     vtime released = now;
     *byte = 0xFF;
     if (scb->state != PSOC_SCB_SLAVE_SENDING) {
@@ -104,7 +104,7 @@ vtime psoc_i2c_on_read(struct psoc *psoc, vtime now, uint8_t *byte)
 /* Stop condition: ends the transfer of an addressed slave and raises its interrupt. */
 void psoc_i2c_on_stop(struct psoc *psoc)
 {
-    struct psoc_scb *scb = &psoc->scb[0];
+    struct psoc_scb *scb = psoc_bus_scb(psoc);
     if (psoc_scb_is_i2c(scb) && scb->state != PSOC_SCB_IDLE) {
         scb->state = PSOC_SCB_IDLE;
         scb->shift_full = false;
@@ -115,7 +115,7 @@ void psoc_i2c_on_stop(struct psoc *psoc)
 /* Bus error: ends the transfer and raises the interrupt of the slave. */
 void psoc_i2c_on_bus_error(struct psoc *psoc)
 {
-    struct psoc_scb *scb = &psoc->scb[0];
+    struct psoc_scb *scb = psoc_bus_scb(psoc);
     if (psoc_scb_is_i2c(scb)) {
         scb->state = PSOC_SCB_IDLE;
         scb->shift_full = false;

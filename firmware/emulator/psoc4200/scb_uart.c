@@ -13,7 +13,7 @@ static bool is_on(const struct psoc *psoc, const struct psoc_scb *scb)
 /* Byte from the host: into the RX FIFO, or an overflow event if the FIFO is full. */
 void psoc_uart_receive(struct psoc *psoc, uint8_t byte)
 {
-    struct psoc_scb *scb = &psoc->scb[1];
+    struct psoc_scb *scb = psoc_uart_scb(psoc);
     if (!is_on(psoc, scb)) {
         return;
     }
@@ -28,7 +28,7 @@ void psoc_uart_receive(struct psoc *psoc, uint8_t byte)
 /* Remove the next byte to transmit from the FIFO. */
 bool psoc_uart_take(struct psoc *psoc, uint8_t *byte)
 {
-    struct psoc_scb *scb = &psoc->scb[1];
+    struct psoc_scb *scb = psoc_uart_scb(psoc);
     if (!is_on(psoc, scb) || !scb->tx.count) {
         return false;
     }

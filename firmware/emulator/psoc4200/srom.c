@@ -50,7 +50,7 @@ static uint32_t write_row(struct psoc *psoc, uint32_t row, bool erases, uint64_t
 {
     struct flash *flash = psoc->config.flash;
     uint8_t bytes[FLASH_ROW_SIZE];
-    if (row >= FLASH_ROWS) {
+    if (row >= psoc->config.part->flash_size / FLASH_ROW_SIZE) {
         return BAD_ADDRESS;
     }
     for (unsigned i = 0; i < FLASH_ROW_SIZE; i++) {

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "emulator/base/hex_image.h"
+#include "emulator/psoc4200/parts.h"
 #include "emulator/world_file/world_reader.h"
 #include "emulator/world_file/world_scene.h"
 
@@ -169,8 +170,8 @@ static int read_clock_start(const struct world_reader *reader)
 }
 
 /* Read the firmware image (Intel HEX) whose file name is word number `index` of the line. A relative path starts at the
- * folder of the world file. Returns 0, or -1 after an error line on stderr. */
-static int read_image(const struct world_reader *reader, int index, uint8_t **image)
+ * folder of the world file. The next word, if there is one, is the part that executes the image. Returns 0, or -1 after an error line on stderr. */
+static int read_image(const struct world_reader *reader, int index, uint8_t **image, const struct psoc_part **part)
 {
     const struct world_line *line = &reader->line;
     char path[4096];
@@ -186,7 +187,12 @@ static int read_image(const struct world_reader *reader, int index, uint8_t **im
     if (!*image) {
         return world_line_report_error(line, "out of memory");
     }
-    const char *error = hex_image_read(path, *image, WORLD_IMAGE_SIZE, &image_line);
+    *part = index + 1 < line->count ? psoc_part_find(line->words[index + 1]) : PSOC_PART_STANDARD;
+    if (!*part) {
+        return world_line_report_error(line, "unknown part; expected standard, original-palm, original-hub ...");
+    }
+    memset(*image, 0, WORLD_IMAGE_SIZE);
+    const char *error = hex_image_read(path, *image, (*part)->flash_size, &image_line);
     if (error) {
         fprintf(stderr, "world %s, line %d: image %s, line %d: %s\n", line->path, line->number, path, image_line,
                 error);
@@ -262,10 +268,10 @@ static int read_line(const struct world_reader *reader)
     }
     if (strcmp(keyword, "image") == 0) {
         struct board_description *board = find_addressed_board(reader);
-        return board ? read_image(reader, 2, &board->image) : -1;
+        return board ? read_image(reader, 2, &board->image, &board->part) : -1;
     }
     if (strcmp(keyword, "hub_image") == 0) {
-        return read_image(reader, 1, &world->hub_image);
+        return read_image(reader, 1, &world->hub_image, &world->hub_part);
     }
     if (strcmp(keyword, "boot_listens") == 0) {
         return read_flag(reader, &world->boot_listens);

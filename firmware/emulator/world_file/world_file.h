@@ -35,8 +35,9 @@ struct world_description {
     bool flow_control; /* the hub's RTS is wired to the USB adapter */
     double hub_clock_ppm;
     double hub_clock_start_us;
-    double hub_byte_us; /* how long a native hub holds SCL low after each byte */
-    uint8_t *hub_image; /* like board_description.image */
+    double hub_byte_us;               /* how long a native hub holds SCL low after each byte */
+    uint8_t *hub_image;               /* like board_description.image */
+    const struct psoc_part *hub_part; /* of a hub that executes an image; NULL: the standard part */
     double noise_counts;
     bool boot_listens; /* bootloaders wait 100 ms for a host after power-up, like those in silicon */
     struct taxel_scan_settings scan;

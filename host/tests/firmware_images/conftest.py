@@ -29,7 +29,7 @@ NONE = 0xFF
 """Value of a slot field of a metadata record that names no slot."""
 PORT = ROOT / "firmware" / "boards" / "psoc4200"
 FOLDER = ROOT / "tools" / "firmware"
-MODULES = ("board_header", "firmware_elf", "firmware_image", "firmware_size", "firmware_stack")
+MODULES = ("board_header", "firmware_elf", "firmware_image", "firmware_size", "firmware_stack", "original_image")
 
 
 def make_metadata(confirmed: int, pending: int, tries: tuple[int, int]) -> bytes:
@@ -59,13 +59,13 @@ def build_images() -> Callable[..., Path]:
         completed = subprocess.run([str(executables["cmake"]), *arguments], capture_output=True, text=True)
         assert completed.returncode == 0, completed.stdout[-2000:] + completed.stderr[-2000:]
 
-    def build(folder: Path, *targets: str) -> Path:
+    def build(folder: Path, *targets: str, options: tuple[str, ...] = ()) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / ".lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             toolchain = f"-DCMAKE_TOOLCHAIN_FILE={PORT / 'toolchain.cmake'}"
             ninja = ("-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={executables['ninja']}")
-            run(*ninja, "-S", str(PORT), "-B", str(folder), toolchain, f"-DTAXEL_PYTHON={sys.executable}")
+            run(*ninja, "-S", str(PORT), "-B", str(folder), toolchain, f"-DTAXEL_PYTHON={sys.executable}", *options)
             run("--build", str(folder), *(("--target", *targets) if targets else ()))
         return folder
 

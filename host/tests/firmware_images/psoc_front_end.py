@@ -1,5 +1,7 @@
 """Model of the CapSense block: a conversion ends after its period with a count that depends on its lines."""
 
+from collections.abc import Callable
+
 from host.tests.firmware_images.psoc_part import Part
 
 CONFIG, IDAC, COUNTER, STATUS, INTR = 0x40080004, 0x40080008, 0x4008000C, 0x40080010, 0x40080014
@@ -17,11 +19,19 @@ def simulate_count(tx: int, rx: int) -> int:
 class FrontEnd:
     """CapSense block of a part.
 
-    tx_pins, rx_pins: (port, number) of each line. codes: IDAC code by converted RX line.
+    tx_pins, rx_pins: (port, number) of each line. simulate: count of a crossing. codes: IDAC code
+    by converted RX line.
     """
 
-    def __init__(self, part: Part, tx_pins: list[tuple[int, int]], rx_pins: list[tuple[int, int]]) -> None:
+    def __init__(
+        self,
+        part: Part,
+        tx_pins: list[tuple[int, int]],
+        rx_pins: list[tuple[int, int]],
+        simulate: Callable[[int, int], int] = simulate_count,
+    ) -> None:
         self._part = part
+        self._simulate = simulate
         self._tx, self._rx = tx_pins, rx_pins
         self._counter = 0
         self._is_running = False
@@ -66,7 +76,7 @@ class FrontEnd:
             assert CMOD in self._connected(BUS_A)
             line = self._rx.index(rx)
             self.codes[line] = self._part.words[IDAC] & 0xFF
-            self._counter = simulate_count(self._tx.index(tx), line)
+            self._counter = self._simulate(self._tx.index(tx), line)
             self._is_finished = True
             self.conversions += 1
         return self._is_finished

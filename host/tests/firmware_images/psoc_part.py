@@ -102,6 +102,11 @@ class Part:
         return int(self._engine.reg_read(UC_ARM_REG_PC))
 
     @property
+    def sp(self) -> int:
+        """Stack pointer."""
+        return int(self._engine.reg_read(UC_ARM_REG_SP))
+
+    @property
     def is_masked(self) -> bool:
         """PRIMASK."""
         return bool(self._engine.reg_read(UC_ARM_REG_PRIMASK))

@@ -29,6 +29,7 @@ PERMITTED = {
     "emulator/effects": ("emulator/geometry", "emulator/physics", "emulator/base", "generated"),
     "emulator/original": ("emulator/geometry", "emulator/base", "hal", "generated"),
     "emulator/world_file": (
+        "emulator/psoc4200",
         "emulator/original",
         "emulator/effects",
         "emulator/geometry",

@@ -38,7 +38,7 @@ enum interrupt_number {
     IRQ_CSD = 15,  /* (confirm) */
 };
 
-#ifdef IMAGE_IN_SLOT
+#ifdef IMAGE_APPLICATION
 #define IRQ_COUNT 16 /* vectors that an image has; the part has 32 interrupts */
 #else
 #define IRQ_COUNT 12 /* the bootloader needs no CapSense */
@@ -68,11 +68,11 @@ static inline void wait_for_interrupt(void)
  * nesting would take more stack. */
 static inline void interrupt_enable(unsigned number)
 {
-#if defined IMAGE_IN_SLOT && IMAGE_DEVICE == 1
+#if defined IMAGE_APPLICATION && IMAGE_DEVICE == 1
     volatile uint32_t *const word = &NVIC_PRIORITY[number >> 2];
     *word = (*word & ~(0xFFu << (8u * (number & 3u)))) | (0x40u << (8u * (number & 3u)));
 #endif
-#ifdef IMAGE_IN_SLOT
+#ifdef IMAGE_APPLICATION
     NVIC_PENDING_CLEAR = 1u << number;
 #endif
     NVIC_ENABLE_SET = 1u << number;

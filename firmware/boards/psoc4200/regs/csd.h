@@ -1,8 +1,8 @@
 /* CapSense block of the first generation, and its two current sources. Source: Registers TRM (001-85847), chapter
  * CSD; values as in the manufacturer's device header for this part. The measurement of a mutual capacitance follows
- * public CapSense sources for the blocks before the fourth generation. Later revisions have two integration
- * capacitors and a filter (CONFIG bits 4 and 3), which this revision lacks; the accuracy of a mutual capacitance
- * without them is not verified (confirm). */
+ * public CapSense sources for the blocks before the fourth generation. These sources use two integration capacitors and
+ * a filter (CONFIG bits 4 and 3) on every part of the first generation, and leave the reference buffer on; so do the
+ * original boards. The accuracy with one capacitor and without these bits is not verified (confirm). */
 #ifndef PSOC4200_REGS_CSD_H
 #define PSOC4200_REGS_CSD_H
 
@@ -27,6 +27,8 @@ _Static_assert(offsetof(struct csd_regs, intr) == 0x14, "CSD_INTR is at 0x400800
 #define CSD ((struct csd_regs *)0x40080000u)
 #define CSD_TRIM1 (*(volatile uint32_t *)0x4008FF00u) /* IDACs as sources: 4 bits each */
 
+#define CSD_CONFIG_SAMPLE_FILTER (1u << 3)
+#define CSD_CONFIG_TWO_CAPACITORS (1u << 4) /* two integration capacitors, CintA and CintB */
 #define CSD_CONFIG_SENSE_COMP_BW_HIGH (1u << 11)
 #define CSD_CONFIG_SENSE_EN (1u << 12)  /* the sense clock drives the TX line, and the current source balances */
 #define CSD_CONFIG_REFBUF_EN (1u << 13) /* the reference buffer charges the capacitor */

@@ -1,0 +1,152 @@
+"""Write the files for a programmer or for the original bootloader from a linked image of the original hardware.
+
+    python tools/firmware/original_image.py --linked ELF --name palm --out DIR [--address 0x15] [--silicon-id ID]
+
+Writes DIR/NAME.hex. `--address` replaces the I2C address of a sensor board; the original boards have no other place for
+it. An image that does not begin at row 0 lies behind the original bootloader: its file also contains that bootloader's
+metadata in the last row of the flash. With `--silicon-id`, as the bootloader reports it, such an image is also written
+as DIR/NAME.cyacd for the manufacturer's tools. The same input gives the same bytes.
+"""
+
+import argparse
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NoReturn
+
+from firmware_elf import LinkedImage, read_linked_image
+
+from taxel.errors import TaxelError
+from taxel_protocol.bootloader import BOOT_ROW_SIZE, StockMetadata
+from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN
+from taxel_tools.errors import FirmwareFileError
+from taxel_tools.files.intel_hex import write_intel_hex
+
+HEX_END: Final = ":00000001FF\n"
+METADATA_OFFSET: Final = 64
+"""Offset of the original bootloader's metadata in the last row of the flash: its last 64 bytes."""
+
+ADDRESS_OFFSET: Final = 1
+"""Offset of the address in a configuration record (`taxel_protocol.bootloader.Configuration`)."""
+
+
+@dataclass(frozen=True)
+class OriginalImage:
+    """Image of a device of the original hardware. first_row: of its flash. rows: number of rows of the flash."""
+
+    first_row: int
+    rows: int
+    content: bytes
+    entry: int
+    """Address at which the original bootloader enters the image."""
+
+    def metadata_row(self) -> bytes:
+        """Last row of the flash, as the original bootloader validates it.
+
+        The checksum is the two's complement of the 8-bit sum of the image (vendor's Bootloader_v1_60; confirm).
+        """
+        metadata: bytes = StockMetadata.build(
+            {
+                "checksum": -sum(self.content) & 0xFF,
+                "entry": self.entry,
+                "last_bootloader_row": self.first_row - 1,
+                "reserved_a": bytes(2),
+                "length": len(self.content),
+                "reserved_b": bytes(3),
+                "active": 1,
+                "verified": 0,
+                "bootloader_version": 0,
+                "application_id": 0,
+                "application_version": 0,
+                "custom_id": 0,
+                "reserved_c": bytes(28),
+            }
+        )
+        return bytes(METADATA_OFFSET) + metadata
+
+    def list_rows(self) -> list[tuple[int, bytes]]:
+        """Numbers and bytes of the rows to write; behind a bootloader, the metadata is the last."""
+        rows = [
+            (
+                self.first_row + start // BOOT_ROW_SIZE,
+                self.content[start : start + BOOT_ROW_SIZE].ljust(BOOT_ROW_SIZE, b"\0"),
+            )
+            for start in range(0, len(self.content), BOOT_ROW_SIZE)
+        ]
+        return rows + ([(self.rows - 1, self.metadata_row())] if self.first_row else [])
+
+
+def _fail(path: str, field: str, expected: str, found: str, remedy: str) -> NoReturn:
+    """Raise `FirmwareFileError` for a linked image or an option."""
+    raise FirmwareFileError(path, field, expected, found, remedy)
+
+
+def read_original_image(linked: LinkedImage, address: int | None = None) -> OriginalImage:
+    """Image of a linked file. address: I2C address of the board, or None for that of the pins file.
+
+    Raises FirmwareFileError.
+    """
+    for symbol in ("image_first_row", "image_end_row", "standalone_entry"):
+        if symbol not in linked.symbols:
+            _fail(linked.path, f"symbol {symbol}", "one", "none", "pass the ELF of an image of the original hardware")
+    first_row = linked.symbol("image_first_row")
+    # the linker's number of rows excludes the row of the metadata
+    rows = linked.symbol("image_end_row") + (1 if first_row else 0)
+    content = bytearray(linked.content)
+    if linked.address != first_row * BOOT_ROW_SIZE:
+        _fail(linked.path, "first address", f"0x{first_row * BOOT_ROW_SIZE:X}", f"0x{linked.address:X}", "rebuild it")
+    if address is not None:
+        if not ADDRESS_MIN <= address <= ADDRESS_MAX:
+            expected = f"an I2C address from 0x{ADDRESS_MIN:02X} to 0x{ADDRESS_MAX:02X}"
+            _fail(linked.path, "address", expected, f"0x{address:X}", "pass another address")
+        if "standalone_configuration" not in linked.symbols:
+            _fail(linked.path, "address", "an image of a board", "one of the hub", "the hub has no address")
+        content[linked.symbol("standalone_configuration") - linked.address + ADDRESS_OFFSET] = address
+    content += bytes(-len(content) % 4)
+    return OriginalImage(first_row, rows, bytes(content), linked.symbol("standalone_entry") | 1)
+
+
+def write_cyacd_rows(image: OriginalImage, silicon_id: int) -> str:
+    """Text of a .cyacd file with packet checksum "basic sum", for the manufacturer's tools."""
+    lines = [f"{silicon_id:08X}0000"]
+    for row, data in image.list_rows():
+        body = bytes([0]) + row.to_bytes(2, "big") + len(data).to_bytes(2, "big") + data
+        lines.append(":" + (body + bytes([-sum(body) & 0xFF])).hex().upper())
+    return "\n".join(lines) + "\n"
+
+
+def write_files(linked: Path, name: str, out: Path, address: int | None, silicon_id: int | None) -> None:
+    """Write NAME.hex, and NAME.cyacd with a silicon id, to the folder `out`. Raises FirmwareFileError, OSError."""
+    image = read_original_image(read_linked_image(linked), address)
+    if silicon_id is not None and not image.first_row:
+        remedy = "build with -DTAXEL_ORIGINAL_FIRST_ROW=N (docs/migrate-original-boards.md)"
+        _fail(str(linked), "silicon id", "an image behind the original bootloader", "one that begins at row 0", remedy)
+    text = write_intel_hex(image.content, image.first_row * BOOT_ROW_SIZE)
+    if image.first_row:
+        metadata = write_intel_hex(image.metadata_row(), (image.rows - 1) * BOOT_ROW_SIZE)
+        text = text.removesuffix(HEX_END) + metadata
+    out.mkdir(parents=True, exist_ok=True)
+    (out / f"{name}.hex").write_text(text)
+    if silicon_id is not None:
+        (out / f"{name}.cyacd").write_text(write_cyacd_rows(image, silicon_id))
+
+
+def main() -> int:
+    """Write the files of one device of the original hardware; print an error as one line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--linked", type=Path, required=True)
+    parser.add_argument("--name", required=True, help="prefix of the file names")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--address", type=lambda text: int(text, 0), help="I2C address of the board")
+    parser.add_argument("--silicon-id", type=lambda text: int(text, 0), help="write a .cyacd for this part")
+    options = parser.parse_args()
+    try:
+        write_files(options.linked, options.name, options.out, options.address, options.silicon_id)
+    except (TaxelError, OSError) as error:
+        print(f"original_image: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
