@@ -12,21 +12,27 @@ from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as ProgressBar
 
-from taxel.cli.options import AsJson, Overwrite, Seed
+from taxel.cli.convert import print_conversion
+from taxel.cli.options import AsJson, HandOption, Overwrite, Seed
 from taxel.cli.plugin_commands import ImporterGroup
 from taxel.errors import TaxelError
 from taxel.grasp.calibration import load_calibration
 from taxel.hand import load_hand
 from taxel.hand.errors import format_value
 from taxel.hand.transforms import make_pose
+from taxel.recording.formats import convert
+from taxel.recording.formats.grasp_options import UNKNOWN_OBJECT, GraspOptions
 from taxel.recording.from_arrays import write_from_arrays
 from taxel.recording.grasp_dataset import GraspDataset
+from taxel.recording.grasp_format import BASELINE_FRAMES
+from taxel.ros.mcap_signature import is_mcap, is_ros1_bag
 from taxel.sim.importers.active_points import import_active
 from taxel.sim.importers.csv_table import Progress, ignore_progress
 from taxel.sim.importers.gazebo_csv import import_contacts
 from taxel.sim.importers.mujoco_rollout import import_rollout
 from taxel.sim.importers.options import ImportOptions, ImportReport
 from taxel.sim.importers.original_contacts import OriginalGrasp, import_original_contacts
+from taxel.sim.importers.original_hardware import import_original_hardware
 from taxel.sim.importers.rollout_names import load_map
 from taxel.sim.original_sensing import THRESHOLD_M, OriginalRules
 from taxel.sim.sensing import LEVELS, Sensing
@@ -39,7 +45,7 @@ _WRIST_NUMBERS = 7
 
 import_app = typer.Typer(
     cls=ImporterGroup,
-    help="Import contacts, rollouts or arrays of other programs as a grasp dataset.",
+    help="Import contacts, rollouts, arrays or recordings of other programs as a dataset.",
     no_args_is_help=True,
 )
 
@@ -225,6 +231,66 @@ def rollout(
             options=options,
         )
     _print_report(report, out, as_json)
+
+
+@import_app.command("original-hardware")
+def original_hardware(
+    points: Annotated[
+        list[Path],
+        typer.Argument(help="Files GRASP_active_points_coordinates_N.csv; the other files of a grasp are beside them."),
+    ],
+    out: Out,
+    object_name: Annotated[str, typer.Option("--object", help="Name of the grasped object.")],
+    approach: Annotated[
+        str | None, typer.Option(help="Name of the approach. Default: the part GRASP of the file name.")
+    ] = None,
+    calibration: Calibration = None,
+    baseline_frames: BaselineFrames = 100,
+    hand: HandName = "original",
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Import CSV files that the original ROS stack recorded on the hardware: points and joint angles.
+
+    Example: taxel import original-hardware box_active_points_coordinates_1.csv --object cylinder --out real.h5
+    """
+    with _progress_bar(as_json) as show:
+        options = _make_options(calibration, None, baseline_frames, hand, 1, None, overwrite, show)
+        report = import_original_hardware(points, out, object_name=object_name, approach=approach, options=options)
+    _print_report(report, out, as_json)
+    if not as_json:
+        print(
+            f"{report.active_points} active points; median distance of the recorded positions from the taxels of the "
+            f"hand: {report.position_deviation_m * 1e3:.2f} mm"
+        )
+
+
+@import_app.command("original-bag")
+def original_bag(
+    bag: Annotated[Path, typer.Argument(help="ROS 1 bag (.bag), or MCAP file, with the topics sensor_8_readings ...")],
+    out: Annotated[
+        Path, typer.Option(help="Recording to write: x.bin (capture), x.mcap, x.h5 (grasp dataset), x.parquet, x.csv.")
+    ],
+    hand: HandOption = None,
+    object_name: Annotated[
+        str, typer.Option("--object", help="Name of the grasped object, for x.h5 and x.csv.")
+    ] = UNKNOWN_OBJECT,
+    approach: Annotated[str, typer.Option(help="Name of the approach, for x.h5 and x.csv.")] = "recording",
+    baseline_frames: Annotated[
+        int, typer.Option(min=0, help="Number of poll cycles at the start without contact, for x.h5.")
+    ] = BASELINE_FRAMES,
+    overwrite: Overwrite = False,
+    as_json: AsJson = False,
+) -> None:
+    """Import a bag of the original ROS stack as a recording.
+
+    Example: taxel import original-bag skin.bag --out skin.mcap
+    """
+    if not (is_ros1_bag(bag) or is_mcap(bag)):
+        found = "another file" if bag.is_file() else "no such file"
+        raise TaxelError(f"{bag}: expected a ROS 1 bag or an MCAP file, found {found}; check the path")
+    options = GraspOptions(object_name, approach, baseline_frames=baseline_frames)
+    print_conversion(convert(bag, out, hand=hand, overwrite=overwrite, options=options), str(out), as_json)
 
 
 def _require_one(joints: Path | None, poses: Path | None) -> None:

@@ -77,11 +77,14 @@ def open_new_dataset(
     description: str,
     stiffness_n_per_m: float | None = None,
     layer: str | None = None,
+    source: str = "sim",
 ) -> Iterator[GraspDatasetWriter]:
     """Context manager: a writer of a temporary dataset file, which replaces `path` when all grasps are written.
 
     meshes: of the objects by name. rate_hz: frame rate. description: for the attribute generator of the dataset. layer:
-    "coupled" or "uncoupled", the soft layer. Raises DatasetError as the writer does, with the name of `path`.
+    "coupled" or "uncoupled", the soft layer. source: "sim", or "real" for a dataset without a sensor model.
+
+    Raises DatasetError as the writer does, with the name of `path`.
     """
     target, location = Path(path), Location(str(path))
     check_target(target, options.overwrite, location)
@@ -92,13 +95,13 @@ def open_new_dataset(
         with GraspDatasetWriter.create(
             temporary,
             DatasetHeader(
-                source="sim",
+                source=source,
                 hand=options.hand.name,
                 taxels=_taxel_table(options.hand),
                 sensors=_sensor_table(options.hand, rate_hz),
                 objects=meshes,
                 generator=f"taxel {version('taxel')}; {description}, seed {options.seed}",
-                sensor_model=model,
+                sensor_model=model if source == "sim" else None,
             ),
             overwrite=True,
         ) as out:
