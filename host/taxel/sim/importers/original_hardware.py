@@ -254,12 +254,14 @@ def _read_points(path: Path) -> FloatArray:
     source, expected_rows = FileLocation(str(path)), _load_complete_hand().n_taxels
     rows = _read_rows(path)
     points = np.zeros((len(rows), _POINT_VALUES))
-    for index, (line, cells) in enumerate(rows):
-        if len(cells) != _POINT_VALUES:
-            source.at(line).fail("4 values x,y,z,counts", str(len(cells)), "use files of the original stack's hardware")
-        points[index] = [_parse_number(cell, source.at(line)) for cell in cells]
+    for index, (line, values) in enumerate(rows):
+        if len(values) != _POINT_VALUES:
+            source.at(line).fail(
+                "4 values x,y,z,counts", str(len(values)), "use files of the original stack's hardware"
+            )
+        points[index] = [_parse_number(text, source.at(line)) for text in values]
         if points[index, 3] < 0:
-            source.at(line).fail("counts of 0 or more", cells[3], "give the absolute difference from the baseline")
+            source.at(line).fail("counts of 0 or more", values[3], "give the absolute difference from the baseline")
     if len(rows) != expected_rows:
         remedy = "use a complete file of the hardware; files of the simulation list only active taxels"
         source.fail(f"{expected_rows} rows, one for each taxel of the boards 8 to 29", str(len(rows)), remedy)
@@ -272,16 +274,16 @@ def _read_joints(path: Path, hand: Hand) -> FloatArray:
     Raises ImportDataError for an unknown, repeated or missing joint.
     """
     source, angles = FileLocation(str(path)), dict[str, float]()
-    for line, cells in _read_rows(path):
+    for line, values in _read_rows(path):
         location = source.at(line)
-        if len(cells) != len(("name", "position")):
-            location.fail("2 values name,position", str(len(cells)), "use files of the original stack")
-        name = _JOINT_NAMES.get(cells[0].replace(".", "_"))
+        if len(values) != len(("name", "position")):
+            location.fail("2 values name,position", str(len(values)), "use files of the original stack")
+        name = _JOINT_NAMES.get(values[0].replace(".", "_"))
         if name is None:
-            location.fail("a joint of arm or hand", format_value(cells[0]), suggest_names(cells[0], _JOINT_NAMES))
+            location.fail("a joint of arm or hand", format_value(values[0]), suggest_names(values[0], _JOINT_NAMES))
         if name in angles:
-            location.fail("each joint once", f"{format_value(cells[0])} again", "remove one of the rows")
-        angles[name] = _parse_number(cells[1], location)
+            location.fail("each joint once", f"{format_value(values[0])} again", "remove one of the rows")
+        angles[name] = _parse_number(values[1], location)
     assert hand.robot is not None
     for name in load_robot(hand.robot).joint_names:
         if name not in angles:
@@ -291,14 +293,14 @@ def _read_joints(path: Path, hand: Hand) -> FloatArray:
 
 
 def _read_rows(path: Path) -> list[tuple[int, Sequence[str]]]:
-    """Read (line number, cells) of the rows of a CSV file without a header; empty lines are skipped."""
+    """Read (line number, values) of the rows of a CSV file without a header; empty lines are skipped."""
     source = FileLocation(str(path))
     if not path.is_file():
         source.fail("a CSV file", "a folder" if path.is_dir() else "no such file", "keep all files of a grasp together")
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.reader(stream, strict=True)
-            return [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(map(str.strip, row))]
+            return [(reader.line_num, [text.strip() for text in row]) for row in reader if any(map(str.strip, row))]
     except UnicodeDecodeError:
         source.fail("UTF-8 text", "other bytes", "copy the file again")
     except csv.Error as error:
@@ -307,12 +309,12 @@ def _read_rows(path: Path) -> list[tuple[int, Sequence[str]]]:
         source.fail("a readable file", error.strerror or type(error).__name__, "check its permissions")
 
 
-def _parse_number(cell: str, location: FileLocation) -> float:
-    """Convert a cell to a finite number. Raises ImportDataError."""
+def _parse_number(text: str, location: FileLocation) -> float:
+    """Convert a text to a finite number. Raises ImportDataError."""
     try:
-        value = float(cell) if "_" not in cell else float("nan")
+        value = float(text) if "_" not in text else float("nan")
     except ValueError:
         value = float("nan")
     if not np.isfinite(value):
-        location.fail("a finite number", format_value(cell), "write it as 0.125")
+        location.fail("a finite number", format_value(text), "write it as 0.125")
     return value
