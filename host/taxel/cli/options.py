@@ -8,7 +8,7 @@ from taxel.errors import TaxelError
 from taxel.hand.errors import format_value
 from taxel.types import FloatArray
 
-Url = Annotated[str, typer.Argument(help="The skin: serial:///dev/ttyUSB0, emulator: or file:RECORDING.")]
+Url = Annotated[str, typer.Argument(help="The skin: serial:///dev/ttyUSB0, emulator:, file:RECORDING or ros:original.")]
 HandOption = Annotated[
     str | None,
     typer.Option("--hand", help="Packaged hand or description file. Default: the recording's own, else allegro."),
