@@ -1,0 +1,61 @@
+"""Two recorded closings of the original simulator: recovered poses, the original filter, and the mode `original`."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[3]
+sys.path[:0] = [str(ROOT / "tools/original"), str(ROOT / "tools/hand")]
+import compare_contacts  # noqa: E402
+
+DOCUMENT = (ROOT / "docs/original-simulator.md").read_text()
+
+
+@pytest.fixture(scope="module", params=["cylinder", "box"])
+def comparison(request):
+    """Recovered closing and rows of the comparison."""
+    return compare_contacts.compare(request.param)
+
+
+def test_coded_centres_fit_the_kept_taxels_of_the_recorded_closing(comparison):
+    closing, _ = comparison
+    assert closing.palm_link[2, 3] == pytest.approx(0.105, abs=1e-6)
+    assert max(closing.residual_mm.values()) < 0.03
+    assert sorted(closing.residual_mm.values())[2] < 0.001
+
+
+def test_the_original_filter_is_reproduced_in_number(comparison):
+    kept, own = compare_contacts.count_kept(comparison[0])
+    assert kept == own == {"cylinder": 78, "box": 111}[comparison[0].name]
+
+
+def test_recorded_points_lie_on_the_object_of_the_recovered_pose(comparison):
+    _, rows = comparison
+    assert rows[0].distance_mm[0] < 0.1
+    assert rows[0].distance_mm[2] < 1.7
+
+
+def test_the_mode_activates_the_taxels_of_the_recorded_points_where_the_palm_has_tips(comparison):
+    closing, (recorded, *simulated) = comparison
+    if closing.name == "cylinder":
+        assert all(row.active["2.34"] < recorded.active["2.34"] for row in simulated)
+        return
+    for row in simulated:
+        assert row.common["2.34"] >= 0.85 * recorded.active["2.34"]
+        assert row.active["2.34"] == pytest.approx(recorded.active["2.34"], rel=0.1)
+
+
+def test_the_page_contains_the_numbers_of_the_recorded_points(comparison):
+    _, rows = comparison
+    assert f"| recorded | {rows[0].points} | {rows[0].distinct} |" in DOCUMENT
+    assert f"| {rows[0].active['2.34']} | {rows[0].active['5.12']} |" in DOCUMENT
+
+
+def test_a_wrong_posture_is_not_accepted_by_the_fit():
+    closing = compare_contacts.recover("box")
+    angles = np.array([closing.angles[f"joint_{4 + i}_0"] for i in range(4)])
+    placed = compare_contacts.place_finger(closing.palm_link, "middle", angles)
+    moved = compare_contacts.place_finger(closing.palm_link, "middle", angles + 0.05)
+    assert np.linalg.norm(placed - moved, axis=1).max() > 0.002
