@@ -342,14 +342,14 @@ def compare(name: str) -> tuple[Closing, list[Row]]:
     recorder.send()
     rows.append(_describe_messages("MuJoCo, recovered posture", closing, recorder.messages, sensors, reference))
 
-    held = np.array([joint.endswith("_j0") or joint.startswith("th") for joint in scene.joint_names])
+    is_fixed = np.array([joint.endswith("_j0") or joint.startswith("th") for joint in scene.joint_names])
     approach = Approach(
         name,
         "bar",
         inverse(closing.object_pose) @ palm,
-        np.where(held, angles, 0.0),
-        np.where(held, angles, np.nan),
-        np.where(held, 0.0, TORQUE_NM),
+        np.where(is_fixed, angles, 0.0),
+        np.where(is_fixed, angles, np.nan),
+        np.where(is_fixed, 0.0, TORQUE_NM),
     )
     settings = SimulationSettings(object_pose=closing.object_pose, recorder=make_recorder_settings(scene.hand, rules))
     motion = simulate_grasp(scene, approach, Timeline(0.0, 3.0, 1.0, 0.0, 0.0), settings)
