@@ -62,7 +62,7 @@ class OriginalImage:
                 "reserved_c": bytes(28),
             }
         )
-        return bytes(METADATA_OFFSET) + metadata
+        return (bytes(METADATA_OFFSET) + metadata).ljust(BOOT_ROW_SIZE, b"\0")
 
     def list_rows(self) -> list[tuple[int, bytes]]:
         """Numbers and bytes of the rows to write; behind a bootloader, the metadata is the last."""

@@ -153,6 +153,7 @@ def test_the_metadata_describe_the_image_to_the_original_bootloader(build_behind
     metadata = StockMetadata.parse(rows[127][64:])
     data = b"".join(rows[row] for row in sorted(rows) if row != 127)
     assert list(rows) == [*range(FIRST_ROW, FIRST_ROW + len(rows) - 1), 127]
+    assert {len(row) for row in rows.values()} == {BOOT_ROW_SIZE}
     assert metadata.last_bootloader_row == FIRST_ROW - 1
     assert sum(data[: metadata.length]) + metadata.checksum & 0xFF == 0
     assert FIRST_ROW * BOOT_ROW_SIZE < metadata.entry < FIRST_ROW * BOOT_ROW_SIZE + metadata.length

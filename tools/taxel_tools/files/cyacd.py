@@ -19,7 +19,30 @@ def read_cyacd(text: str, source: str) -> FirmwareImage:
     sum of all preceding bytes of the line. Numbers are big-endian hexadecimal.
     """
     lines = text.splitlines()
-    _check_header(lines[0] if lines else "", source)
+    silicon_id = _read_header(lines[0] if lines else "", source)
+    if silicon_id != BOOT_SILICON_ID:
+        _fail(
+            source,
+            "line 1",
+            f"silicon id {BOOT_SILICON_ID:08X} (CY8C4245AXI-483)",
+            f"{silicon_id:08X}",
+            "the file is for another processor; use the file for CY8C4245AXI-483",
+        )
+    return build_image(_read_rows(lines, source), source)
+
+
+def read_cyacd_rows(text: str, source: str) -> tuple[int, dict[int, bytes]]:
+    """Silicon id and rows of a `.cyacd` file for any part, for example of the original firmware; rows by number.
+
+    Raises `FirmwareFileError` that names the line.
+    """
+    lines = text.splitlines()
+    silicon_id = _read_header(lines[0] if lines else "", source)
+    return silicon_id, {row: data for row, (data, _) in _read_rows(lines, source).items()}
+
+
+def _read_rows(lines: list[str], source: str) -> dict[int, tuple[bytes, str]]:
+    """Rows of the lines of a .cyacd file by number, each with the name of its line. Raises `FirmwareFileError`."""
     rows: dict[int, tuple[bytes, str]] = {}
     for number, line in enumerate(lines[1:], start=2):
         if not line.strip():
@@ -30,7 +53,7 @@ def read_cyacd(text: str, source: str) -> FirmwareImage:
         rows[row] = data, f"line {number}"
     if not rows:
         _fail(source, "file", "rows after the header", "none", "the file is truncated; copy it again")
-    return build_image(rows, source)
+    return rows
 
 
 def write_cyacd(image: FirmwareImage, first_row: int, checksum: BootChecksum = BootChecksum.SUM) -> str:
@@ -65,24 +88,14 @@ def _parse_hex(digits: str, location: str, source: str) -> bytes:
     return bytes.fromhex(digits)
 
 
-def _check_header(line: str, source: str) -> None:
-    """Check the first line of a .cyacd file, with the silicon id and the kind of checksum. Raises
-    `FirmwareFileError`.
-    """
+def _read_header(line: str, source: str) -> int:
+    """Silicon id in the first line of a .cyacd file, whose kind of checksum is checked. Raises `FirmwareFileError`."""
     header = _parse_hex(line.strip(), "line 1", source)
     if len(header) != HEADER_BYTES:
         _fail(source, "line 1", "a header of 12 digits", f"{2 * len(header)}", "is this a .cyacd file?")
-    silicon_id = int.from_bytes(header[:4], "big")
-    if silicon_id != BOOT_SILICON_ID:
-        _fail(
-            source,
-            "line 1",
-            f"silicon id {BOOT_SILICON_ID:08X} (CY8C4245AXI-483)",
-            f"{silicon_id:08X}",
-            "the file is for another processor; use the file for CY8C4245AXI-483",
-        )
     if header[5] not in (BootChecksum.SUM, BootChecksum.CRC):
         _fail(source, "line 1", "checksum kind 0 or 1", str(header[5]))
+    return int.from_bytes(header[:4], "big")
 
 
 def _parse_row(line: str, location: str, source: str) -> tuple[int, bytes]:
