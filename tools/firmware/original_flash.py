@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("file", type=Path, nargs="?", help=".cyacd to write")
     parser.add_argument("--address", type=lambda text: int(text, 0), required=True, help="of the bootloader")
     parser.add_argument("--wait", type=float, default=WAIT_S, metavar="S", help="time to wait for the board, s")
-    options = parser.parse_args(arguments)
+    options = parser.parse_intermixed_args(arguments)  # the file may follow --address
     try:
         content = None if options.file is None else read_cyacd_rows(options.file.read_text(), options.file.name)
         with open_wire(options.wire) as wire:

@@ -29,7 +29,15 @@ NONE = 0xFF
 """Value of a slot field of a metadata record that names no slot."""
 PORT = ROOT / "firmware" / "boards" / "psoc4200"
 FOLDER = ROOT / "tools" / "firmware"
-MODULES = ("board_header", "firmware_elf", "firmware_image", "firmware_size", "firmware_stack", "original_image")
+MODULES = (
+    "board_header",
+    "firmware_elf",
+    "firmware_image",
+    "firmware_size",
+    "firmware_stack",
+    "original_flash",
+    "original_image",
+)
 
 
 def make_metadata(confirmed: int, pending: int, tries: tuple[int, int]) -> bytes:

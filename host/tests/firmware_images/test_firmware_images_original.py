@@ -6,6 +6,7 @@ Counts, capacitors, addresses, the entry behind the original bootloader, and the
 import struct
 import tomllib
 from collections.abc import Callable
+from contextlib import nullcontext
 
 import pytest
 
@@ -14,6 +15,7 @@ from taxel_protocol.bootloader import BOOT_ROW_SIZE, StockMetadata
 from taxel_protocol.framing import crc32
 from taxel_protocol.layout import unpack
 from taxel_protocol.registers import Identity
+from taxel_tools.wires import SmbusWire
 
 pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn==2.1.4")
 
@@ -21,6 +23,7 @@ from host.tests.firmware_images.conftest import PORT, ROOT
 from host.tests.firmware_images.psoc_front_end import HSIOM, FrontEnd
 from host.tests.firmware_images.psoc_part import POWER_ON, RAM, Part
 from host.tests.firmware_images.psoc_wires import SlaveBus
+from host.tests.tools.original_bootloader_model import METADATA_OFFSET, OriginalBootloader
 
 KINDS = ("palm", "back_of_hand", "finger_tip", "finger_big", "finger_small")
 FLASH_SIZE = 128 * BOOT_ROW_SIZE
@@ -30,6 +33,7 @@ SNAPSHOT, SNAPSHOT_OVERHEAD = 0x80, 10
 AT_REST = sum(1 << bit for bit in (31, 24, 23, 22, 19, 18, 13, 11))
 CONVERTING = AT_REST | sum(1 << bit for bit in (3, 4, 12, 21))
 LINES_MAX = 16
+SILICON_ID = 0x04FA1193
 FIRST_ROW = 48
 """Flash row behind an assumed original bootloader of 6 KiB; the real bootloader reports its own."""
 
@@ -147,6 +151,28 @@ def test_an_image_behind_the_original_bootloader_starts_with_any_stack_pointer(b
     assert part.pc >= FIRST_ROW * BOOT_ROW_SIZE
 
 
+def test_an_image_that_the_writer_sends_to_the_original_bootloader_starts(
+    build_behind_bootloader, tools, tmp_path, monkeypatch, capsys
+):
+    """The whole way: linked image, .cyacd, `original_flash.py`, model of the bootloader, executed image."""
+    pytest.importorskip("smbus2")
+    tools.original_image.write_files(build_behind_bootloader, "board", tmp_path, 0x1A, SILICON_ID)
+    model = OriginalBootloader(0x18, SILICON_ID, FIRST_ROW, on_s=(3.0,))
+    wire = SmbusWire(model, "model", model.now_s, model.wait)
+    monkeypatch.setattr(tools.original_flash, "open_wire", lambda url: nullcontext(wire))
+    assert tools.original_flash.main(["/dev/i2c-1", "--address", "0x18", str(tmp_path / "board.cyacd")]) == 0
+    assert f"written: silicon id {SILICON_ID:08X}" in capsys.readouterr().out
+    assert model.has_started
+    metadata = StockMetadata.parse(bytes(model.flash[-METADATA_OFFSET:]))
+    struct.pack_into("<II", model.flash, 0, 0x20000400, metadata.entry)  # instead of the bootloader's own vectors
+    part = Part(POWER_ON, bytes(model.flash))
+    part.speed = 20
+    bus, front_end = SlaveBus(part), TwoCapacitors(part, "finger_small")
+    part.run_until(lambda: front_end.conversions > 12)
+    identity, _ = unpack(Identity, bus.read(0x1A, 58, b"\0"))
+    assert (identity["address"], identity["taxel_count"]) == (0x1A, 6)
+
+
 def test_the_metadata_describe_the_image_to_the_original_bootloader(build_behind_bootloader, tools):
     image = tools.original_image.read_original_image(tools.firmware_elf.read_linked_image(build_behind_bootloader))
     rows = dict(image.list_rows())
@@ -160,7 +186,7 @@ def test_the_metadata_describe_the_image_to_the_original_bootloader(build_behind
 
 
 def test_the_files_contain_the_rows_of_the_image(build_folder, build_behind_bootloader, tools, tmp_path):
-    tools.original_image.write_files(build_behind_bootloader, "finger_small", tmp_path, 0x1A, 0x04FA1193)
+    tools.original_image.write_files(build_behind_bootloader, "finger_small", tmp_path, 0x1A, SILICON_ID)
     lines = (tmp_path / "finger_small.cyacd").read_text().splitlines()
     assert lines[0] == "04FA11930000"
     rows = {int(line[3:7], 16): bytes.fromhex(line[11:-2]) for line in lines[1:]}
