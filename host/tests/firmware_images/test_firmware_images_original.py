@@ -11,6 +11,7 @@ from contextlib import nullcontext
 import pytest
 
 from taxel.hand import load_hand
+from taxel.version import VERSION
 from taxel_protocol.bootloader import BOOT_ROW_SIZE, StockMetadata
 from taxel_protocol.framing import crc32
 from taxel_protocol.layout import unpack
@@ -106,6 +107,8 @@ def test_the_register_map_has_at_most_16_columns(start_board, kind):
     identity, _ = unpack(Identity, bus.read(read_pins(kind)["address"], 58, b"\0"))
     described = next(board.kind for board in load_hand("first_generation").boards if board.kind.name == kind)
     assert (identity["kind"], identity["taxel_count"]) == (described.code, described.taxel_count)
+    version = tuple(identity[f"firmware_{part}"] for part in ("major", "minor", "patch"))
+    assert version == tuple(map(int, VERSION.split(".")))
     assert identity["rows"] == (described.taxel_count + LINES_MAX - 1) // LINES_MAX
     assert identity["columns"] <= LINES_MAX
     assert int.from_bytes(identity["crossing_map"], "little") == (1 << described.taxel_count) - 1
@@ -183,6 +186,11 @@ def test_the_metadata_describe_the_image_to_the_original_bootloader(build_behind
     assert metadata.last_bootloader_row == FIRST_ROW - 1
     assert sum(data[: metadata.length]) + metadata.checksum & 0xFF == 0
     assert FIRST_ROW * BOOT_ROW_SIZE < metadata.entry < FIRST_ROW * BOOT_ROW_SIZE + metadata.length
+
+
+def test_an_image_that_does_not_fit_behind_the_bootloader_is_not_linked(build_images, tmp_path):
+    with pytest.raises(AssertionError, match="the image does not fit"):
+        build_images(tmp_path, "original-finger_small", options=("-DTAXEL_ORIGINAL_FIRST_ROW=100",))
 
 
 def test_the_files_contain_the_rows_of_the_image(build_folder, build_behind_bootloader, tools, tmp_path):
