@@ -134,6 +134,18 @@ class BoardKind:
                 f"kind {self.name!r}: the project's firmware supports {LINES_MAX} TX and {LINES_MAX} RX lines, "
                 f"this kind has {self.tx_count} and {self.rx_count}; read its boards with protocol=original"
             )
+        return self.pack_crossings()
+
+    def pack_crossings(self) -> bytes:
+        """Return the crossing map as `crossing_bitmap` does, also for boards that run other firmware.
+
+        Raises ValueError for more than 256 crossings.
+        """
+        if self.crossings.size > 8 * CROSSING_MAP_SIZE:
+            raise ValueError(
+                f"kind {self.name!r}: a crossing map describes {8 * CROSSING_MAP_SIZE} crossings, "
+                f"this kind has {self.tx_count} TX x {self.rx_count} RX lines"
+            )
         return np.packbits(self.crossings.ravel(), bitorder="little").tobytes().ljust(CROSSING_MAP_SIZE, b"\0")
 
 

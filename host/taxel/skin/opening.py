@@ -6,6 +6,7 @@ from typing import cast, get_args
 from taxel.hand import Hand, list_packaged_hands, load_hand
 from taxel.hand.description import parse_hand_description
 from taxel.link import Link, LinkError, open_link
+from taxel.original_hub import is_original_url, open_original
 from taxel.skin.skin import FrameFormat, Skin
 
 DEFAULT_HAND = "allegro"
@@ -35,6 +36,8 @@ def open_skin(
 
 def open_source(url: str, hand: Hand | str | os.PathLike[str] | None = None) -> tuple[Link, Hand]:
     """Open the link of a URL, and return it with the hand at its other end; arguments and errors as in `open_skin`."""
+    if is_original_url(url):
+        return open_original(url, hand)
     description = _resolve_hand(hand or DEFAULT_HAND)
     link = open_link(url, description)
     if hand is not None or not link.is_recorded:

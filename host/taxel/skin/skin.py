@@ -104,7 +104,7 @@ class Skin:
         board = self.hand.get_board(address)  # raises UnknownBoardError
         found = (fields["identity_rows"], fields["identity_columns"], fields["identity_taxel_count"])
         expected = (board.kind.tx_count, board.kind.rx_count, board.kind.taxel_count)
-        if found != expected or fields["identity_crossing_map"] != board.kind.crossing_bitmap():
+        if found != expected or fields["identity_crossing_map"] != board.kind.pack_crossings():
             raise BoardMismatchError(
                 f"board 0x{address:02X} has {found[2]} taxels on {found[0]} TX x {found[1]} RX, but hand "
                 f"'{self.hand.name}' has {board.name} there, kind {board.kind.name} with {expected[2]} taxels "

@@ -6,21 +6,19 @@ import os
 import select
 import time
 import tty
-import zlib
 from collections.abc import Callable
 from contextlib import closing
 from types import TracebackType
 from typing import Any, Final, Self
 
-from taxel.hand import Board, Hand
+from taxel.hand import Hand
+from taxel.hand.board_info import make_board_info
 from taxel.link import CaptureError, Link
 from taxel.stream.encoder import encode_on_wire
 from taxel.stream.timed import StreamStart, find_stream_start, read_timed_bytes
 from taxel_protocol import PROTOCOL_VERSION, PROTOCOL_VERSION_MIN, Command, FrameType, ReferenceDecoder
 from taxel_protocol.frames import FRAMES, BoardInfo, HubHandshake, Log, Reply
 from taxel_protocol.layout import list_fields, pack, unpack
-from taxel_protocol.limits import REGISTER_MAP_VERSION, SNAPSHOT_OVERHEAD
-from taxel_protocol.registers import Identity
 
 HANDSHAKE_TIMEOUT_S: Final = 1.0
 """A program that sends nothing for this time after it has opened the port only reads; then the playback starts. A
@@ -133,7 +131,7 @@ class VirtualPort:
             request, _ = unpack(FRAMES[kind].payload, payload)
             if request["command"] == Command.GET_BOARD_INFO:
                 for board in self._hand.boards:
-                    self._send(FrameType.BOARD_INFO, pack(BoardInfo, _make_board_info(board)))
+                    self._send(FrameType.BOARD_INFO, pack(BoardInfo, make_board_info(board)))
             self._is_started = request["command"] == Command.START
             fields = {"tag": request["tag"], "command": request["command"], "status": 0}
             self._send(FrameType.REPLY, pack(Reply, fields))
@@ -204,15 +202,3 @@ class VirtualPort:
     ) -> None:
         """Close the pseudo-terminal at the end of the `with` block."""
         self.close()
-
-
-def _make_board_info(board: Board) -> dict[str, Any]:
-    """Return the fields of the BOARD_INFO frame by which a hub would report this board."""
-    kind = board.kind
-    fields: dict[str, Any] = {field.name: field.constant or 0 for field in list_fields(Identity)}
-    fields |= {"map_version": REGISTER_MAP_VERSION, "kind": kind.code, "address": board.address, "unique_id": bytes(8)}
-    fields |= {"rows": kind.tx_count, "columns": kind.rx_count, "taxel_count": kind.taxel_count}
-    fields |= {"snapshot_size": SNAPSHOT_OVERHEAD + 2 * kind.taxel_count, "crossing_map": kind.crossing_bitmap()}
-    fields["crc32"] = zlib.crc32(pack(Identity, fields)[:-4])
-    info: dict[str, Any] = {field.name: 0 for field in list_fields(BoardInfo)}
-    return info | {f"identity_{name}": value for name, value in fields.items()}

@@ -1,0 +1,114 @@
+"""Time of the original hub: its timestamps, checked against the position of each message in the stream.
+
+A damaged timestamp cannot be recognised by itself. The hub sends almost without pause, so that the position in the
+stream predicts the time of a message. A timestamp far from this prediction is replaced; the next message decides
+whether it was damaged, or whether the hub paused, restarted, or bytes were lost.
+"""
+
+from collections import deque
+from statistics import median
+from typing import Final, NamedTuple
+
+_WRAP: Final = 1 << 32
+_US_PER_MS: Final = 1000
+
+TOLERANCE_SHARE: Final = 0.6
+"""Largest deviation of a timestamp from its prediction that is not checked, as a share of a poll cycle. It must exceed
+the pause of the hub (a third of a cycle) and remain below one cycle, whose loss has to be noticed."""
+
+TOLERANCE_UNKNOWN_MS: Final = 1000.0
+"""The same before the duration of a cycle is known, ms (chosen)."""
+
+RESTART_MS: Final = 1000.0
+"""Smallest decrease of confirmed timestamps that is a restart of the hub, ms. The hub's own race between timer and
+interrupt produces decreases of at most one cycle."""
+
+CYCLES_KEPT: Final = 15
+
+
+class Tick(NamedTuple):
+    """Time of a message.
+
+    time_us: microseconds since the start of the hub. is_restart: the hub has restarted before this message.
+    lost_ms: time in which the stream was interrupted and its bytes were lost, else 0.
+    """
+
+    time_us: int
+    is_restart: bool = False
+    lost_ms: float = 0.0
+
+
+class HubTime:
+    """Times of successive messages. Formats without timestamps give the time of the bytes on the wire since the start.
+
+    byte_ms: time of one byte on the wire, ms.
+    """
+
+    def __init__(self, byte_ms: float) -> None:
+        """Create the clock of one stream; byte_ms: time of one byte on the wire, ms."""
+        self.cycle_ms: float | None = None
+        self._byte_ms = byte_ms
+        self._mean_byte_ms = byte_ms
+        self._now_ms = 0.0  # unwrapped
+        self._position: int | None = None
+        self._suspect: tuple[int, int, bool] | None = None  # timestamp, position, bytes were discarded before it
+        self._cycle_times: deque[float] = deque(maxlen=CYCLES_KEPT)
+        self._cycle_start: tuple[int, float] | None = None
+
+    def take(self, timestamp_ms: int | None, position: int, has_discarded: bool) -> Tick:
+        """Return the time of the next message.
+
+        timestamp_ms: modulo 2^32; None for a format without timestamps. position: first byte in the stream.
+        has_discarded: bytes before the message belong to no message.
+        """
+        if timestamp_ms is None:
+            self._now_ms = position * self._byte_ms
+            return Tick(round(self._now_ms * _US_PER_MS))
+        if self._position is None:
+            self._set(float(timestamp_ms), position)
+            return Tick(timestamp_ms * _US_PER_MS)
+        expected_ms = self._now_ms + (position - self._position) * self._mean_byte_ms
+        deviation_ms = (timestamp_ms - expected_ms + _WRAP / 2) % _WRAP - _WRAP / 2
+        if abs(deviation_ms) <= self._tolerance_ms:
+            self._suspect = None
+            self._set(expected_ms + deviation_ms, position)
+            return Tick(round(self._now_ms * _US_PER_MS))
+        if self._suspect is None or not self._agrees(timestamp_ms, position):
+            was_discarded = has_discarded or (self._suspect is not None and self._suspect[2])
+            self._suspect = (timestamp_ms, position, was_discarded)
+            return Tick(round(expected_ms * _US_PER_MS))
+        was_discarded = self._suspect[2]
+        self._suspect = None
+        self._cycle_start = None
+        if deviation_ms < -RESTART_MS:
+            self._set(float(timestamp_ms), position)
+            return Tick(timestamp_ms * _US_PER_MS, is_restart=True)
+        self._set(expected_ms + deviation_ms, position)
+        return Tick(round(self._now_ms * _US_PER_MS), lost_ms=max(deviation_ms, 0.0) if was_discarded else 0.0)
+
+    def begin_cycle(self, cycle: int, size: int) -> None:
+        """Note that the last message is the first one received of a poll cycle, to learn the duration of a cycle.
+
+        cycle: its number. size: bytes of a cycle.
+        """
+        if self._cycle_start is not None and cycle == self._cycle_start[0] + 1:
+            self._cycle_times.append(self._now_ms - self._cycle_start[1])
+            # A damaged timestamp must not give a cycle that is shorter than its bytes on a fast wire.
+            self.cycle_ms = max(median(self._cycle_times), 0.9 * size * self._byte_ms)
+            self._mean_byte_ms = self.cycle_ms / size
+        self._cycle_start = (cycle, self._now_ms)
+
+    @property
+    def _tolerance_ms(self) -> float:
+        """Largest deviation of a timestamp from its prediction that is accepted at once, ms."""
+        return TOLERANCE_UNKNOWN_MS if self.cycle_ms is None else TOLERANCE_SHARE * self.cycle_ms
+
+    def _agrees(self, timestamp_ms: int, position: int) -> bool:
+        """Whether a timestamp follows that of the suspect message as their positions predict."""
+        suspect_ms, suspect_position, _ = self._suspect or (0, 0, False)
+        expected = suspect_ms + (position - suspect_position) * self._mean_byte_ms
+        return abs((timestamp_ms - expected + _WRAP / 2) % _WRAP - _WRAP / 2) <= self._tolerance_ms
+
+    def _set(self, now_ms: float, position: int) -> None:
+        """Set the time of the message at `position`, ms."""
+        self._now_ms, self._position = now_ms, position

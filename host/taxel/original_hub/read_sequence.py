@@ -1,0 +1,287 @@
+"""Read sequence of the original hub, learned from the stream, and the poll cycle of each message.
+
+The hub reads its boards in a fixed order and sends one message per board; the messages have no number. Two messages
+that are contiguous in the stream prove that one board follows the other. The majority of these pairs gives the order,
+and the order with the lengths of the messages gives the distance of two messages in bytes. Lost bytes leave this
+distance unchanged but for the few bytes that were dropped or inserted, so that the number of missing messages follows
+from the position in the stream, even if the boards are seldom received or their timestamps are damaged.
+"""
+
+from collections import Counter, defaultdict, deque
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import Final, NamedTuple
+
+from taxel_protocol.original import EARLY_ADDRESSES, READ_SEQUENCE
+
+WINDOW: Final = 176
+"""Number of latest messages from which the order is learned: 8 cycles of 22 boards. A larger window learns a change of
+the order later; a smaller one contains too few contiguous pairs if most messages are damaged."""
+
+LEARNING_MESSAGES: Final = 3 * 22
+"""Number of messages after which the order of the hub's public firmware is used if the pairs do not yet give an order;
+three cycles of 22 boards (chosen)."""
+
+ACTIVE_SHARE: Final = 0.25
+"""Smallest number of messages of a board in the window, as a share of the most frequent board, at which the board
+belongs to the order. A smaller share admits addresses that exist only in damaged messages."""
+
+PAUSE_MIN_MS: Final = 10.0
+"""Smallest excess of the longest median time between two boards over the second longest at which the longest is taken
+for the pause between two cycles, ms. The public firmware pauses for 50 ms; reading the palm takes 22 ms."""
+
+SUBSET_MAX: Final = 12
+"""Largest number of absent boards for which the number of lost messages is computed exactly from the lost bytes."""
+
+
+class Location(NamedTuple):
+    """Location of a message in the read sequence.
+
+    cycle: number of the poll cycle, from 0. lost: messages between the previous message and this one that the hub sent
+    and that were damaged, as far as the discarded bytes show it.
+    """
+
+    cycle: int
+    lost: int
+
+
+class Placed(NamedTuple):
+    """A message: address of its board, and position of its first byte in the stream."""
+
+    address: int
+    start: int
+
+
+class _Pair(NamedTuple):
+    """A message in the window. previous: address of the message before it if contiguous, else None.
+
+    gap_ms: time between the two messages, or None.
+    """
+
+    address: int
+    previous: int | None
+    gap_ms: float | None
+
+
+class ReadSequence:
+    """Order in which the hub reads its boards.
+
+    lengths: bytes of a message by address. `order`: addresses in the order of reading, () before it is known.
+    """
+
+    def __init__(self, lengths: Mapping[int, int]) -> None:
+        """Create an empty read sequence; lengths: bytes of a message by address of its board."""
+        self.order: tuple[int, ...] = ()
+        self.size = 0
+        self._lengths = lengths
+        self._offsets: dict[int, int] = {}
+        self._ranks: dict[int, int] = {}
+        self._window: deque[_Pair] = deque(maxlen=WINDOW)
+        self._learned_messages = 0
+        self._end = -1
+        self._address = -1
+        self._time_ms: float | None = None
+        self._cycle = 0
+        self._seen: set[int] = set()
+        self._skipped: set[int] = set()
+        self._last: Placed | None = None  # last message at its place in the order
+        self._last_end = 0
+
+    @property
+    def active(self) -> list[int]:
+        """Addresses that occur regularly in the window, ascending."""
+        counts = Counter(pair.address for pair in self._window)
+        enough = max(2.0, ACTIVE_SHARE * max(counts.values(), default=0))
+        return sorted(address for address, count in counts.items() if count >= enough)
+
+    def learn(self, address: int, start: int, time_ms: float | None) -> None:
+        """Add a message to the window, and learn the order again if the message contradicts it.
+
+        start: position of its first byte in the stream. time_ms: its timestamp; None if unknown.
+        """
+        is_contiguous = start == self._end
+        has_gap = is_contiguous and time_ms is not None and self._time_ms is not None
+        gap_ms = time_ms - self._time_ms if has_gap and time_ms is not None and self._time_ms is not None else None
+        previous = self._address if is_contiguous else None
+        self._window.append(_Pair(address, previous, gap_ms))
+        self._end, self._address, self._time_ms = start + self._lengths[address], address, time_ms
+        self._learned_messages += 1
+        if not self.order or (previous is not None and self._follower(previous) != address):
+            self._learn_order()
+
+    def _follower(self, address: int) -> int | None:
+        """Return the board that the hub reads after the board at `address`; None for an unknown board."""
+        rank = self._ranks.get(address)
+        return None if rank is None else self.order[(rank + 1) % len(self.order)]
+
+    def _learn_order(self) -> None:
+        """Set the order from the contiguous pairs in the window; the public firmware's order if they give none."""
+        active = self.active
+        followers: dict[int, Counter[int]] = defaultdict(Counter)
+        for pair in self._window:
+            if pair.previous in active and pair.address in active:
+                followers[pair.previous][pair.address] += 1
+        ring = active[:1]
+        while ring and followers[ring[-1]] and (follower := followers[ring[-1]].most_common(1)[0][0]) not in ring:
+            ring.append(follower)
+        is_closed = bool(ring) and followers[ring[-1]].most_common(1)[:1] != [] and len(ring) == len(active)
+        if is_closed and followers[ring[-1]].most_common(1)[0][0] == ring[0] and self._is_confirmed(ring, followers):
+            self._set_order(ring)
+        elif self._learned_messages >= LEARNING_MESSAGES:
+            self.use_public_order()
+
+    def use_public_order(self) -> None:
+        """Use the order of the hub's public firmware for all received boards if no order is known."""
+        addresses = {pair.address for pair in self._window}
+        if not self.order and addresses:
+            self._set_order(sorted(addresses, key=_public_rank))
+
+    def _is_confirmed(self, ring: list[int], followers: Mapping[int, Counter[int]]) -> bool:
+        """Whether every pair of the ring was received twice: a pair that occurred once may be damaged."""
+        return all(followers[a][b] >= 2 for a, b in _list_pairs(ring))
+
+    def _set_order(self, ring: list[int]) -> None:
+        """Set the order of reading; the cycle begins after the pause of the hub, if the times show one."""
+        if self.order and len(ring) == len(self.order) and all(a == self._follower(b) for b, a in _list_pairs(ring)):
+            return  # the same order; the start is kept
+        start = self._find_start(ring)
+        self.order = tuple(ring[start:] + ring[:start])
+        self._ranks = {address: rank for rank, address in enumerate(self.order)}
+        self._offsets, self.size = {}, 0
+        for address in self.order:
+            self._offsets[address] = self.size
+            self.size += self._lengths[address]
+
+    def _find_start(self, ring: list[int]) -> int:
+        """Return the index in the ring of the first board of a cycle."""
+        gaps: dict[int, list[float]] = defaultdict(list)
+        for pair in self._window:
+            if pair.gap_ms is not None and pair.previous is not None:
+                gaps[pair.address].append(pair.gap_ms)
+        medians = sorted(((median(gaps[a]) if gaps[a] else 0.0, i) for i, a in enumerate(ring)), reverse=True)
+        if len(ring) > 1 and medians[0][0] - medians[1][0] >= PAUSE_MIN_MS:
+            return medians[0][1]
+        return min(range(len(ring)), key=lambda index: _public_rank(ring[index]))
+
+    def locate(self, message: Placed, following: Sequence[Placed] = (), is_final: bool = True) -> Location | None:
+        """Return the location of the next message in the read sequence; messages are given in stream order.
+
+        following: the messages behind it that have arrived. is_final: no more of them will arrive. Returns None if the
+        location depends on messages that have not arrived. A board that is not in the order gets the present cycle.
+        """
+        last, is_first = self._last, self._last is None or self._last.address not in self._ranks
+        discarded = 0 if last is None else message.start - self._last_end
+        if last is None or is_first or message.address not in self._ranks:
+            return self._take_first(message)
+        cycles = self._count_cycles(last, message)
+        absent = self._list_absent(last, message, cycles)
+        if not discarded and (absent or message.address in self._skipped):
+            if not following and not is_final:
+                return None
+            if following and self._is_consistent(last, following[0]) and not self._is_consistent(message, following[0]):
+                self._last_end = self._get_end(message)
+                return Location(self._cycle, 0)  # a damaged address: the sequence continues without this message
+            is_retry = self._is_retry(last, message, following, is_final)
+            if is_retry is None:
+                return None
+            if is_retry:
+                cycles, absent = 0, []
+        if cycles:
+            self.skip_cycles(cycles)
+        if not discarded:
+            self._skipped.update(absent)
+        self._seen.add(message.address)
+        self._last, self._last_end = message, self._get_end(message)
+        return Location(self._cycle, self._count_lost(absent, discarded))
+
+    def assume_hub_start(self) -> None:
+        """Note that the next message is the first one after the start of the hub, when boards may not be ready yet."""
+        self._skipped = set(self.order)
+
+    def _take_first(self, message: Placed) -> Location:
+        """Return the location of the first message of an order, or of a board that is not in the order."""
+        if message.address in self._ranks:
+            if message.address in self._seen:
+                self.skip_cycles(1)
+            self._seen.add(message.address)
+            self._last = message
+        self._last_end = self._get_end(message)
+        return Location(self._cycle, 0)
+
+    def _get_end(self, message: Placed) -> int:
+        """Return the position behind the last byte of a message."""
+        return message.start + self._lengths[message.address]
+
+    def _compute_step(self, first: Placed, second: Placed) -> int:
+        """Bytes from the cycle of one message to that of a later one, as their positions show: a multiple of `size`
+        if no byte was dropped or inserted and the hub sent all boards.
+        """
+        return second.start - first.start - (self._offsets[second.address] - self._offsets[first.address])
+
+    def _is_consistent(self, first: Placed, second: Placed) -> bool:
+        """Whether the positions of two messages are those of an undamaged stream with all boards."""
+        if second.address not in self._ranks:
+            return False
+        step = self._compute_step(first, second)
+        return step >= 0 and step % self.size == 0
+
+    def _count_cycles(self, last: Placed, message: Placed) -> int:
+        """Return the number of cycles that began after the message `last`, up to the next message."""
+        cycles = max(0, round(self._compute_step(last, message) / self.size))
+        is_forward = self._ranks[message.address] > self._ranks[last.address]
+        is_new = message.address not in self._seen
+        return cycles if is_forward and is_new else max(1, cycles)
+
+    def _is_retry(self, last: Placed, message: Placed, following: Sequence[Placed], is_final: bool) -> bool | None:
+        """Whether the hub read a board again at the end of a cycle, because the board had not answered before.
+
+        Otherwise the message belongs to the next cycle, whose first board that was already received in the present
+        cycle follows in order. None: no such message has arrived.
+        """
+        is_backward = self._ranks[message.address] < self._ranks[last.address]
+        if not is_backward or message.address not in self._skipped or message.address in self._seen:
+            return False
+        for later in following:
+            if later.address in self._ranks and later.address in {*self._seen, message.address}:
+                is_behind = self._ranks[later.address] > self._ranks[message.address]
+                return not (is_behind and round(self._compute_step(message, later) / self.size) == 0)
+        return False if is_final or len(following) > len(self.order) else None
+
+    def skip_cycles(self, cycles: int) -> int:
+        """Advance by cycles whose messages were all lost, and return the number of these messages."""
+        self._cycle += cycles
+        self._seen.clear()
+        self._skipped.clear()
+        return cycles * len(self.order)
+
+    def _list_absent(self, last: Placed, message: Placed, cycles: int) -> list[int]:
+        """Addresses between the message `last` and the next message, `cycles` cycles later."""
+        rank = self._ranks[last.address]
+        count = self._ranks[message.address] - rank + cycles * len(self.order) - 1
+        return [self.order[(rank + 1 + index) % len(self.order)] for index in range(max(count, 0))]
+
+    def _count_lost(self, absent: list[int], discarded: int) -> int:
+        """Return how many of the absent boards' messages were sent: their bytes sum up to the discarded bytes best.
+
+        A board that the hub did not send leaves no bytes.
+        """
+        if not discarded or not absent:
+            return 0
+        lengths = [self._lengths[address] for address in absent]
+        if len(absent) > SUBSET_MAX:
+            return min(len(absent), round(discarded * len(absent) / sum(lengths)))
+        counts = {0: 0}
+        for length in lengths:
+            counts |= {total + length: count + 1 for total, count in counts.items()} | counts
+        return counts[min(counts, key=lambda total: abs(total - discarded))]
+
+
+def _list_pairs(ring: list[int]) -> list[tuple[int, int]]:
+    """Pairs of successive addresses of a ring; the last pair leads back to the first address."""
+    return list(zip(ring, [*ring[1:], ring[0]], strict=True))
+
+
+def _public_rank(address: int) -> int:
+    """Place of a board in the read sequence of the hub's public firmware; other addresses follow."""
+    later = EARLY_ADDRESSES.get(address, address)
+    return READ_SEQUENCE.index(later) if later in READ_SEQUENCE else len(READ_SEQUENCE) + address

@@ -1,0 +1,79 @@
+"""Streams of an original hub with known content: messages, damage, and the losses that a receiver can count."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from taxel.link import Chunk, LinkError
+from taxel_protocol.original import FORMATS, PUBLISHED, READ_SEQUENCE, OriginalFormat, encode_message
+
+ORDER = tuple(address for address in READ_SEQUENCE if address in PUBLISHED)
+BYTE_MS = 10e3 / 115200
+
+
+@dataclass(frozen=True)
+class SentMessage:
+    """A message of a synthesised stream, with the poll cycle to which it belongs."""
+
+    address: int
+    cycle: int
+    data: bytes
+
+
+def synthesise(
+    cycles: int,
+    seed: int = 1,
+    order: Sequence[int] = ORDER,
+    message_format: OriginalFormat = FORMATS["original"],
+    pause_ms: float = 0.0,
+    not_sent: Iterable[tuple[int, int]] = (),
+    time_ms: float = 120_000.0,
+) -> list[SentMessage]:
+    """Messages of a hub that reads the boards in `order`; not_sent: (cycle, address) that the hub does not send."""
+    rng = np.random.default_rng(seed)
+    skipped = set(not_sent)
+    messages = []
+    for cycle in range(cycles):
+        for address in order:
+            if (cycle, address) not in skipped:
+                counts = rng.integers(1200, 2000, message_format.taxels[address]).tolist()
+                data = encode_message(message_format, address, counts, round(time_ms) % (1 << 32))
+                messages.append(SentMessage(address, cycle, data))
+                time_ms += len(data) * BYTE_MS
+        time_ms += pause_ms
+    return messages
+
+
+def join(messages: Iterable[SentMessage]) -> bytes:
+    """Bytes of the messages."""
+    return b"".join(message.data for message in messages)
+
+
+class BytesLink:
+    """A recorded link with given bytes, in pieces of `size` bytes."""
+
+    name = "bytes"
+    is_real_time = False
+    is_recorded = True
+    has_flow_control = False
+    has_arrivals = False
+    baud = 115200.0
+
+    def __init__(self, data: bytes, size: int = 700) -> None:
+        self._data = data
+        self._size = size
+
+    def read(self, timeout_s: float) -> Chunk:
+        """Return the next piece."""
+        piece, self._data = self._data[: self._size], self._data[self._size :]
+        if not piece:
+            raise EOFError
+        return Chunk(piece, 0)
+
+    def write(self, data: bytes) -> None:
+        """Reject commands as a recording does."""
+        raise LinkError(self.name, "is a recording")
+
+    def close(self) -> None:
+        """Do nothing."""
