@@ -11,6 +11,7 @@ from taxel.hand.world import WorldSettings, format_world
 from taxel.link import Link, LinkError, open_i2c, open_link
 from taxel.link.url import split_url
 from taxel.link.virtual import VirtualMemoryLink, VirtualSMBus, VirtualWorld
+from taxel.original_hub import is_original_url
 from taxel_tools.cli_common import parse_address
 from taxel_tools.wires import BoardWire, HubWire, SmbusWire
 
@@ -40,6 +41,7 @@ def open_wire(url: str) -> Iterator[BoardWire]:
     `flow_control`, `scl_hz`, `baud`, and `word=LINE` (repeatable) for lines of the world file, such as `word=blank
     0x21`. Raises `LinkError`, `WireError`, `HubError`.
     """
+    _reject_original_hub(url)
     path = url.removeprefix("i2c://")
     if path.startswith(I2C_PREFIX):
         wire: BoardWire = SmbusWire(open_i2c(path), path)
@@ -55,9 +57,20 @@ def open_wire(url: str) -> Iterator[BoardWire]:
         wire.close()
 
 
+def _reject_original_hub(url: str) -> None:
+    """Raise `LinkError` for a URL of an original hub, which takes no commands."""
+    if is_original_url(url):
+        raise LinkError(
+            url,
+            "is an original hub, which takes no commands; this command needs the project's own firmware on hub and "
+            "boards, and a URL without protocol=original",
+        )
+
+
 @contextmanager
 def open_hub_link(url: str) -> Iterator[Link]:
     """Open the hub's UART that `url` names. Raises `LinkError`, also for an I2C adapter."""
+    _reject_original_hub(url)
     if url.removeprefix("i2c://").startswith(I2C_PREFIX):
         raise LinkError(url, NO_HUB)
     if url.startswith("emulator:"):
