@@ -22,6 +22,7 @@ NOTES: Final = {
     "taxel.cli": "the command taxel: arguments and printing",
     "taxel.cloud": "contact clouds, alignment, shapes",
     "taxel.demonstration": "scripted contacts",
+    "taxel.original_hub": "stream of the original hub as frames of the project",
     "taxel.emulated": "scene and contact of the emulated skin",
     "taxel.gap": "diagnosis of the gap",
     "taxel.generate": "synthetic grasps at scale",
