@@ -29,8 +29,10 @@ pytestmark = pytest.mark.skipif(
 )
 
 ADDRESS, PROXIMAL, MEDIAL = 0x2C, 0x28, 0x30
-MAX_TIME_DIFFERENCE_US = 50
-"""Largest difference of the scan times of an executed board and a native board, microseconds."""
+MAX_TIME_DIFFERENCE_US = 100
+"""Largest difference of the scan times of an executed board and a native board, microseconds: 3 parts in 100,000 of the
+3.4 s that a test takes, less than the tolerance of the scan period.
+"""
 READS = 40
 
 

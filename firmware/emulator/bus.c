@@ -192,7 +192,8 @@ static bool address_slaves(struct bus *bus, uint8_t address, vtime *released)
         if (!board_can_respond(board, bus->next, address)) {
             continue;
         }
-        *released = vtime_max(*released, board_on_address(board, bus->next, address, bus->slaves_transmit, &acknowledge));
+        *released =
+            vtime_max(*released, board_on_address(board, bus->next, address, bus->slaves_transmit, &acknowledge));
         if (acknowledge) {
             bus->slaves[bus->slave_count++] = board;
         }

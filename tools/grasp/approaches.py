@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.grasp.objects import make_standing_pose, make_thesis_objects
+from taxel.grasp.objects import ASSUMED_SIZES, make_standing_pose, make_thesis_objects
 from taxel.grasp.plan import Approach, make_thesis_approaches
 from taxel.grasp.timeline import Timeline
 from taxel.hand import load_hand
@@ -42,7 +42,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[], help="parts of names, such as cylinder_top")
     options = parser.parse_args()
     hand = load_hand("allegro")
-    scenes = {name: build_scene(hand, item, "palm") for name, item in make_thesis_objects().items()}
+    scenes = {name: build_scene(hand, item, "palm") for name, item in make_thesis_objects(ASSUMED_SIZES).items()}
     selected = [
         approach
         for approach in make_thesis_approaches()

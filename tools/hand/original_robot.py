@@ -20,9 +20,15 @@ STANDARD_ROBOT: Final = "ur5e_allegro"
 FINGER_PLANE_M: Final = 0.034
 """Distance of the finger joints' plane from the original palm frame along its y axis, metres (joints.csv)."""
 
-MOUNT_M: Final = (0.007, 0.0, 0.115)
-"""Origin of the palm in the frame of the flange, metres: the original palm frame is at (41, 0, 115) mm, and the finger
-plane 34 mm before it (brackets.csv).
+MOUNT_M: Final = (0.0, -0.007, 0.115)
+"""Origin of the palm in the frame of the flange, metres. The original palm frame lies 41 mm behind the axis of the
+flange and 115 mm before the flange (brackets.csv), and the finger plane 34 mm before the palm frame.
+"""
+
+MOUNT_QUATERNION: Final = (0.5, -0.5, -0.5, -0.5)
+"""Orientation of the mount in the frame of the flange, w x y z: the palm faces the y axis of the flange. In the
+original files the last joint of the arm is turned by 90 degrees, and the bracket of the hand by 90 degrees back; the
+recorded tool poses, whose approaches move along the y axis of the tool, confirm the sum.
 """
 
 LINKS: Final = {
@@ -100,8 +106,10 @@ def _format_hand(standard: str) -> str:
     robot = load_robot(STANDARD_ROBOT)
     limits = {row["joint"]: (float(row["lower_rad"]), float(row["upper_rad"])) for row in read_rows("joints")}
     mount = f"position_m = [{', '.join(f'{value:g}' for value in MOUNT_M)}]"
+    orientation = f"quaternion_wxyz = [{', '.join(f'{value:g}' for value in MOUNT_QUATERNION)}]"
     text = standard.split('[[joints]]\nname = "ff_j0"')[0]
     text = text.replace("position_m = [0, 0, 0.115]", mount)
+    text = text.replace("quaternion_wxyz = [0.7071067812, 0, -0.7071067812, 0]", orientation)
     text = re.sub(
         r"# the x axis of the mount.*\n", "# x axis of the mount: finger direction, z axis of the flange\n", text
     )

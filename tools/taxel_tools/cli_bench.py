@@ -64,7 +64,7 @@ def bench_command(
     operator: Annotated[str | None, typer.Option(help="Name of the operator; default: the login name.")] = None,
     station: Annotated[str | None, typer.Option(help="Name of the station; default: the host name.")] = None,
     probe: Annotated[str | None, typer.Option(help=PROBE_HELP)] = None,
-    hand: Annotated[str, typer.Option(help="Hand description with the names and geometry of the kinds.")] = "allegro",
+    hand: Annotated[str, typer.Option(help="Hand description with the names and geometry of the kinds.")] = "original",
     phase: Annotated[
         list[str] | None, typer.Option(help="Only this phase of the plan, and the merging phase; may be repeated.")
     ] = None,
@@ -80,7 +80,7 @@ def bench_command(
 
     Writes report.html, result.json and junit.xml. Exit status: 0 passed, 1 failed, 2 could not be tested.
 
-    Example: taxel bench "emulator:?board=0x22" --serial FT-0001
+    Example: taxel bench "emulator:?board=0x1C" --serial FT-0001
     """
     console = Console(stderr=True, soft_wrap=True)
     arguments = _BenchArguments(

@@ -120,7 +120,7 @@ def _start_emulated_bench(url: str) -> Iterator[tuple[EmulatedBench, float, str]
     wire_kind = options.get("wire", "hub")
     if wire_kind not in {"hub", "i2c"}:
         raise LinkError(url, f"option 'wire' must be hub or i2c, found '{wire_kind}'")
-    hand = _select_boards(load_hand(options.get("hand", "allegro")), query.get("board", ()))
+    hand = _select_boards(load_hand(options.get("hand", "original")), query.get("board", ()))
     text = format_world(hand, settings)
     lines = [
         f"{name} {_parse_number(url, name, options[name]):g}" for name in sorted(WORLD_FILE_OPTIONS & set(options))

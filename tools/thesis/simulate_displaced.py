@@ -18,7 +18,7 @@ from taxel.campaign.store import open_campaign_writer
 from taxel.campaign.variation import Variation, sample_grasp_variation
 from taxel.grasp.plan import make_thesis_plan
 from taxel.sim.closing import RATE_HZ
-from taxel.thesis.settings import OBJECT_VARIATION, THESIS_PLACEMENTS
+from taxel.thesis.settings import OBJECT_VARIATION
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="seed of the campaign of the emulated hand")
     options = parser.parse_args()
     object_m, object_rad = (options.share * std for std in (OBJECT_VARIATION.object_m, OBJECT_VARIATION.object_rad))
-    setup, settings = Setup(placements=THESIS_PLACEMENTS), SimSettings(seed=options.seed + 1)
+    setup, settings = Setup(setting="hardware"), SimSettings(seed=options.seed + 1)
     model = settings.sensor.make_dataset_model(settings.sensing.stiffness_n_per_m, "uncoupled")
     with open_campaign_writer(
         options.out, "sim", setup, RATE_HZ, settings.describe(), overwrite=True, sensor_model=model

@@ -60,7 +60,7 @@ def sample_grasp_world(seed: int | None = None) -> GraspWorld:
     rng = np.random.default_rng(secrets.randbits(256) if seed is None else seed)
     cause_types = [cause_type for cause_type in CATALOGUE_CAUSES if cause_type.emulator_effect in EMULATOR_EFFECTS]
     cause_type = cause_types[int(rng.integers(len(cause_types)))]
-    cause = cause_type.sample(rng, load_hand("allegro"), float(rng.uniform(*STRENGTH)))
+    cause = cause_type.sample(rng, load_hand("original"), float(rng.uniform(*STRENGTH)))
     salt = secrets.token_hex(32) if seed is None else rng.bytes(32).hex()
     return GraspWorld(int(rng.integers(2**31)), HiddenCauses("single", (cause,), sample_nuisance_lines(rng)), salt)
 

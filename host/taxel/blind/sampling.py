@@ -60,7 +60,7 @@ def sample_worlds(count: int, full_hand: int = 0, seed: int | None = None) -> li
     required for a sealed check.
     """
     rng = np.random.default_rng(secrets.randbits(256) if seed is None else seed)
-    counts = {"rig4": count, "allegro": full_hand}
+    counts = {"rig4": count, "original": full_hand}
     plans_by_hand = {hand: _sample_plans(rng, number) for hand, number in counts.items() if number}
     worlds: list[World] = []
     for name, plans in plans_by_hand.items():
@@ -161,7 +161,7 @@ def _sample_world(rng: np.random.Generator, number: int, hand: Hand, plan: World
         number,
         hand.name,
         salt=secrets.token_hex(SALT_BYTES) if is_sealed else rng.bytes(SALT_BYTES).hex(),
-        size=FULL_HAND_CAMPAIGN if hand.name == "allegro" else _sample_size(rng),
+        size=FULL_HAND_CAMPAIGN if hand.name == "original" else _sample_size(rng),
         seed=int(rng.integers(2**62)),
         hidden=HiddenCauses(plan.kind, causes, sample_nuisance_lines(rng)),
         is_withheld=plan.is_withheld,

@@ -8,15 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.grasp.calibration import Calibration
-from taxel.grasp.objects import GraspObject, make_standing_pose, make_thesis_objects
-from taxel.grasp.plan import (
-    PALM_PLACEMENTS,
-    Approach,
-    PalmPlacement,
-    PlannedGrasp,
-    compute_palm_surface_m,
-    make_thesis_approaches,
-)
+from taxel.grasp.objects import GraspObject, make_standing_pose, make_thesis_objects, select_object_sizes
+from taxel.grasp.original_plan import Setting, get_original_object_pose, make_original_approaches, set_finger_bases
+from taxel.grasp.plan import PALM_PLACEMENTS, Approach, PalmPlacement, PlannedGrasp, make_thesis_approaches
 from taxel.grasp.reach import ArmReach
 from taxel.grasp.timeline import Timeline
 from taxel.hand import Hand, load_hand
@@ -26,6 +20,9 @@ from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 
 WRIST_LINK = "palm"
 
+ORIGINAL_ROBOT = "ur5e_original"
+"""Robot of the original workstation, whose objects and grasps are recorded; other robots use the assumed ones."""
+
 WITHDRAW_M = 0.02
 """Distance of the palm while the baseline is recorded (assumed; the thesis records it before the arm moves in, 5.4)."""
 
@@ -34,23 +31,34 @@ WITHDRAW_M = 0.02
 class Setup:
     """Hand, objects and poses of a grasp campaign.
 
-    calibration: measured poses of objects in the frame of the robot's base, and of remounted brackets; objects and
-    brackets without an entry are at their planned poses. placements: pose of the palm against the object, by object and
-    approach. Raises UnknownBoardError for a bracket of a board that the hand lacks.
+    objects: by name; empty: the three test objects, in the assumed sizes for the assumed hand, in the original sizes
+    for any other hand. calibration: measured poses of objects in the frame of the robot's base, and of remounted
+    brackets; objects and brackets without an entry are at their planned poses. placements: pose of the palm against the
+    object, by object and approach; empty: the recorded poses for the original hand, `PALM_PLACEMENTS` for any other.
+    setting: whose recorded poses and torques the original hand uses. Raises UnknownBoardError for a bracket of a board
+    that the hand lacks.
     """
 
-    hand: Hand = field(default_factory=lambda: load_hand("allegro"))
-    objects: Mapping[str, GraspObject] = field(default_factory=make_thesis_objects)
+    hand: Hand = field(default_factory=lambda: load_hand("original"))
+    objects: Mapping[str, GraspObject] = field(default_factory=dict)
     calibration: Calibration | None = None
-    placements: Mapping[tuple[str, str], PalmPlacement] = field(default_factory=lambda: PALM_PLACEMENTS)
+    placements: Mapping[tuple[str, str], PalmPlacement] = field(default_factory=dict)
+    setting: Setting = "simulation"
 
     def __post_init__(self) -> None:
-        """Replace the nominal bracket poses of the hand by the calibrated poses, if there is a calibration."""
+        """Complete the objects, and replace the bracket poses of the hand by the calibrated poses, if there are any."""
+        if not self.objects:
+            object.__setattr__(self, "objects", make_thesis_objects(select_object_sizes(self.hand.robot)))
         if self.calibration is not None:
             for name, estimate in self.calibration.brackets.items():
                 board = replace(self.hand.find_board(name), pose=estimate.transform)
                 boards = tuple(board if other.name == name else other for other in self.hand.boards)
                 object.__setattr__(self, "hand", replace(self.hand, boards=boards))
+
+    @property
+    def is_original(self) -> bool:
+        """Whether the hand is mounted as in the original experiment, so that its recorded grasps apply."""
+        return self.hand.robot == ORIGINAL_ROBOT
 
     @cached_property
     def kinematics(self) -> Kinematics:
@@ -64,14 +72,12 @@ class Setup:
 
     @cached_property
     def _approaches(self) -> dict[tuple[str, str], Approach]:
-        """The approaches of the thesis by names of object and approach.
-
-        The placements refer to the surface of the palm; the palm of a thicker hand is farther from the object.
-        """
-        approaches = make_thesis_approaches(withdraw_m=WITHDRAW_M, placements=self.placements)
-        extra_m = compute_palm_surface_m(self.hand) - compute_palm_surface_m(load_hand("allegro"))
-        moved = (replace(one, palm_pose=_move_back(one.palm_pose, extra_m)) for one in approaches)
-        return {(approach.object, approach.name): approach for approach in moved}
+        """The approaches of the thesis by names of object and approach."""
+        if self.is_original and not self.placements:
+            return make_original_approaches(WITHDRAW_M, self.setting)
+        placements = self.placements or PALM_PLACEMENTS
+        approaches = make_thesis_approaches(WITHDRAW_M, placements, self.objects, self.hand)
+        return {(approach.object, approach.name): approach for approach in approaches}
 
     @cached_property
     def _arms(self) -> dict[tuple[str, str], NDArray[np.float64]]:
@@ -80,13 +86,16 @@ class Setup:
 
     def approach(self, planned: PlannedGrasp) -> Approach:
         """Return the approach (pose of the palm, joint angles, torques) of a planned grasp."""
-        return self._approaches[planned.object, planned.approach]
+        approach = self._approaches[planned.object, planned.approach]
+        if self.is_original and not self.placements:
+            return set_finger_bases(approach, planned.iteration)
+        return approach
 
     def object_pose(self, name: str) -> NDArray[np.float64]:
         """Return the nominal pose of an object, f64[4, 4], world: the calibrated pose, or else the planned pose."""
         if self.calibration is not None and name in self.calibration.objects:
             return self.calibration.objects[name].transform
-        return make_standing_pose()
+        return get_original_object_pose() if self.is_original else make_standing_pose()
 
     def arm_path(self, planned: PlannedGrasp) -> NDArray[np.float64]:
         """Solve for the joint angles of the arm, at the object and withdrawn from it, f64[2, 6] radians.
@@ -143,10 +152,3 @@ class Setup:
         """Make the triangle meshes of the grasped objects for the dataset, by name."""
         meshes = {name: item.shape.mesh() for name, item in self.objects.items()}
         return {name: ObjectMesh(vertices, faces.astype(np.int32)) for name, (vertices, faces) in meshes.items()}
-
-
-def _move_back(palm_pose: NDArray[np.float64], distance_m: float) -> NDArray[np.float64]:
-    """Move the palm f64[4, 4] away from the object along its -x axis by `distance_m`, metres."""
-    result = palm_pose.copy()
-    result[:3, 3] -= distance_m * result[:3, 0]
-    return result

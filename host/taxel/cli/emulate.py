@@ -16,7 +16,7 @@ from taxel.link.emulator import find_emulator_program
 
 
 def emulate(
-    hand: Annotated[str, typer.Option(help="Packaged hand or description file.")] = "allegro",
+    hand: Annotated[str, typer.Option(help="Packaged hand or description file.")] = "original",
     stimulus: Annotated[Path | None, typer.Option(help="Stimulus file: forces on the skin over time.")] = None,
     seed: Seed = 1,
     scl_hz: Annotated[

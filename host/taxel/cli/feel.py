@@ -44,7 +44,7 @@ def _scripted_contacts(console: Console, out: Path, seed: int) -> None:
 
     out: folder of the picture. seed: of the emulated skin.
     """
-    hand = load_hand("allegro")
+    hand = load_hand("original")
     console.print(
         f"[bold]1. The emulated skin[/bold]: {len(hand.boards)} boards, {hand.n_taxels} taxels, "
         f"{len(DEMO_CONTACTS)} contacts"
@@ -109,7 +109,7 @@ def _measured_touches(console: Console, out: Path, seconds: float) -> None:
 
     out: folder of the picture. seconds: length of each recording.
     """
-    hand = load_hand("allegro")
+    hand = load_hand("original")
     console.print(
         f"[bold]2. Measured touches[/bold] (CapFingerId recordings, MIT licence), {seconds:g} s each, "
         "through the same path"

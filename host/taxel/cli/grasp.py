@@ -55,6 +55,7 @@ def grasp(
             "original simulator, on the hand original."
         ),
     ] = "layer",
+    hand: Annotated[str, typer.Option(help="Packaged hand or description file: original, or allegro.")] = "original",
     calibration: Annotated[Path | None, typer.Option(help="TOML file with the measured poses of the objects.")] = None,
     skin: Annotated[str, typer.Option(help="Physical: URL of the skin.")] = "serial:///dev/ttyUSB0",
     can: Annotated[str, typer.Option(help="Physical: CAN channel of the hand.")] = "can:socketcan:can0",
@@ -72,7 +73,7 @@ def grasp(
     """
     plan = _select_plan(seed, sessions, grasps, objects or ())
     level = _parse_level(sensing)
-    setup = _make_setup(calibration, level, source)
+    setup = _make_setup(hand, calibration, level, source)
     emulated = EmulatedSettings(seed=seed, effects=_parse_effects(effects or (), no_effects))
     sim = SimSettings(seed=seed, sensing=Sensing(level))
     console = Console(stderr=as_json, markup=False)
@@ -99,14 +100,14 @@ def grasp(
     _print_contact_points(console, list(paths.values()), as_json)
 
 
-def _make_setup(calibration: Path | None, level: Level, source: str) -> Setup:
+def _make_setup(hand: str, calibration: Path | None, level: Level, source: str) -> Setup:
     """Make the workstation. Level "original" needs the original hand, whose palm touches with the tips of its mesh.
 
     Raises `TaxelError` for level "original" with a source other than the simulator.
     """
     poses = load_calibration(calibration) if calibration is not None else None
     if level != "original":
-        return Setup(calibration=poses)
+        return Setup(load_hand(hand), calibration=poses)
     if source != "sim":
         raise TaxelError(f"--sensing original: expected --source sim, found --source {source}")
     return Setup(hand=replace(load_hand("original"), layer_m=PALM_TIPS_M), calibration=poses)

@@ -11,7 +11,7 @@ from taxel.types import FloatArray
 Url = Annotated[str, typer.Argument(help="The skin: serial:///dev/ttyUSB0, emulator:, file:RECORDING or ros:original.")]
 HandOption = Annotated[
     str | None,
-    typer.Option("--hand", help="Packaged hand or description file. Default: the recording's own, else allegro."),
+    typer.Option("--hand", help="Packaged hand or description file. Default: the recording's own, else original."),
 ]
 JointAngles = Annotated[
     str | None,

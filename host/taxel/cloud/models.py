@@ -13,7 +13,7 @@ import numpy as np
 from taxel.cloud.errors import MeshError
 from taxel.cloud.files import read_mesh
 from taxel.cloud.mesh import TriangleMesh
-from taxel.grasp.objects import EDGE_RADIUS_M, make_thesis_objects
+from taxel.grasp.objects import make_thesis_objects
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.types import FloatArray
 
@@ -22,6 +22,9 @@ HEXAGON_SIDE_M: Final = 0.030
 CONE_RADIUS_M: Final = 0.035
 HEIGHT_M: Final = 0.130
 """Sizes of things that the hand can grasp, chosen so that no shape is nearly equal to an object of the thesis."""
+
+EDGE_RADIUS_M: Final = 0.001
+"""Radius of the rounded edges of the hexagonal prism, metres; as those of the triangular prism of the thesis."""
 
 CIRCLE_CORNERS: Final = 64
 """Corners of a circle, as for the cylinder of the datasets."""

@@ -14,8 +14,7 @@ from taxel.cloud.files import MESH_READERS
 from taxel.cloud.files.source import Source
 from taxel.generate.errors import RecipeError
 from taxel.generate.ranges import Range
-from taxel.grasp import objects as thesis
-from taxel.grasp.objects import EDGE_RADIUS_M, GraspObject
+from taxel.grasp.objects import ASSUMED_SIZES, GraspObject
 from taxel.grasp.plan import PALM_PLACEMENTS
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand.errors import format_path
@@ -83,7 +82,7 @@ class ObjectKind:
         if self.shape == "cylinder":
             return Cylinder(*metres)
         sharp = ConvexPolytope.box(*metres) if self.shape == "box" else ConvexPolytope.prism(*metres)
-        return sharp.rounded(EDGE_RADIUS_M)
+        return sharp.rounded(ASSUMED_SIZES.box_edge_m)
 
     def to_json(self) -> dict[str, Any]:
         """Return the kind of object as JSON values.
@@ -100,13 +99,14 @@ class ObjectKind:
 
 def make_default_kinds() -> tuple[ObjectKind, ...]:
     """Make the default kinds of objects: the three objects of the thesis, with sizes from -8 % to +8 %."""
-    sizes = {
-        "rectangular_prism": ("box", (thesis.BOX_WIDTH_M, thesis.BOX_DEPTH_M, thesis.BOX_HEIGHT_M)),
-        "cylinder": ("cylinder", (thesis.CYLINDER_RADIUS_M, thesis.CYLINDER_HEIGHT_M)),
-        "triangular_prism": ("prism", (thesis.PRISM_SIDE_M, thesis.PRISM_HEIGHT_M)),
+    sizes = ASSUMED_SIZES
+    dimensions = {
+        "rectangular_prism": ("box", (sizes.box_width_m, sizes.box_depth_m, sizes.height_m)),
+        "cylinder": ("cylinder", (sizes.cylinder_radius_m, sizes.height_m)),
+        "triangular_prism": ("prism", (sizes.prism_side_m, sizes.height_m)),
     }
     kinds = []
-    for name, (shape, metres) in sizes.items():
+    for name, (shape, metres) in dimensions.items():
         ranges = {
             size: Range(round(920.0 * metre, 6), round(1080.0 * metre, 6))
             for size, metre in zip(SIZES[shape], metres, strict=True)

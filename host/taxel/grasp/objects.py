@@ -9,15 +9,34 @@ import numpy.typing as npt
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand.transforms import make_pose
 
-# Metres. The thesis shows the objects (figure 5.1) without sizes; these were found with tools/objects/search_sizes.py.
-BOX_WIDTH_M: Final = 0.069  # of the wide side faces, along x
-BOX_DEPTH_M: Final = 0.035  # of the narrow side faces, along y
-BOX_HEIGHT_M: Final = 0.130
-CYLINDER_RADIUS_M: Final = 0.021
-CYLINDER_HEIGHT_M: Final = 0.130
-PRISM_SIDE_M: Final = 0.036  # of the equilateral triangle
-PRISM_HEIGHT_M: Final = 0.130
-EDGE_RADIUS_M: Final = 0.0025  # assumed: prints are sanded, because sharp edges damage a silicone skin
+
+@dataclass(frozen=True)
+class ObjectSizes:
+    """Sizes of the three test objects, metres.
+
+    box_width_m: of the wide side faces, along x. box_depth_m: of the narrow side faces, along y. prism_side_m: of the
+    equilateral triangle. height_m: of all objects. box_edge_m, prism_edge_m: radius of the rounded edges, 0: sharp.
+    """
+
+    box_width_m: float
+    box_depth_m: float
+    cylinder_radius_m: float
+    prism_side_m: float
+    height_m: float
+    box_edge_m: float
+    prism_edge_m: float
+
+
+ORIGINAL_SIZES: Final = ObjectSizes(0.060, 0.035, 0.020, 0.03464, 0.215, 0.0, 0.001)
+"""Sizes of the meshes of the original simulation (final version), from which the objects were printed."""
+
+ASSUMED_SIZES: Final = ObjectSizes(0.069, 0.035, 0.021, 0.036, 0.130, 0.0025, 0.0025)
+"""Sizes that were found with tools/objects/search_sizes.py before the original meshes were known; used with the assumed
+hand `allegro`.
+"""
+
+ASSUMED_ROBOT: Final = "ur5e_allegro"
+"""Robot of the assumed hand."""
 
 # Assumed compliance of object, stand and arm: well below the stiffness of a print or of a finger link, well above that
 # of a light free-standing object.
@@ -44,18 +63,25 @@ class GraspObject:
     description: str
 
 
-def make_thesis_objects() -> dict[str, GraspObject]:
+def select_object_sizes(robot: str | None) -> ObjectSizes:
+    """Select the sizes of the test objects for a hand on the robot with this name: assumed only for `ur5e_allegro`."""
+    return ASSUMED_SIZES if robot == ASSUMED_ROBOT else ORIGINAL_SIZES
+
+
+def make_thesis_objects(sizes: ObjectSizes = ORIGINAL_SIZES) -> dict[str, GraspObject]:
     """Make the three test objects of the thesis (section 5.2): a box, a cylinder and a triangular prism, by name."""
+    box = ConvexPolytope.box(sizes.box_width_m, sizes.box_depth_m, sizes.height_m)
+    prism = ConvexPolytope.prism(sizes.prism_side_m, sizes.height_m)
     objects = (
         GraspObject(
             "rectangular_prism",
-            ConvexPolytope.box(BOX_WIDTH_M, BOX_DEPTH_M, BOX_HEIGHT_M).rounded(EDGE_RADIUS_M),
+            box.rounded(sizes.box_edge_m) if sizes.box_edge_m else box,
             "Box with wide side faces towards +y and -y, narrow side faces towards +x and -x",
         ),
-        GraspObject("cylinder", Cylinder(CYLINDER_RADIUS_M, CYLINDER_HEIGHT_M), "Upright cylinder"),
+        GraspObject("cylinder", Cylinder(sizes.cylinder_radius_m, sizes.height_m), "Upright cylinder"),
         GraspObject(
             "triangular_prism",
-            ConvexPolytope.prism(PRISM_SIDE_M, PRISM_HEIGHT_M).rounded(EDGE_RADIUS_M),
+            prism.rounded(sizes.prism_edge_m) if sizes.prism_edge_m else prism,
             "Upright equilateral triangular prism with a side face towards +y",
         ),
     )

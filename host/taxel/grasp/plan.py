@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from taxel.grasp.objects import GraspObject, make_thesis_objects
+from taxel.grasp.objects import ASSUMED_SIZES, GraspObject, make_thesis_objects
 from taxel.hand import Hand, load_hand
 from taxel.types import FloatArray
 
@@ -214,14 +214,19 @@ def make_approach(
 
 
 def make_thesis_approaches(
-    gap_m: float = 0.0, withdraw_m: float = 0.0, placements: Mapping[tuple[str, str], PalmPlacement] = PALM_PLACEMENTS
+    withdraw_m: float = 0.0,
+    placements: Mapping[tuple[str, str], PalmPlacement] = PALM_PLACEMENTS,
+    objects: Mapping[str, GraspObject] | None = None,
+    hand: Hand | None = None,
+    gap_m: float = 0.0,
 ) -> tuple[Approach, ...]:
     """Make the fifteen approaches of Table 5.1 of the thesis, in the order of the table.
 
-    gap_m: from the palm surface to the nominal object during the grasp. withdraw_m: distance of the withdrawn palm.
-    placements: by object and approach; default: the selected placements.
+    withdraw_m: distance of the withdrawn palm. placements: by object and approach; default: the placements selected for
+    the assumed hand. objects: by name; None: the test objects in the assumed sizes. hand: None: the assumed hand
+    `allegro`. gap_m: from the palm surface to the nominal object during the grasp.
     """
-    objects, hand = make_thesis_objects(), load_hand("allegro")
+    objects, hand = objects or make_thesis_objects(ASSUMED_SIZES), hand or load_hand("allegro")
     return tuple(
         make_approach(objects[key[0]], key[1], placement, hand, gap_m, withdraw_m)
         for key, placement in placements.items()

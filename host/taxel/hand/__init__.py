@@ -1,10 +1,10 @@
 """Hand description: boards, their I2C addresses, and the TX x RX crossings that are taxels.
 
->>> hand = load_hand("allegro")
+>>> hand = load_hand("original")
 >>> hand.n_taxels, len(hand.boards)
-(1073, 17)
->>> hand.get_slice(0x21)
-slice(121, 239, None)
+(1037, 17)
+>>> hand.get_slice(0x09)
+slice(65, 95, None)
 """
 
 from taxel.hand.description import Board, BoardKind, Hand, list_packaged_hands, load_hand

@@ -185,7 +185,7 @@ class Hand:
     """Tactile skin: its boards and the order of all taxels.
 
     Attributes:
-        name: such as "allegro".
+        name: such as "original".
         description: one line of text.
         pitch_m: distance between neighbouring taxel centres, metres.
         size_m: side of a square taxel, metres.
@@ -340,7 +340,7 @@ def load_hand(name_or_path: str | os.PathLike[str]) -> Hand:
     """Load a hand description.
 
     Args:
-        name_or_path: a packaged name ("allegro", "flat8") or a path to a TOML file.
+        name_or_path: a packaged name ("original", "flat8") or a path to a TOML file.
 
     Raises:
         HandDescriptionError: unknown name, missing or unreadable file, or an error in the file.

@@ -32,7 +32,7 @@ class WorldSettings:
     `noise_counts`: standard deviation of white read-out noise, counts. `clock_spread_ppm`: largest rate error of a
     board's oscillator (PSoC 4200: up to 2 %). `parts_seed`: seed of the properties that persist over power cycles
     (clocks, unique ids, taxel gains and stiffness); None: `seed`. `boot_ms`: from power-on to the first acknowledge.
-    `faults`: lines of the world file without the keyword `fault`, in order of time, such as "1.5 unplug 0x22".
+    `faults`: lines of the world file without the keyword `fault`, in order of time, such as "1.5 unplug 0x1C".
     `effects`: lines without the keyword `effect`, such as "spread film length_m=0.002" (see
     firmware/emulator/README.md). `original`: the original hub and boards in place of the project's own firmware;
     `make_original_settings` sets the other fields to the values of the original hardware.

@@ -9,7 +9,7 @@ from taxel.link import Link, LinkError, open_link
 from taxel.original_hub import is_original_url, open_original
 from taxel.skin.skin import FrameFormat, Skin
 
-DEFAULT_HAND = "allegro"
+DEFAULT_HAND = "original"
 
 
 def open_skin(
@@ -22,7 +22,7 @@ def open_skin(
 
     url: `serial:///dev/ttyUSB0`, `emulator:` (options after `?`), `file:capture.bin`, `file:skin.mcap`, a pyserial URL
     or a scheme of a plug-in. hand: name of a packaged description, a file or a `Hand`; None: the hand that a recording
-    contains, else "allegro". rate_hz: highest rate of scans; None: the rate that the bus permits. frames: "plain"
+    contains, else "original". rate_hz: highest rate of scans; None: the rate that the bus permits. frames: "plain"
     (16-bit counts) or "compact" (the same counts in fewer bytes; boards and hub must support the format); None: the
     URL's option `frames`, else "plain". The decoded frames are equal.
 

@@ -27,13 +27,10 @@ from taxel.thesis.matching import STEPS, ObjectClouds, ObjectResult, accumulate_
 from taxel.thesis.page import PageContent, write_page
 from taxel.thesis.printed import OBJECTS, STAGES, select_rows
 from taxel.thesis.settings import (
-    BRACKET_OFFSET_M,
     EFFECTS,
     OBJECT_VARIATION,
     SIM_LAYER_M,
     SIM_VARIATION,
-    THESIS_PLACEMENTS,
-    build_effects,
 )
 from taxel.thesis.shape_matching import STEPS as SHAPE_STEPS
 from taxel.thesis.shape_matching import count_identified_shapes
@@ -64,9 +61,8 @@ def make_campaign(out: Path, seed: int, jobs: int | None, show: ShowStage) -> Ca
     An interrupted campaign in the folder is continued. jobs: number of processes. show: called with the progress.
     Raises TaxelError.
     """
-    plan, setup = make_thesis_plan(seed), Setup(placements=THESIS_PLACEMENTS)
-    effects = build_effects(board.name for board in setup.hand.boards)
-    emulated = EmulatedSettings(seed=seed, effects=effects, variation=OBJECT_VARIATION)
+    plan, setup = make_thesis_plan(seed), Setup(setting="hardware")
+    emulated = EmulatedSettings(seed=seed, effects=EFFECTS, variation=OBJECT_VARIATION)
     simulated = SimSettings(seed=seed + SIM_SEED_STEP, variation=SIM_VARIATION)
     real, sim = out / "real.h5", out / "sim.h5"
     run_emulated(
@@ -78,7 +74,7 @@ def make_campaign(out: Path, seed: int, jobs: int | None, show: ShowStage) -> Ca
         resume=True,
         progress=lambda done, total: show("emulated hand", done, total),
     )
-    sim_setup = replace(setup, hand=replace(setup.hand, layer_m=SIM_LAYER_M))
+    sim_setup = Setup(replace(setup.hand, layer_m=SIM_LAYER_M), setting="simulation")
     run_simulated(
         sim,
         plan,
@@ -88,14 +84,13 @@ def make_campaign(out: Path, seed: int, jobs: int | None, show: ShowStage) -> Ca
         resume=True,
         progress=lambda done, total: show("simulator", done, total),
     )
-    factors = ", ".join(f"{name} times {factor:g}" for name, factor in OBJECT_VARIATION.objects)
     description = (
         f"{len(plan)} grasps on each side, seed {seed}. The real side is the emulated hand with {'; '.join(EFFECTS)}. "
-        f"Its brackets lie {1e3 * BRACKET_OFFSET_M:.1f} mm deeper than in the description of the hand. The object pose "
+        "Tool poses and torques are those of the original hardware. The object pose "
         f"varies by {1e3 * OBJECT_VARIATION.object_m:.1f} mm and {np.degrees(OBJECT_VARIATION.object_rad):.1f} degrees "
-        f"(standard deviation of each axis in each grasp; {factors}).",
+        "(standard deviation of each axis in each grasp).",
         f"The simulated side is the simulator with an elastic layer of {1e3 * SIM_LAYER_M:.1f} mm, without these "
-        "effects, with the nominal poses of objects and brackets.",
+        "effects, with the tool poses and torques of the original simulation.",
     )
     return Campaign(real, sim, description)
 

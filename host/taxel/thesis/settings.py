@@ -1,26 +1,20 @@
 """Settings of the emulated hand, the simulator and the contact propagation for the reproduction of chapter 5.
 
-The thesis states neither the sizes of its noise, coupling and contact spread nor the reach of its contact propagation.
-The values were found with `tools/thesis/search_settings.py`. The knee of the counts, the noisier board, the depth of
-the brackets, the layer of the simulator and the contact force on the triangular prism were then chosen on whole
-campaigns (docs/thesis.md). All settings except this force and the position factors of the objects are the same for all
-objects.
+Hand, objects, tool poses, finger bases and torques are those of the original files: the emulated hand uses the poses
+and torques of the hardware, the simulator those of the original simulation. No file states the sizes of noise,
+coupling, contact spread and saturation, the errors of the object's pose, and the reach of the propagation. These values
+were fitted: found with `tools/thesis/search_settings.py`, then the knee of the counts, the noisier board and the layer
+of the simulator on whole campaigns (docs/thesis.md). They are the same for all objects.
 """
 
-from collections.abc import Iterable
-from dataclasses import replace
 from typing import Final
 
 from taxel.campaign.variation import NO_VARIATION, Variation
 from taxel.cloud.propagation import Propagation
-from taxel.grasp.plan import PALM_PLACEMENTS
-
-PRISM: Final = "triangular_prism"
-PRISM_INDENTATION_M: Final = 0.0003
 
 EFFECTS: Final = (
     "noise pink counts=50",
-    "noise pink counts=116 board=0x2d",
+    "noise pink counts=116 board=0x0c",
     "noise line axis=1 counts=4",
     "coupling traces picofarad=9 tx_ohm=400 rx_ohm=400",
     "spread film length_m=0.0038",
@@ -33,33 +27,8 @@ up to 190 and most points up to 320 (Tables I-1 to I-3). This knee differs betwe
 their baseline.
 """
 
-BRACKET_OFFSET_M: Final = 0.0004
-"""Depth by which every bracket lies deeper in the hand than in its description, as with a printed mount that yields.
-The contacts are then computed nearer to the objects or inside them. With 0 the cloud of the triangular prism is hardly
-nearer to its own CAD model than to the others (finding 12)."""
-
-
-def build_effects(board_names: Iterable[str]) -> tuple[str, ...]:
-    """Return the sensor effects of the emulated hand: `EFFECTS`, and a bracket offset for each of these boards."""
-    return (*EFFECTS, *(f"bracket_offset {name} 0 0 {-BRACKET_OFFSET_M:g} 0 0 0" for name in board_names))
-
-
-POSITION_FACTORS: Final = (("rectangular_prism", 0.68), ("cylinder", 0.77), ("triangular_prism", 1.1))
-"""Factors on the standard deviations of `OBJECT_VARIATION` for each object, found with
-`tools/thesis/search_settings.py` and changed by a few hundredths on whole campaigns."""
-
-OBJECT_VARIATION: Final = Variation(object_m=3.4e-3, object_rad=0.04, objects=POSITION_FACTORS)
+OBJECT_VARIATION: Final = Variation(object_m=3.4e-3, object_rad=0.04)
 """Variation of the object pose in the emulated experiment: objects placed by hand, errors of arm, hand and calibration.
-"""
-
-THESIS_PLACEMENTS: Final = {
-    (item, approach): (
-        replace(placement, indentation_m=PRISM_INDENTATION_M) if item == PRISM and not placement.top else placement
-    )
-    for (item, approach), placement in PALM_PLACEMENTS.items()
-}
-"""Contact of the hand with the objects. The simulated contacts of the thesis lie 1.53 mm from the triangular prism,
-twice as far as from the other objects (Tables I-7 to I-9); here the palm presses less on its sides.
 """
 
 SIM_VARIATION: Final = NO_VARIATION

@@ -31,7 +31,7 @@ def poll_emulated_links_slowly(monkeypatch):
 
 def make_bench_url(*lines: str, address: int = ADDRESS, wire: str = "hub", seed: int = 1) -> str:
     """URL of an emulated bench with one board, and additional lines of its world file."""
-    return f"emulator:?board=0x{address:02X}&wire={wire}&seed={seed}" + "".join(
+    return f"emulator:?hand=allegro&board=0x{address:02X}&wire={wire}&seed={seed}" + "".join(
         f"&word={quote(line)}" for line in lines
     )
 

@@ -73,7 +73,7 @@ def test_the_help_has_an_example_and_explains_the_exit_status(run):
     status, out, _ = run("--help")
     text = " ".join(out.split())
     assert status == 0
-    assert 'Example: taxel bench "emulator:?board=0x22" --serial FT-0001' in text
+    assert 'Example: taxel bench "emulator:?board=0x1C" --serial FT-0001' in text
     assert "Exit status: 0 passed, 1 failed, 2 could not be tested." in text
 
 
@@ -154,11 +154,11 @@ def test_the_history_can_be_in_another_folder(run, folder):
 
 
 def test_a_single_board_on_the_bus_needs_no_address(run):
-    assert run(url=f"emulator:?{BOARD}&wire=i2c")[0] == 0
+    assert run(url=f"emulator:?hand=allegro&{BOARD}&wire=i2c")[0] == 0
 
 
 def test_one_of_several_boards_must_be_selected(run):
-    url = "emulator:?board=0x2C&board=0x2F"
+    url = "emulator:?hand=allegro&board=0x2C&board=0x2F"
     assert read_refusal(run(url=url)) == "virtual:: expected one board, found 2 (0x2C, 0x2F); select one with --board"
     assert run("--board", "0x2F", url=url)[0] == 0
 
@@ -167,7 +167,7 @@ def test_one_of_several_boards_must_be_selected(run):
     ("arguments", "options", "expected"),
     [
         ([], {"url": "nothing"}, "nothing: is not a URL that can be opened"),
-        ([], {"url": "emulator:?board=0x60"}, "hand 'allegro' has no board 0x60"),
+        ([], {"url": "emulator:?hand=allegro&board=0x60"}, "hand 'allegro' has no board 0x60"),
         (
             [],
             {"url": f"{make_bench_url()}&word=blank 0x2C"},

@@ -190,7 +190,7 @@ def test_a_seed_determines_the_worlds_and_unseeded_samples_differ():
 def test_worlds_of_the_whole_hand_follow_those_of_the_rig():
     worlds = sample_worlds(5, 2, seed=9)
     assert [world.number for world in worlds] == list(range(7))
-    assert [world.hand for world in worlds] == ["rig4"] * 5 + ["allegro"] * 2
+    assert [world.hand for world in worlds] == ["rig4"] * 5 + ["original"] * 2
     assert {world.size.approaches for world in worlds[5:]} == {24}
 
 

@@ -70,7 +70,7 @@ def test_the_file_is_a_real_dataset_of_the_plan(complete_campaign, plan, setup):
     path, progress = complete_campaign
     with GraspDataset(path) as data:
         data.check()
-        assert (data.source, data.hand) == ("real", "allegro")
+        assert (data.source, data.hand) == ("real", "original")
         assert data.ids == tuple(planned.id for planned in plan)
         assert [grasp.session for grasp in data] == [0, 1]
         assert (data.taxels.position == setup.hand.position).all()

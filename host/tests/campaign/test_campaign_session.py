@@ -76,7 +76,7 @@ def test_counts_decrease_in_hold_and_return_to_the_baseline(records):
         baseline, hold = baseline_frames.mean(axis=0), record.raw_counts[record.phase == Phase.HOLD].mean(axis=0)
         recovery = record.raw_counts[record.phase == Phase.RECOVERY].mean(axis=0)
         assert (baseline - baseline_frames).max() < 8 * 2.0
-        assert 10 < (baseline - hold > 150).sum() < 300
+        assert 5 < (baseline - hold > 150).sum() < 300
         assert (baseline - hold).min() > -5.0
         assert baseline == pytest.approx(recovery, abs=5.0)
 
@@ -142,14 +142,14 @@ def test_effects_change_counts_but_not_joint_angles_or_poses(single_grasp_sessio
 
 def test_a_board_that_stops_responding_repeats_its_latest_counts(setup, two_of_one_session, settings):
     silent_from_s = LEAD_IN_S + 1.0
-    effects = (f"silent from board=0x22 seconds={silent_from_s}", "silent flaky p=0.2")
+    effects = (f"silent from board=0x1C seconds={silent_from_s}", "silent flaky p=0.2")
     record = run_session(setup, two_of_one_session[:1], replace(settings, effects=effects))[0]
-    column = [board.address for board in setup.hand.boards].index(0x22)
+    column = [board.address for board in setup.hand.boards].index(0x1C)
     is_after = record.timestamp > silent_from_s + 0.1
     assert record.valid[record.timestamp < silent_from_s - 0.1, column].any()
     assert not record.valid[is_after, column].any()
     assert 0.5 < np.delete(record.valid, column, axis=1).mean() < 0.95
-    counts = record.raw_counts[is_after][:, setup.hand.get_slice(0x22)]
+    counts = record.raw_counts[is_after][:, setup.hand.get_slice(0x1C)]
     assert counts.min() > 0
     assert (counts == counts[0]).all()
     assert (np.diff(record.timestamp) > 0).all()

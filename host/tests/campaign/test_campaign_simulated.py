@@ -44,7 +44,7 @@ def complete_file(setup, plan, settings, tmp_path_factory):
 def test_the_file_is_a_simulated_dataset_of_the_plan(complete_file, plan, timeline):
     with GraspDataset(complete_file) as data:
         data.check()
-        assert (data.source, data.hand, data.ids) == ("sim", "allegro", tuple(planned.id for planned in plan))
+        assert (data.source, data.hand, data.ids) == ("sim", "original", tuple(planned.id for planned in plan))
         assert "layer sensing" in data.generator
         for grasp in data:
             assert grasp.phase.tolist() == timeline.find_phases(grasp.timestamp).tolist()

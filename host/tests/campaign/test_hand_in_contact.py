@@ -110,8 +110,9 @@ def test_at_rest_the_mount_balances_the_net_force(hand_at_rest, contact, setup):
     on_object = -np.einsum("sij,sj->i", bracket_poses[:, :3, :3], load.wrench[:, :3])
     mount_point = np.array([0.0, 0.0, MOUNT.height_m, 1.0])
     deflection = ((dynamics.object_pose() - setup.object_pose("cylinder")) @ mount_point)[:3]
-    assert np.linalg.norm(on_object) > 0.5
-    assert on_object == pytest.approx(MOUNT.n_per_m * deflection, abs=0.05)
+    net_force = float(np.linalg.norm(on_object))
+    assert net_force > 0.5
+    assert on_object == pytest.approx(MOUNT.n_per_m * deflection, abs=0.02 * net_force)
 
 
 def test_the_same_torques_give_bit_identical_motion(closed_hand, open_hand, approach):

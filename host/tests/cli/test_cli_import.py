@@ -145,7 +145,7 @@ def test_an_invalid_option_gives_one_error_line(guide, capsys, case):
 
 def test_an_invalid_number_in_a_file_gives_one_error_line_with_line_and_column(guide, capsys):
     text = (guide / "contacts.csv").read_text()
-    (guide / "contacts.csv").write_text(text.replace("0.5141,-0.018", "0.5141,minus"))
+    (guide / "contacts.csv").write_text(text.replace("0.5184,-0.0070,0.2737", "0.5184,minus,0.2737"))
     status, out, err = capture_taxel(capsys, *example_arguments("gazebo"))
     assert (status, out) == (1, "")
     expected = "taxel: contacts.csv: line 4, column y: expected a finite number, found 'minus'; write it as 0.125\n"

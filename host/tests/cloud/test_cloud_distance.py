@@ -35,7 +35,7 @@ def test_distances_to_a_box_equal_its_formula():
 @pytest.mark.parametrize("name", get_builtin_models())
 def test_points_on_a_surface_have_distance_zero(name):
     mesh = get_builtin_models()[name]
-    assert compute_distances_to_mesh(mesh.sample(500), mesh).max() < 1e-12
+    assert compute_distances_to_mesh(mesh.sample(500), mesh).max() < 1e-11  # metres: rounding
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)

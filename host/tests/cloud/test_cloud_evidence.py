@@ -26,9 +26,9 @@ def build_sheet(centre, along, across, rows=17, columns=12):
 
 SHEETS = np.concatenate(
     [
-        build_sheet([0.0, 0.0315, 0.065], [1, 0, 0], [0, 0, 1]),
-        build_sheet([0.033, 0.0, 0.065], [0, 1, 0], [0, 0, 1]),
-        build_sheet([0.0, 0.0, 0.1315], [1, 0, 0], [0, 1, 0]),
+        build_sheet([0.0, 0.0165, 0.1075], [1, 0, 0], [0, 0, 1]),
+        build_sheet([0.0285, 0.0, 0.1075], [0, 1, 0], [0, 0, 1]),
+        build_sheet([0.0, 0.0, 0.2165], [1, 0, 0], [0, 1, 0]),
     ]
 )
 """Taxels on two sides and on top of an object with the size of those of the thesis."""

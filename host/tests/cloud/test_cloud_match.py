@@ -38,9 +38,9 @@ def build_top_cloud(has_inactive: bool) -> ContactCloud:
     """A cloud on the top face of the triangular prism, with or without inactive taxels around the face."""
     mesh = get_builtin_models()["triangular_prism"]
     top = mesh.sample(6000, seed=2)
-    top = top[(top[:, 2] > 0.13 - 1e-9)]
+    top = top[(top[:, 2] > 0.215 - 1e-9)]
     x, y = np.meshgrid(np.linspace(-0.04, 0.04, 17), np.linspace(-0.04, 0.04, 17))
-    around = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 0.13)])
+    around = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 0.215)])
     around = around[mesh.find_closest(around).distance > 0.004]
     cloud = ContactCloud.from_points(top, name="top")
     return (
@@ -86,12 +86,12 @@ def test_likelihoods_of_a_cloud_can_be_used_for_its_parts():
 
 
 def test_confidence_is_a_bootstrap_over_whole_grasps():
-    """One grasp on the cylinder and three on the cone: samples with few cone grasps select the cylinder."""
+    """One grasp on the cylinder and nine on the cone: samples with few cone grasps select the cylinder."""
     points_on = {name: get_builtin_models()[name].sample(60, seed=5) for name in ("cylinder", "cone")}
-    points = np.concatenate([points_on["cylinder"]] + [points_on["cone"]] * 3)
-    grasp = np.repeat(np.arange(4), 60)
+    points = np.concatenate([points_on["cylinder"]] + [points_on["cone"]] * 9)
+    grasp = np.repeat(np.arange(10), 60)
     cloud = ContactCloud.from_points(points)
-    cloud = replace(cloud, grasp=grasp, grasps=tuple("abcd"), grasp_approach=np.zeros(4, np.int64))
+    cloud = replace(cloud, grasp=grasp, grasps=tuple("abcdefghij"), grasp_approach=np.zeros(10, np.int64))
     models = {name: get_builtin_models()[name] for name in points_on}
     first, repeated = match(cloud, models, seed=3), match(cloud, models, seed=3)
     assert first.confidence == repeated.confidence

@@ -107,7 +107,7 @@ def test_volumes_of_shapes_equal_their_formulas():
     assert volume["sphere"] == pytest.approx(4.0 / 3.0 * np.pi * 0.035**3, rel=0.01)
     assert volume["cone"] == pytest.approx(np.pi * 0.035**2 * 0.13 / 3.0, rel=0.01)
     assert volume["hexagonal_prism"] == pytest.approx(1.5 * np.sqrt(3.0) * 0.03**2 * 0.13, rel=0.01)
-    assert volume["cylinder"] == pytest.approx(np.pi * 0.021**2 * 0.13, rel=0.01)
+    assert volume["cylinder"] == pytest.approx(np.pi * 0.020**2 * 0.215, rel=0.01)
 
 
 def test_name_that_is_neither_a_shape_nor_a_file_is_refused_in_one_line():

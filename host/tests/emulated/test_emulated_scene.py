@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taxel.emulated.scene import EmulatedScene, format_scene
-from taxel.grasp.objects import make_thesis_objects
+from taxel.grasp.objects import ASSUMED_SIZES, make_thesis_objects
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.hand import load_hand
 from taxel.hand.errors import HandGeometryError
@@ -16,7 +16,7 @@ from taxel.link import LinkError, run_emulator, write_scene
 from taxel.skin import open_skin
 from taxel.stream.start_script import write_start_script
 
-OBJECTS = {name: item.shape for name, item in make_thesis_objects().items()}
+OBJECTS = {name: item.shape for name, item in make_thesis_objects(ASSUMED_SIZES).items()}
 SETTINGS = WorldSettings(seed=3, noise_counts=0.0)
 
 

@@ -24,6 +24,7 @@ from taxel.generate.run import generate
 from taxel.generate.shard import generate_shard, read_table
 from taxel.generate.solids import ObjectKind
 from taxel.generate.workers import Processes
+from taxel.hand import load_hand
 from taxel.recording.grasp_dataset import GraspDataset
 
 TIMEOUT_S = 120.0
@@ -86,7 +87,7 @@ def test_index_lists_shards_grasps_labels_parameters_checksums_recipe_and_versio
 
 
 def test_grasp_generated_alone_equals_the_grasp_in_its_shard(generated):
-    single = ShardGenerator(generated.recipe, 1, Setup()).generate(3)
+    single = ShardGenerator(generated.recipe, 1, Setup(load_hand("allegro"))).generate(3)
     with GraspDataset(generated.folder / "shard-00001.h5") as data:
         grasp = data["g000000003"]
         assert np.array_equal(grasp.raw_counts, single.record.raw_counts)

@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from taxel.grasp.objects import make_thesis_objects
+from taxel.grasp.objects import ASSUMED_SIZES, make_thesis_objects
 from taxel.grasp.plan import (
     ITERATIONS,
     PALM_PLACEMENTS,
@@ -24,7 +24,7 @@ TOPS = [a for a in make_thesis_approaches() if a.name == "top"]
 
 def compute_gap(approach, palm_pose):
     """Compute the distance from the palm surface to the object along the palm's x axis."""
-    vertices = make_thesis_objects()[approach.object].shape.mesh()[0]
+    vertices = make_thesis_objects(ASSUMED_SIZES)[approach.object].shape.mesh()[0]
     return apply(inverse(palm_pose), vertices)[:, 0].min() - compute_palm_surface_m(load_hand("allegro"))
 
 
@@ -85,7 +85,9 @@ def test_a_gap_moves_the_palm_away_from_the_object(approach):
 @pytest.mark.parametrize("approach", SIDES, ids=get_name)
 def test_on_a_side_the_palm_y_axis_points_up_at_mid_height(approach):
     assert np.allclose(approach.palm_pose[:3, 1], [0, 0, 1])
-    assert approach.palm_pose[2, 3] == pytest.approx(make_thesis_objects()[approach.object].shape.height / 2, abs=0.01)
+    assert approach.palm_pose[2, 3] == pytest.approx(
+        make_thesis_objects(ASSUMED_SIZES)[approach.object].shape.height / 2, abs=0.01
+    )
 
 
 @pytest.mark.parametrize("approach", TOPS, ids=get_name)

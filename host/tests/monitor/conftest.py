@@ -73,7 +73,7 @@ def emulated_port() -> Iterator[str]:
     """A pseudo-terminal of an emulated hand, as `taxel emulate` creates it."""
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world = Path(folder) / "world.txt"
-        world.write_text(format_world(load_hand("allegro"), WorldSettings()))
+        world.write_text(format_world(load_hand("original"), WorldSettings()))
         process = subprocess.Popen(
             [find_emulator_program(), "--world", world, "--uart", "pty"], stdout=subprocess.PIPE, text=True
         )

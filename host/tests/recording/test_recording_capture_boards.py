@@ -22,7 +22,7 @@ TOUCHED_TAXEL = 5
 def capture(tmp_path_factory):
     """A capture of 3 s; a force acts on one taxel from 2.5 s."""
     folder = tmp_path_factory.mktemp("capture")
-    hand = load_hand("allegro")
+    hand = load_hand("original")
     forces = np.zeros((3, hand.n_taxels))
     forces[2, TOUCHED_TAXEL] = 2.0
     write_stimulus(folder / "press.stm", [0.0, 2.5, 2.6], forces)
@@ -60,7 +60,7 @@ def test_arrays_equal_the_frames_of_the_skin(capture):
 
 
 def test_activity_starts_after_the_baseline_of_a_board(capture):
-    board = load_hand("allegro").boards[0]
+    board = load_hand("original").boards[0]
     raw = read_all_boards(capture)[board.address].raw_counts
     blocks = [block[board.address] for block in read_activity(capture, SAMPLES)]
     active = np.concatenate([block.activation.active for block in blocks])

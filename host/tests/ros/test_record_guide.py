@@ -37,8 +37,8 @@ def read_example(command):
 
 def add_active_taxels(path):
     """Append four active taxels of the palm to a file of active taxels."""
-    hand = load_hand("allegro")
-    centres = build_kinematics(hand).compute_taxel_positions(np.zeros(22))[hand.get_slice(0x20)][:4]
+    hand = load_hand("original")
+    centres = build_kinematics(hand).compute_taxel_positions(np.zeros(22))[hand.get_slice(0x15)][:4]
     with path.open("a") as file:
         file.writelines(f"1,cylinder,side_1,6.0,{x},{y},{z},1\n" for x, y, z in centres.tolist())
 

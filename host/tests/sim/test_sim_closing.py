@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from taxel.grasp.objects import (
+    ASSUMED_SIZES,
     MOUNT_STIFFNESS_N_PER_M,
     MOUNT_STIFFNESS_NM_PER_RAD,
     GraspObject,
@@ -31,7 +32,7 @@ FIRST_APPROACH = APPROACHES["rectangular_prism-wide_side_1"]
 
 @cache
 def build_object_scene(name):
-    return build_scene(HAND, make_thesis_objects()[name], "palm")
+    return build_scene(HAND, make_thesis_objects(ASSUMED_SIZES)[name], "palm")
 
 
 @cache
@@ -86,7 +87,7 @@ def test_the_contact_forces_balance_the_springs_of_the_object_mount(key):
     end = last_sample(motion, Phase.HOLD)
     at_end = motion.contacts.sample == end
     force, position = -motion.contacts.force[at_end], motion.contacts.position[at_end]
-    centre = np.array([0.0, 0.0, make_thesis_objects()[APPROACHES[key].object].shape.height / 2, 1.0])
+    centre = np.array([0.0, 0.0, make_thesis_objects(ASSUMED_SIZES)[APPROACHES[key].object].shape.height / 2, 1.0])
     centre_at_end, centre_at_rest = motion.object_pose[end] @ centre, make_standing_pose() @ centre
     assert np.allclose(force.sum(axis=0), MOUNT_STIFFNESS_N_PER_M * (centre_at_end - centre_at_rest)[:3], atol=0.2)
     moment = np.cross(position - centre_at_end[:3], force).sum(axis=0)

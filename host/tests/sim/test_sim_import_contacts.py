@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from taxel.grasp.objects import make_standing_pose, make_thesis_objects
+from taxel.grasp.objects import ASSUMED_SIZES, make_standing_pose, make_thesis_objects
 from taxel.grasp.plan import make_thesis_approaches
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
@@ -24,10 +24,10 @@ from taxel.sim.separation import compute_separations
 
 POSE_COLUMNS = ("x", "y", "z", "qw", "qx", "qy", "qz")
 HAND = load_hand("allegro")
-CYLINDER = make_thesis_objects()["cylinder"]
+CYLINDER = make_thesis_objects(ASSUMED_SIZES)["cylinder"]
 CONES = ConeSensing(compute_base_radius(HAND), contact_offset_m=0.001)
 SCENE = build_scene(HAND, CYLINDER, "palm")
-STANDING_OPTIONS = ImportOptions(object_poses={"cylinder": make_standing_pose()}, baseline_frames=100)
+STANDING_OPTIONS = ImportOptions(HAND, object_poses={"cylinder": make_standing_pose()}, baseline_frames=100)
 
 
 @cache
@@ -272,7 +272,7 @@ def test_with_joints_of_arm_and_hand_the_world_frame_is_the_robot_base(tmp_path)
     points = write_csv(
         tmp_path / "p.csv", ["grasp", "object", "approach", "x", "y", "z"], [["a", "cylinder", "?", *centre]]
     )
-    options = ImportOptions(object_poses={"cylinder": object_pose}, baseline_frames=100)
+    options = ImportOptions(HAND, object_poses={"cylinder": object_pose}, baseline_frames=100)
     import_active(points, tmp_path / "sim.h5", joints=joints, options=options)
     with GraspDataset(tmp_path / "sim.h5") as data:
         data.check()
@@ -328,6 +328,7 @@ def test_grasp_ids_sort_in_the_order_of_the_file(tmp_path):
         )
         joints = write_csv(tmp_path / "j.csv", header, [[name, *motion.joint_angles[end]] for name in names])
         options = ImportOptions(
+            HAND,
             object_poses={"cylinder": make_standing_pose()},
             wrist_pose=motion.link_poses[end, 0],
             baseline_frames=100,
@@ -346,7 +347,7 @@ def test_equal_files_and_seeds_give_equal_counts_and_another_seed_differs(tmp_pa
     )
     counts = []
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
-        options = ImportOptions(object_poses=STANDING_OPTIONS.object_poses, baseline_frames=100, seed=seed)
+        options = ImportOptions(HAND, object_poses=STANDING_OPTIONS.object_poses, baseline_frames=100, seed=seed)
         import_contacts(contacts, tmp_path / f"{name}.h5", joints=joints, options=options)
         with GraspDataset(tmp_path / f"{name}.h5") as data:
             counts.append(data["0001"].raw_counts)
@@ -359,7 +360,7 @@ def test_a_failed_import_creates_no_file_and_keeps_an_existing_one(tmp_path):
     joints = write_joints_file(tmp_path / "j.csv")
     before = sorted(tmp_path.iterdir())
     with pytest.raises(ValueError, match="baseline"):
-        import_contacts(contacts, tmp_path / "sim.h5", joints=joints, options=ImportOptions())
+        import_contacts(contacts, tmp_path / "sim.h5", joints=joints, options=ImportOptions(HAND))
     assert sorted(tmp_path.iterdir()) == before
     (tmp_path / "sim.h5").write_bytes(b"earlier content")
     with pytest.raises(DatasetError, match=r"sim\.h5"):
@@ -370,7 +371,10 @@ def test_a_failed_import_creates_no_file_and_keeps_an_existing_one(tmp_path):
 def test_progress_names_each_step_and_ends_with_the_last_grasp(tmp_path):
     reports = []
     options = ImportOptions(
-        object_poses=STANDING_OPTIONS.object_poses, baseline_frames=100, progress=lambda *report: reports.append(report)
+        HAND,
+        object_poses=STANDING_OPTIONS.object_poses,
+        baseline_frames=100,
+        progress=lambda *report: reports.append(report),
     )
     contacts, joints = (
         write_contacts_file(tmp_path / "c.csv", find_tip_contacts()),

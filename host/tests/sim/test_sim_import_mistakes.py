@@ -19,7 +19,7 @@ ROBOT = load_robot(HAND.robot).get_subtree("palm")
 WRIST = make_pose([0.5, 0.0, 0.3], [1, 0, 0, 0])
 CENTRES = compute_taxel_positions(HAND, WRIST @ Kinematics(ROBOT, HAND).compute_sensor_poses([0.0] * 16))
 OPTIONS = ImportOptions(
-    object_poses={"cylinder": make_pose([0.535, 0, 0.2], [1, 0, 0, 0])}, wrist_pose=WRIST, baseline_frames=100
+    HAND, object_poses={"cylinder": make_pose([0.535, 0, 0.2], [1, 0, 0, 0])}, wrist_pose=WRIST, baseline_frames=100
 )
 
 X, Y, Z = CENTRES[3].tolist()
@@ -211,7 +211,7 @@ def test_points_without_times_are_refused_for_joint_angles_with_times(tmp_path):
 
 
 def test_a_dataset_without_baseline_frames_is_refused_with_the_option_to_add_them(tmp_path):
-    options = ImportOptions(object_poses=OPTIONS.object_poses, wrist_pose=WRIST)
+    options = ImportOptions(HAND, object_poses=OPTIONS.object_poses, wrist_pose=WRIST)
     message = read_import_error(tmp_path, import_contacts, CONTACTS, options=options)
     assert (
         "expected 100 frames of phase 0 (baseline) in grasp '0001', found 0; taxels are active relative to a baseline"
@@ -221,14 +221,14 @@ def test_a_dataset_without_baseline_frames_is_refused_with_the_option_to_add_the
 
 
 def test_an_object_without_a_pose_is_refused(tmp_path):
-    options = ImportOptions(wrist_pose=WRIST, baseline_frames=100)
+    options = ImportOptions(HAND, wrist_pose=WRIST, baseline_frames=100)
     message = read_import_error(tmp_path, import_contacts, CONTACTS, options=options)
     assert "expected the pose of 'cylinder'" in message
     assert "calibration" in message
 
 
 def test_hand_joints_without_arm_joints_and_without_a_wrist_pose_are_refused(tmp_path):
-    options = ImportOptions(object_poses=OPTIONS.object_poses, baseline_frames=100)
+    options = ImportOptions(HAND, object_poses=OPTIONS.object_poses, baseline_frames=100)
     message = read_import_error(tmp_path, import_contacts, CONTACTS, options=options)
     assert "j.csv: line 1: expected 22 joints, or 16 joints and the pose of the wrist, found 16 joints only" in message
 

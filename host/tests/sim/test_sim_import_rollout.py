@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from taxel.grasp.objects import make_thesis_objects
+from taxel.grasp.objects import ASSUMED_SIZES, make_thesis_objects
 from taxel.grasp.plan import make_thesis_approaches
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
@@ -21,9 +21,9 @@ from taxel.sim.scene import build_scene
 from taxel.sim.sensing import Sensing, sense
 
 HAND = load_hand("allegro")
-CYLINDER = make_thesis_objects()["cylinder"]
+CYLINDER = make_thesis_objects(ASSUMED_SIZES)["cylinder"]
 SCENE = build_scene(HAND, CYLINDER, "palm")
-OPTIONS = ImportOptions(baseline_frames=100)
+OPTIONS = ImportOptions(HAND, baseline_frames=100)
 KNOWN_OBJECT = {"object": {"known": "cylinder"}}
 PALM_SITE = {"boards": {"palm": {"site": "palm_site"}}}
 STATES = ("qpos", "qvel", "mocap_pos", "mocap_quat", "qfrc_applied")
@@ -118,7 +118,7 @@ def test_the_object_shape_of_the_model_gives_the_same_forces_as_the_known_shape(
 
 @pytest.mark.parametrize("name", ["rectangular_prism", "triangular_prism"])
 def test_vertices_of_mesh_objects_are_imported(tmp_path, name):
-    item = make_thesis_objects()[name]
+    item = make_thesis_objects(ASSUMED_SIZES)[name]
     scene = build_scene(HAND, item, "palm")
     mujoco.mj_saveModel(scene.model, str(tmp_path / "model.mjb"))
     states = save_states(tmp_path, qpos=np.tile(scene.model.qpos0, (2, 1)))

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from taxel.grasp.objects import make_thesis_objects
+from taxel.grasp.objects import ASSUMED_SIZES, make_thesis_objects
 from taxel.grasp.plan import make_thesis_approaches
 from taxel.grasp.shapes import ConvexPolytope, Cylinder
 from taxel.grasp.timeline import Phase, Timeline
@@ -71,7 +71,7 @@ def test_loads_of_an_upright_solid_agree_with_the_numpy_reference(name):
 
 @cache
 def build_object_scene(name):
-    return build_scene(load_hand("allegro"), make_thesis_objects()[name], "palm")
+    return build_scene(load_hand("allegro"), make_thesis_objects(ASSUMED_SIZES)[name], "palm")
 
 
 @pytest.mark.parametrize("name", ["rectangular_prism", "cylinder"])

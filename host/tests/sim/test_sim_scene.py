@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from taxel.grasp.objects import GraspObject, make_thesis_objects
+from taxel.grasp.objects import ASSUMED_SIZES, GraspObject, make_thesis_objects
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.hand import load_hand
 from taxel.hand.errors import UnknownLinkError
@@ -14,7 +14,7 @@ from taxel.hand.transforms import apply, inverse
 from taxel.sim.scene import BACKING_M, build_scene
 
 HAND = load_hand("allegro")
-OBJECTS = make_thesis_objects()
+OBJECTS = make_thesis_objects(ASSUMED_SIZES)
 
 
 @pytest.fixture(scope="module")

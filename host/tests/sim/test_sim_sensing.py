@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from taxel.grasp.objects import MOUNT_STIFFNESS_N_PER_M, make_standing_pose, make_thesis_objects
+from taxel.grasp.objects import ASSUMED_SIZES, MOUNT_STIFFNESS_N_PER_M, make_standing_pose, make_thesis_objects
 from taxel.grasp.plan import make_thesis_approaches
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
@@ -19,7 +19,7 @@ from taxel.sim.separation import MISS_M
 from taxel.sim.soft_contact import LayerLaw
 
 HAND = load_hand("allegro")
-OBJECT = make_thesis_objects()["rectangular_prism"]
+OBJECT = make_thesis_objects(ASSUMED_SIZES)["rectangular_prism"]
 TIMELINE = Timeline(baseline_s=0.2, closing_s=2.0, hold_s=0.4, release_s=1.0, recovery_s=0.2)
 ROUNDING_N = 1e-6
 

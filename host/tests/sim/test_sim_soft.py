@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from taxel.grasp.objects import (
+    ASSUMED_SIZES,
     MOUNT_STIFFNESS_N_PER_M,
     MOUNT_STIFFNESS_NM_PER_RAD,
     make_standing_pose,
@@ -32,7 +33,7 @@ ONE_SIDE_OF_EACH_OBJECT = [key for key in APPROACHES if key.rsplit("_", 1)[-1] n
 
 @cache
 def build_object_scene(name):
-    return build_scene(HAND, make_thesis_objects()[name], "palm")
+    return build_scene(HAND, make_thesis_objects(ASSUMED_SIZES)[name], "palm")
 
 
 @cache
@@ -74,7 +75,7 @@ def test_the_layer_forces_balance_the_springs_of_the_object_mount(key):
     frames, wrench = motion.sensor_poses[end], motion.wrench[end]
     force = np.einsum("sij,sj->si", frames[:, :3, :3], wrench[:, :3])
     moment = np.einsum("sij,sj->si", frames[:, :3, :3], wrench[:, 3:])
-    centre = np.array([0.0, 0.0, make_thesis_objects()[APPROACHES[key].object].shape.height / 2, 1.0])
+    centre = np.array([0.0, 0.0, make_thesis_objects(ASSUMED_SIZES)[APPROACHES[key].object].shape.height / 2, 1.0])
     centre_at_end, centre_at_rest = motion.object_pose[end] @ centre, make_standing_pose() @ centre
     np.testing.assert_allclose(
         -force.sum(axis=0), MOUNT_STIFFNESS_N_PER_M * (centre_at_end - centre_at_rest)[:3], atol=tolerance_n
@@ -121,7 +122,7 @@ def test_the_penetration_rate_of_a_layer_piece_is_the_derivative_of_its_depth():
     key, scene = "cylinder-side_1", build_object_scene("cylinder")
     motion = simulate_approach(key)
     end = int(np.flatnonzero(motion.phase == Phase.HOLD)[-1])
-    soft = SoftContact(HAND, make_thesis_objects()["cylinder"].shape, LAW)
+    soft = SoftContact(HAND, make_thesis_objects(ASSUMED_SIZES)["cylinder"].shape, LAW)
     push = soft_push.SoftPush(scene, soft)
     data = mujoco.MjData(scene.model)
     for name, angle in zip(scene.joint_names, motion.joint_angles[end], strict=True):

@@ -94,7 +94,7 @@ def test_a_truncated_recording_gives_the_frames_before_the_truncation_and_then_a
     frame_counts = []
     for size in range(len(data) - 1, len(data) // 2, -9973):  # a prime step: truncation at varying positions
         truncated.write_bytes(data[:size])
-        with taxel.open(f"file:{truncated}") as skin:
+        with taxel.open(f"file:{truncated}", "allegro") as skin:
             replayed_frames = []
             with pytest.raises(CaptureError, match="cut short"):
                 collect_frames(skin, replayed_frames)
@@ -114,7 +114,7 @@ def test_a_flipped_bit_in_a_recording_loses_at_most_two_frames(tmp_path, recordi
     with closing(CaptureWriter(tmp_path / "flipped.bin", {"baud": 1e6})) as writer:
         for chunk in chunks:
             writer.write(chunk.data, chunk.arrival_ns)
-    with taxel.open(f"file:{tmp_path / 'flipped.bin'}") as skin:
+    with taxel.open(f"file:{tmp_path / 'flipped.bin'}", "allegro") as skin:
         replayed_frames = list(skin)
         assert skin.losses.frames_received + skin.losses.lost_on_wire == received
         assert skin.losses.lost_on_wire <= 2  # two if the flipped bit damages a delimiter between two frames
@@ -143,7 +143,7 @@ def test_a_recording_with_boards_of_another_size_is_refused(recording, allegro):
 
 def test_an_empty_recording_gives_no_frames_and_no_error(tmp_path):
     CaptureWriter(tmp_path / "a.bin").close()
-    with taxel.open(f"file:{tmp_path / 'a.bin'}") as skin:
+    with taxel.open(f"file:{tmp_path / 'a.bin'}", "allegro") as skin:
         assert list(skin) == []
         with pytest.raises(TaxelError, match="0 scans"):
             skin.take_baseline()
@@ -158,8 +158,8 @@ def test_frames_received_before_the_port_vanishes_are_delivered(fake_hub, record
     link.close()
     hub = fake_hub(on_start=data)
     monkeypatch.setattr("taxel.skin.skin.DISCOVERY_TIMEOUT_S", 0.1)
-    skin = taxel.open(hub.url)
-    with taxel.open(f"file:{recording[0]}") as replay:
+    skin = taxel.open(hub.url, "allegro")
+    with taxel.open(f"file:{recording[0]}", "allegro") as replay:
         expected = list(itertools.islice(replay, 10))
     received_frames = list(itertools.islice(skin, 10))
     assert all(is_same_frame(a, b) for a, b in zip(received_frames, expected, strict=True))

@@ -73,4 +73,4 @@ def test_the_guide_shows_every_command_and_its_plan_names_a_board_of_the_hand():
         assert part in guide_commands
     plan = next(text for kind, text in BLOCK.findall(GUIDE.read_text()) if "taxel_provisioning" in text)
     unique_id = re.search(r'unique_id = "(\w+)"', plan)[1]
-    assert unique_id in format_world(load_hand("allegro"), WorldSettings())
+    assert unique_id in format_world(load_hand("original"), WorldSettings())

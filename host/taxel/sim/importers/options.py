@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from taxel.grasp.objects import GraspObject, make_thesis_objects
+from taxel.grasp.objects import GraspObject, make_thesis_objects, select_object_sizes
 from taxel.hand import Hand, load_hand
 from taxel.sim.importers.csv_table import Progress, ignore_progress
 from taxel.sim.sensor_model import SimSensor
@@ -17,7 +17,7 @@ class ImportOptions:
     """Common options of all imports into a grasp dataset.
 
     Attributes:
-        objects: known shapes by name.
+        objects: known shapes by name; empty: the test objects of the thesis, in the sizes that belong to the hand.
         object_poses: calibrated poses f64[4, 4] in the world by name of the object.
         wrist_pose: f64[4, 4], pose of the wrist link in the world, for files with the joint angles of the hand only.
         baseline_frames: required number of frames of the phase baseline; frames without contact are added before a
@@ -27,8 +27,8 @@ class ImportOptions:
         progress: called with the current step and its progress.
     """
 
-    hand: Hand = field(default_factory=lambda: load_hand("allegro"))
-    objects: Mapping[str, GraspObject] = field(default_factory=make_thesis_objects)
+    hand: Hand = field(default_factory=lambda: load_hand("original"))
+    objects: Mapping[str, GraspObject] = field(default_factory=dict)
     object_poses: Mapping[str, FloatArray] = field(default_factory=dict)
     wrist_pose: FloatArray | None = None
     baseline_frames: int | None = None
@@ -36,6 +36,11 @@ class ImportOptions:
     seed: int = 1
     overwrite: bool = False
     progress: Progress = ignore_progress
+
+    def __post_init__(self) -> None:
+        """Complete the objects."""
+        if not self.objects:
+            object.__setattr__(self, "objects", make_thesis_objects(select_object_sizes(self.hand.robot)))
 
 
 @dataclass
