@@ -25,6 +25,8 @@ def open_skin(
     contains, else "original". rate_hz: highest rate of scans; None: the rate that the bus permits. frames: "plain"
     (16-bit counts) or "compact" (the same counts in fewer bytes; boards and hub must support the format); None: the
     URL's option `frames`, else "plain". The decoded frames are equal.
+    With the option `protocol=original`, the URL of a serial port, socket, file or emulator reads the original hub (see
+    `taxel.original_hub.open_original`); the default hand is then `original`.
 
     Raises `TaxelError` with one line for a missing port, a hub that does not respond, another protocol version, or a
     board that the hand does not have.
