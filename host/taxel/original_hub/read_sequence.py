@@ -9,7 +9,6 @@ from the position in the stream, even if the boards are seldom received or their
 
 from collections import Counter, defaultdict, deque
 from collections.abc import Mapping, Sequence
-from statistics import median
 from typing import Final, NamedTuple
 
 from taxel_protocol.original import EARLY_ADDRESSES, READ_SEQUENCE
@@ -27,8 +26,12 @@ ACTIVE_SHARE: Final = 0.25
 belongs to the order. A smaller share admits addresses that exist only in damaged messages."""
 
 PAUSE_MIN_MS: Final = 10.0
-"""Smallest excess of the longest median time between two boards over the second longest at which the longest is taken
-for the pause between two cycles, ms. The public firmware pauses for 50 ms; reading the palm takes 22 ms."""
+"""Smallest excess of the longest time between two boards over the second longest at which the longest is taken for
+the pause between two cycles, ms. The public firmware pauses for 50 ms; reading the palm takes 22 ms."""
+
+TOLERANCE: Final = 8
+"""Largest net number of bytes dropped or inserted between two messages that needs no explanation. A larger value
+confuses dropped bytes with a missing board: the shortest message has 20 bytes."""
 
 SUBSET_MAX: Final = 12
 """Largest number of absent boards for which the number of lost messages is computed exactly from the lost bytes."""
@@ -158,9 +161,10 @@ class ReadSequence:
         for pair in self._window:
             if pair.gap_ms is not None and pair.previous is not None:
                 gaps[pair.address].append(pair.gap_ms)
-        medians = sorted(((median(gaps[a]) if gaps[a] else 0.0, i) for i, a in enumerate(ring)), reverse=True)
-        if len(ring) > 1 and medians[0][0] - medians[1][0] >= PAUSE_MIN_MS:
-            return medians[0][1]
+        # The shortest of several times: a damaged timestamp must not look like a pause.
+        shortest = sorted(((min(gaps[a]) if len(gaps[a]) > 1 else 0.0, i) for i, a in enumerate(ring)), reverse=True)
+        if len(ring) > 1 and shortest[0][0] - shortest[1][0] >= PAUSE_MIN_MS:
+            return shortest[0][1]
         return min(range(len(ring)), key=lambda index: _public_rank(ring[index]))
 
     def locate(self, message: Placed, following: Sequence[Placed] = (), is_final: bool = True) -> Location | None:
@@ -175,7 +179,8 @@ class ReadSequence:
             return self._take_first(message)
         cycles = self._count_cycles(last, message)
         absent = self._list_absent(last, message, cycles)
-        if not discarded and (absent or message.address in self._skipped):
+        is_doubtful = not self._is_consistent(last, message) or (not discarded and message.address in self._skipped)
+        if is_doubtful:
             if not following and not is_final:
                 return None
             if following and self._is_consistent(last, following[0]) and not self._is_consistent(message, following[0]):
@@ -219,11 +224,11 @@ class ReadSequence:
         return second.start - first.start - (self._offsets[second.address] - self._offsets[first.address])
 
     def _is_consistent(self, first: Placed, second: Placed) -> bool:
-        """Whether the positions of two messages are those of an undamaged stream with all boards."""
+        """Whether the positions of two messages are those of a stream with all boards, but for a few bytes."""
         if second.address not in self._ranks:
             return False
-        step = self._compute_step(first, second)
-        return step >= 0 and step % self.size == 0
+        step = self._compute_step(first, second) + TOLERANCE
+        return step >= 0 and step % self.size <= 2 * TOLERANCE
 
     def _count_cycles(self, last: Placed, message: Placed) -> int:
         """Return the number of cycles that began after the message `last`, up to the next message."""

@@ -77,3 +77,24 @@ class BytesLink:
 
     def close(self) -> None:
         """Do nothing."""
+
+
+def damage_bytes(messages: Sequence[SentMessage], share: float, seed: int) -> tuple[bytes, list[bool]]:
+    """Damage a share of all bytes: changed, dropped, or preceded by an inserted byte, each with equal probability.
+
+    Returns the received bytes, and whether each message arrived undamaged.
+    """
+    rng = np.random.default_rng(seed)
+    pieces: list[bytes] = []
+    keep: list[bool] = []
+    for message in messages:
+        received = bytearray()
+        hits = rng.random(len(message.data)) < share
+        for byte, is_hit in zip(message.data, hits.tolist(), strict=True):
+            kind = int(rng.integers(3)) if is_hit else 3
+            received += bytes([(byte + int(rng.integers(1, 256))) % 256]) if kind == 0 else b""
+            received += bytes([int(rng.integers(256)), byte]) if kind == 2 else b""
+            received += bytes([byte]) if kind == 3 else b""
+        pieces.append(bytes(received))
+        keep.append(not hits.any())
+    return b"".join(pieces), keep
