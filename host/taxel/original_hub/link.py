@@ -16,7 +16,7 @@ from taxel.stream.encoder import encode_on_wire, encode_taxels
 from taxel.stream.frame_stream import has_arrivals
 from taxel.stream.frames import TaxelFrame
 from taxel.stream.original import NativeOriginalDecoder
-from taxel_protocol import FrameType, ReferenceDecoder
+from taxel_protocol import PROTOCOL_VERSION, FrameType, ReferenceDecoder
 from taxel_protocol.original import EARLY_ADDRESSES, TAXELS, OriginalFormat, OriginalMessage
 
 STATUS_PERIOD_US: Final = 1_000_000
@@ -229,12 +229,15 @@ class OriginalLink:
         return self._clock.take(message.timestamp_ms, message.position, discarded > 0)
 
     def _announce_restart(self, tick: Tick) -> None:
-        """Report a restart of the hub to the host as a hub of the project does: a new sequence, and its first frame."""
+        """Report a restart of the hub to the host as a hub of the project does: a new sequence, and its first frame.
+
+        The agreed version remains valid, because the link itself has not restarted.
+        """
         self._statistics.time_us = tick.time_us
         self._statistics.frames = 0
         self._status_us = None
         self._sequence = 0
-        self._replies.send_handshake(0, 0)
+        self._replies.send_handshake(0, PROTOCOL_VERSION)
 
     def _send_status_if_due(self, time_us: int) -> None:
         """Send the status frames once per `STATUS_PERIOD_US` of the hub's clock."""

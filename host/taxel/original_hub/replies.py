@@ -99,7 +99,7 @@ class HubReplies:
             self._waiting_tag = None
 
     def send_handshake(self, tag: int, version: int) -> None:
-        """Send a HUB_HANDSHAKE; tag 0 and version 0: the hub has restarted."""
+        """Send a HUB_HANDSHAKE; tag 0: the hub has restarted."""
         fields = _zero_fields(HubHandshake) | {"tag": tag, "unique_id": bytes(8), "version_chosen": version}
         fields |= {"version_min": PROTOCOL_VERSION_MIN, "version_max": PROTOCOL_VERSION}
         self._send(FrameType.HUB_HANDSHAKE, pack(HubHandshake, fields | {"uptime_us": self._statistics.time_us}))
