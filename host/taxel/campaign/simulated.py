@@ -16,7 +16,7 @@ from taxel.campaign.variation import Variation, sample_balanced_variation
 from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.recording.grasp_record import GraspRecord
-from taxel.sim.closing import RATE_HZ, SimulationSettings, simulate_grasp
+from taxel.sim.closing import RATE_HZ, GraspMotion, SimulationSettings, simulate_grasp
 from taxel.sim.original_sensing import OriginalRules, get_surface_heights, make_recorder_settings
 from taxel.sim.scene import Scene, build_scene
 from taxel.sim.sensing import Sensing, sense
@@ -93,10 +93,11 @@ def _scene(setup: Setup, name: str, rules: OriginalRules | None) -> Scene:
     return build_scene(setup.hand, setup.objects[name], WRIST_LINK, layer_m=heights)
 
 
-def simulate_planned_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSettings) -> GraspRecord:
-    """Simulate one planned grasp and return its record. The noise depends only on the seed and the grasp."""
-    rng = np.random.default_rng([settings.seed, _STREAM, *planned.id.encode()])
-    object_pose, item = setup.object_pose(planned.object), setup.objects[planned.object]
+def simulate_motion(setup: Setup, planned: PlannedGrasp, settings: SimSettings) -> GraspMotion:
+    """Simulate the motion and the contacts of one planned grasp.
+
+    With the sensing level "original" the motion contains the messages of the boards' contact sensors.
+    """
     law = settings.sensing.law if settings.sensing.level == "layer" else None
     rules = settings.sensing.original if settings.sensing.level == "original" else None
     recorder = None if rules is None else make_recorder_settings(setup.hand, rules)
@@ -105,9 +106,21 @@ def simulate_planned_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSet
     variation = settings.variation.for_object(planned.object)
     offset, grip = variation.apply(sample_balanced_variation(settings.seed, name, planned.iteration))
     simulation = SimulationSettings(
-        RATE_HZ, object_offset=offset, torque_scale=grip, object_pose=object_pose, law=law, recorder=recorder
+        RATE_HZ,
+        object_offset=offset,
+        torque_scale=grip,
+        object_pose=setup.object_pose(planned.object),
+        law=law,
+        recorder=recorder,
     )
-    motion = simulate_grasp(scene, approach, settings.timeline, simulation)
+    return simulate_grasp(scene, approach, settings.timeline, simulation)
+
+
+def simulate_planned_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSettings) -> GraspRecord:
+    """Simulate one planned grasp and return its record. The noise depends only on the seed and the grasp."""
+    rng = np.random.default_rng([settings.seed, _STREAM, *planned.id.encode()])
+    object_pose, item = setup.object_pose(planned.object), setup.objects[planned.object]
+    motion = simulate_motion(setup, planned, settings)
     sensed = sense(setup.hand, item.shape, motion, settings.sensing)
     counts_force = sensed.contact_force if sensed.signal_force is None else sensed.signal_force
     hold = motion.phase == Phase.HOLD

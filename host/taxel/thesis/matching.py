@@ -136,9 +136,7 @@ def measure(
     advance()
     targets = {name: PointTarget(item.clouds[name].points, name) for name in (SIM, SPREAD)}
     steps = dict(zip(STAGES, ((REAL, SIM), (FILTERED, SIM), (CLEANED, SIM), (CLEANED, SPREAD)), strict=True))
-    to_sim = {
-        stage: _measure_to_points(item.clouds[cloud], targets[target]) for stage, (cloud, target) in steps.items()
-    }
+    to_sim = {stage: measure_to_points(item.clouds[cloud], targets[target]) for stage, (cloud, target) in steps.items()}
     sim_points = {stage: len(item.clouds[target]) for stage, (_, target) in steps.items()}
     advance()
     cross = {
@@ -173,7 +171,7 @@ def _sweep_sor(item: ObjectClouds) -> tuple[dict[tuple[int, float], DistanceStat
     return stats, neighbours
 
 
-def _measure_to_points(cloud: ContactCloud, target: PointTarget) -> DistanceStats:
+def measure_to_points(cloud: ContactCloud, target: PointTarget) -> DistanceStats:
     """Measure the distances from a cloud to the nearest points of a target after alignment by ICP."""
     aligned = apply(align_to_points(cloud.points, target, name=cloud.name).transform, cloud.points)
     return DistanceStats.from_distances(compute_distances_to_cloud(aligned, target.points, cloud.name))

@@ -1,0 +1,95 @@
+"""Shares of the real-to-simulation distance that the effects explain, with intervals over seeds."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.stats import t as student_t
+
+from taxel.cloud.contact_cloud import ContactCloud
+from taxel.cloud.errors import CloudError
+from taxel.cloud.registration import PointTarget
+from taxel.thesis.matching import measure_to_points
+from taxel.thesis.own_gap.clouds import Points
+from taxel.thesis.own_gap.effects import NO_EFFECTS, OwnEffects, combine, switch
+
+Distances = dict[str, float]
+"""Mean distance from the real to the simulated points by name of the object, metres; NaN: a side has too few points."""
+
+ALL_OBJECTS: Final = "mean"
+"""Name of the mean over the objects."""
+
+CONFIDENCE: Final = 0.95
+"""Confidence of the intervals over seeds."""
+
+TOGETHER: Final = "together"
+"""Name of the row of all effects."""
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Shares of one effect in the distance with all effects, by name of the object; without unit.
+
+    alone: distance with this effect only minus distance without effects. removed: distance with all effects minus
+    distance with all others. Both relative to the distance with all effects.
+    """
+
+    alone: Mapping[str, float]
+    removed: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Mean of a value over seeds and half the width of its interval; NaN half width for a single seed."""
+
+    mean: float
+    half_width: float
+
+
+def compute_distances(real: Points, sim: Points) -> Distances:
+    """Compute the mean distances of the thesis (5.6.1) from the real to the simulated points, after alignment by ICP.
+
+    The mean over the objects is stored under `ALL_OBJECTS`.
+    """
+    distances = {name: _measure_mean(points, sim.get(name, np.empty((0, 3))), name) for name, points in real.items()}
+    return {**distances, ALL_OBJECTS: float(np.mean(list(distances.values())))}
+
+
+def _measure_mean(real: np.ndarray, sim: np.ndarray, name: str) -> float:
+    """Measure the mean distance of two clouds of an object, metres; NaN if they cannot be aligned."""
+    try:
+        return measure_to_points(ContactCloud.from_points(real, name=name), PointTarget(sim, name)).mean_m
+    except CloudError:
+        return float("nan")
+
+
+def compute_shares(
+    groups: tuple[str, ...], measure: Callable[[OwnEffects], Distances]
+) -> tuple[Distances, Distances, dict[str, Shares]]:
+    """Compute the distances without and with all effects, and the shares of each effect and of all together.
+
+    groups: rows of `effects.GROUPS`. measure: computes the distances with a combination of effects.
+    """
+    everything = combine(groups)
+    none, full = measure(NO_EFFECTS), measure(everything)
+    shares = {}
+    for group in groups:
+        alone, without = measure(switch(NO_EFFECTS, group, True)), measure(switch(everything, group, False))
+        shares[group] = Shares(_divide(alone, none, full), _divide(full, without, full))
+    shares[TOGETHER] = Shares(_divide(full, none, full), _divide(full, none, full))
+    return none, full, shares
+
+
+def _divide(larger: Distances, smaller: Distances, full: Distances) -> Distances:
+    """Return the difference of two distances relative to the distance with all effects, by object."""
+    return {name: (larger[name] - smaller[name]) / full[name] for name in full}
+
+
+def compute_interval(values: Sequence[float]) -> Interval:
+    """Compute the mean and the 95 % interval (Student's t) of one value for each seed."""
+    n = len(values)
+    if n < 2:
+        return Interval(float(np.mean(values)), float("nan"))
+    quantile = float(student_t.ppf(0.5 + CONFIDENCE / 2, n - 1))
+    return Interval(float(np.mean(values)), quantile * float(np.std(values, ddof=1)) / np.sqrt(n))

@@ -1,0 +1,177 @@
+"""Shares of the original programs' own errors in the real-to-simulation distance of the thesis (docs/thesis-gap.md).
+
+For each seed the real side is the emulated hand of `taxel thesis` (DIR/seed_N/real.h5, made if it is missing). The
+simulated side is the original contact plug-in, or the simulator with an elastic layer, with the tool poses of the
+hardware and with those of the original simulation. Every effect is applied alone to a comparison without effects, and
+removed alone from the comparison with all effects. Prints one table for each simulator, and writes all distances and
+shares to DIR/gap_shares.json.
+
+Example: python tools/thesis/gap_shares.py --out out/thesis-gap --seeds 1,2,3
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from taxel.campaign.emulated import run_emulated
+from taxel.campaign.progress import Progress
+from taxel.campaign.settings import EmulatedSettings
+from taxel.campaign.setup import Setup
+from taxel.campaign.simulated import SimSettings, run_simulated
+from taxel.grasp.original_plan import Setting
+from taxel.grasp.plan import make_thesis_plan
+from taxel.hand import load_hand
+from taxel.recording.grasp_dataset import GraspDataset
+from taxel.thesis.own_gap.clouds import (
+    MeasuredGrasp,
+    Points,
+    collect_layer_points,
+    collect_plugin_points,
+    collect_real_points,
+    read_measured_grasps,
+)
+from taxel.thesis.own_gap.effects import GROUPS, LAYER_GROUPS, OwnEffects
+from taxel.thesis.own_gap.plugin import simulate_plugin_grasps
+from taxel.thesis.own_gap.shares import (
+    ALL_OBJECTS,
+    TOGETHER,
+    Distances,
+    compute_distances,
+    compute_interval,
+    compute_shares,
+)
+from taxel.thesis.own_gap.taxel_sets import TaxelSets, make_taxel_sets
+from taxel.thesis.settings import EFFECTS, OBJECT_VARIATION, SIM_LAYER_M, SIM_VARIATION
+
+SIM_SEED = 2
+"""Seed of the simulator; its grasps do not vary, so that the seed changes nothing but the order and 4 counts of noise.
+"""
+
+SETTINGS: tuple[Setting, ...] = ("hardware", "simulation")
+"""Tool poses of the simulator: without and with the effect `tuned_poses`."""
+
+CollectSim = Callable[[OwnEffects], Points]
+
+
+def show(stage: str) -> Progress:
+    """Return a progress function that writes the stage and the finished share to standard error."""
+    return lambda done, total: print(f"\r{stage}: {done}/{total}", end="\n" if done == total else "", file=sys.stderr)
+
+
+def read_real(out: Path, seed: int, jobs: int | None) -> list[MeasuredGrasp]:
+    """Read the campaign on the emulated hand with a seed, and make it if it is missing or interrupted."""
+    path = out / f"seed_{seed}" / "real.h5"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    settings = EmulatedSettings(seed=seed, effects=EFFECTS, variation=OBJECT_VARIATION)
+    plan, setup = make_thesis_plan(seed), Setup(setting="hardware")
+    run_emulated(path, plan, settings, setup, jobs=jobs, resume=True, progress=show(f"hand, seed {seed}"))
+    with closing(GraspDataset(path)) as data:
+        return read_measured_grasps(data)
+
+
+def prepare_plugin(sets: TaxelSets, jobs: int | None) -> CollectSim:
+    """Simulate the grasps with the contact sensors of the original; return the function that gives the points."""
+    settings, hand = SimSettings(seed=SIM_SEED, variation=SIM_VARIATION), load_hand("original")
+    grasps = {
+        setting: simulate_plugin_grasps(
+            make_thesis_plan(SIM_SEED), settings, Setup(setting=setting), jobs, show(f"plug-in, poses of {setting}")
+        )
+        for setting in SETTINGS
+    }
+    return lambda effects: collect_plugin_points(hand, grasps[SETTINGS[effects.tuned_poses]], sets, effects)
+
+
+def prepare_layer(sets: TaxelSets, out: Path, jobs: int | None) -> CollectSim:
+    """Simulate the grasps with an elastic layer into DIR/layer_*.h5; return the function that gives the points."""
+    grasps, settings = {}, SimSettings(seed=SIM_SEED, variation=SIM_VARIATION)
+    for setting in SETTINGS:
+        path, setup = out / f"layer_{setting}.h5", Setup(setting=setting)
+        layer = Setup(replace(setup.hand, layer_m=SIM_LAYER_M), setting=setting)
+        progress = show(f"layer, poses of {setting}")
+        run_simulated(path, make_thesis_plan(SIM_SEED), settings, layer, jobs, resume=True, progress=progress)
+        with closing(GraspDataset(path)) as data:
+            grasps[setting] = read_measured_grasps(data)
+    return lambda effects: collect_layer_points(grasps[SETTINGS[effects.tuned_poses]], sets, effects)
+
+
+def evaluate(
+    real: Sequence[list[MeasuredGrasp]], collect_sim: CollectSim, sets: TaxelSets, groups: tuple[str, ...]
+) -> dict[str, Any]:
+    """Compute the distances and shares of all seeds: lists over the seeds, by row and object."""
+    cache: dict[OwnEffects, Points] = {}
+    per_seed = []
+    for grasps in real:
+
+        def measure(effects: OwnEffects, grasps: list[MeasuredGrasp] = grasps) -> Distances:
+            """Measure the distances of one seed with a combination of effects."""
+            key = replace(effects, coded_host=False, mask=False, rises=False)
+            if key not in cache:
+                cache[key] = collect_sim(key)
+            return compute_distances(collect_real_points(grasps, sets, effects), cache[key])
+
+        per_seed.append(compute_shares(groups, measure))
+    objects = list(per_seed[0][0])
+    return {
+        "sim_points": {str(key): {name: len(points) for name, points in value.items()} for key, value in cache.items()},
+        "none_m": {name: [none[name] for none, _, _ in per_seed] for name in objects},
+        "all_m": {name: [full[name] for _, full, _ in per_seed] for name in objects},
+        "shares": {
+            row: {
+                kind: {name: [getattr(shares[row], kind)[name] for _, _, shares in per_seed] for name in objects}
+                for kind in ("alone", "removed")
+            }
+            for row in (*groups, TOGETHER)
+        },
+    }
+
+
+def print_table(title: str, result: dict[str, Any]) -> None:
+    """Print the table of one simulator: mean and 95 % interval over the seeds, percent of the distance with all."""
+    print(f"\n{title}")
+    for label, key in (("without effects", "none_m"), ("all effects", "all_m")):
+        text = ", ".join(f"{name} {format_interval(values, 1e3)}" for name, values in result[key].items())
+        print(f"mean distance, {label}, mm: {text}")
+    objects = [name for name in result["none_m"] if name != ALL_OBJECTS]
+    print(f"| effect | alone, % | removed from all, % | {' | '.join(f'{name}, alone, removed' for name in objects)} |")
+    print("|---" * (3 + len(objects)) + "|")
+    for row, shares in result["shares"].items():
+        columns = [format_interval(shares[kind][ALL_OBJECTS], 100.0) for kind in ("alone", "removed")]
+        for name in objects:
+            columns.append(", ".join(f"{100 * sum(v) / len(v):+.1f}" for v in (shares[k][name] for k in shares)))
+        print(f"| {row} | {' | '.join(columns)} |")
+
+
+def format_interval(values: Sequence[float], scale: float) -> str:
+    """Format the mean of values over seeds and half the width of the 95 % interval, multiplied by `scale`."""
+    interval = compute_interval(values)
+    text = f"{scale * interval.mean:.2f}"
+    return text if interval.half_width != interval.half_width else f"{text} ± {scale * interval.half_width:.2f}"
+
+
+def main() -> None:
+    """Make the missing campaigns, compute the shares with both simulators, print and write them."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("out/thesis-gap"), help="folder of the campaigns")
+    parser.add_argument("--seeds", default="1,2,3", help="seeds of the real side, separated by commas")
+    parser.add_argument("--jobs", type=int, default=None, help="number of processes; default: one per core")
+    options = parser.parse_args()
+    seeds = [int(text) for text in options.seeds.split(",")]
+    sets = make_taxel_sets(load_hand("original"))
+    real = [read_real(options.out, seed, options.jobs) for seed in seeds]
+    print(f"seeds: {', '.join(map(str, seeds))}")
+    results = {
+        "plugin": evaluate(real, prepare_plugin(sets, options.jobs), sets, tuple(GROUPS)),
+        "layer": evaluate(real, prepare_layer(sets, options.out, options.jobs), sets, LAYER_GROUPS),
+    }
+    print_table("Original contact plug-in", results["plugin"])
+    print_table("Simulator with an elastic layer", results["layer"])
+    (options.out / "gap_shares.json").write_text(json.dumps({"seeds": seeds, **results}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
