@@ -16,6 +16,7 @@ from host.tests.original_hub.original_streams import ORDER, join, synthesise
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
 from taxel.link import CaptureWriter, LinkError
+from taxel.monitor import open_paced
 from taxel.skin import Skin
 from taxel_protocol import Command
 from taxel_protocol.original import FORMATS, READ_SEQUENCE
@@ -127,6 +128,15 @@ def test_file_of_bytes_is_read_as_a_recording(tmp_path: Path) -> None:
     assert [(f.address, f.cycle) for f in frames] == [(m.address, m.cycle) for m in sent]
     assert frames[0].raw_counts.tolist() == list(np.frombuffer(sent[0].data[7:-1], "<u2"))
     assert frames[0].time_s == pytest.approx(120.0)
+
+
+def test_file_of_bytes_is_played_at_the_speed_of_the_wire(tmp_path: Path) -> None:
+    path = tmp_path / "stream.raw"
+    path.write_bytes(join(synthesise(6)))
+    start_s = time.monotonic()
+    with open_paced(f"file:{path}?protocol=original", "original") as skin:
+        assert len(list(skin)) == 6 * len(ORDER)
+    assert 0.8 < time.monotonic() - start_s < 3.0
 
 
 def test_capture_file_of_bytes_keeps_the_arrival_times(tmp_path: Path) -> None:
