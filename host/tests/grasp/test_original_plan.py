@@ -1,0 +1,36 @@
+"""Recorded grasps of the original experiment: poses of the palm relative to the objects."""
+
+import pytest
+
+from taxel.grasp.objects import make_thesis_objects
+from taxel.grasp.original_plan import load_original_grasps
+from taxel.hand import load_hand
+from taxel.hand.transforms import apply
+
+GRASPS = load_original_grasps()
+IN_SIMULATION = sorted(key for key, grasp in GRASPS.items() if "simulation" in grasp.palm_poses)
+
+
+def compute_electrode_gap_mm(key, setting):
+    """Compute the smallest distance from an electrode centre of the palm board to the object, millimetres."""
+    palm = load_hand("original").find_board("palm")
+    centres = apply(GRASPS[key].palm_poses[setting] @ palm.pose, palm.kind.surface.position)
+    return 1e3 * float(make_thesis_objects()[key[0]].shape.signed_distance(centres).min())
+
+
+def test_the_original_simulation_has_a_pose_for_twelve_of_the_fifteen_approaches():
+    missing = {key for key in GRASPS if key not in IN_SIMULATION}
+    assert missing == {("triangular_prism", f"side_{index}") for index in (1, 2, 3)}
+
+
+@pytest.mark.parametrize("key", IN_SIMULATION, ids="-".join)
+def test_the_palm_is_at_most_1_mm_from_the_object_in_a_pose_of_the_original_simulation(key):
+    # These poses were moved by hand until tips of 0.5 mm touched, so that a wrong mount or object size would show here.
+    assert 0.1 < compute_electrode_gap_mm(key, "simulation") < 1.1
+
+
+def test_the_recorded_hardware_poses_place_the_palm_from_3_mm_inside_to_7_mm_before_the_nominal_object():
+    # docs/assumptions.md states this range: object or arm were millimetres away from their nominal poses.
+    gaps = [compute_electrode_gap_mm(key, "hardware") for key in GRASPS]
+    assert min(gaps) == pytest.approx(-3.2, abs=0.1)
+    assert max(gaps) == pytest.approx(6.9, abs=0.1)
