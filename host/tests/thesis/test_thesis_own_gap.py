@@ -1,7 +1,9 @@
 """Causes of the thesis's own gap: each effect changes exactly the points that it should, and the shares add up."""
 
+import importlib.util
 from contextlib import closing
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -242,3 +244,14 @@ def test_interval_of_three_seeds_is_that_of_student():
     assert interval.mean == 2.0
     assert interval.half_width == pytest.approx(4.303 / np.sqrt(3.0), rel=1e-3)
     assert np.isnan(compute_interval([1.0]).half_width)
+
+
+def test_frozen_masked_taxels_keep_their_first_count_and_all_other_counts_stay():
+    path = Path(__file__).parents[3] / "tools/thesis/diagnose_own_gap.py"
+    spec = importlib.util.spec_from_file_location("diagnose_own_gap", path)
+    tool = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tool)
+    counts = np.random.default_rng(3).integers(0, 60_000, (4, HAND.n_taxels), dtype=np.uint16)
+    frozen = tool.freeze_masked(counts.copy())
+    assert (frozen[:, SETS.is_masked] == counts[0, SETS.is_masked]).all()
+    np.testing.assert_array_equal(frozen[:, ~SETS.is_masked], counts[:, ~SETS.is_masked])
