@@ -108,5 +108,8 @@ def find_plugin_contacts(hand: Hand, grasps: Sequence[PluginGrasp], effects: Own
             messages = [*earlier, *grasp.messages]
             time_s = np.array([grasp.saved_s])
             active[row] = sense_messages(hand, grasp.sensor_pose[None], time_s, messages, rules).active[0]
-            earlier = [replace(message, time_s=message.time_s - ITERATION_S) for message in messages]
+            # Only a message with contacts outlasts its grasp: without stale contacts, the first messages of the next
+            # grasp replace or clear the points of every board.
+            kept = [message for message in messages if message.entries] if rules.stale_contacts else []
+            earlier = [replace(message, time_s=message.time_s - ITERATION_S) for message in kept]
     return active
