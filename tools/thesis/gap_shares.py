@@ -63,15 +63,18 @@ def show(stage: str) -> Progress:
     return lambda done, total: print(f"\r{stage}: {done}/{total}", end="\n" if done == total else "", file=sys.stderr)
 
 
-def read_real(out: Path, seed: int, jobs: int | None) -> list[MeasuredGrasp]:
-    """Read the campaign on the emulated hand with a seed, and make it if it is missing or interrupted."""
+def read_real(out: Path, seed: int, grasps: int | None, jobs: int | None) -> list[MeasuredGrasp]:
+    """Read the campaign on the emulated hand with a seed, and make it if it is missing or interrupted.
+
+    grasps: only the first ones of the plan; None: all.
+    """
     path = out / f"seed_{seed}" / "real.h5"
     path.parent.mkdir(parents=True, exist_ok=True)
     settings = EmulatedSettings(seed=seed, effects=EFFECTS, variation=OBJECT_VARIATION)
-    plan, setup = make_thesis_plan(seed), Setup(setting="hardware")
+    plan, setup = make_thesis_plan(seed)[:grasps], Setup(setting="hardware")
     run_emulated(path, plan, settings, setup, jobs=jobs, resume=True, progress=show(f"hand, seed {seed}"))
     with closing(GraspDataset(path)) as data:
-        return read_measured_grasps(data)
+        return read_measured_grasps(data)[: len(plan)]
 
 
 def prepare_plugin(sets: TaxelSets, jobs: int | None) -> CollectSim:
@@ -158,11 +161,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("out/thesis-gap"), help="folder of the campaigns")
     parser.add_argument("--seeds", default="1,2,3", help="seeds of the real side, separated by commas")
+    parser.add_argument("--grasps", type=int, default=None, help="first grasps of the plan on the hand; default: all")
     parser.add_argument("--jobs", type=int, default=None, help="number of processes; default: one per core")
     options = parser.parse_args()
     seeds = [int(text) for text in options.seeds.split(",")]
     sets = make_taxel_sets(load_hand("original"))
-    real = [read_real(options.out, seed, options.jobs) for seed in seeds]
+    real = [read_real(options.out, seed, options.grasps, options.jobs) for seed in seeds]
     print(f"seeds: {', '.join(map(str, seeds))}")
     results = {
         "plugin": evaluate(real, prepare_plugin(sets, options.jobs), sets, tuple(GROUPS)),
