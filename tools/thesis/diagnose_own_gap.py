@@ -10,16 +10,18 @@ Example: python tools/thesis/diagnose_own_gap.py --out out/thesis-gap/diagnosis
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from taxel.campaign.setup import Setup
 from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.errors import TaxelError
+from taxel.gap.catalogue import DROPOUT
 from taxel.gap.diagnosis import diagnose
 from taxel.grasp.original_plan import Setting
 from taxel.grasp.plan import make_thesis_plan
@@ -105,12 +107,19 @@ def describe_diagnosis(real: Path, sim: Path) -> str:
     except TaxelError as error:
         return f"refused | | {str(error).replace(f'{real.parent}/', '')}"
     verdict, gap = report["verdict"], report["gap"]
-    named = [
-        f"{entry['name']} ({100 * entry['shapley_share']:.0f} %)" for entry in report["effects"] if entry["in_verdict"]
-    ]
+    named = [_describe_effect(entry) for entry in report["effects"] if entry["in_verdict"]]
     unknown = [name for name in verdict["effects"] if name == "unknown"]
     numbers = f"{verdict['status']}, {gap['value']:.1f} counts (floor {gap['floor']:.1f})"
     return f"{numbers} | {', '.join([*named, *unknown]) or '-'} | {'; '.join(report['losses']) or '-'}"
+
+
+def _describe_effect(entry: Mapping[str, Any]) -> str:
+    """Describe a named effect: its share of the reducible gap, and for a dropout the number of its taxels."""
+    text = f"{entry['name']} ({100 * entry['shapley_share']:.0f} %"
+    if entry["name"] == DROPOUT:
+        taxels = np.array(entry["parameters"]["taxels"]["value"], np.int64)
+        text += f"; {len(taxels)} taxels, {np.count_nonzero(SETS.is_masked[taxels])} of them masked"
+    return text + ")"
 
 
 def make_pairs(out: Path, iterations: int, wanted: set[str]) -> dict[str, tuple[Path, Path]]:
