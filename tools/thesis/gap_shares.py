@@ -139,21 +139,21 @@ def print_table(title: str, result: dict[str, Any]) -> None:
     for label, key in (("without effects", "none_m"), ("all effects", "all_m")):
         text = ", ".join(f"{name} {format_interval(values, 1e3)}" for name, values in result[key].items())
         print(f"mean distance, {label}, mm: {text}")
-    objects = [name for name in result["none_m"] if name != ALL_OBJECTS]
-    print(f"| effect | alone, % | removed from all, % | {' | '.join(f'{name}, alone, removed' for name in objects)} |")
-    print("|---" * (3 + len(objects)) + "|")
+    names = [ALL_OBJECTS, *(name for name in result["none_m"] if name != ALL_OBJECTS)]
+    print(f"| effect | {' | '.join(f'{name}: alone, % | removed, %' for name in names)} |")
+    print("|---" * (1 + 2 * len(names)) + "|")
     for row, shares in result["shares"].items():
-        columns = [format_interval(shares[kind][ALL_OBJECTS], 100.0) for kind in ("alone", "removed")]
-        for name in objects:
-            columns.append(", ".join(f"{100 * sum(v) / len(v):+.1f}" for v in (shares[k][name] for k in shares)))
+        columns = (format_interval(shares[kind][name], 100.0) for name in names for kind in ("alone", "removed"))
         print(f"| {row} | {' | '.join(columns)} |")
+    for key, points in result["sim_points"].items():
+        print(f"simulated points, {key}: {', '.join(f'{name} {number}' for name, number in points.items())}")
 
 
 def format_interval(values: Sequence[float], scale: float) -> str:
     """Format the mean of values over seeds and half the width of the 95 % interval, multiplied by `scale`."""
     interval = compute_interval(values)
-    text = f"{scale * interval.mean:.2f}"
-    return text if interval.half_width != interval.half_width else f"{text} ± {scale * interval.half_width:.2f}"
+    text = f"{scale * interval.mean:.1f}"
+    return text if interval.half_width != interval.half_width else f"{text} ± {scale * interval.half_width:.1f}"
 
 
 def main() -> None:

@@ -48,12 +48,8 @@ class Interval:
 
 
 def compute_distances(real: Points, sim: Points) -> Distances:
-    """Compute the mean distances of the thesis (5.6.1) from the real to the simulated points, after alignment by ICP.
-
-    The mean over the objects is stored under `ALL_OBJECTS`.
-    """
-    distances = {name: _measure_mean(points, sim.get(name, np.empty((0, 3))), name) for name, points in real.items()}
-    return {**distances, ALL_OBJECTS: float(np.mean(list(distances.values())))}
+    """Compute the mean distances (thesis, 5.6.1) from the real to the simulated points, after alignment by ICP."""
+    return {name: _measure_mean(points, sim.get(name, np.empty((0, 3))), name) for name, points in real.items()}
 
 
 def _measure_mean(real: np.ndarray, sim: np.ndarray, name: str) -> float:
@@ -69,16 +65,34 @@ def compute_shares(
 ) -> tuple[Distances, Distances, dict[str, Shares]]:
     """Compute the distances without and with all effects, and the shares of each effect and of all together.
 
-    groups: rows of `effects.GROUPS`. measure: computes the distances with a combination of effects.
+    groups: rows of `effects.GROUPS`. measure: computes the distances with a combination of effects. The results have
+    the mean over the objects under `ALL_OBJECTS`; an object without a distance in any combination is left out of it.
     """
     everything = combine(groups)
-    none, full = measure(NO_EFFECTS), measure(everything)
+    combinations = {
+        NO_EFFECTS,
+        everything,
+        *(switch(NO_EFFECTS, group, True) for group in groups),
+        *(switch(everything, group, False) for group in groups),
+    }
+    distances = _add_mean({effects: measure(effects) for effects in combinations})
+    none, full = distances[NO_EFFECTS], distances[everything]
     shares = {}
     for group in groups:
-        alone, without = measure(switch(NO_EFFECTS, group, True)), measure(switch(everything, group, False))
+        alone, without = distances[switch(NO_EFFECTS, group, True)], distances[switch(everything, group, False)]
         shares[group] = Shares(_divide(alone, none, full), _divide(full, without, full))
     shares[TOGETHER] = Shares(_divide(full, none, full), _divide(full, none, full))
     return none, full, shares
+
+
+def _add_mean(distances: Mapping[OwnEffects, Distances]) -> dict[OwnEffects, Distances]:
+    """Add the mean over the objects that have a distance in every combination, under `ALL_OBJECTS`."""
+    names = next(iter(distances.values()))
+    measured = [name for name in names if all(np.isfinite(row[name]) for row in distances.values())]
+    return {
+        effects: {**row, ALL_OBJECTS: float(np.mean([row[name] for name in measured])) if measured else float("nan")}
+        for effects, row in distances.items()
+    }
 
 
 def _divide(larger: Distances, smaller: Distances, full: Distances) -> Distances:
