@@ -101,7 +101,7 @@ def freeze_masked(counts: CountArray) -> CountArray:
 
 
 def describe_diagnosis(real: Path, sim: Path) -> str:
-    """Diagnose a pair and describe the result as the cells of a table row: verdict, effects, stated differences."""
+    """Diagnose a pair and describe the result as part of a table row: verdict, effects, stated differences."""
     try:
         report = diagnose(real, sim).report
     except TaxelError as error:
