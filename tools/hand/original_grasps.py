@@ -16,7 +16,9 @@ import numpy as np
 from original_figures import read_rows
 from original_robot import MOUNT_M, MOUNT_QUATERNION
 
-from taxel.hand.transforms import inverse, make_pose, to_quaternion
+from taxel.grasp.objects import ORIGINAL_SIZES, make_thesis_objects
+from taxel.hand import load_hand
+from taxel.hand.transforms import apply, inverse, make_pose, to_quaternion
 from taxel.types import FloatArray
 
 OUT: Final = Path(__file__).parents[2] / "host/taxel/grasp/original_grasps.toml"
@@ -32,6 +34,9 @@ BASE_M: Final = (-0.0093, 0.3375, 0.99275)
 OBJECT_TURN_RAD: Final = -np.pi / 2
 """Rotation about z from the original frame of the object, whose box is 35 mm wide in x, to that of this project."""
 
+CONTACT_M: Final = 0.0006
+"""Distance of the nearest palm electrode from the object, metres: median of the 12 recorded poses of the simulation."""
+
 OBJECTS: Final = {"rect": "rectangular_prism", "cyl": "cylinder", "tri": "triangular_prism"}
 APPROACHES: Final = {
     "rect": ("wide_side_1", "narrow_side_1", "wide_side_2", "narrow_side_2", "top", "side_edge"),
@@ -44,8 +49,8 @@ HEADER: Final = """\
 #
 # position_m, quaternion_wxyz: pose of the palm link in the frame of the object. hardware: as on the arm; simulation: as
 # in the original simulation, where the pose was moved by hand until the palm touched the object. finger_bases_rad:
-# measured angles of joint 0 of index, middle and pinkie in each iteration. Sides 2 and 3 of the triangular prism are in
-# no file.
+# measured angles of joint 0 of index, middle and pinkie in each iteration. Of the sides of the triangular prism, only
+# the hardware's pose at side 1 is recorded; its pose in the simulation is the same pose, moved to contact.
 
 [object]
 """
@@ -73,6 +78,20 @@ def compute_palm_pose(row: dict[str, str]) -> FloatArray:
     turned = make_pose([0.0, 0.0, 0.0], [0.0, 0.5**0.5, 0.0, 0.5**0.5])
     world = make_pose(OBJECT_M, [1.0, 0.0, 0.0, 0.0]) @ make_turn(OBJECT_YAW_RAD - OBJECT_TURN_RAD)
     return np.asarray(inverse(world) @ tool @ mount @ turned)
+
+
+def move_to_contact(pose: FloatArray) -> FloatArray:
+    """Move the palm along its normal until its nearest electrode is `CONTACT_M` from the triangular prism."""
+    hand = load_hand("original")
+    board = hand.find_board("palm")
+    assert board.pose is not None
+    electrodes = apply(board.pose, hand.position[hand.get_slice(board.address)])
+    shape = make_thesis_objects(ORIGINAL_SIZES)["triangular_prism"].shape
+    result = pose.copy()
+    for _ in range(20):
+        distance = float(shape.signed_distance(apply(result, electrodes)).min())
+        result[:3, 3] += (distance - CONTACT_M) * result[:3, 0]
+    return result
 
 
 def format_pose(pose: FloatArray) -> list[str]:
@@ -103,6 +122,9 @@ def format_grasps() -> str:
                 if (row["object"], row["grasp"]) == (short, f"grasp_{index}"):
                     lines += ["", f"[grasps.{OBJECTS[short]}.{approach}.{row['setting']}]"]
                     lines += format_pose(compute_palm_pose(row))
+                    if (short, approach) == ("tri", "side_1"):  # no pose of the simulation is recorded
+                        lines += ["", f"[grasps.{OBJECTS[short]}.{approach}.simulation]"]
+                        lines += format_pose(move_to_contact(compute_palm_pose(row)))
     return "\n".join(lines) + "\n"
 
 

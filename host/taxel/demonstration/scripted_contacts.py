@@ -19,11 +19,11 @@ FIRST_CONTACT_S = 20.0
 """Start of the first contact in virtual seconds: later than discovery and a baseline of 100 samples at 19 scans/s."""
 
 DEMO_CONTACTS = (
-    Indentation("palm", 6.0, 5.0, 8.0, FIRST_CONTACT_S),
-    Indentation("fingertip_index", 6.0, 4.0, 3.0, FIRST_CONTACT_S + 1.0),
-    Indentation("fingertip_thumb", 8.0, 4.0, 1.5, FIRST_CONTACT_S + 2.0),
-    Indentation("proximal_front_middle", 5.0, 5.0, 5.0, FIRST_CONTACT_S + 3.0),
-    Indentation("medial_front_pinkie", 4.0, 1.5, 2.0, FIRST_CONTACT_S + 4.0),
+    Indentation("palm", 3.0, 5.0, 8.0, FIRST_CONTACT_S),
+    Indentation("fingertip_index", 8.0, 4.0, 3.0, FIRST_CONTACT_S + 1.0),
+    Indentation("fingertip_pinkie", 10.0, 4.0, 1.5, FIRST_CONTACT_S + 2.0),
+    Indentation("proximal_front_middle", 6.0, 4.0, 5.0, FIRST_CONTACT_S + 3.0),
+    Indentation("medial_front_pinkie", 2.0, 2.5, 2.0, FIRST_CONTACT_S + 4.0),
     Indentation("back_of_hand", 3.0, 8.0, 12.0, FIRST_CONTACT_S + 5.0, diameter_m=0.024),
     Indentation("palm", 10.0, 2.0, 0.5, FIRST_CONTACT_S + 6.0, diameter_m=0.0019),
 )
