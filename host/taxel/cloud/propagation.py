@@ -12,21 +12,24 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from taxel.recording.grasp_tables import TaxelTable
-from taxel.types import BoolArray, FloatArray
+from taxel.types import BoolArray, FloatArray, IndexArray
 
-NEIGHBOUR_DISTANCE_M: Final = 0.0055
-"""Largest distance of neighbours on a board: the four taxels at the pitch of 5 mm, without the diagonal ones."""
+MAX_SPACING_RATIO: Final = 2.0
+"""Largest distance of two neighbours, divided by the distance of either one to its nearest taxel. Wider pairs lie on
+two sides of a gap between groups of taxels. The pitches of one board of the original hand differ by a factor of 1.7.
+"""
 
 
 @dataclass(frozen=True)
 class Propagation:
     """Rule by which taxels activate others.
 
-    reach_m: taxels of the same board up to this distance are activated. min_signal_counts: only taxels whose signal
-    exceeds this value activate others; 0, as in the thesis: every active taxel does.
+    reach_m: taxels of the same board up to this distance are activated; None: the adjacent taxels, whatever the pitch
+    (`_find_adjacent`). min_signal_counts: only taxels whose signal exceeds this value activate others; 0, as in the
+    thesis: every active taxel does.
     """
 
-    reach_m: float = NEIGHBOUR_DISTANCE_M
+    reach_m: float | None = None
     min_signal_counts: float = 0.0
 
     def find_neighbours(self, taxels: TaxelTable) -> csr_array:
@@ -37,7 +40,11 @@ class Propagation:
         pairs = [np.empty((0, 2), np.int64)]
         for board in np.unique(taxels.sensor):
             of_board = np.flatnonzero(taxels.sensor == board)
-            pairs.append(of_board[cKDTree(taxels.position[of_board]).query_pairs(self.reach_m, output_type="ndarray")])
+            position = taxels.position[of_board]
+            if self.reach_m is None:
+                pairs.append(of_board[_find_adjacent(position)])
+            else:
+                pairs.append(of_board[cKDTree(position).query_pairs(self.reach_m, output_type="ndarray")])
         one_way = np.concatenate(pairs)
         rows, columns = np.concatenate([one_way, one_way[:, ::-1]]).T
         return csr_array((np.ones(len(rows)), (rows, columns)), shape=(taxels.n, taxels.n))
@@ -54,3 +61,22 @@ class Propagation:
         rows = np.repeat(np.arange(len(strength)), np.diff(neighbours.indptr))
         np.maximum.at(strongest, rows, strength[neighbours.indices])
         return active | (strongest > 0.0), np.where(active, signal, strongest)
+
+
+def _find_adjacent(position: FloatArray) -> IndexArray:
+    """Pairs of adjacent points, [m, 2], of points f64[n, 3]: the relative neighbourhood graph (Toussaint 1980).
+
+    Two points are adjacent if no third point is nearer to both than they are to each other. On a grid these are the
+    four neighbours, also if the pitches of rows and columns differ; diagonal points are not adjacent. Pairs across a
+    gap (`MAX_SPACING_RATIO`) are left out.
+    """
+    distance = np.linalg.norm(position[:, None] - position, axis=2)
+    np.fill_diagonal(distance, np.inf)
+    nearest = distance.min(axis=1, initial=np.inf)
+    first, second = np.nonzero(np.triu(np.isfinite(distance) & (distance <= MAX_SPACING_RATIO * nearest[:, None])))
+    is_mutual = distance[first, second] <= MAX_SPACING_RATIO * nearest[second]
+    first, second = first[is_mutual], second[is_mutual]
+    between = np.maximum(distance[first], distance[second]).min(axis=1, initial=np.inf)
+    # The tolerance keeps pairs whose distance equals that of a third point up to rounding.
+    is_adjacent = distance[first, second] <= between * (1.0 + 1e-6)
+    return np.column_stack([first[is_adjacent], second[is_adjacent]])

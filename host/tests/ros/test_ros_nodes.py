@@ -250,10 +250,10 @@ def test_ros_2_node_publishes_only_the_original_topics(rclpy, recorded):
     with open_skin(f"file:{recorded.path}") as skin:
         publish_skin(skin, node, None, None, 0.5, Pace(None), has_original_topics=True)
     assert {topic for topic, _, _ in rclpy} == {f"/sensor_{board.address}_readings" for board in recorded.hand.boards}
-    frame = next(frame for frame in recorded.frames if frame.address == 0x20)
-    _, _, message = next(each for each in rclpy if each[0] == "/sensor_32_readings")
+    frame = next(frame for frame in recorded.frames if frame.address == 0x15)
+    _, _, message = next(each for each in rclpy if each[0] == "/sensor_21_readings")
     assert message.data == frame.raw_counts.tolist()
-    assert (message.sensor_num, message.timestamp) == (0x20, frame.hub_time_us // 1000)
+    assert (message.sensor_num, message.timestamp) == (0x15, frame.hub_time_us // 1000)
 
 
 def test_ros_2_without_taxel_msgs_gives_the_build_command(rclpy, recorded, monkeypatch):
