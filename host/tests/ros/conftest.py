@@ -28,7 +28,7 @@ def record_indented_hand(folder: Path, name: str, indentation: Indentation, join
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> RecordedSkin:
     """The Allegro hand with bent joints; the palm is indented."""
-    indentation = Indentation("palm", 3.0, 5.0, 20.0, start_s=9.5, hold_s=1.0)
+    indentation = Indentation("palm", 3.0, 5.0, 20.0, start_s=6.5, hold_s=1.0)
     return record_indented_hand(
         tmp_path_factory.mktemp("recorded"), "original", indentation, np.linspace(-0.3, 0.3, 22)
     )

@@ -142,7 +142,7 @@ def test_tf2_gives_the_bracket_poses_of_the_kinematics(received, recorded):
 
 
 def test_subscriber_receives_a_cloud_at_taxels_of_the_indented_board(received, recorded):
-    points = np.array(received["clouds"][-1])
+    points = np.array(received["clouds"][-2])  # the recording ends within the last poll cycle
     assert len(points) > 3
     assert (points[:, 6] > 150.0).all()
     centres = build_kinematics(recorded.hand).compute_taxel_positions(np.linspace(-0.2, 0.2, 22))
