@@ -36,12 +36,13 @@ from taxel.thesis.own_gap.effects import NO_EFFECTS, OwnEffects
 from taxel.thesis.own_gap.plugin import make_rules
 from taxel.thesis.own_gap.taxel_sets import get_centres, make_taxel_sets
 from taxel.thesis.settings import SIM_LAYER_M, SIM_VARIATION
-from taxel.types import CountArray
+from taxel.types import BoolArray, CountArray
 
 HAND_SEED, SIM_SEED = 3, 2
 """Seeds of the two sides, so that their noise of 4 counts differs."""
 
-SETS = make_taxel_sets(load_hand("original"))
+HAND = load_hand("original")
+SETS = make_taxel_sets(HAND)
 
 EditCounts = Callable[[CountArray], CountArray]
 
@@ -114,12 +115,24 @@ def describe_diagnosis(real: Path, sim: Path) -> str:
 
 
 def _describe_effect(entry: Mapping[str, Any]) -> str:
-    """Describe a named effect: its share of the reducible gap, and for a dropout the number of its taxels."""
+    """Describe a named effect: its share of the reducible gap, and for a dropout the boards and taxels on its lines."""
     text = f"{entry['name']} ({100 * entry['shapley_share']:.0f} %"
     if entry["name"] == DROPOUT:
-        taxels = np.array(entry["parameters"]["taxels"]["value"], np.int64)
-        text += f"; {len(taxels)} taxels, {np.count_nonzero(SETS.is_masked[taxels])} of them masked"
+        taxels = find_dropped_taxels(entry["parameters"])
+        boards = len(np.unique(HAND.sensor[taxels]))
+        text += (
+            f"; {taxels.sum()} taxels on {boards} boards, {np.count_nonzero(taxels & SETS.is_masked)} of them masked"
+        )
     return text + ")"
+
+
+def find_dropped_taxels(parameters: Mapping[str, Any]) -> BoolArray:
+    """Find the taxels of a dropout in a report, bool[n]: single taxels, taxels on lines, taxels of whole boards."""
+    dropped = np.zeros(HAND.n_taxels, bool)
+    dropped[np.array(parameters["taxels"]["value"], np.int64)] = True
+    for address, axis, index in parameters["lines"]["value"]:
+        dropped |= (HAND.sensor == address) & ((HAND.tx if axis == "tx" else HAND.rx) == index)
+    return np.asarray(dropped | np.isin(HAND.sensor, parameters["sensors"]["value"]))
 
 
 def make_pairs(out: Path, iterations: int, wanted: set[str]) -> dict[str, tuple[Path, Path]]:

@@ -247,12 +247,27 @@ def test_interval_of_three_seeds_is_that_of_student():
     assert np.isnan(compute_interval([1.0]).half_width)
 
 
-def test_frozen_masked_taxels_keep_their_first_count_and_all_other_counts_stay():
+@pytest.fixture(scope="module")
+def diagnose_tool():
+    """The module `tools/thesis/diagnose_own_gap.py`."""
     path = Path(__file__).parents[3] / "tools/thesis/diagnose_own_gap.py"
     spec = importlib.util.spec_from_file_location("diagnose_own_gap", path)
     tool = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(tool)
+    return tool
+
+
+def test_dropped_taxels_are_those_of_taxels_lines_and_boards(diagnose_tool):
+    values = {"taxels": [3], "lines": [[0x08, "tx", 5], [0x15, "rx", 0]], "sensors": [0x0C]}
+    dropped = diagnose_tool.find_dropped_taxels({name: {"value": value} for name, value in values.items()})
+    expected = (HAND.sensor == 0x0C) | ((HAND.sensor == 0x08) & (HAND.tx == 5))
+    expected |= (HAND.sensor == 0x15) & (HAND.rx == 0)
+    expected[3] = True
+    np.testing.assert_array_equal(dropped, expected)
+
+
+def test_frozen_masked_taxels_keep_their_first_count_and_all_other_counts_stay(diagnose_tool):
     counts = np.random.default_rng(3).integers(0, 60_000, (4, HAND.n_taxels), dtype=np.uint16)
-    frozen = tool.freeze_masked(counts.copy())
+    frozen = diagnose_tool.freeze_masked(counts.copy())
     assert (frozen[:, SETS.is_masked] == counts[0, SETS.is_masked]).all()
     np.testing.assert_array_equal(frozen[:, ~SETS.is_masked], counts[:, ~SETS.is_masked])
