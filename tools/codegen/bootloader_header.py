@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from c_header import format_enumeration, format_structure
+from generated_files import write_or_check
 
 from taxel_protocol import bootloader as boot
 from taxel_protocol.bootloader_images import build_image, build_record
@@ -94,14 +95,7 @@ def format_vectors() -> str:
 
 def main() -> int:
     """Write the C header and test vectors of the bootloader, or check that they are up to date."""
-    stale = 0
-    for path, text in ((HEADER, format_header()), (VECTORS, format_vectors())):
-        if "--check" not in sys.argv[1:]:
-            path.write_text(text)
-        elif not path.exists() or path.read_text() != text:
-            print(f"{path.name} is stale: run tools/codegen/bootloader_header.py", file=sys.stderr)
-            stale = 1
-    return stale
+    return write_or_check({HEADER: format_header(), VECTORS: format_vectors()})
 
 
 if __name__ == "__main__":

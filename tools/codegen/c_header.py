@@ -9,6 +9,7 @@ from enum import IntEnum
 from pathlib import Path
 
 from construct import Struct
+from generated_files import write_or_check
 
 from taxel_protocol import compact_tables, frames, limits, names, registers
 from taxel_protocol.layout import Field, list_fields
@@ -225,14 +226,7 @@ def format_text() -> str:
 
 def main() -> int:
     """Write the C header of the protocol, or check that it is up to date."""
-    if "--check" in sys.argv[1:]:
-        if not HEADER.exists() or HEADER.read_text() != format_text():
-            print(f"{HEADER.name} is stale: run `make generate`", file=sys.stderr)
-            return 1
-        return 0
-    HEADER.parent.mkdir(parents=True, exist_ok=True)
-    HEADER.write_text(format_text())
-    return 0
+    return write_or_check({HEADER: format_text()})
 
 
 if __name__ == "__main__":

@@ -13,6 +13,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from generated_files import write_or_check
+
 from taxel_protocol import compact
 from taxel_protocol.limits import COMPACT_TAXELS_MAX, PROTOCOL_VERSION
 
@@ -76,14 +78,7 @@ def format_text() -> str:
 
 def main() -> int:
     """Write the file of test vectors of compact frames, or check that it is up to date."""
-    path = VECTORS / "compact.json"
-    if "--check" in sys.argv[1:]:
-        if not path.exists() or path.read_text() != format_text():
-            print(f"{path.name} is stale: run `make generate`", file=sys.stderr)
-            return 1
-        return 0
-    path.write_text(format_text())
-    return 0
+    return write_or_check({VECTORS / "compact.json": format_text()})
 
 
 if __name__ == "__main__":

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from generated_files import write_or_check
+
 from taxel_protocol.framing import crc32, encode_body
 from taxel_protocol.limits import PROTOCOL_VERSION
 from taxel_protocol.names import FrameType
@@ -212,14 +214,7 @@ def format_text() -> str:
 
 def main() -> int:
     """Write the file of test vectors of damaged streams, or check that it is up to date."""
-    path = VECTORS / "damaged.json"
-    if "--check" in sys.argv[1:]:
-        if not path.exists() or path.read_text() != format_text():
-            print(f"{path.name} is stale: run `make generate`", file=sys.stderr)
-            return 1
-        return 0
-    path.write_text(format_text())
-    return 0
+    return write_or_check({VECTORS / "damaged.json": format_text()})
 
 
 if __name__ == "__main__":

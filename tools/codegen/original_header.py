@@ -7,6 +7,8 @@ python tools/codegen/original_header.py --check    exit status 1 if the file on 
 import sys
 from pathlib import Path
 
+from generated_files import write_or_check
+
 from taxel_protocol import original
 from taxel_protocol.original import FORMATS, OriginalFormat
 
@@ -59,13 +61,7 @@ def format_text() -> str:
 
 def main() -> int:
     """Write or check the header."""
-    if "--check" in sys.argv[1:]:
-        if not HEADER.exists() or HEADER.read_text() != format_text():
-            print(f"{HEADER.name} is stale: run `make generate`", file=sys.stderr)
-            return 1
-        return 0
-    HEADER.write_text(format_text())
-    return 0
+    return write_or_check({HEADER: format_text()})
 
 
 if __name__ == "__main__":

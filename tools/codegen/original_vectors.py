@@ -15,6 +15,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from generated_files import write_or_check
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "original"))
 
 from original_oracle import decode_stream
@@ -175,14 +177,7 @@ def format_text() -> str:
 
 def main() -> int:
     """Write or check the file."""
-    path = VECTORS / "original.json"
-    if "--check" in sys.argv[1:]:
-        if not path.exists() or path.read_text() != format_text():
-            print(f"{path.name} is stale: run `make generate`", file=sys.stderr)
-            return 1
-        return 0
-    path.write_text(format_text())
-    return 0
+    return write_or_check({VECTORS / "original.json": format_text()})
 
 
 if __name__ == "__main__":

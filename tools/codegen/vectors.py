@@ -18,6 +18,7 @@ from typing import Any
 
 from construct import Struct
 from field_values import SEED, compute_board_crc, fill_fields, find_tail_name, nest_values, to_json_values
+from generated_files import write_or_check
 from register_vectors import build_register_vectors
 
 from taxel_protocol import frames, limits, registers
@@ -315,21 +316,17 @@ def format_json(key: str, about: str, vectors: Sequence[Mapping[str, Any]]) -> s
 
 def main() -> int:
     """Write the files of test vectors of the protocol, or check that they are up to date."""
-    texts = {
-        "frames.json": format_json(
-            "frames", "UART frames: fields and bytes", [frame.vector for frame in build_all_frames()]
-        ),
-        "registers.json": format_json("registers", "I2C registers: fields and bytes", build_register_vectors()),
-    }
-    for name, text in texts.items():
-        path = VECTORS / name
-        if "--check" not in sys.argv[1:]:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text)
-        elif not path.exists() or path.read_text() != text:
-            print(f"{name} is stale: run `make generate`", file=sys.stderr)
-            return 1
-    return max(subprocess.run([sys.executable, str(HERE / name), *sys.argv[1:]]).returncode for name in GENERATORS)
+    frames = [frame.vector for frame in build_all_frames()]
+    status = write_or_check(
+        {
+            VECTORS / "frames.json": format_json("frames", "UART frames: fields and bytes", frames),
+            VECTORS / "registers.json": format_json(
+                "registers", "I2C registers: fields and bytes", build_register_vectors()
+            ),
+        }
+    )
+    runs = [subprocess.run([sys.executable, str(HERE / name), *sys.argv[1:]]).returncode for name in GENERATORS]
+    return max(status, *runs)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ the batch decoder of the host and the Python reference must deliver all other fr
 the same losses. Every hundredth stream is also parsed by construct. Exit status 1 at the first difference.
 """
 
-import argparse
 import multiprocessing
 import sys
 import time
@@ -23,6 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 from construct_oracle import TO_HOST, Frame, count_losses, parse_stream
+from stream_ranges import list_ranges, parse_options, print_difference
 
 from taxel.stream import StreamDecoder
 from taxel.stream.decoder import Batch
@@ -33,7 +33,6 @@ from taxel_protocol.frames import FRAMES
 from taxel_protocol.limits import ADDRESS_MIN, WHO_AM_I
 
 CONSTRUCT_EVERY = 100
-BLOCK = 2_000
 DAMAGES = ("flip", "byte", "insert", "delete", "repeat", "burst", "cut", "remove")
 TYPES = (
     *(kind for kind in FRAMES if kind < 0x80 and kind != FrameType.COMPACT_TAXELS),
@@ -209,25 +208,16 @@ def check_range(seed: int, first: int, count: int) -> tuple[Counter[str], float,
 
 def main() -> int:
     """Compare the decoders on damaged streams and print the counts."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--streams", type=int, default=500_000)
-    parser.add_argument("--seed", type=int, default=1, help="random seed (default: 1)")
-    parser.add_argument("--first", type=int, default=0, help="number of the first stream")
-    parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
-    arguments = parser.parse_args()
-    print(f"seed {arguments.seed}")
-    end = arguments.first + arguments.streams
-    ranges = [(arguments.seed, i, min(BLOCK, end - i)) for i in range(arguments.first, end, BLOCK)]
+    arguments = parse_options(__doc__, 500_000)
     tally: Counter[str] = Counter()
     seconds = 0.0
     start_s = time.monotonic()
     with multiprocessing.Pool(arguments.jobs) as pool:
-        for part, spent_s, difference in pool.imap(_check_part, ranges):
+        for part, spent_s, difference in pool.imap(_check_part, list_ranges(arguments)):
             tally += part
             seconds += spent_s
             if difference:
-                index = int(difference.split()[1].rstrip(":"))
-                print(f"{difference}; replay: --seed {arguments.seed} --first {index} --streams 1")
+                print_difference(difference, arguments.seed)
                 return 1
     wall = time.monotonic() - start_s
     lost = tally["frames"] - tally["intact"]

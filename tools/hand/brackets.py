@@ -7,13 +7,13 @@ a strip over the dome of the fingertips. The tables are written below a marker l
     python tools/hand/brackets.py [--check]
 """
 
-import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from written_files import write_or_compare
 
 from taxel.hand import BoardKind, load_hand
 from taxel.types import FloatArray
@@ -108,25 +108,20 @@ def format_geometry(kinds: dict[str, BoardKind]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main() -> int:
-    """Write the taxel positions of every packaged hand, or compare them with --check."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="write nothing; exit status 1 if a file is outdated")
-    is_check = parser.parse_args().check
-    outdated = []
+def format_descriptions() -> dict[Path, str]:
+    """Text of each description whose geometry this program computes, by path."""
+    texts = {}
     for path in sorted(DESCRIPTIONS.glob("*.toml")):
         text = path.read_text()
-        if MARKER not in text:  # another tool has written its positions
-            continue
-        kinds = {board.kind.name: board.kind for board in load_hand(path).boards}
-        expected = text.split(MARKER)[0].rstrip("\n") + "\n\n" + format_geometry(kinds)
-        if text != expected:
-            outdated.append(path.name)
-            if not is_check:
-                path.write_text(expected)
-    if outdated:
-        print(f"{'outdated' if is_check else 'written'}: {', '.join(outdated)}")
-    return 1 if is_check and outdated else 0
+        if MARKER in text:
+            kinds = {board.kind.name: board.kind for board in load_hand(path).boards}
+            texts[path] = text.split(MARKER)[0].rstrip("\n") + "\n\n" + format_geometry(kinds)
+    return texts
+
+
+def main() -> int:
+    """Write the geometry of the packaged hands; with --check only compare."""
+    return write_or_compare(format_descriptions(), __doc__.splitlines()[0])
 
 
 if __name__ == "__main__":

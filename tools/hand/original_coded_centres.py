@@ -6,12 +6,12 @@ The original host and the original contact plug-in contain these centres as numb
 tools/hand/original/taxels_*.csv. Kinds without such numbers are left out.
 """
 
-import argparse
 import sys
 from pathlib import Path
 from typing import Final
 
 from original_figures import FIGURES, read_coded_centres
+from written_files import write_or_compare
 
 TARGET: Final = Path(__file__).parents[2] / "host/taxel/hand/original/coded_centres.csv"
 
@@ -31,17 +31,8 @@ def format_table() -> str:
 
 
 def main() -> int:
-    """Write the table, or compare it with --check."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="write nothing; exit status 1 if the file is outdated")
-    is_check = parser.parse_args().check
-    text = format_table()
-    if TARGET.exists() and TARGET.read_text() == text:
-        return 0
-    if not is_check:
-        TARGET.write_text(text)
-    print(f"{'outdated' if is_check else 'written'}: {TARGET.name}")
-    return 1 if is_check else 0
+    """Write or compare the table."""
+    return write_or_compare({TARGET: format_table()}, __doc__.splitlines()[0])
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ object) and measured angles of the finger bases. The tool writes the pose of the
 which the description of the object is written (box: wide faces towards +y and -y).
 """
 
-import argparse
 import sys
 from pathlib import Path
 from typing import Final
@@ -15,6 +14,7 @@ from typing import Final
 import numpy as np
 from original_figures import read_rows
 from original_robot import MOUNT_M, MOUNT_QUATERNION
+from written_files import write_or_compare
 
 from taxel.grasp.objects import ORIGINAL_SIZES, make_thesis_objects
 from taxel.hand import load_hand
@@ -130,16 +130,7 @@ def format_grasps() -> str:
 
 def main() -> int:
     """Write or compare the file."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="write nothing; exit status 1 if the file is outdated")
-    is_check = parser.parse_args().check
-    text = format_grasps()
-    is_outdated = not OUT.exists() or OUT.read_text() != text
-    if is_outdated:
-        if not is_check:
-            OUT.write_text(text)
-        print(f"{'outdated' if is_check else 'written'}: {OUT.name}")
-    return 1 if is_check and is_outdated else 0
+    return write_or_compare({OUT: format_grasps()}, __doc__.splitlines()[0])
 
 
 if __name__ == "__main__":

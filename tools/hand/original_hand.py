@@ -6,7 +6,6 @@ Reads the figures in tools/hand/original. Writes `original`, `original_complete`
 descriptions and `ur5e_original` into the robot descriptions. --check only compares, exit status 1 if a file differs.
 """
 
-import argparse
 import sys
 from collections.abc import Sequence
 from functools import lru_cache
@@ -17,6 +16,7 @@ import numpy as np
 from original_boards import OriginalKind, build_kind
 from original_figures import OriginalBoard, compute_frames, read_boards, read_rows
 from original_robot import LINKS, compute_link_frames, format_robot, map_to_palm
+from written_files import write_or_compare
 
 from taxel.hand.transforms import inverse, to_quaternion
 from taxel.types import FloatArray
@@ -258,16 +258,7 @@ def format_all() -> dict[Path, str]:
 
 def main() -> int:
     """Write or compare the descriptions."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="write nothing; exit status 1 if a file is outdated")
-    is_check = parser.parse_args().check
-    outdated = [path for path, text in format_all().items() if not path.exists() or path.read_text() != text]
-    for path in outdated:
-        if not is_check:
-            path.write_text(format_all()[path])
-    if outdated:
-        print(f"{'outdated' if is_check else 'written'}: {', '.join(path.name for path in outdated)}")
-    return 1 if is_check and outdated else 0
+    return write_or_compare(format_all(), __doc__.splitlines()[0])
 
 
 if __name__ == "__main__":

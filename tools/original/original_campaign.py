@@ -10,7 +10,6 @@ get the stream in different random pieces; messages and counters must be equal. 
 by the construct definition (original_oracle.py). Exit status 1 at the first difference.
 """
 
-import argparse
 import multiprocessing
 import random
 import sys
@@ -20,15 +19,16 @@ from itertools import pairwise
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1] / "fuzz"))
 
 from original_oracle import decode_stream
+from stream_ranges import list_ranges, parse_options, print_difference
 
 from taxel.stream.original import NativeOriginalDecoder
 from taxel_protocol.original import FORMATS, OriginalFormat, OriginalMessage, encode_message
 from taxel_protocol.original_stream import OriginalDecoder
 
 ORACLE_EVERY = 100
-BLOCK = 2_000
 DENSE = {0x01: 3, 0x0A: 1, 0x0B: 2, 0x10: 4, 0x12: 5, 0x1D: 6}
 """Taxels of the short messages: lengths and addresses equal start values, end values and each other."""
 
@@ -147,23 +147,14 @@ def _check_part(part: tuple[int, int, int]) -> tuple[Counter[str], str | None]:
 
 def main() -> int:
     """Run the campaign and print the counts."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--streams", type=int, default=1_000_000)
-    parser.add_argument("--seed", type=int, default=1, help="random seed (default: 1)")
-    parser.add_argument("--first", type=int, default=0, help="number of the first stream")
-    parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
-    arguments = parser.parse_args()
-    print(f"seed {arguments.seed}")
-    end = arguments.first + arguments.streams
-    ranges = [(arguments.seed, i, min(BLOCK, end - i)) for i in range(arguments.first, end, BLOCK)]
+    arguments = parse_options(__doc__, 1_000_000)
     tally: Counter[str] = Counter()
     start_s = time.monotonic()
     with multiprocessing.Pool(arguments.jobs) as pool:
-        for part, difference in pool.imap(_check_part, ranges):
+        for part, difference in pool.imap(_check_part, list_ranges(arguments)):
             tally += part
             if difference:
-                index = int(difference.split()[1].rstrip(":"))
-                print(f"{difference}; replay: --seed {arguments.seed} --first {index} --streams 1")
+                print_difference(difference, arguments.seed)
                 return 1
     print(f"{tally['streams']} streams, {tally['bytes']} bytes, no difference")
     print(f"{tally['messages']} messages, {tally['discarded bytes']} bytes discarded")
