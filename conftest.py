@@ -1,4 +1,7 @@
-"""Profiles of Hypothesis for every test.
+"""Settings of every test: one BLAS thread per process, and the profiles of Hypothesis.
+
+Test processes run side by side on all cores: the threads of OpenBLAS would only wait for each other, which takes several
+times the processor time of the computation.
 
 The default profile draws the same examples in every run, so that a test either fails always or never. With
 `TAXEL_EXAMPLES=N` each property test draws N random examples instead, and a failure prints the code that repeats it.
@@ -7,6 +10,9 @@ The default profile draws the same examples in every run, so that a test either 
 import os
 
 from hypothesis import HealthCheck, settings
+
+# Before the first import of numpy, and inherited by the processes that tests start.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # How long a loaded machine takes to draw or run an example is no property of the code.
 COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow], "print_blob": True}
