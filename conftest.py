@@ -1,6 +1,6 @@
 """Settings of every test: one BLAS thread per process, and the profiles of Hypothesis.
 
-Test processes run side by side on all cores: the threads of OpenBLAS would only wait for each other, which takes several
+Test processes run in parallel on all cores: the threads of OpenBLAS would only wait for each other, which takes several
 times the processor time of the computation.
 
 The default profile draws the same examples in every run, so that a test either fails always or never. With

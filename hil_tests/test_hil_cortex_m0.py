@@ -15,7 +15,7 @@ import pytest
 
 from hil_tests.harness.virtual.images import PORT, ROOT, build_images, find_missing_tool
 from taxel.hand import Hand, load_hand
-from taxel.hand.description import Board
+from taxel.hand.boards import Board
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualMemoryLink, VirtualSMBus, VirtualWorld
 from taxel.skin import Skin

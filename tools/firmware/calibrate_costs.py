@@ -20,7 +20,7 @@ from hub_costs import measure_hub
 
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
-from taxel.hand.description import Board
+from taxel.hand.boards import Board
 from taxel.link.virtual import HandlerCost, VirtualWorld
 from taxel_protocol import SNAPSHOT_OVERHEAD
 from taxel_protocol.limits import REGISTER_SNAPSHOT

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from taxel.hand import Hand
-from taxel.hand.description import Board
+from taxel.hand.boards import Board
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualWorld
 from taxel_protocol.bootloader import BOOT_ROW_SIZE, BootDevice

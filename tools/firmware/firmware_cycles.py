@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from executed_world import BOARD_IMAGE, HUB_IMAGE, format_image_line, open_scanning_world
 
 from taxel.hand import Hand, load_hand
-from taxel.hand.description import Board
+from taxel.hand.boards import Board
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualMemoryLink, VirtualWorld
 from taxel.skin import Skin

@@ -7,7 +7,7 @@ import numpy as np
 
 from taxel.blind.hidden import Cause
 from taxel.hand import Hand
-from taxel.hand.description import Board
+from taxel.hand.boards import Board
 
 Rng = np.random.Generator
 SampleCause = Callable[[Rng, Hand, float], Cause]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
+from scipy.special import chdtrc, fdtrc, stdtrit
 
 from taxel.grasp.calibration_errors import CalibrationField
 from taxel.grasp.pose_fit import check_points, compute_cofactors, solve_kabsch, studentise
@@ -86,7 +86,7 @@ class PoseEstimate:
         distribution if it is given.
         """
         degrees = np.inf if self.sigma_given else self.degrees_of_freedom
-        factor = stats.t.ppf((1 + CONFIDENCE) / 2, degrees) if degrees else np.nan
+        factor = stdtrit(degrees, (1 + CONFIDENCE) / 2) if degrees else np.nan
         return np.asarray(factor * np.sqrt(np.diagonal(self.covariance)), dtype=np.float64)
 
     def warnings(self) -> tuple[str, ...]:
@@ -108,7 +108,7 @@ class PoseEstimate:
                     f"{values[worst]:.3g} times the value expected from the other points; measure it again or remove it"
                 )
         square = (self.points.weights[:, np.newaxis] * self.residuals_m**2).sum()
-        if self.sigma_given and stats.chi2.sf(square / self.sigma_m**2, self.degrees_of_freedom) < FALSE_ALARM:
+        if self.sigma_given and chdtrc(self.degrees_of_freedom, square / self.sigma_m**2) < FALSE_ALARM:
             sigma_mm = 1e3 * float(np.sqrt(square / self.degrees_of_freedom))
             lines.append(
                 f"{self.source}: expected residuals of {1e3 * self.sigma_m:.3g} mm (sigma_m), found {sigma_mm:.3g} mm; "
@@ -216,5 +216,5 @@ def _compute_survival(value: float, rank: float, remaining: float) -> float:
     rank, remaining: its two numbers of degrees of freedom; remaining is infinite for a given measurement error.
     """
     if np.isinf(remaining):
-        return float(stats.chi2.sf(rank * value**2, rank))  # the F distribution of scipy does not accept infinity
-    return float(stats.f.sf(value**2, rank, remaining))
+        return float(chdtrc(rank, rank * value**2))  # fdtrc does not accept infinity
+    return float(fdtrc(rank, remaining, value**2))

@@ -7,8 +7,10 @@
 slice(65, 95, None)
 """
 
-from taxel.hand.description import Board, BoardKind, Hand, list_packaged_hands, load_hand
+from taxel.hand.boards import Board, BoardKind
+from taxel.hand.description import Hand
 from taxel.hand.errors import UnknownBoardError
+from taxel.hand.loading import list_packaged_hands, load_hand
 from taxel.hand.schema import HandDescriptionError
 
 __all__ = [

@@ -3,7 +3,7 @@
 import zlib
 from typing import Any
 
-from taxel.hand.description import Board
+from taxel.hand.boards import Board
 from taxel_protocol.frames import BoardInfo
 from taxel_protocol.layout import list_fields, pack
 from taxel_protocol.limits import REGISTER_MAP_VERSION, SNAPSHOT_OVERHEAD

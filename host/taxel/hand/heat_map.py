@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.description import Board, Hand
+from taxel.hand.boards import Board
+from taxel.hand.description import Hand
 
 COLUMNS = 6
 TAXEL_SIDE = 0.86

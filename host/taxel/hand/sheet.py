@@ -9,7 +9,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.description import Board, BoardKind, Hand
+from taxel.hand.boards import Board, BoardKind
+from taxel.hand.description import Hand
 from taxel.hand.geometry import REFERENCE_AREA_M2, Surface
 from taxel.types import FloatArray
 

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.hand.description import Board, Hand
+from taxel.hand.boards import Board
+from taxel.hand.description import Hand
 from taxel.hand.errors import HandGeometryError
 from taxel.hand.robot import Joint, Robot, Shape
 from taxel.hand.transforms import to_rpy

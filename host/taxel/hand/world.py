@@ -7,7 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from taxel.hand.description import BoardKind, Hand
+from taxel.hand.boards import BoardKind
+from taxel.hand.description import Hand
 from taxel.hand.original_firmware import THESIS, OriginalFirmware, format_original
 from taxel.hand.sheet import build_sheet
 from taxel.types import FloatArray

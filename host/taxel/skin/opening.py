@@ -4,7 +4,7 @@ import os
 from typing import cast, get_args
 
 from taxel.hand import Hand, list_packaged_hands, load_hand
-from taxel.hand.description import parse_hand_description
+from taxel.hand.loading import parse_hand_description
 from taxel.link import Link, LinkError, open_link
 from taxel.original_hub import is_original_url, open_original
 from taxel.skin.skin import FrameFormat, Skin

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from typing import Any, Protocol
 
 from taxel.hand import Hand
-from taxel.hand.description import read_hand_text
+from taxel.hand.loading import read_hand_text
 from taxel.link import Chunk, Link
 from taxel.stream.frame_stream import has_arrivals
 from taxel.version import VERSION

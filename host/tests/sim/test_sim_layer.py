@@ -7,7 +7,8 @@ import pytest
 
 from taxel.grasp.shapes import ConvexPolytope, Cylinder
 from taxel.hand import load_hand
-from taxel.hand.description import Board, BoardKind, Hand
+from taxel.hand.boards import Board, BoardKind
+from taxel.hand.description import Hand
 from taxel.hand.geometry import Surface
 from taxel.hand.transforms import apply, from_rotation_vector, rotate
 from taxel.sim.coupled_layer import press_coupled_layer

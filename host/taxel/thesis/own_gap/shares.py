@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.errors import CloudError
@@ -105,5 +105,5 @@ def compute_interval(values: Sequence[float]) -> Interval:
     n = len(values)
     if n < 2:
         return Interval(float(np.mean(values)), float("nan"))
-    quantile = float(student_t.ppf(0.5 + CONFIDENCE / 2, n - 1))
+    quantile = float(stdtrit(n - 1, 0.5 + CONFIDENCE / 2))
     return Interval(float(np.mean(values)), quantile * float(np.std(values, ddof=1)) / np.sqrt(n))
