@@ -10,70 +10,21 @@ as DIR/NAME.cyacd for the manufacturer's tools. The same input gives the same by
 
 import argparse
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NoReturn
 
 from firmware_elf import LinkedImage, read_linked_image
 
 from taxel.errors import TaxelError
-from taxel_protocol.bootloader import BOOT_ROW_SIZE, StockMetadata
+from taxel_protocol.bootloader import BOOT_ROW_SIZE
 from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.intel_hex import write_intel_hex
+from taxel_tools.files.original_image import OriginalImage
 
 HEX_END: Final = ":00000001FF\n"
-METADATA_OFFSET: Final = 64
-"""Offset of the original bootloader's metadata in the last row of the flash: its last 64 bytes."""
-
 ADDRESS_OFFSET: Final = 1
 """Offset of the address in a configuration record (`taxel_protocol.bootloader.Configuration`)."""
-
-
-@dataclass(frozen=True)
-class OriginalImage:
-    """Image of a device of the original hardware. first_row: of its flash. rows: number of rows of the flash."""
-
-    first_row: int
-    rows: int
-    content: bytes
-    entry: int
-    """Address at which the original bootloader enters the image."""
-
-    def metadata_row(self) -> bytes:
-        """Last row of the flash, as the original bootloader validates it.
-
-        The checksum is the two's complement of the 8-bit sum of the image (vendor's Bootloader_v1_60; confirm).
-        """
-        metadata: bytes = StockMetadata.build(
-            {
-                "checksum": -sum(self.content) & 0xFF,
-                "entry": self.entry,
-                "last_bootloader_row": self.first_row - 1,
-                "reserved_a": bytes(2),
-                "length": len(self.content),
-                "reserved_b": bytes(3),
-                "active": 1,
-                "verified": 0,
-                "bootloader_version": 0,
-                "application_id": 0,
-                "application_version": 0,
-                "custom_id": 0,
-                "reserved_c": bytes(28),
-            }
-        )
-        return (bytes(METADATA_OFFSET) + metadata).ljust(BOOT_ROW_SIZE, b"\0")
-
-    def list_rows(self) -> list[tuple[int, bytes]]:
-        """Numbers and bytes of the rows to write; behind a bootloader, the metadata is the last."""
-        rows = [
-            (
-                self.first_row + start // BOOT_ROW_SIZE,
-                self.content[start : start + BOOT_ROW_SIZE].ljust(BOOT_ROW_SIZE, b"\0"),
-            )
-            for start in range(0, len(self.content), BOOT_ROW_SIZE)
-        ]
-        return rows + ([(self.rows - 1, self.metadata_row())] if self.first_row else [])
 
 
 def _fail(path: str, field: str, expected: str, found: str, remedy: str) -> NoReturn:

@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.grasp.calibration import Calibration
-from taxel.grasp.objects import GraspObject, make_standing_pose, make_thesis_objects, select_object_sizes
+from taxel.grasp.objects import (
+    ORIGINAL_ROBOT,
+    GraspObject,
+    make_standing_pose,
+    make_thesis_objects,
+    select_object_sizes,
+)
 from taxel.grasp.original_plan import Setting, get_original_object_pose, make_original_approaches, set_finger_bases
 from taxel.grasp.plan import PALM_PLACEMENTS, Approach, PalmPlacement, PlannedGrasp, make_thesis_approaches
 from taxel.grasp.reach import ArmReach
@@ -19,9 +25,6 @@ from taxel.hand.robot import Robot
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 
 WRIST_LINK = "palm"
-
-ORIGINAL_ROBOT = "ur5e_original"
-"""Robot of the original workstation, whose objects and grasps are recorded; other robots use the assumed ones."""
 
 WITHDRAW_M = 0.02
 """Distance of the palm while the baseline is recorded (assumed; the thesis records it before the arm moves in, 5.4)."""

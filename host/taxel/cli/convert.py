@@ -12,6 +12,12 @@ from taxel.recording.formats import convert as convert_recording
 from taxel.recording.formats.grasp_options import UNKNOWN_OBJECT, GraspOptions
 from taxel.recording.grasp_format import BASELINE_FRAMES
 
+RecordedObject = Annotated[str, typer.Option("--object", help="Name of the grasped object, for x.h5 and x.csv.")]
+RecordedApproach = Annotated[str, typer.Option(help="Name of the approach, for x.h5 and x.csv.")]
+RecordedBaseline = Annotated[
+    int, typer.Option(min=0, help="Number of poll cycles at the start without contact, for x.h5.")
+]
+
 
 def convert(
     source: Annotated[str, typer.Argument(help="A recording: capture, .mcap, .h5, .parquet or a folder of CSV.")],
@@ -24,13 +30,9 @@ def convert(
     hand: HandOption = None,
     joints: JointAngles = None,
     grasp: Annotated[str | None, typer.Option(help="Id of the grasp, for a dataset with several grasps.")] = None,
-    object_name: Annotated[
-        str, typer.Option("--object", help="Name of the grasped object, for x.h5 and x.csv.")
-    ] = UNKNOWN_OBJECT,
-    approach: Annotated[str, typer.Option(help="Name of the approach, for x.h5 and x.csv.")] = "recording",
-    baseline_frames: Annotated[
-        int, typer.Option(min=0, help="Number of poll cycles at the start without contact, for x.h5.")
-    ] = BASELINE_FRAMES,
+    object_name: RecordedObject = UNKNOWN_OBJECT,
+    approach: RecordedApproach = "recording",
+    baseline_frames: RecordedBaseline = BASELINE_FRAMES,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:

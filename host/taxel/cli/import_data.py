@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as ProgressBar
 
-from taxel.cli.convert import print_conversion
+from taxel.cli.convert import RecordedApproach, RecordedBaseline, RecordedObject, print_conversion
 from taxel.cli.options import AsJson, HandOption, Overwrite, Seed
 from taxel.cli.plugin_commands import ImporterGroup
 from taxel.errors import TaxelError
@@ -272,13 +272,9 @@ def original_bag(
         Path, typer.Option(help="Recording to write: x.bin (capture), x.mcap, x.h5 (grasp dataset), x.parquet, x.csv.")
     ],
     hand: HandOption = None,
-    object_name: Annotated[
-        str, typer.Option("--object", help="Name of the grasped object, for x.h5 and x.csv.")
-    ] = UNKNOWN_OBJECT,
-    approach: Annotated[str, typer.Option(help="Name of the approach, for x.h5 and x.csv.")] = "recording",
-    baseline_frames: Annotated[
-        int, typer.Option(min=0, help="Number of poll cycles at the start without contact, for x.h5.")
-    ] = BASELINE_FRAMES,
+    object_name: RecordedObject = UNKNOWN_OBJECT,
+    approach: RecordedApproach = "recording",
+    baseline_frames: RecordedBaseline = BASELINE_FRAMES,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:

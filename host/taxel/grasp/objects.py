@@ -38,6 +38,9 @@ hand `allegro`.
 ASSUMED_ROBOT: Final = "ur5e_allegro"
 """Robot of the assumed hand."""
 
+ORIGINAL_ROBOT: Final = "ur5e_original"
+"""Robot of the original workstation, whose objects and grasps are recorded; other robots use the assumed ones."""
+
 # Assumed compliance of object, stand and arm: well below the stiffness of a print or of a finger link, well above that
 # of a light free-standing object.
 MOUNT_STIFFNESS_N_PER_M: Final = 8000.0

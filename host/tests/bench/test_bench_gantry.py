@@ -91,6 +91,31 @@ def test_an_indentation_gives_the_expected_g_code(gantries):
     ]
 
 
+def test_a_board_with_unequal_pitch_is_indented_at_its_taxel_centres(gantries):
+    kind = load_hand("original").find_board("palm").kind
+    gantry = gantries()
+    probe = open_probe(gantry, kind=kind)
+    places = []
+    for taxel in range(kind.taxel_count):
+        probe.press(taxel, 1.0, 3e-3)
+        places.append((gantry.position["X"] - X, gantry.position["Y"] - Y))
+    places = np.array(places)
+    assert np.array_equal(places[0], [0.0, 0.0])
+    centres = 1e3 * kind.surface.position
+    distance = np.linalg.norm(centres[:, None] - centres, axis=-1)
+    assert np.linalg.norm(places[:, None] - places, axis=-1) == pytest.approx(distance, abs=0.002)
+    assert places[kind.row > kind.row[0], 0].min() > 0.0  # rows along +x
+    assert places[kind.column > kind.column[0], 1].min() > 0.0  # columns along +y
+
+
+def test_a_bent_board_with_unequal_pitch_is_refused_in_one_line(gantries):
+    gantry = gantries()
+    kind = load_hand("original").find_board("fingertip_index").kind
+    with pytest.raises(ProbeError, match="expected a flat board, found the bent board kind 'fingertip'"):
+        open_probe(gantry, kind=kind)
+    assert gantry.lines == []
+
+
 def test_forces_beyond_the_limits_are_refused(gantries):
     gantry = gantries()
     probe = open_probe(gantry, travel=4)

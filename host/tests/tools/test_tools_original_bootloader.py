@@ -4,10 +4,11 @@ import random
 
 import pytest
 
-from host.tests.tools.original_bootloader_model import METADATA_OFFSET, ROWS, OriginalBootloader
-from taxel_protocol.bootloader import BOOT_ROW_SIZE, StockMetadata
+from host.tests.tools.original_bootloader_model import ROWS, OriginalBootloader
+from taxel_protocol.bootloader import BOOT_ROW_SIZE
 from taxel_tools.errors import BoardError, FirmwareFileError
 from taxel_tools.files.cyacd import read_cyacd_rows
+from taxel_tools.files.original_image import OriginalImage
 from taxel_tools.original_bootloader import start_original_session, update_original
 from taxel_tools.scheduler import run
 from taxel_tools.session import BootSession
@@ -24,24 +25,8 @@ DAMAGE = 2e-4
 def make_rows(seed: int, first_row: int = FIRST_ROW) -> dict[int, bytes]:
     """Rows of a random application behind a bootloader, with the metadata in the last row of the flash."""
     content = random.Random(seed).randbytes(APPLICATION_ROWS * BOOT_ROW_SIZE)
-    fields = {
-        "checksum": -sum(content) & 0xFF,
-        "entry": first_row * BOOT_ROW_SIZE + 1,
-        "last_bootloader_row": first_row - 1,
-        "length": len(content),
-        "reserved_a": bytes(2),
-        "reserved_b": bytes(3),
-        "active": 1,
-        "verified": 0,
-        "bootloader_version": 0,
-        "application_id": 0,
-        "application_version": 0,
-        "custom_id": 0,
-        "reserved_c": bytes(28),
-    }
-    rows = {first_row + i: content[i * BOOT_ROW_SIZE : (i + 1) * BOOT_ROW_SIZE] for i in range(APPLICATION_ROWS)}
-    metadata = bytes(METADATA_OFFSET) + StockMetadata.build(fields)
-    return rows | {ROWS - 1: metadata.ljust(BOOT_ROW_SIZE, b"\0")}
+    image = OriginalImage(first_row, ROWS, content, first_row * BOOT_ROW_SIZE + 1)
+    return dict(image.list_rows())
 
 
 def open_model(model: OriginalBootloader) -> SmbusWire:

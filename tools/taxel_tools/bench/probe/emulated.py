@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 
 from taxel.hand import BoardKind
+from taxel.hand.flat_board import compute_flat_positions
 from taxel.link.virtual import VirtualWorld
 from taxel.types import FloatArray
 from taxel_tools.bench.probe.base import ProbeError, ProbeRequest
@@ -20,7 +21,8 @@ class EmulatedProbe:
     time of a move between taxels, in world seconds.
 
     .. warning::
-        Not modelled: the higher pressure at the edge of the tip, and tilt.
+        Not modelled: the higher pressure at the edge of the tip, tilt, and the pitch of a bent board with a described
+        layout, which is assumed to be `pitch_m` everywhere.
     """
 
     name = "emulated probe"
@@ -38,7 +40,13 @@ class EmulatedProbe:
         self._world = world
         self._kind = kind
         self._first_taxel = first_taxel
-        self._pitch_m = pitch_m
+        positions_m = compute_flat_positions(kind, pitch_m)
+        self._sides_m = np.full((kind.taxel_count, 2), pitch_m)
+        if positions_m is None:  # a bent board, as if its pitch were the same everywhere
+            positions_m = pitch_m * np.stack([kind.row, kind.column], axis=1).astype(np.float64)
+        elif kind.layout is not None and kind.surface is not None:
+            self._sides_m = kind.surface.size
+        self._positions_m = positions_m
         self._move_s = move_s
         self._taxel = -1
 
@@ -58,13 +66,13 @@ class EmulatedProbe:
         across = (np.arange(TIP_SAMPLES) + 0.5) / TIP_SAMPLES - 0.5
         along_tx, along_rx = np.meshgrid(across * diameter_m, across * diameter_m, indexing="ij")
         is_under_tip = np.hypot(along_tx, along_rx) <= diameter_m / 2.0
-        row = np.rint(along_tx[is_under_tip] / self._pitch_m).astype(int) + int(self._kind.row[taxel])
-        column = np.rint(along_rx[is_under_tip] / self._pitch_m).astype(int) + int(self._kind.column[taxel])
-        rows, columns = self._kind.layout_shape
-        on_board = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        shares = np.zeros((rows, columns))
-        np.add.at(shares, (row[on_board], column[on_board]), 1.0 / is_under_tip.sum())
-        return np.asarray(shares[self._kind.row, self._kind.column])
+        samples = np.stack([along_tx[is_under_tip], along_rx[is_under_tip]], axis=1)
+        offsets = self._positions_m - self._positions_m[taxel]
+        shares = np.zeros(len(offsets))
+        for near in np.flatnonzero((np.abs(offsets) <= (diameter_m + self._sides_m) / 2.0).all(axis=1)):
+            is_over_taxel = (np.abs(samples - offsets[near]) <= self._sides_m[near] / 2.0).all(axis=1)
+            shares[near] = is_over_taxel.sum() / len(samples)
+        return shares
 
     def release(self) -> None:
         """Remove the force from the emulated board."""

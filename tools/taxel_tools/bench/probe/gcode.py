@@ -11,9 +11,11 @@ from dataclasses import MISSING, dataclass, fields
 from typing import Any, Final, NoReturn
 from urllib.parse import parse_qs
 
+import numpy as np
 import serial
 
 from taxel.hand import BoardKind
+from taxel.hand.flat_board import compute_flat_positions
 from taxel.link.url import split_url
 from taxel_tools.bench.probe.base import ProbeError, ProbeRequest
 from taxel_tools.testing.operator import Operator
@@ -36,7 +38,8 @@ FEED_MM_PER_MIN: Final = 120.0
 class Gantry:
     """Position of a board under a gantry, in millimetres, and properties of the tip.
 
-    `x`, `y`: position of the taxel (TX 0, RX 0); TX lines follow along +x, RX lines along +y. `touch_z`: height at
+    `x`, `y`: position of the taxel (TX 0, RX 0); TX lines follow along +x, RX lines along +y. For a board with a
+    described layout: position of its first taxel; its rows follow along +x, its columns along +y. `touch_z`: height at
     which the tip touches the board; `clear`: height of moves above `touch_z`. `spring_n_mm`: stiffness of the spring in
     N/mm; `travel`: travel of the spring; `tip`: diameter of the mounted tip, 0 if unknown.
     """
@@ -58,8 +61,8 @@ class _NoAnswerError(ProbeError):
 class GcodeProbe:
     """A gantry on a serial port. The operator changes its tips; all tips have the same length.
 
-    Raises `ProbeError` if the gantry does not answer or answers with an error. The probe then requests a lift of the
-    tip and moves no more.
+    Raises `ProbeError` for a board that is bent, and if the gantry does not answer or answers with an error. The probe
+    then requests a lift of the tip and moves no more.
     """
 
     name = "gantry"
@@ -76,8 +79,13 @@ class GcodeProbe:
         """
         self._port = port
         self._port_name = port_name
-        self._kind = kind
-        self._pitch_mm = pitch_m * 1e3
+        positions_m = compute_flat_positions(kind, pitch_m)
+        if positions_m is None:
+            problem = (
+                f"expected a flat board, found the bent board kind {kind.name!r}, whose taxels have no common height"
+            )
+            raise ProbeError(f"{port_name}: {problem}; use --probe operator")
+        self._positions_mm = 1e3 * positions_m
         self._gantry = gantry
         self._operator = operator
         self._tip_mm = gantry.tip
@@ -101,8 +109,7 @@ class GcodeProbe:
         self._change_tip(round(diameter_m * 1e3, 3))
         if taxel != self._taxel:
             self._move_clear()
-            x = gantry.x + self._pitch_mm * float(self._kind.row[taxel])
-            y = gantry.y + self._pitch_mm * float(self._kind.column[taxel])
+            x, y = np.array([gantry.x, gantry.y]) + self._positions_mm[taxel]
             self._send(f"G0 X{x:.3f} Y{y:.3f}")
             self._taxel = taxel
         self._is_down = True
