@@ -30,6 +30,7 @@ from taxel_tools.bench.running import (
 )
 from taxel_tools.bench.saving import check_output, save_record
 from taxel_tools.cli_common import URL_HELP, parse_address, print_json, print_table
+from taxel_tools.open_wire import reject_original_hub
 from taxel_tools.testing.operator import NoOperator, Operator, TerminalOperator
 from taxel_tools.testing.plan import Plan, read_plan
 from taxel_tools.testing.record import Outcome, TestRecord
@@ -93,6 +94,7 @@ def bench_command(
         hand,
     )
     try:
+        reject_original_hub(url)
         require_packages("taxel bench", "bench", *REPORT_PACKAGES)  # before the test, which takes minutes
         test_plan = _load_plan(plan, phase, hand)
         person = _find_operator(console, test_plan, arguments)

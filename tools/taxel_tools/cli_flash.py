@@ -13,7 +13,7 @@ from taxel_tools.cli_flash_hub import flash_hub, is_hub_update
 from taxel_tools.cli_flash_swd import flash_swd
 from taxel_tools.files import Firmware, format_slot, load_firmware
 from taxel_tools.firmware_update import Outcome, Progress, format_version, update_board
-from taxel_tools.open_wire import open_wire
+from taxel_tools.open_wire import open_wire, reject_original_hub
 from taxel_tools.scan import BusDevice, scan_bus
 from taxel_tools.scheduler import run_all
 from taxel_tools.wires import BoardWire
@@ -49,6 +49,7 @@ def flash_command(
             )
         flash_swd([Path(url), *(files or [])], swd_tool, swd_interface, dry_run, as_json)
         return
+    reject_original_hub(url)
     if not files:
         raise TaxelError("flash: expected firmware files after the URL, found none; use --swd FILE for a blank board")
     if (bool(board) and all_boards) or (hub and (board or all_boards)):

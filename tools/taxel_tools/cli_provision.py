@@ -9,7 +9,7 @@ from rich.console import Console
 from taxel.errors import TaxelError
 from taxel_protocol.bootloader import BOOT_DEFAULT_ADDRESS
 from taxel_tools.cli_common import URL_HELP, count_boards, parse_address, print_json, print_table
-from taxel_tools.open_wire import open_wire
+from taxel_tools.open_wire import open_wire, reject_original_hub
 from taxel_tools.provision import Candidate, Change, provision
 from taxel_tools.provisioning_plan import Entry, read_plan, validate_entry
 
@@ -37,6 +37,7 @@ def provision_command(
 
     Example: taxel provision "emulator:?hand=rig4&word=blank 0x50" --new-address 0x50 --kind 1 --serial FT-0007
     """
+    reject_original_hub(url)
     present_addresses = [parse_address(text, "--board") for text in board] if board else [BOOT_DEFAULT_ADDRESS]
     entries = _build_entries(unique_id, new_address, kind, serial, idac, plan)
     if not entries and not search:

@@ -41,7 +41,7 @@ def open_wire(url: str) -> Iterator[BoardWire]:
     `flow_control`, `scl_hz`, `baud`, and `word=LINE` (repeatable) for lines of the world file, such as `word=blank
     0x21`. Raises `LinkError`, `WireError`, `HubError`.
     """
-    _reject_original_hub(url)
+    reject_original_hub(url)
     path = url.removeprefix("i2c://")
     if path.startswith(I2C_PREFIX):
         wire: BoardWire = SmbusWire(open_i2c(path), path)
@@ -57,7 +57,7 @@ def open_wire(url: str) -> Iterator[BoardWire]:
         wire.close()
 
 
-def _reject_original_hub(url: str) -> None:
+def reject_original_hub(url: str) -> None:
     """Raise `LinkError` for a URL of an original hub, which takes no commands."""
     if is_original_url(url):
         raise LinkError(
@@ -70,7 +70,7 @@ def _reject_original_hub(url: str) -> None:
 @contextmanager
 def open_hub_link(url: str) -> Iterator[Link]:
     """Open the hub's UART that `url` names. Raises `LinkError`, also for an I2C adapter."""
-    _reject_original_hub(url)
+    reject_original_hub(url)
     if url.removeprefix("i2c://").startswith(I2C_PREFIX):
         raise LinkError(url, NO_HUB)
     if url.startswith("emulator:"):
@@ -89,6 +89,7 @@ def open_hub_link(url: str) -> Iterator[Link]:
 @contextmanager
 def open_emulated(url: str) -> Iterator[tuple[BoardWire, EmulatedBench]]:
     """Open an emulated bench and a connection to its bus, for `emulator:` URLs only. Raises `LinkError`."""
+    reject_original_hub(url)
     with _start_emulated_bench(url) as (bench, baud, wire_kind):
         world = bench.world
         wire: BoardWire

@@ -36,7 +36,8 @@ from taxel.thesis.own_gap.clouds import (
     read_measured_grasps,
 )
 from taxel.thesis.own_gap.effects import GROUPS, LAYER_GROUPS, OwnEffects
-from taxel.thesis.own_gap.plugin import simulate_plugin_grasps
+from taxel.thesis.own_gap.plugin import PluginGrasp, simulate_plugin_grasps
+from taxel.thesis.own_gap.plugin_file import read_plugin_grasps, write_plugin_grasps
 from taxel.thesis.own_gap.shares import (
     ALL_OBJECTS,
     TOGETHER,
@@ -77,16 +78,21 @@ def read_real(out: Path, seed: int, grasps: int | None, jobs: int | None) -> lis
         return read_measured_grasps(data)[: len(plan)]
 
 
-def prepare_plugin(sets: TaxelSets, jobs: int | None) -> CollectSim:
+def prepare_plugin(sets: TaxelSets, out: Path, jobs: int | None) -> CollectSim:
     """Simulate the grasps with the contact sensors of the original; return the function that gives the points."""
-    settings, hand = SimSettings(seed=SIM_SEED, variation=SIM_VARIATION), load_hand("original")
-    grasps = {
-        setting: simulate_plugin_grasps(
-            make_thesis_plan(SIM_SEED), settings, Setup(setting=setting), jobs, show(f"plug-in, poses of {setting}")
-        )
-        for setting in SETTINGS
-    }
+    hand = load_hand("original")
+    grasps = {setting: read_plugin(out, setting, jobs) for setting in SETTINGS}
     return lambda effects: collect_plugin_points(hand, grasps[SETTINGS[effects.tuned_poses]], sets, effects)
+
+
+def read_plugin(out: Path, setting: Setting, jobs: int | None) -> list[PluginGrasp]:
+    """Read the grasps of the plug-in with the poses of `setting` (DIR/plugin_*.npz), and make them if missing."""
+    path = out / f"plugin_{setting}.npz"
+    if not path.exists():
+        plan, settings = make_thesis_plan(SIM_SEED), SimSettings(seed=SIM_SEED, variation=SIM_VARIATION)
+        progress = show(f"plug-in, poses of {setting}")
+        write_plugin_grasps(path, simulate_plugin_grasps(plan, settings, Setup(setting=setting), jobs, progress))
+    return read_plugin_grasps(path)
 
 
 def prepare_layer(sets: TaxelSets, out: Path, jobs: int | None) -> CollectSim:
@@ -169,7 +175,7 @@ def main() -> None:
     real = [read_real(options.out, seed, options.grasps, options.jobs) for seed in seeds]
     print(f"seeds: {', '.join(map(str, seeds))}")
     results = {
-        "plugin": evaluate(real, prepare_plugin(sets, options.jobs), sets, tuple(GROUPS)),
+        "plugin": evaluate(real, prepare_plugin(sets, options.out, options.jobs), sets, tuple(GROUPS)),
         "layer": evaluate(real, prepare_layer(sets, options.out, options.jobs), sets, LAYER_GROUPS),
     }
     print_table("Original contact plug-in", results["plugin"])

@@ -9,13 +9,16 @@ from typing import Any, Final
 from taxel.generate.effects import PlannedEffect
 from taxel.generate.ranges import Range, fixed
 from taxel.generate.solids import ObjectKind, make_default_kinds
+from taxel.grasp.objects import ObjectSizes, select_object_sizes
 from taxel.grasp.timeline import Timeline
+from taxel.hand import load_hand
 from taxel.sim.closing import RATE_HZ, SETTLE_S
 from taxel.sim.sensing import Level
 from taxel.sim.sensor_model import FULL_SCALE_SIGNAL_COUNTS, HALF_FORCE_N, NOISE_COUNTS, REST_COUNTS
 from taxel.sim.soft_push import SOFT_STEP_S
 
-HAND: Final = "allegro"
+DEFAULT_HAND: Final = "original"
+"""Packaged hand of a recipe that names none."""
 
 GRASPS_PER_SHARD: Final = 200
 """Default number of grasps of a shard: as many as the first page of a dataset has space for (see
@@ -95,7 +98,8 @@ class SensorRanges:
 class Recipe:
     """All quantities that determine the bytes of a generated dataset.
 
-    grasps: number of grasps. grasps_per_shard: number of grasps in one file. fidelity: a key of `FIDELITIES`.
+    grasps: number of grasps. grasps_per_shard: number of grasps in one file. fidelity: a key of `FIDELITIES`. hand:
+    name of a packaged hand. objects: empty: the three test objects for this hand.
     """
 
     grasps: int = 1000
@@ -103,11 +107,17 @@ class Recipe:
     grasps_per_shard: int = GRASPS_PER_SHARD
     fidelity: str = "quick"
     sensing: Level = "layer"
-    objects: tuple[ObjectKind, ...] = field(default_factory=make_default_kinds)
+    hand: str = DEFAULT_HAND
+    objects: tuple[ObjectKind, ...] = ()
     grasp: GraspRanges = field(default_factory=GraspRanges)
     simulator: SimulatorRanges = field(default_factory=SimulatorRanges)
     sensor: SensorRanges = field(default_factory=SensorRanges)
     effects: tuple[PlannedEffect, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Complete the objects. Raises HandError if no packaged hand has the name `hand`."""
+        if not self.objects:
+            object.__setattr__(self, "objects", make_default_kinds(get_sizes(self.hand)))
 
     @property
     def shards(self) -> int:
@@ -123,7 +133,7 @@ class Recipe:
         """Return the recipe of a generated dataset as JSON values; files are identified by their content."""
         groups = {name: _group_to_json(getattr(self, name)) for name in ("grasp", "simulator", "sensor")}
         return {
-            "hand": HAND,
+            "hand": self.hand,
             "grasps": self.grasps,
             "seed": self.seed,
             "shard": self.grasps_per_shard,
@@ -138,6 +148,11 @@ class Recipe:
     def digest(self) -> str:
         """SHA-256 of the recipe's JSON values; equal recipes have equal digests."""
         return hashlib.sha256(json.dumps(self.to_json(), sort_keys=True).encode()).hexdigest()
+
+
+def get_sizes(hand: str) -> ObjectSizes:
+    """Return the sizes of the test objects for a packaged hand. Raises HandError for an unknown name."""
+    return select_object_sizes(load_hand(hand).robot)
 
 
 def _group_to_json(group: Any) -> dict[str, Any]:

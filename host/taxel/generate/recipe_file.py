@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Final, NoReturn, TypeVar
+from typing import Any, Final, NoReturn, TypeVar, cast
 
 import numpy as np
 
@@ -14,9 +14,27 @@ from taxel.gap.report.reading import read_report
 from taxel.generate.effects import PlannedEffect, plan_effect, plan_report_effects
 from taxel.generate.errors import RecipeError
 from taxel.generate.ranges import Range, fixed
-from taxel.generate.recipe import FIDELITIES, HAND, Fidelity, GraspRanges, Recipe, SensorRanges, SimulatorRanges
-from taxel.generate.solids import SIZES, ObjectKind, has_thesis_approaches, read_mesh_kind
-from taxel.hand import load_hand
+from taxel.generate.recipe import (
+    DEFAULT_HAND,
+    FIDELITIES,
+    Fidelity,
+    GraspRanges,
+    Recipe,
+    SensorRanges,
+    SimulatorRanges,
+    get_sizes,
+)
+from taxel.generate.solids import (
+    SIZES,
+    Approaches,
+    ObjectKind,
+    Solid,
+    get_edge_m,
+    has_thesis_approaches,
+    read_mesh_kind,
+)
+from taxel.grasp.objects import ObjectSizes
+from taxel.hand import Hand, load_hand
 from taxel.hand.errors import format_path, format_value
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_checks import Location
@@ -31,6 +49,9 @@ MAX_GRASPS: Final = 10**9
 MAX_GRASPS_PER_SHARD: Final = 10_000
 MAX_OBJECTS: Final = 1000
 UNITS: Final[Mapping[str, float]] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+
+HANDS: Final = ("original", "original_complete", "allegro")
+"""Packaged hands on a robot with an arm, which can grasp."""
 
 CORRECT: Final = "correct it"
 
@@ -116,27 +137,28 @@ def read_recipe(path: Path) -> Recipe:
         content = tomllib.loads(data.decode("utf-8"))
     except (UnicodeDecodeError, ValueError, RecursionError) as error:
         raise RecipeError(name, "file", "TOML", " ".join(str(error).split())[:80], "correct the line") from None
-    simple_keys = ("grasps", "seed", "shard", "fidelity", "sensing")
+    simple_keys = ("grasps", "seed", "shard", "fidelity", "sensing", "hand")
     groups = {"grasp": GraspRanges, "simulator": SimulatorRanges, "sensor": SensorRanges}
     keys = Key(name, "", content).keys((*simple_keys, "object", *groups, "report", "effect"))
     values: dict[str, Any] = {}
     for key, low, high in (("grasps", 1, MAX_GRASPS), ("seed", 0, 2**63 - 1), ("shard", 1, MAX_GRASPS_PER_SHARD)):
         if key in keys:
             values["grasps_per_shard" if key == "shard" else key] = keys[key].integer(low, high)
-    for key, choices in (("fidelity", tuple(FIDELITIES)), ("sensing", LEVELS)):
+    for key, choices in (("fidelity", tuple(FIDELITIES)), ("sensing", LEVELS), ("hand", HANDS)):
         if key in keys:
             values[key] = keys[key].text(choices)
     for key, group in groups.items():
         if key in keys:
             values[key] = _read_group(group(), keys[key])
     if "object" in keys:
-        values["objects"] = _read_objects(keys["object"], path.parent)
+        sizes = get_sizes(values.get("hand", DEFAULT_HAND))
+        values["objects"] = _read_objects(keys["object"], path.parent, sizes)
     recipe = Recipe(**values)
     if "report" in keys:
         recipe = _add_report_table(recipe, keys["report"], path.parent)
     if "effect" in keys:
-        fidelity = FIDELITIES[recipe.fidelity]
-        effects = tuple(_read_effect(table, fidelity) for table in keys["effect"].items())
+        fidelity, hand = FIDELITIES[recipe.fidelity], load_hand(recipe.hand)
+        effects = tuple(_read_effect(table, fidelity, hand) for table in keys["effect"].items())
         recipe = replace(recipe, effects=recipe.effects + effects)
     return check_recipe(recipe, name)
 
@@ -169,7 +191,7 @@ def add_report(recipe: Recipe, path: Path, widen: float = 1.0, share: float = 1.
 
     widen: factor on the intervals of the effects. share: share of grasps with each effect.
     """
-    effects = plan_report_effects(read_report(path), load_hand(HAND), widen, share)
+    effects = plan_report_effects(read_report(path), load_hand(recipe.hand), widen, share)
     return replace(recipe, effects=recipe.effects + effects)
 
 
@@ -220,18 +242,20 @@ def _bounds(name: str) -> tuple[float, float]:
     return bounds.get(name, (-50.0, 50.0) if name.endswith("_mm") else (-np.inf, np.inf))
 
 
-def _read_objects(table: Key, folder: Path) -> tuple[ObjectKind, ...]:
-    """Read the kinds of objects of a recipe file. folder: for relative paths of meshes. Raises RecipeError."""
+def _read_objects(table: Key, folder: Path, test_sizes: ObjectSizes) -> tuple[ObjectKind, ...]:
+    """Read the kinds of objects of a recipe file. folder: for relative paths of meshes. test_sizes: give the radius of
+    the edges. Raises RecipeError.
+    """
     items = table.items()
     if not 1 <= len(items) <= MAX_OBJECTS:
         table.fail(f"1 to {MAX_OBJECTS} kinds of objects", found=str(len(items)))
-    return tuple(_read_object(item, folder) for item in items)
+    return tuple(_read_object(item, folder, test_sizes) for item in items)
 
 
-def _read_object(table: Key, folder: Path) -> ObjectKind:
+def _read_object(table: Key, folder: Path, test_sizes: ObjectSizes) -> ObjectKind:
     """Read one kind of object of a recipe file. Raises RecipeError for missing, unknown or unsuitable keys.
 
-    folder: for relative paths of meshes.
+    folder: for relative paths of meshes. test_sizes: give the radius of the edges of a box or a prism.
     """
     all_sizes = sorted({size for sizes in SIZES.values() for size in sizes})
     keys = table.keys(("name", "shape", "share", "approaches", "file", "unit", *all_sizes))
@@ -239,7 +263,7 @@ def _read_object(table: Key, folder: Path) -> ObjectKind:
         if required not in keys:
             table.fail(f"a key {required}", "add it", "none")
     name = check_object_name(keys["name"].text(), table.file)
-    shape = keys["shape"].text(tuple(SIZES))
+    shape = cast(Solid, keys["shape"].text(tuple(SIZES)))
     share = keys["share"].number(0.0, 1e6) if "share" in keys else 1.0
     if share == 0.0:
         keys["share"].fail("a share above 0", "leave the object out instead")
@@ -266,7 +290,8 @@ def _read_object(table: Key, folder: Path) -> ObjectKind:
                 '"any" for an object that the thesis does not have', "rename the object, or use any"
             )
         approaches = requested
-    return ObjectKind(name, shape, sizes, share, approaches)  # type: ignore[arg-type]
+    edge_m = get_edge_m(shape, test_sizes)
+    return ObjectKind(name, shape, sizes, share, cast(Approaches, approaches), edge_m=edge_m)
 
 
 def _add_report_table(recipe: Recipe, table: Key, folder: Path) -> Recipe:
@@ -282,10 +307,10 @@ def _add_report_table(recipe: Recipe, table: Key, folder: Path) -> Recipe:
     return add_report(recipe, folder / keys["file"].text(), widen, share)
 
 
-def _read_effect(table: Key, fidelity: Fidelity) -> PlannedEffect:
+def _read_effect(table: Key, fidelity: Fidelity, hand: Hand) -> PlannedEffect:
     """Read an effect with the ranges of its parameters from a table of the recipe file. Raises RecipeError.
 
-    fidelity: gives the duration of a grasp.
+    fidelity: gives the duration of a grasp. hand: its boards and taxels are the blocks of the effect.
     """
     if not isinstance(table.value, dict):
         table.fail("a table")
@@ -298,4 +323,4 @@ def _read_effect(table: Key, fidelity: Fidelity) -> PlannedEffect:
     ranges = {key: value.range() for key, value in keys.items() if key not in fixed_keys}
     moving_s = fidelity.timeline.duration_s - fidelity.timeline.baseline_s
     where = f"{table.file}: {table.path}"
-    return plan_effect(where, keys["name"].text(), variant, scope, share, ranges, load_hand(HAND), moving_s)
+    return plan_effect(where, keys["name"].text(), variant, scope, share, ranges, hand, moving_s)

@@ -13,7 +13,7 @@ import numpy as np
 
 from taxel.campaign.setup import Setup
 from taxel.generate.grasping import ShardGenerator
-from taxel.generate.recipe import HAND, Recipe
+from taxel.generate.recipe import Recipe
 from taxel.generate.single_thread import single_thread
 from taxel.hand import load_hand
 from taxel.recording.grasp_checks import Location
@@ -70,14 +70,14 @@ def generate_shard(recipe: Recipe, shard: int) -> bytes:
 
 
 @lru_cache(maxsize=1)
-def _setup() -> Setup:
-    """Load the hand and the objects for a shard; cached."""
-    return Setup(load_hand(HAND))
+def _setup(hand: str) -> Setup:
+    """Load the hand of a recipe for a shard; cached."""
+    return Setup(load_hand(hand))
 
 
 def _write_shard(recipe: Recipe, shard: int, path: Path) -> None:
     """Generate the grasps of a shard and write them to the file `path`; an error may leave the file unfinished."""
-    generator = ShardGenerator(recipe, shard, _setup())
+    generator = ShardGenerator(recipe, shard, _setup(recipe.hand))
     rows: list[tuple[str, str, str, dict[str, float]]] = []
     header = DatasetHeader(
         source=SIM,

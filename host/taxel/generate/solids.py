@@ -14,13 +14,14 @@ from taxel.cloud.files import MESH_READERS
 from taxel.cloud.files.source import Source
 from taxel.generate.errors import RecipeError
 from taxel.generate.ranges import Range
-from taxel.grasp.objects import ASSUMED_SIZES, GraspObject
+from taxel.grasp.objects import ORIGINAL_SIZES, GraspObject, ObjectSizes
 from taxel.grasp.plan import PALM_PLACEMENTS
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand.errors import format_path
 from taxel.types import FloatArray
 
 Solid = Literal["box", "cylinder", "prism", "mesh"]
+Approaches = Literal["thesis", "any"]
 SIZES: Final[Mapping[str, tuple[str, ...]]] = {
     "box": ("width_mm", "depth_mm", "height_mm"),
     "cylinder": ("radius_mm", "height_mm"),
@@ -44,17 +45,19 @@ class ObjectKind:
 
     name: label of its grasps. sizes: by the names of `SIZES`. share: frequency relative to the other kinds. approaches:
     "thesis": those of the thesis's object with this name; or "any". file, hull: file and corners f64[v, 3] of a mesh,
-    metres, upright on the origin. outside_m: largest distance of a removed corner from the hull, metres.
+    metres, upright on the origin. outside_m: largest distance of a removed corner from the hull, metres. edge_m: radius
+    of the rounded edges of a box or a prism, metres; 0: sharp.
     """
 
     name: str
     shape: Solid
     sizes: Mapping[str, Range]
     share: float = 1.0
-    approaches: Literal["thesis", "any"] = "any"
+    approaches: Approaches = "any"
     file: str = ""
     hull: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     outside_m: float = 0.0
+    edge_m: float = 0.0
 
     @property
     def is_varied(self) -> bool:
@@ -82,7 +85,7 @@ class ObjectKind:
         if self.shape == "cylinder":
             return Cylinder(*metres)
         sharp = ConvexPolytope.box(*metres) if self.shape == "box" else ConvexPolytope.prism(*metres)
-        return sharp.rounded(ASSUMED_SIZES.box_edge_m)
+        return sharp.rounded(self.edge_m) if self.edge_m else sharp
 
     def to_json(self) -> dict[str, Any]:
         """Return the kind of object as JSON values.
@@ -91,16 +94,22 @@ class ObjectKind:
         """
         content = {name: getattr(self, name) for name in ("name", "shape", "share", "approaches")}
         content["sizes"] = {name: size.to_json() for name, size in self.sizes.items()}
+        if self.shape in ("box", "prism"):
+            content["edge_m"] = self.edge_m
         if self.shape == "mesh":
             content["corners"] = len(self.hull)
             content["corners_sha256"] = hashlib.sha256(np.ascontiguousarray(self.hull).tobytes()).hexdigest()
         return content
 
 
-def make_default_kinds() -> tuple[ObjectKind, ...]:
+def get_edge_m(shape: Solid, sizes: ObjectSizes) -> float:
+    """Return the radius of the rounded edges of a solid, as the test object of this shape has it, metres."""
+    return {"box": sizes.box_edge_m, "prism": sizes.prism_edge_m}.get(shape, 0.0)
+
+
+def make_default_kinds(sizes: ObjectSizes = ORIGINAL_SIZES) -> tuple[ObjectKind, ...]:
     """Make the default kinds of objects: the three objects of the thesis, with sizes from -8 % to +8 %."""
-    sizes = ASSUMED_SIZES
-    dimensions = {
+    dimensions: dict[str, tuple[Solid, tuple[float, ...]]] = {
         "rectangular_prism": ("box", (sizes.box_width_m, sizes.box_depth_m, sizes.height_m)),
         "cylinder": ("cylinder", (sizes.cylinder_radius_m, sizes.height_m)),
         "triangular_prism": ("prism", (sizes.prism_side_m, sizes.height_m)),
@@ -111,7 +120,7 @@ def make_default_kinds() -> tuple[ObjectKind, ...]:
             size: Range(round(920.0 * metre, 6), round(1080.0 * metre, 6))
             for size, metre in zip(SIZES[shape], metres, strict=True)
         }
-        kinds.append(ObjectKind(name, shape, ranges, 1.0, "thesis"))  # type: ignore[arg-type]
+        kinds.append(ObjectKind(name, shape, ranges, 1.0, "thesis", edge_m=get_edge_m(shape, sizes)))
     return tuple(kinds)
 
 

@@ -55,7 +55,7 @@ def test_shards_are_valid_grasp_datasets(generated):
     for number, name in enumerate(("shard-00000.h5", "shard-00001.h5", "shard-00002.h5")):
         with GraspDataset(generated.folder / name, baseline_frames=10) as data:
             data.check()
-            assert (data.source, data.hand) == ("sim", "allegro")
+            assert (data.source, data.hand) == ("sim", "original")
             assert {grasp.session for grasp in data} == {number}
             assert all(grasp.active_taxels(baseline_frames=10)[0].sum() > 5 for grasp in data)
             ids += data.ids
@@ -87,7 +87,7 @@ def test_index_lists_shards_grasps_labels_parameters_checksums_recipe_and_versio
 
 
 def test_grasp_generated_alone_equals_the_grasp_in_its_shard(generated):
-    single = ShardGenerator(generated.recipe, 1, Setup(load_hand("allegro"))).generate(3)
+    single = ShardGenerator(generated.recipe, 1, Setup(load_hand("original"))).generate(3)
     with GraspDataset(generated.folder / "shard-00001.h5") as data:
         grasp = data["g000000003"]
         assert np.array_equal(grasp.raw_counts, single.record.raw_counts)
@@ -184,7 +184,7 @@ def test_objects_of_fixed_size_keep_their_name_and_pair_with_a_recording(tmp_pat
 
 def test_mean_hold_signals_and_labels_of_all_grasps_are_read(generated):
     holds = read_generated_holds(generated.folder)
-    assert holds.signal_counts.shape == (5, 1073)
+    assert holds.signal_counts.shape == (5, 1037)
     assert set(holds.label.tolist()) <= {"cylinder", "rectangular_prism", "triangular_prism"}
     assert (holds.signal_counts.max(axis=1) > 300).all()
     with pytest.raises(FolderError, match="the index of a generated folder"):

@@ -70,14 +70,23 @@ def test_mcap_recording_contains_the_topics_of_the_boards(tmp_path: Path) -> Non
         assert count_frames(skin) == frames
 
 
+@pytest.mark.parametrize("url", ["serial:///dev/ttyUSB0?protocol=original", "emulator:?protocol=original"])
 @pytest.mark.parametrize(
-    "arguments", [["scan", "URL"], ["bench", "URL", "--serial", "X"], ["provision", "URL", "--new-address", "0x30"]]
+    "arguments",
+    [
+        ["scan", "URL"],
+        ["bench", "URL"],
+        ["bench", "URL", "--serial", "X"],
+        ["provision", "URL"],
+        ["provision", "URL", "--new-address", "0x30"],
+        ["flash", "URL"],
+        ["flash", "URL", "image.cyacd", "--all"],
+    ],
 )
 def test_command_that_needs_the_projects_firmware_is_refused_with_one_line(
-    arguments: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arguments: list[str], url: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    url = "serial:///dev/ttyUSB0?protocol=original"
     line = run_refused_command(capsys, *(url if argument == "URL" else argument for argument in arguments))
     assert "is an original hub, which takes no commands" in line
 
