@@ -33,7 +33,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--hours", type=float, default=24.0, help="virtual hours (24)")
     parser.add_argument("--seed", type=int, default=None, help="replays a soak exactly (default: a new seed)")
-    parser.add_argument("--hand", default="allegro", help="hand description (allegro)")
+    parser.add_argument("--hand", default="original", help="hand description (original)")
     parser.add_argument("--out", type=Path, default=None, help="write the report as JSON")
     options = parser.parse_args()
     seed = secrets.randbelow(2**32) if options.seed is None else options.seed

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(
     find_missing_tool() is not None, reason=f"the build of the images needs {find_missing_tool()}"
 )
 
-ADDRESS, PROXIMAL, MEDIAL = 0x2C, 0x28, 0x30
+ADDRESS, PROXIMAL, MEDIAL = 0x1D, 0x19, 0x0E
 MAX_TIME_DIFFERENCE_US = 100
 """Largest difference of the scan times of an executed board and a native board, microseconds: 3 parts in 100,000 of the
 3.4 s that a test takes, less than the tolerance of the scan period.
@@ -55,7 +55,7 @@ def tools() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def hand() -> Hand:
-    return load_hand("allegro")
+    return load_hand("original")
 
 
 def find_image_files() -> dict[str, Path]:
@@ -241,5 +241,5 @@ def test_invalid_image_file_is_rejected_with_one_line(hand: Hand, tmp_path: Path
     }.items():
         path.write_text(content)
         with pytest.raises(LinkError, match=expected) as caught:
-            VirtualWorld(format_world(hand, WorldSettings()) + "image 0x2C bad.hex\n", files={"bad.hex": path})
+            VirtualWorld(format_world(hand, WorldSettings()) + "image 0x1D bad.hex\n", files={"bad.hex": path})
         assert "\n" not in str(caught.value)

@@ -17,7 +17,7 @@ from host.tests.plugin_package import installed_package
 from taxel.link import PortMissingError, open_i2c
 from taxel.plugins import HIL_DRIVERS
 
-VIRTUAL = 'hand = "allegro"\n[uart]\ndriver = "virtual"\n'
+VIRTUAL = 'hand = "original"\n[uart]\ndriver = "virtual"\n'
 RELAY_SOURCE = """
 class RelayPower:
     is_virtual = True
@@ -113,8 +113,8 @@ def test_modem_line_switches_the_whole_rig_and_no_single_board(context: DriverCo
     assert power._port.rts
     power.switch(False)
     assert not power._port.rts
-    with pytest.raises(RigError, match="board 0x22 cannot be switched alone"):
-        power.switch(False, 0x22)
+    with pytest.raises(RigError, match="board 0x1C cannot be switched alone"):
+        power.switch(False, 0x1C)
     context.exit_stack.close()
     assert not power._port.is_open
 
@@ -123,8 +123,8 @@ def test_operator_receives_the_taxel_and_the_force(context: DriverContext, monke
     prompts: list[str] = []
     monkeypatch.setattr("builtins.input", prompts.append)
     stimulus = OperatorStimulus(context)
-    stimulus.press(0x22, 5, 3.0)
+    stimulus.press(0x1C, 5, 3.0)
     stimulus.release()
     assert prompts[0].startswith("press taxel 5 of ")
-    assert "(0x22) with 3 N" in prompts[0]
+    assert "(0x1C) with 3 N" in prompts[0]
     assert prompts[1] == "remove the probe from the skin, then Return: "

@@ -28,10 +28,10 @@ def output(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Output of pytest on the emulated bench."""
     folder = tmp_path_factory.mktemp("bench")
     socket_path, has_can = folder / "i2c.sock", has_multicast()
-    with VirtualWorld(format_world(load_hand("allegro")), "pty") as world:
+    with VirtualWorld(format_world(load_hand("original")), "pty") as world:
         rig = folder / "bench.toml"
         rig.write_text(
-            'name = "fake bench"\nhand = "allegro"\n'
+            'name = "fake bench"\nhand = "original"\n'
             f'[uart]\ndriver = "serial"\nurl = "serial://{world.pty_name}"\n'
             '[i2c]\ndriver = "linux"\nbus = "/dev/i2c-7"\n'
             + (f'[can]\ndriver = "python-can"\nurl = "{CAN_URL}"\n' if has_can else "")

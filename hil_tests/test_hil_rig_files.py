@@ -9,21 +9,21 @@ from hil_tests.harness.rig import ABILITIES, get_abilities
 from hil_tests.harness.rig_file import RIGS, load_rig
 from taxel.errors import TaxelError
 
-PHYSICAL = 'hand = "allegro"\n[uart]\ndriver = "serial"\nurl = "serial:///dev/ttyUSB0"\n'
-VIRTUAL = 'hand = "allegro"\n[uart]\ndriver = "virtual"\n'
+PHYSICAL = 'hand = "original"\n[uart]\ndriver = "serial"\nurl = "serial:///dev/ttyUSB0"\n'
+VIRTUAL = 'hand = "original"\n[uart]\ndriver = "virtual"\n'
 
 INVALID_FILES = {
     "not TOML": ("= 3", "is not TOML"),
     "no hand": ('[uart]\ndriver = "virtual"\n', "'hand' is missing"),
     "hand a number": ("hand = 3\n", "hand = 3; expected a str"),
-    "no uart": ('hand = "allegro"\n', r"\[uart\] is missing"),
+    "no uart": ('hand = "original"\n', r"\[uart\] is missing"),
     "unknown key": ("boards = 3\n" + PHYSICAL, "'boards' is unknown"),
-    "uart not a table": ('hand = "allegro"\nuart = "x"\n', "uart is not a table"),
+    "uart not a table": ('hand = "original"\nuart = "x"\n', "uart is not a table"),
     "unknown driver": (
-        'hand = "allegro"\n[uart]\ndriver = "usb"\n',
+        'hand = "original"\n[uart]\ndriver = "usb"\n',
         r"\[uart\] driver = 'usb' is unknown; expected serial, virtual",
     ),
-    "no url": ('hand = "allegro"\n[uart]\ndriver = "serial"\n', "'url' is missing"),
+    "no url": ('hand = "original"\n[uart]\ndriver = "serial"\n', "'url' is missing"),
     "unknown option": (PHYSICAL + "speed = 3\n", "'speed' is unknown; serial takes url"),
     "option of another type": (PHYSICAL + '[i2c]\ndriver = "linux"\nbus = 1\n', "bus = 1; expected a str"),
     "no port of the power switch": (PHYSICAL + '[power]\ndriver = "modem-line"\n', r"\[power\] 'port' is missing"),

@@ -11,7 +11,7 @@ SEED = 5
 
 
 def test_every_missing_frame_is_explained_by_an_injected_fault() -> None:
-    report = Soak(load_hand("allegro"), SEED).run(SECONDS)
+    report = Soak(load_hand("original"), SEED).run(SECONDS)
     print(f"seed {SEED}")
     assert find_problems(report) == []
     assert report.lost > 100

@@ -121,7 +121,7 @@ def _read_executed(path: Path, entries: Any, board_addresses: set[int]) -> tuple
 
     Raises `RigError` for an entry that is neither "hub" nor the address of a board of the rig.
     """
-    expected = f'rig {path}: executed = {entries!r}; expected a list of "hub" and addresses of boards, such as 0x2C'
+    expected = f'rig {path}: executed = {entries!r}; expected a list of "hub" and addresses of boards, such as 0x1D'
     if not isinstance(entries, list):
         raise RigError(expected)
     addresses = tuple(HUB if entry == "hub" else entry for entry in entries)

@@ -62,7 +62,7 @@ def _make_figure(name: str, hand: Hand, tally: Tally, entropy: float) -> Figure:
 
 def measure() -> list[Figure]:
     """Benchmark of compact frames: bytes and rates at four noise levels, and bytes of a recording with contacts."""
-    hand = load_hand("allegro")
+    hand = load_hand("original")
     figures = []
     for sigma in SIGMAS:
         tally = measure_bytes(hand, sigma, SECONDS, has_contacts=False)

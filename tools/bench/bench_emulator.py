@@ -32,16 +32,16 @@ EFFECTS = (
     "drift warm_up counts=100 seconds=300",
     "drift wander counts=20 seconds=60",
     "saturation soft counts=8000",
-    "dead rest board=0x20 taxel=3",
-    "dead stuck board=0x21 taxel=4 value=100",
-    "line open board=0x22 axis=0 index=1",
-    "line short board=0x23 axis=1 index=1",
+    "dead rest board=0x08 taxel=3",
+    "dead stuck board=0x09 taxel=4 value=100",
+    "line open board=0x0A axis=0 index=1",
+    "line short board=0x0B axis=1 index=1",
     "silent flaky p=0.01",
     "late delay seconds=0.02",
     "late lag seconds=0.05",
     "clock skew ppm=100",
     "clock wander ppm=50 period=60",
-    "stuck_bit low bit=0 board=0x24",
+    "stuck_bit low bit=0 board=0x0C",
     "droop supply ohms=100",
     "droop reference ohms=100",
     "nonlinear dead_zone leak=0.001",
@@ -53,9 +53,9 @@ EFFECTS = (
     "indent set fraction=0.1 threshold_m=1e-4 recovery_s=60",
     "indent bedding fraction=0.1 work_j_m2=100",
     "proximity wedge share=0.1 reach_m=0.002",
-    "moisture drying board=0x25 tx=1 rx=1 radius_m=0.01 water=0.1 seconds=60",
+    "moisture drying board=0x0D tx=1 rx=1 radius_m=0.01 water=0.1 seconds=60",
     "modulus taxels log_std=0.1",
-    "modulus board board=0x26 factor=1.2",
+    "modulus board board=0x0E factor=1.2",
 )
 """Every effect except exchanged boards, in each form that can be combined with the others."""
 
@@ -64,7 +64,7 @@ def _write_contacts(path: Path) -> None:
     """Write a stimulus file with one contact on every board, whose force varies between 1 N and 9 N for `VIRTUAL_S`
     seconds.
     """
-    hand = load_hand("allegro")
+    hand = load_hand("original")
     times = np.arange(0.0, VIRTUAL_S, 0.02)
     share = sum(
         compute_force_shares(
@@ -87,7 +87,7 @@ def _measure_speed(folder: Path, world: str, threads: int) -> tuple[float, dict[
 
 def measure() -> list[Figure]:
     """Benchmark of the emulator: virtual seconds per second of real time, with one thread per available core."""
-    hand, threads = load_hand("allegro"), min(len(os.sched_getaffinity(0)), THREADS_MAX)
+    hand, threads = load_hand("original"), min(len(os.sched_getaffinity(0)), THREADS_MAX)
     worlds = {
         "ideal skin": (IDEAL_TARGET, format_world(hand, WorldSettings())),
         "all effects": (ALL_EFFECTS_TARGET, format_scene(hand, EmulatedScene({}), WorldSettings(effects=EFFECTS))),

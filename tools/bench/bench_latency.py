@@ -100,7 +100,7 @@ def measure() -> list[Figure]:
     """Benchmark of the latency: allowed latency divided by its 95th percentile, for single boards and for the whole
     hand.
     """
-    hand = load_hand("allegro")
+    hand = load_hand("original")
     with tempfile.TemporaryDirectory() as name:
         delays, period, scan = _measure_delays(hand, Path(name), 0.0)
         host = measure_host_s(Path(name) / "capture.bin")

@@ -74,7 +74,7 @@ def open_emulated_port(settings: WorldSettings) -> Iterator[str]:
     """Context with an emulated hand in real time. Yields the URL of its pseudo-terminal."""
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world = Path(folder) / "world.txt"
-        world.write_text(format_world(load_hand("allegro"), settings))
+        world.write_text(format_world(load_hand("original"), settings))
         command = [str(find_emulator_program()), "--world", str(world), "--uart", "pty"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None

@@ -77,7 +77,7 @@ def count_uart_bits(sizes: list[int]) -> int:
 
 def measure_rates(scl_hz: float, baud: float, scan: ScanSettings) -> Rates:
     """Measure the rates on an emulated skin at rest."""
-    sizes = [board.kind.taxel_count for board in load_hand("allegro").boards]
+    sizes = [board.kind.taxel_count for board in load_hand("original").boards]
     with tempfile.TemporaryDirectory() as name:
         settings = WorldSettings(scl_hz=scl_hz, baud=baud, scan=scan)
         capture, statistics = record(Path(name), VIRTUAL_S, settings=settings)

@@ -22,5 +22,5 @@ def record(
     """
     script, capture = folder / "start.bin", folder / "capture.bin"
     write_start_script(script)
-    text = world or format_world(load_hand("allegro"), settings or WorldSettings())
+    text = world or format_world(load_hand("original"), settings or WorldSettings())
     return capture, run_emulator(text, capture, seconds, script, stimulus, threads)

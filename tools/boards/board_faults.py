@@ -24,7 +24,7 @@ from taxel_tools.testing.plan import Plan
 from taxel_tools.testing.record import Limit
 from taxel_tools.wires import HubWire
 
-HAND: Final = load_hand("allegro")
+HAND: Final = load_hand("original")
 BOARDS: Final = {board.kind.name: board.address for board in HAND.boards}
 """Address of one board of each kind."""
 REST_PF: Final = 1.5

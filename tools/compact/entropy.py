@@ -222,7 +222,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seconds", type=float, default=8.0, help="virtual seconds of each row (8)")
     seconds = parser.parse_args().seconds
-    hand = load_hand("allegro")
+    hand = load_hand("original")
     uncompressed = sum(UNCOMPRESSED_BYTES + 2 * board.kind.taxel_count for board in hand.boards)
     print(f"seed {SEED}, {len(hand.boards)} boards, {hand.n_taxels} taxels, {seconds:g} s at {RATE_HZ:g} Hz")
     print(f"uncompressed: {uncompressed} bytes per cycle")

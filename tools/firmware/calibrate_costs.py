@@ -29,7 +29,10 @@ ROOT: Final = Path(__file__).parents[2]
 COSTS: Final = ROOT / "firmware" / "emulator" / "base" / "costs.h"
 PAGE: Final = ROOT / "docs" / "firmware-cycles.md"
 SMALL, LARGE = 0x2C, 0x20
-"""Boards of the allegro hand whose conversions together contain every case."""
+"""Boards of the hand `allegro` whose conversions together contain every case: the first taxel of both is behind a hole
+of the crossing map, and one has 13 TX lines. The boards of the default hand begin with crossing 0, which hides the cost
+of a skipped crossing at the start of a scan.
+"""
 CYCLES_PER_US: Final = 48
 PERIOD: Final = 160 * 40
 SETTLE_CYCLES: Final = 4 * (96 // 4 + 1)

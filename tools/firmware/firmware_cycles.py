@@ -131,12 +131,12 @@ def measure_hub(hand: Hand, image: Path) -> HubCycles:
 
 
 def measure(images: Path) -> FirmwareCycles:
-    """Count the processor cycles of every board kind of the Allegro hand and of its hub. images: folder of firmware
+    """Count the processor cycles of every board kind of the default hand and of its hub. images: folder of firmware
     images.
 
     Raises `TaxelError`, OSError.
     """
-    hand = load_hand("allegro")
+    hand = load_hand("original")
     kinds = {board.kind.name: board for board in hand.boards}
     ordered = sorted(kinds.values(), key=lambda board: board.kind.taxel_count)
     boards = tuple(measure_board(hand, board, images / BOARD_IMAGE) for board in ordered)

@@ -42,6 +42,6 @@ def read_unique_ids(world: str) -> dict[int, bytes]:
 
 
 def make_full_hand_world(lines: Sequence[str] = (), **settings: float) -> str:
-    """World file of the Allegro hand with its 17 boards, plus `lines`."""
-    text = format_world(load_hand("allegro"), WorldSettings(**settings))  # type: ignore[arg-type]
+    """World file of the default hand with its 17 boards, plus `lines`."""
+    text = format_world(load_hand("original"), WorldSettings(**settings))  # type: ignore[arg-type]
     return text + "".join(f"{line}\n" for line in lines)

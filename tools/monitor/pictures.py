@@ -29,7 +29,7 @@ INDENTATIONS = tuple(
     for board, tx, rx, force_n, start_s, diameter_m in (
         ("palm", 6.0, 5.0, 8.0, 8.0, 0.024),
         ("fingertip_index", 6.0, 4.0, 3.0, 12.0, 0.012),
-        ("fingertip_thumb", 8.0, 4.0, 5.0, 14.0, 0.018),
+        ("fingertip_pinkie", 8.0, 4.0, 5.0, 14.0, 0.018),
         ("proximal_front_middle", 5.0, 5.0, 5.0, 16.0, 0.016),
         ("back_of_hand", 3.0, 8.0, 12.0, 18.0, 0.024),
     )
@@ -37,7 +37,7 @@ INDENTATIONS = tuple(
 END_S = 24.0
 """Time on the skin's clock at which all indentations are in contact, seconds."""
 
-TITLE = "emulator: · hand allegro"
+TITLE = "emulator: · hand original"
 # viser warns about a missing graphics card, which a headless browser does not have.
 REMOVE_NOTIFICATIONS = "for (const box of document.querySelectorAll('.mantine-Notification-root')) box.remove();"
 
@@ -47,7 +47,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("docs/images"))
     out: Path = parser.parse_args().out
-    hand = load_hand("allegro")
+    hand = load_hand("original")
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         stimulus = Path(folder) / "indentations.stm"
         write_stimulus(stimulus, *compute_indentation_forces(hand, INDENTATIONS))

@@ -91,7 +91,7 @@ def fit(calibration: Calibration) -> tuple[float, float]:
 def main() -> None:
     """Print the fitted sensor model of the emulated skin."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--hand", default="allegro", help="a packaged hand or a description file")
+    parser.add_argument("--hand", default="original", help="a packaged hand or a description file")
     parser.add_argument("--seed", type=int, default=1, help="seed of the emulated world")
     options = parser.parse_args()
     data = measure_signals(load_hand(options.hand), options.seed)
