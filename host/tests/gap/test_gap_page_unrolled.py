@@ -70,7 +70,7 @@ def has_overlap(view: View) -> bool:
     return any(a is not b and a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3] for a in boxes for b in boxes)
 
 
-@pytest.mark.parametrize("hand_name", ["allegro", "rig4", "flat8"])
+@pytest.mark.parametrize("hand_name", ["original", "original_complete", "allegro", "rig4", "flat8"])
 def test_every_taxel_is_drawn_once_and_boards_do_not_overlap(hand_name: str) -> None:
     report = report_of(hand_name)
     assert len(squares(unrolled_svg(report))) == len(report["taxels"]["sensor"])
@@ -81,7 +81,47 @@ def test_every_taxel_is_drawn_once_and_boards_do_not_overlap(hand_name: str) -> 
             assert 0 < placed.y <= view.height - placed.board.rows
 
 
+def test_boards_with_a_layout_are_drawn_by_it() -> None:
+    hand, report = load_hand("original"), report_of("original")
+    for board in list_boards(CheckedReport(report)):
+        kind = hand.get_board(board.address).kind
+        assert (board.row, board.column) == (tuple(kind.row.tolist()), tuple(kind.column.tolist()))
+        assert (board.rows, board.columns) == kind.layout_shape
+        assert len(set(zip(board.row, board.column, strict=True))) == kind.taxel_count
+
+
+def test_a_kind_with_other_lines_than_the_packaged_one_is_drawn_by_its_lines() -> None:
+    report = report_of("allegro")
+    report["sensors"][0]["kind"] = "palm"
+    board = next(board for board in list_boards(CheckedReport(report)) if board.name == "palm")
+    assert (board.row, board.column) == (board.tx, board.rx)
+
+
+@pytest.mark.parametrize(("axis", "index"), [("tx", 0), ("tx", 9), ("rx", 0), ("rx", 11)])
+def test_the_arrows_of_a_line_point_at_all_its_rows_or_columns(axis: str, index: int) -> None:
+    report = report_of("original", ["palm"])
+    address = report["sensors"][0]["address"]
+    report["where"]["lines"] = [{"address": address, "axis": axis, "index": index, "share": 1.0, "p_value": 0.001}]
+    kind = load_hand("original").get_board(address).kind
+    is_on_line = (kind.tx if axis == "tx" else kind.rx) == index
+    expected = min(len(set(places[is_on_line].tolist())) for places in (kind.row, kind.column))
+    assert unrolled_svg(report).count('class="arrow"') == expected
+
+
 def test_the_default_hand_is_arranged_like_a_right_hand() -> None:
+    palm_side, back = views(report_of("original"))
+    at = {placed.board.name: placed for view in (palm_side, back) for placed in view.boards}
+    assert len(palm_side.boards) + len(back.boards) == 17
+    assert at["fingertip_pinkie"].x < at["fingertip_middle"].x < at["fingertip_index"].x
+    assert at["proximal_back_index"].x < at["proximal_back_middle"].x < at["proximal_back_pinkie"].x
+    for finger in ("index", "middle", "pinkie"):
+        heights = [at[f"{part}_{finger}"].y for part in ("fingertip", "medial_front", "proximal_front")]
+        assert heights == sorted(heights)
+        assert heights[-1] < at["palm"].y
+    assert [heading.label for heading in palm_side.headings] == ["pinkie", "middle", "index"]
+
+
+def test_the_assumed_hand_is_arranged_like_a_right_hand() -> None:
     palm_side, back = views(report_of("allegro"))
     at = {placed.board.name: placed for view in (palm_side, back) for placed in view.boards}
     assert len(palm_side.boards) + len(back.boards) == 17
@@ -98,13 +138,13 @@ def test_the_default_hand_is_arranged_like_a_right_hand() -> None:
 
 
 def test_a_part_of_the_default_hand_keeps_its_arrangement() -> None:
-    (view,) = views(report_of("allegro", ["palm", "fingertip_index", "fingertip_thumb"]))
+    (view,) = views(report_of("original", ["palm", "fingertip_index"]))
     assert view.title == "palm side"
     assert not has_overlap(view)
 
 
 def test_an_unknown_board_name_arranges_all_boards_in_rows() -> None:
-    report = report_of("allegro")
+    report = report_of("original")
     report["sensors"][0]["name"] = "forearm"
     (view,) = views(report)
     assert len(view.boards) == 17
@@ -198,7 +238,7 @@ def test_the_lightness_of_the_ramps_is_monotonic() -> None:
 
 
 def test_the_svg_has_no_external_references() -> None:
-    svg = unrolled_svg(report_of("allegro"))
+    svg = unrolled_svg(report_of("original"))
     assert not re.search(r"url\(|@import|href|<script", svg)
     assert re.findall(r"https?://[^\"]*", svg) == ["http://www.w3.org/2000/svg"]
     assert ET.fromstring(svg).find(f"{SVG}title") is not None

@@ -1,13 +1,15 @@
 """Positions of the boards in the picture of the unrolled hand. The unit of length is one taxel pitch of the picture.
 
-A board is the rectangle of its TX lines (rows, TX 0 on top) and RX lines (columns, RX 0 on the left), seen from outside
-with the distal end on top, as in the hand descriptions. The boards of the default hand are arranged like a right hand,
-with its palm side and its back; the boards of other hands are arranged in rows.
+A board is drawn by the layout of its kind: the places of its taxels on the unrolled sheet, seen from outside with the
+distal end on top. Without a layout, TX lines are rows (TX 0 on top) and RX lines are columns (RX 0 on the left). The
+boards of the default hand are arranged like a right hand, with its palm side and its back; the boards of other hands
+are arranged in rows.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from taxel.gap.page.board_places import find_places
 from taxel.gap.page.text import make_readable
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.hand.unrolled_layout import SIDES, get_short_name
@@ -26,23 +28,27 @@ MAX_NAME = 18  # characters
 
 @dataclass(frozen=True)
 class Board:
-    """A board. index, tx, rx: index in the report, TX line and RX line of each of its taxels."""
+    """A board. index, tx, rx, row, column: index in the report, lines, and place on the unrolled sheet of each of its
+    taxels.
+    """
 
     address: int
     name: str
     index: tuple[int, ...]
     tx: tuple[int, ...]
     rx: tuple[int, ...]
+    row: tuple[int, ...]
+    column: tuple[int, ...]
 
     @property
     def rows(self) -> int:
-        """Number of TX lines up to the last one with a taxel."""
-        return max(self.tx) + 1
+        """Number of rows up to the last one with a taxel."""
+        return max(self.row) + 1
 
     @property
     def columns(self) -> int:
-        """Number of RX lines up to the last one with a taxel."""
-        return max(self.rx) + 1
+        """Number of columns up to the last one with a taxel."""
+        return max(self.column) + 1
 
 
 @dataclass(frozen=True)
@@ -83,16 +89,13 @@ def list_boards(report: CheckedReport) -> tuple[Board, ...]:
     addresses, tx, rx = report.taxels
     for index, address in enumerate(addresses):
         members.setdefault(address, []).append(index)
-    return tuple(
-        Board(
-            address,
-            report.board_names.get(address, f"board {address}"),
-            tuple(indices),
-            tuple(tx[index] for index in indices),
-            tuple(rx[index] for index in indices),
-        )
-        for address, indices in sorted(members.items())
-    )
+    boards = []
+    for address, indices in sorted(members.items()):
+        own_tx, own_rx = (tuple(axis[index] for index in indices) for axis in (tx, rx))
+        row, column = find_places(report.board_kinds.get(address, ""), own_tx, own_rx)
+        name = report.board_names.get(address, f"board {address}")
+        boards.append(Board(address, name, tuple(indices), own_tx, own_rx, row, column))
+    return tuple(boards)
 
 
 def arrange_views(boards: Sequence[Board]) -> tuple[View, ...]:

@@ -1,4 +1,4 @@
-"""Drawing of the unrolled hand: each board as its matrix of TX and RX lines, each taxel coloured by its excess.
+"""Drawing of the unrolled hand: each board by its layout, each taxel coloured by its excess.
 
 The drawing is a list of shapes in taxel pitches. The page and the SVG file (templates) and the PNG file (`hand_png.py`)
 draw the same shapes.
@@ -155,11 +155,12 @@ class UnrolledHand:
     def _draw_squares(self, board: Board, excess: Sequence[float]) -> list[Square]:
         """The taxels of a board as coloured squares with their values as titles."""
         squares, margin, name = [], (1.0 - SQUARE) / 2, make_readable(board.name)
-        for index, tx, rx in zip(board.index, board.tx, board.rx, strict=True):
+        places = zip(board.index, board.tx, board.rx, board.row, board.column, strict=True)
+        for index, tx, rx, row, column in places:
             before, after = (values[index] for values in self.excess)
             step = None if math.isnan(excess[index]) else select_step(excess[index], self.top)
             title = f"{name}, TX {tx} RX {rx}: {_counts(before)} before, {_counts(after)} after"
-            squares.append(Square(rx + margin, tx + margin, SQUARE, step, title))
+            squares.append(Square(column + margin, row + margin, SQUARE, step, title))
         return squares
 
 
@@ -242,14 +243,27 @@ def _marks_after(report: CheckedReport) -> Marks:
 
 
 def _draw_arrows(board: Board, marks: Marks) -> tuple[Arrow, ...]:
-    """Arrows at the marked lines of a board."""
-    arrows = []
-    for address, axis, index in sorted(marks.lines):
-        if address == board.address and index < (board.rows if axis == "tx" else board.columns):
-            middle = index + 0.5
-            points = ((middle - 0.34, -0.96), (middle + 0.34, -0.96), (middle, -0.34))
-            arrows.append(Arrow(tuple((y, x) for x, y in points) if axis == "tx" else points))
-    return tuple(arrows)
+    """Arrows at the marked lines of a board: beside each row, or above each column, whichever are fewer."""
+    beside: set[int] = set()
+    above: set[int] = set()
+    for address, axis, index in marks.lines:
+        if address != board.address:
+            continue
+        lines = board.tx if axis == "tx" else board.rx
+        places = [place for place, line in enumerate(lines) if line == index]
+        rows, columns = ({values[place] for place in places} for values in (board.row, board.column))
+        is_beside = len(rows) < len(columns) or (len(rows) == len(columns) and axis == "tx")
+        beside, above = (beside | rows, above) if is_beside else (beside, above | columns)
+    return (
+        *(Arrow(tuple((y, x) for x, y in _make_arrow(row))) for row in sorted(beside)),
+        *(Arrow(_make_arrow(column)) for column in sorted(above)),
+    )
+
+
+def _make_arrow(place: int) -> tuple[tuple[float, float], ...]:
+    """Corners of an arrow above a column."""
+    middle = place + 0.5
+    return (middle - 0.34, -0.96), (middle + 0.34, -0.96), (middle, -0.34)
 
 
 def _describe(view: View, excess: Sequence[float]) -> str:

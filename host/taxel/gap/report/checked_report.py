@@ -78,6 +78,12 @@ class CheckedReport:
         return {address_of(entry): entry.text("name") for entry in reversed(entries)}
 
     @cached_property
+    def board_kinds(self) -> dict[int, str]:
+        """Names of the boards' kinds by address; a board without one is absent."""
+        entries = [entry for entry in self.root.optional_list("sensors") if entry.optional("kind")]
+        return {address_of(entry): entry.text("kind") for entry in entries}
+
+    @cached_property
     def taxels(self) -> tuple[list[int], list[int], list[int]] | None:
         """Address, TX and RX line of each taxel, each [n]; None if the report does not contain them."""
         table = self.root.optional("taxels")

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 from zipfile import BadZipFile
 
 import numpy as np
@@ -24,7 +24,7 @@ def write_plugin_grasps(path: Path, grasps: Sequence[PluginGrasp]) -> None:
     """Write grasps to an NPZ file, by way of a temporary file: a file with the final name is complete."""
     messages = [message for grasp in grasps for message in grasp.messages]
     entries = [entry for message in messages for entry in message.entries]
-    arrays = {
+    arrays: dict[str, Any] = {
         "version": np.array(VERSION),
         "object": np.array([grasp.object for grasp in grasps]),
         "approach": np.array([grasp.approach for grasp in grasps]),
