@@ -79,7 +79,7 @@ def find_active_taxels(signal: FloatArray) -> FloatArray:
 
 def count_active_by_board(signal: FloatArray) -> FloatArray:
     """Number of active taxels of each board, divided by `SCALE_TAXELS`, f64[g, 17]: the size of contacts."""
-    board = load_hand("allegro").board_index
+    board = load_hand("original").board_index
     return np.asarray(find_active_taxels(signal) @ (board[:, None] == np.unique(board)) / SCALE_TAXELS)
 
 

@@ -35,7 +35,8 @@ def make_board_world(hand: Hand, address: int, settings: WorldSettings | None = 
     executed.
     """
     lines = format_world(hand, settings).splitlines()
-    lines_of_board = [line for line in lines if not line.startswith("board ") or f" 0x{address:02X} " in line]
+    of_boards = ("board ", "surface ", "margin ")
+    lines_of_board = [line for line in lines if not line.startswith(of_boards) or f" 0x{address:02X} " in line]
     return "\n".join(lines_of_board) + "\n"
 
 

@@ -18,7 +18,7 @@ from taxel.grasp.timeline import Phase
 from taxel.hand import load_hand
 
 REPORT = Path(__file__).parents[3] / "examples" / "shape_classifier" / "report.json"
-HAND = load_hand("allegro")
+HAND = load_hand("original")
 SEED = 5
 
 
@@ -76,7 +76,7 @@ def test_without_widening_every_grasp_has_the_reported_values():
 
 def test_report_of_another_hand_is_refused():
     with pytest.raises(
-        RecipeError, match=r"taxels: expected those of the hand 'rig4', found 1073 taxels of another hand"
+        RecipeError, match=r"taxels: expected those of the hand 'rig4', found 1037 taxels of another hand"
     ):
         plan_report_effects(read_report(REPORT), load_hand("rig4"), 1.0, 1.0)
 
@@ -100,7 +100,7 @@ def test_invalid_effect_is_refused(name, ranges, message):
 
 
 def test_effects_of_boards_and_taxels_have_one_sample_for_each():
-    for scope, blocks in (("board", 17), ("taxel", 1073)):
+    for scope, blocks in (("board", 17), ("taxel", 1037)):
         planned = plan_effect("recipe", "gain_mismatch", "", scope, 1.0, {"log_gain": Range(-0.5, 0.5)}, HAND, 3.5)
         effect, sampled = planned.sample(np.random.default_rng(SEED))
         assert effect is not None

@@ -40,7 +40,7 @@ def test_example_reports_the_accuracies_without_and_with_effects(example, genera
 def test_training_set_without_the_effect_of_the_test_set_has_a_lower_accuracy(example):
     rng = np.random.default_rng(4)
     labels = np.repeat(["a", "b"], 40)
-    signal = rng.normal(0.0, 100.0, (80, 1073))
+    signal = rng.normal(0.0, 100.0, (80, 1037))
     signal[:40, :200] += 400.0
     without_effect, with_effect = example.Holds(signal, labels), example.Holds(signal[:, ::-1], labels)
     report = example.compare(without_effect, with_effect, with_effect)

@@ -85,6 +85,16 @@ def test_every_field_of_a_recipe_file_is_read(folder):
     assert recipe.digest != Recipe().digest
 
 
+def test_recipe_of_another_hand_has_its_own_test_objects(folder):
+    recipe = read_recipe(write_recipe(folder, 'hand = "allegro"\n'))
+    assert recipe.hand == "allegro"
+    for hand, radius_mm in ((recipe, 21.0), (Recipe(), 20.0)):
+        cylinder = next(kind for kind in hand.objects if kind.name == "cylinder")
+        assert cylinder.sizes["radius_mm"] == Range(0.92 * radius_mm, 1.08 * radius_mm)
+    assert recipe.digest != Recipe().digest
+    assert Recipe().to_json()["hand"] == "original"
+
+
 def test_samples_are_in_their_ranges_and_every_kind_has_its_share(folder):
     recipe = read_recipe(write_recipe(folder, FULL_RECIPE))
     samples = [sample_grasp(recipe, number) for number in range(300)]
