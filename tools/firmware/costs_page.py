@@ -76,7 +76,7 @@ processor must complete the scan and one poll, a read of a whole snapshot by the
 {boards}
 
 While the [hub](glossary.md#hub) streams all {count} boards (natively emulated), its processor spends, for each
-[frame](glossary.md#frame) of 63 [taxels](glossary.md#taxel) on average, {poll:,} cycles in I2C interrupts and
+[frame](glossary.md#frame) of 61 [taxels](glossary.md#taxel) on average, {poll:,} cycles in I2C interrupts and
 {frame:,} cycles on framing, the UART ({uart:,}) and the main loop, which waits awake when the transmit ring is full.
 Frames are sent every {length:,} cycles, and the processor is awake for {share:.0%} of this time. I2C, framing and UART
 must fit into the time between frames, so `make size` fails if the processor never sleeps.
