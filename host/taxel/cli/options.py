@@ -1,6 +1,6 @@
 """Options that several commands share: one name and one meaning for each concept."""
 
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -43,3 +43,26 @@ def parse_joint_angles(text: str | None) -> FloatArray | None:
     if not np.isfinite(angles).all():
         raise TaxelError(f"--joint-angles: expected numbers in radians separated by commas, found {format_value(text)}")
     return angles
+
+
+def parse_seeds(text: str, option: str) -> list[int]:
+    """Parse seeds, such as `101-110` or `101,104`: numbers and ranges separated by commas, each seed once.
+
+    option: for messages. Raises `TaxelError` for another text.
+    """
+    seeds: dict[int, None] = {}
+    for part in text.split(","):
+        low, _, high = part.strip().partition("-")
+        if not low.isdecimal() or (high and not high.isdecimal()) or part.strip().endswith("-"):
+            raise TaxelError(f"{option}: expected seeds such as 101-110 or 101,104, found {format_value(text)}")
+        first, last = int(low), int(high or low)
+        if last < first or last - first >= MAX_SEEDS:
+            raise TaxelError(
+                f"{option}: expected a range of up to {MAX_SEEDS} rising seeds, found {format_value(part)}"
+            )
+        seeds |= dict.fromkeys(range(first, last + 1))
+    return list(seeds)
+
+
+MAX_SEEDS: Final = 1000
+"""Largest length of a range of seeds; a longer one is a mistake, since each seed takes minutes."""

@@ -1,5 +1,5 @@
-"""Figures 5.6 to 5.14 of the thesis from the reproduced results, as PNG files; printed numbers are shown in pale
-colours.
+"""Figures 5.3, 5.6 to 5.14 and I-2 to I-6 of the thesis from the reproduced results, as PNG files; printed numbers are
+shown in pale colours. Figure I-1 is Figure 5.11.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,19 +12,22 @@ from taxel.cloud.contact_cloud import ContactCloud
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import PointTarget, align_to_mesh, align_to_points
 from taxel.hand.transforms import apply
-from taxel.thesis.matching import CLEANED, FILTERED, REAL, SIM, SPREAD, ObjectClouds, ObjectResult
+from taxel.thesis.cloud_names import CLEANED, FILTERED, REAL, SIM, SPREAD
+from taxel.thesis.matching import ObjectClouds
+from taxel.thesis.object_result import ObjectResult
 from taxel.thesis.printed import OBJECTS, STAGES, select_rows
 from taxel.thesis.tables import compute_contributions
 from taxel.types import FloatArray
 
 COLOURS: Final = {REAL: "#d9772b", SIM: "#5d3a9b", FILTERED: "#c9a227", CLEANED: "#3d8f5f", SPREAD: "#1f5fa8"}
-EDGE, PALE, INK = "#9aa1ad", 0.35, "#1b1d22"
+EDGE, PALE, INK, INACTIVE = "#9aa1ad", 0.35, "#1b1d22", "#b6bcc8"
 VIEW: Final = (18.0, -60.0)
 STEP_COLOURS: Final = ("#c9a227", "#3d8f5f", "#1f5fa8")
 STEP_INKS: Final = (INK, "white", "white")
 SHORT: Final = ("raw", "force\nfilter", "and SOR", "and contact\npropagation")
 
 FIGURES: Final = {
+    "5.3": "Contact clouds of one grasp of the cylinder, active and inactive taxels",
     "5.6": "Accumulated clouds before any treatment",
     "5.7": "Clouds on their CAD models",
     "5.8": "Real on simulated clouds",
@@ -34,6 +37,11 @@ FIGURES: Final = {
     "5.12": "Distances between real and simulated clouds, step by step",
     "5.13": "Share of each step in the decrease of the mean distance",
     "5.14": "Treated clouds on all CAD models",
+    "I-2": "Clouds of the cylinder at each stage of the treatment",
+    "I-3": "Clouds of the triangular prism at each stage of the treatment",
+    "I-4": "Share of each step in the decrease of mean and RMS, rectangular prism",
+    "I-5": "Share of each step in the decrease of mean and RMS, cylinder",
+    "I-6": "Share of each step in the decrease of mean and RMS, triangular prism",
 }
 
 
@@ -42,7 +50,9 @@ def save_figures(items: Sequence[ObjectClouds], results: Sequence[ObjectResult],
 
     items, results: clouds and distances of each object, in the order of the thesis.
     """
+    by_name = {item.printed_name: item for item in items}
     figures = {
+        "5.3": _draw_grasp(by_name["cylindrical"]),
         "5.6": _draw_accumulated(items),
         "5.7": _draw_on_cad(items),
         "5.8": _draw_on_sim(items),
@@ -52,12 +62,25 @@ def save_figures(items: Sequence[ObjectClouds], results: Sequence[ObjectResult],
         "5.12": _draw_stages(results),
         "5.13": _draw_shares(results),
         "5.14": _draw_cross_match(results),
+        "I-2": _draw_progress(by_name["cylindrical"]),
+        "I-3": _draw_progress(by_name["triangular"]),
+        **{f"I-{number}": _draw_object_shares(result) for number, result in enumerate(results, 4)},
     }
-    paths = {}
     for number, figure in figures.items():
-        paths[number] = out / f"figure_{number.replace('.', '_')}.png"
-        figure.savefig(paths[number], dpi=110, facecolor="white")
-    return paths
+        figure.savefig(out / _name_file(number), dpi=110, facecolor="white")
+    return find_figures(out)
+
+
+def find_figures(folder: Path) -> dict[str, Path]:
+    """Return the files of the figures in a folder by figure number, in the order of the thesis; missing ones are left
+    out.
+    """
+    return {number: path for number in FIGURES if (path := folder / _name_file(number)).exists()}
+
+
+def _name_file(number: str) -> str:
+    """Return the file name of a figure."""
+    return f"figure_{number.replace('.', '_').replace('-', '_')}.png"
 
 
 def _new_figure(width: float, height: float) -> Any:
@@ -68,11 +91,16 @@ def _new_figure(width: float, height: float) -> Any:
 
 
 def _draw_clouds(
-    axis: Any, clouds: Mapping[str, tuple[FloatArray, str]], mesh: TriangleMesh | None, title: str
+    axis: Any,
+    clouds: Mapping[str, tuple[FloatArray, str]],
+    mesh: TriangleMesh | None,
+    title: str,
+    size: float = 2.5,
 ) -> None:
     """Draw clouds, and the sharp edges of a mesh, on a 3-D axis in millimetres.
 
-    clouds: points f64[n, 3] (metres) and colour by label. mesh: of the object; None: none is drawn.
+    clouds: points f64[n, 3] (metres) and colour by label. mesh: of the object; None: none is drawn. size: of a
+    point.
     """
     all_points = [points for points, _ in clouds.values()] + ([mesh.vertices] if mesh is not None else [])
     low, high = (1e3 * f(np.concatenate(all_points), axis=0) for f in (np.min, np.max))
@@ -81,7 +109,7 @@ def _draw_clouds(
         for corners in _find_sharp_edges(mesh):
             axis.plot(*(1e3 * corners.T), color=EDGE, linewidth=0.8)
     for label, (points, colour) in clouds.items():
-        axis.scatter(*(1e3 * points.T), s=2.5, c=colour, alpha=0.5, linewidths=0, label=label)
+        axis.scatter(*(1e3 * points.T), s=size, c=colour, alpha=0.5, linewidths=0, label=label)
     axis.set(xlim=(centre[0] - half, centre[0] + half), ylim=(centre[1] - half, centre[1] + half))
     axis.set_zlim(centre[2] - half, centre[2] + half)
     axis.set_box_aspect((1, 1, 1), zoom=0.92)
@@ -107,6 +135,27 @@ def _find_sharp_edges(mesh: TriangleMesh) -> list[FloatArray]:
     normals = mesh.normals
     sharp = [key for key, faces in owners.items() if normals[faces[0]] @ normals[faces[-1]] < SHARP_COS]
     return [mesh.vertices[list(key)] for key in sharp]
+
+
+def _draw_grasp(item: ObjectClouds) -> Any:
+    """Draw Figure 5.3 of the thesis: active and inactive taxels of one grasp, real and simulated.
+
+    The grasp is the first one with active taxels on both sides.
+    """
+    real, sim = item.clouds[REAL], item.clouds[SIM]
+    active = [{cloud.grasps[row] for row in set(cloud.grasp.tolist())} for cloud in (real, sim)]
+    common = sorted(active[0] & active[1]) or sorted(active[0])[:1]
+    figure = _new_figure(9.0, 4.6)
+    for column, (name, cloud) in enumerate(((REAL, real), (SIM, sim))):
+        row = cloud.grasps.index(common[0]) if common and common[0] in cloud.grasps else 0
+        inactive = cloud.inactive_points[cloud.inactive_grasp == row]
+        points = cloud.points[cloud.grasp == row]
+        clouds = {"inactive": (inactive, INACTIVE), "active": (points, COLOURS[name])}
+        axis = figure.add_subplot(1, 2, column + 1, projection="3d")
+        title = f"{name}: {len(points)} of {len(points) + len(inactive)} taxels active"
+        _draw_clouds(axis, clouds, item.mesh, title, size=7.0)
+        axis.legend(loc="lower left", fontsize=8, markerscale=2)
+    return figure
 
 
 def _draw_accumulated(items: Sequence[ObjectClouds]) -> Any:
@@ -248,32 +297,62 @@ def _draw_stages(results: Sequence[ObjectResult]) -> Any:
 def _draw_shares(results: Sequence[ObjectResult]) -> Any:
     """Draw Figure 5.13 of the thesis: share of each treatment step in the decrease of the mean distance."""
     figure = _new_figure(9.0, 3.4)
-    axis = figure.add_subplot()
-    labels, at = [], []
-    for position, result in enumerate(results):
-        printed = {
-            row["stage"]: float(row["mean_m"]) for row in select_rows("I_10_to_12_sim_to_real", result.printed_name)
-        }
-        reproduced = {stage: result.to_sim[stage].mean_m for stage in STAGES}
-        for offset, (means, alpha, source) in enumerate(((reproduced, 1.0, "reproduced"), (printed, PALE, "thesis"))):
-            y, start = 3 * position + offset, 0.0
-            shares = compute_contributions(means)
-            for value, colour, text_colour, stage in zip(shares, STEP_COLOURS, STEP_INKS, STAGES[1:], strict=True):
-                width = max(value, 0.0)
-                label = stage.replace("+ ", " + ") if position == 0 and offset == 0 else None
-                axis.barh(y, width, left=start, color=colour, alpha=alpha, label=label)
-                if width > 4.0:
-                    ink = text_colour if alpha == 1.0 else INK
-                    axis.text(start + 0.5 * width, y, f"{value:.0f}", ha="center", va="center", fontsize=8, color=ink)
-                start += width
-            labels.append(f"{result.printed_name}, {source}")
-            at.append(y)
-    axis.set_yticks(at, labels, fontsize=8)
+    bars = []
+    for result in results:
+        for source, means in _list_distances(result, "mean_m"):
+            bars.append((f"{result.printed_name}, {source}", means, source))
+    _draw_share_bars(figure.add_subplot(), bars, "share of the decrease of the mean real-to-simulated distance, %")
+    return figure
+
+
+def _draw_object_shares(result: ObjectResult) -> Any:
+    """Draw one of Figures I-4 to I-6 of the thesis: shares of the steps for one object, by mean and by RMS."""
+    figure = _new_figure(9.0, 2.6)
+    bars = [
+        (f"{name}, {source}", distances, source)
+        for key, name in (("mean_m", "mean"), ("rms_m", "RMS"))
+        for source, distances in _list_distances(result, key)
+    ]
+    label = f"{result.printed_name}: share of the decrease of the real-to-simulated distance, %"
+    _draw_share_bars(figure.add_subplot(), bars, label)
+    return figure
+
+
+def _list_distances(result: ObjectResult, key: str) -> list[tuple[str, dict[str, float]]]:
+    """Return the reproduced and the printed real-to-sim distances of an object by stage, metres.
+
+    key: kind of distance, such as "mean_m".
+    """
+    printed = {row["stage"]: float(row[key]) for row in select_rows("I_10_to_12_sim_to_real", result.printed_name)}
+    return [(REPRODUCED, {stage: getattr(result.to_sim[stage], key) for stage in STAGES}), ("thesis", printed)]
+
+
+def _draw_share_bars(axis: Any, bars: Sequence[tuple[str, Mapping[str, float], str]], label: str) -> None:
+    """Draw one stacked bar for each entry of `bars`: name, distances by stage, and source.
+
+    Pairs of bars (reproduced and printed) are separated by a gap. A step that increases the distance has no bar.
+    """
+    at = [k + k // 2 for k in range(len(bars))]
+    for number, (y, (_, distances, source)) in enumerate(zip(at, bars, strict=True)):
+        start, alpha = 0.0, 1.0 if source == REPRODUCED else PALE
+        shares = compute_contributions(distances)
+        for value, colour, text_colour, stage in zip(shares, STEP_COLOURS, STEP_INKS, STAGES[1:], strict=True):
+            width = max(value, 0.0)
+            name = stage.replace("+ ", " + ") if number == 0 else None
+            axis.barh(y, width, left=start, color=colour, alpha=alpha, label=name)
+            if width > 4.0:
+                ink = text_colour if alpha == 1.0 else INK
+                axis.text(start + 0.5 * width, y, f"{value:.0f}", ha="center", va="center", fontsize=8, color=ink)
+            start += width
+    axis.set_yticks(at, [name for name, _, _ in bars], fontsize=8)
     axis.invert_yaxis()
-    axis.set_xlabel("share of the decrease of the mean real-to-simulated distance, %")
+    axis.set_xlabel(label)
     axis.legend(fontsize=7, frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     _remove_frame(axis)
-    return figure
+
+
+REPRODUCED: Final = "reproduced"
+"""Source of a bar that is not printed in the thesis."""
 
 
 def _draw_cross_match(results: Sequence[ObjectResult]) -> Any:

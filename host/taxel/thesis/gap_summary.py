@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from taxel.thesis.matching import ObjectResult
+from taxel.thesis.object_result import ObjectResult
 from taxel.thesis.printed import STAGES
 from taxel.thesis.tables import compute_contributions
 

@@ -1,20 +1,20 @@
 """Distances of clouds to CAD models and to other clouds, computed as in the thesis (5.6.1)."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from taxel.cloud.accumulate import accumulate
 from taxel.cloud.contact_cloud import ContactCloud
+from taxel.cloud.contacts import select_used_taxels
 from taxel.cloud.distance import DistanceStats, compute_distances_to_cloud
 from taxel.cloud.errors import CloudError
 from taxel.cloud.filters import filter_by_force, remove_outliers
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.registration import PointTarget, align_to_points
 from taxel.cloud.sweep import (
-    FORCE_THRESHOLDS,
     get_distance_stats,
     measure_after_alignment,
     sweep_force_filter,
@@ -23,12 +23,11 @@ from taxel.cloud.sweep import (
 from taxel.cloud.treatment import get_outlier_filter
 from taxel.hand.transforms import apply
 from taxel.recording.grasp_dataset import GraspDataset
+from taxel.thesis.cloud_names import CLEANED, FILTERED, REAL, SIM, SPREAD
+from taxel.thesis.object_result import ObjectResult
+from taxel.thesis.prevalence import LineShares, compute_line_shares, compute_prevalence
 from taxel.thesis.printed import FORCE_FILTER, STAGES, get_printed_name, select_rows
 from taxel.thesis.settings import PROPAGATION
-
-REAL, SIM = "real", "sim"
-FILTERED, CLEANED, SPREAD = "real, force filter", "real, force and SOR filters", "sim, contact propagation"
-"""Clouds of an object: untreated, and after each step of the treatment."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +35,7 @@ class ObjectClouds:
     """Contact clouds of one object, real and simulated, at all steps of the treatment, and its CAD mesh.
 
     name: in the dataset. printed_name: in the thesis. grasps: number of real grasps. clouds: by name of the step.
+    line_shares: whether the points that the outlier filter removes share lines with contacts; None: unknown.
     """
 
     name: str
@@ -43,40 +43,7 @@ class ObjectClouds:
     grasps: int
     clouds: Mapping[str, ContactCloud]
     mesh: TriangleMesh
-
-
-@dataclass(frozen=True)
-class ObjectResult:
-    """All distances of the clouds of one object.
-
-    cad: to its own mesh, by cloud. force: real cloud above a threshold in counts. sor: force-filtered cloud after the
-    statistical outlier filter (SOR), by the printed N and nSigma. neighbours: N that was used for each printed N.
-    to_sim: real cloud to simulated cloud, by stage. sim_points: points of the simulated cloud, by stage. cross: by
-    cloud and printed name of the mesh.
-    """
-
-    name: str
-    printed_name: str
-    grasps: int
-    cad: dict[str, DistanceStats]
-    force: dict[int, DistanceStats]
-    sor: dict[tuple[int, float], DistanceStats]
-    neighbours: dict[int, int]
-    to_sim: dict[str, DistanceStats]
-    sim_points: dict[str, int]
-    cross: dict[tuple[str, str], DistanceStats] = field(default_factory=dict)
-
-    def to_json(self) -> dict[str, Any]:
-        """Convert the distances of the object to JSON values."""
-        return {
-            "name": self.name,
-            "grasps": self.grasps,
-            "cad": {key: asdict(stats) for key, stats in self.cad.items()},
-            "force": {str(key): asdict(stats) for key, stats in self.force.items()},
-            "sor": {f"{n} / {sigma:g}": asdict(stats) for (n, sigma), stats in self.sor.items()},
-            "to_sim": {key: asdict(stats) for key, stats in self.to_sim.items()},
-            "cross": {f"{cloud} on {mesh}": asdict(stats) for (cloud, mesh), stats in self.cross.items()},
-        }
+    line_shares: LineShares | None = None
 
 
 def accumulate_clouds(real: GraspDataset, sim: GraspDataset, name: str) -> ObjectClouds:
@@ -91,7 +58,9 @@ def accumulate_clouds(real: GraspDataset, sim: GraspDataset, name: str) -> Objec
     item = real.objects[name]
     mesh = TriangleMesh(name, item.vertices, item.faces.astype(np.int64))
     propagated = accumulate(sim, name, propagation=PROPAGATION)
-    return apply_treatment(name, len(real_cloud.grasps), real_cloud, sim_cloud, propagated, mesh)
+    clouds = apply_treatment(name, len(real_cloud.grasps), real_cloud, sim_cloud, propagated, mesh)
+    shares = compute_line_shares(clouds.clouds[FILTERED], clouds.clouds[CLEANED], real.taxels, select_used_taxels(real))
+    return replace(clouds, line_shares=shares)
 
 
 def apply_treatment(
@@ -117,22 +86,18 @@ def measure(
     item: ObjectClouds,
     meshes: Mapping[str, TriangleMesh],
     advance: Callable[[], None] = _no_advance,
-    *,
-    with_sweeps: bool = True,
 ) -> ObjectResult:
     """Measure all distances of the clouds of one object.
 
-    item: the clouds. meshes: CAD models by printed name. advance: called `STEPS` times to report progress. with_sweeps:
-    False leaves out distances that no finding needs.
+    item: the clouds. meshes: CAD models by printed name. advance: called `STEPS` times to report progress.
     """
     real = item.clouds[REAL]
     cad = {name: measure_after_alignment(cloud, item.mesh) for name, cloud in item.clouds.items()}
     advance()
-    thresholds = FORCE_THRESHOLDS if with_sweeps else (FORCE_FILTER, LARGEST_THRESHOLD)
-    rows = sweep_force_filter(real, item.mesh, item.name, thresholds)
+    rows = sweep_force_filter(real, item.mesh, item.name)
     force = {int(row.threshold_counts): get_distance_stats(row) for row in rows}
     advance()
-    sor, neighbours = _sweep_sor(item) if with_sweeps else ({}, {})
+    sor, neighbours = _sweep_sor(item)
     advance()
     targets = {name: PointTarget(item.clouds[name].points, name) for name in (SIM, SPREAD)}
     steps = dict(zip(STAGES, ((REAL, SIM), (FILTERED, SIM), (CLEANED, SIM), (CLEANED, SPREAD)), strict=True))
@@ -146,12 +111,27 @@ def measure(
     }
     advance()
     return ObjectResult(
-        item.name, item.printed_name, item.grasps, cad, force, sor, neighbours, to_sim, sim_points, cross
+        item.name,
+        item.printed_name,
+        item.grasps,
+        cad,
+        force,
+        sor,
+        neighbours,
+        to_sim,
+        sim_points,
+        cross,
+        iterations=_count_iterations(real),
+        prevalence=compute_prevalence(item.clouds),
+        line_shares=item.line_shares,
     )
 
 
-LARGEST_THRESHOLD: Final = 320
-"""Largest threshold of the force filter sweep, counts."""
+def _count_iterations(cloud: ContactCloud) -> dict[str, int]:
+    """Count the grasps of each approach of a cloud, by name of the approach."""
+    counts = np.bincount(cloud.grasp_approach, minlength=len(cloud.approaches))
+    return {name: int(count) for name, count in zip(cloud.approaches, counts, strict=True)}
+
 
 STEPS: Final = 5
 """Number of calls of `advance` by `measure`."""

@@ -1,4 +1,4 @@
-"""The HTML page of the reproduction: findings, figures, and tables with reproduced value, printed value and ratio."""
+"""The HTML page of the reproduction: skill, findings, settings, figures, and tables with printed values."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -9,11 +9,13 @@ from typing import Any, Final
 
 from taxel.gap.page.rendering import render
 from taxel.gap.page.text import ABSENT, format_number, make_readable
-from taxel.thesis.distance_agreement import DistanceAgreement
 from taxel.thesis.figures import FIGURES
-from taxel.thesis.findings import Finding, FurtherResult
+from taxel.thesis.finding_tests import NOT_TESTED
 from taxel.thesis.gap_summary import GapSummary
 from taxel.thesis.printed import INCONSISTENCIES
+from taxel.thesis.settings import SEARCH_SEEDS, SEARCHED
+from taxel.thesis.skill import ALL_STATISTICS, GROUPS, SkillReport
+from taxel.thesis.summary import SCORED_COLUMNS, FindingSummary, Spread, Summary
 from taxel.thesis.tables import Row, Table
 
 SECURITY_POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -38,13 +40,12 @@ HEADINGS: Final = {
 class PageContent:
     """Content of the page of the reproduction.
 
-    description: sentences on how the datasets were made. figures: files by figure number.
+    summary: of all seeds. tables: of the shown seed. figures: files of the shown seed by figure number. description:
+    sentences on how its datasets were made.
     """
 
+    summary: Summary
     tables: Sequence[Table]
-    findings: Sequence[Finding]
-    agreement: DistanceAgreement
-    further_results: Sequence[FurtherResult]
     figures: Mapping[str, Path]
     gap: GapSummary | None
     description: Sequence[str]
@@ -60,34 +61,104 @@ def write_page(path: Path, content: PageContent) -> None:
 
 def _build_context(content: PageContent) -> dict[str, Any]:
     """Return the variables of the page's template; all values are text, names or lists of them."""
-    findings = content.findings
-    reproduced = sum(finding.is_reproduced for finding in findings)
+    summary = content.summary
+    skills = summary.skills[summary.shown]
     return {
-        "title": f"Reproduction of chapter 5: {reproduced} of {len(findings)} findings reproduced",
-        "description": content.description,
-        "object_names": list(findings[0].numbers) if findings else [],
-        "findings": [_finding_context(finding) for finding in findings],
-        "further_results": content.further_results,
+        "title": f"Reproduction of chapter 5: {describe_findings(summary)}",
+        "description": [describe_seeds(summary), *content.description],
+        "object_names": [result.printed_name for result in summary.shown_results],
+        "seeds": len(summary.seeds),
+        "findings": [_finding_context(item) for item in summary.summarise_findings()],
+        "not_tested": NOT_TESTED,
+        "skill_headings": list(ALL_STATISTICS.values()),
+        "skills": [_skill_context(summary, group) for group in GROUPS],
+        "shapes": [
+            (f"{group}, {models} models", _format_spread(spread, len(summary.seeds), " %"))
+            for (group, models), spread in summary.summarise_shapes().items()
+        ],
+        "searched": SEARCHED,
+        "search_seeds": ", ".join(str(seed) for seed in SEARCH_SEEDS),
         "gap": None if content.gap is None else _gap_context(content.gap),
         "figures": [_figure_context(number, path) for number, path in content.figures.items()],
-        "agreement": content.agreement.summary,
-        "tables": [_table_context(table) for table in content.tables],
+        "tables": [_table_context(table, skills) for table in content.tables],
         "inconsistencies": INCONSISTENCIES,
     }
 
 
-def _finding_context(finding: Finding) -> dict[str, Any]:
+def describe_findings(summary: Summary) -> str:
+    """State the number of reproduced findings: of one seed, or median and worst of several."""
+    counts = summary.reproduced
+    if len(summary.seeds) == 1:
+        return f"{counts.median:g} of {summary.counted} findings reproduced"
+    return (
+        f"{counts.median:g} of {summary.counted} findings reproduced, median of {len(summary.seeds)} seeds "
+        f"(worst {counts.worst:g})"
+    )
+
+
+def describe_seeds(summary: Summary) -> str:
+    """State the seeds of the results, whether the search of settings used them, and which seed is shown."""
+    seeds = [str(result.seed) for result in summary.seeds if result.seed is not None]
+    if not seeds:
+        return "Existing datasets: one result, without median and worst."
+    searched = ", ".join(str(seed) for seed in SEARCH_SEEDS)
+    if summary.unseen:
+        origin = f"not used in the search of settings (which used {searched})"
+    else:
+        origin = f"not an unseen one: the search of settings used {searched}"
+    if len(seeds) == 1:
+        return f"Seed {seeds[0]}, {origin}. One seed: the numbers have no median and worst."
+    shown = summary.seeds[summary.shown].seed
+    return (
+        f"Seeds {', '.join(seeds)}, {origin}. Numbers are medians over the seeds, the worst in brackets. Figures, "
+        f"tables and the skills of single tables are those of seed {shown}, the median one by number of findings."
+    )
+
+
+def _format_spread(spread: Spread | None, seeds: int, unit: str = "") -> str:
+    """Format median and worst of a number; of one seed only the number. None: none is defined."""
+    if spread is None:
+        return ABSENT
+    text = f"{format_number(spread.median)}{unit}"
+    return text if seeds == 1 else f"{text} ({format_number(spread.worst)}{unit})"
+
+
+def _skill_context(summary: Summary, group: str) -> dict[str, Any]:
+    """Return the variables of the page's template for the skills of one group of tables."""
+    skills = summary.skills[summary.shown].groups
+    entries = next(skill.entries for (name, _), skill in skills.items() if name == group)
+    texts = []
+    for column in SCORED_COLUMNS:
+        spread = summary.get_skill(group, column)
+        is_negative = spread is not None and spread.median <= 0.0
+        texts.append({"text": _format_spread(spread, len(summary.seeds)), "is_negative": is_negative})
+    return {"group": group, "entries": entries, "texts": texts}
+
+
+def _finding_context(item: FindingSummary) -> dict[str, Any]:
     """Return the variables of the page's template for one finding."""
-    unit = "" if finding.unit == "1" else f" {finding.unit}"
-    entries = [
-        {"text": f"{format_number(value)}{unit} ({format_number(printed)})", "holds": finding.holds[name]}
-        for (name, value), printed in zip(finding.numbers.items(), finding.printed, strict=False)
-    ]
+    finding = item.finding
+    unit = "" if finding.statement.unit == "1" else f" {finding.statement.unit}"
+    entries = []
+    for name, value in item.numbers.items():
+        printed = f" ({format_number(finding.printed[name])})" if name in finding.printed else ""
+        text = f"{format_number(value)}{unit}{printed}"
+        entries.append({"text": text, "holds": finding.holds[name], "counts": name in finding.counted})
+    if not finding.is_counted:
+        verdict = "not counted"
+    else:
+        verdict = "reproduced" if item.is_reproduced else "not reproduced"
+        if item.seeds > 1:
+            verdict += f", {item.reproduced} of {item.seeds} seeds"
     return {
         "number": finding.number,
-        "statement": finding.statement,
+        "statement": finding.statement.text,
+        "source": finding.statement.source,
+        "criterion": finding.statement.criterion,
         "entries": entries,
-        "is_reproduced": finding.is_reproduced,
+        "verdict": verdict,
+        "reason": item.reason,
+        "css": "out" if not finding.is_counted else "yes" if item.is_reproduced else "no",
     }
 
 
@@ -107,11 +178,17 @@ def _figure_context(figure_number: str, path: Path) -> dict[str, str]:
     return {"caption": caption, "base64": base64.b64encode(path.read_bytes()).decode()}
 
 
-def _table_context(table: Table) -> dict[str, Any]:
-    """Return the variables of the page's template for one table."""
+def _table_context(table: Table, skills: SkillReport) -> dict[str, Any]:
+    """Return the variables of the page's template for one table. skills: of the shown seed."""
+    values = [
+        f"{name} {format_number(skill.value)}"
+        for column, name in ALL_STATISTICS.items()
+        if (skill := skills.tables.get((table.number, column))) is not None and skill.value is not None
+    ]
     return {
         "number": table.number,
         "title": table.title,
+        "skills": ", ".join(values),
         "row_keys": table.keys,
         "headings": [HEADINGS.get(name, name) for name in table.columns],
         "rows": [

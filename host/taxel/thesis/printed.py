@@ -14,6 +14,9 @@ Rows = tuple[Mapping[str, Any], ...]
 OBJECTS: Final = ("rectangular", "cylindrical", "triangular")
 """Names of the objects in the appendix, in its order."""
 
+TITLES: Final = MappingProxyType(dict(zip(OBJECTS, ("Rectangular prism", "Cylinder", "Triangular prism"), strict=True)))
+"""Names of the objects in Tables 5.1 and 5.2, by their names in the appendix."""
+
 STAGES: Final = ("Pre-treatment", "Force filter", "Force+ SOR filters", "Force+ SOR filters+ contact propagation")
 """Stages of the treatment (Tables I-10 to I-12)."""
 

@@ -1,12 +1,12 @@
 """The reproduction of chapter 5 in one folder: campaigns, tables, figures, findings, diagnosis and page."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,25 +15,29 @@ from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.setup import Setup
 from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.cloud.errors import CloudError
+from taxel.errors import TaxelError
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.page import write_page as write_gap_page
 from taxel.grasp.plan import make_thesis_plan
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.thesis.distance_agreement import DistanceAgreement, compare_distances
-from taxel.thesis.figures import save_figures
-from taxel.thesis.findings import Finding, compute_further_results, evaluate_findings
+from taxel.thesis.figures import find_figures, save_figures
 from taxel.thesis.gap_summary import GapSummary, summarise_gap
-from taxel.thesis.matching import STEPS, ObjectClouds, ObjectResult, accumulate_clouds, measure
+from taxel.thesis.matching import STEPS, ObjectClouds, accumulate_clouds, measure
+from taxel.thesis.object_result import ObjectResult
 from taxel.thesis.page import PageContent, write_page
 from taxel.thesis.printed import OBJECTS, STAGES, select_rows
+from taxel.thesis.seed_result import UNCHECKED, SeedResult, read_seed_result
 from taxel.thesis.settings import (
     EFFECTS,
     OBJECT_VARIATION,
+    SEARCH_SEEDS,
     SIM_LAYER_M,
     SIM_VARIATION,
+    describe_settings,
 )
 from taxel.thesis.shape_matching import STEPS as SHAPE_STEPS
 from taxel.thesis.shape_matching import count_identified_shapes
+from taxel.thesis.summary import Summary
 from taxel.thesis.tables import build_tables
 
 ShowStage = Callable[[str, int, int], None]
@@ -47,12 +51,15 @@ SIM_SEED_STEP: Final = 1
 class Campaign:
     """The real and the simulated dataset of a reproduction.
 
-    description: sentences for the page on how they were made.
+    description: sentences for the page on how they were made. seed, settings: with which they were made; None and empty
+    for existing datasets.
     """
 
     real: Path
     sim: Path
     description: tuple[str, ...]
+    seed: int | None = None
+    settings: Mapping[str, Any] = field(default_factory=lambda: UNCHECKED)
 
 
 def make_campaign(out: Path, seed: int, jobs: int | None, show: ShowStage) -> Campaign:
@@ -85,50 +92,88 @@ def make_campaign(out: Path, seed: int, jobs: int | None, show: ShowStage) -> Ca
         progress=lambda done, total: show("simulator", done, total),
     )
     description = (
-        f"{len(plan)} grasps on each side, seed {seed}. The real side is the emulated hand with {'; '.join(EFFECTS)}. "
+        f"{len(plan)} grasps on each side. The real side is the emulated hand with {'; '.join(EFFECTS)}. "
         "Tool poses and torques are those of the original hardware. The object pose "
         f"varies by {1e3 * OBJECT_VARIATION.object_m:.1f} mm and {np.degrees(OBJECT_VARIATION.object_rad):.1f} degrees "
         "(standard deviation of each axis in each grasp).",
         f"The simulated side is the simulator with an elastic layer of {1e3 * SIM_LAYER_M:.1f} mm, without these "
         "effects, with the tool poses and torques of the original simulation.",
     )
-    return Campaign(real, sim, description)
-
-
-def reproduce(
-    campaign: Campaign, out: Path, show: ShowStage, *, with_gap: bool = True
-) -> tuple[list[Finding], DistanceAgreement, GapSummary | None]:
-    """Write tables, figures, findings and the page of a campaign to the folder `out`. Raises TaxelError."""
-    with closing(GraspDataset(campaign.real)) as real, closing(GraspDataset(campaign.sim)) as sim:
-        items = _accumulate_objects(real, sim, show)
-    results = _measure_objects(items, show)
-    tables = build_tables(results)
-    (out / "tables").mkdir(parents=True, exist_ok=True)
-    for table in tables:
-        table.write(out / "tables" / table.file_name)
-    (out / "figures").mkdir(exist_ok=True)
-    figures = save_figures(items, results, out / "figures")
-    shapes = count_identified_shapes(items, _step_counter("shapes", SHAPE_STEPS * len(items), show))
-    further_results = [*compute_further_results(results), *shapes]
-    findings, agreement = evaluate_findings(results), compare_distances(tables)
-    gap = _diagnose(campaign, out, results, show) if with_gap else None
-    content = PageContent(tables, findings, agreement, further_results, figures, gap, campaign.description)
-    write_page(out / "thesis.html", content)
-    summary = {
-        "made": campaign.description,
-        "findings": [finding.to_json() for finding in findings],
-        "distances": agreement.to_json(),
-        "besides": [result.to_json() for result in further_results],
-        "objects": [result.to_json() for result in results],
-        "gap": None if gap is None else gap.to_json(),
-    }
-    (out / "thesis.json").write_text(json.dumps(summary, indent=1))
-    return findings, agreement, gap
+    return Campaign(real, sim, description, seed, describe_settings())
 
 
 def use_existing_campaign(real: Path, sim: Path) -> Campaign:
     """Return a campaign that consists of two existing datasets, real and simulated."""
     return Campaign(real, sim, (f"Real side: {real.name}. Simulated side: {sim.name}.",))
+
+
+def reproduce(
+    campaign: Campaign, out: Path, show: ShowStage, *, with_gap: bool = True
+) -> tuple[Summary, GapSummary | None]:
+    """Write tables, figures, findings and the page of a campaign to the folder `out`. Raises TaxelError."""
+    result = analyse(campaign, out, show)
+    gap = _diagnose(campaign, out, result.objects, show) if with_gap else None
+    return _write_outputs(out, [result], out, gap), gap
+
+
+def reproduce_seeds(out: Path, seeds: Sequence[int], jobs: int | None, show: ShowStage) -> Summary:
+    """Run campaigns and analysis of several seeds, and write the page with their median and worst to `out`.
+
+    Each seed has a folder `seed_N` with its campaigns and its results. A seed with stored results is not run again, and
+    an interrupted one is continued. Raises TaxelError, also for a seed that was used in the search of settings.
+    """
+    searched = [seed for seed in seeds if seed in SEARCH_SEEDS]
+    if searched:
+        raise TaxelError(
+            f"--seeds: expected seeds that were not used in the search of settings, found {searched[0]}; "
+            f"use seeds above {max(SEARCH_SEEDS)}, such as 101-110"
+        )
+    results = []
+    for done, seed in enumerate(seeds):
+        show("seeds", done, len(seeds))
+        folder = out / f"seed_{seed}"
+        folder.mkdir(parents=True, exist_ok=True)
+        stored = read_seed_result(folder)
+        results.append(stored or analyse(make_campaign(folder, seed, jobs, show), folder, show))
+    show("seeds", len(seeds), len(seeds))
+    folders = [out / f"seed_{seed}" for seed in seeds]
+    summary = Summary(results)
+    return _write_outputs(out, results, folders[summary.shown], None)
+
+
+def analyse(campaign: Campaign, out: Path, show: ShowStage) -> SeedResult:
+    """Compute all results of a campaign, and write its tables, figures and results to a folder. Raises TaxelError."""
+    with closing(GraspDataset(campaign.real)) as real, closing(GraspDataset(campaign.sim)) as sim:
+        items = _accumulate_objects(real, sim, show)
+    results = _measure_objects(items, show)
+    (out / "tables").mkdir(parents=True, exist_ok=True)
+    for table in build_tables(results):
+        table.write(out / "tables" / table.file_name)
+    (out / "figures").mkdir(exist_ok=True)
+    save_figures(items, results, out / "figures")
+    shapes = count_identified_shapes(items, _step_counter("shapes", SHAPE_STEPS * len(items), show))
+    result = SeedResult(campaign.seed, campaign.description, campaign.settings, tuple(results), tuple(shapes))
+    result.write(out)
+    return result
+
+
+def _write_outputs(out: Path, results: Sequence[SeedResult], shown_folder: Path, gap: GapSummary | None) -> Summary:
+    """Write the page and the summary of one or more seeds to the folder `out`.
+
+    shown_folder: folder with the figures of the shown seed.
+    """
+    summary = Summary(results)
+    shown = results[summary.shown]
+    tables, figures = build_tables(shown.objects), find_figures(shown_folder / "figures")
+    write_page(out / "thesis.html", PageContent(summary, tables, figures, gap, shown.made))
+    values = {
+        "made": shown.made,
+        **summary.to_json(),
+        "objects": [result.to_json() for result in shown.objects],
+        "gap": None if gap is None else gap.to_json(),
+    }
+    (out / "thesis.json").write_text(json.dumps(values, indent=1))
+    return summary
 
 
 def _accumulate_objects(real: GraspDataset, sim: GraspDataset, show: ShowStage) -> list[ObjectClouds]:

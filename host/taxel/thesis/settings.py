@@ -7,10 +7,12 @@ were fitted: found with `tools/thesis/search_settings.py`, then the knee of the 
 of the simulator on whole campaigns (docs/thesis.md). They are the same for all objects.
 """
 
-from typing import Final
+from dataclasses import asdict, dataclass
+from typing import Any, Final
 
 from taxel.campaign.variation import NO_VARIATION, Variation
 from taxel.cloud.propagation import Propagation
+from taxel.version import VERSION
 
 EFFECTS: Final = (
     "noise pink counts=50",
@@ -42,3 +44,58 @@ electrodes come as near to the objects as in the thesis.
 
 PROPAGATION: Final = Propagation(min_signal_counts=340.0)
 """Only taxels under a strong contact activate their neighbours."""
+
+SEARCH_SEEDS: Final = (1, 2, 3, 4, 5)
+"""Seeds whose campaigns were compared with the printed results while settings were selected, or while constants of the
+identification of shapes were chosen (docs/contact-clouds.md). Add every further seed that a search uses; results are
+quoted for other seeds only."""
+
+UNSEEN_SEEDS: Final = tuple(range(101, 111))
+"""The ten seeds for which the documentation quotes median and worst."""
+
+
+@dataclass(frozen=True)
+class SearchedSetting:
+    """A setting that was selected by comparison with the printed results. value, state: text."""
+
+    name: str
+    value: str
+    state: str
+
+
+FORMER: Final = "no longer searched: replaced by a published source"
+IN_USE: Final = "in use; not searched again since the published sources are used"
+
+SEARCHED: Final = (
+    SearchedSetting("slow noise of all boards", "50 counts", IN_USE),
+    SearchedSetting("slow noise of one board", "116 counts", IN_USE),
+    SearchedSetting("line noise", "4 counts", IN_USE),
+    SearchedSetting("coupling between neighbouring traces", "9 pF", IN_USE),
+    SearchedSetting("length of the contact spread", "3.8 mm", IN_USE),
+    SearchedSetting("gain", "1.5", IN_USE),
+    SearchedSetting("knee of the counts", "295 counts", IN_USE),
+    SearchedSetting("strength of the knee", "0.98", IN_USE),
+    SearchedSetting("displacement of the objects, standard deviation of each axis", "3.4 mm", IN_USE),
+    SearchedSetting("rotation of the objects, standard deviation of each axis", "2.3 degrees", IN_USE),
+    SearchedSetting("thickness of the simulated layer", "1.6 mm", IN_USE),
+    SearchedSetting("signal above which a taxel activates its neighbours", "340 counts", IN_USE),
+    SearchedSetting("sizes of the objects", "4 lengths", FORMER),
+    SearchedSetting("finger torques", "5 torques", FORMER),
+    SearchedSetting("placement and indentation of the palm, posture of the thumb", "32 values", FORMER),
+    SearchedSetting("depth of the brackets", "1 length", FORMER),
+    SearchedSetting("contact force on the triangular prism", "1 force", FORMER),
+    SearchedSetting("factor on the displacement of each object", "3 factors", FORMER),
+)
+"""All settings that were ever searched, also those that are no longer used: they were compared with the same tables."""
+
+
+def describe_settings() -> dict[str, Any]:
+    """Return the settings of a reproduction, except its seed, as JSON values."""
+    return {
+        "version": VERSION,
+        "effects": list(EFFECTS),
+        "object_variation": asdict(OBJECT_VARIATION),
+        "sim_variation": asdict(SIM_VARIATION),
+        "sim_layer_m": SIM_LAYER_M,
+        "propagation": asdict(PROPAGATION),
+    }

@@ -1,4 +1,4 @@
-"""The tables of the thesis (5.2 to 5.5, 5.13, I-1 to I-18): reproduced value, printed value, and their ratio."""
+"""The tables of the thesis (5.1 to 5.5, 5.13, I-1 to I-18): reproduced value, printed value, and their ratio."""
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
@@ -7,8 +7,18 @@ from pathlib import Path
 from typing import Final
 
 from taxel.cloud.distance import DistanceStats
-from taxel.thesis.matching import CLEANED, FILTERED, REAL, SIM, SPREAD, ObjectResult
-from taxel.thesis.printed import OBJECTS, ORIGINAL, PRINTED_SOR, PROPAGATED, STAGES, get_distances, select_rows
+from taxel.thesis.cloud_names import CLEANED, FILTERED, REAL, SIM, SPREAD
+from taxel.thesis.object_result import ObjectResult
+from taxel.thesis.printed import (
+    OBJECTS,
+    ORIGINAL,
+    PRINTED_SOR,
+    PROPAGATED,
+    STAGES,
+    TITLES,
+    get_distances,
+    select_rows,
+)
 
 MATCH: Final = ("points", "rms_m", "max_m", "mean_m", "std_m")
 RMS_AND_MEAN: Final = ("rms_m", "mean_m")
@@ -71,6 +81,7 @@ CSV_KINDS: Final = ("ours", "thesis", "ratio")
 def build_tables(results: Sequence[ObjectResult]) -> list[Table]:
     """Build all tables of the reproduction, in the order of the thesis. results: of its objects, in its order."""
     return [
+        _build_grasps(results),
         _build_points(results),
         _build_untreated(results),
         *(_build_force(result, number) for number, result in _number(results, 1)),
@@ -93,6 +104,26 @@ def _number(results: Sequence[ObjectResult], first: int) -> Iterable[tuple[int, 
     return ((first + OBJECTS.index(result.printed_name), result) for result in results)
 
 
+def _build_grasps(results: Sequence[ObjectResult]) -> Table:
+    """Build Table 5.1 of the thesis: iterations of each approach.
+
+    The names of the approaches in a dataset are those of the thesis without "face" and the spaces.
+    """
+    rows = []
+    for result in results:
+        for row in select_rows("5_1_grasps", TITLES[result.printed_name]):
+            name = str(row["approach"]).lower().replace(" face", "").replace(" ", "_")
+            iterations = {"iterations": _count_or_none(result, name)}
+            rows.append(Row((result.printed_name, str(row["approach"])), iterations, {"iterations": row["iterations"]}))
+    return Table("5.1", "Grasps of the experiments", ("object", "approach"), ("iterations",), tuple(rows))
+
+
+def _count_or_none(result: ObjectResult, approach: str) -> float | None:
+    """Return the number of grasps of an approach; None for an approach that the dataset does not have."""
+    count = result.iterations.get(approach)
+    return None if count is None else float(count)
+
+
 def _build_points(results: Sequence[ObjectResult]) -> Table:
     """Build Table 5.2 of the thesis: contact points of all grasps."""
     columns = ("grasps", "real_points", "sim_points", "real_over_sim")
@@ -104,10 +135,6 @@ def _build_points(results: Sequence[ObjectResult]) -> Table:
         values = dict(zip(columns, counts, strict=False))
         rows.append(Row((result.printed_name,), _add_ratio(values), _add_ratio(printed)))
     return Table("5.2", "Contact points of all grasps", ("object",), columns, tuple(rows))
-
-
-TITLES: Final = dict(zip(OBJECTS, ("Rectangular prism", "Cylinder", "Triangular prism"), strict=True))
-"""Names of the objects in Table 5.2."""
 
 
 def _add_ratio(points: Mapping[str, float]) -> dict[str, float | None]:

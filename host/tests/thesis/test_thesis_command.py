@@ -8,6 +8,8 @@ import h5py
 import pytest
 
 from host.tests.command_line import run_taxel
+from taxel.thesis.finding_tests import STATEMENTS
+from taxel.thesis.skill import GROUPS, STATISTICS
 
 
 @pytest.fixture(scope="module")
@@ -21,42 +23,42 @@ def output(campaign, tmp_path_factory):
 def test_every_table_and_figure_is_written(output):
     tables = {path.name for path in (output / "tables").iterdir()}
     assert {f"table_I_{number}.csv" for number in range(1, 19)} <= tables
-    assert {f"table_5_{number}.csv" for number in (2, 3, 4, 5, 13)} <= tables
+    assert {f"table_5_{number}.csv" for number in (1, 2, 3, 4, 5, 13)} <= tables
     figures = {path.name for path in (output / "figures").iterdir()}
-    assert figures == {f"figure_5_{number}.png" for number in range(6, 15)}
+    numbers = ["5_3", *(f"5_{number}" for number in range(6, 15)), *(f"I_{number}" for number in range(2, 7))]
+    assert figures == {f"figure_{number}.png" for number in numbers}
     page = (output / "thesis.html").read_text()
-    assert page.count("<img ") == 9
-    assert page.count("<h3>Table ") == 23
+    assert page.count("<img ") == len(numbers) == 15
+    assert page.count("<h3>Table ") == 24
     assert "Inconsistencies of the thesis" in page
 
 
 def test_findings_are_reported_with_their_numbers(output):
     summary = json.loads((output / "thesis.json").read_text())
-    assert [finding["number"] for finding in summary["findings"]] == list(range(1, 13))
-    by_number = {finding["number"]: finding for finding in summary["findings"]}
-    assert by_number[1]["numbers"]["cylindrical"] > 1.0
-    assert set(by_number[2]["holds"]) == {"rectangular", "cylindrical", "triangular"}
+    by_key = {finding["key"]: finding for finding in summary["findings"]}
+    assert len(by_key) == len(STATEMENTS)
+    assert by_key["denser"]["numbers"]["cylindrical"] > 1.0
+    assert set(by_key["simulation_nearer"]["holds"]) == {"rectangular", "cylindrical", "triangular"}
+    assert summary["reproduced"]["median"] <= summary["counted"] == len(STATEMENTS) - 1
+    assert all(finding["reason"] for finding in by_key.values() if not finding["reproduced"])
+    assert "Existing datasets" in (output / "thesis.html").read_text()
 
 
 def test_identified_shapes_are_counted(output):
-    summary = json.loads((output / "thesis.json").read_text())
-    results = {result["says"]: result["numbers"] for result in summary["besides"]}
-    whole_clouds = results["shapes identified among 6 models: whole clouds, real and simulated"]
-    assert all(count.endswith(" of 2") for count in whole_clouds.values())
-    single_approaches = results["shapes identified among 3 models: single approaches, real and simulated"]
-    assert set(single_approaches) == {"rectangular", "cylindrical", "triangular"}
-    assert all(count.endswith(" of 4") for count in single_approaches.values())
-    assert sum(int(count.split()[0]) for count in single_approaches.values()) >= 8
-    assert "single approaches, real and simulated" in (output / "thesis.html").read_text()
+    shapes = {
+        (item["group"], item["models"]): item for item in json.loads((output / "thesis.json").read_text())["shapes"]
+    }
+    assert set(shapes) == {(group, models) for group in ("whole clouds", "single approaches") for models in (3, 6)}
+    assert shapes["single approaches", 3]["median"] >= 65.0
+    assert "single approaches, 3 models" in (output / "thesis.html").read_text()
 
 
-def test_agreement_of_distances_is_reported_with_the_largest_deviation(output):
-    agreement = json.loads((output / "thesis.json").read_text())["distances"]
-    assert agreement["factor"] == 1.5
-    assert (
-        agreement["near"] < agreement["distances"] <= 234
-    )  # the small board does not reproduce the hand of the thesis
-    assert "largest deviation: Table I-" in (output / "thesis.html").read_text()
+def test_skill_is_reported_for_every_group_and_statistic(output):
+    values = json.loads((output / "thesis.json").read_text())["skill"]
+    skills = {(item["group"], item["statistic"]): item["median"] for item in values}
+    assert {group for group, _ in skills} == set(GROUPS)
+    assert all((group, column) in skills for group in GROUPS for column in STATISTICS)
+    assert all(value < 1.0 for value in skills.values())  # the small board does not reproduce the hand of the thesis
 
 
 def test_wide_and_displaced_contacts_have_larger_distances_to_the_model(output):

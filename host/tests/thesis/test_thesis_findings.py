@@ -1,108 +1,177 @@
 """Findings and tables, computed from the printed numbers of the thesis, which must reproduce themselves."""
 
 import csv
+import json
 from dataclasses import replace
 
 import pytest
 
 from taxel.cloud.distance import DistanceStats
-from taxel.thesis.distance_agreement import compare_distances
-from taxel.thesis.findings import compute_further_results, evaluate_findings
+from taxel.thesis.cloud_names import CLEANED, FILTERED, REAL, SIM, SPREAD
+from taxel.thesis.finding_tests import STATEMENTS
+from taxel.thesis.findings import count_reproduced, evaluate_findings
 from taxel.thesis.gap_summary import summarise_gap
-from taxel.thesis.matching import (
-    CLEANED,
-    FILTERED,
-    REAL,
-    SIM,
-    SPREAD,
-    ObjectResult,
-)
-from taxel.thesis.printed import (
-    INCONSISTENCIES,
-    OBJECTS,
-    PRINTED_SOR,
-    STAGES,
-    get_distances,
-    get_printed_name,
-    select_rows,
-)
-from taxel.thesis.tables import TITLES, build_tables, compute_contributions, find_best_sor
+from taxel.thesis.object_result import ObjectResult
+from taxel.thesis.prevalence import LineShares
+from taxel.thesis.printed import INCONSISTENCIES, OBJECTS, STAGES, get_printed_name, select_rows
+from taxel.thesis.printed_result import build_printed_results
+from taxel.thesis.shape_counts import SINGLE_APPROACHES, WHOLE_CLOUDS, ShapeCount
+from taxel.thesis.tables import build_tables, compute_contributions, find_best_sor
 
+CONTRADICTED = "prism_points"
+"""Statement that the printed tables contradict for every object."""
 
-def parse_stats(row, points: str = "points") -> DistanceStats:
-    """Statistics of a printed row; `points` is the column of the number of points."""
-    return DistanceStats(int(row.get(points, 0)), **get_distances(row))
-
-
-def build_printed_result(name: str) -> ObjectResult:
-    """The printed numbers of an object as if they were measured."""
-    force = {int(row["threshold_counts"]): parse_stats(row) for row in select_rows("I_1_to_3_force_filter", name)}
-    sor = {(int(row["n_neighbors"]), row["n_sigma"]): parse_stats(row) for row in select_rows("I_4_to_6_sor", name)}
-    sim, spread = (parse_stats(row) for row in select_rows("I_7_to_9_simulation_cad", name))
-    stages = select_rows("I_10_to_12_sim_to_real", name)
-    cross = {
-        (row["cloud_source"], row["cad_object"]): parse_stats(row)
-        for row in select_rows("I_13_to_18_cross_shape", name, "cloud_object")
-    }
-    (count,) = select_rows("5_2_contact_points", TITLES[name])
-    return ObjectResult(
-        name,
-        name,
-        int(count["grasps"]),
-        {REAL: force[150], FILTERED: force[190], CLEANED: sor[PRINTED_SOR[name]], SIM: sim, SPREAD: spread},
-        force,
-        sor,
-        {n: n for n, _ in sor},
-        {row["stage"]: parse_stats(row, "real_points") for row in stages},
-        {row["stage"]: int(row["sim_points"]) for row in stages},
-        cross,
-    )
+NOT_PRINTED = {"propagation_prevalent", "crosstalk", "shape_of_whole_clouds", "shape_of_single_approaches"}
+"""Statements for which the thesis prints no numbers."""
 
 
 @pytest.fixture
 def printed_results():
-    return [build_printed_result(name) for name in OBJECTS]
+    return list(build_printed_results())
 
 
-def test_printed_numbers_reproduce_every_finding(printed_results):
+def find(findings, key):
+    return next(finding for finding in findings if finding.statement.key == key)
+
+
+def test_printed_numbers_reproduce_every_finding_that_they_do_not_contradict(printed_results):
     findings = evaluate_findings(printed_results)
-    assert [finding.number for finding in findings] == list(range(1, 13))
-    assert {finding.number: finding.holds for finding in findings if not finding.is_reproduced} == {}
+    assert {finding.statement.key for finding in findings} == {item.key for item in STATEMENTS} - NOT_PRINTED
+    assert [finding.statement.key for finding in findings if not finding.is_reproduced] == [CONTRADICTED]
+    assert count_reproduced(findings) == (28, 28)
+    assert not find(findings, CONTRADICTED).is_counted
 
 
-def test_numbers_of_findings_equal_the_printed_numbers(printed_results):
-    for finding in evaluate_findings(printed_results):
-        printed = pytest.approx(list(finding.printed), rel=0.04, abs=0.06)
-        assert list(finding.numbers.values()) == printed, finding.number
+def test_every_statement_has_a_source_and_a_test_in_words():
+    assert len(STATEMENTS) >= 18
+    assert len({item.key for item in STATEMENTS}) == len(STATEMENTS)
+    assert all("5.6" in item.source or "conclusion" in item.source for item in STATEMENTS)
+    assert all(item.criterion and item.text.endswith(".") for item in STATEMENTS)
+
+
+def test_object_that_the_printed_table_contradicts_does_not_count(printed_results):
+    finding = find(evaluate_findings(printed_results), "smallest_above_190")
+    assert finding.counted == ("rectangular", "triangular")
+    assert not finding.holds["cylindrical"]
+    assert finding.is_reproduced
+
+
+def change_cad(**stats):
+    """Function that replaces statistics of clouds: cloud name to a function of its statistics."""
+    return lambda result: replace(
+        result, cad={name: stats.get(key, lambda s: s)(s) for name, s in result.cad.items() for key in [KEYS[name]]}
+    )
+
+
+KEYS = {REAL: "real", SIM: "sim", FILTERED: "filtered", CLEANED: "cleaned", SPREAD: "spread"}
+
+
+def change_force(threshold, **values):
+    return lambda result: replace(result, force={**result.force, threshold: replace(result.force[threshold], **values)})
+
+
+def change_stage(index, **values):
+    stage = STAGES[index]
+    return lambda result: replace(result, to_sim={**result.to_sim, stage: replace(result.to_sim[stage], **values)})
+
+
+def change_cross(side, mesh):
+    small = DistanceStats(9, 1e-4, 1e-4, 1e-4, 1e-4)
+    return lambda result: replace(result, cross={**result.cross, (side, mesh): small})
+
+
+FAILURES = [
+    ("denser", change_cad(real=lambda s: replace(s, points=10))),
+    ("noisier", change_cad(sim=lambda s: replace(s, std_m=0.001))),
+    ("simulation_nearer", change_cad(sim=lambda s: replace(s, rms_m=0.002))),
+    ("outliers", change_cad(sim=lambda s: replace(s, max_m=0.03))),
+    ("force_filter_falls", change_force(170, mean_m=0.0050)),
+    ("surge", change_force(200, rms_m=0.0030)),
+    ("surge", change_force(210, mean_m=0.0090)),
+    ("surge_removes_data", change_force(200, points=3000)),
+    ("smallest_above_190", change_force(180, rms_m=0.0001)),
+    ("high_threshold_not_semantic", change_force(320, points=3000)),
+    ("majority_above_190", change_force(190, points=1000)),
+    ("sor_improves", change_cad(cleaned=lambda s: replace(s, rms_m=0.01))),
+    ("sor_n_of_prism", lambda r: replace(r, sor={**r.sor, (701, 2.0): replace(r.sor[701, 2.0], mean_m=0.001)})),
+    ("sor_sigma_of_box", lambda r: replace(r, sor={**r.sor, (20, 4.0): replace(r.sor[20, 4.0], mean_m=0.001)})),
+    ("one_sor_setting", change_cad(filtered=lambda s: replace(s, rms_m=0.001))),
+    ("propagation_densifies", change_cad(spread=lambda s: replace(s, points=9000))),
+    ("propagation_worsens", change_cad(spread=lambda s: replace(s, rms_m=0.0001))),
+    ("propagation_nears_reality", change_cad(spread=lambda s: replace(s, mean_m=0.03))),
+    ("treatment_removes_outliers", change_cad(cleaned=lambda s: replace(s, max_m=0.05))),
+    ("sor_removes_outliers", change_stage(2, max_m=0.0299)),
+    ("continuous_decrease", change_stage(1, rms_m=0.0043)),
+    ("same_trend", change_stage(1, rms_m=0.0030)),
+    ("sor_against_force", change_stage(1, mean_m=0.00320)),
+    ("propagation_largest", change_stage(3, mean_m=0.0030)),
+    ("prism_force_step", change_stage(1, mean_m=0.00395)),
+    ("prism_forces_higher", change_force(190, points=3400)),
+    ("prism_propagation_step", change_stage(3, mean_m=0.0030)),
+    ("own_model_nearest", change_cross(SIM, "cylindrical")),
+]
+
+
+@pytest.mark.parametrize(("key", "change"), FAILURES)
+def test_finding_that_fails_for_one_object_is_not_reproduced(printed_results, key, change):
+    finding = find(evaluate_findings([change(printed_results[0]), *printed_results[1:]]), key)
+    assert not finding.is_reproduced
+    assert "rectangular" in finding.failed
+    assert finding.reason.startswith("fails for ")
+
+
+def test_every_finding_with_printed_numbers_has_a_case_that_fails():
+    assert {key for key, _ in FAILURES} == {item.key for item in STATEMENTS} - NOT_PRINTED - {
+        CONTRADICTED,
+        "sor_settings_vary",
+    }
+
+
+def test_same_best_setting_for_all_objects_does_not_vary(printed_results):
+    best = {"rectangular": (20, 2.0), "cylindrical": (20, 2.0), "triangular": (20, 2.0)}
+    changed = [
+        replace(r, sor={**r.sor, best[r.printed_name]: replace(r.sor[best[r.printed_name]], mean_m=0.0001)})
+        for r in printed_results
+    ]
+    assert not find(evaluate_findings(changed), "sor_settings_vary").is_reproduced
 
 
 @pytest.mark.parametrize(
-    ("number", "change"),
+    ("key", "prevalence", "lines", "is_reproduced"),
     [
-        (1, lambda result: replace(result, cad={**result.cad, SIM: replace(result.cad[SIM], points=10)})),
-        (3, lambda result: replace(result, cad={**result.cad, FILTERED: replace(result.cad[FILTERED], rms_m=1.0)})),
-        (6, lambda result: replace(result, cad={**result.cad, CLEANED: replace(result.cad[CLEANED], points=100)})),
-        (8, lambda result: replace(result, cad={**result.cad, SPREAD: result.cad[SIM]})),
-        (10, lambda result: replace(result, to_sim={**result.to_sim, STAGES[1]: result.to_sim[STAGES[0]]})),
-        (
-            12,
-            lambda result: replace(
-                result, cross={**result.cross, (REAL, "cylindrical"): DistanceStats(9, 1e-4, 1e-4, 1e-4, 0.0)}
-            ),
-        ),
+        ("propagation_prevalent", {FILTERED: 0.5, CLEANED: 0.6, SPREAD: 1.0}, None, True),
+        ("propagation_prevalent", {FILTERED: 0.5, CLEANED: 1.0, SPREAD: 1.0}, None, False),
+        ("crosstalk", {}, LineShares(0.6, 0.3), True),
+        ("crosstalk", {}, LineShares(0.3, 0.6), False),
+        ("crosstalk", {}, LineShares(0.0, 0.0), False),
     ],
 )
-def test_finding_that_fails_for_one_object_is_not_reproduced(printed_results, number, change):
-    results = [change(printed_results[0]), *printed_results[1:]]
-    finding = next(finding for finding in evaluate_findings(results) if finding.number == number)
-    assert not finding.is_reproduced
-    assert not finding.holds["rectangular"]
+def test_findings_without_printed_numbers(printed_results, key, prevalence, lines, is_reproduced):
+    results = [replace(result, prevalence=prevalence, line_shares=lines) for result in printed_results]
+    finding = find(evaluate_findings(results), key)
+    assert finding.is_reproduced == is_reproduced
+    assert finding.printed == {}
+
+
+def test_share_of_identified_shapes_is_tested(printed_results):
+    shapes = [ShapeCount(SINGLE_APPROACHES, 3, name, 19 if name == "rectangular" else 20, 20) for name in OBJECTS]
+    shapes += [ShapeCount(WHOLE_CLOUDS, 3, name, 1 if name == "triangular" else 2, 2) for name in OBJECTS]
+    findings = evaluate_findings(printed_results, shapes)
+    assert find(findings, "shape_of_single_approaches").is_reproduced  # 59 of 60
+    assert not find(findings, "shape_of_whole_clouds").is_reproduced
+
+
+def test_results_survive_storage(printed_results):
+    first = replace(
+        printed_results[0], iterations={"top": 10}, prevalence={SPREAD: 1.0}, line_shares=LineShares(0.5, 0.25)
+    )
+    assert ObjectResult.from_json(json.loads(json.dumps(first.to_json()))) == first
+    assert ObjectResult.from_json(json.loads(json.dumps(printed_results[1].to_json()))) == printed_results[1]
 
 
 def test_tables_from_printed_numbers_have_a_ratio_of_one(printed_results, tmp_path):
     tables = build_tables(printed_results)
-    assert [table.number for table in tables][2:5] == ["I-1", "I-2", "I-3"]
-    assert {f"I-{number}" for number in range(1, 19)} | {"5.2", "5.3", "5.4", "5.5"} <= {
+    assert {f"I-{number}" for number in range(1, 19)} | {"5.1", "5.2", "5.3", "5.4", "5.5"} <= {
         table.number for table in tables
     }
     for table in tables:
@@ -111,20 +180,21 @@ def test_tables_from_printed_numbers_have_a_ratio_of_one(printed_results, tmp_pa
                 ratio = row.ratio(column)
                 if ratio is not None:
                     assert ratio == pytest.approx(1.0, rel=0.02), (table.number, row.key, column)
-    tables[0].write(tmp_path / tables[0].file_name)
+    tables[1].write(tmp_path / tables[1].file_name)
     with (tmp_path / "table_5_2.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert rows[0]["object"] == "rectangular"
     assert float(rows[0]["real_points_ours"]) == float(rows[0]["real_points_thesis"]) == 3504.0
 
 
-def test_further_results_computed_from_printed_numbers_are_those_of_the_thesis(printed_results):
-    removed, threshold, settings, sor = compute_further_results(printed_results)
-    assert removed.numbers == {"rectangular": "16.0 %", "cylindrical": "27.4 %", "triangular": "12.5 %"}
-    assert threshold.numbers["cylindrical"] == "at most 190"
-    assert settings.numbers["cylindrical"] == "20 / 2, 2759 / 2, 690 / 3"
-    assert "; ".join(settings.numbers.values()) == settings.printed
-    assert sor.numbers["cylindrical"] == "no"
+def test_table_of_grasps_has_the_iterations_of_the_plan(printed_results):
+    first = replace(printed_results[0], iterations={"wide_side_1": 6, "top": 9})
+    grasps = build_tables([first, *printed_results[1:]])[0]
+    ratios = {row.key[1]: row.ratio("iterations") for row in grasps.rows if row.key[0] == "rectangular"}
+    assert ratios["Wide side face 1"] == 1.0
+    assert ratios["Top face"] == 0.9
+    assert ratios["Side edge"] is None
+    assert len(grasps.rows) == 15
     assert all(INCONSISTENCIES), "each inconsistency of the thesis has a text"
 
 
@@ -157,16 +227,3 @@ def test_gap_summary_has_shares_of_causes_and_steps(printed_results):
     assert summary.is_largest_cause_found
     assert summary.shares == pytest.approx({"contact_propagation": 75.0, "noise": 25.0})
     assert all(value == pytest.approx(printed) for value, printed in summary.steps.values())
-
-
-def test_printed_distances_agree_and_a_deviating_one_is_listed(printed_results):
-    agreement = compare_distances(build_tables(printed_results))
-    assert agreement.count_within_factor == len(agreement.distances) == 234
-    first = printed_results[0]
-    stats = first.cross[REAL, "cylindrical"]
-    cross = {**first.cross, (REAL, "cylindrical"): replace(stats, mean_m=0.5 * stats.mean_m, rms_m=1.4 * stats.rms_m)}
-    changed = compare_distances(build_tables([replace(first, cross=cross), *printed_results[1:]]))
-    assert (changed.count_within_factor, len(changed.distances)) == (233, 234)
-    assert "Table I-13, cylindrical, mean: " in changed.summary
-    assert "ratio 0.500" in changed.summary
-    assert [item["ratio"] for item in changed.to_json()["farthest"]] == [pytest.approx(0.5)]

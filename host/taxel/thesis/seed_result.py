@@ -1,0 +1,74 @@
+"""Results of the reproduction with one seed, stored as one JSON file."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from taxel.errors import TaxelError
+from taxel.thesis.object_result import ObjectResult
+from taxel.thesis.settings import describe_settings
+from taxel.thesis.shape_counts import ShapeCount
+
+FILE_NAME: Final = "result.json"
+
+UNCHECKED: Final[Mapping[str, Any]] = {}
+"""Settings of a result whose campaign was not made here."""
+
+
+@dataclass(frozen=True)
+class SeedResult:
+    """Results of one pair of campaigns.
+
+    seed: of the campaigns; None for existing datasets. made: sentences on how they were made. settings: with which they
+    were made. objects: in the order of the thesis. shapes: identified ones.
+    """
+
+    seed: int | None
+    made: tuple[str, ...]
+    settings: Mapping[str, Any]
+    objects: tuple[ObjectResult, ...]
+    shapes: tuple[ShapeCount, ...]
+
+    def write(self, folder: Path) -> None:
+        """Store the results as `result.json` in a folder; an interrupted call leaves no incomplete file."""
+        values = {
+            "seed": self.seed,
+            "made": self.made,
+            "settings": self.settings,
+            "objects": [result.to_json() for result in self.objects],
+            "shapes": [count.to_json() for count in self.shapes],
+        }
+        part = folder / f"{FILE_NAME}.part"
+        part.write_text(json.dumps(values, indent=1))
+        part.replace(folder / FILE_NAME)
+
+
+def read_seed_result(folder: Path) -> SeedResult | None:
+    """Read the results of a seed from its folder; None if they are not stored yet.
+
+    Raises TaxelError for a damaged file and for results that were made with other settings than the present ones.
+    """
+    path = folder / FILE_NAME
+    if not path.exists():
+        return None
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+        result = SeedResult(
+            values["seed"],
+            tuple(values["made"]),
+            values["settings"],
+            tuple(ObjectResult.from_json(item) for item in values["objects"]),
+            tuple(ShapeCount.from_json(item) for item in values["shapes"]),
+        )
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise TaxelError(f"{path}: expected results of taxel thesis, found a damaged file; delete it") from error
+    expected = json.loads(json.dumps(describe_settings()))
+    if result.settings != expected:
+        names = [key for key in expected if result.settings.get(key) != expected[key]] or ["unknown settings"]
+        raise TaxelError(
+            f"{path}: expected results with the present settings, found others ({', '.join(names)}); "
+            f"delete the folder {folder} or use another --out"
+        )
+    return result
