@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from taxel.campaign.emulated import run_emulated
 from taxel.campaign.settings import EmulatedSettings
@@ -94,7 +95,7 @@ def make_campaign(out: Path, seed: int, jobs: int | None, show: ShowStage) -> Ca
     description = (
         f"{len(plan)} grasps on each side. The real side is the emulated hand with {'; '.join(EFFECTS)}. "
         "Tool poses and torques are those of the original hardware. The object pose "
-        f"varies by {1e3 * OBJECT_VARIATION.object_m:.1f} mm and {np.degrees(OBJECT_VARIATION.object_rad):.1f} degrees "
+        f"varies by {1e3 * OBJECT_VARIATION.object_m:.2g} mm and {np.degrees(OBJECT_VARIATION.object_rad):.2g} degrees "
         "(standard deviation of each axis in each grasp).",
         f"The simulated side is the simulator with an elastic layer of {1e3 * SIM_LAYER_M:.1f} mm, without these "
         "effects, with the tool poses and torques of the original simulation.",
@@ -142,7 +143,16 @@ def reproduce_seeds(out: Path, seeds: Sequence[int], jobs: int | None, show: Sho
 
 
 def analyse(campaign: Campaign, out: Path, show: ShowStage) -> SeedResult:
-    """Compute all results of a campaign, and write its tables, figures and results to a folder. Raises TaxelError."""
+    """Compute all results of a campaign, and write its tables, figures and results to a folder. Raises TaxelError.
+
+    The matrices are small: with one thread the analysis takes half of the CPU time.
+    """
+    with threadpool_limits(limits=1):
+        return _analyse(campaign, out, show)
+
+
+def _analyse(campaign: Campaign, out: Path, show: ShowStage) -> SeedResult:
+    """Compute all results of a campaign, and write its tables, figures and results to a folder."""
     with closing(GraspDataset(campaign.real)) as real, closing(GraspDataset(campaign.sim)) as sim:
         items = _accumulate_objects(real, sim, show)
     results = _measure_objects(items, show)

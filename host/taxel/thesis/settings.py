@@ -1,10 +1,13 @@
 """Settings of the emulated hand, the simulator and the contact propagation for the reproduction of chapter 5.
 
 Hand, objects, tool poses, finger bases and torques are those of the original files: the emulated hand uses the poses
-and torques of the hardware, the simulator those of the original simulation. No file states the sizes of noise,
-coupling, contact spread and saturation, the errors of the object's pose, and the reach of the propagation. These values
-were fitted: found with `tools/thesis/search_settings.py`, then the knee of the counts, the noisier board and the layer
-of the simulator on whole campaigns (docs/thesis.md). They are the same for all objects.
+and torques of the hardware, the simulator those of the original simulation. No file states the sizes of noise, coupling
+and contact spread, and the reach of the propagation. These values were searched (`SEARCHED`): with
+`tools/thesis/search_settings.py`, then with whole campaigns (docs/thesis.md). They are the same for all objects.
+
+No setting contradicts a measured figure of the thesis. Removed for this reason: a knee of the counts at 295 counts,
+about 0.3 N, whereas the signal of Figure 2.5 rises up to 50 N on a probe of 12 mm, and a random object pose of 3.4 mm and
+2.3 degrees, whereas the objects were measured with the C-Track (5.5; docs/assumptions.md).
 """
 
 from dataclasses import asdict, dataclass
@@ -20,17 +23,15 @@ EFFECTS: Final = (
     "noise line axis=1 counts=4",
     "coupling traces picofarad=9 tx_ohm=400 rx_ohm=400",
     "spread film length_m=0.0038",
-    "gain electrode factor=1.5",
-    "saturation clip counts=295 strength=0.98",
 )
 """Slow noise activates single taxels far from any contact, as in the thesis. One small board, on a finger whose tip
-failed in the thesis (5.2), has more of it. Counts hardly exceed 295: the force filter of the thesis removes few points
-up to 190 and most points up to 320 (Tables I-1 to I-3). This knee differs between taxels, since the coupling shifts
-their baseline.
+failed in the thesis (5.2), has more of it. docs/thesis-tails.md compares the far points with those of the thesis.
 """
 
-OBJECT_VARIATION: Final = Variation(object_m=3.4e-3, object_rad=0.04)
-"""Variation of the object pose in the emulated experiment: objects placed by hand, errors of arm, hand and calibration.
+OBJECT_VARIATION: Final = Variation(object_m=0.1e-3, object_rad=0.002)
+"""Variation of the object's pose at the start of a grasp: error of the C-Track measurement together with the arm's
+repeatability. The thesis states an accuracy down to micrometres (5.5); the data sheet of the arm states 0.03 mm. A motion
+of the object during the grasp is a matter of the mechanics, not of this variation.
 """
 
 SIM_VARIATION: Final = NO_VARIATION
@@ -63,7 +64,8 @@ class SearchedSetting:
     state: str
 
 
-FORMER: Final = "no longer searched: replaced by a published source"
+FORMER: Final = "removed: replaced by a published source"
+CONTRADICTED: Final = "removed: contradicts a measured figure of the thesis"
 IN_USE: Final = "in use; not searched again since the published sources are used"
 
 SEARCHED: Final = (
@@ -72,11 +74,11 @@ SEARCHED: Final = (
     SearchedSetting("line noise", "4 counts", IN_USE),
     SearchedSetting("coupling between neighbouring traces", "9 pF", IN_USE),
     SearchedSetting("length of the contact spread", "3.8 mm", IN_USE),
-    SearchedSetting("gain", "1.5", IN_USE),
-    SearchedSetting("knee of the counts", "295 counts", IN_USE),
-    SearchedSetting("strength of the knee", "0.98", IN_USE),
-    SearchedSetting("displacement of the objects, standard deviation of each axis", "3.4 mm", IN_USE),
-    SearchedSetting("rotation of the objects, standard deviation of each axis", "2.3 degrees", IN_USE),
+    SearchedSetting("gain", "1.5", "removed: compensated for the knee"),
+    SearchedSetting("knee of the counts", "295 counts", CONTRADICTED),
+    SearchedSetting("strength of the knee", "0.98", CONTRADICTED),
+    SearchedSetting("displacement of the objects, standard deviation of each axis", "3.4 mm", CONTRADICTED),
+    SearchedSetting("rotation of the objects, standard deviation of each axis", "2.3 degrees", CONTRADICTED),
     SearchedSetting("thickness of the simulated layer", "1.6 mm", IN_USE),
     SearchedSetting("signal above which a taxel activates its neighbours", "340 counts", IN_USE),
     SearchedSetting("sizes of the objects", "4 lengths", FORMER),

@@ -52,7 +52,7 @@ def sample_surface_pose(mesh, rng) -> np.ndarray:
     return pose
 
 
-def write_campaign(path, source: str, contact_width: float, noise_m: float, grasps: int = 8):
+def write_campaign(path, source: str, contact_width: float, noise_m: float, grasps: int = 6):
     """Write a dataset of grasps of the three objects.
 
     contact_width: standard deviation of the signal over distance, in taxels. noise_m: standard deviation of the board
