@@ -6,8 +6,8 @@ and contact spread, and the reach of the propagation. These values were searched
 `tools/thesis/search_settings.py`, then with whole campaigns (docs/thesis.md). They are the same for all objects.
 
 No setting contradicts a measured figure of the thesis. Removed for this reason: a knee of the counts at 295 counts,
-about 0.3 N, whereas the signal of Figure 2.5 rises up to 50 N on a probe of 12 mm, and a random object pose of 3.4 mm and
-2.3 degrees, whereas the objects were measured with the C-Track (5.5; docs/assumptions.md).
+about 0.3 N, whereas the signal of Figure 2.5 rises up to 50 N on a probe of 12 mm, and a random object pose of 3.4 mm
+and 2.3 degrees, whereas the objects were measured with the C-Track (5.5; docs/assumptions.md).
 """
 
 from dataclasses import asdict, dataclass
@@ -30,8 +30,8 @@ failed in the thesis (5.2), has more of it. docs/thesis-tails.md compares the fa
 
 OBJECT_VARIATION: Final = Variation(object_m=0.1e-3, object_rad=0.002)
 """Variation of the object's pose at the start of a grasp: error of the C-Track measurement together with the arm's
-repeatability. The thesis states an accuracy down to micrometres (5.5); the data sheet of the arm states 0.03 mm. A motion
-of the object during the grasp is a matter of the mechanics, not of this variation.
+repeatability. The thesis states an accuracy down to micrometres (5.5); the data sheet of the arm states 0.03 mm. A
+motion of the object during the grasp is a matter of the mechanics, not of this variation.
 """
 
 SIM_VARIATION: Final = NO_VARIATION
