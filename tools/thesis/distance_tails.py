@@ -99,7 +99,7 @@ def print_dataset(path: Path) -> None:
             far = distances > limit
             print(
                 f"    beyond the largest printed distance, {1e3 * limit:.1f} mm: {int(far.sum())} points "
-                f"({100 * far.mean():.2f} %); {100 * (every > limit).mean():.0f} % of all taxels of the grasps lie there"
+                f"({100 * far.mean():.2f} %); {100 * (every > limit).mean():.0f} % of all taxels lie there"
             )
             print(f"    points beyond 10 mm: {describe_origin(cloud, distances, data.taxels)}")
 
