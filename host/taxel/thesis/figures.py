@@ -20,7 +20,7 @@ from taxel.thesis.tables import compute_contributions
 from taxel.types import FloatArray
 
 COLOURS: Final = {REAL: "#d9772b", SIM: "#5d3a9b", FILTERED: "#c9a227", CLEANED: "#3d8f5f", SPREAD: "#1f5fa8"}
-EDGE, PALE, INK, INACTIVE = "#9aa1ad", 0.35, "#1b1d22", "#b6bcc8"
+EDGE, PALE, INK, INACTIVE = "#9aa1ad", 0.35, "#1b1d22", "#8a92a0"
 VIEW: Final = (18.0, -60.0)
 STEP_COLOURS: Final = ("#c9a227", "#3d8f5f", "#1f5fa8")
 STEP_INKS: Final = (INK, "white", "white")
@@ -140,14 +140,15 @@ def _find_sharp_edges(mesh: TriangleMesh) -> list[FloatArray]:
 def _draw_grasp(item: ObjectClouds) -> Any:
     """Draw Figure 5.3 of the thesis: active and inactive taxels of one grasp, real and simulated.
 
-    The grasp is the first one with active taxels on both sides.
+    The grasp has the largest number of active taxels on the side with fewer of them.
     """
     real, sim = item.clouds[REAL], item.clouds[SIM]
-    active = [{cloud.grasps[row] for row in set(cloud.grasp.tolist())} for cloud in (real, sim)]
-    common = sorted(active[0] & active[1]) or sorted(active[0])[:1]
+    active = [np.bincount(cloud.grasp, minlength=len(cloud.grasps)) for cloud in (real, sim)]
+    counts = [dict(zip(cloud.grasps, values, strict=True)) for cloud, values in zip((real, sim), active, strict=True)]
+    grasp = max(real.grasps, key=lambda name: min(counts[0][name], counts[1].get(name, -1)))
     figure = _new_figure(9.0, 4.6)
     for column, (name, cloud) in enumerate(((REAL, real), (SIM, sim))):
-        row = cloud.grasps.index(common[0]) if common and common[0] in cloud.grasps else 0
+        row = cloud.grasps.index(grasp) if grasp in cloud.grasps else 0
         inactive = cloud.inactive_points[cloud.inactive_grasp == row]
         points = cloud.points[cloud.grasp == row]
         clouds = {"inactive": (inactive, INACTIVE), "active": (points, COLOURS[name])}
