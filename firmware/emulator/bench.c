@@ -144,6 +144,9 @@ int taxel_bench_inject_fault(struct taxel_bench *bench, const char *name, uint8_
     if (fault_get_target(fault.kind) == FAULT_TARGET_BOARD && !find_board(bench, address)) {
         return TAXEL_BENCH_NO_SUCH_BOARD;
     }
+    if (fault_get_target(fault.kind) == FAULT_TARGET_BRANCH) {
+        return world_inject_fault(&bench->world, &fault) ? TAXEL_BENCH_NO_SUCH_BRANCH : 0;
+    }
     return world_inject_fault(&bench->world, &fault) ? TAXEL_BENCH_TOO_MANY_FAULTS : 0;
 }
 

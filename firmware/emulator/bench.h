@@ -26,6 +26,7 @@ enum taxel_bench_error {
     TAXEL_BENCH_UNKNOWN_FAULT = -1,
     TAXEL_BENCH_NO_SUCH_BOARD = -2,
     TAXEL_BENCH_TOO_MANY_FAULTS = -3,
+    TAXEL_BENCH_NO_SUCH_BRANCH = -4, /* the board belongs to no branch, or the fault has no such line */
 };
 
 /* `uart`: the host's end of the UART: memory, pty or none. `counts`: the stimulus consists of raw counts, otherwise of

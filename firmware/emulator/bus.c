@@ -115,7 +115,7 @@ static void finish_command(struct bus *bus, enum bus_event event, vtime released
 static vtime resume_time(const struct bus *bus, vtime released)
 {
     const vtime hold = bus->master == BUS_HUB && !bus->is_bytewise ? bus->byte_hold : 0;
-    return vtime_max(bus->next, vtime_max(released, bus_scl_held_until(bus))) + hold;
+    return bus_add_time(vtime_max(bus->next, vtime_max(released, bus_scl_held_until(bus))), hold);
 }
 
 /* Starts a byte of 9 clocks in the given phase; it begins when the clock line, released at time `released`,
@@ -123,14 +123,14 @@ static vtime resume_time(const struct bus *bus, vtime released)
 void bus_begin_byte(struct bus *bus, enum bus_phase phase, vtime released)
 {
     bus->phase = phase;
-    bus->next = resume_time(bus, released) + BUS_CLOCKS_PER_BYTE * bus->scl_period;
+    bus->next = bus_add_time(resume_time(bus, released), BUS_CLOCKS_PER_BYTE * bus->scl_period);
 }
 
 /* Starts a stop condition, one clock after the clock line, released at time `released`, rises. */
 void bus_begin_stop(struct bus *bus, vtime released)
 {
     bus->phase = BUS_STOP;
-    bus->next = resume_time(bus, released) + bus->scl_period;
+    bus->next = bus_add_time(resume_time(bus, released), bus->scl_period);
 }
 
 /* Ends the transfer with `result`, because the master has lost the bus in the middle of it; there is no stop
@@ -180,25 +180,40 @@ static bool abort_if_bus_lost(struct bus *bus, const struct byte_damage *damage)
     return false;
 }
 
-/* Sends an address to all boards. Returns whether a slave acknowledges; *released is the time at which all slaves
- * have released SCL. */
-static bool address_slaves(struct bus *bus, uint8_t address, vtime *released)
+/* Sends an address byte to all boards; each board receives the byte as the wiring of its branch delivers it. Returns
+ * whether a slave acknowledges; *released is the time at which all slaves have released SCL. */
+static bool address_slaves(struct bus *bus, uint8_t address_byte, vtime *released)
 {
     *released = bus->next;
     bus->slave_count = 0;
+    bus->slaves_transmit = address_byte & 1u;
     for (size_t i = 0; i < bus->board_count && bus->slave_count < BUS_SLAVES_MAX; i++) {
         struct board_node *board = &bus->boards[i];
         bool acknowledge = false;
-        if (!board_can_respond(board, bus->next, address)) {
+        uint8_t received = address_byte;
+        if (bus->wiring.description) {
+            if (!bus_wiring_connects(&bus->wiring, board->description->address)) {
+                continue;
+            }
+            received = bus_wiring_deliver_to_board(&bus->wiring, board->description->address, address_byte);
+        }
+        if (!board_can_respond(board, bus->next, received >> 1)) {
             continue;
         }
         *released =
-            vtime_max(*released, board_on_address(board, bus->next, address, bus->slaves_transmit, &acknowledge));
+            vtime_max(*released, board_on_address(board, bus->next, received >> 1, received & 1u, &acknowledge));
         if (acknowledge) {
+            bus->slaves_transmit = received & 1u; /* of several boards, the last one decides */
             bus->slaves[bus->slave_count++] = board;
         }
     }
     return bus->slave_count > 0;
+}
+
+/* Whether a slave has power and the wiring connects it to the hub. */
+static bool is_connected(const struct bus *bus, const struct board_node *slave)
+{
+    return slave->is_powered && bus_wiring_connects(&bus->wiring, slave->description->address);
 }
 
 /* Continues a transfer after its last written byte: with a read, or with a stop condition. */
@@ -228,13 +243,13 @@ static void end_address(struct bus *bus, bool reading)
 {
     vtime released;
     const struct byte_damage damage = apply_byte_faults(bus);
-    const uint8_t address = bus->transfer.address ^ (uint8_t)(damage.flip >> 1);
+    const unsigned read_bit = reading ? 1u : 0u;
+    const uint8_t address_byte = (uint8_t)(((unsigned)bus->transfer.address << 1) | read_bit) ^ damage.flip;
     bus->master_reads = reading;
-    bus->slaves_transmit = reading != ((damage.flip & 1u) != 0u);
     if (abort_if_bus_lost(bus, &damage)) {
         return;
     }
-    const bool acknowledged = address_slaves(bus, address, &released) && !damage.nack;
+    const bool acknowledged = address_slaves(bus, address_byte, &released) && !damage.nack;
     released += damage.stretch;
     if (bus->is_bytewise) {
         finish_command(bus, acknowledged ? BUS_ACKNOWLEDGED : BUS_NOT_ACKNOWLEDGED, released);
@@ -274,8 +289,10 @@ static void end_write(struct bus *bus)
     }
     for (size_t i = 0; i < bus->slave_count; i++) {
         bool acknowledge = false;
-        if (bus->slaves[i]->is_powered) {
-            released = vtime_max(released, board_on_write(bus->slaves[i], bus->next, byte, &acknowledge));
+        if (is_connected(bus, bus->slaves[i])) {
+            const uint8_t received =
+                bus_wiring_deliver_to_board(&bus->wiring, bus->slaves[i]->description->address, byte);
+            released = vtime_max(released, board_on_write(bus->slaves[i], bus->next, received, &acknowledge));
         }
         acknowledged = acknowledged || acknowledge;
     }
@@ -300,11 +317,12 @@ static uint8_t transmit_from_slaves(struct bus *bus, vtime *released)
     for (size_t i = 0; i < bus->slave_count && !bus->slaves_released; i++) {
         uint8_t byte = 0xFF;
         bool acknowledge = false;
-        if (!bus->slaves[i]->is_powered) {
+        if (!is_connected(bus, bus->slaves[i])) {
             continue;
         }
         if (bus->slaves_transmit) {
             *released = vtime_max(*released, board_on_read(bus->slaves[i], bus->next, &byte));
+            byte = bus_wiring_deliver_to_hub(&bus->wiring, bus->slaves[i]->description->address, byte);
         } else {
             *released = vtime_max(*released, board_on_write(bus->slaves[i], bus->next, byte, &acknowledge));
         }

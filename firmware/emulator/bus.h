@@ -9,6 +9,7 @@
 
 #include "emulator/board_node.h"
 #include "emulator/bus_faults.h"
+#include "emulator/bus_wiring.h"
 #include "hal/hub_hal.h"
 
 #define BUS_SLAVES_MAX 32u
@@ -66,6 +67,7 @@ struct bus {
     uint8_t waiting_address_byte; /* of the waiting hub */
     bool master_reads;
     struct bus_faults faults;
+    struct bus_wiring wiring;
     struct fault_log *log;
     bool scl_high, sda_high; /* levels that the master drives during bus recovery */
     uint64_t byte_count;

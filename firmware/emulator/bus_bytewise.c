@@ -6,7 +6,8 @@
 static void begin_address(struct bus *bus, uint8_t address_byte, vtime now)
 {
     bus->phase = address_byte & 1u ? BUS_ADDRESS_READ : BUS_ADDRESS_WRITE;
-    bus->next = vtime_max(now, bus_scl_held_until(bus)) + bus->scl_period + BUS_CLOCKS_PER_BYTE * bus->scl_period;
+    bus->next =
+        bus_add_time(vtime_max(now, bus_scl_held_until(bus)), bus->scl_period + BUS_CLOCKS_PER_BYTE * bus->scl_period);
 }
 
 /* Begin a transfer of a hub that controls each byte itself, as an emulated processor does. `address_byte`: address and

@@ -9,6 +9,9 @@
 /* Whether a board holds SDA low. */
 static inline bool bus_sda_is_held(const struct bus *bus)
 {
+    if (bus_wiring_is_low(&bus->wiring, WIRING_SDA)) {
+        return true;
+    }
     if (!bus->lines_may_be_held) {
         return false; /* the usual case; this function is called for every byte */
     }
@@ -20,16 +23,22 @@ static inline bool bus_sda_is_held(const struct bus *bus)
     return false;
 }
 
-/* Until when a board holds SCL low; 0: none does. */
+/* Until when a board holds SCL low; 0: none does; VTIME_NEVER: a short of the wiring holds SCL low. */
 static inline vtime bus_scl_held_until(const struct bus *bus)
 {
-    vtime until = 0;
+    vtime until = bus_wiring_is_low(&bus->wiring, WIRING_SCL) ? VTIME_NEVER : 0;
     for (size_t i = 0; bus->lines_may_be_held && i < bus->board_count; i++) {
         if (bus->boards[i].is_powered) {
             until = vtime_max(until, bus->boards[i].scl_held_until);
         }
     }
     return until;
+}
+
+/* The time `wait` after `time`; a line that stays low postpones an event for ever. */
+static inline vtime bus_add_time(vtime time, vtime wait)
+{
+    return time == VTIME_NEVER ? VTIME_NEVER : time + wait;
 }
 
 /* bus.c */

@@ -54,6 +54,7 @@ int world_init(struct world *world, const struct world_description *description,
     }
     world_fields_start(world, 0);
     bus_init(&world->bus, world->boards, world->board_count, description->scl_hz, &world->log);
+    bus_wiring_init(&world->bus.wiring, &description->wiring, description->scl_hz, description->seed);
     world->bus.byte_hold = (vtime)(description->hub_byte_us * (double)VTIME_US);
     uart_init(&world->uart, endpoint, description, &world->log);
     if (hub_node_init(&world->hub, &world->bus, &world->uart, description)) {
@@ -252,6 +253,39 @@ int world_poll_inputs(struct world *world)
     return 0;
 }
 
+/* A rise time in nanoseconds as a JSON value; null for a line that does not become high. */
+static void write_rise(FILE *file, const char *name, double rise_s)
+{
+    if (rise_s < 1.0) {
+        fprintf(file, "\"%s\": %.3f", name, rise_s * 1e9);
+    } else {
+        fprintf(file, "\"%s\": null", name);
+    }
+}
+
+/* Write the rise times and misread bits of the wiring, if the world describes branches. */
+static void write_branches(const struct world *world, FILE *file)
+{
+    const struct bus_wiring *wiring = &world->bus.wiring;
+    if (!wiring->description) {
+        return;
+    }
+    const struct star *scl = &wiring->stars[WIRING_SCL], *sda = &wiring->stars[WIRING_SDA];
+    fprintf(file, ",\n  \"wiring\": {");
+    write_rise(file, "scl_rise_ns", scl->hub_rise_s);
+    fprintf(file, ", ");
+    write_rise(file, "sda_rise_ns", sda->hub_rise_s);
+    fprintf(file, ", \"rise_limit_ns\": %.3f},\n  \"branches\": [", star_rise_limit_s(wiring->scl_hz) * 1e9);
+    for (size_t i = 0; i < wiring->description->branch_count; i++) {
+        fprintf(file, "%s\n    {\"name\": \"%s\", ", i ? "," : "", wiring->description->branches[i].name);
+        write_rise(file, "scl_rise_ns", scl->branches[i].rise_s);
+        fprintf(file, ", ");
+        write_rise(file, "sda_rise_ns", sda->branches[i].rise_s);
+        fprintf(file, ", \"misread_bits\": %llu}", (unsigned long long)wiring->misread_bits[i + 1u]);
+    }
+    fprintf(file, "\n  ]");
+}
+
 /* Write the counters of the run as a JSON object to a file. `wall_seconds`: elapsed time of the wall clock. Returns 0
  * or -1. */
 int world_write_statistics(const struct world *world, const char *path, double wall_seconds)
@@ -284,6 +318,8 @@ int world_write_statistics(const struct world *world, const char *path, double w
                 (unsigned long long)board->conversions,
                 board->original ? board->original->reads : board->sensor.slave.snapshot_reads);
     }
-    fprintf(file, "\n  ]\n}\n");
+    fprintf(file, "\n  ]");
+    write_branches(world, file);
+    fprintf(file, "\n}\n");
     return fclose(file) ? -1 : 0;
 }

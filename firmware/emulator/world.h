@@ -66,7 +66,8 @@ int world_poll_inputs(struct world *world);
 /* Without a stimulus stream: the values that act on the skin from now on. Returns 0 or -1 as above. */
 int world_set_stimulus(struct world *world, const float *values);
 
-/* Inject a fault at once (`time_s` is ignored). Returns 0, or -1 if too many faults are pending. */
+/* Inject a fault at once (`time_s` is ignored). Returns 0; -1 if too many faults are pending, or for a fault of a branch
+ * that does not exist or has no such line. */
 int world_inject_fault(struct world *world, const struct fault_description *fault);
 
 /* Plan a power cut during a flash write of a board, or of the hub (board NULL). Returns 0, or -1 if too many cuts are

@@ -1,12 +1,22 @@
 /* Injects faults: faults of boards, hub and host take effect at once, faults at a byte are passed to bus and UART. */
 #include "emulator/world.h"
 
+/* Whether the open supply of a branch keeps a board without power. */
+static bool has_open_supply(const struct world *world, const struct board_node *board)
+{
+    const int branch = bus_wiring_find_branch(&world->bus.wiring, board->description->address);
+    return branch >= 0 && world->bus.wiring.is_supply_open[branch];
+}
+
 /* Apply a fault to one board, which is first advanced to the current time; `value`: clocks, microseconds, bytes or
  * number of NACKs, depending on the kind. */
 static void apply_to_board(struct world *world, struct board_node *board, const struct fault_description *fault)
 {
     const vtime now = world->now;
     board_advance(board, now);
+    if ((fault->kind == FAULT_PLUG || fault->kind == FAULT_RESTART) && has_open_supply(world, board)) {
+        return;
+    }
     switch (fault->kind) {
     case FAULT_UNPLUG:
         board_set_power(board, false, now, TAXEL_RESET_CAUSE_POWER_ON);
@@ -36,6 +46,28 @@ static void apply_to_board(struct world *world, struct board_node *board, const 
         board->nacks_left = (unsigned)fault->value;
         break;
     }
+}
+
+/* Apply a fault to the branch that contains the board with the fault's address: its lines, and the power of its boards.
+ * Returns 0, or -1 if there is no such branch or the fault selects lines that it cannot have. */
+static int apply_to_branch(struct world *world, const struct fault_description *fault)
+{
+    struct bus_wiring *wiring = &world->bus.wiring;
+    const int branch = bus_wiring_find_branch(wiring, fault->address);
+    if (branch < 0 || !fault_has_valid_selection(fault)) {
+        return -1;
+    }
+    const bool was_open = wiring->is_supply_open[branch];
+    bus_wiring_apply_fault(wiring, (size_t)branch, fault);
+    const bool is_open = wiring->is_supply_open[branch];
+    for (size_t i = 0; is_open != was_open && i < world->board_count; i++) {
+        struct board_node *board = &world->boards[i];
+        if (bus_wiring_find_branch(wiring, board->description->address) == branch) {
+            board_advance(board, world->now);
+            board_set_power(board, !is_open, world->now, TAXEL_RESET_CAUSE_POWER_ON);
+        }
+    }
+    return 0;
 }
 
 /* Apply a fault of the hub, the UART, the endpoint or the bus. Returns 0, or -1 if too many faults are pending. */
@@ -73,10 +105,13 @@ static int apply_fault(struct world *world, const struct fault_description *faul
     }
 }
 
-/* Apply a fault now and log it. Returns 0, or -1 if too many faults are pending. */
+/* Apply a fault now and log it. Returns 0; -1 if too many faults are pending, or if a fault of a branch is invalid. */
 int world_inject_fault(struct world *world, const struct fault_description *fault)
 {
     fault_log_add(&world->log, world->now, fault->kind, fault->address);
+    if (fault_get_target(fault->kind) == FAULT_TARGET_BRANCH) {
+        return apply_to_branch(world, fault);
+    }
     if (fault_get_target(fault->kind) != FAULT_TARGET_BOARD) {
         return apply_fault(world, fault);
     }

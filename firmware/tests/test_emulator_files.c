@@ -74,7 +74,9 @@ static void valid_world_is_read(void)
                                "usb_latency_down_ms 3\nflow_control 1\n"
                                "hub_clock_ppm -20\nnoise_counts 0.5\nscan 100 50 2 9 10\n" BOARD
                                "board 0x21 2 16 16 1 " MAP_3 " " ID " 1.5 10 9 # with a map version\n"
-                               "fault 1.5 unplug 32\nfault 1.5 plug 32\nfault 2 mute_host 0 1";
+                               "fault 1.5 unplug 32\nfault 1.5 plug 32\nfault 2 mute_host 0 1\n"
+                               "wiring buffered 4700 15\nbranch index 2200 100 0.5 32\nbranch index 2200 100 0.5 33\n"
+                               "fault 3 branch_short_ground 33 2 10";
     unsigned lines;
     bool names_path;
     CHECK_EQUAL(read_world(text, sizeof text - 1u, &lines, &names_path), 0);
@@ -86,7 +88,11 @@ static void valid_world_is_read(void)
     CHECK_EQUAL(description.board_count, 2);
     CHECK_EQUAL(description.boards[0].unique_id[7], 8);
     CHECK_EQUAL(description.boards[1].map_version_override, 9);
-    CHECK_EQUAL(description.fault_count, 3);
+    CHECK_EQUAL(description.fault_count, 4);
+    CHECK(description.wiring.is_buffered && description.wiring.hub_pullup_ohm == 4700.0);
+    CHECK_EQUAL(description.wiring.branch_count, 1);
+    CHECK(description.wiring.branch_of[32] == 1 && description.wiring.branch_of[33] == 1);
+    CHECK_EQUAL(description.faults[3].kind, FAULT_BRANCH_SHORT_GROUND);
     CHECK_EQUAL(description.faults[2].kind, FAULT_MUTE);
 }
 
@@ -123,6 +129,25 @@ static const char *const invalid_worlds[] = {
     WORLD "fault\n",
     WORLD "fault 2 unplug 32\nfault 1 plug 32\n",
     WORLD "fault 1 hold_sda 32 -3\n",
+    WORLD "fault 1 branch_open 32\n",
+    WORLD "branch index 2200 100 0 32\nfault 1 branch_open 32 4\n",
+    WORLD "branch index 2200 100 0 32\nfault 1 branch_short_ground 32 0\n",
+    WORLD "branch index 2200 100 0 32\nfault 1 branch_short_supply 32 1.5\n",
+    WORLD "branch index 2200 100 0 32\nfault 1 branch_resistance 32 3\n",
+    WORLD "branch\n",
+    WORLD "branch a\"b 2200 100 0 32\n",
+    WORLD "branch index 2200 100 0\n",
+    WORLD "branch index 50 100 0 32\n",
+    WORLD "branch index -1 100 0 32\n",
+    WORLD "branch index nan 100 0 32\n",
+    WORLD "branch index 2200 0 0 32\n",
+    WORLD "branch index 2200 100 0 99\n",
+    WORLD "branch index 2200 100 0 32\nbranch index 2200 90 0 32\n",
+    WORLD "branch index 2200 100 0 32\nbranch middle 2200 100 0 32\n",
+    WORLD "wiring\n",
+    WORLD "wiring ideal 0 10\n",
+    WORLD "wiring passive\n",
+    WORLD "wiring passive 50 10\n",
     "taxel-world 1\nboard\n",
     "taxel-world 1\nboard 32\n",
     "taxel-world 1\nboard 7 1 1 3 3 " MAP_3 " " ID " 0 5\n",

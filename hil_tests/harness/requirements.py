@@ -1,5 +1,6 @@
 """Abilities that a test requires of a rig, read from its marks, and the report for a rig that lacks one."""
 
+from dataclasses import replace
 from typing import Any, Final
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from hil_tests.harness.rig import ABILITIES
 from hil_tests.harness.virtual.world import WorldBuild
 from taxel.hand import Hand
+from taxel.hand.wiring import Wiring
 from taxel.hand.world import ScanSettings
 
 NOT_POSSIBLE: Final = "not possible on this rig: it lacks "
@@ -29,7 +31,8 @@ def get_world_build(request: pytest.FixtureRequest, hand: Hand) -> WorldBuild:
     """The emulated world that the marks `world` and `faulty_image` of a test describe.
 
     Arguments of `world`: `lines`, `only` (indices of the boards that are present), `scan` (fields of `ScanSettings`)
-    and fields of `WorldSettings`. In texts, {0}, {1} ... are the addresses of the boards in the order of the hand.
+    and fields of `WorldSettings`; `wiring`: "buffered"; `slow_branch`: name and additional capacitance in picofarads of
+    a branch, behind buffers. In texts, {0}, {1} ... are the addresses of the boards in the order of the hand.
     """
     mark = request.node.get_closest_marker("world")
     settings: dict[str, Any] = dict(mark.kwargs) if mark else {}
@@ -39,6 +42,9 @@ def get_world_build(request: pytest.FixtureRequest, hand: Hand) -> WorldBuild:
             settings[name] = [line.format(*addresses) for line in settings[name]]
     if "scan" in settings:
         settings["scan"] = ScanSettings(**settings["scan"])
+    wiring, slow_branch = settings.pop("wiring", None), settings.pop("slow_branch", None)
+    if wiring or slow_branch:
+        settings["wiring"] = _change_wiring(hand, wiring, slow_branch)
     return WorldBuild(
         lines=settings.pop("lines", ()),
         board_indices=settings.pop("only", None),
@@ -46,6 +52,18 @@ def get_world_build(request: pytest.FixtureRequest, hand: Hand) -> WorldBuild:
         has_known_counts="counts" in get_required_abilities(request),
         may_fault=request.node.get_closest_marker("faulty_image") is not None,
     )
+
+
+def _change_wiring(hand: Hand, kind: str | None, slow_branch: tuple[str, float] | None) -> Wiring:
+    """The wiring of the hand with buffers and pull-ups in each branch, and with one branch of larger capacitance."""
+    assert hand.wiring is not None
+    assert kind in (None, "buffered")
+    name, picofarad = slow_branch or ("", 0.0)
+    branches = [
+        replace(branch, pullup_ohm=2200.0, capacitance_pf=branch.capacitance_pf + picofarad * (branch.name == name))
+        for branch in hand.wiring.branches
+    ]
+    return replace(hand.wiring, is_buffered=True, branches=tuple(branches))
 
 
 def skip_if_not_possible(required: set[str], abilities: set[str]) -> None:

@@ -42,7 +42,8 @@ ORIGINAL_HEADER: Final = """\
 #
 # Written by tools/hand/original_hand.py from the figures in tools/hand/original. Facts: addresses, kinds, order,
 # centres and normals of the taxels, and poses of the brackets; the frames are those of the original. Assumed: the TX
-# and RX line of each taxel (rule: tools/hand/original_boards.py), the dielectric, and the sheet beside the taxels.
+# and RX line of each taxel (rule: tools/hand/original_boards.py), the dielectric, the sheet beside the taxels, and that
+# all boards of a finger are connected by one branch of the wiring. Pull-ups and capacitances: docs/star-wiring.md.
 # {remark}
 #
 # A crossing map shows TX lines as rows and RX lines as columns, '#' a taxel. The index of a taxel is its position in
@@ -148,6 +149,13 @@ def make_link_name(board: OriginalBoard) -> str:
     return f"{FINGER_LINKS[board.finger]}_{PART_LINKS[board.kind.split('_')[0]]}"
 
 
+def make_branch_name(board: OriginalBoard) -> str:
+    """Branch of the wiring that connects the board: its finger, or the board itself (thesis, section 3.2: the hub is
+    connected to the back of the hand, from which branches extend to the palm and to each finger).
+    """
+    return board.kind if board.finger == "-" else board.finger
+
+
 @lru_cache(maxsize=1)
 def compute_bracket_poses() -> dict[str, FloatArray]:
     """Pose of each bracket in its link, f64[4, 4], by board name.
@@ -203,6 +211,7 @@ def format_hand(name: str, description: str, remark: str, boards: Sequence[Origi
             f'name = "{make_board_name(board)}"',
             f'kind = "{board.kind}"',
             f"address = 0x{board.address:02X}",
+            f'branch = "{make_branch_name(board)}"',
             f'link = "{make_link_name(board)}"',
             f"position_m = [{', '.join(f'{value + 0.0:.6f}' for value in np.round(pose[:3, 3], 6))}]",
             f"quaternion_wxyz = [{', '.join(f'{value + 0.0:.9f}' for value in np.round(to_quaternion(pose), 9))}]",

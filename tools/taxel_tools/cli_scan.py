@@ -4,6 +4,8 @@ from typing import Annotated
 
 import typer
 
+from taxel.hand import load_hand
+from taxel.hand.branches import find_silent_branches, format_silent_boards
 from taxel_tools.cli_common import URL_HELP, count_boards, print_json, print_table
 from taxel_tools.open_wire import open_wire
 from taxel_tools.scan import scan_bus
@@ -11,19 +13,28 @@ from taxel_tools.scan import scan_bus
 
 def scan_command(
     url: Annotated[str, typer.Argument(help=URL_HELP)],
+    hand: Annotated[
+        str | None, typer.Option("--hand", help="Hand description; names silent boards and faulty branches.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """List the devices on the bus: addresses, kinds, firmware versions, unique ids, health.
 
     Writes nothing to a board: scan reads registers, and sends GET_INFO and SEARCH to bootloaders.
 
+    With --hand, the command also reports boards of the hand that do not answer, and branches of the wiring of which no
+    board answers; the exit status is then 1.
+
     Example: taxel scan emulator:?hand=rig4
     """
+    description = None if hand is None else load_hand(hand)
     with open_wire(url) as wire:
         devices = scan_bus(wire)
+    present = {device.address for device in devices if device.runs != "foreign"}
+    silent = [] if description is None else [each.address for each in description.boards if each.address not in present]
     if as_json:
         print_json(devices)
-        return
+        raise typer.Exit(1 if silent else 0)
     rows = [
         (
             f"0x{device.address:02X}",
@@ -36,9 +47,12 @@ def scan_command(
         )
         for device in devices
     ]
-    if not rows:
+    if not rows and description is None:
         print("no device answers on the bus; check power and wiring")
         raise typer.Exit(1)
     print_table(("address", "runs", "kind", "version", "taxels", "unique id", "health"), rows)
     taxel_boards = [device for device in devices if device.runs != "foreign"]
     print(f"{count_boards(len(taxel_boards))}, {sum(1 for device in taxel_boards if device.notes)} with notes")
+    if description is not None and silent:
+        print(format_silent_boards(description, find_silent_branches(description, silent)))
+        raise typer.Exit(1)

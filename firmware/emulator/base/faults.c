@@ -20,6 +20,11 @@ static const struct {
     [FAULT_BROWN_OUT_AT] = {"brown_out_at", FAULT_TARGET_TRANSFER},
     [FAULT_ARBITRATION_AT] = {"arbitration_at", FAULT_TARGET_TRANSFER},
     [FAULT_BUS_ERROR_AT] = {"bus_error_at", FAULT_TARGET_TRANSFER},
+    [FAULT_BRANCH_OPEN] = {"branch_open", FAULT_TARGET_BRANCH},
+    [FAULT_BRANCH_SHORT_GROUND] = {"branch_short_ground", FAULT_TARGET_BRANCH},
+    [FAULT_BRANCH_SHORT_SUPPLY] = {"branch_short_supply", FAULT_TARGET_BRANCH},
+    [FAULT_BRANCH_RESISTANCE] = {"branch_resistance", FAULT_TARGET_BRANCH},
+    [FAULT_BRANCH_RESTORE] = {"branch_restore", FAULT_TARGET_BRANCH},
     [FAULT_HUB_UNPLUG] = {"hub_unplug", FAULT_TARGET_NONE},
     [FAULT_HUB_PLUG] = {"hub_plug", FAULT_TARGET_NONE},
     [FAULT_HUB_RESTART] = {"hub_restart", FAULT_TARGET_NONE},
@@ -49,4 +54,23 @@ enum fault_kind fault_find_kind(const char *name)
 enum fault_target fault_get_target(enum fault_kind kind)
 {
     return fault_table[kind].target;
+}
+
+/* Whether the value of a fault of a branch selects lines that the fault can have: 0 the whole cable, 1 SCL, 2 SDA, 3 the
+ * supply. True for faults that are not faults of a branch. */
+bool fault_has_valid_selection(const struct fault_description *fault)
+{
+    const double value = fault->value;
+    const bool is_line = value == 1.0 || value == 2.0;
+    switch (fault->kind) {
+    case FAULT_BRANCH_OPEN:
+        return is_line || value == 0.0 || value == 3.0;
+    case FAULT_BRANCH_SHORT_GROUND:
+    case FAULT_BRANCH_SHORT_SUPPLY:
+        return is_line;
+    case FAULT_BRANCH_RESISTANCE:
+        return is_line || value == 0.0;
+    default:
+        return true;
+    }
 }

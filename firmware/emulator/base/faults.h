@@ -24,6 +24,12 @@ enum fault_kind {
     FAULT_BROWN_OUT_AT,
     FAULT_ARBITRATION_AT,
     FAULT_BUS_ERROR_AT,
+    /* faults of a branch of the wiring */
+    FAULT_BRANCH_OPEN,
+    FAULT_BRANCH_SHORT_GROUND,
+    FAULT_BRANCH_SHORT_SUPPLY,
+    FAULT_BRANCH_RESISTANCE,
+    FAULT_BRANCH_RESTORE,
     /* faults of the hub */
     FAULT_HUB_UNPLUG,
     FAULT_HUB_PLUG,
@@ -46,6 +52,7 @@ enum fault_kind {
 /* The meaning of the address of a fault. */
 enum fault_target {
     FAULT_TARGET_BOARD,    /* a board of the world */
+    FAULT_TARGET_BRANCH,   /* a board; the fault acts on the branch of the wiring that contains the board */
     FAULT_TARGET_TRANSFER, /* any I2C address, with or without a board; 0 is every address */
     FAULT_TARGET_NONE,     /* no address; it is 0 */
 };
@@ -60,5 +67,8 @@ struct fault_description {
 /* Returns FAULT_KINDS for an unknown name. */
 enum fault_kind fault_find_kind(const char *name);
 enum fault_target fault_get_target(enum fault_kind kind);
+
+/* Whether `value` is permitted for a fault of a branch, where it selects the line; true for other faults. */
+bool fault_has_valid_selection(const struct fault_description *fault);
 
 #endif

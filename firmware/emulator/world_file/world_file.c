@@ -10,6 +10,7 @@
 #include "emulator/psoc4200/parts.h"
 #include "emulator/world_file/world_reader.h"
 #include "emulator/world_file/world_scene.h"
+#include "emulator/world_file/world_wiring.h"
 
 #define LINE_SIZE_MAX 512 /* with line end and terminator */
 
@@ -122,6 +123,16 @@ static int read_fault(const struct world_reader *reader)
     world->fault_count++;
     if (fault_get_target(fault->kind) == FAULT_TARGET_BOARD && !find_board(world, fault->address)) {
         return world_line_report_error(line, "no board has that address");
+    }
+    if (fault_get_target(fault->kind) == FAULT_TARGET_BRANCH) {
+        if (!world->wiring.branch_of[fault->address]) {
+            return world_line_report_error(line, "no branch contains a board with that address; the branch lines must "
+                                                 "precede their faults");
+        }
+        if (!fault_has_valid_selection(fault)) {
+            return world_line_report_error(line, "the value must select a line: 1 SCL, 2 SDA; branch_open also 0 the "
+                                                 "whole cable, 3 the supply; branch_resistance also 0 both lines");
+        }
     }
     return 0;
 }
@@ -246,6 +257,10 @@ static int read_line(const struct world_reader *reader)
     if (scene <= 0) {
         return scene;
     }
+    const int wiring = world_wiring_read_line(reader);
+    if (wiring <= 0) {
+        return wiring;
+    }
     const char *keyword = reader->line.words[0];
     double value;
     if (strcmp(keyword, "board") == 0) {
@@ -367,6 +382,7 @@ int world_file_read(struct world_description *world, const char *path)
     FILE *file = fopen(path, "r");
     memset(world, 0, sizeof *world);
     world->seed = 1;
+    world->wiring.hub_capacitance_pf = WIRING_HUB_CAPACITANCE_PF;
     world->layer_thickness = 0.001;
     world->scl_hz = 400000.0;
     world->baud = 1000000.0;

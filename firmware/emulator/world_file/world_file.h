@@ -13,6 +13,7 @@
 #include "emulator/geometry/frame.h"
 #include "emulator/geometry/shape.h"
 #include "emulator/original/original_settings.h"
+#include "emulator/wiring/wiring.h"
 #include "generated/taxel_protocol.h"
 
 #define WORLD_FIRMWARE_VERSION {0, 1, 0} /* of the hub, and of boards without a `firmware` line */
@@ -44,6 +45,7 @@ struct world_description {
     struct original_settings original; /* the original hub and boards in place of the project's own firmware */
     struct board_description boards[WORLD_BOARDS_MAX];
     size_t board_count;
+    struct wiring_description wiring;
     double layer_thickness;             /* above the electrodes, metres */
     struct object_description *objects; /* [object_count] */
     size_t object_count;

@@ -11,6 +11,9 @@ from hil_tests.harness.virtual.images import build_images
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualWorld
 
+BRANCH_WORDS = 5
+"""Number of words of a branch line before its addresses."""
+
 
 @dataclass(frozen=True)
 class WorldBuild:
@@ -75,4 +78,13 @@ def _select_boards(text: str, board_indices: Sequence[int] | None) -> str:
     lines = text.splitlines()
     board_lines = [line for line in lines if line.startswith("board ")]
     selected = [board_lines[index] for index in board_indices]
-    return "\n".join(line for line in lines if not line.startswith("board ") or line in selected) + "\n"
+    kept = [line for line in lines if not line.startswith("board ") or line in selected]
+    present = {line.split()[1] for line in selected}
+    return "\n".join(_select_addresses(line, present) if line.startswith("branch ") else line for line in kept) + "\n"
+
+
+def _select_addresses(branch_line: str, present: set[str]) -> str:
+    """Remove absent boards from a branch line of a world file; a branch without boards gives an empty line."""
+    words = branch_line.split()
+    addresses = [address for address in words[BRANCH_WORDS:] if address in present]
+    return " ".join([*words[:BRANCH_WORDS], *addresses]) if addresses else ""

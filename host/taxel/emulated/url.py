@@ -4,6 +4,7 @@ from typing import Any
 from urllib.parse import parse_qs
 
 from taxel.emulated.original_url import ORIGINAL_OPTIONS, parse_original_firmware
+from taxel.emulated.wiring_url import parse_wiring
 from taxel.hand import Hand
 from taxel.hand.world import WorldSettings, format_world, make_original_settings
 from taxel.link import EmulatorLink, LinkError
@@ -19,7 +20,18 @@ _NUMBER_RANGES = {
 }
 """Minimum and maximum of each number of `WorldSettings` that a URL may set."""
 
-_OTHER_OPTIONS = {"speed", "stimulus", "duration_s", "live", "effect", "threads", "protocol"}
+_OTHER_OPTIONS = {
+    "speed",
+    "stimulus",
+    "duration_s",
+    "live",
+    "effect",
+    "threads",
+    "protocol",
+    "fault",
+    "branch",
+    "wiring",
+}
 
 
 def open_emulator(url: str, hand: Hand) -> EmulatorLink:
@@ -32,6 +44,10 @@ def open_emulator(url: str, hand: Hand) -> EmulatorLink:
     - `live=1`: forces are set while the emulator runs (see `EmulatorLink.apply`); not together with `stimulus`.
     - `duration_s`: the emulator ends after this time.
     - `effect=LINE`: an effect line of the world file without the keyword `effect`; may be repeated.
+    - `fault=LINE`: a fault line of the world file without the keyword `fault`; may be repeated. A fault of a branch may
+      name the branch: `fault=5 branch_open index 0`.
+    - `wiring=passive` or `wiring=buffered`, `branch=NAME key=value ...`: star of branches in place of that of the hand;
+      `branch` may be repeated, with the keys `pullup_ohm`, `capacitance_pf`, `series_ohm`.
     - `threads`: 1 to 16; more threads help with `speed=max` on a machine with free cores.
     - The numbers of `WorldSettings`: seed, scl_hz, baud, usb_latency_ms, noise_counts, clock_spread_ppm.
     - `protocol=original`: the original hub and boards, see `open_original_emulator`.
@@ -69,12 +85,15 @@ def _start_emulator(url: str, hand: Hand) -> EmulatorLink:
     }
     if "seed" in options:
         numbers["seed"] = _parse_integer(url, "seed", options["seed"], *_NUMBER_RANGES["seed"])
-    effects = _parse_effects(url, parts.query)
+    effects = _parse_lines(url, "effect", parts.query)
+    faults = sorted(_parse_lines(url, "fault", parts.query), key=_get_fault_time)
+    wiring = parse_wiring(url, options.get("wiring"), _parse_lines(url, "branch", parts.query), hand)
+    lines: dict[str, Any] = {"effects": effects, "faults": faults, "wiring": wiring}
     if options.get("protocol") == "original":
         firmware = parse_original_firmware(url, options, hand)
-        settings = make_original_settings(firmware, **numbers, effects=effects)
+        settings = make_original_settings(firmware, **numbers, **lines)
     else:
-        settings = WorldSettings(**numbers, effects=effects)
+        settings = WorldSettings(**numbers, **lines)
     threads = _parse_integer(url, "threads", options.get("threads", "1"), 1, 16)
     duration = _parse_number(url, "duration_s", options["duration_s"], 1e-3, 1e7) if "duration_s" in options else None
     return EmulatorLink(
@@ -107,16 +126,24 @@ def _check_choices(url: str, options: dict[str, str]) -> None:
         raise LinkError(url, f"option 'live' must be 0 or 1, and 1 only without a stimulus, found '{live}'")
 
 
-def _parse_effects(url: str, query: str) -> list[str]:
-    """Return the effect lines of an emulator URL.
+def _parse_lines(url: str, name: str, query: str) -> list[str]:
+    """Return the values of a repeatable option of an emulator URL that become lines of the world file.
 
     query: part after "?". Raises `LinkError` for text of several lines.
     """
-    lines = parse_qs(query).get("effect", [])
+    lines = parse_qs(query).get(name, [])
     for line in lines:
         if not line.isprintable() or "#" in line:  # the text becomes one line of the world file
-            raise LinkError(url, f"option 'effect' must be one line without '#', found {line!r}")
+            raise LinkError(url, f"option '{name}' must be one line without '#', found {line!r}")
     return lines
+
+
+def _get_fault_time(line: str) -> float:
+    """Return the time of a fault line, seconds, by which the world file sorts faults; infinity if it is no number."""
+    try:
+        return float(line.split()[0])
+    except (ValueError, IndexError):
+        return float("inf")  # the emulator reports the line
 
 
 def _parse_number(url: str, name: str, text: str, low: float, high: float) -> float:

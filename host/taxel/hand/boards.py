@@ -146,6 +146,7 @@ class Board:
         address: 7-bit I2C address.
         link_name: link of the robot that carries the bracket; None if not described.
         pose: frame of the bracket in that link, f64[4, 4]; None if not described.
+        branch: name of the branch of the wiring that connects the board to the hub; None if not described.
     """
 
     name: str
@@ -153,13 +154,14 @@ class Board:
     address: int
     link_name: str | None = None
     pose: NDArray[np.float64] | None = None
+    branch: str | None = None
 
     def __eq__(self, other: object) -> bool:
-        """Whether `other` is a board with the same name, kind, address, link and pose."""
+        """Whether `other` is a board with the same name, kind, address, link, branch and pose."""
         if not isinstance(other, Board):
             return NotImplemented
-        own = (self.name, self.kind, self.address, self.link_name)
-        return own == (other.name, other.kind, other.address, other.link_name) and np.array_equal(
+        own = (self.name, self.kind, self.address, self.link_name, self.branch)
+        return own == (other.name, other.kind, other.address, other.link_name, other.branch) and np.array_equal(
             _get_array(self.pose), _get_array(other.pose)
         )
 

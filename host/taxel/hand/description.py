@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.boards import Board, Scalar, make_read_only
-from taxel.hand.errors import HandGeometryError, UnknownBoardError, format_address
+from taxel.hand.errors import HandGeometryError, UnknownBoardError, UnknownBranchError, format_address
 from taxel.hand.geometry import REFERENCE_AREA_M2, Surface
+from taxel.hand.wiring import Wiring
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Hand:
         boards: sorted by address.
         robot: name of the robot whose links carry the brackets (see `taxel.hand.robot`); None if not described.
         layer_m: thickness of the dielectric over the electrodes, metres; None if not described.
+        wiring: electrical values of the branches of the wiring; None if no board has a branch.
 
     Raises:
         ValueError: no boards, or two boards with the same address or name.
@@ -39,6 +41,7 @@ class Hand:
     boards: tuple[Board, ...]
     robot: str | None = None
     layer_m: float | None = None
+    wiring: Wiring | None = None
     _slices: dict[int, slice] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -135,6 +138,18 @@ class Hand:
             if board.name == name:
                 return board
         raise UnknownBoardError(self.name, repr(name), [board.name for board in self.boards])
+
+    def find_branch(self, name: str) -> tuple[Board, ...]:
+        """Return the boards of a branch of the wiring, by address. Raises UnknownBranchError if there is none."""
+        boards = tuple(board for board in self.boards if board.branch == name)
+        if not boards:
+            raise UnknownBranchError(self.name, name, self.branches)
+        return boards
+
+    @property
+    def branches(self) -> list[str]:
+        """Names of the branches of the wiring, sorted; empty if no board has a branch."""
+        return sorted({board.branch for board in self.boards if board.branch is not None})
 
     def get_slice(self, address: int) -> slice:
         """Return the slice of a board on the taxel axis. Raises UnknownBoardError if there is no such board."""

@@ -40,6 +40,29 @@ class UnknownBoardError(TaxelError, LookupError):
         return f"hand {self.hand!r} has no board {self.board}; expected one of {', '.join(self.expected_boards)}"
 
 
+class UnknownBranchError(TaxelError, LookupError):
+    """Error: no board of the hand has the requested branch.
+
+    Attributes:
+        hand: name of the hand description.
+        branch: the requested branch.
+        expected_branches: branches of the hand.
+    """
+
+    def __init__(self, hand: str, branch: str, expected_branches: Sequence[str]) -> None:
+        """Create the error for a branch that the hand does not have."""
+        super().__init__(hand, branch, tuple(expected_branches))
+        self.hand = hand
+        self.branch = branch
+        self.expected_branches = tuple(expected_branches)
+
+    def __str__(self) -> str:
+        remedy = f"expected one of {', '.join(self.expected_branches)}"
+        if not self.expected_branches:
+            remedy = 'add branch = "..." to the boards of the hand description'
+        return f"hand {self.hand!r} has no branch {self.branch!r}; {remedy}"
+
+
 class HandGeometryError(TaxelError, ValueError):
     """Error: taxel positions are required, but the hand description contains none.
 

@@ -16,6 +16,7 @@ from taxel.hand.geometry import build_surface
 from taxel.hand.schema import BoardTable, HandDocument, parse_hand
 from taxel.hand.toml_text import read_description
 from taxel.hand.transforms import make_pose
+from taxel.hand.wiring import build_wiring
 
 CACHED_HANDS = 4
 """Hands that are kept after their description has been read: the largest packaged description takes 50 ms."""
@@ -99,15 +100,17 @@ def _build_hand(document: HandDocument) -> Hand:
         tuple(_build_board(board, kinds[board["kind"]]) for board in document["boards"]),
         document.get("robot"),
         document["taxel"].get("layer_m"),
+        build_wiring(document),
     )
 
 
 def _build_board(table: BoardTable, kind: BoardKind) -> Board:
     """Build a board of the given kind from its checked table in the hand description."""
     if "link" not in table:
-        return Board(table["name"], kind, table["address"])
+        return Board(table["name"], kind, table["address"], branch=table.get("branch"))
     bracket_pose = make_pose(np.array(table["position_m"], float), np.array(table["quaternion_wxyz"], float))
-    return Board(table["name"], kind, table["address"], table["link"], make_read_only(bracket_pose))
+    pose = make_read_only(bracket_pose)
+    return Board(table["name"], kind, table["address"], table["link"], pose, table.get("branch"))
 
 
 def _get_description_folder() -> Traversable:

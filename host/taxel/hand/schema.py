@@ -12,6 +12,7 @@ from taxel.hand.crossings import check_crossings
 from taxel.hand.errors import Field, HandDescriptionError, format_address, format_value
 from taxel.hand.geometry_schema import check_geometry
 from taxel.hand.toml_text import parse_toml
+from taxel.hand.wiring_schema import WiringTable, check_wiring
 from taxel_protocol.limits import ADDRESS_MAX, ADDRESS_MIN, TAXELS_MAX
 
 __all__ = ["FORMAT", "VERSION", "HandDescriptionError", "HandDocument", "check_hand", "parse_hand"]
@@ -37,12 +38,12 @@ _HAND: Mapping[str, type] = {
     "kinds": dict,
     "boards": list,
 }
-_HAND_OPTIONAL: Mapping[str, type] = {"robot": str, "geometry": dict}
+_HAND_OPTIONAL: Mapping[str, type] = {"robot": str, "geometry": dict, "wiring": dict}
 _TAXEL: Mapping[str, type] = {"pitch_m": float, "size_m": float}
 _TAXEL_OPTIONAL: Mapping[str, type] = {"layer_m": float}
 _KIND: Mapping[str, type] = {"code": int, "tx": int, "rx": int, "taxels": int, "crossings": str}
 _BOARD: Mapping[str, type] = {"name": str, "kind": str, "address": int}
-_BOARD_OPTIONAL: Mapping[str, type] = {"link": str, "position_m": list, "quaternion_wxyz": list}
+_BOARD_OPTIONAL: Mapping[str, type] = {"branch": str, "link": str, "position_m": list, "quaternion_wxyz": list}
 
 
 class TaxelFields(TypedDict):
@@ -69,6 +70,7 @@ class BoardTable(TypedDict):
     name: str
     kind: str
     address: int
+    branch: NotRequired[str]
     link: NotRequired[str]
     position_m: NotRequired[list[float]]
     quaternion_wxyz: NotRequired[list[float]]
@@ -98,6 +100,7 @@ class HandDocument(TypedDict):
     boards: list[BoardTable]
     robot: NotRequired[str]
     geometry: NotRequired[dict[str, GeometryTable]]
+    wiring: NotRequired[WiringTable]
 
 
 def parse_hand(data: bytes, file: str) -> HandDocument:
@@ -135,6 +138,7 @@ def check_hand(document: dict[str, Any], file: str) -> HandDocument:
     _check_kinds(document["kinds"], top.key("kinds"))
     _check_boards(document["boards"], document["kinds"], top.key("boards"))
     check_geometry(document, top)
+    check_wiring(document, top)
     return cast(HandDocument, document)
 
 
@@ -208,6 +212,8 @@ def _check_boards(boards: list[Any], kinds: Mapping[str, Any], field: Field) -> 
         item_field = field.item(index)
         check_table(board, _BOARD, item_field, _BOARD_OPTIONAL)
         check_identifier(board["name"], item_field.key("name"))
+        if "branch" in board:
+            check_identifier(board["branch"], item_field.key("branch"))
         if board["kind"] not in kinds:
             item_field.key("kind").fail(
                 "the name of a [kinds] table", format_value(board["kind"]), suggest_name(board["kind"], kinds)

@@ -11,6 +11,7 @@ from taxel.hand.boards import BoardKind
 from taxel.hand.description import Hand
 from taxel.hand.original_firmware import THESIS, OriginalFirmware, format_original
 from taxel.hand.sheet import build_sheet
+from taxel.hand.wiring import Wiring
 from taxel.types import FloatArray
 from taxel_protocol.limits import CROSSING_MAP_SIZE, LINES_MAX
 
@@ -35,8 +36,10 @@ class WorldSettings:
     (clocks, unique ids, taxel gains and stiffness); None: `seed`. `boot_ms`: from power-on to the first acknowledge.
     `faults`: lines of the world file without the keyword `fault`, in order of time, such as "1.5 unplug 0x1C".
     `effects`: lines without the keyword `effect`, such as "spread film length_m=0.002" (see
-    firmware/emulator/README.md). `original`: the original hub and boards in place of the project's own firmware;
-    `make_original_settings` sets the other fields to the values of the original hardware.
+    firmware/emulator/README.md). `wiring`: branches with other values than those of the hand; None: those of the hand.
+    A fault of a branch may name the branch instead of an address: "2 branch_open index 0". `original`: the original
+    hub and boards in place of the project's own firmware; `make_original_settings` sets the other fields to the values
+    of the original hardware.
     """
 
     seed: int = 1
@@ -51,6 +54,7 @@ class WorldSettings:
     scan: ScanSettings = field(default_factory=ScanSettings)
     faults: Sequence[str] = ()
     effects: Sequence[str] = ()
+    wiring: Wiring | None = None
     original: OriginalFirmware | None = None
 
     @property
@@ -58,6 +62,9 @@ class WorldSettings:
         """Seed of the properties of parts that persist over power cycles: `parts_seed`, or `seed` if that is None."""
         return self.seed if self.parts_seed is None else self.parts_seed
 
+
+ADDRESSES_PER_LINE: Final = 16
+"""Largest number of addresses in a branch line of the world file."""
 
 ORIGINAL_SCAN: Final = ScanSettings(100, 40, 4, 4, 0)
 """Scan settings of the original boards: 12 MHz modulator clock, 300 kHz TX clock, 4,000 counts in 333 us per taxel.
@@ -111,9 +118,32 @@ def format_world(hand: Hand, settings: WorldSettings | None = None) -> str:
             f"{unique_id} {ppm!r} {settings.boot_ms!r}"
         )
     lines += format_surface(hand) if has_layout(hand) else []
-    lines += [f"fault {fault}" for fault in settings.faults]
+    lines += _format_wiring(hand, settings.wiring or hand.wiring)
+    lines += [f"fault {_resolve_branch(hand, fault)}" for fault in settings.faults]
     lines += [f"effect {effect}" for effect in settings.effects]
     return "\n".join(lines) + "\n"
+
+
+def _format_wiring(hand: Hand, wiring: Wiring | None) -> list[str]:
+    """World lines of the star of branches; none for a hand without branches."""
+    if wiring is None:
+        return []
+    kind = "buffered" if wiring.is_buffered else "passive"
+    lines = [f"wiring {kind} {wiring.hub_pullup_ohm!r} {wiring.hub_capacitance_pf!r}"]
+    for branch in wiring.branches:
+        values = f"branch {branch.name} {branch.pullup_ohm!r} {branch.capacitance_pf!r} {branch.series_ohm!r}"
+        addresses = [f"0x{board.address:02X}" for board in hand.boards if board.branch == branch.name]
+        for first in range(0, len(addresses), ADDRESSES_PER_LINE):
+            lines.append(f"{values} {' '.join(addresses[first : first + ADDRESSES_PER_LINE])}")
+    return lines
+
+
+def _resolve_branch(hand: Hand, fault: str) -> str:
+    """Return a fault line in which the name of a branch is replaced by the address of its first board."""
+    words = fault.split()
+    if len(words) > 2 and words[1].startswith("branch_") and words[2] in hand.branches:
+        words[2] = f"0x{hand.find_branch(words[2])[0].address:02X}"
+    return " ".join(words)
 
 
 def _format_lines(kind: BoardKind, settings: WorldSettings) -> str:

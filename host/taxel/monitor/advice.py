@@ -1,16 +1,17 @@
 """Advice to the user in one line, for the most serious problem of a reading."""
 
+from taxel.hand.branches import find_silent_branches, format_silent_boards
 from taxel.monitor.reading import SkinReading
 from taxel.skin import Skin
 
 GRACE_S = 1.5
 """Time after the start in which missing frames give no advice, seconds. Boards need about 1 s to start."""
 
+HUB_SILENT_S = 2.5
+"""Time without a message after which the hub counts as silent, seconds: two of its status reports."""
+
 LAG_BYTES = 1 << 18
 """Number of waiting bytes above which the reader does not keep up: about two seconds of the default hand."""
-
-MAX_NAMED_BOARDS = 3
-"""Largest number of boards that one line names."""
 
 
 def make_advice(reading: SkinReading, skin: Skin) -> str | None:
@@ -21,13 +22,12 @@ def make_advice(reading: SkinReading, skin: Skin) -> str | None:
     if not reading.frames:
         return _advise_without_frames(reading, skin) if reading.watched_s > GRACE_S and not is_recorded else None
     if not reading.boards_streaming and not is_recorded:
+        if is_hub_alive(skin) and skin.hand.branches:
+            return _advise_on_silent_boards(reading, skin)
         silent_s = min(board.silent_s for board in reading.boards if board.silent_s is not None)
         return f"no frames for {silent_s:.0f} s: check the hub's power and its cable to this computer"
-    missing = [board.board for board in reading.boards if not board.is_streaming]
-    if missing and reading.watched_s > GRACE_S:
-        names = ", ".join(f"{board.name} (0x{board.address:02X})" for board in missing[:MAX_NAMED_BOARDS])
-        more = f" and {len(missing) - MAX_NAMED_BOARDS} more" if len(missing) > MAX_NAMED_BOARDS else ""
-        return f"no frames from {names}{more}: check power and cable"
+    if reading.watched_s > GRACE_S and any(not board.is_streaming for board in reading.boards):
+        return _advise_on_silent_boards(reading, skin)
     if reading.bytes_waiting > LAG_BYTES and skin.link.is_real_time:
         remedy = "this computer is too slow or busy; reduce the scan rate (--rate-hz)"
         return f"{reading.bytes_waiting} bytes wait: {remedy}"
@@ -38,6 +38,18 @@ def make_advice(reading: SkinReading, skin: Skin) -> str | None:
     if reading.suspect:
         return f"{reading.suspect} taxels are above their baseline: release the skin and repeat the baseline"
     return None
+
+
+def _advise_on_silent_boards(reading: SkinReading, skin: Skin) -> str:
+    """Return the advice for boards from which no frames arrive: faulty branches, then single boards."""
+    silent = {board.board.address for board in reading.boards if not board.is_streaming}
+    last_s = {board.board.address: -board.silent_s for board in reading.boards if board.silent_s is not None}
+    return format_silent_boards(skin.hand, find_silent_branches(skin.hand, silent, last_s))
+
+
+def is_hub_alive(skin: Skin) -> bool:
+    """Whether the hub has sent a message within the last `HUB_SILENT_S` seconds."""
+    return skin.hub.seconds_since_message < HUB_SILENT_S
 
 
 def _advise_without_frames(reading: SkinReading, skin: Skin) -> str:

@@ -3,19 +3,24 @@
 from typing import Any
 
 from taxel.hand import Hand
+from taxel.hand.branches import find_silent_branches
 from taxel.ros.tf_tree import make_header
 from taxel.stream import HubClient
+from taxel_protocol import BoardState
 
-OK, WARN, STALE = 0, 1, 3  # constants of diagnostic_msgs/DiagnosticStatus
+OK, WARN, ERROR, STALE = 0, 1, 2, 3  # constants of diagnostic_msgs/DiagnosticStatus
 
 _HUB_COUNTERS = ("frames_dropped", "cycle_time_us", "bus_recoveries")
 _BOARD_COUNTERS = ("nacks", "timeouts", "crc_errors", "retries")
 
 
 def make_diagnostics_message(hand: Hand, hub: HubClient, time_ns: int) -> dict[str, Any]:
-    """Make a diagnostic_msgs/DiagnosticArray message: the losses of the stream, and one status for each board."""
+    """Make a diagnostic_msgs/DiagnosticArray message: the losses of the stream, one status for each board and
+    each branch.
+    """
     statuses = [_make_hub_status(hub)]
     statuses += [_make_board_status(hub, board.address, board.name) for board in hand.boards]
+    statuses += _make_branch_statuses(hand, hub)
     return {"header": make_header(time_ns, ""), "status": statuses}
 
 
@@ -47,6 +52,27 @@ def _make_board_status(hub: HubClient, address: int, name: str) -> dict[str, Any
     reported = hub.board_status.get(address, {})
     values |= {counter: int(reported[counter]) for counter in _BOARD_COUNTERS if counter in reported}
     return _make_status(WARN if faulty else OK, title, text, hardware_id, values)
+
+
+def _make_branch_statuses(hand: Hand, hub: HubClient) -> list[dict[str, Any]]:
+    """Make the DiagnosticStatus of each branch of the wiring: an error if no board of the branch responds to the hub.
+
+    The states are those of the latest BOARD_STATUS messages; a board without one counts as absent once the hub has
+    reported its own status.
+    """
+    if not hub.status:
+        return []
+    states = {address: fields["state"] for address, fields in hub.board_status.items()}
+    silent = [board.address for board in hand.boards if states.get(board.address) in (None, BoardState.ABSENT)]
+    faulty = find_silent_branches(hand, silent).branches
+    statuses = []
+    for name in hand.branches:
+        boards = hand.find_branch(name)
+        text = "all boards stopped together: check its cable and connectors" if name in faulty else "responds"
+        values = {"boards": len(boards), "silent": sum(board.address in silent for board in boards)}
+        level = ERROR if name in faulty else OK
+        statuses.append(_make_status(level, f"taxel: branch {name}", text, f"branch {name}", values))
+    return statuses
 
 
 def _make_status(level: int, name: str, message: str, hardware_id: str, values: dict[str, int]) -> dict[str, Any]:

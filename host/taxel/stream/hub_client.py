@@ -67,6 +67,7 @@ class HubClient:
         self.board_status: dict[int, dict[str, Any]] = {}
         self.faults: deque[dict[str, Any]] = deque(maxlen=MESSAGE_HISTORY)
         self.logs: deque[str] = deque(maxlen=MESSAGE_HISTORY)
+        self._last_message_s = float("-inf")
         self._replies: dict[int, HubMessage] = {}
         self._sequence = 0
         self._tag = 0
@@ -74,6 +75,7 @@ class HubClient:
     def _take(self, message: HubMessage) -> None:
         """Store a hub message: as the reply to a request, or as the latest message of its type."""
         fields = message.fields
+        self._last_message_s = self._now_s()
         if message.type is FrameType.HUB_HANDSHAKE:
             self.last_handshake = fields
             self.has_handshake = fields["version_chosen"] != 0
@@ -90,6 +92,14 @@ class HubClient:
             self.faults.append(fields)
         elif message.type is FrameType.LOG:
             self.logs.append(message.trailing_bytes.decode("ascii", errors="replace"))
+
+    @property
+    def seconds_since_message(self) -> float:
+        """Time since the latest message of the hub (frames of boards do not count), seconds; infinity before it.
+
+        A hub sends its status every second, also while no board responds.
+        """
+        return self._now_s() - self._last_message_s
 
     def _acknowledge(self, payload: bytes) -> None:
         """Send acknowledgements of key frames to the hub; payload: of the ACKNOWLEDGE frame."""

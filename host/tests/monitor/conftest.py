@@ -34,7 +34,8 @@ class FakeSkin:
 
     def __post_init__(self) -> None:
         self.link = SimpleNamespace(name="fake", is_real_time=self.is_real_time, is_recorded=self.is_recorded)
-        self.hub = SimpleNamespace(status=None, boards={b.address: {} for b in self.hand.boards}, board_status={})
+        boards: dict[int, dict[str, Any]] = {b.address: {} for b in self.hand.boards}
+        self.hub = SimpleNamespace(status=None, boards=boards, board_status={}, seconds_since_message=float("inf"))
         self.losses = SimpleNamespace(lost_on_wire=0, restarts=0, boards=self.counts)
         self.raw = np.full(self.hand.n_taxels, UNTOUCHED_COUNTS, dtype=np.uint16)
         self.now_s = time.monotonic()

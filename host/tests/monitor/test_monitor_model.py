@@ -143,6 +143,30 @@ def test_advice_states_the_duration_without_frames(fake_skin):
     assert "no frames for 7 s" in skin.read().advice
 
 
+def test_advice_names_a_branch_whose_boards_stop_together(fake_skin):
+    skin = fake_skin()
+    skin.pass_time(2.0)
+    skin.pass_time(2.0, [board for board in skin.hand.boards if board.branch != "index"])
+    assert skin.read().advice.startswith("branch fault: no response from branch index (all 5 boards: 0x23, 0x26, ")
+
+
+def test_advice_names_single_boards_that_stop_one_after_the_other(fake_skin):
+    skin = fake_skin()
+    boards = list(skin.hand.boards)
+    for board in skin.hand.find_branch("pinkie"):
+        boards.remove(board)
+        skin.pass_time(1.2, boards)
+    assert skin.read().advice.startswith("no response from fingertip_pinkie (0x25), proximal_front_pinkie (0x28)")
+
+
+def test_advice_of_a_responding_hub_without_boards_names_the_branches(fake_skin):
+    skin = fake_skin()
+    skin.pass_time(2.0)
+    skin.now_s += 7.0
+    skin.hub.seconds_since_message = 0.5
+    assert "disconnect the branches one at a time" in skin.read().advice
+
+
 def test_advice_states_the_progress_of_the_baseline(fake_skin):
     skin = fake_skin()
     assert "baseline 67 % complete: do not touch the skin" in read_advice_after(skin, 0.1)

@@ -28,7 +28,9 @@ PERMITTED = {
     "emulator/geometry": ("emulator/physics", "emulator/base", "generated"),
     "emulator/effects": ("emulator/geometry", "emulator/physics", "emulator/base", "generated"),
     "emulator/original": ("emulator/geometry", "emulator/base", "hal", "generated"),
+    "emulator/wiring": ("emulator/base",),
     "emulator/world_file": (
+        "emulator/wiring",
         "emulator/psoc4200",
         "emulator/original",
         "emulator/effects",
@@ -38,6 +40,7 @@ PERMITTED = {
         "generated",
     ),
     "emulator/skin": (
+        "emulator/wiring",
         "emulator/world_file",
         "emulator/original",
         "emulator/effects",
@@ -47,6 +50,7 @@ PERMITTED = {
         "generated",
     ),
     "emulator": (
+        "emulator/wiring",
         "emulator/skin",
         "emulator/world_file",
         "emulator/original",

@@ -39,6 +39,7 @@ _REFUSALS: Final = {
     -1: "is not a fault of the emulator (firmware/emulator/README.md lists the faults)",
     -2: "strikes a board that this world does not have",
     -3: "exceeds the limit of 64 pending faults",
+    -4: "strikes a board without a branch of the wiring, or selects a line that the fault does not have",
 }
 """Messages for the return codes of `taxel_bench_inject_fault` and `taxel_bench_plan_power_cut`."""
 

@@ -1,0 +1,132 @@
+#include "emulator/bus_wiring.h"
+
+#include <math.h>
+#include <string.h>
+
+#define WIRING_STREAM 0x5741u /* random numbers of the wiring */
+
+/* Selections of the value of a fault of a branch. */
+enum {
+    SELECT_ALL = 0,
+    SELECT_SCL = 1,
+    SELECT_SDA = 2,
+    SELECT_SUPPLY = 3,
+};
+
+/* The slower of both lines at the hub (0) or at the boards of a branch, by number from 1. */
+static double find_rise_s(const struct bus_wiring *wiring, size_t number)
+{
+    const struct star *scl = &wiring->stars[WIRING_SCL], *sda = &wiring->stars[WIRING_SDA];
+    return number ? fmax(scl->branches[number - 1u].rise_s, sda->branches[number - 1u].rise_s)
+                  : fmax(scl->hub_rise_s, sda->hub_rise_s);
+}
+
+/* Whether the levels of hub and boards reach each other on one line; branches by number from 1, 0: boards at the hub. */
+static bool line_connects(const struct star *star, size_t number)
+{
+    if (!star->is_high || !star->can_be_low) {
+        return false;
+    }
+    const struct star_branch *levels = &star->branches[number ? number - 1u : 0u];
+    return !number || (levels->is_high && levels->hub_lows_arrive && levels->board_lows_arrive);
+}
+
+/* Recompute levels, rise times and probabilities after a change of the faults. */
+static void solve(struct bus_wiring *wiring)
+{
+    for (size_t line = 0; line < WIRING_LINES; line++) {
+        star_solve(&wiring->stars[line], wiring->description, wiring->faults[line]);
+    }
+    for (size_t i = 0; i <= wiring->description->branch_count; i++) {
+        const double at_board_s = find_rise_s(wiring, i), at_hub_s = find_rise_s(wiring, 0);
+        /* a buffer reads the line of its branch before it drives the hub's line */
+        const double read_s = wiring->description->is_buffered ? fmax(at_hub_s, at_board_s) : at_hub_s;
+        wiring->connects[i] =
+            line_connects(&wiring->stars[WIRING_SCL], i) && line_connects(&wiring->stars[WIRING_SDA], i);
+        wiring->misread_at_board[i] = star_misread_probability(at_board_s, wiring->scl_hz);
+        wiring->misread_at_hub[i] = star_misread_probability(read_s, wiring->scl_hz);
+    }
+}
+
+/* Initialise the wiring of a bus. A description without branches is an ideal bus. */
+void bus_wiring_init(struct bus_wiring *wiring, const struct wiring_description *description, double scl_hz,
+                     uint64_t seed)
+{
+    memset(wiring, 0, sizeof *wiring);
+    if (!description->branch_count) {
+        return;
+    }
+    wiring->description = description;
+    wiring->scl_hz = scl_hz;
+    random_init(&wiring->random, seed, WIRING_STREAM);
+    solve(wiring);
+}
+
+/* Apply the fault of one line. */
+static void apply_to_line(struct line_fault *line, const struct fault_description *fault)
+{
+    switch (fault->kind) {
+    case FAULT_BRANCH_OPEN:
+        line->is_open = true;
+        break;
+    case FAULT_BRANCH_SHORT_GROUND:
+        line->has_short_to_ground = true;
+        line->to_ground = fault->second_value;
+        break;
+    case FAULT_BRANCH_SHORT_SUPPLY:
+        line->has_short_to_supply = true;
+        line->to_supply = fault->second_value;
+        break;
+    default:
+        line->added_series = fault->second_value;
+        break;
+    }
+}
+
+void bus_wiring_apply_fault(struct bus_wiring *wiring, size_t branch, const struct fault_description *fault)
+{
+    const unsigned selection = (unsigned)fault->value;
+    if (fault->kind == FAULT_BRANCH_RESTORE) {
+        wiring->faults[WIRING_SCL][branch] = wiring->faults[WIRING_SDA][branch] = (struct line_fault){.is_open = false};
+        wiring->is_supply_open[branch] = false;
+    } else {
+        if (selection == SELECT_ALL || selection == SELECT_SCL) {
+            apply_to_line(&wiring->faults[WIRING_SCL][branch], fault);
+        }
+        if (selection == SELECT_ALL || selection == SELECT_SDA) {
+            apply_to_line(&wiring->faults[WIRING_SDA][branch], fault);
+        }
+        if (fault->kind == FAULT_BRANCH_OPEN && (selection == SELECT_ALL || selection == SELECT_SUPPLY)) {
+            wiring->is_supply_open[branch] = true;
+        }
+    }
+    solve(wiring);
+}
+
+/* The byte with each rising bit misread as 0 with a probability. The bit before the byte is a 0: start condition or
+ * acknowledge. `number`: of the branch from 1. */
+static uint8_t misread(struct bus_wiring *wiring, size_t number, double probability, uint8_t byte)
+{
+    uint8_t received = byte;
+    for (unsigned mask = 0x80u, previous = 0u; mask; previous = byte & mask, mask >>= 1) {
+        if ((byte & mask) && !previous && random_uniform(&wiring->random) < probability) {
+            received &= (uint8_t)~mask;
+            wiring->misread_bits[number]++;
+        }
+    }
+    return received;
+}
+
+uint8_t bus_wiring_deliver_to_board(struct bus_wiring *wiring, uint8_t address, uint8_t byte)
+{
+    const size_t number = wiring->description ? wiring->description->branch_of[address] : 0u;
+    const double probability = wiring->misread_at_board[number];
+    return probability > 0.0 ? misread(wiring, number, probability, byte) : byte;
+}
+
+uint8_t bus_wiring_deliver_to_hub(struct bus_wiring *wiring, uint8_t address, uint8_t byte)
+{
+    const size_t number = wiring->description ? wiring->description->branch_of[address] : 0u;
+    const double probability = wiring->misread_at_hub[number];
+    return probability > 0.0 ? misread(wiring, number, probability, byte) : byte;
+}
