@@ -46,13 +46,13 @@ def _format_pullup(ohm: float) -> str:
 def main() -> int:
     """Write or compare the table of the page; returns the exit status."""
     text = PAGE.read_text()
-    head, _, rest = text.partition(START)
-    _, _, tail = rest.partition(END)
+    before, _, rest = text.partition(START)
+    _, _, after = rest.partition(END)
     lines = ["| hand | place | pull-up, ohm | capacitance, pF | series, ohm | rise time, ns | highest clock rate |"]
     lines += ["|---|---|---|---|---|---|---|", *(row for name in HANDS for row in format_table(name))]
     limits = ", ".join(f"{1e9 * limit:.0f} ns up to {rate / 1e3:.0f} kHz" for rate, limit in RISE_LIMITS_S.items())
     table = "\n".join([*lines, "", f"Limits of the specification: {limits}."])
-    written = f"{head}{START}\n{table}\n\n{END}{tail}"
+    written = f"{before}{START}\n{table}\n\n{END}{after}"
     if "--check" in sys.argv[1:]:
         return 0 if written == text else 1
     PAGE.write_text(written)
