@@ -10,8 +10,8 @@ import pytest
 
 from taxel.hand import Hand, load_hand
 from taxel.hand.branches import find_silent_branches, format_silent_boards
-from taxel.hand.loading import parse_hand_description
 from taxel.hand.errors import HandDescriptionError, UnknownBranchError
+from taxel.hand.loading import parse_hand_description
 from taxel.hand.wiring import MIN_PULLUP_OHM, Branch, Wiring, compute_rise_times
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualWorld
