@@ -9,7 +9,9 @@ Example: python tools/thesis/distance_tails.py out/thesis/real.h5
 """
 
 import argparse
+from collections.abc import Mapping
 from contextlib import closing
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +57,19 @@ def describe_removed(before: DistanceStats, after: DistanceStats) -> str:
     return f"{count} points ({100 * count / before.points:.1f} %), mean {1e3 * mean:.1f} mm"
 
 
+def describe_signals(force: Mapping[int, DistanceStats]) -> str:
+    """Return the points for each count between neighbouring thresholds of the force filter, and those above the last.
+
+    force: rows by threshold in counts.
+    """
+    densities = [
+        f"{low}-{high}: {(force[low].points - force[high].points) / (high - low):.1f}"
+        for low, high in pairwise(sorted(force))
+    ]
+    last = max(force)
+    return ", ".join([*densities, f"above {last}: {force[last].points} points"])
+
+
 def print_printed() -> None:
     """Print what the tables of the thesis imply."""
     limits = ", ".join(f"{1e3 * limit:g}" for limit in LIMITS_M)
@@ -72,6 +87,7 @@ def print_printed() -> None:
         raw, filtered, cleaned = (result.cad[name] for name in (REAL, FILTERED, CLEANED))
         print(f"{result.printed_name}, removed by the force filter: {describe_removed(raw, filtered)}")
         print(f"{result.printed_name}, removed by SOR: {describe_removed(filtered, cleaned)}")
+        print(f"{result.printed_name}, points for each count of signal: {describe_signals(result.force)}")
 
 
 def print_dataset(path: Path) -> None:

@@ -451,8 +451,8 @@ STATEMENTS: Final = (
         "sor_n_of_prism",
         "The best N is larger for the triangular prism than for the other two shapes.",
         "5.6.2, paragraph 9, sentences 1 and 2; Table 5.4",
-        "best N: 20 for rectangular prism and cylinder, a share of the cloud for the triangular prism (number: N)",
-        "% of the cloud",
+        "best N: 20 for rectangular prism and cylinder, larger for the triangular prism (number: N over the cloud)",
+        "%",
         _is_prism_n_larger,
     ),
     Statement(
@@ -524,7 +524,7 @@ STATEMENTS: Final = (
         "By RMS the contributions of the steps have the same trend as by mean.",
         "5.6.2, paragraph 17, sentences 1 and 2; Figures I-4 to I-6",
         "the three steps have the same order (number: largest difference of shares)",
-        "percentage points",
+        "%",
         _each(_has_same_trend),
     ),
     Statement(
