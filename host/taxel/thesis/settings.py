@@ -24,8 +24,8 @@ EFFECTS: Final = (
     "coupling traces picofarad=9 tx_ohm=400 rx_ohm=400",
     "spread film length_m=0.0038",
 )
-"""Slow noise of 50 counts is below the bound that the largest printed distances set (docs/thesis-tails.md). More noise of
-one board, used before, is removed: it activated taxels 50 to 128 mm from the object.
+"""Slow noise of 50 counts is below the bound that the largest printed distances set (docs/thesis-tails.md). More noise
+of one board, used before, is removed: it activated taxels 50 to 128 mm from the object.
 """
 
 OBJECT_VARIATION: Final = Variation(object_m=0.1e-3, object_rad=0.002)
