@@ -102,8 +102,9 @@ test-executed: $(STAMP)  ## I2C, command and flash tests on images that are exec
 fuzz: $(STAMP)  ## libFuzzer on codec, sensor and hub for SECONDS each (60); needs clang
 	@$(BIN)/python tools/fuzz/run_targets.py --seconds $(SECONDS)
 
+# About a second for the slowest target; the number of executions does not depend on the load of the machine.
 fuzz-short: $(STAMP)
-	@$(BIN)/python tools/fuzz/run_targets.py --seconds 1 --if-possible
+	@$(BIN)/python tools/fuzz/run_targets.py --runs 12000 --if-possible
 
 hil: $(STAMP)  ## hardware in the loop on RIG (virtual, cortex-m0, or the file of a bench)
 	@$(BIN)/python -m pytest -q hil_tests --rig $(RIG)

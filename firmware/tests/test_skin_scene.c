@@ -8,6 +8,10 @@
 #define MAP_1 "0100000000000000000000000000000000000000000000000000000000000000"
 #define WORLD "taxel-world 1\nboard 32 1 1 1 1 " MAP_1 " 0102030405060708 0 5\n"
 #define SURFACE "surface 32 0 0 0 0 0 1 1 0 0\n"
+#define WORLD_2 \
+    "taxel-world 1\nboard 32 1 1 2 2 0300000000000000000000000000000000000000000000000000000000000000 " \
+    "0102030405060708 0 5\n"
+#define POSE "surface 32 0 0 0 0 0 1 1 0 0 0.005 0.004"
 #define CUBE \
     "object cube 0 0 0 0.02\nplane 1 0 0 0.01\nplane -1 0 0 0.01\nplane 0 1 0 0.01\nplane 0 -1 0 0.01\n" \
     "plane 0 0 1 0.01\nplane 0 0 -1 0.01\n"
@@ -36,6 +40,38 @@ static void a_valid_scene_is_read(void)
           fabs(world.boards[0].bracket_offset.row[1][0] - 1.0) < 1e-12);
     CHECK(world.objects[1].offset.row[2][3] == 0.002 && world.objects[0].offset.row[2][3] == 0.0);
     world_file_free(&world);
+}
+
+static void places_on_the_unrolled_sheet_are_read(void)
+{
+    unsigned lines;
+    CHECK_EQUAL(rejection_read(&rejection, &world, WORLD_2 POSE " 3 7\n" POSE " 3 15\n", &lines), 0);
+    CHECK_EQUAL(lines, 0);
+    CHECK_EQUAL(world.boards[0].taxel_pose_count, 2);
+    const struct taxel_pose *poses = world.boards[0].taxel_poses;
+    CHECK(poses[0].has_place && poses[0].row == 3 && poses[0].column == 7);
+    CHECK(poses[1].has_place && poses[1].row == 3 && poses[1].column == 15);
+    CHECK(poses[0].size[0] == 0.005 && poses[0].size[1] == 0.004);
+    world_file_free(&world);
+}
+
+static const char *const invalid_places[] = {
+    WORLD_2 POSE " 3 7\n" POSE " 3 7\n",                          /* two taxels at the same place */
+    WORLD_2 POSE " 3 7\n" POSE "\n",                              /* a place for the first taxel only */
+    WORLD_2 POSE "\n" POSE " 3 7\n",                              /* a place for the second taxel only */
+    WORLD_2 POSE " 3 7\nsurface 32 0 0 0 0 0 1 1 0 0\n",          /* neither sides nor a place */
+    WORLD_2 POSE " 3\n" POSE " 4\n",                              /* a row without a column */
+    WORLD_2 POSE " -1 7\n" POSE " 0 7\n",                         /* outside the sheet */
+    WORLD_2 POSE " 3 16\n" POSE " 3 7\n",                         /* outside the sheet */
+    WORLD_2 POSE " 3 x\n" POSE " 3 7\n",                          /* no number */
+    WORLD_2 "surface 32 0 0 0 0 0 1 1 0 0 0.005\n" POSE "\n",     /* one side of a square */
+    WORLD_2 "surface 32 0 0 0 0 0 1 1 0 0 0.005 0\n" POSE "\n",   /* a side of length 0 */
+    WORLD_2 "surface 32 0 0 0 0 0 1 1 0 0 0.005 0.2\n" POSE "\n", /* a side above 0.1 m */
+};
+
+static void invalid_places_are_rejected_with_one_line(void)
+{
+    rejection_check_all(invalid_places, sizeof invalid_places / sizeof invalid_places[0]);
 }
 
 static const char *const invalid_scenes[] = {
@@ -196,6 +232,8 @@ static void counts_fall_under_contact_and_follow_the_actual_object_pose(void)
 int main(void)
 {
     RUN(a_valid_scene_is_read);
+    RUN(places_on_the_unrolled_sheet_are_read);
+    RUN(invalid_places_are_rejected_with_one_line);
     RUN(invalid_scenes_are_rejected_with_one_line);
     RUN(too_many_objects_or_planes_are_rejected);
     RUN(a_scene_that_does_not_match_the_world_is_rejected_with_one_line);
