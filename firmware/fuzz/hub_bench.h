@@ -81,6 +81,11 @@ void bench_receive(const uint8_t *bytes, size_t size);
 size_t bench_frame(uint8_t type, const uint8_t *payload, size_t size, uint8_t *wire, size_t capacity);
 void bench_pull(size_t size);
 
+/* hub_checks.c: checks of the pool bytes of a transfer, of a frame for the host, and of the hub after a pass. */
+void bench_check_buffer(size_t offset, size_t size);
+void bench_check_frame(void *context, const struct taxel_frame *frame);
+void bench_check_hub(void);
+
 /* hub_bus.c: the devices of a bus, and their response to a transfer. */
 void bench_populate(unsigned bus);
 int8_t bench_transfer(const struct taxel_i2c_transfer *transfer);

@@ -9,6 +9,7 @@ import pytest
 ROOT = Path(__file__).parents[3]
 sys.path[:0] = [str(ROOT / "tools/original"), str(ROOT / "tools/hand")]
 import compare_contacts  # noqa: E402
+import recorded_closings  # noqa: E402
 
 DOCUMENT = (ROOT / "docs/original-simulator.md").read_text()
 
@@ -27,7 +28,7 @@ def test_coded_centres_fit_the_kept_taxels_of_the_recorded_closing(comparison):
 
 
 def test_the_original_filter_is_reproduced_in_number(comparison):
-    kept, own = compare_contacts.count_kept(comparison[0])
+    kept, own = recorded_closings.count_kept(comparison[0])
     assert kept == own == {"cylinder": 78, "box": 111}[comparison[0].name]
 
 
@@ -54,8 +55,8 @@ def test_the_page_contains_the_numbers_of_the_recorded_points(comparison):
 
 
 def test_a_wrong_posture_is_not_accepted_by_the_fit():
-    closing = compare_contacts.recover("box")
+    closing = recorded_closings.recover("box")
     angles = np.array([closing.angles[f"joint_{4 + i}_0"] for i in range(4)])
-    placed = compare_contacts.place_finger(closing.palm_link, "middle", angles)
-    moved = compare_contacts.place_finger(closing.palm_link, "middle", angles + 0.05)
+    placed = recorded_closings.place_finger(closing.palm_link, "middle", angles)
+    moved = recorded_closings.place_finger(closing.palm_link, "middle", angles + 0.05)
     assert np.linalg.norm(placed - moved, axis=1).max() > 0.002
