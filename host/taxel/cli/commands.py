@@ -56,6 +56,12 @@ COMMANDS: Final[Mapping[str, CommandEntry]] = MappingProxyType(
             "taxel.cli.emulate:emulate", "Run the emulated skin behind a virtual serial port.", SKIN
         ),
         "ros": CommandEntry("taxel.cli.ros:ros", "Publish a skin as ROS topics.", SKIN, extra="ros"),
+        "ros-hand": CommandEntry(
+            "taxel.cli.ros_hand:ros_hand",
+            "Control the Allegro hand from ROS: joint commands in, measured joint angles out.",
+            SKIN,
+            extra="ros",
+        ),
         "scan": CommandEntry("", "List the boards on the bus.", BOARDS),
         "provision": CommandEntry(
             "",

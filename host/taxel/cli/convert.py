@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from taxel.cli.options import AsJson, HandOption, JointAngles, Overwrite, parse_joint_angles
+from taxel.cli.joint_sources import choose_joints
+from taxel.cli.options import AsJson, HandOption, JointAngles, JointFile, Overwrite
 from taxel.cli.progress import spinner
 from taxel.recording.formats import ConversionResult
 from taxel.recording.formats import convert as convert_recording
@@ -29,6 +30,7 @@ def convert(
     ],
     hand: HandOption = None,
     joints: JointAngles = None,
+    joint_file: JointFile = None,
     grasp: Annotated[str | None, typer.Option(help="Id of the grasp, for a dataset with several grasps.")] = None,
     object_name: RecordedObject = UNKNOWN_OBJECT,
     approach: RecordedApproach = "recording",
@@ -50,7 +52,7 @@ def convert(
             target,
             hand=hand,
             overwrite=overwrite,
-            joint_position=parse_joint_angles(joints),
+            joint_position=choose_joints(source, hand, joints, joint_file, grasp),
             grasp=grasp,
             options=options,
             progress=lambda seconds: show(f"converting {source}: {seconds:.0f} s"),

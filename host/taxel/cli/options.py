@@ -1,5 +1,6 @@
 """Options that several commands share: one name and one meaning for each concept."""
 
+from pathlib import Path
 from typing import Annotated, Final
 
 import typer
@@ -16,6 +17,18 @@ HandOption = Annotated[
 JointAngles = Annotated[
     str | None,
     typer.Option("--joint-angles", help="Joint angles of the hand's robot in radians: 0.1,0.2,... Default: all 0."),
+]
+JointFile = Annotated[
+    Path | None,
+    typer.Option("--joint-file", help="CSV of joint angles: time_s and one column for each joint of the robot."),
+]
+JointTopic = Annotated[
+    str | None,
+    typer.Option(help="Topic of type sensor_msgs/JointState with the joint angles, instead of --joint-angles."),
+]
+HandCan = Annotated[
+    str | None,
+    typer.Option("--hand-can", help="CAN channel of the hand, whose joint angles are read: can:socketcan:can0."),
 ]
 Seconds = Annotated[float | None, typer.Option("--seconds", min=1e-3, help="Stop after this time. Default: Ctrl-C.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")]

@@ -8,6 +8,7 @@ import typer
 from rich.console import Console
 
 from taxel.cli.convert import print_conversion
+from taxel.cli.joint_sources import choose_joints
 from taxel.cli.options import AsJson, HandOption, JointAngles, Overwrite, parse_joint_angles
 from taxel.cli.ros import publish_skin
 from taxel.cli.stream_summary import StreamSummary
@@ -49,7 +50,8 @@ def replay(
     elif to == "ros":
         link, description = open_recording(recording, hand, grasp)
         with Skin(link, description) as skin:
-            publish_skin(skin, None, parse_joint_angles(joints), None, None, Pace(speed_factor))
+            angles = choose_joints(recording, description, joints, None, grasp)
+            publish_skin(skin, None, angles, None, None, Pace(speed_factor))
     elif to is not None:
         format_of(to)  # refuses an unknown format before anything is read
         angles = parse_joint_angles(joints)

@@ -5,7 +5,9 @@ from typing import Annotated
 
 import typer
 
-from taxel.cli.options import HandOption, JointAngles, Seconds, Url, parse_joint_angles
+from taxel.cli.joint_sources import choose_url_joints
+from taxel.cli.options import HandOption, JointAngles, JointFile, JointTopic, Seconds, Url
+from taxel.hand.joint_history import JointHistory
 from taxel.hand.kinematics import build_kinematics
 from taxel.ros.node import JointListener, Node, open_node
 from taxel.ros.original_topics import OriginalTopics
@@ -21,10 +23,8 @@ def ros(
     url: Url,
     hand: HandOption = None,
     joints: JointAngles = None,
-    joint_topic: Annotated[
-        str | None,
-        typer.Option(help="Topic of type sensor_msgs/JointState with the joint angles, instead of --joint-angles."),
-    ] = None,
+    joint_topic: JointTopic = None,
+    joint_file: JointFile = None,
     version: Annotated[
         int | None,
         typer.Option("--ros-version", min=1, max=2, help="ROS 1 or 2. Default: 2 if rclpy is installed, else 1."),
@@ -49,7 +49,8 @@ def ros(
     node = open_node(version)
     try:
         with open_skin(url, hand) as skin:
-            publish_skin(skin, node, parse_joint_angles(joints), joint_topic, seconds, Pace(None), original_topics)
+            angles = choose_url_joints(url, skin, joints, joint_file)
+            publish_skin(skin, node, angles, joint_topic, seconds, Pace(None), original_topics)
     finally:
         node.close()
 
@@ -57,7 +58,7 @@ def ros(
 def publish_skin(
     skin: Skin,
     node: Node | None,
-    angles: FloatArray | None,
+    angles: FloatArray | JointHistory | None,
     joint_topic: str | None,
     seconds: float | None,
     pace: Pace,
@@ -65,7 +66,8 @@ def publish_skin(
 ) -> None:
     """Publish all frames of a skin as ROS topics until its end or until `seconds` have passed.
 
-    node: None: a new node, which is closed at the end. angles: f64[j], joint angles in radians. joint_topic: topic with
+    node: None: a new node, which is closed at the end. angles: f64[j], joint angles in radians, or measured angles
+    over time. joint_topic: topic with
     the joint angles, used instead of `angles`. has_original_topics: publish only the topics of the original ROS stack.
     The times of a recording are shifted such that its first frame has the present time.
     """

@@ -32,7 +32,15 @@ def count_baseline_frames(grasp: Grasp) -> int:
 
 
 def locate_taxels(data: GraspDataset, grasp: Grasp) -> npt.NDArray[np.float64]:
-    """Compute the taxel centres during a grasp in the nominal frame of the object, metres, f64[n, 3]."""
+    """Compute the taxel centres during a grasp in the nominal frame of the object, metres, f64[n, 3].
+
+    If the dataset contains the poses of the sensors in every frame, as converted live recordings do, the centres are the
+    means over the frames of the hold phase, to which the mean signals belong.
+    """
     table = data.taxels
-    brackets = (inverse(grasp.object_pose) @ grasp.sensor_pose)[data.sensors.index_of(table)]
+    is_hold = grasp.phase == Phase.HOLD
+    poses = grasp.sensor_pose
+    if grasp.sensor_pose_t is not None and is_hold.any():
+        poses = grasp.sensor_pose_t[is_hold].mean(axis=0)  # a centre is linear in the pose matrix
+    brackets = (inverse(grasp.object_pose) @ poses)[data.sensors.index_of(table)]
     return np.asarray(np.einsum("nij,nj->ni", brackets[:, :3, :3], table.position) + brackets[:, :3, 3])

@@ -1,14 +1,19 @@
 """A ROS node of the installed ROS version, and joint angles from a ROS topic."""
 
 import threading
+import time
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 
+from taxel.hand.joint_history import MAX_SAMPLES, JointHistory
+from taxel.ros.joint_command import ROBOT_JOINT_NAMES, ROS_JOINT_NAMES
 from taxel.ros.ros_import import RosError, find_ros_version
 from taxel.ros.topics import TopicMessage
 from taxel.types import FloatArray
+
+_ROBOT_NAMES = dict(zip(ROS_JOINT_NAMES, ROBOT_JOINT_NAMES, strict=True))
 
 
 class Node(Protocol):
@@ -54,25 +59,75 @@ def open_node(version: int | None = None, name: str = "taxel") -> Node:
     return Ros2Node(name) if selected == 2 else Ros1Node(name)
 
 
+class SpinningNode:
+    """A node whose callbacks run in a thread of its own; a context manager that closes the node at its end."""
+
+    def __init__(self, node: Node) -> None:
+        """Wrap an open node; the thread starts with the context."""
+        self._node = node
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def listen_to_joints(self, topic: str, callback: Callable[[list[str], list[float]], None]) -> None:
+        """Subscribe as the node does."""
+        self._node.listen_to_joints(topic, callback)
+
+    def _run(self) -> None:
+        """Run the callbacks until the context ends or ROS shuts down."""
+        while not self._stop.is_set() and self._node.is_alive:
+            self._node.wait(0.05)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Stop the thread and close the node."""
+        self._stop.set()
+        self._thread.join()
+        self._node.close()
+
+
 class JointListener:
     """The latest joint angles of a topic, radians [j] in the order of `names`; 0 for a joint without a message so far.
 
     The object is a `JointSource`: calling it returns the angles.
     """
 
-    def __init__(self, node: Node, topic: str, names: Sequence[str]) -> None:
-        """Subscribe to a topic of joint states; names: the joints in the order in which the angles are returned."""
+    def __init__(
+        self, node: Node | SpinningNode, topic: str, names: Sequence[str], base: FloatArray | None = None
+    ) -> None:
+        """Subscribe to a topic of joint states; names: the joints in the order in which the angles are returned.
+
+        The topic may name the hand's joints as the manufacturer's driver does (joint_0.0 ...). base: angles of joints
+        before their first message, radians; None: all 0.
+        """
         self._index = {name: index for index, name in enumerate(names)}
         self._lock = threading.Lock()
-        self._angles = np.zeros(len(names))
+        self._angles = np.zeros(len(names)) if base is None else np.array(base, dtype=np.float64)
+        self.history: JointHistory | None = None
         node.listen_to_joints(topic, self._update)
+
+    def record(self, name: str) -> JointHistory:
+        """Return a history on the clock of `time.monotonic` to which every message from now on is added.
+
+        name: of the source, for messages to the user.
+        """
+        self.history = JointHistory(tuple(self._index), name, MAX_SAMPLES)
+        self.history.is_live = True
+        return self.history
 
     def _update(self, names: list[str], angles: list[float]) -> None:
         """Store the finite angles of the known joints, radians; called in the thread of the ROS subscription."""
+        is_known = False
         with self._lock:
             for name, angle in zip(names, angles, strict=False):
+                name = _ROBOT_NAMES.get(name, name)
                 if name in self._index and np.isfinite(angle):
                     self._angles[self._index[name]] = angle
+                    is_known = True
+        if is_known and self.history is not None:
+            self.history.add(time.monotonic(), self._angles)
 
     def __call__(self) -> FloatArray:
         """Return a copy of the latest joint angles, radians."""

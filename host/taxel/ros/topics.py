@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.hand import Hand
+from taxel.hand.joint_history import EDGE_S, JointHistory
 from taxel.ros.contacts import make_activations_message, make_baseline_message, make_contact_cloud_message
 from taxel.ros.diagnostics import make_diagnostics_message
 from taxel.ros.tf_tree import FrameTree, make_header
@@ -45,7 +46,8 @@ class SkinTopics:
     """Converter from taxel frames to ROS messages, in constant memory.
 
     hub: source of the counters in the diagnostics. epoch_offset_ns: added to the stream's clock to get Unix time.
-    joints: joint angles of the hand's robot; None: all 0. The first `baseline_samples` scans are the baseline, during
+    joints: joint angles of the hand's robot; None: all 0. A `JointHistory` is evaluated at the time of each poll cycle,
+    and the joint states of every cycle become a message. The first `baseline_samples` scans are the baseline, during
     which nothing may touch the skin; activations and contact clouds follow after the baseline. A hand description
     without geometry gives no TF tree and no contact cloud.
     """
@@ -70,6 +72,7 @@ class SkinTopics:
         self._offset_ns = epoch_offset_ns
         self._threshold = threshold_counts
         self.tree = FrameTree(hand, joints)
+        self._measured = joints if isinstance(joints, JointHistory) else None
         self._sorter = CycleSorter(len(hand.boards))
         self._baseline = Baseline(hand.n_taxels, samples=baseline_samples)
         self._scans = 0
@@ -80,6 +83,7 @@ class SkinTopics:
         self._last_sequence: dict[int, int] = {}
         self._tree_s = self._diagnostics_s = float("-inf")
         self._is_started = False
+        self._newest_s = float("-inf")
 
     def time_ns(self, time_s: float) -> int:
         """Convert a time of the stream, seconds, to nanoseconds since the Unix epoch."""
@@ -90,6 +94,8 @@ class SkinTopics:
         if not self._is_started:
             self._is_started = True
             yield from self._make_static_messages(self.time_ns(frame.time_s))
+            yield from self._make_edge_message(frame.time_s - EDGE_S)
+        self._newest_s = max(self._newest_s, frame.time_s)
         yield self._make_scan_message(frame)
         self._sorter.add(frame)
         yield from self._make_completed_cycle_messages(is_end=False)
@@ -97,6 +103,17 @@ class SkinTopics:
     def finish(self) -> Iterator[TopicMessage]:
         """Yield the remaining messages after the last frame of the stream."""
         yield from self._make_completed_cycle_messages(is_end=True)
+        yield from self._make_edge_message(self._newest_s)
+
+    def _make_edge_message(self, time_s: float) -> Iterator[TopicMessage]:
+        """Yield measured joint states at the start or the end of the stream, at most as far as they were measured."""
+        if self._measured is None or not self.tree.has_geometry or not len(self._measured):
+            return
+        if self._measured.uses_stream_time:
+            time_s = min(max(time_s, self._measured.first_s), self._measured.last_s)
+        self._measured.select_time(time_s)
+        time_ns = self.time_ns(time_s)
+        yield TopicMessage("/joint_states", "sensor_msgs/JointState", time_ns, self.tree.joint_states(time_ns))
 
     def _make_static_messages(self, time_ns: int) -> Iterator[TopicMessage]:
         """Yield the messages that are sent once: robot description and static transforms."""
@@ -137,9 +154,13 @@ class SkinTopics:
         time_ns = self.time_ns(time_s)
         if not is_end:  # the end of the stream truncates the last cycle; its missing boards are no fault
             yield from self._make_missing_scan_messages(frames, time_ns)
-        if self.tree.has_geometry and time_s >= self._tree_s + TREE_PERIOD_S:
-            self._tree_s = time_s
+        if self._measured is not None:
+            self._measured.select_time(time_s)
+        is_tree_due = self.tree.has_geometry and time_s >= self._tree_s + TREE_PERIOD_S
+        if self.tree.has_geometry and (is_tree_due or self._measured is not None):
             yield TopicMessage("/joint_states", "sensor_msgs/JointState", time_ns, self.tree.joint_states(time_ns))
+        if is_tree_due:
+            self._tree_s = time_s
             yield TopicMessage("/tf", "tf2_msgs/TFMessage", time_ns, self.tree.make_moving_transforms(time_ns))
         yield from self._make_contact_messages(frames, time_ns)
         if time_s >= self._diagnostics_s + DIAGNOSTICS_PERIOD_S:

@@ -7,9 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from taxel.hand import Hand
+from taxel.hand.joint_history import JointHistory
 from taxel.link import CaptureError, CaptureWriter, Link
 from taxel.link.capture import EXISTS
 from taxel.ros.topics import JointSource
+from taxel.skin.joint_recording import JointRecordingSkin, get_joint_path
 from taxel.skin.mcap_skin import McapSkin
 from taxel.skin.opening import open_source
 from taxel.skin.recording_link import RecordingLink, make_recording_header
@@ -29,7 +31,8 @@ def open_recorded(
 
     path: a name that ends in .mcap makes an MCAP file with the hub's bytes and the skin's topics (needs the extra
     `ros`); any other name makes a capture with the bytes alone. joint_position: joint angles of the hand's robot,
-    radians [j], or a function that returns them, for the TF tree and the contact cloud of an MCAP file; None: all 0.
+    radians [j], or a function that returns them, for the TF tree and the contact cloud of an MCAP file; None: all 0. A
+    `JointHistory` is recorded for every poll cycle, beside a capture in the file PATH.joints.csv.
     Raises `CaptureError`, before anything is opened, if the file exists and `overwrite` is False.
     """
     if os.path.exists(path) and not overwrite:
@@ -54,6 +57,8 @@ def record_link(
     """Open a skin on an open link and record it as `open_recorded` does. If that fails, the link is closed."""
     if joint_position is None:
         joint_position = header.get("joint_position")
+    elif isinstance(joint_position, JointHistory):
+        joint_position.uses_stream_time = not joint_position.is_live or header["clock"] == "host"
     elif not callable(joint_position):
         header["joint_position"] = np.asarray(joint_position, dtype=np.float64).tolist()
     if os.fspath(path).endswith(MCAP_SUFFIX):
@@ -64,6 +69,8 @@ def record_link(
         link.close()
         raise
     try:
+        if isinstance(joint_position, JointHistory):
+            return JointRecordingSkin(RecordingLink(link, writer), hand, joint_position, get_joint_path(path))
         return Skin(RecordingLink(link, writer), hand)
     except BaseException:
         if writer.records == 0:

@@ -131,7 +131,12 @@ def test_recorded_activations_equal_those_of_the_library(bag, recorded):
 def test_diagnostics_name_the_hub_and_every_board(bag, recorded):
     statuses = bag["/diagnostics"][-1][1].status
     assert [status.name for status in statuses] == [
-        f"taxel: {n}" for n in ("hub", *(b.name for b in recorded.hand.boards))
+        f"taxel: {n}"
+        for n in (
+            "hub",
+            *(b.name for b in recorded.hand.boards),
+            *(f"branch {name}" for name in recorded.hand.branches),
+        )
     ]
     assert {status.level for status in statuses} == {0}
     values = {pair.key: pair.value for pair in statuses[1].values}

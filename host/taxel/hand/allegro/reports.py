@@ -80,6 +80,11 @@ class Reports:
                 return
         self._accepted += 1
 
+    @property
+    def reported_fingers(self) -> int:
+        """Number of fingers that have reported since the latest reading."""
+        return len(self._reported_fingers)
+
     def read_angles(self, now_s: float) -> JointReading:
         """Return the latest angles; the next reading is complete when all fingers have reported again."""
         is_complete = len(self._reported_fingers) == len(FINGERS)

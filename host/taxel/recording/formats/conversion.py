@@ -8,19 +8,22 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from taxel.errors import TaxelError
 from taxel.hand import Hand, load_hand
+from taxel.hand.joint_history import JointHistory
 from taxel.link import CaptureError, Link
 from taxel.recording.formats.csv_format import CsvSink, open_csv
 from taxel.recording.formats.frame_table import FrameSink, check_free
 from taxel.recording.formats.grasp_options import GraspOptions
+from taxel.recording.formats.recorded_joints import load_recorded_joints
 from taxel.ros.topics import SkinTopics
 from taxel.skin import Skin, load_recorded_hand, open_source
-from taxel.skin.recorder import record_link
+from taxel.skin.recorder import make_joint_source, record_link
 from taxel.skin.recording_link import make_recording_header
 from taxel.stream.encoder import FramesLink
 from taxel.types import FloatArray
@@ -117,14 +120,15 @@ def convert(
     *,
     hand: Hand | str | os.PathLike[str] | None = None,
     overwrite: bool = False,
-    joint_position: npt.ArrayLike | None = None,
+    joint_position: npt.ArrayLike | JointHistory | None = None,
     grasp: str | None = None,
     options: GraspOptions | None = None,
     progress: Callable[[float], None] = lambda seconds: None,
 ) -> ConversionResult:
     """Write the recording `source` as `target`, in the format of the target's name, with constant memory.
 
-    joint_position: angles of the hand's robot, radians [j], for formats with taxel positions; None: as recorded, or 0.
+    joint_position: angles of the hand's robot, radians [j], or measured angles over time; None: the measured angles of
+    every frame that the source contains, else its constant angles, else 0.
     options: grasp properties for a grasp dataset and for the active taxels in CSV. progress: called with the converted
     seconds. A truncated source is converted up to the truncation; then its `CaptureError` is raised. Raises TaxelError
     if the target exists and `overwrite` is False.
@@ -139,13 +143,14 @@ def convert(
         link.close()
         raise
     has_bytes = not isinstance(link, FramesLink)
-    joints = header.get("joint_position") if joint_position is None else joint_position
-    angles = None if joints is None else np.asarray(joints, dtype=np.float64)
+    angles = _choose_joints(source, description, header, joint_position, grasp)
     if format_name in ("capture", "mcap"):
         skin = record_link(link, description, header, path, overwrite, angles)
         return _convert_frames(skin, None, [] if has_bytes else [ENCODED_NOTE], progress)
     skin = Skin(link, description)
-    if angles is not None:
+    if isinstance(angles, JointHistory):
+        header.pop("joint_position", None)
+    elif angles is not None:
         header["joint_position"] = angles.tolist()
     try:
         sink = _open_sink(format_name, path, skin, header, options or GraspOptions(), angles, overwrite)
@@ -155,26 +160,53 @@ def convert(
     return _convert_frames(skin, sink, [LOSSES[format_name]], progress)
 
 
+def _choose_joints(
+    source: str | os.PathLike[str],
+    hand: Hand,
+    header: dict[str, Any],
+    joint_position: npt.ArrayLike | JointHistory | None,
+    grasp: str | None,
+) -> FloatArray | JointHistory | None:
+    """Return the joint angles of a conversion: those of the caller, or those of the source."""
+    if isinstance(joint_position, JointHistory):
+        return joint_position
+    if joint_position is None:
+        history = load_recorded_joints(source, get_source_format(source), hand, grasp)
+        if history is not None:
+            return history
+        joint_position = header.get("joint_position")
+    return None if joint_position is None else np.asarray(joint_position, dtype=np.float64)
+
+
+def get_source_format(source: str | os.PathLike[str]) -> str:
+    """Return the format of an existing recording, a key of `FORMATS`; an unknown ending counts as a capture."""
+    text = os.fspath(source)
+    if Path(text).is_dir():
+        return "csv"
+    return next((name for name, endings in FORMATS.items() if text.endswith(endings)), "capture")
+
+
 def _open_sink(
     format_name: str,
     path: Path,
     skin: Skin,
     header: dict[str, object],
     options: GraspOptions,
-    angles: FloatArray | None,
+    angles: FloatArray | JointHistory | None,
     overwrite: bool,
 ) -> FrameSink:
     """Create the writer of a recording in format `format_name`.
 
     angles: joint angles of the hand's robot, f64[j], radians, or None. options: labels of the grasp.
     """
+    measured = angles if isinstance(angles, JointHistory) else None
     if format_name == "csv":
-        topics = SkinTopics(skin.hand, skin.hub, 0, None if angles is None else lambda: angles)
-        return CsvSink(path, skin.hand, header, topics, (options.object, options.approach))
+        topics = SkinTopics(skin.hand, skin.hub, 0, make_joint_source(angles))
+        return CsvSink(path, skin.hand, header, topics, (options.object, options.approach), measured)
     if format_name == "parquet":
         from taxel.recording.formats.parquet_format import ParquetSink
 
-        return ParquetSink(path, skin.hand, header)
+        return ParquetSink(path, skin.hand, header, measured)
     from taxel.recording.formats.hdf5_format import Hdf5Sink  # needs h5py, which is optional
 
     generator = f"taxel convert {importlib.metadata.version('taxel')}"

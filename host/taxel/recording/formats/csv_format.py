@@ -2,7 +2,7 @@
 
 `NAME.csv` contains the frames of one board, one in a row: address, time and raw counts, as the messages of the thesis
 (section 3.2, Figure 3.10). `active.csv` contains the coordinates of the active taxels, as the output of the thesis's
-simulator (section 4.2, Figure 4.6).
+simulator (section 4.2, Figure 4.6). `joints.csv` contains the measured joint angles of each poll cycle.
 """
 
 import csv
@@ -16,6 +16,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from taxel.hand import Hand
+from taxel.hand.joint_history import JointFileWriter, JointHistory
 from taxel.link import CaptureError
 from taxel.recording.formats.frame_table import HEADER_MAX, check_frame, fail, format_header, parse_header
 from taxel.ros.contacts import POINT
@@ -25,6 +26,7 @@ from taxel.stream.encoder import FramesLink
 
 HEADER_FILE = "recording.json"
 ACTIVE_FILE = "active.csv"
+JOINTS_FILE = "joints.csv"
 COLUMNS = ("frame", "address", "time_s", "sequence", "cycle", "board_time_us", "hub_time_us")
 ACTIVE_COLUMNS = ("grasp", "object", "approach", "time", "x", "y", "z", "active")
 """Columns of `active.csv`, which `taxel import active` reads."""
@@ -46,11 +48,13 @@ class CsvSink:
         header: Mapping[str, Any],
         topics: SkinTopics | None = None,
         grasp: tuple[str, str] = ("unknown", "recording"),
+        joints: JointHistory | None = None,
     ) -> None:
         """Create a writer of a folder of CSV files, one per board, and write the recording's header.
 
         path: final name of the folder; it is written under another name until it is complete. topics: source of the
-        contact cloud for `active.csv`; None: no such file. grasp: (object, approach), columns of `active.csv`.
+        contact cloud for `active.csv`; None: no such file. grasp: (object, approach), columns of `active.csv`. joints:
+        measured joint angles, written to `joints.csv` for each poll cycle.
         """
         self._path = path
         self._part = path.with_name(f".{path.name}.part")
@@ -63,6 +67,8 @@ class CsvSink:
         self._topics = topics
         self._grasp = ",".join(grasp)
         has_active = topics is not None and topics.tree.has_geometry
+        self._joints = joints
+        self._joint_writer = None if joints is None else JointFileWriter(self._part / JOINTS_FILE, joints.names)
         self._active = self._create_file(ACTIVE_FILE, ACTIVE_COLUMNS) if has_active else None
 
     def _create_file(self, name: str, columns: tuple[str, ...]) -> TextIO:
@@ -81,10 +87,17 @@ class CsvSink:
         numbers = (frame.sequence, frame.cycle, frame.board_time_us, frame.hub_time_us, *frame.raw_counts.tolist())
         file.write(f"{self._frames},{frame.address},{frame.time_s!r}," + ",".join(map(str, numbers)) + "\n")
         self._frames += 1
+        self._write_joints(frame)
         if self._active is not None and self._topics is not None:
             for message in self._topics.take(frame):
                 if message.topic == "/taxel/contact_cloud":
                     self._write_active(self._active, frame.time_s, message.message["data"])
+
+    def _write_joints(self, frame: TaxelFrame) -> None:
+        """Write the joint angles at the time of the first frame of each poll cycle to `joints.csv`."""
+        if self._joints is None or self._joint_writer is None:
+            return
+        self._joint_writer.write_frame(self._joints, frame.cycle, frame.time_s)
 
     def _write_active(self, file: TextIO, time_s: float, data: bytes) -> None:
         """Append the points of a contact cloud to `active.csv`; data: points of dtype `POINT` as bytes."""
@@ -98,6 +111,8 @@ class CsvSink:
         """
         for file in (*self._files.values(), *([self._active] if self._active else [])):
             file.close()
+        if self._joint_writer is not None and self._joints is not None:
+            self._joint_writer.finish(self._joints)
         if not is_complete:
             shutil.rmtree(self._part, ignore_errors=True)
             return
@@ -117,7 +132,7 @@ def open_csv(path: Path) -> FramesLink:
     if not header_file.is_file() or header_file.stat().st_size > HEADER_MAX:
         fail(path, HEADER_FILE, "the header that taxel convert writes", "none", "give a folder from taxel convert")
     header = parse_header(header_file.read_text(errors="replace"), header_file)
-    files = sorted(file for file in path.glob("*.csv") if file.name != ACTIVE_FILE)
+    files = sorted(file for file in path.glob("*.csv") if file.name not in (ACTIVE_FILE, JOINTS_FILE))
     rows = heapq.merge(*(_read_rows(file) for file in files), key=lambda row: row[0])
     link = FramesLink(os.fspath(path), (frame for _, frame in rows))
     link.header = header

@@ -11,6 +11,7 @@ from taxel.grasp.objects import make_thesis_objects
 from taxel.grasp.timeline import Phase
 from taxel.hand import Hand
 from taxel.hand.errors import format_value
+from taxel.hand.joint_history import JointHistory
 from taxel.hand.kinematics import build_kinematics
 from taxel.recording.formats.frame_table import fail
 from taxel.recording.formats.grasp_options import UNKNOWN_OBJECT, GraspOptions
@@ -40,6 +41,7 @@ BLOCK_ROWS = 256
 _WRAP_US = 1 << 32
 _TYPES = {
     "timestamp": "f8", "phase": "u1", "raw_counts": "u2", "valid": "?", "sensor_time": "f8", "joint_position": "f8",
+    "sensor_pose_t": "f8",
 }  # fmt: skip
 
 
@@ -55,20 +57,26 @@ class Hdf5Sink:
         hand: Hand,
         generator: str,
         options: GraspOptions,
-        joint_position: FloatArray | None,
+        joint_position: FloatArray | JointHistory | None,
         overwrite: bool,
     ) -> None:
         """Create an HDF5 dataset of one grasp, to which the recorded frames are then added.
 
         path: final name of the file; it is written under another name until it is complete. generator: name and version
-        of the writing program. joint_position: f64[j], radians; None: all 0. Raises DatasetError for an unknown object,
-        and HandGeometryError for a hand description without geometry.
+        of the writing program. joint_position: f64[j], radians; None: all 0; a history gives the angles and the
+        poses of the sensors of every row. Raises DatasetError for an unknown object, and HandGeometryError for a
+        hand description without geometry.
         """
         self._path, self._hand, self._options, self._overwrite = path, hand, options, overwrite
         self._location = Location(str(path))
         self._part = path.with_name(f".{path.name}.part")
         kinematics = build_kinematics(hand)
-        self._joints = np.zeros(len(kinematics.robot.joint_names)) if joint_position is None else joint_position
+        self._measured = joint_position if isinstance(joint_position, JointHistory) else None
+        self._kinematics = kinematics
+        if isinstance(joint_position, JointHistory):
+            self._joints = joint_position.interpolate(float("-inf"))
+        else:
+            self._joints = np.zeros(len(kinematics.robot.joint_names)) if joint_position is None else joint_position
         self._pose = kinematics.compute_sensor_poses(self._joints)
         _create_dataset(self._part, hand, generator, _make_objects(options.object, self._location))
         self._file = open_hdf5(self._part, "r+", LIBVER)
@@ -105,8 +113,14 @@ class Hdf5Sink:
         self._span = [time_s if not self._count else self._span[0], time_s]
         phase = Phase.BASELINE if self._count < self._options.baseline_frames else Phase.HOLD
         self._frames += valid
+        poses = {}
+        if self._measured is not None:
+            self._joints = self._measured.interpolate(time_s)
+            poses["sensor_pose_t"] = self._kinematics.compute_sensor_poses(self._joints)
+            self._pose = poses["sensor_pose_t"]
         self._rows.append(
-            {
+            poses
+            | {
                 "timestamp": time_s,
                 "phase": int(phase),
                 "raw_counts": self._counts.copy(),
@@ -134,6 +148,8 @@ class Hdf5Sink:
         """Append the collected rows to the arrays of the HDF5 file."""
         with convert_writing_errors(self._location):
             for name, dtype in _TYPES.items():
+                if name not in self._rows[0]:
+                    continue
                 block = np.stack([row[name] for row in self._rows]).astype(dtype)
                 if name not in self._group:
                     self._group.create_dataset(

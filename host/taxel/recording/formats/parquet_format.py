@@ -1,11 +1,14 @@
 """A recording as a Parquet file: one row for each frame, with the raw counts as a list. Needs pyarrow."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from taxel.hand import Hand
+from taxel.hand.joint_history import JointHistory
 from taxel.optional import optional_import
 from taxel.recording.formats.frame_table import check_frame, fail, format_header, parse_header
 from taxel.stream import TaxelFrame
@@ -13,6 +16,9 @@ from taxel.stream.encoder import FramesLink
 
 BLOCK_ROWS = 4096
 """Rows in memory at one time, and rows of a row group in the file."""
+
+JOINT_COLUMN = "joint_position"
+"""Optional column: joint angles at the time of the frame, radians, in the order of the robot's joints."""
 
 METADATA_KEY = b"taxel"
 
@@ -25,8 +31,9 @@ def _import_pyarrow() -> tuple[Any, Any]:
     return pyarrow, pyarrow.parquet
 
 
-def _make_schema(arrow: Any) -> Any:
+def _make_schema(arrow: Any, has_joints: bool = False) -> Any:
     """Return the schema of the Parquet columns; one row is one frame of a board. arrow: the module pyarrow."""
+    joints = [(JOINT_COLUMN, arrow.list_(arrow.float64()))] if has_joints else []
     return arrow.schema(
         [
             ("time_s", arrow.float64()),
@@ -37,6 +44,7 @@ def _make_schema(arrow: Any) -> Any:
             ("board_time_us", arrow.uint32()),
             ("hub_time_us", arrow.uint32()),
             ("raw_counts", arrow.list_(arrow.uint16())),
+            *joints,
         ]
     )
 
@@ -44,12 +52,16 @@ def _make_schema(arrow: Any) -> Any:
 class ParquetSink:
     """Writer of a recording as a Parquet file, which gets its final name when it is complete."""
 
-    def __init__(self, path: Path, hand: Hand, header: Mapping[str, Any]) -> None:
-        """Create a Parquet file for taxel frames; header: header of the recording, stored as metadata of the file."""
+    def __init__(self, path: Path, hand: Hand, header: Mapping[str, Any], joints: JointHistory | None = None) -> None:
+        """Create a Parquet file for taxel frames; header: header of the recording, stored as metadata of the file.
+
+        joints: measured joint angles, stored for each frame in the column `joint_position`.
+        """
+        self._joints = joints
         self._arrow, parquet = _import_pyarrow()
         self._path = path
         self._part = path.with_name(f".{path.name}.part")
-        self._schema = _make_schema(self._arrow)
+        self._schema = _make_schema(self._arrow, joints is not None)
         text = format_header(header).encode()
         self._writer = parquet.ParquetWriter(self._part, self._schema.with_metadata({METADATA_KEY: text}))
         self._names = {board.address: board.name for board in hand.boards}
@@ -64,7 +76,9 @@ class ParquetSink:
     def _write_block(self) -> None:
         """Append the collected frames to the Parquet file as one row group."""
         columns: dict[str, Any] = {name: [getattr(frame, name) for frame in self._rows] for name in self._schema.names
-                                   if name != "name"}  # fmt: skip
+                                   if name not in ("name", JOINT_COLUMN)}  # fmt: skip
+        if self._joints is not None:
+            columns[JOINT_COLUMN] = [self._joints.interpolate(frame.time_s).tolist() for frame in self._rows]
         columns["name"] = [self._names[frame.address] for frame in self._rows]
         arrays = [self._arrow.array(columns[name], self._schema.field(name).type) for name in self._schema.names]
         self._writer.write_table(self._arrow.Table.from_arrays(arrays, schema=self._schema))
@@ -100,6 +114,32 @@ def open_parquet(path: Path) -> FramesLink:
     link = FramesLink(os.fspath(path), _read_frames(path, file))
     link.header = parse_header(metadata[METADATA_KEY], path)
     return link
+
+
+def read_parquet_joints(path: Path, names: Sequence[str]) -> JointHistory | None:
+    """Read the joint angles of a Parquet file; None if it has no such column. Raises RecordingFormatError for a row
+    with another number of joints, or with a value that is not finite.
+    """
+    arrow, parquet = _import_pyarrow()
+    try:
+        file = parquet.ParquetFile(path)
+    except (arrow.ArrowException, OSError):
+        return None  # the reader of the frames reports the damage
+    with file:
+        if JOINT_COLUMN not in file.schema_arrow.names:
+            return None
+        history = JointHistory(names, os.fspath(path))
+        number = 0
+        for batch in file.iter_batches(batch_size=BLOCK_ROWS, columns=["time_s", JOINT_COLUMN]):
+            for row in batch.to_pylist():
+                number += 1
+                angles = np.array(row[JOINT_COLUMN] or [], dtype=np.float64)
+                if angles.shape != (len(names),) or not np.isfinite(angles).all():
+                    expected = f"{len(names)} finite angles"
+                    fail(path, f"row {number}, {JOINT_COLUMN}", expected, row[JOINT_COLUMN], "correct the row")
+                if row["time_s"] > history.last_s:  # boards of one cycle may arrive out of order
+                    history.add(row["time_s"], angles)
+    return history
 
 
 def _read_frames(path: Path, file: Any) -> Iterator[TaxelFrame]:

@@ -1,0 +1,128 @@
+"""`taxel ros-hand`."""
+
+import sys
+import threading
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from taxel.cli.options import HandOption, Seconds
+from taxel.errors import TaxelError
+from taxel.hand import load_hand
+from taxel.hand.allegro import AllegroHand, FreeJoints, VirtualAllegro, open_bus
+from taxel.hand.control_loop import ControlLoop
+from taxel.hand.kinematics import build_kinematics
+from taxel.ros.hand_control import HOLD_AFTER_S, STOP_AFTER_S, HandControl
+from taxel.ros.joint_command import ROBOT_JOINT_NAMES, JointLimits
+from taxel.ros.node import Node, open_node
+
+VIRTUAL_HAND = "can:emulated"
+
+
+def ros_hand(
+    can_url: Annotated[
+        str, typer.Argument(help=f"CAN channel: can:socketcan:can0, can:pcan:..., or {VIRTUAL_HAND} (virtual hand).")
+    ],
+    prefix: Annotated[str, typer.Option(help="Prefix of the topics joint_cmd and joint_states.")] = "allegroHand_0",
+    hold_after_s: Annotated[
+        float, typer.Option(min=0.01, help="Hold the position after this time without a command, seconds.")
+    ] = HOLD_AFTER_S,
+    stop_after_s: Annotated[
+        float, typer.Option(min=0.02, help="Switch the motors off after this time without a command, seconds.")
+    ] = STOP_AFTER_S,
+    original_rule: Annotated[
+        bool,
+        typer.Option("--original-rule", help="Positions for joints 0, 4, 8, 12, 13 only, efforts for the others."),
+    ] = False,
+    hand: HandOption = None,
+    version: Annotated[
+        int | None,
+        typer.Option("--ros-version", min=1, max=2, help="ROS 1 or 2. Default: 2 if rclpy is installed, else 1."),
+    ] = None,
+    seconds: Seconds = None,
+) -> None:
+    """Control the Allegro hand from ROS: joint commands in, measured joint angles out.
+
+    Reads PREFIX/joint_cmd (sensor_msgs/JointState: positions in radians, or efforts as shares of full PWM) and
+    publishes PREFIX/joint_states. If the commands stop, the hand holds its position, and then its motors are switched
+    off with one error line.
+
+    Example: taxel ros-hand can:emulated --seconds 1
+    """
+    if hold_after_s >= stop_after_s:
+        raise TaxelError("--hold-after-s: expected less than --stop-after-s; the hand holds its position in between")
+    limits = read_limits(hand)
+    node = open_node(version)
+    try:
+        with open_hand(can_url) as driver:
+            topic = f"{prefix}/joint_cmd"
+            control = HandControl(
+                driver, time.monotonic, topic, report_line, limits=limits, has_original_rule=original_rule,
+                hold_after_s=hold_after_s, stop_after_s=stop_after_s,
+            )  # fmt: skip
+            run_control(control, node, prefix, seconds)
+    finally:
+        node.close()
+
+
+def report_line(text: str) -> None:
+    """Print a line on stderr."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def read_limits(hand: str | None) -> JointLimits:
+    """Return the limits of the hand's joints from its robot description."""
+    robot = build_kinematics(load_hand(hand or "original")).robot
+    names = list(robot.joint_names)
+    missing = [name for name in ROBOT_JOINT_NAMES if name not in names]
+    if missing:
+        raise TaxelError(f"robot '{robot.name}' has no joint {missing[0]}; use the description of an Allegro hand")
+    order = [names.index(name) for name in ROBOT_JOINT_NAMES]
+    return JointLimits(robot.lower[order], robot.upper[order])
+
+
+def run_control(control: HandControl, node: Node, prefix: str, seconds: float | None) -> None:
+    """Run the control with the usual period until Ctrl-C, `seconds`, or the end of ROS."""
+    node.listen(
+        f"{prefix}/joint_cmd",
+        "sensor_msgs/JointState",
+        lambda message: control.take(list(message.name), list(message.position), list(message.effort)),
+    )
+    loop = ControlLoop()
+    end_s = float("inf") if seconds is None else time.monotonic() + seconds
+    try:
+        while node.is_alive and time.monotonic() < end_s:
+            loop.wait()
+            angles = control.tick()
+            if np.isfinite(angles).all():
+                node.publish(control.make_state_message(f"{prefix}/joint_states", angles, time.time_ns()))
+            else:
+                node.wait(0.0)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        print(f"{control.commands} commands followed, {control.rejected} rejected")
+
+
+@contextmanager
+def open_hand(url: str) -> Iterator[AllegroHand]:
+    """Open the hand on the CAN channel of a URL, or a virtual hand in a thread; its motors are on in the context."""
+    with ExitStack() as stack:
+        if url != VIRTUAL_HAND:
+            bus = open_bus(url)
+        else:
+            name = f"taxel-hand-{uuid.uuid4().hex}"
+            bus, hand_end = open_bus(f"can:virtual:{name}"), open_bus(f"can:virtual:{name}")
+            stack.callback(hand_end.shutdown)
+            stop = threading.Event()
+            thread = threading.Thread(target=VirtualAllegro(hand_end, FreeJoints()).run, args=(stop,), daemon=True)
+            thread.start()
+            stack.callback(thread.join)
+            stack.callback(stop.set)
+        stack.callback(bus.shutdown)
+        yield stack.enter_context(AllegroHand(bus))
