@@ -34,8 +34,8 @@ def count_baseline_frames(grasp: Grasp) -> int:
 def locate_taxels(data: GraspDataset, grasp: Grasp) -> npt.NDArray[np.float64]:
     """Compute the taxel centres during a grasp in the nominal frame of the object, metres, f64[n, 3].
 
-    If the dataset contains the poses of the sensors in every frame, as converted live recordings do, the centres are the
-    means over the frames of the hold phase, to which the mean signals belong.
+    If the dataset contains the poses of the sensors in every frame, as converted live recordings do, the centres are
+    the means over the frames of the hold phase, to which the mean signals belong.
     """
     table = data.taxels
     is_hold = grasp.phase == Phase.HOLD

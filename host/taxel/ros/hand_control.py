@@ -80,7 +80,7 @@ class HandControl:
         self._command: JointCommand | None = None
         self._command_s = 0.0
         self._control = PositionControl()
-        self._held: FloatArray | None = None
+        self._hold_angles: FloatArray | None = None
         self._last_rejection = ""
         self.state = ControlState.WAITING
         self.torques: FloatArray = np.zeros(JOINT_COUNT)
@@ -143,13 +143,13 @@ class HandControl:
                 f"{self._hold_after_s:g} s on and its motors are now off; restart the publisher, then this command"
             )
         if age_s <= self._hold_after_s:
-            self.state, self._held = ControlState.FOLLOWING, None
+            self.state, self._hold_angles = ControlState.FOLLOWING, None
             return self._control.compute_torques(command.position, command.torque)
-        if self._held is None:
-            self._held = angles
+        if self._hold_angles is None:
+            self._hold_angles = angles
             self.state = ControlState.HOLDING
             self._report(f"{self._topic}: no valid joint command for {age_s:.1f} s: the hand holds its position")
-        return self._control.compute_torques(self._held, np.zeros(JOINT_COUNT))
+        return self._control.compute_torques(self._hold_angles, np.zeros(JOINT_COUNT))
 
     def make_state_message(self, topic: str, angles: FloatArray, time_ns: int) -> TopicMessage:
         """Make the sensor_msgs/JointState message of measured angles; time_ns: Unix time, nanoseconds."""

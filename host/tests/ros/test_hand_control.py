@@ -86,9 +86,9 @@ def test_stopped_topic_holds_the_position_and_then_switches_the_motors_off() -> 
         bench.run(1.0, MIDDLE + 0.2)
         bench.run(0.3)
         assert bench.control.state is ControlState.HOLDING
-        held = bench.control.tick()
+        hold_angles = bench.control.tick()
         bench.run(1.5)
-        assert np.abs(bench.control.tick() - held).max() < 0.05
+        assert np.abs(bench.control.tick() - hold_angles).max() < 0.05
         bench.run(1.0)
     assert str(error.value).startswith(f"{TOPIC}: no valid joint command for 2.0 s: the hand held its position")
     assert "\n" not in str(error.value)
