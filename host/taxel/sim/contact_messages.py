@@ -62,21 +62,24 @@ class ContactMessage:
 
 @dataclass(frozen=True, eq=False)
 class ContactTips:
-    """Tips of a board, which touch an object instead of the board's surface.
+    """Points of a board that touch an object instead of the points that the physics engine reports.
 
-    The physics engine simulates the plane of the tips only. While this plane touches the object, the nearest tip
-    touches, and every other tip that is at most `offset_m` farther from the object: a curved object sinks between the
-    tips.
+    The points are tips on the surface, or corners of the original mesh. The physics engine simulates their hull only.
+    While the hull touches the object, the nearest point touches, and every other point that is at most `offset_m`
+    farther from the object: a curved object sinks between the tips, and bodies of the original engine overlap.
 
     Attributes:
         board: index in `hand.boards`.
         position: f64[m, 3], tips in the frame of the board's bracket, metres.
-        offset_m: additional distance up to which a tip touches, metres.
+        offset_m: additional distance up to which a point touches, metres.
+        reach_m: largest distance from the object at which the nearest point touches, metres. If it is farther away,
+            for example at a contact of the bracket's edge, the points of the engine count.
     """
 
     board: int
     position: FloatArray
     offset_m: float
+    reach_m: float = float("inf")
 
 
 @dataclass(frozen=True)
@@ -133,17 +136,19 @@ class MessageRecorder:
         for tips in self._settings.tips:
             if tips.board in pair and OBJECT in pair:
                 position = self._find_touching_tips(data, tips)
-                return PairEntry(pair, position, np.full(len(position), force.sum() / len(position)))
+                if len(position):
+                    return PairEntry(pair, position, np.full(len(position), force.sum() / len(position)))
         return PairEntry(pair, data.contact.pos[indices].copy(), force)
 
     def _find_touching_tips(self, data: mujoco.MjData, tips: ContactTips) -> FloatArray:
-        """Return the tips of a board that touch the object, f64[c, 3], metres, world."""
+        """Return the tips of a board that touch the object, f64[c, 3], metres, world; none beyond their reach."""
         body = self._scene.board_bodies[tips.board]
         board = _make_body_pose(data, int(body)) @ self._scene.board_poses[tips.board]
         item = _make_body_pose(data, self._scene.model.body("object").id)
         position = apply(board, tips.position)
         distance = self._scene.grasp_object.shape.signed_distance(apply(inverse(item), position))
-        return np.asarray(position[distance <= distance.min() + tips.offset_m])
+        touches = (distance <= distance.min() + tips.offset_m) & (distance.min() <= tips.reach_m)
+        return np.asarray(position[touches])
 
     def send(self) -> None:
         """Append the messages of the present period, one for each board, and begin an empty period."""

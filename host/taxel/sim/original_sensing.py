@@ -54,6 +54,22 @@ the engine). A larger value gives more contact points on the palm.
 """
 
 
+PAD_M: Final = (0.0033, 0.0028)
+"""Sides of a pad along and across the finger, metres; the mesh of a board has a vertex at each of its corners. Source:
+pads of the finger boards, 3.2 to 3.4 mm by 2.8 mm.
+"""
+
+OVERLAP_M: Final = 0.0005
+"""Depth to which the bodies of the original engine overlap, metres. Its contact surface layer permits 1 mm; 95 % of the
+recorded contact points around a cylinder are within 0.54 mm of its surface. A larger value gives more contact points.
+"""
+
+REACH_M: Final = 0.001
+"""Largest distance of a pad's corner from the object at which it touches, metres: the contact surface layer of the
+original engine. A smaller value leaves more contacts to the points of the present engine.
+"""
+
+
 @dataclass(frozen=True)
 class OriginalRules:
     """Rules of the original simulator. The default is the original; each field changes one rule.
@@ -68,6 +84,8 @@ class OriginalRules:
         coded_centres: taxel centres as the plug-in contains them (fingers turned by 5 degrees); False: true centres.
         threshold_m: distance to a contact point below which a taxel is active; at the threshold it is inactive.
         palm_tips_m: height of the tips over the palm's taxels; 0: no tips. The fingers have none.
+        overlap_m: a board without tips that touches the object reports the corners of all pads that are at most this
+            much farther from the object than the nearest corner; 0: the few points that the present engine reports.
         boards_without_coordinates: the boards without coordinates in the plug-in sense nothing but a contact at the
             origin of their bracket (or nothing at all); False: every board has coordinates.
     """
@@ -79,6 +97,7 @@ class OriginalRules:
     coded_centres: bool = True
     threshold_m: float = THRESHOLD_M
     palm_tips_m: float = PALM_TIPS_M
+    overlap_m: float = OVERLAP_M
     boards_without_coordinates: bool = True
 
     def __post_init__(self) -> None:
@@ -87,6 +106,8 @@ class OriginalRules:
             raise ValueError(f"threshold_m: expected metres above 0, found {self.threshold_m}")
         if not (np.isfinite(self.palm_tips_m) and self.palm_tips_m >= 0):
             raise ValueError(f"palm_tips_m: expected metres of at least 0, found {self.palm_tips_m}")
+        if not (np.isfinite(self.overlap_m) and self.overlap_m >= 0):
+            raise ValueError(f"overlap_m: expected metres of at least 0, found {self.overlap_m}")
 
 
 class StoredPoints(NamedTuple):
@@ -216,15 +237,23 @@ def sense_messages(
 
 
 def make_recorder_settings(hand: Hand, rules: OriginalRules) -> RecorderSettings:
-    """Make the settings of the contact sensors for `hand`, with tips on its palm."""
-    names = [board.name for board in hand.boards]
-    tips: tuple[ContactTips, ...] = ()
-    if rules.palm_tips_m > 0 and PALM_BOARD in names:
-        index = names.index(PALM_BOARD)
-        where = hand.get_slice(hand.boards[index].address)
-        position = hand.position[where] + rules.palm_tips_m * hand.normal[where]
-        tips = (ContactTips(index, position, TIP_OFFSET_M),)
-    return RecorderSettings(first_entries_only=rules.first_entry_only, tips=tips)
+    """Make the settings of the contact sensors for `hand`, with tips on its palm and corners of pads elsewhere."""
+    tips = []
+    for index, board in enumerate(hand.boards):
+        where = hand.get_slice(board.address)
+        if rules.palm_tips_m > 0 and board.name == PALM_BOARD:
+            position = hand.position[where] + rules.palm_tips_m * hand.normal[where]
+            tips.append(ContactTips(index, position, TIP_OFFSET_M))
+        elif rules.overlap_m > 0:
+            corners = find_pad_corners(hand.position[where], hand.normal[where], hand.distal[where])
+            tips.append(ContactTips(index, corners, rules.overlap_m, REACH_M))
+    return RecorderSettings(first_entries_only=rules.first_entry_only, tips=tuple(tips))
+
+
+def find_pad_corners(position: FloatArray, normal: FloatArray, distal: FloatArray) -> FloatArray:
+    """Find the corners of pads, f64[4 n, 3], metres. position, normal, distal: f64[n, 3] of the n taxels."""
+    along, across = 0.5 * PAD_M[0] * distal, 0.5 * PAD_M[1] * np.cross(normal, distal)
+    return np.concatenate([position + i * along + k * across for i in (-1, 1) for k in (-1, 1)])
 
 
 def get_surface_heights(hand: Hand, rules: OriginalRules) -> dict[str, float]:
