@@ -56,6 +56,9 @@ SIM_SEED = 2
 SETTINGS: tuple[Setting, ...] = ("hardware", "simulation")
 """Tool poses of the simulator: without and with the effect `tuned_poses`."""
 
+OBJECTS = ("rectangular_prism", "cylinder", "triangular_prism")
+"""Order of the objects in the tables, as on the page."""
+
 CollectSim = Callable[[OwnEffects], Points]
 
 
@@ -87,12 +90,14 @@ def prepare_plugin(sets: TaxelSets, out: Path, jobs: int | None) -> CollectSim:
 
 def read_plugin(out: Path, setting: Setting, jobs: int | None) -> list[PluginGrasp]:
     """Read the grasps of the plug-in with the poses of `setting` (DIR/plugin_*.npz), and make them if missing."""
-    path = out / f"plugin_{setting}.npz"
+    path, settings = out / f"plugin_{setting}.npz", SimSettings(seed=SIM_SEED, variation=SIM_VARIATION)
+    description = f"{settings.describe()}, poses of {setting}"
     if not path.exists():
-        plan, settings = make_thesis_plan(SIM_SEED), SimSettings(seed=SIM_SEED, variation=SIM_VARIATION)
+        plan = make_thesis_plan(SIM_SEED)
         progress = show(f"plug-in, poses of {setting}")
-        write_plugin_grasps(path, simulate_plugin_grasps(plan, settings, Setup(setting=setting), jobs, progress))
-    return read_plugin_grasps(path)
+        grasps = simulate_plugin_grasps(plan, settings, Setup(setting=setting), jobs, progress)
+        write_plugin_grasps(path, grasps, description)
+    return read_plugin_grasps(path, description)
 
 
 def prepare_layer(sets: TaxelSets, out: Path, jobs: int | None) -> CollectSim:
@@ -145,8 +150,9 @@ def print_table(title: str, result: dict[str, Any]) -> None:
     for label, key in (("without effects", "none_m"), ("all effects", "all_m")):
         text = ", ".join(f"{name} {format_interval(values, 1e3)}" for name, values in result[key].items())
         print(f"mean distance, {label}, mm: {text}")
-    names = [ALL_OBJECTS, *(name for name in result["none_m"] if name != ALL_OBJECTS)]
-    print(f"| effect | {' | '.join(f'{name}: alone, % | removed, %' for name in names)} |")
+    names = [ALL_OBJECTS, *sorted((name for name in result["none_m"] if name != ALL_OBJECTS), key=OBJECTS.index)]
+    titles = (f"{name.replace('_', ' ')}: {kind}" for name in names for kind in ("alone", "removed"))
+    print(f"| effect | {' | '.join(titles)} |")
     print("|---" * (1 + 2 * len(names)) + "|")
     for row, shares in result["shares"].items():
         columns = (format_interval(shares[kind][name], 100.0) for name in names for kind in ("alone", "removed"))

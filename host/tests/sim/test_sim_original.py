@@ -16,12 +16,15 @@ from taxel.hand.original.centres import NoCodedCentresError, load_coded_centres
 from taxel.sim.closing import SimulationSettings, simulate_grasp
 from taxel.sim.contact_messages import FIRST_OTHER, OBJECT, ContactMessage, PairEntry, RecorderSettings
 from taxel.sim.original_sensing import (
+    OVERLAP_M,
+    PAD_M,
     PALM_TIPS_M,
     THRESHOLD_HISTORY_M,
     ContactMemory,
     OriginalRules,
     StoredPoints,
     find_active,
+    find_pad_corners,
     get_centres,
     get_surface_heights,
     make_recorder_settings,
@@ -232,7 +235,9 @@ def test_a_larger_threshold_only_adds_taxels():
         previous = active
 
 
-@pytest.mark.parametrize(("field", "value"), [("threshold_m", 0.0), ("threshold_m", np.nan), ("palm_tips_m", -1e-3)])
+@pytest.mark.parametrize(
+    ("field", "value"), [("threshold_m", 0.0), ("threshold_m", np.nan), ("palm_tips_m", -1e-3), ("overlap_m", -1e-3)]
+)
 def test_impossible_distances_are_refused(field, value):
     with pytest.raises(ValueError, match=field):
         OriginalRules(**{field: value})
@@ -273,6 +278,27 @@ def test_a_simulated_grasp_activates_palm_tips_and_fingers_and_only_taxels_with_
     ]
     assert tips
     assert np.abs(tips).max() < 0.004  # the mount yields under the palm
+
+
+def test_a_pad_has_four_corners_in_its_plane():
+    corners = find_pad_corners(np.zeros((1, 3)), np.array([[0.0, 0, 1]]), np.array([[1.0, 0, 0]]))
+    half = np.array(PAD_M) / 2
+    assert sorted(map(tuple, corners.tolist())) == [(i * half[0], k * half[1], 0.0) for i in (-1, 1) for k in (-1, 1)]
+
+
+def test_a_larger_overlap_adds_corners_of_pads_near_the_object(scene, approach):
+    """Without overlap the fingers report the few points of the engine, which activate few taxels around a cylinder."""
+    fingers, numbers = ORIGINAL.board_index != [board.name for board in ORIGINAL.boards].index("palm"), []
+    for overlap_m in (0.0, OVERLAP_M, 2 * OVERLAP_M):
+        rules = replace(OriginalRules(), overlap_m=overlap_m, coded_centres=False)
+        settings = SimulationSettings(recorder=make_recorder_settings(ORIGINAL, rules))
+        motion = simulate_grasp(scene, approach, Timeline(0.0, 2.0, 0.4, 0.0, 0.0), settings)
+        active = sense(ORIGINAL, CYLINDER.shape, motion, Sensing("original", original=rules)).signal_force[-1] > 0
+        numbers.append(int(active[fingers].sum()))
+        points = [entry.position for message in motion.messages for entry in message.entries if OBJECT in entry.bodies]
+        distance = CYLINDER.shape.signed_distance(np.concatenate(points) - motion.object_pose[0, :3, 3])
+        assert distance.max() < 0.004
+    assert numbers[0] < numbers[1] <= numbers[2]
 
 
 def test_messages_contain_one_entry_for_each_pair_unless_all_entries_are_recorded(scene, approach):

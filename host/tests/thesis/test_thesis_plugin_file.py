@@ -26,9 +26,9 @@ def make_grasp(rng: np.random.Generator, iteration: int) -> PluginGrasp:
 def test_read_grasps_equal_the_written_ones(tmp_path: Path) -> None:
     rng = np.random.default_rng(SEED)
     grasps = [make_grasp(rng, iteration) for iteration in range(3)]
-    write_plugin_grasps(tmp_path / "a.npz", grasps)
+    write_plugin_grasps(tmp_path / "a.npz", grasps, "settings 1")
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
-    for read, written in zip(read_plugin_grasps(tmp_path / "a.npz"), grasps, strict=True):
+    for read, written in zip(read_plugin_grasps(tmp_path / "a.npz", "settings 1"), grasps, strict=True):
         assert (read.object, read.approach, read.iteration) == (written.object, written.approach, written.iteration)
         assert np.array_equal(read.sensor_pose, written.sensor_pose)
         assert np.array_equal(read.object_pose, written.object_pose)
@@ -41,9 +41,15 @@ def test_read_grasps_equal_the_written_ones(tmp_path: Path) -> None:
                 assert np.array_equal(entry.force_n, original.force_n)
 
 
+def test_file_of_other_settings_is_refused(tmp_path: Path) -> None:
+    write_plugin_grasps(tmp_path / "a.npz", [make_grasp(np.random.default_rng(SEED), 0)], "settings 1")
+    with pytest.raises(PluginFileError, match="expected settings 2, found settings 1; delete the file"):
+        read_plugin_grasps(tmp_path / "a.npz", "settings 2")
+
+
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 no archive"])
 def test_other_file_is_refused_with_one_line(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.npz").write_bytes(content)
     with pytest.raises(PluginFileError, match="not a file of plug-in grasps") as error:
-        read_plugin_grasps(tmp_path / "a.npz")
+        read_plugin_grasps(tmp_path / "a.npz", "settings 1")
     assert "\n" not in str(error.value)

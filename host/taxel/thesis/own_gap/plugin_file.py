@@ -20,12 +20,16 @@ class PluginFileError(TaxelError):
     """A file of plug-in grasps cannot be read."""
 
 
-def write_plugin_grasps(path: Path, grasps: Sequence[PluginGrasp]) -> None:
-    """Write grasps to an NPZ file, by way of a temporary file: a file with the final name is complete."""
+def write_plugin_grasps(path: Path, grasps: Sequence[PluginGrasp], settings: str) -> None:
+    """Write grasps to an NPZ file, by way of a temporary file: a file with the final name is complete.
+
+    settings: description of the simulation, one line; the file is refused for any other.
+    """
     messages = [message for grasp in grasps for message in grasp.messages]
     entries = [entry for message in messages for entry in message.entries]
     arrays: dict[str, Any] = {
         "version": np.array(VERSION),
+        "settings": np.array(settings),
         "object": np.array([grasp.object for grasp in grasps]),
         "approach": np.array([grasp.approach for grasp in grasps]),
         "iteration": np.array([grasp.iteration for grasp in grasps]),
@@ -46,13 +50,15 @@ def write_plugin_grasps(path: Path, grasps: Sequence[PluginGrasp]) -> None:
     temporary.replace(path)
 
 
-def read_plugin_grasps(path: Path) -> list[PluginGrasp]:
-    """Read the grasps of a file that `write_plugin_grasps` wrote. Raises PluginFileError."""
+def read_plugin_grasps(path: Path, settings: str) -> list[PluginGrasp]:
+    """Read the grasps of a file that `write_plugin_grasps` wrote with the same settings. Raises PluginFileError."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             data = {name: stored[name] for name in stored.files}
         if int(data["version"]) != VERSION:
             raise PluginFileError(f"{path}: expected version {VERSION}, found {data['version']}; delete the file")
+        if str(data["settings"]) != settings:
+            raise PluginFileError(f"{path}: expected {settings}, found {data['settings']}; delete the file")
         entries = [
             PairEntry((int(first), int(second)), data["position"][start:end], data["force_n"][start:end])
             for (first, second), (start, end) in zip(data["entry_bodies"], pairwise(data["point_end"]), strict=True)
