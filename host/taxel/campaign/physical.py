@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.campaign.grasp_control import PERIOD_S, JointLog, control_grasp
+from taxel.campaign.planned_motion import MotionExecutor, Workstation, get_placement
 from taxel.campaign.poll_cycles import PollCycles, group_by_poll_cycle
 from taxel.campaign.progress import Progress, no_progress
 from taxel.campaign.setup import Setup
@@ -21,44 +24,30 @@ from taxel.errors import TaxelError
 from taxel.grasp.controller import GraspController
 from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.timeline import Phase, Timeline
-from taxel.hand.allegro.driver import POSITION_PERIOD_MS, AllegroHand
-from taxel.hand.arm.base import Arm
+from taxel.hand.allegro.driver import POSITION_PERIOD_MS
+from taxel.hand.allegro.joints import JOINT_COUNT
 from taxel.hand.control_loop import ControlLoop
+from taxel.planning.plan import ARM_JOINTS
+from taxel.planning.planner import replace_open_angles
+from taxel.planning.timing import ARM_SPEED_RAD_S
 from taxel.recording.grasp_record import GraspRecord
 from taxel.skin import Skin
 from taxel.stream import TaxelFrame
 
+_T = TypeVar("_T")
+
 RATE_HZ = 18.8
 """Nominal frame rate of 17 boards at an I2C clock of 400 kHz; the frames carry their own times."""
 
-ARM_SPEED_RAD_S = 0.5
 WITHDRAW_SHARE = 0.5
 """Share of the release phase after which the arm withdraws; the fingers are open by then."""
 
-ARM_TIMEOUT_S = 60.0
 LATE_FRAMES_S = 0.3
 """Time after the end of a grasp in which its last frames may still arrive."""
 
 
 JOIN_TIMEOUT_S = 2.0
 """Limit for the end of the reading thread, which may wait for a frame that never arrives."""
-
-
-class ArmTimeoutError(TaxelError):
-    """The arm did not reach its target in time."""
-
-
-@dataclass(frozen=True, eq=False)
-class Workstation:
-    """The devices of a physical campaign.
-
-    step_arm: advances a simulated arm by a number of seconds; None for an arm that moves on its own.
-    """
-
-    arm: Arm
-    hand: AllegroHand
-    skin: Skin
-    step_arm: Callable[[float], object] | None = None
 
 
 @dataclass(frozen=True)
@@ -85,52 +74,69 @@ def run_physical(
 ) -> None:
     """Perform the grasps of `plan` with a physical hand, and write each finished grasp to the dataset `path`.
 
-    station: arm, hand and skin. resume: keep the grasps that the file already contains. Raises the errors of arm, hand
-    and skin, with one-line messages. After an error the finished grasps are in the file, the torques of the hand are
-    zero and the arm is stopped.
+    station: arm, hand and skin. resume: keep the grasps that the file already contains. All motions of the arm are
+    planned before the first one begins, and again from the measured joint angles before each of them; an infeasible one
+    raises MotionPlanningError. Raises the errors of arm, hand and skin, with one-line messages. After an error the
+    finished grasps are in the file, the torques of the hand are zero and the arm is stopped.
     """
     setup, settings = setup or Setup(), settings or PhysicalSettings()
     with open_campaign_writer(path, "real", setup, RATE_HZ, "physical hand", overwrite, resume) as out:
         missing = [planned for planned in plan if planned.id not in out.ids]
         done = len(plan) - len(missing)
         progress(done, len(plan))
+        motion = MotionExecutor(setup, station)
+        motion.check_campaign(missing)
         with _FrameCollector(station.skin) as collector:
             previous: PlannedGrasp | None = None
             for planned in missing:
-                if previous is None or _placement(previous) != _placement(planned):
+                if previous is None or get_placement(previous) != get_placement(planned):
+                    if previous is not None:
+                        _run_or_stop(station, functools.partial(motion.retreat, previous))
                     _confirm_placement(station, settings, planned)
-                out.add(_perform_grasp(setup, planned, station, settings.timeline, collector), planned.id)
+                out.add(_perform_grasp(setup, planned, station, settings.timeline, collector, motion), planned.id)
                 previous, done = planned, done + 1
                 progress(done, len(plan))
 
 
-def _placement(planned: PlannedGrasp) -> tuple[str, int]:
-    """Return what the operator must place for a grasp: the object and the session, which requires a new placement."""
-    return planned.object, planned.session
+def _run_or_stop(station: Workstation, action: Callable[[], _T]) -> _T:
+    """Return the result of an action; after an error the arm is stopped and the torques of the hand are zero."""
+    try:
+        return action()
+    except BaseException:
+        with contextlib.suppress(TaxelError):  # the first error is the more informative one
+            station.arm.stop()
+        with contextlib.suppress(TaxelError):
+            station.hand.set_torque(np.zeros(JOINT_COUNT))
+        raise
 
 
 def _perform_grasp(
-    setup: Setup, planned: PlannedGrasp, station: Workstation, timeline: Timeline, collector: _FrameCollector
+    setup: Setup,
+    planned: PlannedGrasp,
+    station: Workstation,
+    timeline: Timeline,
+    collector: _FrameCollector,
+    motion: MotionExecutor,
 ) -> GraspRecord:
     """Perform one grasp with the physical hand and return its record. After an error the arm is stopped.
 
-    station: arm, hand and skin. collector: thread that collects the frames of the skin.
+    station: arm, hand and skin. collector: thread that collects the frames of the skin. motion: plans and performs the
+    motion to the pre-grasp posture.
     """
-    grasping, withdrawn = setup.arm_path(planned)
-    schedule = _ArmSchedule(station, timeline, grasping, withdrawn)
-    try:
-        _move_arm(station, withdrawn)
+
+    def perform() -> tuple[_ArmSchedule, JointLog, list[TaxelFrame]]:
+        """Move to the pre-grasp posture, and perform the grasp; return its logs and its frames."""
+        path = motion.move_to_pregrasp(planned)
+        schedule = _ArmSchedule(station, timeline, path.grasping[:ARM_JOINTS], path.pregrasp[:ARM_JOINTS])
         collector.discard()
-        controller = GraspController(setup.approach(planned), timeline)
+        controller = GraspController(replace_open_angles(setup.approach(planned), path), timeline)
         joints = control_grasp(
             station.hand, controller, 0.0, timeline.duration_s, schedule.wait_for_period, schedule.on_period
         )
         time.sleep(LATE_FRAMES_S)
-        frames = collector.frames()
-    except BaseException:
-        with contextlib.suppress(TaxelError):  # the first error is the more informative one
-            station.arm.stop()
-        raise
+        return schedule, joints, collector.frames()
+
+    schedule, joints, frames = _run_or_stop(station, perform)
     start_s = schedule.start_s
     cycles = group_by_poll_cycle(setup.hand, frames).between(start_s, start_s + timeline.duration_s)
     return _make_record(setup, planned, timeline, cycles, start_s, schedule.log(), joints)
@@ -223,29 +229,6 @@ def _make_record(
         sensor_time=cycles.sensor_time,
         joint_position=angles,
     )
-
-
-def _move_arm(station: Workstation, target: NDArray[np.float64]) -> None:
-    """Move the arm to the joint angles `target` f64[6], radians; wait for its current and for the new motion to end."""
-    _wait_for_arm(station)
-    station.arm.move_joints(target, ARM_SPEED_RAD_S)
-    _wait_for_arm(station)
-
-
-def _wait_for_arm(station: Workstation) -> None:
-    """Wait until the arm is at rest. Raises ArmTimeoutError if it is still moving after `ARM_TIMEOUT_S`."""
-    end = time.monotonic() + ARM_TIMEOUT_S
-    while station.arm.is_moving:
-        station.hand.update()  # keeps the hand's reports flowing and detects its faults during the wait
-        if station.step_arm is not None:
-            station.step_arm(PERIOD_S)
-        else:
-            time.sleep(PERIOD_S)
-        if time.monotonic() > end:
-            raise ArmTimeoutError(
-                f"arm: expected to reach its target within {ARM_TIMEOUT_S:g} s, found it still moving; clear its path "
-                "and start again"
-            )
 
 
 def _confirm_placement(station: Workstation, settings: PhysicalSettings, planned: PlannedGrasp) -> None:

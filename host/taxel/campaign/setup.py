@@ -26,6 +26,11 @@ from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 
 WRIST_LINK = "palm"
 
+ORIGINAL_TABLE_Z_M = 0.02475
+"""Height of the original table's surface over the frame of the arm's base, metres. Source: the published descriptions
+(table top at 1017.5 mm, base at 992.75 mm).
+"""
+
 WITHDRAW_M = 0.02
 """Distance of the palm while the baseline is recorded (assumed; the thesis records it before the arm moves in, 5.4)."""
 
@@ -62,6 +67,11 @@ class Setup:
     def is_original(self) -> bool:
         """Whether the hand is mounted as in the original experiment, so that its recorded grasps apply."""
         return self.hand.robot == ORIGINAL_ROBOT
+
+    @property
+    def table_z_m(self) -> float:
+        """Height of the table in the frame of the robot's base, metres; the assumed table is level with the base."""
+        return ORIGINAL_TABLE_Z_M if self.is_original else 0.0
 
     @cached_property
     def kinematics(self) -> Kinematics:

@@ -7,7 +7,7 @@ from taxel.campaign.physical import Workstation
 from taxel.errors import TaxelError
 from taxel.hand import Hand
 from taxel.hand.allegro import AllegroHand, open_bus
-from taxel.hand.arm import SimulatedArm, Ur5eArm
+from taxel.hand.arm import UPRIGHT_RAD, SimulatedArm, Ur5eArm
 from taxel.skin import open_skin
 
 
@@ -26,7 +26,7 @@ def open_workstation(arm: str, can: str, skin: str, hand: Hand) -> Iterator[Work
         allegro = stack.enter_context(AllegroHand(bus))
         skin_open = stack.enter_context(open_skin(skin, hand))
         if kind == "simulated":
-            simulated = SimulatedArm()
+            simulated = SimulatedArm(UPRIGHT_RAD)
             yield Workstation(simulated, allegro, skin_open, simulated.step)
         else:
             yield Workstation(stack.enter_context(Ur5eArm(host)), allegro, skin_open)

@@ -21,6 +21,7 @@ ITERATIONS: Final = 60
 STEP_RAD: Final = 0.5  # largest step of a joint
 DAMPING: Final = 0.05  # per squared metre of error
 DAMPING_FLOOR: Final = 1e-12
+DISTINCT_RAD: Final = 0.01  # smallest difference of a joint angle between two distinct solutions
 CLEARANCE_M: Final = 0.02  # smallest height of the moving joints above the table
 
 
@@ -86,9 +87,30 @@ class ArmReach:
         UnreachableError.
         """
         angles = self._make_start_angles() if near is None else np.clip(near, self._lower, self._upper)[None]
+        solutions = self._search(angles, palm_pose, near is None)
+        return np.asarray(solutions[np.argmax(self._compute_score(solutions))])
+
+    def solve_all(self, palm_pose: FloatArray) -> FloatArray:
+        """Solve for all joint angles f64[k, a], radians, that place the link at `palm_pose` f64[4, 4], best first.
+
+        Solutions that differ by full turns count once. The first is the result of `solve`. Raises UnreachableError.
+        """
+        solutions = self._search(self._make_start_angles(), palm_pose, True)
+        distinct: list[FloatArray] = []
+        for index in np.argsort(-self._compute_score(solutions), kind="stable"):
+            differences = [np.abs(np.angle(np.exp(1j * (solutions[index] - other)))).max() for other in distinct]
+            if not differences or min(differences) > DISTINCT_RAD:
+                distinct.append(solutions[index])
+        return np.stack(distinct)
+
+    def _search(self, angles: FloatArray, palm_pose: FloatArray, unwinds: bool) -> FloatArray:
+        """Search from start angles f64[starts, a] for the solutions f64[k, a], k > 0. Raises UnreachableError.
+
+        unwinds: move the angles by full turns into -pi..pi where the limits allow.
+        """
         for _ in range(ITERATIONS):
             angles = self._improve(angles, palm_pose)
-        if near is None:
+        if unwinds:
             angles = self._unwind(angles)
         error = self._compute_error(angles, palm_pose)
         is_solution = _is_converged(error)
@@ -96,8 +118,7 @@ class ArmReach:
             x, y, z = (float(value) for value in palm_pose[:3, 3])
             miss = float(np.linalg.norm(error, axis=1).min())
             raise UnreachableError(self.robot.name, self.link_name, (x, y, z), miss)
-        solutions = angles[is_solution]
-        return np.asarray(solutions[np.argmax(self._compute_score(solutions))])
+        return np.asarray(angles[is_solution])
 
     def _make_start_angles(self) -> FloatArray:
         """Make random start angles of the search, f64[starts, a] radians, within one turn.

@@ -12,14 +12,15 @@ import can
 import numpy as np
 import pytest
 
-from taxel.campaign import physical
-from taxel.campaign.physical import ArmTimeoutError, PhysicalSettings, Workstation, run_physical
+from taxel.campaign import planned_motion
+from taxel.campaign.physical import PhysicalSettings, run_physical
+from taxel.campaign.planned_motion import ArmTimeoutError, Workstation
 from taxel.cli.workstation import open_workstation
 from taxel.errors import TaxelError
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand.allegro import AllegroHand, FreeJoints, VirtualAllegro
 from taxel.hand.allegro.errors import AllegroSilentError
-from taxel.hand.arm import SimulatedArm
+from taxel.hand.arm import UPRIGHT_RAD, SimulatedArm
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.skin import open_skin
@@ -53,7 +54,7 @@ def open_rig(setup) -> Iterator[Rig]:
                 AllegroHand(host_bus, silence_limit_s=SILENCE_LIMIT_S, reply_timeout_s=SILENCE_LIMIT_S) as hand,
                 open_skin("emulator:?speed=real", setup.hand) as skin,
             ):
-                arm = SimulatedArm()
+                arm = SimulatedArm(UPRIGHT_RAD)
                 yield Rig(Workstation(arm, hand, skin, arm.step), virtual, arm)
         finally:
             stop.set()
@@ -180,7 +181,7 @@ def test_a_lost_skin_ends_the_campaign_with_an_error_of_one_line(setup, plan, tm
 
 
 def test_an_arm_that_does_not_reach_its_target_ends_the_campaign(setup, plan, tmp_path, monkeypatch):
-    monkeypatch.setattr(physical, "ARM_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(planned_motion, "ARM_TIMEOUT_S", 0.2)
     stops = []
 
     class StuckArm(SimulatedArm):
@@ -188,7 +189,7 @@ def test_an_arm_that_does_not_reach_its_target_ends_the_campaign(setup, plan, tm
             stops.append(1)
 
     with open_rig(setup) as rig:
-        station = Workstation(StuckArm(), rig.station.hand, rig.station.skin, lambda seconds: time.sleep(0.01))
+        station = Workstation(StuckArm(UPRIGHT_RAD), rig.station.hand, rig.station.skin, lambda seconds: time.sleep(0.01))
         with pytest.raises(ArmTimeoutError, match=r"^arm: expected to reach its target within 0.2 s, .*$"):
             run_physical(tmp_path / "real.h5", plan, station, PhysicalSettings(SHORT_TIMELINE), setup)
     assert stops

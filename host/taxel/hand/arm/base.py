@@ -15,6 +15,9 @@ JOINT_LIMIT_RAD: Final = (2 * math.pi, 2 * math.pi, math.pi, 2 * math.pi, 2 * ma
 MAX_SPEED_RAD_S: Final = math.pi
 """Largest joint speed. Source: UR5e data sheet, 180 degrees per second."""
 
+UPRIGHT_RAD: Final = (0.0, -math.pi / 2, 0.0, -math.pi / 2, 0.0, 0.0)
+"""Home position of UR arms, radians: upper arm and forearm vertical, far from table and object."""
+
 
 class Arm(Protocol):
     """Arm with six joints. Angles are f64[6], radians, in the order of `ARM_JOINT_NAMES`."""

@@ -27,8 +27,8 @@ class Ur5eArm:
     controller is not reachable or does not grant control.
 
     .. warning::
-        Not verified on hardware. Only joint limits and speed are checked. The operator and the controller must prevent
-        collisions with the table, the object and the cables of the hand, and set the payload.
+        Not verified on hardware. The driver checks only joint limits and speed: use `taxel.planning` for motions that
+        avoid collisions. The operator and the controller must protect the cables of the hand, and set the payload.
     """
 
     def __init__(self, host: str, *, acceleration_rad_s2: float = ACCELERATION_RAD_S2) -> None:
@@ -45,7 +45,7 @@ class Ur5eArm:
             receive = importlib.import_module("rtde_receive")
         except ImportError as error:
             raise ArmPackageMissingError(
-                self.name, f'requires the package ur_rtde ({error}); run pip install "taxel[arm]"'
+                self.name, f'requires the package ur_rtde ({error}); run pip install "taxel[hand]"'
             ) from error
         try:
             self._receive: Any = receive.RTDEReceiveInterface(host)

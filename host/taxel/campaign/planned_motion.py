@@ -1,0 +1,218 @@
+"""Motions of arm and hand of a physical campaign between its grasps: planned without collisions, then performed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.campaign.grasp_control import PERIOD_S, SPEED_FILTER_S
+from taxel.campaign.setup import Setup
+from taxel.errors import TaxelError
+from taxel.grasp.controller import HOLD_NM_PER_RAD, HOLD_NM_S_PER_RAD, TORQUE_LIMIT_NM
+from taxel.grasp.plan import PlannedGrasp
+from taxel.hand.allegro.driver import AllegroHand
+from taxel.hand.allegro.joints import JOINT_COUNT
+from taxel.hand.allegro.virtual import MAX_TORQUE_NM
+from taxel.hand.arm.base import Arm
+from taxel.planning.errors import MotionPlanningError
+from taxel.planning.plan import ARM_JOINTS, MotionPlan
+from taxel.planning.planner import MotionPlanner, PlannerSettings
+from taxel.planning.timing import TimedPath
+from taxel.skin import Skin
+
+ARM_TIMEOUT_S = 60.0
+
+SETTLE_S = 0.1
+"""Time after a motion of the hand in which its joints reach the end of the path, seconds (chosen)."""
+
+
+class ArmTimeoutError(TaxelError):
+    """The arm did not reach its target in time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Workstation:
+    """The devices of a physical campaign.
+
+    step_arm: advances a simulated arm by a number of seconds; None for an arm that moves on its own.
+    """
+
+    arm: Arm
+    hand: AllegroHand
+    skin: Skin
+    step_arm: Callable[[float], object] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedMotion:
+    """The planned motion to one grasp. plan: None if it is infeasible; error: its cause."""
+
+    planned: PlannedGrasp
+    plan: MotionPlan | None
+    error: MotionPlanningError | None = None
+
+
+def get_placement(planned: PlannedGrasp) -> tuple[str, int]:
+    """Return what the operator must place for a grasp: the object and the session, which requires a new placement."""
+    return planned.object, planned.session
+
+
+class CampaignPlanner:
+    """Plans the motions of a campaign. setup: the workstation. settings: None: the defaults of the planner."""
+
+    def __init__(self, setup: Setup, settings: PlannerSettings | None = None) -> None:
+        """Create the planner of a workstation."""
+        self._setup = setup
+        self._planner = MotionPlanner(setup.kinematics.robot, setup.hand, setup.table_z_m, settings)
+
+    def plan_grasp(self, planned: PlannedGrasp, start: NDArray[np.float64]) -> MotionPlan:
+        """Plan the motion from a start posture f64[j] to a grasp. Raises MotionPlanningError."""
+        setup = self._setup
+        what = f"object {planned.object}, approach {planned.approach}"
+        item, pose = setup.objects[planned.object], setup.object_pose(planned.object)
+        return self._planner.plan(what, item, pose, setup.approach(planned), start)
+
+    def plan_retreat(
+        self, planned: PlannedGrasp, arm_angles: NDArray[np.float64], start: NDArray[np.float64]
+    ) -> TimedPath:
+        """Plan the motion of the arm away from the object of a grasp, to arm angles f64[6]. Raises MotionPlanningError."""
+        item, pose = self._setup.objects[planned.object], self._setup.object_pose(planned.object)
+        what = f"object {planned.object}, retreat after approach {planned.approach}"
+        return self._planner.plan_to_arm_posture(what, item, pose, arm_angles, start)
+
+    def recheck(self, planned: PlannedGrasp, plan: MotionPlan, index: int, hand_angles: NDArray[np.float64]) -> None:
+        """Check the rest of a plan with measured angles f64[16] of the hand. Raises MotionPlanningError."""
+        item, pose = self._setup.objects[planned.object], self._setup.object_pose(planned.object)
+        self._planner.recheck(plan, item, pose, index, hand_angles)
+
+    def plan_campaign(self, grasps: Sequence[PlannedGrasp], start: NDArray[np.float64]) -> Iterator[PlannedMotion]:
+        """Plan the motions of all grasps in their order, from a start posture f64[j].
+
+        Before another object is placed, the arm returns to its angles at the start. An infeasible motion is yielded
+        with its error, and the next one starts where the infeasible one would have started.
+        """
+        here, previous = start, None
+        known: dict[tuple[object, ...], MotionPlan] = {}
+        for planned in grasps:
+            try:
+                if previous is not None and get_placement(previous) != get_placement(planned):
+                    here = self.plan_retreat(previous, start[:ARM_JOINTS], here).waypoints[-1]
+                    previous = None
+                key = planned.object, planned.approach, self._setup.approach(planned).open_angles.tobytes(), here.tobytes()
+                if key not in known:
+                    known[key] = self.plan_grasp(planned, here)
+            except MotionPlanningError as error:
+                yield PlannedMotion(planned, None, error)
+                continue
+            here, previous = known[key].pregrasp, planned
+            yield PlannedMotion(planned, known[key])
+
+
+class MotionExecutor:
+    """Performs planned motions at a workstation. The fingers are held in their posture while the arm moves."""
+
+    def __init__(self, setup: Setup, station: Workstation) -> None:
+        """Create the executor; the posture of the arm at this time is that of later retreats."""
+        self._station = station
+        self._planner = CampaignPlanner(setup)
+        self._hand = _HandHolder(station.hand)
+        self._start = self._measure()
+
+    def check_campaign(self, grasps: Sequence[PlannedGrasp]) -> None:
+        """Plan the motions of all grasps, before anything moves. Raises MotionPlanningError for the first infeasible one."""
+        for motion in self._planner.plan_campaign(grasps, self._start):
+            self._station.hand.update()  # detects faults of the hand, and empties the receive queue of the bus
+            if motion.error is not None:
+                raise motion.error
+
+    def move_to_pregrasp(self, planned: PlannedGrasp) -> MotionPlan:
+        """Move arm and hand from their measured posture to the pre-grasp posture of a grasp, and return the plan.
+
+        Raises MotionPlanningError before the motion, and the errors of arm and hand.
+        """
+        self._wait_for_arm(None)
+        plan = self._planner.plan_grasp(planned, self._measure())
+        for index, segment in enumerate(zip(plan.waypoints[:-1], plan.waypoints[1:], strict=True)):
+            if not np.array_equal(segment[0][:ARM_JOINTS], segment[1][:ARM_JOINTS]):
+                self._planner.recheck(planned, plan, index, self._measure()[ARM_JOINTS:])
+            self._perform_segment(TimedPath(np.stack(segment), plan.limits))
+        return plan
+
+    def retreat(self, planned: PlannedGrasp) -> None:
+        """Move the arm from its measured posture at the object of a grasp to its posture at the start."""
+        self._wait_for_arm(None)
+        path = self._planner.plan_retreat(planned, self._start[:ARM_JOINTS], self._measure())
+        for segment in zip(path.waypoints[:-1], path.waypoints[1:], strict=True):
+            self._perform_segment(TimedPath(np.stack(segment), path.limits))
+        self._station.hand.set_torque(np.zeros(JOINT_COUNT))
+
+    def _measure(self) -> NDArray[np.float64]:
+        """Measure the joint angles of arm and hand, f64[22], radians; waits for the first reports of the fingers."""
+        while True:
+            self._station.hand.update()
+            fingers = self._station.hand.read_joint_angles().angles
+            if np.isfinite(fingers).all():
+                return np.r_[self._station.arm.read_joint_angles(), fingers]
+            time.sleep(PERIOD_S)
+
+    def _perform_segment(self, path: TimedPath) -> None:
+        """Perform one straight segment, of the arm or of the hand."""
+        arm, fingers = path.waypoints[:, :ARM_JOINTS], path.waypoints[:, ARM_JOINTS:]
+        if not np.array_equal(arm[0], arm[1]):
+            self._station.arm.move_joints(arm[1], path.limits.arm_speed)
+            self._wait_for_arm(fingers[1])
+            return
+        begin_s = time.monotonic()
+        while (elapsed_s := time.monotonic() - begin_s) < path.duration_s + SETTLE_S:
+            self._hand.step(path.sample(np.array([elapsed_s]))[0, ARM_JOINTS:])
+            time.sleep(PERIOD_S)
+
+    def _wait_for_arm(self, fingers: NDArray[np.float64] | None) -> None:
+        """Wait until the arm is at rest. fingers: angles that the hand holds meanwhile; None: its torques stay.
+
+        Raises ArmTimeoutError if the arm is still moving after `ARM_TIMEOUT_S`.
+        """
+        end = time.monotonic() + ARM_TIMEOUT_S
+        while self._station.arm.is_moving:
+            if fingers is None:
+                self._station.hand.update()  # keeps the hand's reports flowing and detects its faults during the wait
+            else:
+                self._hand.step(fingers)
+            if self._station.step_arm is not None:
+                self._station.step_arm(PERIOD_S)
+            else:
+                time.sleep(PERIOD_S)
+            if time.monotonic() > end:
+                raise ArmTimeoutError(
+                    f"arm: expected to reach its target within {ARM_TIMEOUT_S:g} s, found it still moving; clear its "
+                    "path and start again"
+                )
+
+
+class _HandHolder:
+    """Position control of the hand by torques: proportional and damped, as for the held joints of a grasp."""
+
+    def __init__(self, hand: AllegroHand) -> None:
+        """Create the controller of a hand."""
+        self._hand = hand
+        self._angles: NDArray[np.float64] | None = None
+        self._speeds = np.zeros(JOINT_COUNT)
+        self._time_s = 0.0
+
+    def step(self, target: NDArray[np.float64]) -> None:
+        """Command the torques for a target f64[16], radians, from the latest reports of the hand."""
+        self._hand.update()
+        angles, now_s = self._hand.read_joint_angles().angles, time.monotonic()
+        elapsed_s = now_s - self._time_s
+        if self._angles is None or elapsed_s > 10 * PERIOD_S:
+            self._angles, self._time_s, self._speeds = angles, now_s, np.zeros(JOINT_COUNT)
+        elif elapsed_s >= PERIOD_S:
+            share = min(elapsed_s / SPEED_FILTER_S, 1.0)
+            self._speeds += share * ((angles - self._angles) / elapsed_s - self._speeds)
+            self._angles, self._time_s = angles, now_s
+        torque = HOLD_NM_PER_RAD * (target - angles) - HOLD_NM_S_PER_RAD * self._speeds
+        self._hand.set_torque(torque.clip(-TORQUE_LIMIT_NM, TORQUE_LIMIT_NM) / MAX_TORQUE_NM)

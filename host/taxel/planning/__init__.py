@@ -1,0 +1,1 @@
+"""Collision-checked motion of arm and hand."""
