@@ -5,6 +5,7 @@ the boards from their taxels, a box as table. Distances: Coal. Neither MuJoCo no
 are sampled instead of bounded.
 """
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -24,8 +25,11 @@ from taxel.types import FloatArray
 STEP_M = 0.002
 """Largest motion of a point of the hand between two samples of a path, metres; below half of the clearance."""
 
-HAND_REACH_M = 1.5
-"""Largest distance of a point of the hand from an axis of the arm, metres: length of the stretched arm and hand."""
+REACH_M = (1.5, 1.5, 1.1, 0.7, 0.6, 0.25)
+"""Largest distance of a point of the hand from each axis of the arm, metres: lengths of the links beyond, stretched."""
+
+FINGER_REACH_M = 0.25
+"""Largest distance of a point of a finger from an axis of the finger, metres."""
 
 BOARD_BACK_M = 0.002
 """Thickness of circuit and bracket under the electrodes, metres."""
@@ -48,7 +52,7 @@ class Overlap:
 
 
 class IndependentCheck:
-    """Collision check of one robot with its skin, a table at height `table_z_m`, and an object at its pose f64[4, 4]."""
+    """Collision check of a robot with its skin, a table at height `table_z_m`, and an object at its pose f64[4, 4]."""
 
     def __init__(
         self, robot: Robot, hand: Hand, table_z_m: float, grasp_object: GraspObject, object_pose: FloatArray
@@ -87,15 +91,16 @@ class IndependentCheck:
             depth_m = -self.geometry_data.distanceResults[index].min_distance
             is_contact = "object" in (self._kinds[pair.first], self._kinds[pair.second]) and self._is_in_hand(pair)
             if not is_contact or depth_m > allowed_depth_m:
-                names = (self.geometry.geometryObjects[k].name for k in (pair.first, pair.second))
-                return Overlap(*names, depth_m, sample)
+                first, second = (self.geometry.geometryObjects[k].name for k in (pair.first, pair.second))
+                return Overlap(first, second, depth_m, sample)
         return None
 
     def find_overlap_on_path(self, waypoints: FloatArray, allowed_depth_m: float = 0.0) -> Overlap | None:
         """Find the first overlap on the straight segments between waypoints f64[k, j], sampled every `STEP_M`."""
         sample = 0
-        for begin, end in zip(waypoints[:-1], waypoints[1:], strict=True):
-            count = max(1, int(np.ceil(np.abs(end - begin).sum() * HAND_REACH_M / STEP_M)))
+        for begin, end in itertools.pairwise(waypoints):
+            reach = np.r_[REACH_M, np.full(len(begin) - len(REACH_M), FINGER_REACH_M)]
+            count = max(1, int(np.ceil(np.abs(end - begin) @ reach / STEP_M)))
             for share in np.linspace(0.0, 1.0, count + 1):
                 overlap = self.find_overlap(begin + share * (end - begin), allowed_depth_m, sample)
                 if overlap is not None:
@@ -148,7 +153,7 @@ class IndependentCheck:
         """Count the joints between two joints of the tree."""
         path_a, path_b = list(self.model.supports[a]), list(self.model.supports[b])
         common = sum(x == y for x, y in zip(path_a, path_b, strict=False))
-        return len(path_a) + len(path_b) - 2 * common
+        return int(len(path_a) + len(path_b) - 2 * common)
 
     def _is_in_hand(self, pair: Any) -> bool:
         """Whether a body of a pair moves with the last joint of the arm, the sixth, or a joint of the hand."""

@@ -1,9 +1,10 @@
-"""Measure the motion planner on random starts, objects and poses: success, time, and collisions by an independent check.
+"""Measure the motion planner on random starts, objects and poses: success, time, independently found collisions.
 
 Problem k is sampled from the seed and k alone, so `--first K --problems 1` repeats it.
 """
 
 import argparse
+import functools
 import json
 import sys
 import time
@@ -39,7 +40,7 @@ SPEED_TOLERANCE = 1.0 + 1e-6
 
 @dataclass
 class Result:
-    """Result of one problem. outcome: "accepted" or the class of the error. overlap: of the independent check; "": none.
+    """Result of one problem. outcome: "accepted" or the class of the error. overlap: violation; "": none.
 
     rejected_starts: random start postures in collision that were sampled before the free one. message: of the error.
     """
@@ -56,9 +57,15 @@ class Result:
     message: str
 
 
+@functools.lru_cache(maxsize=1)
+def make_setup(hand_name: str) -> Setup:
+    """Make the workstation of a packaged hand."""
+    return Setup(load_hand(hand_name))
+
+
 def solve_problem(hand_name: str, seed: int, problem: int) -> Result:
     """Sample a problem, plan it, and check the plan."""
-    setup, rng = Setup(load_hand(hand_name)), np.random.default_rng([seed, problem])
+    setup, rng = make_setup(hand_name), np.random.default_rng([seed, problem])
     keys = sorted(ITERATIONS)
     name, approach_name = keys[rng.integers(len(keys))]
     pose = sample_object_pose(rng, setup.table_z_m)
@@ -72,9 +79,7 @@ def solve_problem(hand_name: str, seed: int, problem: int) -> Result:
         plan = planner.plan(f"object {name}, approach {approach_name}", item, pose, approach, start)
     except MotionPlanningError as error:
         elapsed = time.process_time() - begin
-        return Result(
-            problem, name, approach_name, type(error).__name__, elapsed, 0.0, 0, rejected, "", str(error)
-        )
+        return Result(problem, name, approach_name, type(error).__name__, elapsed, 0.0, 0, rejected, "", str(error))
     elapsed = time.process_time() - begin
     check = IndependentCheck(setup.kinematics.robot, setup.hand, setup.table_z_m, item, pose)
     problem_text = find_violation(plan, planner, check, (setup.hand.layer_m or 0.0) + CONTACT_DEPTH_M)
@@ -143,6 +148,12 @@ def summarise(results: list[Result]) -> dict[str, object]:
     }
 
 
+def read_results(path: Path) -> dict[int, Result]:
+    """Read the results of an interrupted measurement, by number of the problem."""
+    results = [Result(**json.loads(line)) for line in path.read_text().splitlines()]
+    return {result.problem: result for result in results}
+
+
 def main() -> int:
     """Run the problems, print the summary, and exit with status 1 if an accepted plan has a violation."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -151,21 +162,22 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--hand", default="original", help="original or allegro")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--out", type=Path, help="JSON file of all results")
+    parser.add_argument("--out", type=Path, help="file of all results, one JSON object a line; continued if it exists")
     options = parser.parse_args()
-    numbers = range(options.first, options.first + options.problems)
+    results = read_results(options.out) if options.out is not None and options.out.exists() else {}
+    numbers = [k for k in range(options.first, options.first + options.problems) if k not in results]
+    solve = functools.partial(solve_problem, options.hand, options.seed)
     with ProcessPoolExecutor(options.jobs) as pool:
-        count = len(numbers)
-        results = list(
-            pool.map(solve_problem, [options.hand] * count, [options.seed] * count, numbers, chunksize=4)
-        )
-    summary = summarise(results)
-    for result in results:
+        for result in pool.map(solve, numbers, chunksize=1):
+            results[result.problem] = result
+            if options.out is not None:
+                with options.out.open("a") as lines:
+                    lines.write(json.dumps(asdict(result)) + "\n")
+    summary = summarise(list(results.values()))
+    for result in results.values():
         if result.overlap:
             print(f"problem {result.problem}: {result.object}, {result.approach}: {result.overlap}")
     print(json.dumps(summary, indent=1))
-    if options.out is not None:
-        options.out.write_text(json.dumps({"summary": summary, "results": [asdict(one) for one in results]}))
     return 1 if summary["accepted_in_collision_or_beyond_limits"] else 0
 
 

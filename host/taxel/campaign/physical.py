@@ -133,7 +133,7 @@ def _perform_grasp(
         joints = control_grasp(
             station.hand, controller, 0.0, timeline.duration_s, schedule.wait_for_period, schedule.on_period
         )
-        time.sleep(LATE_FRAMES_S)
+        motion.hold(LATE_FRAMES_S)
         return schedule, joints, collector.frames()
 
     schedule, joints, frames = _run_or_stop(station, perform)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +15,7 @@ from numpy.typing import NDArray
 from taxel.campaign.grasp_control import PERIOD_S, SPEED_FILTER_S
 from taxel.campaign.setup import Setup
 from taxel.errors import TaxelError
-from taxel.grasp.controller import HOLD_NM_PER_RAD, HOLD_NM_S_PER_RAD, TORQUE_LIMIT_NM
+from taxel.grasp.controller import TORQUE_LIMIT_NM
 from taxel.grasp.plan import PlannedGrasp
 from taxel.hand.allegro.driver import AllegroHand
 from taxel.hand.allegro.joints import JOINT_COUNT
@@ -24,7 +27,17 @@ from taxel.planning.planner import MotionPlanner, PlannerSettings
 from taxel.planning.timing import TimedPath
 from taxel.skin import Skin
 
+_T = TypeVar("_T")
+
 ARM_TIMEOUT_S = 60.0
+
+HOLD_NM_PER_RAD = 3.0
+HOLD_NM_S_PER_RAD = 0.1
+"""Stiffness and damping of the joints of the hand between two grasps (chosen).
+
+A load of 0.05 Nm, the weight of a finger, deflects a joint by 0.017 rad. Below the gains of the held joints in a grasp,
+so that the control stays stable while a plan is computed in another thread.
+"""
 
 SETTLE_S = 0.1
 """Time after a motion of the hand in which its joints reach the end of the path, seconds (chosen)."""
@@ -79,7 +92,10 @@ class CampaignPlanner:
     def plan_retreat(
         self, planned: PlannedGrasp, arm_angles: NDArray[np.float64], start: NDArray[np.float64]
     ) -> TimedPath:
-        """Plan the motion of the arm away from the object of a grasp, to arm angles f64[6]. Raises MotionPlanningError."""
+        """Plan the motion of the arm away from the object of a grasp, to arm angles f64[6].
+
+        Raises MotionPlanningError.
+        """
         item, pose = self._setup.objects[planned.object], self._setup.object_pose(planned.object)
         what = f"object {planned.object}, retreat after approach {planned.approach}"
         return self._planner.plan_to_arm_posture(what, item, pose, arm_angles, start)
@@ -102,7 +118,12 @@ class CampaignPlanner:
                 if previous is not None and get_placement(previous) != get_placement(planned):
                     here = self.plan_retreat(previous, start[:ARM_JOINTS], here).waypoints[-1]
                     previous = None
-                key = planned.object, planned.approach, self._setup.approach(planned).open_angles.tobytes(), here.tobytes()
+                key = (
+                    planned.object,
+                    planned.approach,
+                    self._setup.approach(planned).open_angles.tobytes(),
+                    here.tobytes(),
+                )
                 if key not in known:
                     known[key] = self.plan_grasp(planned, here)
             except MotionPlanningError as error:
@@ -121,11 +142,15 @@ class MotionExecutor:
         self._planner = CampaignPlanner(setup)
         self._hand = _HandHolder(station.hand)
         self._start = self._measure()
+        self._fingers: NDArray[np.float64] | None = None  # the held hand posture; None: no torques
 
     def check_campaign(self, grasps: Sequence[PlannedGrasp]) -> None:
-        """Plan the motions of all grasps, before anything moves. Raises MotionPlanningError for the first infeasible one."""
+        """Plan the motions of all grasps, before anything moves.
+
+        Raises MotionPlanningError for the first infeasible one.
+        """
         for motion in self._planner.plan_campaign(grasps, self._start):
-            self._station.hand.update()  # detects faults of the hand, and empties the receive queue of the bus
+            self._update_hand()
             if motion.error is not None:
                 raise motion.error
 
@@ -134,21 +159,49 @@ class MotionExecutor:
 
         Raises MotionPlanningError before the motion, and the errors of arm and hand.
         """
-        self._wait_for_arm(None)
-        plan = self._planner.plan_grasp(planned, self._measure())
+        self._wait_for_arm()
+        start = self._measure()
+        plan = self._hold_during(lambda: self._planner.plan_grasp(planned, start))
         for index, segment in enumerate(zip(plan.waypoints[:-1], plan.waypoints[1:], strict=True)):
             if not np.array_equal(segment[0][:ARM_JOINTS], segment[1][:ARM_JOINTS]):
-                self._planner.recheck(planned, plan, index, self._measure()[ARM_JOINTS:])
+                fingers = self._measure()[ARM_JOINTS:]
+                self._hold_during(functools.partial(self._planner.recheck, planned, plan, index, fingers))
             self._perform_segment(TimedPath(np.stack(segment), plan.limits))
+        self._fingers = plan.pregrasp[ARM_JOINTS:]
         return plan
 
     def retreat(self, planned: PlannedGrasp) -> None:
         """Move the arm from its measured posture at the object of a grasp to its posture at the start."""
-        self._wait_for_arm(None)
-        path = self._planner.plan_retreat(planned, self._start[:ARM_JOINTS], self._measure())
+        self._wait_for_arm()
+        start = self._measure()
+        path = self._hold_during(lambda: self._planner.plan_retreat(planned, self._start[:ARM_JOINTS], start))
         for segment in zip(path.waypoints[:-1], path.waypoints[1:], strict=True):
             self._perform_segment(TimedPath(np.stack(segment), path.limits))
+        self._fingers = None
         self._station.hand.set_torque(np.zeros(JOINT_COUNT))
+
+    def hold(self, duration_s: float) -> None:
+        """Hold the fingers in the open posture of the last plan for a duration, seconds."""
+        self._hold_during(functools.partial(time.sleep, duration_s))
+
+    def _hold_during(self, action: Callable[[], _T]) -> _T:
+        """Return the result of an action, which runs in another thread while the fingers hold their posture.
+
+        Without held posture the reports of the hand are read, so that they do not accumulate.
+        """
+        with ThreadPoolExecutor(1) as pool:
+            future = pool.submit(action)
+            while not future.done():
+                self._update_hand()
+                time.sleep(PERIOD_S)
+            return future.result()
+
+    def _update_hand(self) -> None:
+        """Read the reports of the hand, which detects its faults, and command the torques of the held posture."""
+        if self._fingers is None:
+            self._station.hand.update()
+        else:
+            self._hand.step(self._fingers)
 
     def _measure(self) -> NDArray[np.float64]:
         """Measure the joint angles of arm and hand, f64[22], radians; waits for the first reports of the fingers."""
@@ -156,32 +209,28 @@ class MotionExecutor:
             self._station.hand.update()
             fingers = self._station.hand.read_joint_angles().angles
             if np.isfinite(fingers).all():
-                return np.r_[self._station.arm.read_joint_angles(), fingers]
+                return np.concatenate([self._station.arm.read_joint_angles(), fingers])
             time.sleep(PERIOD_S)
 
     def _perform_segment(self, path: TimedPath) -> None:
         """Perform one straight segment, of the arm or of the hand."""
         arm, fingers = path.waypoints[:, :ARM_JOINTS], path.waypoints[:, ARM_JOINTS:]
         if not np.array_equal(arm[0], arm[1]):
+            self._fingers = fingers[1]
             self._station.arm.move_joints(arm[1], path.limits.arm_speed)
-            self._wait_for_arm(fingers[1])
+            self._wait_for_arm()
             return
         begin_s = time.monotonic()
         while (elapsed_s := time.monotonic() - begin_s) < path.duration_s + SETTLE_S:
-            self._hand.step(path.sample(np.array([elapsed_s]))[0, ARM_JOINTS:])
+            self._fingers = path.sample(np.array([elapsed_s]))[0, ARM_JOINTS:]
+            self._update_hand()
             time.sleep(PERIOD_S)
 
-    def _wait_for_arm(self, fingers: NDArray[np.float64] | None) -> None:
-        """Wait until the arm is at rest. fingers: angles that the hand holds meanwhile; None: its torques stay.
-
-        Raises ArmTimeoutError if the arm is still moving after `ARM_TIMEOUT_S`.
-        """
+    def _wait_for_arm(self) -> None:
+        """Wait until the arm is at rest. Raises ArmTimeoutError if it is still moving after `ARM_TIMEOUT_S`."""
         end = time.monotonic() + ARM_TIMEOUT_S
         while self._station.arm.is_moving:
-            if fingers is None:
-                self._station.hand.update()  # keeps the hand's reports flowing and detects its faults during the wait
-            else:
-                self._hand.step(fingers)
+            self._update_hand()
             if self._station.step_arm is not None:
                 self._station.step_arm(PERIOD_S)
             else:

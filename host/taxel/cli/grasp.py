@@ -31,7 +31,10 @@ def grasp(
     source: Annotated[
         str, typer.Option(help=f"{', '.join(SOURCES)}. both: real.h5 (emulated) and sim.h5 in the folder --out.")
     ],
-    out: Annotated[Path, typer.Option(help="Dataset to write; a folder for --source both.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Dataset to write; a folder for --source both. Required, except with --check-motion."),
+    ] = None,
     seed: Seed = 1,
     sessions: Annotated[int, typer.Option(help="Number of sessions over which the grasps are distributed.")] = 6,
     grasps: Annotated[int | None, typer.Option(min=1, help="Number of grasps. Default: all 144.")] = None,
@@ -60,6 +63,19 @@ def grasp(
     skin: Annotated[str, typer.Option(help="Physical: URL of the skin.")] = "serial:///dev/ttyUSB0",
     can: Annotated[str, typer.Option(help="Physical: CAN channel of the hand.")] = "can:socketcan:can0",
     arm: Annotated[str, typer.Option(help="Physical: rtde:HOST or simulated.")] = "rtde:192.168.0.100",
+    check_motion: Annotated[
+        bool,
+        typer.Option(
+            "--check-motion",
+            help="Physical: plan the motions of arm and hand without hardware, print them, and write no dataset.",
+        ),
+    ] = False,
+    arm_start: Annotated[
+        str | None,
+        typer.Option(
+            help="With --check-motion: six start angles of the arm, degrees. Default: 0,-90,0,-90,0,0 (upright)."
+        ),
+    ] = None,
     jobs: Jobs = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted campaign.")] = False,
     overwrite: Overwrite = False,
@@ -69,7 +85,8 @@ def grasp(
 
     The result is a grasp dataset: raw counts, times, phases, joint angles and poses.
 
-    Examples: taxel grasp --source both --out out/campaign; taxel grasp --source sim --grasps 10 --out sim.h5
+    Examples: taxel grasp --source both --out out/campaign; taxel grasp --source sim --grasps 10 --out sim.h5; taxel
+    grasp --source physical --check-motion
     """
     plan = _select_plan(seed, sessions, grasps, objects or ())
     level = _parse_level(sensing)
@@ -77,6 +94,13 @@ def grasp(
     emulated = EmulatedSettings(seed=seed, effects=_parse_effects(effects or (), no_effects))
     sim = SimSettings(seed=seed, sensing=Sensing(level))
     console = Console(stderr=as_json, markup=False)
+    if check_motion or arm_start is not None:
+        from taxel.cli.grasp_motion import check_motions  # needs the extra `hand`
+
+        check_motions(setup, plan, source, check_motion, arm_start, as_json)
+        return
+    if out is None:
+        raise TaxelError("--out: expected the dataset to write, found none; give --out FILE")
     paths = _output_files(source, out, overwrite or resume)
     if "emulated" in paths:
         path = paths["emulated"]

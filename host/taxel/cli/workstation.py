@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
-from taxel.campaign.physical import Workstation
+from taxel.campaign.planned_motion import Workstation
 from taxel.errors import TaxelError
 from taxel.hand import Hand
 from taxel.hand.allegro import AllegroHand, open_bus

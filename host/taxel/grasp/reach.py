@@ -80,14 +80,14 @@ class ArmReach:
         """Names of the arm's joints that the solver computes, in the order of the robot."""
         return tuple(self.robot.joint_names[column] for column in self._chain.columns)
 
-    def solve(self, palm_pose: FloatArray, near: FloatArray | None = None) -> FloatArray:
+    def solve(self, palm_pose: FloatArray, near: FloatArray | None = None, iterations: int = ITERATIONS) -> FloatArray:
         """Solve for the joint angles f64[a], radians, that place the arm's link at `palm_pose` f64[4, 4], to 1e-9 m.
 
-        near: f64[a]; start angles of the search (for a path); None: the best-conditioned solution. Raises
-        UnreachableError.
+        near: f64[a]; start angles of the search (for a path); None: the best-conditioned solution. iterations: number
+        of steps; a few suffice near the solution. Raises UnreachableError.
         """
         angles = self._make_start_angles() if near is None else np.clip(near, self._lower, self._upper)[None]
-        solutions = self._search(angles, palm_pose, near is None)
+        solutions = self._search(angles, palm_pose, near is None, iterations)
         return np.asarray(solutions[np.argmax(self._compute_score(solutions))])
 
     def solve_all(self, palm_pose: FloatArray) -> FloatArray:
@@ -103,12 +103,14 @@ class ArmReach:
                 distinct.append(solutions[index])
         return np.stack(distinct)
 
-    def _search(self, angles: FloatArray, palm_pose: FloatArray, unwinds: bool) -> FloatArray:
+    def _search(
+        self, angles: FloatArray, palm_pose: FloatArray, unwinds: bool, iterations: int = ITERATIONS
+    ) -> FloatArray:
         """Search from start angles f64[starts, a] for the solutions f64[k, a], k > 0. Raises UnreachableError.
 
         unwinds: move the angles by full turns into -pi..pi where the limits allow.
         """
-        for _ in range(ITERATIONS):
+        for _ in range(iterations):
             angles = self._improve(angles, palm_pose)
         if unwinds:
             angles = self._unwind(angles)

@@ -69,7 +69,7 @@ class Surroundings:
 
 @dataclass(frozen=True)
 class Body:
-    """One convex body. label: its name in messages. link: its link; TABLE, STAND or OBJECT. in_hand: below the wrist."""
+    """One convex body. label: name in messages. link: its link, TABLE, STAND or OBJECT. in_hand: below the wrist."""
 
     label: str
     link: str
@@ -230,7 +230,7 @@ class BodyModel:
 
 
 def compute_board_vertices(hand: Hand, board: Board) -> FloatArray:
-    """Compute the vertices f64[v, 3] of the convex hull of a board with bracket and soft layer, bracket frame, metres."""
+    """Compute the vertices f64[v, 3] of the hull of a board with bracket and soft layer, bracket frame, metres."""
     sheet = build_sheet(hand)
     on_board = sheet.board_index == hand.boards.index(board)
     position, normal, distal = sheet.position[on_board], sheet.normal[on_board], sheet.distal[on_board]
@@ -276,7 +276,9 @@ def _write_links(robot: Robot, parent: str, geoms: dict[str, list[str]]) -> str:
     text = ""
     for joint in robot.joints:
         if joint.parent == parent:
-            hinge = "" if joint.axis is None else f'<joint name={quoteattr(joint.name)} axis="{_write_row(joint.axis)}"/>'
+            hinge = (
+                "" if joint.axis is None else f'<joint name={quoteattr(joint.name)} axis="{_write_row(joint.axis)}"/>'
+            )
             inner = "".join(geoms.get(joint.child, [])) + _write_links(robot, joint.child, geoms)
             text += f"<body {_write_pose(joint.origin)}>{hinge}{inner}</body>"
     return text

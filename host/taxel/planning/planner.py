@@ -74,7 +74,10 @@ With one turn only, one of 27 random problems had no path; more goals cost 5 ms 
 """
 
 VIA_CANDIDATES: Final = 100
-"""Largest number of random arm postures that are checked as intermediate ones (chosen): about a tenth of them is free."""
+"""Largest number of random arm postures that are checked as intermediate ones (chosen); about a tenth is free."""
+
+NEAR_ITERATIONS: Final = 15
+"""Steps of the inverse kinematics over the 20 mm of an approach; about five suffice away from a singularity."""
 
 _CURLED_JOINT = 14  # of the sixteen hand joints: the third joint of the thumb
 _SAME_POSTURE_RAD: Final = 1e-9
@@ -170,7 +173,7 @@ class MotionPlanner:
         required = np.full(len(clearances.all_pairs), START_CLEARANCE_M)
         waypoints = plan.waypoints[index:].copy()
         waypoints[:, ARM_JOINTS:] = hand_angles
-        for begin, end in zip(waypoints[:-1], waypoints[1:], strict=True):
+        for begin, end in itertools.pairwise(waypoints):
             if np.array_equal(begin[:ARM_JOINTS], end[:ARM_JOINTS]):
                 break  # the hand moves again; the next check uses its next measured angles
             if (collision := clearances.check_segment(begin, end, required)) is not None:
@@ -242,9 +245,7 @@ class MotionPlanner:
             "move the object or change the approach",
         )
 
-    def _solve_arm(
-        self, what: str, object_pose: FloatArray, approach: Approach
-    ) -> list[tuple[FloatArray, FloatArray]]:
+    def _solve_arm(self, what: str, object_pose: FloatArray, approach: Approach) -> list[tuple[FloatArray, FloatArray]]:
         """Solve for all arm postures (at the object, before the approach) of an approach; cached.
 
         Raises UnreachablePoseError.
@@ -279,7 +280,7 @@ class MotionPlanner:
     def _solve_near(self, palm_pose: FloatArray, near: FloatArray) -> FloatArray | None:
         """Solve for the arm posture f64[6] of a palm pose near another posture; None if the pose is out of reach."""
         try:
-            return self._reach.solve(palm_pose, near=near)
+            return self._reach.solve(palm_pose, near=near, iterations=NEAR_ITERATIONS)
         except UnreachableError:
             return None
 
@@ -294,7 +295,7 @@ class MotionPlanner:
             yield posture
 
     def _find_turns(self, start: FloatArray, grasping: FloatArray, pregrasp: FloatArray) -> FloatArray:
-        """Find the full turns f64[k, 6], radians, of an arm posture within the joint limits, nearest to the start first.
+        """Find the full turns f64[k, 6], radians, of an arm posture within the limits, nearest to the start first.
 
         At most `TURNS` of them. A joint that is a turn away gives the same pose, but may be reached on a freer path.
         """
@@ -359,9 +360,7 @@ class _PathSearch:
                 waypoints, goal = part
                 is_step = np.r_[True, np.abs(np.diff(waypoints, axis=0)).max(axis=1) > _SAME_POSTURE_RAD]
                 return waypoints[is_step], goal
-        collision = self._clearances.check_segment(
-            self._start, np.r_[goals[0].pregrasp, goals[0].hand], self._required
-        )
+        collision = self._clearances.check_segment(self._start, np.r_[goals[0].pregrasp, goals[0].hand], self._required)
         blocked = "" if collision is None else f"; on the straight path: {_describe(self._clearances, collision)}"
         raise NoPathError(
             what,
@@ -375,7 +374,9 @@ class _PathSearch:
         """Yield paths, or None for a failed attempt: hand first, arm first, and by way of a random arm posture."""
         arm, hand = self._start[:ARM_JOINTS], self._start[ARM_JOINTS:]
         target = goals[0].hand  # of all goals
-        yield self._join(self._move_hand(arm, hand, target, settings, rng), arm, goals, settings.iterations, settings, rng)
+        yield self._join(
+            self._move_hand(arm, hand, target, settings, rng), arm, goals, settings.iterations, settings, rng
+        )
         if (found := self._move_arm(arm, hand, goals, settings.iterations // 3, settings, rng)) is not None:
             path, goal = found
             fingers = self._move_hand(goal.pregrasp, hand, target, settings, rng)
@@ -401,13 +402,13 @@ class _PathSearch:
         candidates += [low + rng.uniform(size=ARM_JOINTS) * (high - low) for _ in range(VIA_CANDIDATES)]
         count = 0
         for via in candidates:
+            if count == settings.via_postures:
+                return
             postures = (np.r_[via, fingers] for fingers in (self._start[ARM_JOINTS:], goals[0].hand))
             if any(self._clearances.find_collision(posture, self._required) is not None for posture in postures):
                 continue
             yield via
             count += 1
-            if count == settings.via_postures:
-                return
 
     def _join(
         self,

@@ -84,7 +84,7 @@ class TimedPath:
         return float(self.durations_s.sum())
 
     def sample(self, times_s: FloatArray) -> FloatArray:
-        """Compute the joint angles f64[t, j] at times f64[t] after the start; before and after it, those of the ends."""
+        """Compute the joint angles f64[t, j] at times f64[t] after the start; outside the path, those of its ends."""
         ends = np.cumsum(self.durations_s)
         result = np.empty((len(times_s), self.waypoints.shape[1]))
         profiles = self._make_profiles()

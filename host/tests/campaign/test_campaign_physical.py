@@ -100,11 +100,12 @@ def test_frames_of_an_untouched_skin_are_valid_and_at_the_baseline(finished_camp
 def test_joint_angles_are_those_of_the_arm_and_the_hand(finished_campaign, setup, plan):
     with GraspDataset(finished_campaign[0]) as data:
         for planned, grasp in zip(plan, data, strict=True):
-            grasping, withdrawn = setup.arm_path(planned)
-            assert grasp.joint_position[grasp.phase == Phase.BASELINE][:, :6] == pytest.approx(
-                np.tile(withdrawn, ((grasp.phase == Phase.BASELINE).sum(), 1)), abs=1e-9
-            )
-            assert grasp.joint_position[grasp.phase == Phase.HOLD][-1, :6] == pytest.approx(grasping, abs=1e-6)
+            approach, object_pose = setup.approach(planned), setup.object_pose(planned.object)
+            baseline = grasp.joint_position[grasp.phase == Phase.BASELINE][:, :6]
+            withdrawn = setup.wrist_poses(baseline) - object_pose @ approach.compute_palm_pose_at(1.0)
+            assert np.abs(withdrawn).max() < 1e-8
+            held = setup.wrist_poses(grasp.joint_position[grasp.phase == Phase.HOLD][-1:, :6])[0]
+            assert held == pytest.approx(object_pose @ approach.compute_palm_pose_at(0.0), abs=1e-6)
             closing = setup.approach(planned).torque > 0
             hold = grasp.joint_position[grasp.phase == Phase.HOLD][-1, 6:]
             assert (hold[closing] > 0.3).all()  # without an object, the fingers close fully
@@ -189,7 +190,9 @@ def test_an_arm_that_does_not_reach_its_target_ends_the_campaign(setup, plan, tm
             stops.append(1)
 
     with open_rig(setup) as rig:
-        station = Workstation(StuckArm(UPRIGHT_RAD), rig.station.hand, rig.station.skin, lambda seconds: time.sleep(0.01))
+        station = Workstation(
+            StuckArm(UPRIGHT_RAD), rig.station.hand, rig.station.skin, lambda seconds: time.sleep(0.01)
+        )
         with pytest.raises(ArmTimeoutError, match=r"^arm: expected to reach its target within 0.2 s, .*$"):
             run_physical(tmp_path / "real.h5", plan, station, PhysicalSettings(SHORT_TIMELINE), setup)
     assert stops

@@ -1,0 +1,88 @@
+"""`taxel grasp --check-motion`: plan the motions of a physical campaign without hardware."""
+
+import json
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from taxel.campaign.planned_motion import CampaignPlanner, PlannedMotion
+from taxel.campaign.setup import Setup
+from taxel.errors import TaxelError
+from taxel.grasp.plan import PlannedGrasp
+from taxel.hand.arm.base import ARM_JOINT_NAMES, UPRIGHT_RAD
+from taxel.types import FloatArray
+
+
+def check_motions(
+    setup: Setup, grasps: Sequence[PlannedGrasp], source: str, is_requested: bool, arm_start: str | None, as_json: bool
+) -> None:
+    """Plan the motions of all grasps in their order, and print one row for each, or a JSON list.
+
+    source, is_requested, arm_start: options --source, --check-motion and --arm-start. Raises TaxelError for wrong
+    options, and after the output if a motion is infeasible.
+    """
+    if not is_requested:
+        raise TaxelError("--arm-start: expected --check-motion, found none; a physical arm reports its own start")
+    if source != "physical":
+        raise TaxelError(f"--check-motion: expected --source physical, found --source {source}")
+    start = np.r_[_parse_angles(arm_start), _make_relaxed_hand(setup)]
+    motions = list(CampaignPlanner(setup).plan_campaign(grasps, start))
+    if as_json:
+        print(json.dumps([_describe(motion) for motion in motions]))
+    else:
+        _print_table(motions)
+    infeasible = [motion.error for motion in motions if motion.error is not None]
+    if infeasible:
+        others = f"; {len(infeasible) - 1} more of {len(motions)} motions are infeasible" if len(infeasible) > 1 else ""
+        raise TaxelError(f"{infeasible[0]}{others}")
+
+
+def _parse_angles(text: str | None) -> FloatArray:
+    """Parse the option --arm-start: six angles in degrees, separated by commas; f64[6] radians. Raises TaxelError."""
+    if text is None:
+        return np.array(UPRIGHT_RAD)
+    try:
+        angles = [math.radians(float(part)) for part in text.split(",")]
+    except ValueError:
+        angles = []
+    if len(angles) != len(ARM_JOINT_NAMES) or not all(math.isfinite(angle) for angle in angles):
+        raise TaxelError(f"--arm-start: expected six angles in degrees such as 0,-90,0,-90,0,0, found '{text}'")
+    return np.array(angles)
+
+
+def _make_relaxed_hand(setup: Setup) -> FloatArray:
+    """Make the hand posture at the start, f64[16], radians: the angle of each joint that is nearest to 0."""
+    robot, arm = setup.kinematics.robot, len(ARM_JOINT_NAMES)
+    return np.clip(np.zeros(len(robot.joint_names) - arm), robot.lower[arm:], robot.upper[arm:])
+
+
+def _describe(motion: PlannedMotion) -> dict[str, object]:
+    """Describe a motion for JSON."""
+    grasp, plan = motion.planned, motion.plan
+    return {
+        "id": grasp.id,
+        "object": grasp.object,
+        "approach": grasp.approach,
+        "feasible": plan is not None,
+        "waypoints_rad": None if plan is None else [*plan.waypoints.tolist(), plan.grasping.tolist()],
+        "duration_s": None if plan is None else plan.duration_s,
+        "error": None if motion.error is None else str(motion.error),
+    }
+
+
+def _print_table(motions: Sequence[PlannedMotion]) -> None:
+    """Print one row for each motion."""
+    table = Table(title="planned motions of arm and hand")
+    for heading in ("grasp", "object", "approach", "waypoints", "duration, s", "result"):
+        table.add_column(heading, justify="right" if heading in {"waypoints", "duration, s"} else "left")
+    for motion in motions:
+        grasp, plan = motion.planned, motion.plan
+        numbers = ("", "") if plan is None else (str(len(plan.waypoints) + 1), f"{plan.duration_s:.1f}")
+        result = "free" if motion.error is None else motion.error.problem.split(":")[0]
+        table.add_row(
+            grasp.id.split("_")[0] + "_" + grasp.id.split("_")[1], grasp.object, grasp.approach, *numbers, result
+        )
+    Console(markup=False).print(table)
