@@ -15,12 +15,14 @@ import pytest
 from taxel.campaign import planned_motion
 from taxel.campaign.physical import PhysicalSettings, run_physical
 from taxel.campaign.planned_motion import ArmTimeoutError, Workstation
+from taxel.campaign.setup import Setup
 from taxel.cli.workstation import open_workstation
 from taxel.errors import TaxelError
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand.allegro import AllegroHand, FreeJoints, VirtualAllegro
 from taxel.hand.allegro.errors import AllegroSilentError
 from taxel.hand.arm import UPRIGHT_RAD, SimulatedArm
+from taxel.planning.errors import MotionPlanningError
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.skin import open_skin
@@ -28,7 +30,7 @@ from taxel.skin import open_skin
 CHANNELS = itertools.count()
 LONG_TIMELINE = Timeline(baseline_s=0.5, closing_s=0.5, hold_s=0.6, release_s=0.4, recovery_s=0.2)
 SHORT_TIMELINE = Timeline(baseline_s=0.3, closing_s=0.2, hold_s=0.3, release_s=0.2, recovery_s=0.1)
-SILENCE_LIMIT_S = 1.2
+SILENCE_LIMIT_S = 3.0
 """Long limit of the driver, because a loaded machine can suspend the thread of the virtual hand."""
 
 
@@ -221,3 +223,38 @@ def test_a_missing_skin_leaves_the_hand_switched_off(setup, tmp_path, monkeypatc
         finally:
             stop.set()
             thread.join()
+
+
+@pytest.mark.parametrize(
+    ("angles", "shift_m", "expected"),
+    [
+        (
+            (0.0,) * 6,
+            0.0,
+            r"^object cylinder, approach side_\d: start posture in collision: .* and table overlap by .*$",
+        ),
+        (UPRIGHT_RAD, 1.2, r"^object cylinder, approach side_\d: unreachable: the arm cannot place the palm at .*$"),
+    ],
+    ids=["start posture in collision", "unreachable object"],
+)
+def test_an_infeasible_motion_is_reported_before_anything_moves(angles, shift_m, expected, plan, tmp_path):
+    class ShiftedSetup(Setup):
+        def object_pose(self, name: str) -> np.ndarray:
+            pose = super().object_pose(name).copy()
+            pose[0, 3] += shift_m
+            return pose
+
+    setup, placements = ShiftedSetup(), []
+    with open_rig(setup) as rig:
+        arm = SimulatedArm(angles)
+        station = Workstation(arm, rig.station.hand, rig.station.skin, arm.step)
+        with pytest.raises(MotionPlanningError, match=expected) as caught:
+            run_physical(
+                tmp_path / "real.h5", plan, station, PhysicalSettings(SHORT_TIMELINE, placements.append), setup
+            )
+        assert arm.read_joint_angles() == pytest.approx(angles)
+        assert not rig.virtual.torque_command.any()
+    assert "\n" not in str(caught.value)
+    assert placements == []
+    with GraspDataset(tmp_path / "real.h5") as data:
+        assert data.ids == ()

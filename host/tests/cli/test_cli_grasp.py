@@ -45,6 +45,42 @@ def test_an_invalid_option_gives_one_error_line_and_creates_no_file(arguments, e
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["--source", "sim"], "taxel: --out: expected the dataset to write, found none; give --out FILE"),
+        (
+            ["--source", "sim", "--check-motion"],
+            "taxel: --check-motion: expected --source physical, found --source sim",
+        ),
+        (
+            ["--source", "physical", "--arm-start", "0,0,0,0,0,0"],
+            "taxel: --arm-start: expected --check-motion, found none; a physical arm reports its own start",
+        ),
+        (
+            ["--source", "physical", "--check-motion", "--arm-start", "0,x"],
+            "taxel: --arm-start: expected six angles in degrees such as 0,-90,0,-90,0,0, found '0,x'",
+        ),
+    ],
+)
+def test_wrong_options_of_a_motion_check_give_one_line(arguments, expected, capsys):
+    assert run_refused_command(capsys, "grasp", *arguments) == expected
+
+
+def test_a_motion_check_prints_the_plan_and_names_an_infeasible_start(capsys):
+    arguments = ["grasp", "--source", "physical", "--check-motion", "--grasps", "1", "--json"]
+    assert run_taxel(*arguments) == 0
+    (motion,) = json.loads(capsys.readouterr().out)
+    assert motion["feasible"]
+    assert motion["duration_s"] > 0
+    assert len(motion["waypoints_rad"][0]) == 22
+    assert run_taxel(*arguments, "--arm-start", "0,0,0,0,0,0") == 1
+    captured = capsys.readouterr()
+    assert not json.loads(captured.out)[0]["feasible"]
+    assert "start posture in collision: " in captured.err
+    assert len(captured.err.strip().splitlines()) == 1
+
+
 def test_an_effect_refused_by_the_emulator_is_named_in_the_error(capsys, tmp_path):
     out = tmp_path / "real.h5"
     assert run_taxel("grasp", "--source", "emulated", "--out", out, "--effect", "noise x") == 1

@@ -100,12 +100,12 @@ def test_an_object_below_the_table_gives_one_line_with_the_first_pair(planner, s
 
 
 def test_a_motion_without_a_path_gives_one_line(plan, setup, planned):
-    """From one side of the cylinder to the other, no straight segment is free, and no random posture is permitted."""
+    """From one side of the cylinder to the next, no straight segment is free, and no random posture is permitted."""
     planner = MotionPlanner(
         setup.kinematics.robot, setup.hand, setup.table_z_m, PlannerSettings(iterations=0, via_postures=0)
     )
     with pytest.raises(NoPathError, match=r"no collision-free path .* within 0 random postures; .*$") as caught:
-        plan_with(planner, setup, replace(planned, approach="side_3"), plan.pregrasp)
+        plan_with(planner, setup, replace(planned, approach="side_2"), plan.pregrasp)
     assert "\n" not in str(caught.value)
 
 
