@@ -96,6 +96,7 @@ def run_physical(
                 out.add(_perform_grasp(setup, planned, station, settings.timeline, collector, motion), planned.id)
                 previous, done = planned, done + 1
                 progress(done, len(plan))
+        motion.release()
 
 
 def _run_or_stop(station: Workstation, action: Callable[[], _T]) -> _T:

@@ -177,6 +177,10 @@ class MotionExecutor:
         path = self._hold_during(lambda: self._planner.plan_retreat(planned, self._start[:ARM_JOINTS], start))
         for segment in zip(path.waypoints[:-1], path.waypoints[1:], strict=True):
             self._perform_segment(TimedPath(np.stack(segment), path.limits))
+        self.release()
+
+    def release(self) -> None:
+        """Hold the fingers no longer: their torques are zero."""
         self._fingers = None
         self._station.hand.set_torque(np.zeros(JOINT_COUNT))
 
