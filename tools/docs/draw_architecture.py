@@ -26,6 +26,7 @@ NOTES: Final = {
     "taxel.emulated": "scene and contact of the emulated skin",
     "taxel.gap": "diagnosis of the gap",
     "taxel.generate": "synthetic grasps at scale",
+    "taxel.planning": "motions without collisions",
     "taxel.grasp": "objects, approaches, grasp plan, calibration",
     "taxel.hand": "hand description, taxel positions, kinematics, drivers of hand and arm",
     "taxel.link": "bytes in and out: serial port, I2C, CAN, emulator, recording",

@@ -89,7 +89,7 @@ class PlannerSettings:
 
     seed: of the random search; equal inputs give equal plans. iterations: largest number of random postures of a
     search. via_postures: number of intermediate arm postures that are tried for a motion of the hand if neither the
-    start nor the goal posture has room for it. limits: speeds and accelerations.
+    start nor the goal posture permits it. limits: speeds and accelerations.
     """
 
     seed: int = 1

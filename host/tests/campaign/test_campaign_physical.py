@@ -106,8 +106,8 @@ def test_joint_angles_are_those_of_the_arm_and_the_hand(finished_campaign, setup
             baseline = grasp.joint_position[grasp.phase == Phase.BASELINE][:, :6]
             withdrawn = setup.wrist_poses(baseline) - object_pose @ approach.compute_palm_pose_at(1.0)
             assert np.abs(withdrawn).max() < 1e-8
-            held = setup.wrist_poses(grasp.joint_position[grasp.phase == Phase.HOLD][-1:, :6])[0]
-            assert held == pytest.approx(object_pose @ approach.compute_palm_pose_at(0.0), abs=1e-6)
+            at_object = setup.wrist_poses(grasp.joint_position[grasp.phase == Phase.HOLD][-1:, :6])[0]
+            assert at_object == pytest.approx(object_pose @ approach.compute_palm_pose_at(0.0), abs=1e-6)
             closing = setup.approach(planned).torque > 0
             hold = grasp.joint_position[grasp.phase == Phase.HOLD][-1, 6:]
             assert (hold[closing] > 0.3).all()  # without an object, the fingers close fully

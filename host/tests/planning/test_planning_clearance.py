@@ -86,7 +86,7 @@ def test_no_body_moves_farther_than_the_bound(clearances, setup):
 
 
 def test_an_object_between_two_free_ends_of_a_segment_is_found(clearances, upright):
-    """The stretched forearm sweeps over the table and passes through the cylinder."""
+    """The stretched forearm turns above the table and passes through the cylinder."""
     begin, end = upright.copy(), upright.copy()
     begin[:6] = [np.pi / 2 - 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]
     end[:6] = [np.pi / 2 + 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]
