@@ -1,13 +1,18 @@
 """Number of clouds whose shape is identified: whole clouds and single approaches, among three and among six models."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from taxel.cloud.match import compute_likelihoods, match
+import numpy as np
+
+from taxel.cloud.contact_cloud import ContactCloud
+from taxel.cloud.evidence import compute_evidence
+from taxel.cloud.match import compute_likelihoods
 from taxel.cloud.models import get_builtin_models
 from taxel.thesis.cloud_names import REAL, SIM
 from taxel.thesis.matching import ObjectClouds
 from taxel.thesis.shape_counts import SINGLE_APPROACHES, WHOLE_CLOUDS, ShapeCount
+from taxel.types import FloatArray
 
 STEPS: Final = 2
 """Number of calls of `advance` for an object."""
@@ -16,11 +21,12 @@ STEPS: Final = 2
 def count_identified_shapes(items: Sequence[ObjectClouds], advance: Callable[[], None]) -> list[ShapeCount]:
     """Count for each object the untreated real and simulated clouds whose object is identified by its shape.
 
-    The candidate models are the objects of the thesis, and then these with the other built-in shapes. advance: called
-    after each cloud.
+    The candidate models are the objects of the thesis, and then these with the other built-in shapes. The best model is
+    that of `taxel.cloud.match`, which also aligns the cloud; the alignment is not needed here. advance: called after
+    each cloud.
     """
-    thesis_models = {item.name: item.mesh for item in items}
-    all_models = {**get_builtin_models(), **thesis_models}
+    thesis_models = tuple(item.name for item in items)
+    all_models = {**get_builtin_models(), **{item.name: item.mesh for item in items}}
     counts = []
     for item in items:
         outcomes: dict[tuple[str, int], list[bool]] = {}
@@ -29,8 +35,8 @@ def count_identified_shapes(items: Sequence[ObjectClouds], advance: Callable[[],
             likelihoods = compute_likelihoods(cloud, all_models)
             for approach in ("", *cloud.approaches):
                 part = cloud.select_approach(approach) if approach else cloud
-                for models in (thesis_models, all_models):
-                    best = match(part, models, likelihoods=likelihoods, bootstrap_samples=0).best
+                for models in (thesis_models, tuple(all_models)):
+                    best = find_best_model(part, likelihoods, models)
                     group = SINGLE_APPROACHES if approach else WHOLE_CLOUDS
                     outcomes.setdefault((group, len(models)), []).append(best == item.name)
             advance()
@@ -39,3 +45,15 @@ def count_identified_shapes(items: Sequence[ObjectClouds], advance: Callable[[],
             for (group, models), values in outcomes.items()
         ]
     return counts
+
+
+def find_best_model(cloud: ContactCloud, likelihoods: Mapping[str, FloatArray], models: Sequence[str]) -> str | None:
+    """Find the model with the largest evidence among `models`; None for a cloud without points.
+
+    likelihoods: of each grasp by model (`compute_likelihoods`), also of grasps that the cloud does not contain.
+    """
+    grasps = np.unique(cloud.grasp)
+    if not len(grasps):
+        return None
+    evidence = [float(compute_evidence(likelihoods[name][grasps])[0]) for name in models]
+    return models[int(np.argmax(evidence))]

@@ -8,7 +8,10 @@ import h5py
 import pytest
 
 from host.tests.command_line import run_taxel
+from taxel.cloud.accumulate import accumulate
+from taxel.cloud.match import compute_likelihoods, match
 from taxel.cloud.models import get_builtin_models
+from taxel.recording.grasp_dataset import GraspDataset
 from taxel.thesis import shape_matching
 from taxel.thesis.finding_tests import STATEMENTS
 from taxel.thesis.skill import GROUPS, STATISTICS
@@ -97,3 +100,16 @@ def test_object_without_a_grasp_is_refused(capsys, campaign, tmp_path):
 def test_negative_seed_is_refused(capsys, tmp_path):
     assert run_taxel("thesis", "--seed", "-1", "--out", tmp_path / "out") == 2
     assert "--seed" in capsys.readouterr().err
+
+
+def test_best_model_is_that_of_the_match(campaign):
+    with GraspDataset(campaign[0]) as data:
+        cloud = accumulate(data, "cylinder")
+    models = {name: mesh for name, mesh in get_builtin_models().items() if name in ("cylinder", "sphere")}
+    likelihoods = compute_likelihoods(cloud, models)
+    for approach in cloud.approaches:
+        part = cloud.select_approach(approach)
+        expected = match(part, models, likelihoods=likelihoods, bootstrap_samples=0).best
+        assert shape_matching.find_best_model(part, likelihoods, tuple(models)) == expected
+    empty = cloud.select(cloud.counts < 0.0)
+    assert shape_matching.find_best_model(empty, likelihoods, tuple(models)) is None
