@@ -31,12 +31,16 @@ def format_image_line(address: int) -> str:
 
 
 def make_board_world(hand: Hand, address: int, settings: WorldSettings | None = None) -> str:
-    """Text of a world file with only the board at `address`, whose firmware is emulated natively instead of
+    """Text of a world file with only the board at `address`, without branches, whose firmware runs natively instead of
     executed.
     """
     lines = format_world(hand, settings).splitlines()
-    of_boards = ("board ", "surface ", "margin ")
-    lines_of_board = [line for line in lines if not line.startswith(of_boards) or f" 0x{address:02X} " in line]
+    of_boards, of_all = ("board ", "surface ", "margin "), ("wiring ", "branch ")  # a branch lists several boards
+    lines_of_board = [
+        line
+        for line in lines
+        if not line.startswith(of_all) and (not line.startswith(of_boards) or f" 0x{address:02X} " in line)
+    ]
     return "\n".join(lines_of_board) + "\n"
 
 
