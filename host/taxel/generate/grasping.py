@@ -13,10 +13,11 @@ from taxel.gap.adding.added import with_effects
 from taxel.gap.adding.draws import Chance
 from taxel.gap.adding.frames import FrameStates
 from taxel.generate.errors import SamplingError
+from taxel.generate.placement import shift_recorded_approach
 from taxel.generate.recipe import FIDELITIES, Recipe
 from taxel.generate.sampling import SampledGrasp, make_noise_generator, sample_effects, sample_grasp, sample_sensor
 from taxel.grasp.objects import make_standing_pose
-from taxel.grasp.plan import make_approach
+from taxel.grasp.plan import ITERATIONS, Approach, PlannedGrasp, make_approach
 from taxel.grasp.timeline import Phase
 from taxel.recording.grasp_record import GraspRecord
 from taxel.recording.grasp_sensor_model import SensorModel
@@ -121,7 +122,7 @@ class ShardGenerator:
         law = replace(self.sensing.law, stiffness_n_per_m=sample.layer_stiffness * self.sensing.law.stiffness_n_per_m)
         motion = simulate_grasp(
             build_scene(hand, sample.item, WRIST_LINK, sample.friction),
-            make_approach(sample.item, sample.approach, sample.placement, hand, withdraw_m=WITHDRAW_M),
+            self._make_approach(sample),
             fidelity.timeline,
             SimulationSettings(
                 rate_hz=fidelity.rate_hz,
@@ -135,6 +136,16 @@ class ShardGenerator:
         )
         force = motion.wrench if motion.taxel_force is None else motion.taxel_force
         return motion if np.isfinite(force).all() and np.abs(force).max() < MAX_FORCE_N else None
+
+    def _make_approach(self, sample: SampledGrasp) -> Approach:
+        """Make the approach of a sampled grasp: a recorded one of the original experiment, or one by its placement."""
+        if not (self.setup.is_original and sample.kind.approaches == "thesis"):
+            return make_approach(sample.item, sample.approach, sample.placement, self.setup.hand, withdraw_m=WITHDRAW_M)
+        name, iteration = sample.kind.name, sample.number % ITERATIONS[sample.kind.name, sample.approach]
+        planned = PlannedGrasp("", name, sample.approach, iteration, self.shard)
+        nominal = self.setup.objects[name].shape
+        recorded = replace(self.setup.approach(planned), object=sample.item.name)
+        return shift_recorded_approach(recorded, sample.item.shape, nominal, sample.values)
 
     def _record(self, sample: SampledGrasp, motion: GraspMotion) -> tuple[GraspRecord, FloatArray]:
         """Make the dataset record of a simulated grasp without effects.

@@ -1,4 +1,7 @@
-"""Sampled placement of the hand at an object: the thesis's approaches, or any approach from the side or from above."""
+"""Sampled placement of the hand at an object: the thesis's approaches, or any approach from the side or from above.
+
+An approach of the thesis is a recorded grasp for the hand of the original experiment, and a `PalmPlacement` for others.
+"""
 
 from dataclasses import replace
 from typing import Final
@@ -6,14 +9,20 @@ from typing import Final
 import numpy as np
 
 from taxel.generate.solids import ObjectKind
-from taxel.grasp.plan import PALM_PLACEMENTS, PalmPlacement
+from taxel.grasp.plan import FINGERS, PALM_PLACEMENTS, Approach, PalmPlacement
 from taxel.grasp.shapes import Shape
+from taxel.types import FloatArray
 
 # Mean values of the thesis's approaches (`taxel.grasp.plan`).
 SIDE_THUMB_RAD: Final = (1.15, 0.40)
 TOP_THUMB_RAD: Final = (0.50, 0.50)
 SIDE_MIDDLE_M: Final = -0.008  # position of the object's middle, towards the fingertips
 TOP_EDGE_M: Final = -0.030
+
+RECORDED_PRESS_M: Final = 0.0015
+"""Motion of the palm after its first contact in a recorded grasp, metres (assumed: the middle of the default range of
+`press_mm`). A larger value moves the palm away from the object.
+"""
 
 
 def sample_placement(
@@ -49,3 +58,27 @@ def shift_placement(placement: PalmPlacement, sampled: dict[str, float]) -> Palm
         indentation_m=1e-3 * sampled["press_mm"],
         thumb_rad=(placement.thumb_rad[0] + thumb, placement.thumb_rad[1] + thumb),
     )
+
+
+def shift_recorded_approach(approach: Approach, shape: Shape, nominal: Shape, sampled: dict[str, float]) -> Approach:
+    """Shift a recorded grasp to an object of other sizes and by sampled values, as `shift_placement` does.
+
+    shape: of the sampled object. nominal: of the recorded object. The palm keeps its distance from the surface.
+    """
+    x, y, z = approach.palm_pose[:3, :3].T
+    wider_m = _compute_extent(shape, -x) - _compute_extent(nominal, -x)
+    pose, angle = approach.palm_pose.copy(), np.radians(sampled["turn_deg"])
+    pose[:3, 3] += x * (1e-3 * sampled["press_mm"] - RECORDED_PRESS_M - wider_m)
+    pose[:3, 3] -= 1e-3 * (z * sampled["reach_mm"] + y * sampled["along_mm"])
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    base, opened = approach.base_targets.copy(), approach.open_angles.copy()
+    thumb = slice(4 * FINGERS, 4 * FINGERS + 2)  # a joint that is not held stays NaN
+    base[thumb] += np.radians(sampled["thumb_deg"])
+    opened[thumb] += np.where(np.isfinite(base[thumb]), np.radians(sampled["thumb_deg"]), 0.0)
+    return replace(approach, palm_pose=turn @ pose, base_targets=base, open_angles=opened)
+
+
+def _compute_extent(shape: Shape, direction: FloatArray) -> float:
+    """Compute how far a shape reaches in a direction f64[3] from the origin of its frame, metres."""
+    return float((shape.mesh()[0] @ direction).max())

@@ -3,15 +3,19 @@
 import numpy as np
 import pytest
 
+from taxel.campaign.setup import Setup
 from taxel.cloud.files import write_mesh
 from taxel.cloud.mesh import TriangleMesh
 from taxel.cloud.models import build_sphere
 from taxel.generate.errors import RecipeError
+from taxel.generate.placement import RECORDED_PRESS_M, shift_recorded_approach
 from taxel.generate.ranges import Range, fixed
 from taxel.generate.recipe import Recipe
 from taxel.generate.recipe_file import add_mesh, read_recipe
 from taxel.generate.sampling import sample_grasp, sample_sensor
 from taxel.generate.solids import MAX_CORNERS
+from taxel.grasp.plan import PlannedGrasp
+from taxel.grasp.shapes import Cylinder
 
 FULL_RECIPE = """
 grasps = 500
@@ -94,6 +98,31 @@ def test_recipe_of_another_hand_has_its_own_test_objects(folder):
         assert (radius.low, radius.high) == pytest.approx((0.92 * radius_mm, 1.08 * radius_mm))
     assert recipe.digest != Recipe().digest
     assert Recipe().to_json()["hand"] == "original"
+
+
+def test_recorded_grasp_keeps_its_distance_from_a_wider_object_and_is_shifted_by_the_samples():
+    setup = Setup()
+    approach = setup.approach(PlannedGrasp("", "cylinder", "side_1", 0, 0))
+    zero = dict.fromkeys(("turn_deg", "reach_mm", "along_mm", "thumb_deg"), 0.0) | {"press_mm": 1e3 * RECORDED_PRESS_M}
+    nominal, wider = setup.objects["cylinder"].shape, Cylinder(0.022, 0.215)
+    x, y, z = approach.palm_pose[:3, :3].T
+
+    def move(shape, **sampled):
+        """Motion of the palm, f64[3], metres."""
+        return (
+            shift_recorded_approach(approach, shape, nominal, zero | sampled).palm_pose[:3, 3]
+            - approach.palm_pose[:3, 3]
+        )
+
+    assert np.abs(move(nominal)).max() < 1e-12
+    assert move(wider) @ x == pytest.approx(-0.002, abs=1e-4)
+    assert move(nominal, press_mm=2.0) == pytest.approx(0.0005 * x)
+    assert move(nominal, reach_mm=3.0) == pytest.approx(-0.003 * z)
+    assert move(nominal, along_mm=4.0) == pytest.approx(-0.004 * y)
+    turned = shift_recorded_approach(approach, nominal, nominal, zero | {"turn_deg": 6.0})
+    assert np.linalg.norm(turned.palm_pose[:2, 3]) == pytest.approx(np.linalg.norm(approach.palm_pose[:2, 3]))
+    thumb = shift_recorded_approach(approach, nominal, nominal, zero | {"thumb_deg": 4.0})
+    assert np.array_equal(np.isfinite(thumb.base_targets), np.isfinite(approach.base_targets))
 
 
 def test_samples_are_in_their_ranges_and_every_kind_has_its_share(folder):
