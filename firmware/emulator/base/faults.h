@@ -24,12 +24,6 @@ enum fault_kind {
     FAULT_BROWN_OUT_AT,
     FAULT_ARBITRATION_AT,
     FAULT_BUS_ERROR_AT,
-    /* faults of a branch of the wiring */
-    FAULT_BRANCH_OPEN,
-    FAULT_BRANCH_SHORT_GROUND,
-    FAULT_BRANCH_SHORT_SUPPLY,
-    FAULT_BRANCH_RESISTANCE,
-    FAULT_BRANCH_RESTORE,
     /* faults of the hub */
     FAULT_HUB_UNPLUG,
     FAULT_HUB_PLUG,
@@ -46,6 +40,12 @@ enum fault_kind {
     FAULT_DOWN_DELAY,
     /* fault of the host */
     FAULT_MUTE,
+    /* faults of a branch of the wiring */
+    FAULT_BRANCH_OPEN,
+    FAULT_BRANCH_SHORT_GROUND,
+    FAULT_BRANCH_SHORT_SUPPLY,
+    FAULT_BRANCH_RESISTANCE,
+    FAULT_BRANCH_RESTORE,
     FAULT_KINDS,
 };
 

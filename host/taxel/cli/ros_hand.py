@@ -6,7 +6,7 @@ import time
 import uuid
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -14,12 +14,16 @@ import typer
 from taxel.cli.options import HandOption, Seconds
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
-from taxel.hand.allegro import AllegroHand, FreeJoints, VirtualAllegro, open_bus
 from taxel.hand.control_loop import ControlLoop
+from taxel.hand.joint_names import ROBOT_JOINT_NAMES
 from taxel.hand.kinematics import build_kinematics
-from taxel.ros.hand_control import HOLD_AFTER_S, STOP_AFTER_S, HandControl
-from taxel.ros.joint_command import ROBOT_JOINT_NAMES, JointLimits
+from taxel.ros.control_times import HOLD_AFTER_S, STOP_AFTER_S
 from taxel.ros.node import Node, open_node
+
+if TYPE_CHECKING:  # python-can is optional
+    from taxel.hand.allegro import AllegroHand
+    from taxel.ros.hand_control import HandControl
+    from taxel.ros.joint_command import JointLimits
 
 VIRTUAL_HAND = "can:emulated"
 
@@ -56,6 +60,8 @@ def ros_hand(
     """
     if hold_after_s >= stop_after_s:
         raise TaxelError("--hold-after-s: expected less than --stop-after-s; the hand holds its position in between")
+    from taxel.ros.hand_control import HandControl  # needs python-can, which is optional
+
     limits = read_limits(hand)
     node = open_node(version)
     try:
@@ -75,8 +81,10 @@ def report_line(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def read_limits(hand: str | None) -> JointLimits:
+def read_limits(hand: str | None) -> "JointLimits":
     """Return the limits of the hand's joints from its robot description."""
+    from taxel.ros.joint_command import JointLimits
+
     robot = build_kinematics(load_hand(hand or "original")).robot
     names = list(robot.joint_names)
     missing = [name for name in ROBOT_JOINT_NAMES if name not in names]
@@ -86,7 +94,7 @@ def read_limits(hand: str | None) -> JointLimits:
     return JointLimits(robot.lower[order], robot.upper[order])
 
 
-def run_control(control: HandControl, node: Node, prefix: str, seconds: float | None) -> None:
+def run_control(control: "HandControl", node: Node, prefix: str, seconds: float | None) -> None:
     """Run the control with the usual period until Ctrl-C, `seconds`, or the end of ROS."""
     node.listen(
         f"{prefix}/joint_cmd",
@@ -110,8 +118,10 @@ def run_control(control: HandControl, node: Node, prefix: str, seconds: float | 
 
 
 @contextmanager
-def open_hand(url: str) -> Iterator[AllegroHand]:
+def open_hand(url: str) -> Iterator["AllegroHand"]:
     """Open the hand on the CAN channel of a URL, or a virtual hand in a thread; its motors are on in the context."""
+    from taxel.hand.allegro import AllegroHand, FreeJoints, VirtualAllegro, open_bus
+
     with ExitStack() as stack:
         if url != VIRTUAL_HAND:
             bus = open_bus(url)

@@ -14,8 +14,9 @@ from taxel.errors import TaxelError
 from taxel.hand.allegro.driver import AllegroHand
 from taxel.hand.allegro.joints import JOINT_COUNT, JOINT_MAX_RAD, JOINT_MIN_RAD
 from taxel.hand.allegro.position_control import PositionControl
+from taxel.hand.joint_names import ROS_JOINT_NAMES
+from taxel.ros.control_times import HOLD_AFTER_S, STOP_AFTER_S
 from taxel.ros.joint_command import (
-    ROS_JOINT_NAMES,
     JointCommand,
     JointCommandError,
     JointLimits,
@@ -25,14 +26,6 @@ from taxel.ros.joint_command import (
 from taxel.ros.tf_tree import make_header
 from taxel.ros.topics import TopicMessage
 from taxel.types import FloatArray
-
-HOLD_AFTER_S: Final = 0.2
-"""Time without a valid command after which the hand holds its measured position, seconds: 20 periods of a publisher at
-100 Hz. A larger value moves the hand longer on an outdated command; a smaller one holds on every delay of the network.
-"""
-
-STOP_AFTER_S: Final = 2.0
-"""Time without a valid command after which the motors are switched off, seconds."""
 
 DEFAULT_LIMITS: Final = JointLimits(JOINT_MIN_RAD, JOINT_MAX_RAD)
 

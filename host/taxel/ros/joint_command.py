@@ -7,13 +7,8 @@ import numpy as np
 
 from taxel.errors import TaxelError
 from taxel.hand.allegro.joints import JOINT_COUNT, JOINT_NAMES
+from taxel.hand.joint_names import ROBOT_JOINT_NAMES, ROS_JOINT_NAMES
 from taxel.types import FloatArray
-
-ROS_JOINT_NAMES: Final = tuple(f"joint_{index}.0" for index in range(JOINT_COUNT))
-"""Names of the joints in the messages of the manufacturer's ROS driver, in the order of the driver."""
-
-ROBOT_JOINT_NAMES: Final = tuple(f"{finger}_j{joint}" for finger in ("ff", "mf", "rf", "th") for joint in range(4))
-"""Names of the same joints in the packaged robot descriptions."""
 
 POSITION_JOINTS: Final = (0, 4, 8, 12, 13)
 """Joints that the original control node moves to positions; all others follow torques (facts of the original stack)."""

@@ -8,7 +8,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from taxel.hand.joint_history import MAX_SAMPLES, JointHistory
-from taxel.ros.joint_command import ROBOT_JOINT_NAMES, ROS_JOINT_NAMES
+from taxel.hand.joint_names import ROBOT_JOINT_NAMES, ROS_JOINT_NAMES
 from taxel.ros.ros_import import RosError, find_ros_version
 from taxel.ros.topics import TopicMessage
 from taxel.types import FloatArray

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from taxel.hand.allegro import AllegroHand, FreeJoints, VirtualAllegro
+from taxel.hand.joint_names import ROS_JOINT_NAMES
 from taxel.ros.hand_control import DEFAULT_LIMITS, ControlState, HandControl, JointTopicStoppedError
-from taxel.ros.joint_command import ROS_JOINT_NAMES, JointCommandError, apply_original_rule, parse_command
+from taxel.ros.joint_command import JointCommandError, apply_original_rule, parse_command
 
 TOPIC = "allegroHand_0/joint_cmd"
 NAMES = list(ROS_JOINT_NAMES)

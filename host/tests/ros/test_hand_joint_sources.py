@@ -15,11 +15,11 @@ from host.tests.command_line import run_refused_command
 from taxel.cli import joint_sources, ros_hand
 from taxel.hand import load_hand
 from taxel.hand.allegro import FreeJoints, VirtualAllegro, open_bus
-from taxel.hand.allegro.listener import ROBOT_JOINTS, AllegroListener
+from taxel.hand.allegro.listener import AllegroListener
+from taxel.hand.joint_names import ROBOT_JOINT_NAMES, ROS_JOINT_NAMES
 from taxel.hand.kinematics import build_kinematics
 from taxel.recording.formats.recorded_joints import load_recorded_joints
 from taxel.ros.hand_control import DEFAULT_LIMITS
-from taxel.ros.joint_command import ROBOT_JOINT_NAMES, ROS_JOINT_NAMES
 from taxel.ros.node import JointListener
 from taxel.skin.recorder import open_recorded
 
@@ -119,13 +119,9 @@ def test_listener_records_the_angles_of_the_hand_on_can_without_switching_its_mo
     joints = load_recorded_joints(path, "capture", hand)
     assert joints is not None
     angles = dict(zip(names, joints.interpolate(joints.last_s).tolist(), strict=True))
-    measured = [angles[name] for name in ROBOT_JOINTS]
+    measured = [angles[name] for name in ROBOT_JOINT_NAMES]
     np.testing.assert_allclose(measured, virtual.dynamics.angles, atol=1e-3)
-    assert all(angle == 0.5 for name, angle in angles.items() if name not in ROBOT_JOINTS)
-
-
-def test_joint_names_of_the_driver_and_of_the_robot_are_the_same_joints() -> None:
-    assert ROBOT_JOINTS == ROBOT_JOINT_NAMES
+    assert all(angle == 0.5 for name, angle in angles.items() if name not in ROBOT_JOINT_NAMES)
 
 
 def test_topic_with_the_names_of_the_driver_gives_the_joints_of_the_robot() -> None:

@@ -13,11 +13,10 @@ from taxel.hand.allegro.messages import SetPeriod
 from taxel.hand.allegro.protocol import encode
 from taxel.hand.allegro.reports import Reports
 from taxel.hand.joint_history import MAX_SAMPLES, JointHistory
+from taxel.hand.joint_names import ROBOT_JOINT_NAMES
 from taxel.types import FloatArray
 
 PERIOD_MS: Final = 3
-ROBOT_JOINTS: Final = tuple(f"{finger}_j{joint}" for finger in ("ff", "mf", "rf", "th") for joint in range(4))
-"""Names of the hand's joints in the packaged robot descriptions, in the order of the driver."""
 
 
 class AllegroListener:
@@ -33,7 +32,7 @@ class AllegroListener:
 
         names: joints of the robot. Raises ValueError if the robot lacks a joint of the hand.
         """
-        self._index = [list(names).index(name) for name in ROBOT_JOINTS]
+        self._index = [list(names).index(name) for name in ROBOT_JOINT_NAMES]
         self._bus, self._base = bus, np.array(base, dtype=np.float64)
         self._reports = Reports(device_id)
         self.history = JointHistory(names, str(bus.channel_info), MAX_SAMPLES)
