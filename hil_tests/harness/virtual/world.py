@@ -11,6 +11,9 @@ from hil_tests.harness.virtual.images import build_images
 from taxel.hand.world import WorldSettings, format_world
 from taxel.link.virtual import VirtualWorld
 
+BOARD_KEYWORDS = ("board ", "surface ", "margin ")
+"""Beginnings of the lines of a world file that describe one board, whose address follows."""
+
 BRANCH_WORDS = 5
 """Number of words of a branch line before its addresses."""
 
@@ -78,8 +81,8 @@ def _select_boards(text: str, board_indices: Sequence[int] | None) -> str:
     lines = text.splitlines()
     board_lines = [line for line in lines if line.startswith("board ")]
     selected = [board_lines[index] for index in board_indices]
-    kept = [line for line in lines if not line.startswith("board ") or line in selected]
     present = {line.split()[1] for line in selected}
+    kept = [line for line in lines if not line.startswith(BOARD_KEYWORDS) or line.split()[1] in present]
     return "\n".join(_select_addresses(line, present) if line.startswith("branch ") else line for line in kept) + "\n"
 
 

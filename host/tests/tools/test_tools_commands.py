@@ -39,6 +39,19 @@ def files(tmp_path, make_image):
     return write
 
 
+def test_scan_with_a_hand_names_the_branch_of_which_no_board_answers(run):
+    url = "emulator:?hand=original&word=fault 0.1 branch_open 0x08 0"
+    status, out, _ = run("scan", url, "--hand", "original")
+    assert status == 1
+    assert "branch fault: no response from branch index (all 5 boards: 0x08, 0x0A, " in out.splitlines()[-1]
+
+
+def test_scan_with_a_complete_hand_succeeds(run):
+    status, out, _ = run("scan", URL, "--hand", "rig4")
+    assert status == 0
+    assert "no response" not in out
+
+
 @pytest.mark.parametrize("name", ["scan", "provision", "flash"])
 def test_the_help_of_each_command_contains_an_example(run, name):
     status, out, _ = run(name, "--help")
