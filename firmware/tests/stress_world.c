@@ -28,10 +28,18 @@ static void add_faults(void)
         static const double values[] = {0, 1, 2, 5, 9, 20, 300, 6000, 20000};
         const enum fault_kind kind = random_below(16) ? (enum fault_kind)random_below(FAULT_HUB_UNPLUG) : FAULT_MUTE;
         time += 0.04 * random_uniform(&source);
+        if (random_below(5) == 0) {
+            const enum fault_kind branch_kind =
+                (enum fault_kind)(FAULT_BRANCH_OPEN + random_below(FAULT_BRANCH_RESTORE - FAULT_BRANCH_OPEN + 1u));
+            fake_world_fault_at(&fake, time, branch_kind, (uint8_t)(0x20 + random_below(boards)), 1.0 + random_below(2),
+                                random_below(2) ? 0.0 : 400.0);
+            continue;
+        }
         fake_world_fault_at(&fake, time, kind, (uint8_t)(0x20 + random_below(boards)), values[random_below(9)],
                             random_below(30));
     }
     for (unsigned i = 0; i < boards; i++) { /* end all faults */
+        fake_world_fault(&fake, REPAIR_S, FAULT_BRANCH_RESTORE, (uint8_t)(0x20 + i), 0);
         fake_world_fault(&fake, REPAIR_S, FAULT_PLUG, (uint8_t)(0x20 + i), 0);
         fake_world_fault(&fake, REPAIR_S, FAULT_CORRUPT, (uint8_t)(0x20 + i), 0);
         fake_world_fault(&fake, REPAIR_S, FAULT_NACK, (uint8_t)(0x20 + i), 0);
@@ -100,6 +108,23 @@ static void check_all_boards_stream(void)
     }
 }
 
+/* Describes a star of one or two branches. */
+static void describe_wiring(void)
+{
+    struct wiring_description *wiring = &fake.description.wiring;
+    wiring->is_buffered = random_below(2);
+    wiring->hub_pullup_ohm = 2200.0;
+    wiring->hub_capacitance_pf = 10.0;
+    wiring->branch_count = 1u + random_below(2);
+    for (size_t i = 0; i < wiring->branch_count; i++) {
+        wiring->branches[i] = (struct branch_description){
+            .name = {(char)('a' + (int)i)}, .pullup_ohm = 2200.0, .capacitance_pf = 50.0 + random_below(60)};
+    }
+    for (unsigned i = 0; i < boards; i++) {
+        wiring->branch_of[0x20 + i] = (uint8_t)(1u + i % wiring->branch_count);
+    }
+}
+
 static void random_world_recovers_from_random_faults(void)
 {
     boards = 1u + random_below(6);
@@ -108,6 +133,7 @@ static void random_world_recovers_from_random_faults(void)
     fake.description.scl_hz = random_below(2) ? 400e3 : 100e3;
     fake.description.baud = random_below(3) ? 1e6 : 115200.0;
     fake.description.hub_clock_ppm = 100.0 * random_uniform(&source);
+    describe_wiring();
     add_faults();
     CHECK_EQUAL(fake_world_open(&fake, -1), 0);
     (void)fake_world_start(&fake);
