@@ -32,7 +32,7 @@ static void the_contact_force_is_pressure_times_area(void)
 {
     const struct frame frame = board_over_table(-DEPTH_M);
     struct contact_load load;
-    CHECK(contact_solve(&patch, &table, &frame, THICKNESS_M, CONTACT_FAR_M, compression, gap, &load));
+    CHECK(contact_solve(&patch, &table, &frame, THICKNESS_M, CONTACT_FAR_M, compression, gap, &load, NULL));
     for (size_t i = 0; i < CELLS; i++) {
         CHECK(fabs(compression[i] - DEPTH_M) < 1e-15);
         CHECK(gap[i] == 0.0);
@@ -46,7 +46,7 @@ static void the_stiffness_is_the_derivative_of_the_wrench(void)
 {
     const struct frame frame = board_over_table(-DEPTH_M);
     struct contact_load load, shifted_load[2];
-    CHECK(contact_solve(&patch, &table, &frame, THICKNESS_M, 0.0, compression, NULL, &load));
+    CHECK(contact_solve(&patch, &table, &frame, THICKNESS_M, 0.0, compression, NULL, &load, NULL));
     for (int motion = 0; motion < 6; motion++) {
         double scale = 0.0;
         for (int s = 0; s < 2; s++) {
@@ -54,7 +54,7 @@ static void the_stiffness_is_the_derivative_of_the_wrench(void)
             step[motion] = s ? MOTION : -MOTION;
             const struct frame motion_frame = frame_of_offset(step, step + 3),
                                moved_frame = frame_product(&frame, &motion_frame);
-            CHECK(contact_solve(&patch, &table, &moved_frame, THICKNESS_M, 0.0, compression, NULL, &shifted_load[s]));
+            CHECK(contact_solve(&patch, &table, &moved_frame, THICKNESS_M, 0.0, compression, NULL, &shifted_load[s], NULL));
         }
         for (int i = 0; i < 6; i++) {
             scale = fmax(scale, fabs(load.stiffness[i][motion]));
@@ -70,12 +70,12 @@ static void before_contact_gaps_are_computed_and_the_force_is_zero(void)
 {
     const struct frame frame = board_over_table(0.003);
     struct contact_load load;
-    CHECK(!contact_solve(&patch, &table, &frame, THICKNESS_M, 0.01, compression, gap, &load));
+    CHECK(!contact_solve(&patch, &table, &frame, THICKNESS_M, 0.01, compression, gap, &load, NULL));
     for (size_t i = 0; i < CELLS; i++) {
         CHECK(compression[i] == 0.0 && fabs(gap[i] - 0.003) < 1e-12);
     }
     CHECK(load.wrench[2] == 0.0 && load.stiffness[2][2] == 0.0);
-    CHECK(!contact_solve(&patch, &table, &frame, THICKNESS_M, 0.002, compression, gap, NULL));
+    CHECK(!contact_solve(&patch, &table, &frame, THICKNESS_M, 0.002, compression, gap, NULL, NULL));
     CHECK(gap[0] == CONTACT_FAR_M); /* beyond the requested reach */
 }
 
@@ -84,7 +84,7 @@ static void a_distant_object_has_no_effect(void)
     struct frame frame = board_over_table(0.5);
     struct contact_load load;
     CHECK(contact_is_far(&patch, &table, &frame, CONTACT_FAR_M));
-    CHECK(!contact_solve(&patch, &table, &frame, THICKNESS_M, CONTACT_FAR_M, compression, gap, &load));
+    CHECK(!contact_solve(&patch, &table, &frame, THICKNESS_M, CONTACT_FAR_M, compression, gap, &load, NULL));
     for (size_t i = 0; i < CELLS; i++) {
         CHECK(compression[i] == 0.0 && gap[i] == CONTACT_FAR_M);
     }

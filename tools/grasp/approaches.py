@@ -68,7 +68,7 @@ def _render(scene: Scene, approach: Approach, motion: GraspMotion, size: int) ->
     model = copy.copy(scene.model)  # the colours of the scene's model stay unchanged
     data = mujoco.MjData(model)
     data.qpos[scene.joint_addresses] = motion.joint_angles[-1]
-    _set_pose(model, data, "mount", motion.object_pose[-1])
+    scene.place_object(data, motion.object_pose[-1])
     _set_pose(model, data, f"link:{scene.wrist}", motion.link_poses[-1, 0])
     force = np.linalg.norm(motion.wrench[-1, :, :3], axis=1)
     for geom in np.flatnonzero(scene.board_of_geom >= 0):

@@ -163,9 +163,9 @@ def compare(name: str) -> tuple[Closing, list[Row]]:
     rows = [describe("recorded", closing, select_recorded(closing), reference, reference)]
 
     data = mujoco.MjData(scene.model)
-    for body, pose in ((scene.model.body("mount").id, closing.object_pose), (scene.link_bodies[0], palm)):
-        index = scene.model.body_mocapid[body]
-        data.mocap_pos[index], data.mocap_quat[index] = pose[:3, 3], to_quaternion(pose)
+    scene.place_object(data, closing.object_pose)
+    index = scene.model.body_mocapid[scene.link_bodies[0]]
+    data.mocap_pos[index], data.mocap_quat[index] = palm[:3, 3], to_quaternion(palm)
     data.qpos[scene.joint_addresses] = angles
     mujoco.mj_forward(scene.model, data)
     recorder = MessageRecorder(scene, make_recorder_settings(scene.hand, rules))
@@ -182,7 +182,9 @@ def compare(name: str) -> tuple[Closing, list[Row]]:
         np.where(is_fixed, angles, np.nan),
         np.where(is_fixed, 0.0, TORQUE_NM),
     )
-    settings = SimulationSettings(object_pose=closing.object_pose, recorder=make_recorder_settings(scene.hand, rules))
+    settings = SimulationSettings(
+        object_pose=closing.object_pose, recorder=make_recorder_settings(scene.hand, rules), holds_object=True
+    )
     motion = simulate_grasp(scene, approach, Timeline(0.0, 3.0, 1.0, 0.0, 0.0), settings)
     assert motion.messages is not None
     end = replace(closing, object_pose=motion.object_pose[-1])

@@ -14,6 +14,22 @@ struct contact_load {
     double wrench[6]; /* force (newtons), moment (newton metres) */
     /* negative derivative of the wrench with respect to a small rigid motion: positive semidefinite */
     double stiffness[6][6];
+    double clearance; /* lower bound of the distance from the skin to the object, metres; 0: the skin may touch */
+};
+
+/* Adhesion of the skin of one board to an object: a cell sticks to the point of the object that it first touches, is
+ * sheared, and slides where the shear force exceeds the friction coefficient times the normal force. The caller owns
+ * the arrays, and clears `sticks` before the first contact. */
+struct contact_grip {
+    double coefficient;   /* friction coefficient */
+    bool advances;        /* whether contact_solve() updates the points; else it only uses them */
+    bool *sticks;         /* [cells + margin cells] */
+    double (*point)[3];   /* [cells + margin cells], object frame, metres */
+    /* Squares that are far from the object are examined again only after the board has moved as far. */
+    bool has_frame;       /* false: the following values are not valid yet */
+    struct frame frame;   /* bracket in the object's frame at the last call */
+    double travel;        /* bound of the motion of any cell since the first call, metres */
+    double *due;          /* [taxels + margins], travel at which a square may touch the object */
 };
 
 /* Whether the object is certainly farther from every electrode than `reach` (metres). */
@@ -25,8 +41,10 @@ bool contact_is_far(const struct patch *patch, const struct shape *shape, const 
  *
  * object_from_bracket: transform from bracket to object coordinates. compression[cells]: metres, 0 without contact.
  * gap[cells] (may be NULL): distance from the skin to the object along the normal; CONTACT_FAR_M beyond `reach` or if
- * the normal misses the object. load may be NULL. thickness: layer above the electrode, metres. */
+ * the normal misses the object. load may be NULL. grip: NULL: cells are not sheared, and each is a spring
+ * along its normal. thickness: layer above the electrode, metres. */
 bool contact_solve(const struct patch *patch, const struct shape *shape, const struct frame *object_from_bracket,
-                   double thickness, double reach, double *compression, double *gap, struct contact_load *load);
+                   double thickness, double reach, double *compression, double *gap, struct contact_load *load,
+                   struct contact_grip *grip);
 
 #endif

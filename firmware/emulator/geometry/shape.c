@@ -127,3 +127,39 @@ double shape_distance_bound(const struct shape *shape, const double point[3])
     }
     return bound;
 }
+
+/* Distance (metres) from a point to the nearest surface of an upright cylinder, positive inside, and its normal. */
+static double cylinder_wall(const struct shape *shape, const double point[3], double normal[3])
+{
+    const double radius = hypot(point[0], point[1]), side = shape->radius - radius;
+    const double cap = fmin(point[2], shape->height - point[2]);
+    normal[0] = normal[1] = normal[2] = 0.0;
+    if (cap < side) {
+        normal[2] = point[2] < 0.5 * shape->height ? -1.0 : 1.0;
+        return cap;
+    }
+    normal[0] = radius > 0.0 ? point[0] / radius : 1.0;
+    normal[1] = radius > 0.0 ? point[1] / radius : 0.0;
+    return side;
+}
+
+/* Distance (metres) from a point inside a shape to the nearest surface, and the outward normal of this surface; 0 or
+ * less for a point outside. */
+double shape_wall(const struct shape *shape, const double point[3], double normal[3])
+{
+    if (shape->kind == SHAPE_CYLINDER) {
+        return cylinder_wall(shape, point, normal);
+    }
+    double nearest = INFINITY;
+    for (size_t i = 0; i < shape->plane_count; i++) {
+        const double *plane = shape->planes[i];
+        const double inside = plane[3] - plane[0] * point[0] - plane[1] * point[1] - plane[2] * point[2];
+        if (inside < nearest) {
+            nearest = inside;
+            normal[0] = plane[0];
+            normal[1] = plane[1];
+            normal[2] = plane[2];
+        }
+    }
+    return nearest;
+}

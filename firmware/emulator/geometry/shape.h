@@ -39,4 +39,8 @@ void shape_entries(const struct shape *shape, struct shape_lines *lines, double 
 /* Lower bound of the distance from a point to the shape, metres; 0 or less for points that may lie inside. */
 double shape_distance_bound(const struct shape *shape, const double point[3]);
 
+/* Distance (metres) from a point inside the shape to its nearest plane or surface, and the outward unit normal there;
+ * 0 or less for a point outside. Object frame. */
+double shape_wall(const struct shape *shape, const double point[3], double normal[3]);
+
 #endif

@@ -44,4 +44,7 @@ double layer_rest_permittivity(void);
 double layer_contact_pressure(double compression_m);
 double layer_contact_stiffness(double compression_m);
 
+/* Shear stiffness of the layer in a grasp, pascal per metre: force per area and displacement along the surface. */
+double layer_shear_stiffness(void);
+
 #endif

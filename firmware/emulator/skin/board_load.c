@@ -50,7 +50,7 @@ void board_load_from_scene(struct skin_board *board, const struct world_descript
         return;
     }
     const bool is_touching = contact_solve(&board->patch, shape, &load->object_from_bracket, thickness, reach,
-                                           board->compression, reach > 0.0 ? load->gap : NULL, NULL);
+                                           board->compression, reach > 0.0 ? load->gap : NULL, NULL, NULL);
     if (is_touching || reach > 0.0) {
         field_load_contact(&board->field, is_touching, board->compression, load);
     } else {

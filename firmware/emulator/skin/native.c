@@ -1,5 +1,6 @@
 #include "emulator/skin/native.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,11 +8,32 @@
 #include "emulator/physics/layer.h"
 #include "emulator/skin/skin.h"
 
+#define LOAD_VALUES 43 /* wrench, stiffness and clearance of a board */
+
 struct taxel_contact {
     struct world_description description;
     struct stimulus stimulus;
     struct skin skin;
+    struct contact_grip *grips; /* [boards]; NULL: no friction */
 };
+
+/* Number of cells of a board, with those of the bare sheet. */
+static size_t count_cells(const struct patch *patch)
+{
+    return patch->cell_count + patch->margin_count * CELLS_PER_TAXEL;
+}
+
+/* Free the state of the friction of all boards. */
+static void free_grips(struct taxel_contact *contact)
+{
+    for (size_t i = 0; contact->grips && i < contact->skin.board_count; i++) {
+        free(contact->grips[i].sticks);
+        free(contact->grips[i].point);
+        free(contact->grips[i].due);
+    }
+    free(contact->grips);
+    contact->grips = NULL;
+}
 
 /* Read a world file and prepare the skins of its boards for contact queries. Returns NULL if out of memory, or after an
  * error line on stderr. */
@@ -39,6 +61,7 @@ struct taxel_contact *taxel_contact_open(const char *world_path)
 void taxel_contact_close(struct taxel_contact *contact)
 {
     if (contact) {
+        free_grips(contact);
         skin_free(&contact->skin);
         world_file_free(&contact->description);
         free(contact);
@@ -68,6 +91,29 @@ void taxel_contact_bracket_offset(const struct taxel_contact *contact, size_t bo
     memcpy(offset, &contact->description.boards[board].bracket_offset, sizeof(struct frame));
 }
 
+/* Set the friction coefficient between skin and objects (0: no friction) and forget earlier contacts. Returns 0, or -1 if
+ * out of memory. */
+int taxel_contact_set_friction(struct taxel_contact *contact, double coefficient)
+{
+    free_grips(contact);
+    if (coefficient <= 0.0) {
+        return 0;
+    }
+    contact->grips = calloc(contact->skin.board_count, sizeof *contact->grips);
+    for (size_t i = 0; contact->grips && i < contact->skin.board_count; i++) {
+        const struct patch *patch = &contact->skin.boards[i].patch;
+        const size_t cells = count_cells(patch);
+        contact->grips[i].coefficient = coefficient;
+        contact->grips[i].sticks = calloc(cells, sizeof *contact->grips[i].sticks);
+        contact->grips[i].point = calloc(cells, sizeof *contact->grips[i].point);
+        contact->grips[i].due = calloc(patch->taxel_count + patch->margin_count, sizeof *contact->grips[i].due);
+        if (!contact->grips[i].sticks || !contact->grips[i].point || !contact->grips[i].due) {
+            free_grips(contact);
+        }
+    }
+    return contact->grips ? 0 : -1;
+}
+
 /* Write the normal force (newtons) on each taxel: contact pressure times area, summed over the cells. */
 static void write_forces(const struct skin_board *board, bool is_touching, double *force)
 {
@@ -80,10 +126,10 @@ static void write_forces(const struct skin_board *board, bool is_touching, doubl
 }
 
 /* Solve the contact of all boards with one object at given nominal poses (3 x 4, by rows). Writes wrench and stiffness
- * of each board (6 + 36 numbers, in its bracket's frame) and, unless `force` is NULL, the force (newtons) on each
- * taxel; returns the number of boards in contact. */
+ * of each board (6 + 36 numbers, in its bracket's frame), its clearance (metres) and, unless `force` is NULL, the force (newtons) on each
+ * taxel; returns the number of boards in contact. advances: not 0: the points where the skin sticks follow. */
 int taxel_contact_evaluate(struct taxel_contact *contact, int object, const double *object_pose,
-                           const double *bracket_poses, double *load, double *force)
+                           const double *bracket_poses, double *load, double *force, int advances)
 {
     const struct world_description *description = &contact->description;
     const bool has_object = object >= 0 && (size_t)object < description->object_count;
@@ -97,18 +143,23 @@ int taxel_contact_evaluate(struct taxel_contact *contact, int object, const doub
     }
     for (size_t i = 0; i < contact->skin.board_count; i++) {
         struct skin_board *board = &contact->skin.boards[i];
-        struct contact_load sum = {0};
+        struct contact_load sum = {.clearance = INFINITY};
         bool is_touching = false;
+        struct contact_grip *grip = contact->grips ? &contact->grips[i] : NULL;
         if (has_object) {
             struct frame nominal_pose;
+            if (grip) {
+                grip->advances = advances != 0;
+            }
             memcpy(&nominal_pose, bracket_poses + 12 * i, sizeof nominal_pose);
             const struct frame bracket = frame_product(&nominal_pose, &description->boards[i].bracket_offset);
             const struct frame object_from_bracket = frame_product(&object_from_world, &bracket);
             is_touching = contact_solve(&board->patch, &description->objects[object].shape, &object_from_bracket,
-                                        description->layer_thickness, 0.0, board->compression, NULL, &sum);
+                                        description->layer_thickness, 0.0, board->compression, NULL, &sum, grip);
         }
-        memcpy(load + 42 * i, sum.wrench, sizeof sum.wrench);
-        memcpy(load + 42 * i + 6, sum.stiffness, sizeof sum.stiffness);
+        memcpy(load + LOAD_VALUES * i, sum.wrench, sizeof sum.wrench);
+        memcpy(load + LOAD_VALUES * i + 6, sum.stiffness, sizeof sum.stiffness);
+        load[LOAD_VALUES * i + 42] = sum.clearance;
         if (force) {
             write_forces(board, is_touching, force);
             force += board->patch.taxel_count;

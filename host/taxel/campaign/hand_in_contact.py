@@ -1,54 +1,49 @@
-"""Joint dynamics of the emulated hand during a grasp: motor torques, contact of the emulated skin, compliant mount.
+"""Joint dynamics of the emulated hand during a grasp: motor torques, contact of the emulated skin, free object.
 
-Joints and mount are integrated together: M x'' + B x' = torque + contact(x), with diagonal M and B. Each step is
-linearly implicit (Rosenbrock-Euler): with the stiffness K of the contact at the start of the step,
+Joints and object are integrated together: M x'' + B x' = torque + contact(x), with diagonal M and B of the joints. Each
+step is linearly implicit (Rosenbrock-Euler): with the stiffness K of all contacts at the start of the step,
 (M / dt + B + dt K) v' = M v / dt + torque + contact. The step is stable for any stiffness of the layer.
 """
 
-from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.emulated.contact import SkinContact
+from taxel.campaign.free_object import FreeObject
+from taxel.emulated.contact import ContactLoad, SkinContact
+from taxel.grasp.objects import SKIN_FRICTION
 from taxel.hand import Hand
 from taxel.hand.kinematics import Kinematics
 from taxel.hand.robot import Robot
 from taxel.hand.transforms import cross
 from taxel.types import FloatArray
 
-JOINT_INERTIA_KG_M2 = 1.5e-3
-JOINT_DAMPING_NM_S = 0.03
-JOINT_FRICTION_NM = 0.02
-STICKING_RAD_S = 0.004
-"""Below this speed friction is modelled as a stiff damper; a sticking joint creeps more slowly than this."""
+JOINT_INERTIA_KG_M2: Final = 1.5e-3
+JOINT_DAMPING_NM_S: Final = 0.03
+JOINT_FRICTION_NM: Final = 0.02
+JOINT_BREAKAWAY_RAD: Final = 0.0015
+"""Rotation over which the dry friction of a joint builds up as a spring: a loaded joint comes to rest (chosen)."""
+JOINT_STOP_NM_PER_RAD: Final = 250.0
+"""Stiffness of the stop at each end of a joint's range (chosen: 0.7 Nm move it by 3 mrad)."""
+JOINT_STOP_NM_S_PER_RAD: Final = 1.0
 
-SUBSTEP_S = 1.5e-3
-"""Largest time step; different from the simulator's, so that the two solvers stay independent."""
-
-OBJECT_MASS_KG = 0.35
-OBJECT_INERTIA_KG_M2 = 6e-4
-MOUNT_DOF = 6
-
-
-@dataclass(frozen=True)
-class Mount:
-    """Mount of the object: critically damped springs at a point above the object's origin.
-
-    n_per_m, nm_per_rad: stiffness along and about each axis. height_m: height of the point above the object's origin.
-    """
-
-    n_per_m: float
-    nm_per_rad: float
-    height_m: float
+SUBSTEP_S: Final = 1.5e-3
+"""Largest time step in contact; different from the simulator's, so that the two solvers stay independent."""
+STEP_MOTION_M: Final = 0.12e-3
+"""Largest motion of a board relative to an object that it may touch in one time step (chosen: 6 % of the layer)."""
+MIN_SUBSTEP_S: Final = 0.15e-3
+BOARD_RADIUS_M: Final = 0.03
+"""Distance from a bracket's origin within which its rotation counts in the choice of the time step (chosen)."""
+OBJECT_DOF: Final = 6
 
 
 class HandInContact:
-    """Joint dynamics (see `taxel.hand.allegro.JointDynamics`) of a hand with a fixed wrist in contact with an object.
+    """Joint dynamics (see `taxel.hand.allegro.JointDynamics`) of a hand with a prescribed wrist and a free object.
 
-    robot: the part of the robot below its wrist. contact: the contact solver of the emulated skin. object_index,
-    object_pose: number of the object in the world, and its pose f64[4, 4] at rest. wrist_pose: f64[4, 4], world.
-    angles: initial joint angles f64[j], radians.
+    robot: the part of the robot below its wrist. contact: the contact solver of the emulated skin. object_index: number
+    of the object in the world. item: the object on its stand. wrist_pose: f64[4, 4], world. angles: initial joint
+    angles f64[j], radians.
     """
 
     def __init__(
@@ -57,49 +52,28 @@ class HandInContact:
         robot: Robot,
         contact: SkinContact,
         object_index: int,
-        object_pose: FloatArray,
-        mount: Mount,
+        item: FreeObject,
         wrist_pose: FloatArray,
         angles: FloatArray,
     ) -> None:
-        """Create the dynamics of a hand that touches an object on a spring mount, at rest.
-
-        contact: computes the contact load of the skin. object_index: row of the object in the world file. object_pose:
-        rest pose of the object f64[4, 4], world. mount: stiffness of the object's support. wrist_pose: f64[4, 4],
-        world. angles: initial joint angles f64[j], radians.
-        """
+        """Create the dynamics of a hand at rest; arguments as for the class. Earlier contacts are forgotten."""
         self._kinematics = Kinematics(robot, hand)
-        self._contact, self._index, self._rest_pose, self._mount = contact, object_index, object_pose, mount
-        self._wrist = wrist_pose
+        self._contact, self._index, self._item = contact, object_index, item
+        self._wrist, self._wrist_before = wrist_pose, wrist_pose
         self._joints = len(robot.joint_names)
         self._lower, self._upper = robot.lower, robot.upper
-        self._mass, self._damping = self._inertias()
-        self._centre = (object_pose @ np.array([0.0, 0.0, mount.height_m, 1.0]))[:3]
-        self._spring = np.repeat([mount.n_per_m, mount.nm_per_rad], 3)
         self._offsets = np.stack([contact.get_bracket_offset(board) for board in range(contact.board_count)])
         self._axes = _Axes(robot, hand)
-        self._position = np.concatenate([angles, np.zeros(MOUNT_DOF)])
-        self._velocity = np.zeros_like(self._position)
-        self._diagonal = np.arange(len(self._position))
+        self._angles = np.asarray(angles, dtype=np.float64).copy()
+        self._rest_angles = self._angles.copy()  # where the springs of the dry friction are unloaded
+        self._velocity = np.zeros(self._joints + OBJECT_DOF)
         self.touched_count = 0
-
-    def _inertias(self) -> tuple[FloatArray, FloatArray]:
-        """Return the diagonal of the mass matrix and of the damping matrix, f64[j + 6] each.
-
-        The first j elements belong to the joints, the last six to the object on its mount, which is critically damped.
-        """
-        mount = np.repeat([self._mount.n_per_m, self._mount.nm_per_rad], 3)
-        mass = np.repeat([OBJECT_MASS_KG, OBJECT_INERTIA_KG_M2], 3)
-        joints = np.ones(self._joints)
-        return (
-            np.concatenate([JOINT_INERTIA_KG_M2 * joints, mass]),
-            np.concatenate([JOINT_DAMPING_NM_S * joints, 2.0 * np.sqrt(mount * mass)]),
-        )
+        contact.set_friction(SKIN_FRICTION)
 
     @property
     def angles(self) -> FloatArray:
         """Joint angles, radians, f64[j]."""
-        return self._position[: self._joints].copy()
+        return self._angles.copy()
 
     @property
     def velocities(self) -> FloatArray:
@@ -107,85 +81,130 @@ class HandInContact:
         return self._velocity[: self._joints].copy()
 
     def object_pose(self) -> FloatArray:
-        """Pose f64[4, 4] of the object: its rest pose, moved by the deflection of the mount."""
-        return self._object_pose_at(self._position[self._joints :])
-
-    def _object_pose_at(self, deflection: FloatArray) -> FloatArray:
-        """Compute the pose of the object f64[4, 4] for a deflection of its mount f64[6].
-
-        deflection: translation in metres, then rotation vector in radians.
-        """
-        motion = _motion_about(deflection, self._centre)
-        return np.asarray(motion @ self._rest_pose)
+        """Pose f64[4, 4] of the object in the world."""
+        return self._item.pose.copy()
 
     def bracket_poses(self) -> FloatArray:
         """Return the nominal poses f64[s, 4, 4] of the brackets of the boards, without their mounting offsets."""
-        return np.asarray(self._wrist @ self._kinematics.compute_sensor_poses(self._position[: self._joints]))
+        return np.asarray(self._wrist @ self._kinematics.compute_sensor_poses(self._angles))
 
     def hold_wrist(self, pose: FloatArray) -> None:
-        """Set the pose of the wrist, f64[4, 4], in world coordinates."""
-        self._wrist = pose
+        """Set the pose of the wrist, f64[4, 4], in world coordinates; it moves there during the next step."""
+        self._wrist_before, self._wrist = self._wrist, pose
+
+    def steady_object(self, firmness: float) -> None:
+        """Set how firmly the experimenter steadies the object, 0 to 1."""
+        self._item.steady(firmness)
 
     def step(self, torque_nm: FloatArray, dt_s: float) -> FloatArray:
         """Integrate the motion of hand and object over `dt_s` seconds; return the joint angles f64[j], radians.
 
-        torque_nm: motor torques f64[j].
+        torque_nm: motor torques f64[j]. The wrist moves from its previous to its present pose at constant speed.
         """
-        count = max(1, int(np.ceil(dt_s / SUBSTEP_S - 1e-9))) if self.touched_count else 1
-        for _ in range(count):
-            self._substep(torque_nm, dt_s / count)
+        end, elapsed = self._wrist, 0.0
+        shift = (end[:3, 3] - self._wrist_before[:3, 3]) / dt_s
+        while elapsed < dt_s - 1e-9:
+            self._wrist = end.copy()
+            self._wrist[:3, 3] -= shift * (dt_s - elapsed)
+            elapsed += self._substep(torque_nm, dt_s - elapsed, shift)
+        self._wrist = self._wrist_before = end
         return self.angles
 
-    def _substep(self, torque_nm: FloatArray, dt: float) -> None:
-        """Integrate the motion over `dt` seconds by one implicit Euler step with the contact forces of the skin.
+    def _substep(self, torque_nm: FloatArray, longest: float, wrist_speed: FloatArray) -> float:
+        """Integrate over one implicit Euler step with the contact forces of the skin; return its duration, seconds.
 
         The new velocity v solves (mass / dt + damping + dt stiffness) v = mass v_old / dt + force. torque_nm: motor
-        torques f64[j]. In contact, `dt` is not longer than `SUBSTEP_S`.
+        torques f64[j]. longest: longest duration. wrist_speed: f64[3], m/s, world.
         """
         joints = self._joints
-        links = self._wrist @ self._kinematics.compute_link_poses(self._position[:joints])
+        links = self._wrist @ self._kinematics.compute_link_poses(self._angles)
         brackets = links[self._axes.board_links] @ self._axes.bracket_poses
-        load = self._contact.compute_load(self._index, self.object_pose(), brackets)
+        load = self._contact.compute_load(self._index, self._item.pose, brackets, advance=True)
         self.touched_count = load.touched_board_count
-        force = np.concatenate([torque_nm, -self._spring * self._position[joints:]])
-        stiffness = np.diag(np.concatenate([np.zeros(joints), self._spring]))
-        if load.touched_board_count:
-            loaded = np.flatnonzero(load.wrench.any(axis=1))
-            jacobian = self._jacobian(links, brackets[loaded] @ self._offsets[loaded], loaded)
-            flat = jacobian.reshape(-1, joints + MOUNT_DOF)
+        true = brackets @ self._offsets
+        jacobian = self._jacobian(links, true)
+        dt = self._choose_duration(load, jacobian, true, longest, wrist_speed)
+        weight, support = self._item.compute_support()
+        steadying, rate, damping = self._item.compute_steadying()
+        friction, friction_rate = self._resist_joints()
+        force = np.concatenate([torque_nm + friction, weight + steadying])
+        mass, system = np.zeros((2, joints + OBJECT_DOF, joints + OBJECT_DOF))
+        mass[:joints, :joints] = JOINT_INERTIA_KG_M2 * np.eye(joints)
+        mass[joints:, joints:] = self._item.compute_mass_matrix()
+        system[:joints, :joints] = np.diag(JOINT_DAMPING_NM_S + dt * friction_rate)
+        system[joints:, joints:] = dt * support + np.diag(dt * rate + damping)
+        loaded = np.flatnonzero(load.wrench.any(axis=1))
+        if len(loaded):
+            flat = jacobian[loaded].reshape(-1, joints + OBJECT_DOF)
             force += load.wrench[loaded].ravel() @ flat
-            stiffness += flat.T @ (load.stiffness[loaded] @ jacobian).reshape(flat.shape)
-        damping = self._damping.copy()
-        damping[:joints] += JOINT_FRICTION_NM / (np.abs(self._velocity[:joints]) + STICKING_RAD_S)
-        system = dt * stiffness
-        system[self._diagonal, self._diagonal] += self._mass / dt + damping
-        self._move(np.linalg.solve(system, self._mass * self._velocity / dt + force), dt)
+            system += dt * flat.T @ (load.stiffness[loaded] @ jacobian[loaded]).reshape(flat.shape)
+            self._add_wrist_motion(load, true, loaded, flat, dt * wrist_speed, force)
+        system += mass / dt
+        self._velocity = np.linalg.solve(system, mass @ self._velocity / dt + force)
+        self._angles += dt * self._velocity[:joints]
+        self._item.move(self._velocity[joints:], dt)
+        return dt
 
-    def _move(self, velocity: FloatArray, dt: float) -> None:
-        """Move joints and mount over `dt` seconds with a velocity f64[j + 6]; a joint at its limit stops."""
-        unlimited = self._position + dt * velocity
-        joints = self._joints
-        self._position = unlimited.copy()
-        self._position[:joints] = np.clip(unlimited[:joints], self._lower, self._upper)
-        is_at_limit = self._position != unlimited
-        self._velocity = np.where(is_at_limit, 0.0, velocity)
+    def _add_wrist_motion(
+        self,
+        load: ContactLoad,
+        true: FloatArray,
+        loaded: NDArray[np.intp],
+        flat: FloatArray,
+        shift: FloatArray,
+        force: FloatArray,
+    ) -> None:
+        """Add the change of the contact forces by the motion of the wrist in this time step to `force`, in place.
 
-    def _jacobian(self, links: FloatArray, brackets: FloatArray, boards: NDArray[np.intp]) -> FloatArray:
-        """Compute the Jacobian f64[k, 6, j + 6] of the motion of k brackets relative to the object, in bracket frames.
+        true: actual poses of the brackets. loaded: boards in contact. flat: their Jacobian. shift: f64[3], metres.
+        """
+        motion = np.zeros((len(loaded), 6))
+        motion[:, :3] = np.einsum("sji,j->si", true[loaded, :3, :3], shift)
+        force -= np.einsum("sij,sj->si", load.stiffness[loaded], motion).ravel() @ flat
 
-        Rows: translation, then rotation of a bracket. Columns: speeds of the j joints, then the six speeds of the
-        object's mount, which move the object and therefore have a negative sign. links: poses of the robot's links.
-        brackets: true poses f64[k, 4, 4]. boards: indices [k] of their boards.
+    def _choose_duration(
+        self, load: ContactLoad, jacobian: FloatArray, true: FloatArray, longest: float, wrist_speed: FloatArray
+    ) -> float:
+        """Choose the duration of the next time step, so that no board near the object moves too far.
+
+        load: of the contact. jacobian, true: of all brackets. longest: remaining time, seconds.
+        """
+        motion = jacobian @ self._velocity
+        separates = np.einsum("si,si->s", load.wrench, motion) > 0.0
+        motion[:, :3] += np.einsum("sji,j->si", true[:, :3, :3], wrist_speed)
+        speed = np.linalg.norm(motion[:, :3], axis=1) + BOARD_RADIUS_M * np.linalg.norm(motion[:, 3:], axis=1)
+        is_near = load.clearance_m < speed * SUBSTEP_S + STEP_MOTION_M
+        speed = speed[is_near & ~separates].max(initial=0.0)
+        limit = min(SUBSTEP_S if self.touched_count else longest, STEP_MOTION_M / max(speed, 1e-9))
+        return longest / np.ceil(longest / max(limit, MIN_SUBSTEP_S) - 1e-9)
+
+    def _resist_joints(self) -> tuple[FloatArray, FloatArray]:
+        """Torque f64[j] of dry friction and of the stops of the joints, and its stiffness f64[j], Nm and Nm/rad."""
+        rate = JOINT_FRICTION_NM / JOINT_BREAKAWAY_RAD
+        bend = (self._angles - self._rest_angles).clip(-JOINT_BREAKAWAY_RAD, JOINT_BREAKAWAY_RAD)
+        self._rest_angles = self._angles - bend
+        speed = self._velocity[: self._joints]
+        slides = (np.abs(bend) >= JOINT_BREAKAWAY_RAD) & (bend * speed > 0.0)
+        beyond = self._angles - self._angles.clip(self._lower, self._upper)
+        stop = np.where(beyond != 0.0, JOINT_STOP_NM_PER_RAD, 0.0)
+        torque = -rate * bend - stop * beyond - np.where(beyond * speed > 0.0, JOINT_STOP_NM_S_PER_RAD * speed, 0.0)
+        return torque, np.where(slides, 0.0, rate) + stop
+
+    def _jacobian(self, links: FloatArray, brackets: FloatArray) -> FloatArray:
+        """Compute the Jacobian f64[s, 6, j + 6] of the motion of the brackets relative to the object, bracket frames.
+
+        Rows: translation, then rotation of a bracket. Columns: speeds of the j joints, then the velocity and the
+        angular velocity of the object, which have a negative sign. links: poses of the robot's links. brackets: true
+        poses f64[s, 4, 4].
         """
         axes = (links[self._axes.joint_links, :3, :3] @ self._axes.axes[:, :, None])[:, :, 0]
         arms = brackets[:, None, :3, 3] - links[self._axes.joint_links, :3, 3]
-        rotations = self._axes.is_carried[boards][..., None] * axes
-        deflection = self._position[self._joints : self._joints + 3]
-        jacobian = np.zeros((len(brackets), 6, self._joints + MOUNT_DOF))
+        rotations = self._axes.is_carried[..., None] * axes
+        jacobian = np.zeros((len(brackets), 6, self._joints + OBJECT_DOF))
         jacobian[:, :3, : self._joints] = cross(rotations, arms).transpose(0, 2, 1)
         jacobian[:, 3:, : self._joints] = rotations.transpose(0, 2, 1)
         jacobian[:, :3, self._joints : self._joints + 3] = -np.eye(3)
-        jacobian[:, :3, self._joints + 3 :] = _cross_matrices(brackets[:, :3, 3] - self._centre - deflection)
+        jacobian[:, :3, self._joints + 3 :] = _cross_matrices(brackets[:, :3, 3] - self._item.centre)
         jacobian[:, 3:, self._joints + 3 :] = -np.eye(3)
         to_bracket = brackets[:, :3, :3].transpose(0, 2, 1)[:, None]
         parts = to_bracket @ jacobian.reshape(len(brackets), 2, 3, -1)
@@ -218,20 +237,3 @@ def _cross_matrices(vectors: FloatArray) -> FloatArray:
     matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
     matrices -= matrices.transpose(0, 2, 1)
     return matrices
-
-
-def _motion_about(deflection: FloatArray, centre: FloatArray) -> FloatArray:
-    """Compute the transform f64[4, 4] of a deflection f64[6]: translation, metres, then rotation vector, radians.
-
-    The rotation is about the point `centre` f64[3]; the translation is applied after the rotation.
-    """
-    rx, ry, rz = deflection[3:].tolist()
-    angle2 = rx * rx + ry * ry + rz * rz
-    angle = angle2**0.5
-    # Rodrigues' formula; the limits of its two factors for a vanishing angle are 1 and 1/2.
-    s, c = (np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2) if angle > 1e-8 else (1.0, 0.5)
-    skew = np.array([[0.0, -rz, ry], [rz, 0.0, -rx], [-ry, rx, 0.0]])
-    motion = np.eye(4)
-    motion[:3, :3] += s * skew + c * (skew @ skew)
-    motion[:3, 3] = deflection[:3] + centre - motion[:3, :3] @ centre
-    return motion

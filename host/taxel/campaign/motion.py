@@ -61,6 +61,7 @@ def simulate_grasp_motion(
         """Move the wrist to its pose at `time_s`, and record the poses of object and brackets at regular periods."""
         tick = round((time_s - begin) / PERIOD_S)
         dynamics.hold_wrist(wrists[min(tick, ticks - 1)])
+        dynamics.steady_object(timeline.get_steadying(time_s))
         if tick % RECORD_PERIODS == 0:
             times.append(time_s)
             objects.append(dynamics.object_pose())

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.campaign.hand_in_contact import HandInContact, Mount
+from taxel.campaign.free_object import FreeObject
+from taxel.campaign.hand_in_contact import HandInContact
 from taxel.campaign.motion import Motion, simulate_grasp_motion
 from taxel.campaign.poll_cycles import PollCycles, group_by_poll_cycle
 from taxel.campaign.settings import EmulatedSettings
@@ -18,7 +19,6 @@ from taxel.campaign.variation import make_small_motion, sample_grasp_variation
 from taxel.emulated.contact import SkinContact
 from taxel.emulated.scene import EmulatedScene, format_scene
 from taxel.grasp.controller import GraspController
-from taxel.grasp.objects import MOUNT_STIFFNESS_N_PER_M, MOUNT_STIFFNESS_NM_PER_RAD
 from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.timeline import Phase
 from taxel.hand import Hand
@@ -130,8 +130,7 @@ def _perform_grasp(
         setup.wrist_robot,
         contact,
         list(setup.objects).index(planned.object),
-        true_pose,
-        Mount(MOUNT_STIFFNESS_N_PER_M, MOUNT_STIFFNESS_NM_PER_RAD, item.shape.height / 2.0),
+        FreeObject(item.shape, true_pose),
         wrist_at(np.zeros(1))[0],
         approach.open_angles,
     )

@@ -9,6 +9,11 @@ from rich.console import Console
 from taxel.campaign.pictures import save_clouds, save_grasp
 from taxel.errors import TaxelError
 from taxel.recording.grasp_dataset import GraspDataset
+from taxel.recording.grasp_format import SIM
+from taxel.recording.grasp_invariants import InvariantChecker
+
+MAX_LINES = 20
+"""Largest number of listed violations of one dataset."""
 
 
 def show(
@@ -17,15 +22,25 @@ def show(
     grasp: Annotated[
         str | None, typer.Option(help="Id of the grasp to draw. Default: the first one that all datasets contain.")
     ] = None,
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check", help="Draw nothing; list frames of simulated datasets that violate physical invariants."
+        ),
+    ] = False,
 ) -> None:
-    """Draw the contact points of a grasp dataset.
+    """Draw the contact points of a grasp dataset, or check the physics of a simulated dataset.
 
     One picture shows the accumulated contact points of each object, the other the active and inactive taxels of a
-    grasp.
+    grasp. With --check, the exit status is 1 if a frame violates an invariant: force without contact, an object deeper
+    in the skin than the layer is thick, a jump of the total force, a contradiction to the force law, or a hold in which
+    the force still changes.
 
     Example: taxel show out/campaign/real.h5 out/campaign/sim.h5 --out out/show
     """
     console = Console(markup=False)
+    if check:
+        raise typer.Exit(_check_physics(datasets, console))
     common = _find_common_ids(datasets)
     if not common and grasp is None:
         raise TaxelError(
@@ -36,6 +51,28 @@ def show(
         save_clouds(datasets, out / "clouds.png")
         save_grasp(datasets, out / "grasp.png", common[0] if grasp is None else grasp)
     console.print(f"pictures: {out / 'clouds.png'}, {out / 'grasp.png'}")
+
+
+def _check_physics(paths: list[Path], console: Console) -> int:
+    """Print the violated invariants of datasets and a summary for each; return the exit status.
+
+    A dataset without contact forces, such as a recording of a hand, has nothing to check.
+    """
+    status = 0
+    for path in paths:
+        with GraspDataset(path) as data:
+            if data.source != SIM:
+                console.print(f"{path}: source {data.source!r} has no contact forces to check", soft_wrap=True)
+                continue
+            violations = list(InvariantChecker(data).find_violations())
+            for violation in violations[:MAX_LINES]:
+                console.print(f"{path}: {violation}", soft_wrap=True)
+            if len(violations) > MAX_LINES:
+                console.print(f"{path}: and {len(violations) - MAX_LINES} more", soft_wrap=True)
+            frames = len({(violation.grasp, violation.frame) for violation in violations})
+            console.print(f"{path}: {frames} frames of {len(data)} grasps violate an invariant", soft_wrap=True)
+            status = 1 if violations else status
+    return status
 
 
 def _find_common_ids(paths: list[Path]) -> list[str]:

@@ -14,7 +14,7 @@ from taxel.errors import TaxelError
 from taxel.native_library import emulator_message, load_library, redirected_stderr
 from taxel.types import FloatArray
 
-VALUES_PER_BOARD = 42
+VALUES_PER_BOARD = 43
 """Values of a board's load: force and moment (6), then stiffness (6 x 6)."""
 
 
@@ -27,11 +27,13 @@ class ContactLoad(NamedTuple):
 
     wrench: f64[s, 6], force (N) and moment (N m) on the board. stiffness: f64[s, 6, 6], negative derivative of the
     wrench by a small motion (translation in m, rotation in rad) of the board against the object; symmetric, positive
-    semidefinite. touched_board_count: number of boards in contact.
+    semidefinite. clearance_m: f64[s], lower bound of the distance between skin and object. touched_board_count: number
+    of boards in contact.
     """
 
     wrench: FloatArray
     stiffness: FloatArray
+    clearance_m: FloatArray
     touched_board_count: int
 
 
@@ -46,7 +48,9 @@ def load_contact_library() -> ctypes.CDLL:
         getattr(library, name).argtypes, getattr(library, name).restype = [pointer], size
     library.taxel_contact_bracket_offset.argtypes = [pointer, size, pointer]
     library.taxel_contact_bracket_offset.restype = None
-    library.taxel_contact_evaluate.argtypes = [pointer, ctypes.c_int, pointer, pointer, pointer, pointer]
+    library.taxel_contact_set_friction.argtypes = [pointer, ctypes.c_double]
+    library.taxel_contact_set_friction.restype = ctypes.c_int
+    library.taxel_contact_evaluate.argtypes = [pointer, ctypes.c_int, pointer, pointer, pointer, pointer, ctypes.c_int]
     library.taxel_contact_evaluate.restype = ctypes.c_int
     return library
 
@@ -100,28 +104,43 @@ class SkinContact:
         offset[:3] = rows
         return offset
 
-    def compute_load(self, index: int, object_pose: FloatArray, bracket_poses: FloatArray) -> ContactLoad:
+    def set_friction(self, coefficient: float) -> None:
+        """Let the skin stick to objects and slide with a friction coefficient, and forget earlier contacts.
+
+        coefficient: 0: no friction, as after opening. Raises MemoryError.
+        """
+        self._check(0.0 <= coefficient < np.inf, f"a friction coefficient of at least 0, found {coefficient}")
+        if self._library.taxel_contact_set_friction(self._handle, coefficient):
+            raise MemoryError
+
+    def compute_load(
+        self, index: int, object_pose: FloatArray, bracket_poses: FloatArray, advance: bool = False
+    ) -> ContactLoad:
         """Compute the contact load of an object on all boards: forces, torques and stiffness.
 
         index: of the object in the world file; -1: no object. object_pose: f64[4, 4]. bracket_poses: f64[s, 4, 4].
-        Raises ValueError for an index out of range or an array of another shape.
+        advance: let the points where the skin sticks to the object follow; call it once per time step. Raises
+        ValueError for an index out of range or an array of another shape.
         """
-        touched = self._evaluate(index, object_pose, bracket_poses, None)
-        return ContactLoad(self._load[:, :6].copy(), self._load[:, 6:].reshape(-1, 6, 6).copy(), touched)
+        touched = self._evaluate(index, object_pose, bracket_poses, None, advance)
+        stiffness = self._load[:, 6:42].reshape(-1, 6, 6).copy()
+        return ContactLoad(self._load[:, :6].copy(), stiffness, self._load[:, 42].copy(), touched)
 
     def compute_forces(self, index: int, object_pose: FloatArray, bracket_poses: FloatArray) -> FloatArray:
         """Compute the normal force on each taxel in newtons, f64[n], before any effect of the skin.
 
         index: of the object in the world file; -1: no object. object_pose: f64[4, 4]. bracket_poses: f64[s, 4, 4].
         """
-        self._evaluate(index, object_pose, bracket_poses, self._force.ctypes.data)
+        self._evaluate(index, object_pose, bracket_poses, self._force.ctypes.data, advance=False)
         return self._force.copy()
 
-    def _evaluate(self, index: int, object_pose: FloatArray, bracket_poses: FloatArray, force: int | None) -> int:
+    def _evaluate(
+        self, index: int, object_pose: FloatArray, bracket_poses: FloatArray, force: int | None, advance: bool
+    ) -> int:
         """Compute the contact load of all boards in the library; return the number of boards in contact.
 
         index: of the object; -1: no object. object_pose: f64[4, 4]. bracket_poses: f64[s, 4, 4]. force: address for the
-        taxel forces; None: not computed.
+        taxel forces; None: not computed. advance: let the points where the skin sticks follow.
         """
         poses = np.ascontiguousarray(bracket_poses[:, :3, :], dtype=np.float64)
         pose = np.ascontiguousarray(object_pose[:3], dtype=np.float64)
@@ -133,7 +152,7 @@ class SkinContact:
         self._check(pose.shape == (3, 4), f"the pose of an object, found {object_pose.shape}")
         return int(
             self._library.taxel_contact_evaluate(
-                self._handle, index, pose.ctypes.data, poses.ctypes.data, self._load.ctypes.data, force
+                self._handle, index, pose.ctypes.data, poses.ctypes.data, self._load.ctypes.data, force, int(advance)
             )
         )
 

@@ -13,17 +13,20 @@ TORQUE_LIMIT_NM: Final = 0.7  # of every joint; source: Wonik's data sheet of th
 # Assumed: a held joint deflects by 0.05 rad under 0.5 Nm; near-critical damping for a geared finger joint.
 HOLD_NM_PER_RAD: Final = 10.0
 HOLD_NM_S_PER_RAD: Final = 0.3
-# Assumed: low stiffness for opening; the damping limits the speed at which a closing finger touches the object.
+# Assumed: low stiffness for opening; light damping, so that a finger under torque comes to rest on the object.
 OPEN_NM_PER_RAD: Final = 1.0
-OPEN_NM_S_PER_RAD: Final = 0.045
+OPEN_NM_S_PER_RAD: Final = 0.1
+# Assumed: a closing joint follows an angle that moves by this amount at a constant speed, with the stiffness of a held
+# joint, until the planned torque is reached: it touches the object slowly. More than the range of any joint.
+CLOSING_RAD: Final = 2.2
 
 
 class GraspController:
     """Stateless controller of one grasp: joint torques from time, joint angles and joint velocities.
 
     Held joints follow their targets in all phases. The other joints hold their open angles with a low stiffness in the
-    baseline, close with a torque that rises to the planned torque, and return to the open angles. At standstill in the
-    hold phase their torque equals the planned torque times `torque_scale`. All torques are limited to
+    baseline, close at a constant speed until an obstacle requires the planned torque, and return to the open angles. At
+    standstill in the hold phase their torque equals the planned torque times `torque_scale`. All torques are limited to
     `TORQUE_LIMIT_NM`. Raises ValueError for a scale below 0 or not finite.
     """
 
@@ -50,8 +53,13 @@ class GraspController:
         """
         fraction = self.timeline.get_torque_fraction(t)
         position_torque = self._stiffness * (self._target - angles)
+        advance = np.sign(self._planned_torque) * CLOSING_RAD * self.timeline.get_closing_fraction(t)
+        closing_torque = HOLD_NM_PER_RAD * (self._target + advance - angles)
+        limit = np.abs(self._planned_torque)
         torque = np.where(
-            self._is_held, position_torque, fraction * self._planned_torque + (1.0 - fraction) * position_torque
+            self._is_held,
+            position_torque,
+            fraction * closing_torque.clip(-limit, limit) + (1.0 - fraction) * position_torque,
         )
         torque -= self._damping * velocities
         return np.asarray(torque.clip(-TORQUE_LIMIT_NM, TORQUE_LIMIT_NM))

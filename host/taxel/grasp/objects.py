@@ -1,4 +1,4 @@
-"""Grasped objects, their mount and their nominal pose."""
+"""Grasped objects, their mass and their nominal pose."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand.transforms import make_pose
+from taxel.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -41,10 +42,26 @@ ASSUMED_ROBOT: Final = "ur5e_allegro"
 ORIGINAL_ROBOT: Final = "ur5e_original"
 """Robot of the original workstation, whose objects and grasps are recorded; other robots use the assumed ones."""
 
-# Assumed compliance of object, stand and arm: well below the stiffness of a print or of a finger link, well above that
-# of a light free-standing object.
-MOUNT_STIFFNESS_N_PER_M: Final = 8000.0
-MOUNT_STIFFNESS_NM_PER_RAD: Final = 40.0
+OBJECT_DENSITY_KG_PER_M3: Final = 224.0
+"""Mean density of the printed objects, from the masses in the original simulation: the box weighs 101 g."""
+
+GRAVITY_M_PER_S2: Final = 9.81
+
+SKIN_FRICTION: Final = 1.0
+"""Friction coefficient between the skin and an object (assumed: dry silicone on a print)."""
+
+STAND_N_PER_M: Final = 1e5
+"""Stiffness of stand, table and arm against a force of the hand from above (assumed: 50 N deflect them by 0.5 mm; the
+thesis names the deformation of the table)."""
+
+STAND_FRICTION: Final = 0.4
+"""Friction coefficient between an object and its stand (assumed: dry plastic on metal)."""
+
+# Assumed stiffness and damping of the experimenter's other hand, which steadies the object while the hand closes.
+STEADYING_N_PER_M: Final = 8000.0
+STEADYING_NM_PER_RAD: Final = 40.0
+STEADYING_N_S_PER_M: Final = 60.0
+STEADYING_NM_S_PER_RAD: Final = 0.1
 
 # Assumed position of the object in front of the arm's base. The stand keeps hand and wrist above the table.
 STAND_HEIGHT_M: Final = 0.10
@@ -64,6 +81,33 @@ class GraspObject:
     name: str
     shape: Shape
     description: str
+
+
+@dataclass(frozen=True, eq=False)
+class MassProperties:
+    """Mass, kg, centre of mass f64[3], metres, and inertia about this centre f64[3, 3], kg m2; object frame."""
+
+    mass_kg: float
+    centre_m: FloatArray
+    inertia_kg_m2: FloatArray
+
+
+def compute_mass_properties(shape: Shape, density_kg_per_m3: float = OBJECT_DENSITY_KG_PER_M3) -> MassProperties:
+    """Compute the mass properties of a homogeneous solid from its mesh, as a sum over tetrahedra with the origin.
+
+    For a tetrahedron with the vertices 0, a, b, c and their sum s, the integral of x x^T is
+    det(a, b, c) / 120 (a a^T + b b^T + c c^T + s s^T).
+    """
+    vertices, faces = shape.mesh()
+    corners = vertices[faces]
+    volumes = np.linalg.det(corners) / 6.0
+    sums = corners.sum(axis=1)
+    volume = volumes.sum()
+    centre = (volumes @ sums) / (4.0 * volume)
+    products = np.einsum("fki,fkj->fij", corners, corners) + np.einsum("fi,fj->fij", sums, sums)
+    moments = np.einsum("f,fij->ij", volumes, products) / 20.0 - volume * np.outer(centre, centre)
+    inertia = np.trace(moments) * np.eye(3) - moments
+    return MassProperties(float(density_kg_per_m3 * volume), centre, density_kg_per_m3 * inertia)
 
 
 def select_object_sizes(robot: str | None) -> ObjectSizes:

@@ -66,6 +66,16 @@ class Shape(Protocol):
         """
         ...
 
+    def indent(self, tops: FloatArray, axes: FloatArray, min_slope: float) -> tuple[FloatArray, FloatArray]:
+        """Compute how deep the solid indents columns: depth f64[m], metres, and outward unit normal f64[m, 3].
+
+        tops: upper ends of the columns f64[m, 3]. axes: their outward unit directions f64[m, 3]. The depth is the
+        distance from the top to the surface, measured against the axis; 0 or less if the top is outside. A surface
+        whose inward normal has a smaller cosine with the axis than `min_slope` counts as if it had this cosine, so that
+        a column that enters the solid sideways is loaded gradually. The normal is that of the surface met.
+        """
+        ...
+
     def signed_distance(self, points: npt.ArrayLike) -> FloatArray:
         """Compute the Euclidean distance of points f64[..., 3] to the solid's surface, f64[...]; negative inside."""
         ...

@@ -10,12 +10,20 @@ import numpy.typing as npt
 PHASE_TOLERANCE_S = 1e-9
 """Tolerance of phase boundaries: a sample at k / rate belongs to the phase that starts at this time."""
 
-# Assumed fractions of the closing phase: end of the palm motion and end of the torque rise. Assumed fractions of the
-# release phase: end of the torque decrease and start of the palm withdrawal.
+# Assumed fractions of the closing phase: end of the palm motion, when the fingers start to close; time from which their
+# full torque is permitted; end of their motion without an object. Assumed fractions of
+# the release phase: end of the torque decrease and start of the palm withdrawal.
 ADVANCE_END = 0.2
-GRIP_END = 0.6
+GRIP_START_END = 0.3
+CLOSING_END = 0.75
 RELEASE_END = 0.3
 WITHDRAW_START = 0.7
+
+# Assumed fractions of the closing phase between which the experimenter lets go of the object, and assumed fraction of
+# the release phase in which the experimenter takes hold of the object again.
+LET_GO_START = 0.75
+LET_GO_END = 0.9
+TAKE_HOLD_END = 0.2
 
 
 class Phase(IntEnum):
@@ -95,10 +103,22 @@ class Timeline:
         return min(elapsed_s / duration_s, 1.0) if duration_s > 0 else 1.0
 
     def get_torque_fraction(self, t: float) -> float:
-        """Return the fraction of the planned finger torque at time t, 0..1. t: seconds after the start of the grasp."""
+        """Return the fraction of the planned finger torque that is permitted at time t, 0..1; 0 before the closing.
+
+        t: seconds after the start of the grasp.
+        """
         if t >= self.get_start_s(Phase.RELEASE):
             return 1.0 - min(self.get_phase_progress(Phase.RELEASE, t) / RELEASE_END, 1.0)
-        return min(max(self.get_phase_progress(Phase.CLOSING, t) - ADVANCE_END, 0.0) / (GRIP_END - ADVANCE_END), 1.0)
+        progress = self.get_phase_progress(Phase.CLOSING, t)
+        return min(max(progress - ADVANCE_END, 0.0) / (GRIP_START_END - ADVANCE_END), 1.0)
+
+    def get_closing_fraction(self, t: float) -> float:
+        """Return how far fingers without an obstacle have closed at time t, 0..1.
+
+        t: seconds after the start of the grasp.
+        """
+        progress = self.get_phase_progress(Phase.CLOSING, t)
+        return min(max(progress - ADVANCE_END, 0.0) / (CLOSING_END - ADVANCE_END), 1.0)
 
     def get_withdrawal(self, t: float) -> float:
         """Return how far the palm is withdrawn at time t: 1 in baseline and recovery, 0 at the object.
@@ -108,6 +128,16 @@ class Timeline:
         if t >= self.get_start_s(Phase.RELEASE):
             return max(self.get_phase_progress(Phase.RELEASE, t) - WITHDRAW_START, 0.0) / (1.0 - WITHDRAW_START)
         return 1.0 - min(self.get_phase_progress(Phase.CLOSING, t) / ADVANCE_END, 1.0)
+
+    def get_steadying(self, t: float) -> float:
+        """Return how firmly the experimenter steadies the object at time t: 1 while the hand closes, 0 in the hold.
+
+        The original procedure closes and opens the hand on the object by hand. t: seconds after the start of the grasp.
+        """
+        if t >= self.get_start_s(Phase.RELEASE):
+            return min(self.get_phase_progress(Phase.RELEASE, t) / TAKE_HOLD_END, 1.0)
+        progress = self.get_phase_progress(Phase.CLOSING, t)
+        return 1.0 - min(max(progress - LET_GO_START, 0.0) / (LET_GO_END - LET_GO_START), 1.0)
 
     def make_sample_times(self, rate_hz: float) -> npt.NDArray[np.float64]:
         """Return the sample times 0, 1/rate, 2/rate ... before the end of the grasp, seconds, f64[T].

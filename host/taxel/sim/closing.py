@@ -75,6 +75,7 @@ class SimulationSettings:
             uncertainty of the layer's parameters.
         settle_s: simulated time before closing, seconds.
         recorder: records messages of contact sensors, which needs rigid contact; None: no messages.
+        holds_object: whether the object is held at its pose during the whole grasp, as by a stiff clamp.
     """
 
     rate_hz: float = RATE_HZ
@@ -86,6 +87,7 @@ class SimulationSettings:
     soft_step_s: float = SOFT_STEP_S
     settle_s: float = SETTLE_S
     recorder: RecorderSettings | None = None
+    holds_object: bool = False
 
 
 DEFAULT_SETTINGS: Final = SimulationSettings()
@@ -132,7 +134,7 @@ def simulate_grasp(
         push = SoftPush(scene, NativeContact(scene.hand, scene.grasp_object.shape, settings.law), settings.soft_step_s)
     controller = GraspController(_deviate_targets(approach, settings.seed), timeline, settings.torque_scale)
     recorder = MessageRecorder(scene, settings.recorder) if settings.recorder is not None else None
-    run = _Run(scene, controller, nominal_pose, push, recorder)
+    run = _Run(scene, controller, nominal_pose, push, recorder, settings.holds_object)
     run.place_bodies(true_pose)
     return run.record(timeline, settings.rate_hz, settings.settle_s)
 
@@ -171,12 +173,13 @@ class _Run:
         nominal_pose: FloatArray,
         push: SoftPush | None,
         recorder: MessageRecorder | None = None,
+        holds_object: bool = False,
     ) -> None:
         """Prepare the simulation of one grasp in a MuJoCo scene.
 
         controller: gives the joint targets and torques of the fingers. nominal_pose: f64[4, 4], pose of the object that
         the grasp plan assumes. push: time integration of the contact of the soft layer; None: MuJoCo's own contact.
-        recorder: records messages of contact sensors; None: no messages.
+        recorder: records messages of contact sensors; None: no messages. holds_object: hold the object all the time.
         """
         self.scene = scene
         self.controller = controller
@@ -184,13 +187,16 @@ class _Run:
         self.data = mujoco.MjData(scene.model)
         self._push = push
         self._recorder = recorder
+        self._holds_object = holds_object
         self._step_s = STEP_S if push is None else push.step_s
         self._recent_wrenches: list[FloatArray] = []
         self._withdrawal = -1.0  # outside 0..1: the palm has no pose yet
 
     def place_bodies(self, object_pose: FloatArray) -> None:
-        """Set mount, palm and joints to their state before the grasp; object_pose: f64[4, 4] in the world."""
-        self._set_body_pose(self.scene.model.body("mount").id, object_pose)
+        """Set stand, object, palm and joints to their state before the grasp; object_pose: f64[4, 4] in the world."""
+        self.scene.place_object(self.data, object_pose)
+        if self._push is not None:
+            self._push.place_stand(object_pose)
         palm_pose = self.nominal_pose @ self.controller.approach.compute_palm_pose_at(1.0)
         self._set_body_pose(self.scene.link_bodies[0], palm_pose)
         self.data.qpos[self.scene.joint_addresses] = self.controller.approach.open_angles
@@ -241,14 +247,26 @@ class _Run:
         self._move_palm(time_s)
         angles, velocities = data.qpos[scene.joint_addresses], data.qvel[scene.joint_dofs]
         data.qfrc_applied[scene.joint_dofs] = self.controller.compute_torque(time_s, angles, velocities)
+        steadying = 1.0 if self._holds_object else self.controller.timeline.get_steadying(time_s)
         if self._push is not None:
+            self._push.steadying.set_firmness(steadying)
             self._push.step(data)
             return
+        self._steady_object(steadying > 0.5)
         mujoco.mj_step(scene.model, data)
         if self._recorder is not None:
             self._recorder.observe(data, time_s + self._step_s)
         if record_wrench:
             self._recent_wrenches.append(self._compute_wrenches(read_contacts(scene, data)))
+
+    def _steady_object(self, is_held: bool) -> None:
+        """Let the experimenter hold the object or let it go, with rigid contact; a new hold is at the present pose."""
+        data, constraint = self.data, self.scene.model.equality("steadying").id
+        if is_held and not data.eq_active[constraint]:
+            body = self.scene.model.body("object").id
+            index = self.scene.model.body_mocapid[self.scene.model.body("experimenter").id]
+            data.mocap_pos[index], data.mocap_quat[index] = data.xpos[body], data.xquat[body]
+        data.eq_active[constraint] = is_held
 
     def _compute_sensor_poses(self) -> FloatArray:
         """Return the present poses of the brackets in the world, f64[s, 4, 4]."""

@@ -13,7 +13,7 @@ from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand import Hand
 from taxel.hand.sheet import build_sheet
 from taxel.native_library import load_library
-from taxel.sim.soft_contact import MAX_DEPTH_M, SPRINGS_PER_SIDE, LayerLaw, SoftLoad
+from taxel.sim.soft_contact import MAX_DEPTH_M, MIN_SLOPE, SPRINGS_PER_SIDE, LayerFriction, LayerLaw, SoftLoad
 from taxel.types import FloatArray
 
 NEAR_M = 0.001
@@ -44,10 +44,13 @@ class _Layer(ctypes.Structure):
         ("thickness_m", ctypes.c_double),
         ("near_m", ctypes.c_double),
         ("max_depth_m", ctypes.c_double),
+        ("min_slope", ctypes.c_double),
         ("stiffness_n_per_m", ctypes.c_double),
         ("stiffening_m", ctypes.c_double),
         ("closing_m", ctypes.c_double),
         ("straight_m", ctypes.c_double),
+        ("friction_coefficient", ctypes.c_double),
+        ("shear_stiffness_n_per_m", ctypes.c_double),
         ("faces", ctypes.c_size_t),
         ("normals", ctypes.c_void_p),
         ("offsets", ctypes.c_void_p),
@@ -60,6 +63,8 @@ class _Layer(ctypes.Structure):
         ("near_faces", ctypes.c_void_p),
         ("search_pose", ctypes.c_void_p),
         ("slack_m", ctypes.c_void_p),
+        ("anchor", ctypes.c_void_p),
+        ("is_anchored", ctypes.c_void_p),
     ]
 
 
@@ -68,7 +73,7 @@ def load_sim_library() -> ctypes.CDLL:
     """Load the simulator's compiled library. Raises `SimLibraryError` if it is missing or of another version."""
     library = load_library("taxel_sim", "the simulator's compiled library", SimLibraryError)
     library.sim_layer_struct_size.restype = ctypes.c_size_t
-    library.sim_layer_load.argtypes = [ctypes.c_void_p] * 6
+    library.sim_layer_load.argtypes = [*[ctypes.c_void_p] * 6, ctypes.c_int]
     library.sim_layer_load.restype = None
     if library.sim_layer_struct_size() != ctypes.sizeof(_Layer):
         raise SimLibraryError(
@@ -123,24 +128,27 @@ def _build_table(hand: Hand) -> _PieceTable:
 class NativeContact:
     """Contact of the soft layer with a solid (`taxel.sim.soft_contact.LayerContact`), computed in C.
 
-    law: force law of the layer on one taxel. Raises `SimLibraryError`, and TypeError for a shape that the library does
-    not support.
+    law: force law of the layer on one taxel. friction: of the layer's surface on the solid; None: `LayerFriction()`.
+    Raises `SimLibraryError`, and TypeError for a shape that the library does not support.
     """
 
-    def __init__(self, hand: Hand, shape: Shape, law: LayerLaw) -> None:
+    def __init__(self, hand: Hand, shape: Shape, law: LayerLaw, friction: LayerFriction | None = None) -> None:
         """Prepare the contact of the hand's dielectric layer with a solid for the C library.
 
-        hand: the skin, whose taxels are divided into square springs. shape: the touching solid. law: force law of the
-        layer on one taxel. The C structure points into NumPy arrays, which this object keeps alive. Raises
+        hand: the skin, whose taxels are divided into square columns. shape: the touching solid. law: force law of the
+        layer on one taxel. friction: of the layer's surface on the solid. The C structure points into NumPy arrays,
+        which this object keeps alive. Raises
         SimLibraryError if the library is missing, and TypeError for a shape that the library does not support.
         """
         self._call = load_sim_library().sim_layer_load
         self._boards, self._taxels = len(hand.boards), hand.n_taxels
         self._referenced_arrays: list[npt.NDArray[Any]] = []
         table = _build_table(hand)
-        search_is_due = np.full(self._boards, -1.0)
+        self._near_count = np.zeros(self._boards, np.uintp)
+        self._slack_m = np.full(self._boards, -1.0)  # a search is due
         solid = self._describe_solid(shape)
         faces = int(solid["faces"])
+        friction = friction or LayerFriction()
         self._layer = _Layer(
             boards=self._boards,
             square_pieces=SPRINGS_PER_SIDE**2,
@@ -153,15 +161,20 @@ class NativeContact:
             thickness_m=hand.layer_m or 0.0,
             near_m=NEAR_M,
             max_depth_m=MAX_DEPTH_M,
+            min_slope=MIN_SLOPE,
             **vars(law),
+            friction_coefficient=friction.coefficient,
+            shear_stiffness_n_per_m=friction.stiffness_n_per_m,
             **solid,
             near=self._reference(np.empty(len(table.position), np.uint32)),
-            near_count=self._reference(np.zeros(self._boards, np.uintp)),
+            near_count=self._reference(self._near_count),
             near_normals=self._reference(np.empty((self._boards, faces, 3))),
             near_offsets=self._reference(np.empty((self._boards, faces))),
             near_faces=self._reference(np.zeros(self._boards, np.uintp)),
             search_pose=self._reference(np.zeros((self._boards, 4, 4))),
-            slack_m=self._reference(search_is_due),
+            slack_m=self._reference(self._slack_m),
+            anchor=self._reference(np.zeros((len(table.position), 3))),
+            is_anchored=self._reference(np.zeros(len(table.position), np.uint8)),
         )
         self._address = ctypes.addressof(self._layer)
 
@@ -179,12 +192,17 @@ class NativeContact:
             return {"faces": len(offsets), "normals": self._reference(normals), "offsets": self._reference(offsets)}
         raise TypeError(f"shape: expected a Cylinder or a ConvexPolytope, found {type(shape).__name__}")
 
-    def compute_load(self, sensor_poses: FloatArray, object_pose: FloatArray) -> SoftLoad:
+    def compute_load(self, sensor_poses: FloatArray, object_pose: FloatArray, advance: bool = False) -> SoftLoad:
         """Compute the contact load on every board: wrench and stiffness, world frame, about each bracket's origin.
 
-        sensor_poses: f64[s, 4, 4], brackets in the world. object_pose: f64[4, 4], world.
+        sensor_poses: f64[s, 4, 4], brackets in the world. object_pose: f64[4, 4], world. advance: store where the
+        columns stick to the object.
         """
-        return self._compute(sensor_poses, object_pose, None)
+        return self._compute(sensor_poses, object_pose, None, advance)
+
+    def get_clearances(self) -> FloatArray:
+        """Return a lower bound of the distance of each board's layer from the solid at the last load, f64[s], m."""
+        return np.where(self._near_count > 0, 0.0, np.maximum(self._slack_m, 0.0))
 
     def compute_taxel_forces(self, sensor_poses: FloatArray, object_pose: FloatArray) -> FloatArray:
         """Compute the contact force on each taxel, f64[n], newtons.
@@ -192,14 +210,14 @@ class NativeContact:
         sensor_poses: f64[s, 4, 4], brackets in the world. object_pose: f64[4, 4], world.
         """
         force = np.zeros(self._taxels)
-        self._compute(sensor_poses, object_pose, force.ctypes.data)
+        self._compute(sensor_poses, object_pose, force.ctypes.data, advance=False)
         return force
 
-    def _compute(self, sensor_poses: FloatArray, object_pose: FloatArray, force: int | None) -> SoftLoad:
+    def _compute(self, sensor_poses: FloatArray, object_pose: FloatArray, force: int | None, advance: bool) -> SoftLoad:
         """Compute the load on the boards by the C library.
 
         sensor_poses: f64[s, 4, 4] and object_pose: f64[4, 4], world. force: address of the f64[n] to which taxel forces
-        are written, or None.
+        are written, or None. advance: store where the columns stick to the object.
         """
         poses = np.ascontiguousarray(sensor_poses, dtype=np.float64)
         pose = np.ascontiguousarray(object_pose, dtype=np.float64)
@@ -210,5 +228,5 @@ class NativeContact:
             )
         result = SoftLoad(np.empty((self._boards, 6)), np.empty((self._boards, 6, 6)))
         wrench, stiffness = (part.ctypes.data for part in result)
-        self._call(self._address, poses.ctypes.data, pose.ctypes.data, wrench, stiffness, force)
+        self._call(self._address, poses.ctypes.data, pose.ctypes.data, wrench, stiffness, force, int(advance))
         return result

@@ -1,7 +1,7 @@
-"""A MuJoCo scene built from descriptions: a hand with its skin, and an object in a compliant mount.
+"""A MuJoCo scene built from descriptions: a hand with its skin, and an object that stands freely on a stand.
 
 The module contains no property of a particular hand. The links below the wrist are simulated; the poses of wrist and
-mount are prescribed. Each board is a rigid part as thick as its bracket plus the layer. With rigid contact the
+stand are prescribed. Each board is a rigid part as thick as its bracket plus the layer. With rigid contact the
 compression of the layer is computed afterwards from the contact forces.
 """
 
@@ -16,7 +16,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import ConvexHull
 
-from taxel.grasp.objects import MOUNT_STIFFNESS_N_PER_M, MOUNT_STIFFNESS_NM_PER_RAD, GraspObject
+from taxel.grasp.objects import (
+    GRAVITY_M_PER_S2,
+    OBJECT_DENSITY_KG_PER_M3,
+    SKIN_FRICTION,
+    STAND_FRICTION,
+    STAND_N_PER_M,
+    GraspObject,
+)
 from taxel.grasp.shapes import Cylinder
 from taxel.hand import Board, Hand
 from taxel.hand.errors import HandGeometryError, UnknownLinkError
@@ -29,8 +36,9 @@ STEP_S: Final = 0.002
 """Time step of rigid contact, seconds (chosen)."""
 # MuJoCo's contact parameters: time constant and damping ratio; impedance. Stiffer contact chatters at this time step
 # when the edge of a finger lies on the edge of an object. Shapes overlap by at most half a millimetre under load.
-CONTACT_SOLREF: Final = "0.01 3"
+CONTACT_SOLREF: Final = "0.006 2"
 CONTACT_SOLIMP: Final = "0.98 0.995 0.0005"
+STEADYING_SOLREF: Final = "0.02 1"  # hold of the experimenter on the object with rigid contact
 SOLVER_TOLERANCE: Final = 1e-12
 SOLVER_ITERATIONS: Final = 100
 
@@ -41,13 +49,13 @@ JOINT_DAMPING_NM_S: Final = 0.03
 JOINT_FRICTION_NM: Final = 0.02  # a geared joint does not move under a smaller torque; without friction, fingers creep
 BOARD_MASS_KG: Final = 0.002
 BACKING_M: Final = 0.002  # thickness of circuit and bracket under the electrodes
-OBJECT_MASS_KG: Final = 0.3
-# Critical for the object's mass and size: 2 sqrt(k m).
-MOUNT_DAMPING_N_S_PER_M: Final = 100.0
-MOUNT_DAMPING_NM_S: Final = 0.6
+STAND_HALF_M: Final = (0.08, 0.08, 0.01)
+# Chosen: a light plate on the spring of the stand, damped critically.
+PLATE_MASS_KG: Final = 0.5
+PLATE_DAMPING_N_S_PER_M: Final = 450.0
 TABLE_HALF_M: Final = (0.8, 0.8, 0.02)
 
-_HAND_BIT, _OBJECT_BIT = 1, 2
+_HAND_BIT, _OBJECT_BIT, _STAND_BIT = 1, 2, 4
 _MAX_RELATED_JOINTS = 2
 """Two links separated by at most this number of joints do not collide: their volumes overlap at the hinges."""
 
@@ -100,12 +108,21 @@ class Scene:
         """Poses of the brackets in the frames of their links, f64[s, 4, 4]."""
         return np.stack([board.pose for board in self.hand.boards if board.pose is not None])
 
+    def place_object(self, data: mujoco.MjData, pose: FloatArray) -> None:
+        """Place the object, its stand and the experimenter's hold at a pose f64[4, 4] in the world, at rest."""
+        quaternion = to_quaternion(pose)
+        for name in ("stand", "experimenter"):
+            index = self.model.body_mocapid[self.model.body(name).id]
+            data.mocap_pos[index], data.mocap_quat[index] = pose[:3, 3], quaternion
+        address = self.model.jnt_qposadr[self.model.body("object").jntadr[0]]
+        data.qpos[address : address + 7] = [*pose[:3, 3], *quaternion]
+
 
 def build_scene(
     hand: Hand,
     grasp_object: GraspObject,
     wrist: str,
-    friction: float = 0.0,
+    friction: float = SKIN_FRICTION,
     self_contact: bool = False,
     layer_m: Mapping[str, float] | None = None,
 ) -> Scene:
@@ -113,7 +130,7 @@ def build_scene(
 
     Args:
         hand: hand whose description has positions and a robot.
-        grasp_object: object in the mount.
+        grasp_object: object on the stand.
         wrist: name of the link whose pose is prescribed, such as "palm".
         friction: sliding friction coefficient between hand and object; 0: no friction.
         self_contact: True if parts of the hand more than two joints apart collide with each other. By default these
@@ -161,10 +178,10 @@ def _write_scene(
     dimensions = 3 if friction > 0 else 1
     collides_with = _OBJECT_BIT | _HAND_BIT if self_contact else _OBJECT_BIT
     contact = f'solref="{CONTACT_SOLREF}" solimp="{CONTACT_SOLIMP}" condim="{dimensions}" friction="{friction!r} 0 0"'
-    # No gravity: the controller compensates the weight of the hand, and the mount carries the weight of the object.
+    # The controller compensates the weight of the hand (gravcomp).
     return f"""<mujoco model={quoteattr(f"{hand.name} and {grasp_object.name}")}>
 <compiler angle="radian" boundmass="1e-3" boundinertia="1e-7"/>
-<option timestep="{STEP_S}" gravity="0 0 0" integrator="implicitfast" cone="elliptic" solver="Newton"
+<option timestep="{STEP_S}" gravity="0 0 -{GRAVITY_M_PER_S2}" integrator="implicitfast" cone="elliptic" solver="Newton"
   tolerance="{SOLVER_TOLERANCE}" iterations="{SOLVER_ITERATIONS}"><flag multiccd="enable"/></option>
 <visual><global offwidth="800" offheight="800"/></visual>
 <default>
@@ -182,6 +199,8 @@ def _write_scene(
 {_write_object_body(grasp_object)}{_write_hand_body(hand, robot, wrist)}</worldbody>
 <contact>
 {"".join(_write_excludes(wrist, list(_iterate_joints_below(robot, wrist))))}</contact>
+<equality><weld name="steadying" body1="experimenter" body2="object" relpose="0 0 0 1 0 0 0"
+  solref="{STEADYING_SOLREF}"/></equality>
 </mujoco>"""
 
 
@@ -257,20 +276,20 @@ def _write_object_mesh(grasp_object: GraspObject) -> str:
 
 
 def _write_object_body(grasp_object: GraspObject) -> str:
-    """Write the MJCF of the mount and of the object, which is attached to the mount by springs and dampers."""
-    middle = f"0 0 {grasp_object.shape.height / 2!r}"
+    """Write the MJCF of the stand, a plate on a spring with the surface z = 0 of its frame, and of the free object."""
     if isinstance(grasp_object.shape, Cylinder):
+        middle = f"0 0 {grasp_object.shape.height / 2!r}"
         geom = f'type="cylinder" size="{grasp_object.shape.radius!r} {grasp_object.shape.height / 2!r}" pos="{middle}"'
     else:
         geom = 'type="mesh" mesh="object"'
-    slides = "".join(
-        f'<joint type="slide" axis="{axis}" stiffness="{MOUNT_STIFFNESS_N_PER_M}" damping="{MOUNT_DAMPING_N_S_PER_M}"/>'
-        for axis in ("1 0 0", "0 1 0", "0 0 1")
-    )
-    return f"""<body name="mount" mocap="true"><body name="object">
-{slides}<joint type="ball" pos="{middle}" stiffness="{MOUNT_STIFFNESS_NM_PER_RAD}" damping="{MOUNT_DAMPING_NM_S}"/>
-<geom name="object" {geom} mass="{OBJECT_MASS_KG}" contype="{_OBJECT_BIT}" conaffinity="{_HAND_BIT}"
-  rgba="0.9 0.7 0.3 0.5"/></body></body>
+    return f"""<body name="stand" mocap="true"><body name="plate" gravcomp="1">
+<joint type="slide" axis="0 0 1" stiffness="{STAND_N_PER_M}" damping="{PLATE_DAMPING_N_S_PER_M}"/>
+<geom name="stand" type="box" size="{_write_row(STAND_HALF_M)}" pos="0 0 {-STAND_HALF_M[2]}" mass="{PLATE_MASS_KG}"
+  condim="3" friction="{STAND_FRICTION} 0 0" contype="{_STAND_BIT}" conaffinity="0" rgba="0.7 0.7 0.7 1"/></body></body>
+<body name="experimenter" mocap="true"/>
+<body name="object"><freejoint/>
+<geom name="object" {geom} density="{OBJECT_DENSITY_KG_PER_M3}" contype="{_OBJECT_BIT}"
+  conaffinity="{_HAND_BIT | _STAND_BIT}" rgba="0.9 0.7 0.3 0.5"/></body>
 """
 
 
@@ -286,7 +305,7 @@ def _write_link_body(hand: Hand, robot: Robot, link: str, joints: list[Joint], j
     joint: the joint above the link; None for the wrist, whose pose is prescribed. joints: all joints below the wrist.
     """
     pose = 'mocap="true"' if joint is None else _write_pose(joint.origin)
-    elements = [f'<body name={quoteattr(_make_link_name(link))} childclass="hand" {pose}>\n']
+    elements = [f'<body name={quoteattr(_make_link_name(link))} childclass="hand" gravcomp="1" {pose}>\n']
     if joint is not None and joint.axis is not None:
         elements.append(
             f'<joint name={quoteattr(joint.name)} axis="{_write_row(joint.axis)}" '

@@ -1,8 +1,8 @@
 """One time step of the bodies with the soft layer between hand and object, stable for any stiffness of the layer.
 
-MuJoCo computes inertia M, spring forces, bias forces and kinematics. The step of length h is linearly implicit in the
-stiffness K of layer and mount and in the damping D: (M / h + D + h K) v' = M v / h + forces. The positions are then
-integrated with the new velocity v'.
+MuJoCo computes inertia M, bias forces and kinematics. The step of length h is linearly implicit in the stiffness K of
+layer and stand and in the damping D: (M / h + D + h K) v' = M v / h + forces. The positions are then integrated with
+the new velocity v'.
 """
 
 import copy
@@ -14,23 +14,36 @@ import numpy as np
 from taxel.hand.transforms import cross, inverse, rotate
 from taxel.sim.scene import JOINT_FRICTION_NM, Scene
 from taxel.sim.soft_contact import LayerContact
-from taxel.types import FloatArray
+from taxel.sim.stand_contact import StandContact
+from taxel.sim.steadying import Steadying
+from taxel.types import BoolArray, FloatArray
 
 SOFT_STEP_S: Final = 0.004
 """Time step with the soft layer, seconds (chosen). It differs from the time steps of the emulated hand and of rigid
 contact, so that no agreement between them is due to equal steps.
 """
 
-STICKING_RAD_S: Final = 0.003
-"""Joint speed below which dry friction acts as a stiff damper, rad/s (chosen). A smaller value lets joints creep less
-and makes the friction force change more abruptly.
+MOTION_PER_STEP_M: Final = 0.15e-3
+"""Largest motion of a board relative to the object in one step near a contact, metres (chosen: a tenth of the layer). A
+longer step is divided, because the force law of the layer rises steeply with the compression.
+"""
+MAX_SUBSTEPS: Final = 20
+LIMIT_NM_PER_RAD: Final = 300.0
+LIMIT_NM_S_PER_RAD: Final = 1.0
+"""Stiffness and damping of a joint beyond its range (chosen: 0.7 Nm move it by 2 mrad)."""
+BOARD_RADIUS_M: Final = 0.03
+"""Distance from a bracket's origin within which rotations of a board count in the choice of the step (chosen)."""
+
+PRESLIDING_RAD: Final = 0.002
+"""Rotation at which a joint at rest begins to slide against its dry friction, radians (chosen): below, the friction is
+a spring, so that a loaded joint comes to rest.
 """
 
 
 class SoftPush:
     """Time integration of a MuJoCo scene in which hand and object touch only through the soft layer `contact`.
 
-    step_s: time step, seconds.
+    The object stands on its stand (`place_stand`). step_s: time step, seconds.
     """
 
     def __init__(self, scene: Scene, contact: LayerContact, step_s: float = SOFT_STEP_S) -> None:
@@ -45,33 +58,68 @@ class SoftPush:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_CONTACT
         model.opt.timestep = step_s
         self._damping = model.dof_damping.copy()
-        model.dof_damping[:] = 0.0  # damping is implicit in `step`: MuJoCo's passive forces contain the springs alone
+        model.dof_damping[:] = 0.0  # damping is implicit in `step`
         self._object_body = model.body("object").id
+        first = model.body_dofadr[self._object_body]
+        self._object_dofs = slice(
+            first, first + 6
+        )  # velocity of its origin in the world, angular velocity in its frame
+        self._shape, self._stand = scene.grasp_object.shape, StandContact(scene.grasp_object.shape, np.eye(4))
         self._boards, self._board_poses = scene.board_bodies, scene.board_poses
         hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
         self._hinge_dofs, self._hinge_angles = model.jnt_dofadr[hinges], model.jnt_qposadr[hinges]
         self._min_angles, self._max_angles = model.jnt_range[hinges].T.copy()
-        self._spring = np.where(np.isin(model.dof_jntid, hinges), 0.0, model.jnt_stiffness[model.dof_jntid])
         self._roots = model.body_rootid[model.dof_bodyid]
         moves_board = np.stack([_find_moving_dofs(model, int(body)) for body in self._boards])
         self._dof_sign = moves_board - _find_moving_dofs(model, self._object_body)  # for motion relative to the object
         self._inertia = np.zeros((model.nv, model.nv))
+        self.steadying = Steadying(scene)
+        self._last_wrench = np.zeros((len(self._boards), 6))
+        self._stuck_angles: FloatArray | None = None  # angles at which the dry friction of the hinges vanishes
+
+    def place_stand(self, pose: FloatArray) -> None:
+        """Set the pose f64[4, 4] of the stand in the world, on whose plane z = 0 the object stands."""
+        self._stand = StandContact(self._shape, pose)
 
     def step(self, data: mujoco.MjData) -> None:
         """Advance the MuJoCo scene by one time step of `step_s` under the joint torques `data.qfrc_applied`.
 
-        Afterwards only qpos, qvel and time in `data` are current.
+        The step is divided if boards near the object move fast. Afterwards only qpos, qvel and time in `data` are
+        current.
         """
-        model, h, inertia = self._model, self.step_s, self._inertia
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_fwdVelocity(model, data)
+        remaining = 1.0
+        while remaining > 1e-9:
+            mujoco.mj_fwdPosition(self._model, data)
+            mujoco.mj_fwdVelocity(self._model, data)
+            share = min(self._choose_step(data), remaining)
+            self._substep(data, share * self.step_s)
+            remaining -= share
+
+    def _choose_step(self, data: mujoco.MjData) -> float:
+        """Choose the next step as a part of `step_s`, so that no board near the object moves too far."""
+        velocity = self._compute_jacobian(data, self._read_sensor_poses(data)) @ data.qvel
+        speed = np.linalg.norm(velocity[:, :3], axis=1) + BOARD_RADIUS_M * np.linalg.norm(velocity[:, 3:], axis=1)
+        is_near = self._contact.get_clearances() < speed * self.step_s + MOTION_PER_STEP_M
+        speed = speed[is_near & ~self._separates(velocity)].max(initial=0.0)
+        return float(1.0 / np.clip(np.ceil(speed * self.step_s / MOTION_PER_STEP_M), 1, MAX_SUBSTEPS))
+
+    def _separates(self, velocity: FloatArray) -> BoolArray:
+        """Whether each board moves along the force on it, away from the object; velocity: f64[s, 6], world."""
+        return np.asarray((self._last_wrench * velocity).sum(axis=1) > 0.0)
+
+    def _substep(self, data: mujoco.MjData, h: float) -> None:
+        """Advance the scene by h seconds. MuJoCo's positions and velocities in `data` are current before."""
+        model, inertia = self._model, self._inertia
         poses = self._read_sensor_poses(data)
-        load = self._contact.compute_load(poses, self._read_object_pose(data))
+        object_pose = self._read_object_pose(data)
+        load = self._contact.compute_load(poses, object_pose, advance=True)
+        self._last_wrench = load.wrench
         mujoco.mj_fullM(model, data, inertia)
         velocity = data.qvel
         force = data.qfrc_applied + data.qfrc_passive - data.qfrc_bias + inertia @ velocity / h
-        damping = self._damping + h * self._spring
-        damping[self._hinge_dofs] += JOINT_FRICTION_NM / (np.abs(velocity[self._hinge_dofs]) + STICKING_RAD_S)
+        damping = self._damping.copy()
+        self._add_joint_friction(data, h, force, damping)
+        self._add_joint_limits(data, h, force, damping)
         system = inertia / h
         system.flat[:: model.nv + 1] += damping
         if load.wrench.any():
@@ -79,10 +127,55 @@ class SoftPush:
             stacked = jacobian.reshape(-1, model.nv)
             force += load.wrench.ravel() @ stacked
             system += h * stacked.T @ (load.stiffness @ jacobian).reshape(-1, model.nv)
+        self._add_stand(object_pose, h, force, system)
+        self._add_steadying(data, h, force, system)
         velocity[:] = np.linalg.solve(system, force)
         mujoco.mj_integratePos(model, data.qpos, velocity, h)
-        self._limit_joints(data)
         data.time += h
+
+    def _add_joint_friction(self, data: mujoco.MjData, h: float, force: FloatArray, damping: FloatArray) -> None:
+        """Add the dry friction of the hinges to the equations of a step of h seconds, in place.
+
+        The friction of a hinge is a spring to the angle at which the hinge came to rest, limited to `JOINT_FRICTION_NM`
+        (Dahl 1968, with an elastic-plastic spring). force, damping: f64[dofs].
+        """
+        angles = data.qpos[self._hinge_angles]
+        if self._stuck_angles is None:
+            self._stuck_angles = angles.copy()
+        deflection = np.clip(angles - self._stuck_angles, -PRESLIDING_RAD, PRESLIDING_RAD)
+        self._stuck_angles = angles - deflection
+        stiffness = JOINT_FRICTION_NM / PRESLIDING_RAD
+        force[self._hinge_dofs] -= stiffness * deflection
+        is_sliding = (np.abs(deflection) >= PRESLIDING_RAD) & (deflection * data.qvel[self._hinge_dofs] > 0.0)
+        damping[self._hinge_dofs] += np.where(is_sliding, 0.0, h * stiffness)
+
+    def _add_joint_limits(self, data: mujoco.MjData, h: float, force: FloatArray, damping: FloatArray) -> None:
+        """Add stiff springs at the ends of the joints' ranges to the equations of a step of h seconds, in place.
+
+        The springs are implicit like the contact, so that a finger at its limit carries the force that its boards show.
+        force, damping: f64[dofs].
+        """
+        angles = data.qpos[self._hinge_angles]
+        excess = angles - np.clip(angles, self._min_angles, self._max_angles)
+        force[self._hinge_dofs] -= LIMIT_NM_PER_RAD * excess
+        damping[self._hinge_dofs] += np.where(excess != 0.0, h * LIMIT_NM_PER_RAD + LIMIT_NM_S_PER_RAD, 0.0)
+
+    def _add_stand(self, object_pose: FloatArray, h: float, force: FloatArray, system: FloatArray) -> None:
+        """Add the contact of the object with its stand to the equations of a step of h seconds, in place.
+
+        force: f64[dofs]. system: f64[dofs, dofs], multiplies the new velocity.
+        """
+        load = self._stand.compute_load(object_pose, advance=True)
+        jacobian = np.eye(6)
+        jacobian[3:, 3:] = object_pose[:3, :3]
+        force[self._object_dofs] += load.wrench @ jacobian
+        system[self._object_dofs, self._object_dofs] += h * jacobian.T @ load.stiffness @ jacobian
+
+    def _add_steadying(self, data: mujoco.MjData, h: float, force: FloatArray, system: FloatArray) -> None:
+        """Add the hand of the experimenter, which steadies the object, to the equations of a step, in place."""
+        load, stiffness, damping = self.steadying.compute_load(data)
+        force[self._object_dofs] += load
+        system[self._object_dofs, self._object_dofs] += h * stiffness + damping
 
     def compute_loads(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
         """Compute the wrench on each board, f64[s, 6] (N, Nm; bracket frame), and the force on taxels, f64[n] (N)."""
@@ -91,14 +184,6 @@ class SoftPush:
         to_bracket = inverse(poses)
         force, moment = (rotate(to_bracket, wrench[:, None, part])[:, 0] for part in (slice(0, 3), slice(3, 6)))
         return np.hstack([force, moment]), self._contact.compute_taxel_forces(poses, object_pose)
-
-    def _limit_joints(self, data: mujoco.MjData) -> None:
-        """Clip the joint angles to their ranges; a joint at the end of its range has no velocity."""
-        angles = data.qpos[self._hinge_angles]
-        out_of_range = (angles < self._min_angles) | (angles > self._max_angles)
-        if out_of_range.any():
-            data.qpos[self._hinge_angles] = np.clip(angles, self._min_angles, self._max_angles)
-            data.qvel[self._hinge_dofs[out_of_range]] = 0.0
 
     def _read_sensor_poses(self, data: mujoco.MjData) -> FloatArray:
         """Poses of the brackets in the world, f64[s, 4, 4]."""

@@ -7,8 +7,9 @@ import can
 import numpy as np
 import pytest
 
+from taxel.campaign.free_object import FreeObject
 from taxel.campaign.grasp_control import PERIOD_S, JointLog, control_grasp
-from taxel.campaign.hand_in_contact import HandInContact, Mount
+from taxel.campaign.hand_in_contact import HandInContact
 from taxel.campaign.motion import RECORD_PERIODS, SETTLE_S, simulate_grasp_motion
 from taxel.emulated.contact import SkinContact
 from taxel.emulated.scene import EmulatedScene, format_scene
@@ -75,9 +76,8 @@ def grasp_motion(setup, plan, timeline):
             )
 
         wrist = compute_wrist_poses(np.zeros(1))[0]
-        hand = HandInContact(
-            setup.hand, setup.wrist_robot, contact, 0, pose, Mount(2e3, 20.0, 0.065), wrist, approach.open_angles
-        )
+        item = FreeObject(setup.objects["cylinder"].shape, pose)
+        hand = HandInContact(setup.hand, setup.wrist_robot, contact, 0, item, wrist, approach.open_angles)
         dynamics, controller = RecordingDynamics(hand), RecordingController(approach, timeline)
         controller.commanded = []
         return dynamics, simulate_grasp_motion(dynamics, controller, timeline, compute_wrist_poses), controller
@@ -118,11 +118,10 @@ def test_the_hold_applies_the_planned_torques(grasp_motion, timeline):
     assert mean == pytest.approx(controller.approach.torque[free], abs=0.05)
 
 
-def test_the_object_is_displaced_by_the_grasp_and_returns(grasp_motion, setup):
+def test_the_object_is_displaced_by_the_grasp(grasp_motion, setup):
     _, motion, _ = grasp_motion
     displacement_m = np.linalg.norm(motion.object_poses[:, :3, 3] - setup.object_pose("cylinder")[:3, 3], axis=1)
     assert 5e-5 < displacement_m.max() < 5e-2
-    assert displacement_m[-1] < 1e-3
 
 
 def test_a_joint_log_interpolates_and_is_constant_beyond_its_ends():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from taxel.campaign import hand_in_contact
-from taxel.campaign.hand_in_contact import JOINT_DAMPING_NM_S, JOINT_FRICTION_NM, HandInContact, Mount
+from taxel.campaign.free_object import FreeObject
+from taxel.campaign.hand_in_contact import JOINT_DAMPING_NM_S, JOINT_FRICTION_NM, HandInContact
 from taxel.emulated.contact import SkinContact
 from taxel.emulated.scene import EmulatedScene, format_scene
 from taxel.grasp.controller import GraspController
@@ -14,7 +15,6 @@ from taxel.grasp.timeline import Timeline
 from taxel.hand.kinematics import Kinematics
 from taxel.hand.transforms import from_rotation_vector, inverse, to_rotation_vector
 
-MOUNT = Mount(2000.0, 20.0, 0.065)
 PERIOD_S = 0.003
 CLOSED = Timeline(baseline_s=0.0, closing_s=0.5, hold_s=9.0, release_s=0.0, recovery_s=0.0)
 BRACKET_OFFSET = from_rotation_vector([0.01, -0.02, 0.015])
@@ -41,7 +41,8 @@ def open_hand(setup, contact, approach):
     def make(index: int = 0) -> HandInContact:
         pose = setup.object_pose("cylinder")
         wrist = pose @ approach.palm_pose
-        return HandInContact(setup.hand, setup.wrist_robot, contact, index, pose, MOUNT, wrist, approach.open_angles)
+        item = FreeObject(setup.objects["cylinder"].shape, pose)
+        return HandInContact(setup.hand, setup.wrist_robot, contact, index, item, wrist, approach.open_angles)
 
     return make
 
@@ -50,6 +51,7 @@ def close_hand(dynamics: HandInContact, approach, seconds: float) -> np.ndarray:
     """Close and hold the hand; returns the last torque."""
     controller, torque = GraspController(approach, CLOSED), np.zeros(16)
     for tick in range(round(seconds / PERIOD_S)):
+        dynamics.steady_object(CLOSED.get_steadying(tick * PERIOD_S))
         torque = controller.compute_torque(tick * PERIOD_S, dynamics.angles, dynamics.velocities)
         dynamics.step(torque, PERIOD_S)
     return torque
@@ -73,11 +75,10 @@ def compute_forces(contact: SkinContact, dynamics: HandInContact) -> np.ndarray:
 
 
 def test_the_hand_grasps_the_object_and_comes_to_rest(hand_at_rest, contact):
-    """The contact has no friction: the fingers slide until joint friction stops them, hence the loose speed limit."""
     dynamics, _ = hand_at_rest
     assert dynamics.touched_count >= 4
     assert compute_forces(contact, dynamics).sum() > 5.0
-    assert np.abs(dynamics.velocities).max() < 0.03
+    assert np.abs(dynamics.velocities).max() < 0.003
 
 
 def test_at_rest_contact_and_torques_balance_within_joint_friction(hand_at_rest, contact, setup, approach):
@@ -103,16 +104,14 @@ def test_at_rest_contact_and_torques_balance_within_joint_friction(hand_at_rest,
     assert (np.abs(work + torque) < 1.05 * resistance)[is_within_limits].all()
 
 
-def test_at_rest_the_mount_balances_the_net_force(hand_at_rest, contact, setup):
+def test_at_rest_weight_and_stand_balance_the_net_force_of_the_hand(hand_at_rest, contact):
     dynamics, _ = hand_at_rest
     load = contact.compute_load(0, dynamics.object_pose(), dynamics.bracket_poses())
     bracket_poses = dynamics.bracket_poses() @ BRACKET_OFFSET
     on_object = -np.einsum("sij,sj->i", bracket_poses[:, :3, :3], load.wrench[:, :3])
-    mount_point = np.array([0.0, 0.0, MOUNT.height_m, 1.0])
-    deflection = ((dynamics.object_pose() - setup.object_pose("cylinder")) @ mount_point)[:3]
-    net_force = float(np.linalg.norm(on_object))
-    assert net_force > 0.5
-    assert on_object == pytest.approx(MOUNT.n_per_m * deflection, abs=0.02 * net_force)
+    support, _ = dynamics._item.compute_support()
+    assert np.abs(load.wrench[:, :3]).sum() > 10.0
+    assert on_object + support[:3] == pytest.approx(np.zeros(3), abs=0.02)
 
 
 def test_the_same_torques_give_bit_identical_motion(closed_hand, open_hand, approach):
@@ -129,7 +128,7 @@ def test_halving_the_time_step_hardly_changes_the_final_forces(closed_hand, open
     close_hand(dynamics, approach, 1.2)
     fine = compute_forces(contact, dynamics)
     assert fine.sum() == pytest.approx(coarse.sum(), rel=0.03)
-    assert np.abs(fine - coarse).max() < 0.05 * coarse.max()
+    assert np.abs(fine - coarse).max() < 0.15 * coarse.max()
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
@@ -138,10 +137,10 @@ def test_a_free_joint_stops_at_its_limit(open_hand, setup, direction):
     limit = robot.upper if direction > 0 else robot.lower
     for _ in range(700):
         dynamics.step(np.full(16, 0.3 * direction), PERIOD_S)
-        assert (dynamics.angles >= robot.lower).all()
-        assert (dynamics.angles <= robot.upper).all()
-    assert dynamics.angles == pytest.approx(limit)
-    assert not dynamics.velocities.any()
+        assert (dynamics.angles >= robot.lower - 0.04).all()  # the stops are springs
+        assert (dynamics.angles <= robot.upper + 0.04).all()
+    assert dynamics.angles == pytest.approx(limit, abs=0.002)
+    assert np.abs(dynamics.velocities).max() < 1e-3
     assert dynamics.touched_count == 0
 
 
@@ -150,16 +149,17 @@ def test_without_torque_and_contact_the_hand_does_not_move(open_hand, setup):
     initial_angles = dynamics.angles
     dynamics.step(np.zeros(16), 0.3)
     assert dynamics.angles == pytest.approx(initial_angles, abs=1e-12)
-    assert dynamics.object_pose() == pytest.approx(setup.object_pose("cylinder"))
+    assert dynamics.object_pose() == pytest.approx(setup.object_pose("cylinder"), abs=1e-4)
 
 
-def test_a_displaced_object_returns_when_the_hand_leaves(open_hand, approach, setup):
+def test_an_object_that_nothing_touches_stands_still_without_a_hand_that_steadies_it(open_hand, setup):
     dynamics = open_hand()
-    close_hand(dynamics, approach, 0.8)
-    far = setup.object_pose("cylinder") @ approach.palm_pose
-    far[2, 3] += 1.0
-    dynamics.hold_wrist(far)
-    for _ in range(200):
+    away = setup.object_pose("cylinder").copy()
+    away[2, 3] += 1.0
+    dynamics.hold_wrist(away)
+    dynamics.hold_wrist(away)
+    dynamics.steady_object(0.0)
+    for _ in range(100):
         dynamics.step(np.zeros(16), PERIOD_S)
     assert dynamics.touched_count == 0
-    assert dynamics.object_pose() == pytest.approx(setup.object_pose("cylinder"), abs=1e-6)
+    assert dynamics.object_pose() == pytest.approx(setup.object_pose("cylinder"), abs=2e-5)

@@ -49,7 +49,7 @@ def test_the_torque_is_continuous_and_limited():
     torques = np.array(
         [controller.compute_torque(t, OPEN + 0.01, AT_REST) for t in np.arange(0, TIMELINE.duration_s, 0.003)]
     )
-    assert np.abs(np.diff(torques, axis=0)).max() < 0.01
+    assert np.abs(np.diff(torques, axis=0)).max() < 0.08  # the followed angle moves by 7 mrad per period
     limited = controller.compute_torque(0.0, OPEN + 100.0, AT_REST + 100.0)
     assert np.abs(limited).max() == TORQUE_LIMIT_NM
 

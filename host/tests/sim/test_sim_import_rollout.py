@@ -26,7 +26,7 @@ SCENE = build_scene(HAND, CYLINDER, "palm")
 OPTIONS = ImportOptions(HAND, baseline_frames=100)
 KNOWN_OBJECT = {"object": {"known": "cylinder"}}
 PALM_SITE = {"boards": {"palm": {"site": "palm_site"}}}
-STATES = ("qpos", "qvel", "mocap_pos", "mocap_quat", "qfrc_applied")
+STATES = ("qpos", "qvel", "mocap_pos", "mocap_quat", "qfrc_applied", "eq_active")
 
 
 @cache

@@ -4,13 +4,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from taxel.grasp.objects import ASSUMED_SIZES, GraspObject, make_thesis_objects
+from taxel.grasp.objects import ASSUMED_SIZES, GraspObject, compute_mass_properties, make_thesis_objects
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.hand import load_hand
 from taxel.hand.errors import UnknownLinkError
 from taxel.hand.kinematics import build_kinematics
 from taxel.hand.sheet import build_sheet
-from taxel.hand.transforms import apply, inverse
+from taxel.hand.transforms import apply, inverse, make_pose
 from taxel.sim.scene import BACKING_M, build_scene
 
 HAND = load_hand("allegro")
@@ -88,7 +88,11 @@ def test_a_scene_is_built_for_every_object_with_and_without_friction(item, frict
     model = build_scene(HAND, item, "palm", friction).model
     geom = model.geom("object").id
     assert model.geom_condim[geom] == (3 if friction else 1)
-    assert model.body_mass.sum() > 0.3
+    expected = compute_mass_properties(item.shape)
+    body = model.body("object")
+    assert body.mass[0] == pytest.approx(expected.mass_kg, rel=2e-3)  # the mesh of a cylinder is a polygon
+    assert body.ipos == pytest.approx(expected.centre_m, abs=1e-4)
+    assert sorted(body.inertia) == pytest.approx(sorted(np.linalg.eigvalsh(expected.inertia_kg_m2)), rel=5e-3)
 
 
 def test_a_scene_is_built_for_a_hand_of_one_board_on_one_hinge():
@@ -108,10 +112,10 @@ def test_a_wrist_link_that_does_not_carry_all_boards_is_refused():
 def count_hand_contacts(scene, angles):
     """Number of contacts of the hand at joint angles f64[16] while the object is 1 m away."""
     data = mujoco.MjData(scene.model)
-    data.mocap_pos[scene.model.body_mocapid[scene.model.body("mount").id]] = [1.0, 0.0, 0.0]
+    scene.place_object(data, make_pose([1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]))
     data.qpos[scene.joint_addresses] = np.clip(angles, scene.robot.lower[6:], scene.robot.upper[6:])
     mujoco.mj_forward(scene.model, data)
-    return data.ncon
+    return int((scene.model.geom("stand").id != data.contact.geom).all(axis=1).sum())
 
 
 def test_the_open_hand_touches_neither_itself_nor_a_distant_object():

@@ -10,8 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxel.grasp.timeline import ADVANCE_END, GRIP_END, RELEASE_END, WITHDRAW_START, Phase, Timeline
+from taxel.grasp.timeline import ADVANCE_END, RELEASE_END, WITHDRAW_START, Phase, Timeline
 from taxel.types import FloatArray
+
+PRESS_END = 0.6
+"""Fraction of the closing phase at which the mount reaches the end of its travel (chosen)."""
 
 AWAY_M = 0.025
 """Distance of the object in the baseline and in recovery, in addition to `CLEARANCE_M` (chosen)."""
@@ -42,8 +45,15 @@ class Stroke(NamedTuple):
     def travel_at(self, times_s: FloatArray) -> FloatArray:
         """Compute the travel of the mount f64[k], metres, at `times_s` f64[k] since the start of the indentation."""
         withdrawn = np.array([self.timeline.get_withdrawal(time) for time in times_s.tolist()])
-        grip = np.array([self.timeline.get_torque_fraction(time) for time in times_s.tolist()])
+        grip = np.array([self._get_slow_share(time) for time in times_s.tolist()])
         return np.asarray(self.start_m - AWAY_M * withdrawn + (self.end_m - self.start_m) * grip)
+
+    def _get_slow_share(self, time_s: float) -> float:
+        """Return the share of the slow travel at a time, 0..1, seconds since the start of the indentation."""
+        if time_s >= self.timeline.get_start_s(Phase.RELEASE):
+            return self.timeline.get_torque_fraction(time_s)
+        progress = self.timeline.get_phase_progress(Phase.CLOSING, time_s)
+        return min(max(progress - ADVANCE_END, 0.0) / (PRESS_END - ADVANCE_END), 1.0)
 
     def times_of(self, travel_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Compute the times at which the mount passes `travel_m` f64[k], metres: inwards f64[k] and outwards f64[k].
@@ -52,7 +62,7 @@ class Stroke(NamedTuple):
         """
         withdrawn = np.clip((self.start_m - travel_m) / AWAY_M, 0.0, 1.0)
         grip = np.clip((travel_m - self.start_m) / (self.end_m - self.start_m), 0.0, 1.0)
-        slow_in, slow_out = ADVANCE_END + (GRIP_END - ADVANCE_END) * grip, RELEASE_END * (1.0 - grip)
+        slow_in, slow_out = ADVANCE_END + (PRESS_END - ADVANCE_END) * grip, RELEASE_END * (1.0 - grip)
         share_in = np.where(withdrawn > 0, ADVANCE_END * (1.0 - withdrawn), slow_in)
         share_out = np.where(withdrawn > 0, WITHDRAW_START + (1.0 - WITHDRAW_START) * withdrawn, slow_out)
         start_of, duration_s = self.timeline.get_start_s, self.timeline.durations_s

@@ -75,7 +75,7 @@ def import_rollout(
 
     Args:
         model: XML or MJB file.
-        states: .npz file with qpos [T, nq]; optional: qvel, act, ctrl, mocap_pos, mocap_quat, qfrc_applied, time [T],
+        states: .npz file with qpos [T, nq]; optional: qvel, act, ctrl, mocap_pos, mocap_quat, qfrc_applied, eq_active, time [T],
             and phase, grasp, approach, iteration, session (one value, or [T]).
         out: the dataset.
         model_map: names of the boards and of the object in the model, see `rollout_names`.
@@ -152,7 +152,7 @@ def _import_grasp(
 
 def _row_shapes(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
     """Return the shape of one recorded state of each array of `STATES`, such as qpos, for this model."""
-    sizes = (model.nq,), (model.nv,), (model.na,), (model.nu,), (model.nmocap, 3), (model.nmocap, 4), (model.nv,)
+    sizes = (model.nq,), (model.nv,), (model.na,), (model.nu,), (model.nmocap, 3), (model.nmocap, 4), (model.nv,), (model.neq,)
     return dict(zip(STATES, sizes, strict=True))
 
 
@@ -225,11 +225,11 @@ class _Run:
 
         Raises ImportDataError if the result deviates from the recorded state.
         """
-        self._set_values(states, row - 1, ("ctrl", "mocap_pos", "mocap_quat", "qfrc_applied"))
+        self._set_values(states, row - 1, ("ctrl", "mocap_pos", "mocap_quat", "qfrc_applied", "eq_active"))
         elapsed_s, step_s = states.time_s[row] - states.time_s[row - 1], self.model.opt.timestep
         for _ in range(max(round(elapsed_s / step_s), 1)):
             mujoco.mj_step(self.model, self.data)
-        self._set_values(states, row, ("mocap_pos", "mocap_quat"))
+        self._set_values(states, row, ("mocap_pos", "mocap_quat", "eq_active"))
         if states.has_start_only:
             return
         deviation = np.abs(self.data.qpos - states.values["qpos"][row])

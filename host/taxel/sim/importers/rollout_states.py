@@ -17,7 +17,7 @@ from taxel.types import FloatArray
 
 __all__ = ["STATES", "RolloutStates", "read_states"]
 
-STATES = ("qpos", "qvel", "act", "ctrl", "mocap_pos", "mocap_quat", "qfrc_applied")
+STATES = ("qpos", "qvel", "act", "ctrl", "mocap_pos", "mocap_quat", "qfrc_applied", "eq_active")
 LABELS = ("grasp", "approach", "iteration", "session", "phase", "time")
 
 _DEFAULTS: dict[str, Any] = {"grasp": "0001", "approach": "rollout", "iteration": 0, "session": 0, "phase": "hold"}
@@ -133,7 +133,7 @@ def _check_state(array: NDArray[Any], row_shape: tuple[int, ...], location: File
     """Return the array as f64[T, *row_shape]. Raises ImportDataError for another shape, type or an infinite number."""
     shape = ", ".join(["T", *map(str, row_shape)])
     has_shape = array.ndim == len(row_shape) + 1 and array.shape[1:] == row_shape and len(array) > 0
-    if array.dtype.kind not in "fiu" or not has_shape:
+    if array.dtype.kind not in "fiub" or not has_shape:
         found = f"{array.dtype} {list(array.shape)}"
         location.fail(f"numbers [{shape}], as in the model", found, "save the states of this model")
     values = array.astype(np.float64)

@@ -40,6 +40,18 @@ static void set_point(const struct sim_layer *layer, const double *pose, size_t 
     }
 }
 
+/* Set line i to the column of a piece of a board: top of the unloaded layer and direction of the normal, in the solid's
+   frame; `pose`: of the board in that frame. */
+static void set_column(const struct sim_layer *layer, const double *pose, size_t piece, struct sim_lines *lines,
+                       size_t i)
+{
+    set_point(layer, pose, piece, lines, i);
+    for (size_t row = 0; row < 3; row++) {
+        lines->direction[row][i] = rotate_row(pose, row, layer->normal + 3 * piece);
+        lines->point[row][i] += layer->thickness_m * lines->direction[row][i];
+    }
+}
+
 /* The solid reduced to the faces that the near pieces of a board can touch, which the last search has found. */
 static struct sim_solid select_near_faces(const struct sim_layer *layer, size_t board)
 {
@@ -122,14 +134,13 @@ static size_t find_near_in_squares(const struct sim_layer *layer, const double *
     return stored;
 }
 
-/* Find the faces of a polytope through which a line of a near piece can enter before the next search. Behind any other
-   face the pieces lie so deep that an entry through the face is below the largest depth that counts. */
+/* Find the faces of a polytope that can indent a near piece before the next search. The pieces lie so deep behind any
+   other face that a nearer face determines their indentation. */
 static void find_faces(struct sim_layer *layer, size_t board, const double *pose)
 {
     const uint32_t *near = layer->near + layer->first[board];
     const size_t faces = layer->solid.faces;
-    const double max_depth = layer->max_depth_m > layer->thickness_m ? layer->max_depth_m : layer->thickness_m;
-    const double min_height = -(max_depth + layer->near_m);
+    const double min_height = -(layer->max_depth_m + layer->thickness_m + layer->near_m);
     double *normals = layer->near_normals + 3 * faces * board, *offsets = layer->near_offsets + faces * board;
     double *max_height = offsets; /* of the pieces over each face; read before an offset replaces the height */
     for (size_t face = 0; face < faces; face++) {
@@ -154,9 +165,25 @@ static void find_faces(struct sim_layer *layer, size_t board, const double *pose
             offsets[stored++] = layer->solid.offsets[face];
         }
     }
+    if (!stored && faces) { /* all pieces are far inside the solid */
+        memcpy(normals, layer->solid.normals, 3 * faces * sizeof *normals);
+        memcpy(offsets, layer->solid.offsets, faces * sizeof *offsets);
+        stored = faces;
+    }
     layer->near_faces[board] = stored;
-    if (faces && !stored) {
-        layer->near_count[board] = 0;
+}
+
+/* Forget the anchors of the pieces of a board that are not near: they touch the solid anew when they return. */
+static void release_far_pieces(struct sim_layer *layer, size_t board)
+{
+    const uint32_t *near = layer->near + layer->first[board];
+    size_t next = 0;
+    for (size_t piece = layer->first[board]; piece < layer->first[board + 1]; piece++) {
+        if (next < layer->near_count[board] && near[next] == piece) {
+            next++;
+        } else {
+            layer->is_anchored[piece] = 0;
+        }
     }
 }
 
@@ -180,6 +207,7 @@ static void search_board(struct sim_layer *layer, size_t board, const double *po
         layer->near_count[board] = find_near_in_squares(layer, pose, begin, end, layer->near + begin);
         find_faces(layer, board, pose);
     }
+    release_far_pieces(layer, board);
 }
 
 /* Force (newtons) of the layer on one taxel and its derivative `rate` (N/m) at a compression `depth` (metres):
@@ -194,24 +222,83 @@ static void apply_law(const struct sim_law *law, double depth, double *force, do
     *force = curved * growth + (depth - curved) * *rate;
 }
 
-/* Add the force and the stiffness rate l l^T of one compressed piece to the load of its board, in the bracket's frame,
-   with l = (n, r x n). Only the lower triangle of the stiffness is computed. */
-static void add_piece(const struct sim_layer *layer, size_t piece, double force, double rate, double *wrench,
-                      double *stiffness)
+/* Contact of one column: point of contact relative to the bracket's origin, normal of the solid, force on the board and
+   its stiffness, in the solid's frame. */
+struct column_contact {
+    double arm[3], normal[3], force[3];
+    double stiffness[3][3];
+};
+
+/* Add the part of the shear of a column: a spring between its top and the point of the solid to which it sticks. The
+   force is limited to the friction coefficient times the normal force `pressing`; the point then follows the top.
+   share: of the law's area. */
+static void add_shear(struct sim_layer *layer, size_t piece, const double *top, double share, double pressing,
+                      int advance, struct column_contact *contact)
 {
-    const double *n = layer->normal + 3 * piece, *p = layer->position + 3 * piece;
-    const double line[TWIST] = {
-        n[0], n[1], n[2], p[1] * n[2] - p[2] * n[1], p[2] * n[0] - p[0] * n[2], p[0] * n[1] - p[1] * n[0]};
-    for (size_t i = 0; i < TWIST; i++) {
-        const double scaled = rate * line[i];
-        wrench[i] -= force * line[i];
-        for (size_t j = 0; j <= i; j++) {
-            stiffness[TWIST * i + j] += scaled * line[j];
+    const double *n = contact->normal;
+    double *anchor = layer->anchor + 3 * piece, shear[3] = {0.0, 0.0, 0.0}, length = 0.0;
+    const double rate = share * layer->friction.stiffness_n_per_m, limit = layer->friction.coefficient * pressing;
+    if (layer->is_anchored[piece]) {
+        double along = 0.0;
+        for (size_t k = 0; k < 3; k++) {
+            shear[k] = top[k] - anchor[k];
+            along += shear[k] * n[k];
+        }
+        for (size_t k = 0; k < 3; k++) {
+            shear[k] -= along * n[k];
+            length += shear[k] * shear[k];
+        }
+        length = sqrt(length);
+    }
+    const int slides = rate * length > limit;
+    const double spring = slides ? limit / length : rate;
+    for (size_t i = 0; i < 3; i++) {
+        contact->force[i] -= spring * shear[i];
+        for (size_t j = 0; j < 3; j++) {
+            /* A sliding column resists only motion across its direction of sliding. */
+            const double slip = slides ? shear[i] * shear[j] / (length * length) : 0.0;
+            contact->stiffness[i][j] += spring * ((i == j ? 1.0 : 0.0) - n[i] * n[j] - slip);
+        }
+    }
+    if (advance) {
+        layer->is_anchored[piece] = 1;
+        for (size_t k = 0; k < 3; k++) {
+            anchor[k] = top[k] - shear[k] * (slides ? spring / rate : 1.0);
         }
     }
 }
 
-/* Rotate a wrench (force and moment) from the bracket's frame to the world; the point of reference is unchanged. */
+/* Add the force f and the stiffness K of one column to the load of its board: wrench (f, r x f), stiffness
+   (I; R) K (I; R)^T with the cross-product matrix R of the arm r. Solid's frame. */
+static void add_column(const struct column_contact *contact, double *wrench, double *stiffness)
+{
+    const double *r = contact->arm, *f = contact->force;
+    const double cross[3][3] = {{0.0, -r[2], r[1]}, {r[2], 0.0, -r[0]}, {-r[1], r[0], 0.0}};
+    double turned[3][3], twice[3][3]; /* R K and R K R^T */
+    for (size_t i = 0; i < 3; i++) {
+        for (size_t j = 0; j < 3; j++) {
+            turned[i][j] = 0.0;
+            for (size_t k = 0; k < 3; k++) {
+                turned[i][j] += cross[i][k] * contact->stiffness[k][j];
+            }
+        }
+    }
+    for (size_t i = 0; i < 3; i++) {
+        wrench[i] += f[i];
+        for (size_t j = 0; j < 3; j++) {
+            twice[i][j] = 0.0;
+            wrench[3 + i] += cross[i][j] * f[j];
+            for (size_t k = 0; k < 3; k++) {
+                twice[i][j] += turned[i][k] * cross[j][k];
+            }
+            stiffness[TWIST * i + j] += contact->stiffness[i][j];
+            stiffness[TWIST * (3 + i) + j] += turned[i][j];
+            stiffness[TWIST * (3 + i) + 3 + j] += twice[i][j];
+        }
+    }
+}
+
+/* Rotate a wrench (force and moment) from the solid's frame to the world; the point of reference is unchanged. */
 static void rotate_wrench(const double *pose, double *wrench)
 {
     for (size_t half = 0; half < TWIST; half += 3) {
@@ -222,7 +309,7 @@ static void rotate_wrench(const double *pose, double *wrench)
     }
 }
 
-/* Rotate a 6 x 6 stiffness K, given as its lower triangle, from the bracket's frame to the world: T K T^t. T is applied
+/* Rotate a 6 x 6 stiffness K, given as its lower triangle, from the solid's frame to the world: T K T^t. T is applied
    to the rows, the matrix is transposed, and both are repeated. */
 static void rotate_stiffness(const double *pose, double *stiffness)
 {
@@ -245,57 +332,85 @@ static void rotate_stiffness(const double *pose, double *stiffness)
     }
 }
 
-/* Find the pieces of a block that are nearer to the solid than the thickness of the layer; no other piece can be
-   compressed. Stores the pieces and the lines along their normals; returns their number. */
-static size_t select_lines(const struct sim_layer *layer, const struct sim_solid *solid, const double *pose,
-                           const uint32_t *near, size_t count, uint32_t *piece, struct sim_lines *lines)
+/* Find the pieces of a block whose tops are inside the solid; no other piece is indented. Stores the pieces and their
+   columns; returns their number. */
+static size_t select_columns(const struct sim_layer *layer, const struct sim_solid *solid, const double *pose,
+                             const uint32_t *near, size_t count, uint32_t *piece, struct sim_lines *lines)
 {
     double bound[RAY_BLOCK];
     size_t stored = 0;
     for (size_t i = 0; i < count; i++) {
-        set_point(layer, pose, near[i], lines, i);
+        set_column(layer, pose, near[i], lines, i);
     }
     sim_distance_bounds(solid, lines, count, bound);
     for (size_t i = 0; i < count; i++) {
-        if (bound[i] < layer->thickness_m) {
+        if (bound[i] < 0.0) {
             for (size_t row = 0; row < 3; row++) {
                 lines->point[row][stored] = lines->point[row][i];
-                lines->direction[row][stored] = rotate_row(pose, row, layer->normal + 3 * (size_t)near[i]);
+                lines->direction[row][stored] = lines->direction[row][i];
             }
             piece[stored++] = near[i];
+        } else {
+            layer->is_anchored[near[i]] = 0;
         }
     }
     return stored;
 }
 
+/* Compute the contact of column i of the lines from its indentation. The force of the layer along the axis of the column
+   has the direction of the solid's normal and, from the shear, a part across. Returns the force along the axis. */
+static double load_column(struct sim_layer *layer, uint32_t piece, const double *pose, const struct sim_lines *lines,
+                          const struct sim_indentations *indentations, size_t i, int advance,
+                          struct column_contact *contact)
+{
+    const double depth = indentations->depth[i], share = layer->area_share[piece];
+    double top[3], slope = 0.0, force, rate;
+    for (size_t k = 0; k < 3; k++) {
+        top[k] = lines->point[k][i];
+        contact->normal[k] = indentations->normal[k][i];
+        contact->arm[k] = top[k] - depth * lines->direction[k][i] - pose[4 * k + 3];
+        slope -= contact->normal[k] * lines->direction[k][i];
+    }
+    const double limited = slope > layer->min_slope ? slope : layer->min_slope;
+    apply_law(&layer->law, depth, &force, &rate);
+    force *= share / limited;
+    rate *= share / (limited * limited);
+    for (size_t k = 0; k < 3; k++) {
+        contact->force[k] = force * contact->normal[k];
+        for (size_t j = 0; j < 3; j++) {
+            contact->stiffness[k][j] = rate * contact->normal[k] * contact->normal[j];
+        }
+    }
+    if (layer->friction.coefficient > 0.0) {
+        add_shear(layer, piece, top, share, force, advance, contact);
+    }
+    return slope > 0.0 ? force * slope : 0.0;
+}
+
 /* Add the wrench, the stiffness and the taxel forces of one board at `pose` in the solid's frame; returns whether the
-   board is in contact. Each piece is a spring with the share of the force law that its area has. */
-static int load_board(const struct sim_layer *layer, size_t board, const double *pose, double *wrench,
-                      double *stiffness, double *taxel_force)
+   board is in contact. Each piece is a column with the share of the force law that its area has. */
+static int load_board(struct sim_layer *layer, size_t board, const double *pose, double *wrench, double *stiffness,
+                      double *taxel_force, int advance)
 {
     const uint32_t *near = layer->near + layer->first[board];
     const struct sim_solid solid = select_near_faces(layer, board);
     int has_contact = 0;
     for (size_t begin = 0; begin < layer->near_count[board]; begin += RAY_BLOCK) {
         struct sim_lines lines;
-        double entry[RAY_BLOCK];
+        struct sim_indentations indentations;
         uint32_t piece[RAY_BLOCK];
         const size_t block = limit_to_block(layer->near_count[board] - begin);
-        const size_t count = select_lines(layer, &solid, pose, near + begin, block, piece, &lines);
-        sim_entries(&solid, &lines, count, entry);
+        const size_t count = select_columns(layer, &solid, pose, near + begin, block, piece, &lines);
+        sim_indent(&solid, &lines, count, layer->min_slope, &indentations);
         for (size_t i = 0; i < count; i++) {
-            const double depth = layer->thickness_m - entry[i];
-            if (depth > 0.0 && depth < layer->thickness_m + layer->max_depth_m) {
-                const uint32_t taxel = layer->taxel[piece[i]];
-                const double share = layer->area_share[piece[i]];
-                double force, rate;
-                apply_law(&layer->law, depth, &force, &rate);
-                add_piece(layer, piece[i], share * force, share * rate, wrench, stiffness);
-                if (taxel_force && taxel != SIM_NO_TAXEL) {
-                    taxel_force[taxel] += share * force;
-                }
-                has_contact = 1;
+            struct column_contact contact;
+            const uint32_t taxel = layer->taxel[piece[i]];
+            const double force = load_column(layer, piece[i], pose, &lines, &indentations, i, advance, &contact);
+            add_column(&contact, wrench, stiffness);
+            if (taxel_force && taxel != SIM_NO_TAXEL) {
+                taxel_force[taxel] += force;
             }
+            has_contact = 1;
         }
     }
     return has_contact;
@@ -305,7 +420,7 @@ static int load_board(const struct sim_layer *layer, size_t board, const double 
    near pieces of a board are searched again only after the board has moved farther, relative to the solid, than the
    slack of the last search. */
 void sim_layer_load(struct sim_layer *layer, const double *poses, const double *solid_pose, double *wrench,
-                    double *stiffness, double *taxel_force)
+                    double *stiffness, double *taxel_force, int advance)
 {
     memset(wrench, 0, layer->boards * TWIST * sizeof *wrench);
     memset(stiffness, 0, layer->boards * TWIST * TWIST * sizeof *stiffness);
@@ -318,9 +433,9 @@ void sim_layer_load(struct sim_layer *layer, const double *poses, const double *
             search_board(layer, board, in_solid);
         }
         double *board_wrench = wrench + TWIST * board, *board_stiffness = stiffness + TWIST * TWIST * board;
-        if (load_board(layer, board, in_solid, board_wrench, board_stiffness, taxel_force)) {
-            rotate_wrench(pose, board_wrench);
-            rotate_stiffness(pose, board_stiffness);
+        if (load_board(layer, board, in_solid, board_wrench, board_stiffness, taxel_force, advance)) {
+            rotate_wrench(solid_pose, board_wrench);
+            rotate_stiffness(solid_pose, board_stiffness);
         }
     }
 }

@@ -1,5 +1,5 @@
-/* Contact of the elastic layer with one solid: every piece of the sheet is a spring along its normal. The code is
-   independent of the emulated skin. */
+/* Contact of the elastic layer with one solid: every piece of the sheet is a column, which the solid indents and shears.
+   The code is independent of the emulated skin. */
 #ifndef TAXEL_SIM_LAYER_CONTACT_H
 #define TAXEL_SIM_LAYER_CONTACT_H
 
@@ -19,6 +19,13 @@ struct sim_law {
     double straight_m;
 };
 
+/* Adhesion and sliding of the layer's surface on the solid: a column sticks to the point that it first touched, its
+   shear acts as a spring, and it slides where the spring would exceed `coefficient` times the normal force. */
+struct sim_friction {
+    double coefficient;           /* 0: no friction */
+    double stiffness_n_per_m;     /* shear stiffness of the area of the law */
+};
+
 /* The caller owns all memory. Pieces are sorted by board, and within a board by square of the sheet. */
 struct sim_layer {
     size_t boards;
@@ -32,8 +39,10 @@ struct sim_layer {
     double square_size_m;     /* largest distance of a piece from the middle piece of its square, metres */
     double thickness_m;
     double near_m;      /* search distance: farther pieces are ignored until the board has moved by this distance */
-    double max_depth_m; /* largest depth below the electrode that counts as contact */
+    double max_depth_m; /* largest indentation for which the near faces are complete */
+    double min_slope;   /* see sim_indent() */
     struct sim_law law;
+    struct sim_friction friction;
     struct sim_solid solid;
     /* State between the calls. */
     uint32_t *near;       /* [pieces], near pieces of board b beginning at first[b] */
@@ -43,6 +52,8 @@ struct sim_layer {
     size_t *near_faces;   /* [boards], number of these faces */
     double *search_pose;  /* [boards][SIM_POSE], pose of the board at the last search, solid's frame */
     double *slack_m;      /* [boards], motion from there that requires a new search; below 0: search now */
+    double *anchor;       /* [pieces][3], point of the solid to which a piece sticks, solid's frame */
+    uint8_t *is_anchored; /* [pieces], whether the piece touched the solid at the last advance */
 };
 
 /* sizeof (struct sim_layer), for a check by a caller in another language. */
@@ -52,8 +63,9 @@ size_t sim_layer_struct_size(void);
    wrench: [boards][6], force and moment on each board about its bracket's origin, world.
    stiffness: [boards][6][6], negative derivative of the wrench with respect to a small motion of the board (translation,
    rotation), world.
-   taxel_force: [taxels] or NULL, newtons; set to zero by the caller. */
+   taxel_force: [taxels] or NULL, newtons along the normals; set to zero by the caller.
+   advance: not 0: store where the pieces now stick to the solid; 0: the stored points are unchanged. */
 void sim_layer_load(struct sim_layer *layer, const double *poses, const double *solid_pose, double *wrench,
-                    double *stiffness, double *taxel_force);
+                    double *stiffness, double *taxel_force, int advance);
 
 #endif

@@ -12,94 +12,81 @@ static double larger(double a, double b)
     return a > b ? a : b;
 }
 
-/* Distances (metres) along the lines to their entries into a polytope: clip each line by one half-space after the other
-   (Cyrus and Beck 1978). */
-static void enter_polytope(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *entry)
+/* Indentations by a polytope: the smallest one over all faces. */
+static void indent_by_polytope(const struct sim_solid *solid, const struct sim_lines *lines, size_t count,
+                               double min_slope, struct sim_indentations *result)
 {
-    double leave[RAY_BLOCK];
     for (size_t i = 0; i < count; i++) {
-        entry[i] = -INFINITY;
-        leave[i] = INFINITY;
+        result->depth[i] = INFINITY;
     }
     for (size_t face = 0; face < solid->faces; face++) {
         const double *normal = solid->normals + 3 * face;
         const double x = normal[0], y = normal[1], z = normal[2], offset = solid->offsets[face];
         for (size_t i = 0; i < count; i++) {
-            const double clearance =
-                offset - (x * lines->point[0][i] + y * lines->point[1][i] + z * lines->point[2][i]);
-            const double speed = x * lines->direction[0][i] + y * lines->direction[1][i] + z * lines->direction[2][i];
-            const double crossing = clearance / speed;
-            const double in = speed < 0.0 ? crossing : -INFINITY;
-            /* A line parallel to a face is inside or outside of the half-space over its whole length. */
-            const double parallel = clearance < 0.0 ? -INFINITY : INFINITY;
-            const double no_exit = speed < 0.0 ? INFINITY : parallel;
-            const double out = speed > 0.0 ? crossing : no_exit;
-            entry[i] = larger(entry[i], in);
-            leave[i] = smaller(leave[i], out);
+            const double inside = offset - (x * lines->point[0][i] + y * lines->point[1][i] + z * lines->point[2][i]);
+            const double slope =
+                -(x * lines->direction[0][i] + y * lines->direction[1][i] + z * lines->direction[2][i]);
+            const double depth = inside / larger(slope, min_slope);
+            const int is_smaller = depth < result->depth[i];
+            result->depth[i] = is_smaller ? depth : result->depth[i];
+            result->normal[0][i] = is_smaller ? x : result->normal[0][i];
+            result->normal[1][i] = is_smaller ? y : result->normal[1][i];
+            result->normal[2][i] = is_smaller ? z : result->normal[2][i];
         }
     }
-    for (size_t i = 0; i < count; i++) {
-        const double end = leave[i];
-        entry[i] = entry[i] <= end && end >= 0.0 ? entry[i] : INFINITY;
-    }
 }
 
-/* Part of a line, from `enter` to `leave`, metres along the line. */
-struct interval {
-    double enter, leave;
-};
-
-static const struct interval ALWAYS = {-INFINITY, INFINITY}, NEVER = {INFINITY, -INFINITY};
-
-/* Interval (metres) of the line (x, y) + t (dx, dy) inside an infinite upright cylinder, from the roots of a quadratic
-   equation in t. */
-static struct interval cross_wall(double radius, double x, double y, double dx, double dy)
+/* Indentation of one column by the wall of an infinite upright cylinder. (x, y): top, (dx, dy): direction of the axis,
+   across the cylinder. The line against the axis leaves the wall at the root of a quadratic equation. */
+static double indent_by_wall(double radius, double x, double y, double dx, double dy, double min_slope, double *normal)
 {
-    const double a = dx * dx + dy * dy, b = x * dx + y * dy, c = x * x + y * y - radius * radius;
-    if (a == 0.0) {
-        return c <= 0.0 ? ALWAYS : NEVER;
+    const double distance = sqrt(x * x + y * y), inside = radius - distance;
+    const double limit = inside / min_slope;
+    const double a = dx * dx + dy * dy, b = x * dx + y * dy;
+    double depth = INFINITY;
+    if (inside > 0.0 && a > 0.0) {
+        depth = (b + sqrt(b * b + a * (radius + distance) * inside)) / a;
     }
-    /* b^2 - a c by Lagrange's identity: no cancellation far from the cylinder. */
-    const double moment = x * dy - y * dx;
-    const double discriminant = a * radius * radius - moment * moment;
-    if (discriminant < 0.0) {
-        return NEVER;
+    if (depth < limit) {
+        normal[0] = (x - depth * dx) / radius;
+        normal[1] = (y - depth * dy) / radius;
+        return depth;
     }
-    const double q = -(b + copysign(sqrt(discriminant), b));
-    const double first = q / a, second = q == 0.0 ? first : c / q;
-    return (struct interval){smaller(first, second), larger(first, second)};
+    normal[0] = distance > 0.0 ? x / distance : 1.0;
+    normal[1] = distance > 0.0 ? y / distance : 0.0;
+    return limit;
 }
 
-/* Interval (metres) of the line z + t dz between the planes of the two caps, z = 0 and z = height. */
-static struct interval cross_caps(double height, double z, double dz)
-{
-    if (dz == 0.0) {
-        return z >= 0.0 && z <= height ? ALWAYS : NEVER;
-    }
-    const double low = -z / dz, high = (height - z) / dz;
-    return (struct interval){smaller(low, high), larger(low, high)};
-}
-
-/* Distances (metres) along the lines to their entries into an upright cylinder; INFINITY for a line that misses it. */
-static void enter_cylinder(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *entry)
+/* Indentations by an upright cylinder: the smallest one of wall and caps. */
+static void indent_by_cylinder(const struct sim_solid *solid, const struct sim_lines *lines, size_t count,
+                               double min_slope, struct sim_indentations *result)
 {
     for (size_t i = 0; i < count; i++) {
-        const struct interval wall = cross_wall(solid->radius, lines->point[0][i], lines->point[1][i],
-                                                lines->direction[0][i], lines->direction[1][i]);
-        const struct interval caps = cross_caps(solid->height, lines->point[2][i], lines->direction[2][i]);
-        const double enter = larger(wall.enter, caps.enter), leave = smaller(wall.leave, caps.leave);
-        entry[i] = enter <= leave && leave >= 0.0 ? enter : INFINITY;
+        const double z = lines->point[2][i], dz = lines->direction[2][i];
+        double normal[3] = {0.0, 0.0, 0.0};
+        double depth = indent_by_wall(solid->radius, lines->point[0][i], lines->point[1][i], lines->direction[0][i],
+                                      lines->direction[1][i], min_slope, normal);
+        const double bottom = z / larger(dz, min_slope), top = (solid->height - z) / larger(-dz, min_slope);
+        if (smaller(bottom, top) < depth) {
+            depth = smaller(bottom, top);
+            normal[0] = normal[1] = 0.0;
+            normal[2] = bottom < top ? -1.0 : 1.0;
+        }
+        result->depth[i] = depth;
+        for (size_t k = 0; k < 3; k++) {
+            result->normal[k][i] = normal[k];
+        }
     }
 }
 
-/* Signed distance (metres) along each line from its point to the entry into the solid; INFINITY if the line misses the
-   solid or the whole solid lies behind the point. */
-void sim_entries(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *entry)
+/* Indentation (metres) of each column, and the normal of the surface that causes it; see ray.h. */
+void sim_indent(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double min_slope,
+                struct sim_indentations *result)
 {
     if (solid->faces) {
-        enter_polytope(solid, lines, count, entry);
+        indent_by_polytope(solid, lines, count, min_slope, result);
     } else {
-        enter_cylinder(solid, lines, count, entry);
+        indent_by_cylinder(solid, lines, count, min_slope, result);
     }
 }
 

@@ -21,9 +21,19 @@ struct sim_lines {
     double direction[3][RAY_BLOCK];
 };
 
-/* Signed distance along each line from its point to the entry into the solid, metres: negative for a point inside,
-   INFINITY if the line misses the solid or the whole solid lies behind the point. */
-void sim_entries(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *entry);
+/* Indentations of a block of columns: depth (metres, 0 or less without contact) and outward unit normal of the solid's
+   surface, by coordinate. */
+struct sim_indentations {
+    double depth[RAY_BLOCK];
+    double normal[3][RAY_BLOCK];
+};
+
+/* Indentation of columns of the layer whose tops are the points of the lines and whose axes are their directions: the
+   distance from the top to the surface of the solid, measured against the axis. A surface that is steeper than
+   `min_slope` (cosine of the angle between its inward normal and the axis) counts as if it had this slope, so that a
+   column that enters the solid sideways is loaded gradually. */
+void sim_indent(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double min_slope,
+                struct sim_indentations *result);
 
 /* Lower bound of the distance from each point to the solid, metres. Its change is at most the motion of the point. */
 void sim_distance_bounds(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *bound);

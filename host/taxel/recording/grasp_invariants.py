@@ -1,0 +1,267 @@
+"""Physical invariants of the grasps in a simulated dataset, for the file of any simulator.
+
+A frame of a simulator is wrong if force appears without contact, if the object lies deeper in the skin than the layer
+is thick, if the total force jumps, if force and separation contradict the force law of the other taxels, or if the
+force changes while the hand holds still. Each violation names the grasp, the frame and the taxel.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from taxel.errors import TaxelError
+from taxel.hand import load_hand
+from taxel.recording.grasp import Grasp
+from taxel.recording.grasp_dataset import GraspDataset
+from taxel.recording.grasp_format import Phase
+from taxel.types import BoolArray, FloatArray, IntArray
+
+MIN_FORCE_N: Final = 0.05
+"""Forces below this value are ignored, newtons: the smallest force that the skin detects is 0.06 N (thesis)."""
+
+MAX_FORCE_RATIO: Final = 1.5
+"""Largest total force in relation to the maximum of the hold; also the largest ratio to both neighbouring frames. A
+controller that never commands more than the torque of the hold gives a larger force only in an impact.
+"""
+
+MAX_IMPACT_RATIO: Final = 4.0
+"""Largest total force of a frame of the closing phase in relation to the maximum of the hold (chosen)."""
+
+MAX_HOLD_CHANGE: Final = 0.1
+"""Largest relative change of the total force from the first to the last third of the hold: an object at rest."""
+
+MAX_LAW_RATIO: Final = 3.0
+"""Largest ratio of a taxel's force to the range of forces that the dataset shows at its separation (chosen)."""
+
+LAW_QUANTILE: Final = 0.001
+"""Share of the forces at a separation that lie beyond each end of the range: wrong frames are rarer."""
+
+LAW_BIN_M: Final = 0.1e-3
+MIN_BIN_SAMPLES: Final = 50
+
+TAXEL_REACH_PITCHES: Final = 0.71
+"""Half the diagonal of a taxel in pitches: the object may touch the corner of a taxel whose centre is as far away."""
+
+NEIGHBOUR_PITCHES: Final = 1.6
+"""Taxels of a board within this multiple of the pitch are neighbours: also the diagonal ones."""
+
+
+@dataclass(frozen=True)
+class Violation:
+    """One violated invariant of a simulated grasp.
+
+    kind: "force jump", "force without contact", "penetration", "force law" or "not at rest". frame: index in the grasp.
+    taxel: index in the taxel table; None: the whole hand. text: measured and permitted value.
+    """
+
+    grasp: str
+    frame: int
+    time_s: float
+    kind: str
+    taxel: int | None
+    text: str
+
+    def __str__(self) -> str:
+        """Format the violation as one line."""
+        place = "" if self.taxel is None else f", taxel {self.taxel}"
+        return f"grasp {self.grasp}, frame {self.frame} ({self.time_s:.2f} s){place}: {self.kind}: {self.text}"
+
+
+class InvariantChecker:
+    """Checks the grasps of one simulated dataset; the force law is learnt from all its grasps.
+
+    A dataset without separations is only checked for jumps and for rest. A dataset of a hand that is not packaged has
+    no known thickness of the layer, so that penetrations are found only against the force law.
+    """
+
+    def __init__(self, dataset: GraspDataset) -> None:
+        """Prepare the checks of a dataset, which stays open while the checker is used."""
+        self._dataset = dataset
+        self._neighbours, self._pitch_m = _find_neighbours(dataset)
+        self._layer_m = _get_layer_m(dataset.hand)
+        self._law = self._learn_law()
+
+    def find_violations(self) -> Iterator[Violation]:
+        """Yield the violations of all grasps in order of time; nothing for a dataset without contact forces."""
+        for grasp in self._dataset:
+            yield from self.check_grasp(grasp)
+
+    def check_grasp(self, grasp: Grasp) -> list[Violation]:
+        """Return the violations of one grasp in order of time."""
+        force, separation = grasp.contact_force, grasp.separation
+        if force is None:
+            return []
+        found = _find_jumps(grasp, force) + _find_unrest(grasp, force) + self._find_detached_forces(grasp, force)
+        if separation is not None:
+            found += self._find_penetrations(grasp, force, separation)
+            found += self._find_lawless_forces(grasp, force, separation)
+        return sorted(found, key=lambda violation: violation.frame)
+
+    def _find_nearest(self, separation: FloatArray) -> FloatArray:
+        """Smallest separation of each taxel and its neighbours, f64[T, n], metres; separation: f64[T, n]."""
+        padded = np.pad(separation, ((0, 0), (0, 1)), constant_values=np.inf)  # the index n: a missing neighbour
+        return np.asarray(np.minimum(separation, padded[:, self._neighbours].min(axis=2)))
+
+    def _is_surrounded(self, separation: FloatArray) -> BoolArray:
+        """Whether each taxel and all its neighbours touch the object, bool[T, n]; separation: f64[T, n]."""
+        touches = separation < 0.0
+        padded = np.pad(touches, ((0, 0), (0, 1)), constant_values=True)
+        return np.asarray(touches & padded[:, self._neighbours].all(axis=2))
+
+    def _find_detached_forces(self, grasp: Grasp, force: FloatArray) -> list[Violation]:
+        """Find forces on taxels whose centres are farther from the object than their corners; needs distances."""
+        distance = grasp.distance
+        if distance is None:
+            return []
+        wrong = (force > MIN_FORCE_N) & (distance > TAXEL_REACH_PITCHES * self._pitch_m)
+        return [
+            _make(
+                grasp,
+                frame,
+                "force without contact",
+                taxel,
+                f"{force[frame, taxel]:.2f} N, object {1e3 * distance[frame, taxel]:.2f} mm away",
+            )
+            for frame, taxel in np.argwhere(wrong).tolist()
+        ]
+
+    def _find_penetrations(self, grasp: Grasp, force: FloatArray, separation: FloatArray) -> list[Violation]:
+        """Find loaded taxels in which the object lies deeper than the layer is thick."""
+        if self._layer_m is None:
+            return []
+        wrong = (separation < -self._layer_m) & (force > MIN_FORCE_N)
+        return [
+            _make(
+                grasp,
+                frame,
+                "penetration",
+                taxel,
+                f"{-1e3 * separation[frame, taxel]:.2f} mm in a layer of {1e3 * self._layer_m:.2f} mm",
+            )
+            for frame, taxel in np.argwhere(wrong).tolist()
+        ]
+
+    def _find_lawless_forces(self, grasp: Grasp, force: FloatArray, separation: FloatArray) -> list[Violation]:
+        """Find taxels whose force contradicts the forces at equal separations in the dataset."""
+        if self._law is None:
+            return []
+        depths, smallest, largest = self._law
+        nearest = self._find_nearest(separation)
+        low = np.interp(-separation, depths, smallest)
+        high = np.interp(-nearest, depths, largest)  # the object may touch a corner of the taxel, beside a neighbour
+        too_large = force > MAX_LAW_RATIO * np.maximum(high, 4.0 * MIN_FORCE_N)
+        too_small = self._is_surrounded(separation) & (low > 10.0 * MIN_FORCE_N) & (force < low / MAX_LAW_RATIO)
+        return [
+            _make(
+                grasp,
+                frame,
+                "force without contact" if nearest[frame, taxel] > 0.0 else "force law",
+                taxel,
+                f"{force[frame, taxel]:.2f} N at a separation of {1e3 * separation[frame, taxel]:.2f} mm, elsewhere "
+                f"{low[frame, taxel]:.2f} to {high[frame, taxel]:.2f} N",
+            )
+            for frame, taxel in np.argwhere(too_large | too_small).tolist()
+        ]
+
+    def _learn_law(self) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """Learn the range of forces of the dataset by depth: depths f64[k], metres, and two forces f64[k], newtons.
+
+        Smallest force by the depth below the centre of a taxel whose neighbours touch the object, too. Largest force by
+        the largest depth of the taxel and its neighbours. Both do not decrease with the depth. None: too few samples.
+        """
+        values: list[tuple[FloatArray, ...]] = []
+        for grasp in self._dataset:
+            force, separation = grasp.contact_force, grasp.separation
+            if force is None or separation is None:
+                return None
+            nearest = self._find_nearest(separation)
+            is_near = nearest < TAXEL_REACH_PITCHES * self._pitch_m
+            inside = self._is_surrounded(separation)
+            values.append((-nearest[is_near], force[is_near], -separation[inside], force[inside]))
+        if not values:
+            return None
+        largest_depth, force, depth, force_inside = (np.concatenate(parts) for parts in zip(*values, strict=True))
+        high_number, low_number = (np.floor(part / LAW_BIN_M).astype(np.int64) for part in (largest_depth, depth))
+        rows = []
+        for index in np.unique(high_number).tolist():
+            near, within = force[high_number == index], force_inside[low_number == index]
+            if len(near) >= MIN_BIN_SAMPLES:
+                low = float(np.quantile(within, LAW_QUANTILE)) if len(within) >= MIN_BIN_SAMPLES else 0.0
+                rows.append(((index + 0.5) * LAW_BIN_M, low, float(np.quantile(near, 1.0 - LAW_QUANTILE))))
+        if not rows:
+            return None
+        middle, smallest, largest = np.array(rows).T
+        # The separation within a bin varies: the range of a bin includes its neighbours'.
+        smallest = np.minimum.accumulate(np.minimum(smallest, np.r_[0.0, smallest[:-1]])[::-1])[::-1]
+        largest = np.maximum.accumulate(np.maximum(largest, np.r_[largest[1:], largest[-1]]))
+        return middle, smallest, largest
+
+
+def _make(grasp: Grasp, frame: int, kind: str, taxel: int | None, text: str) -> Violation:
+    """Make the violation of a frame of a grasp."""
+    return Violation(grasp.id, int(frame), float(grasp.timestamp[frame] - grasp.timestamp[0]), kind, taxel, text)
+
+
+def _find_jumps(grasp: Grasp, force: FloatArray) -> list[Violation]:
+    """Find frames whose total force exceeds the hold, or both neighbouring frames, by more than `MAX_FORCE_RATIO`."""
+    total, phase = force.sum(axis=1), grasp.phase
+    hold = total[phase == Phase.HOLD]
+    # The second largest value: a single wrong frame of the hold does not hide itself.
+    limit = max(float(np.sort(hold)[-2:][0]) if len(hold) else 0.0, 10.0 * MIN_FORCE_N)
+    neighbours = np.maximum(np.r_[0.0, total[:-1]], np.r_[total[1:], 0.0])
+    is_closing = phase == Phase.CLOSING
+    exceeds = total > np.where(is_closing, MAX_IMPACT_RATIO, MAX_FORCE_RATIO) * limit
+    sticks_out = (total > MAX_FORCE_RATIO * neighbours) & (total > limit) & ~is_closing
+    return [
+        _make(
+            grasp,
+            frame,
+            "force jump",
+            None,
+            f"{total[frame]:.1f} N in all, neighbouring frames {neighbours[frame]:.1f} N, hold {limit:.1f} N",
+        )
+        for frame in np.flatnonzero(exceeds | sticks_out).tolist()
+    ]
+
+
+def _find_unrest(grasp: Grasp, force: FloatArray) -> list[Violation]:
+    """Find a hold in which the total force changes by more than `MAX_HOLD_CHANGE` from its first to its last third."""
+    hold = np.flatnonzero(grasp.phase == Phase.HOLD)
+    if len(hold) < 6:
+        return []
+    total, third = force[hold].sum(axis=1), len(hold) // 3
+    first, last = float(np.median(total[:third])), float(np.median(total[-third:]))
+    if abs(last - first) <= MAX_HOLD_CHANGE * max(first, last, 10.0 * MIN_FORCE_N):
+        return []
+    return [
+        _make(grasp, int(hold[-1]), "not at rest", None, f"total force {first:.1f} N, later {last:.1f} N in the hold")
+    ]
+
+
+def _find_neighbours(dataset: GraspDataset) -> tuple[IntArray, float]:
+    """Neighbours of each taxel on its board, i64[n, k], n for none, and the largest pitch of a board, metres."""
+    taxels, largest_pitch = dataset.taxels, 0.0
+    lists: list[list[int]] = [[] for _ in range(taxels.n)]
+    for address in np.unique(taxels.sensor).tolist():
+        on_board = np.flatnonzero(taxels.sensor == address)
+        tree = cKDTree(taxels.position[on_board])
+        if len(on_board) < 2:
+            continue
+        pitch = float(np.median(tree.query(taxels.position[on_board], k=2)[0][:, 1]))
+        largest_pitch = max(largest_pitch, pitch)
+        for a, b in tree.query_pairs(NEIGHBOUR_PITCHES * pitch):
+            lists[on_board[a]].append(int(on_board[b]))
+            lists[on_board[b]].append(int(on_board[a]))
+    width = max(1, max(map(len, lists), default=1))
+    return np.array([row + [taxels.n] * (width - len(row)) for row in lists], dtype=np.int64), largest_pitch
+
+
+def _get_layer_m(hand: str) -> float | None:
+    """Thickness of the layer of a packaged hand, metres; None for an unknown hand."""
+    try:
+        return load_hand(hand).layer_m
+    except TaxelError:
+        return None

@@ -1,0 +1,79 @@
+"""Contact of the object with the plane on which it stands: corner points with a stiff spring and Coulomb friction."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from taxel.grasp.objects import STAND_FRICTION, STAND_N_PER_M
+from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
+from taxel.hand.transforms import cross
+from taxel.types import FloatArray
+
+RIM_POINTS: Final = 16
+"""Points on each edge of a cylinder (chosen)."""
+
+
+class StandLoad(NamedTuple):
+    """Load of the stand on the object, about the object's origin, in the world.
+
+    wrench: f64[6], force (N) and moment (Nm). stiffness: f64[6, 6], its negative derivative with respect to a small
+    motion of the object (translation, rotation).
+    """
+
+    wrench: FloatArray
+    stiffness: FloatArray
+
+
+class StandContact:
+    """Contact of an object with the plane z = 0 of its stand.
+
+    Each corner is a spring across the plane. A corner sticks to the point of the plane that it first touched, and
+    slides where the force along the plane would exceed the friction coefficient times the force across.
+    """
+
+    def __init__(self, shape: Shape, pose: FloatArray) -> None:
+        """Prepare the contact. shape: the object. pose: f64[4, 4] of the stand in the world; its z axis is upward."""
+        self._corners = _find_corners(shape)
+        is_bottom = self._corners[:, 2] < self._corners[:, 2].min() + 1e-6
+        self._stiffness = STAND_N_PER_M / max(int(is_bottom.sum()), 1)
+        self._up, self._origin = pose[:3, 2].copy(), pose[:3, 3].copy()
+        self._anchors = np.full_like(self._corners, np.nan)
+
+    def compute_load(self, object_pose: FloatArray, advance: bool = False) -> StandLoad:
+        """Compute the load on the object at a pose f64[4, 4] in the world.
+
+        advance: store where the corners stick to the stand; call it once per time step, with the poses of the step.
+        """
+        arms = self._corners @ object_pose[:3, :3].T
+        points = arms + object_pose[:3, 3]
+        depth = (self._origin - points) @ self._up
+        touching = np.flatnonzero(depth > 0.0)
+        if advance:
+            lifted = np.flatnonzero(depth <= 0.0)
+            self._anchors[lifted] = np.nan
+        wrench, stiffness = np.zeros(6), np.zeros((6, 6))
+        for index in touching:
+            shear = np.nan_to_num(points[index] - self._anchors[index])
+            shear -= (shear @ self._up) * self._up
+            length, limit = np.linalg.norm(shear), STAND_FRICTION * self._stiffness * depth[index]
+            held = self._stiffness if self._stiffness * length <= limit else limit / length
+            if advance:
+                self._anchors[index] = points[index] - shear * held / self._stiffness
+            normal = np.outer(self._up, self._up)
+            matrix = self._stiffness * normal + held * (np.eye(3) - normal)
+            if held < self._stiffness:
+                matrix -= held * np.outer(shear, shear) / length**2
+            motion = np.concatenate([np.eye(3), cross(arms[index][None], np.eye(3)).T])
+            wrench += motion @ (self._stiffness * depth[index] * self._up - held * shear)
+            stiffness += motion @ matrix @ motion.T
+        return StandLoad(wrench, stiffness)
+
+
+def _find_corners(shape: Shape) -> FloatArray:
+    """Return the points of an object that can touch a plane, f64[k, 3], object frame; a circle is a polygon."""
+    if isinstance(shape, ConvexPolytope):
+        return shape.vertices
+    assert isinstance(shape, Cylinder)
+    angles = 2.0 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
+    rim = shape.radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    return np.concatenate([np.column_stack([rim, np.full(RIM_POINTS, z)]) for z in (0.0, shape.height)])

@@ -1,0 +1,66 @@
+"""The experimenter's other hand, which steadies the object while the robot hand closes and opens."""
+
+import mujoco
+import numpy as np
+
+from taxel.grasp.objects import (
+    STEADYING_N_PER_M,
+    STEADYING_N_S_PER_M,
+    STEADYING_NM_PER_RAD,
+    STEADYING_NM_S_PER_RAD,
+)
+from taxel.sim.scene import Scene
+from taxel.types import FloatArray
+
+
+class Steadying:
+    """Springs and dampers that keep the object at the pose at which the experimenter took hold of it.
+
+    firmness: 0 (no hold) to 1; set it before each time step with `set_firmness`.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Prepare the hold of the object of a scene; the experimenter holds the object at its first pose."""
+        model = scene.model
+        body = model.body("object").id
+        self._position = slice(
+            model.jnt_qposadr[model.body_jntadr[body]], model.jnt_qposadr[model.body_jntadr[body]] + 7
+        )
+        self._centre = model.body_ipos[body].copy()
+        self._rest: FloatArray | None = None
+        self._firmness = 1.0
+
+    def set_firmness(self, firmness: float) -> None:
+        """Set how firmly the object is held. A hold that begins after 0 begins at the present pose of the object."""
+        if self._firmness == 0.0 and firmness > 0.0:
+            self._rest = None
+        self._firmness = firmness
+
+    def compute_load(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Compute the force on the object's six coordinates, f64[6], with its stiffness and damping, f64[6, 6].
+
+        The coordinates are those of MuJoCo's free joint: position of the origin in the world, rotation in the object's
+        frame. The springs act at the centre of mass.
+        """
+        pose = data.qpos[self._position]
+        if self._rest is None:
+            self._rest = pose.copy()
+        turn, rotation = np.zeros(3), np.zeros(9)
+        mujoco.mju_subQuat(turn, pose[3:], self._rest[3:])
+        mujoco.mju_quat2Mat(rotation, pose[3:])
+        jacobian = np.eye(6)  # motion of the centre and rotation in the object's frame, from the coordinates
+        jacobian[:3, 3:] = -rotation.reshape(3, 3) @ _make_cross(self._centre)
+        motion = np.concatenate([pose[:3] - self._rest[:3] + jacobian[:3, 3:] @ turn, turn])
+        stiffness = self._firmness * np.repeat([STEADYING_N_PER_M, STEADYING_NM_PER_RAD], 3)
+        damping = self._firmness * np.repeat([STEADYING_N_S_PER_M, STEADYING_NM_S_PER_RAD], 3)
+        return (
+            -(stiffness * motion) @ jacobian,
+            jacobian.T @ (stiffness[:, None] * jacobian),
+            jacobian.T @ (damping[:, None] * jacobian),
+        )
+
+
+def _make_cross(vector: FloatArray) -> FloatArray:
+    """Matrix f64[3, 3] that computes the cross product with a vector f64[3]."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
