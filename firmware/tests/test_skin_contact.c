@@ -1,5 +1,6 @@
 /* Contact of a flat board with a flat object, and the curves of the layer. */
 #include <math.h>
+#include <string.h>
 
 #include "check.h"
 #include "emulator/physics/layer.h"
@@ -54,7 +55,8 @@ static void the_stiffness_is_the_derivative_of_the_wrench(void)
             step[motion] = s ? MOTION : -MOTION;
             const struct frame motion_frame = frame_of_offset(step, step + 3),
                                moved_frame = frame_product(&frame, &motion_frame);
-            CHECK(contact_solve(&patch, &table, &moved_frame, THICKNESS_M, 0.0, compression, NULL, &shifted_load[s], NULL));
+            CHECK(contact_solve(&patch, &table, &moved_frame, THICKNESS_M, 0.0, compression, NULL, &shifted_load[s],
+                                NULL));
         }
         for (int i = 0; i < 6; i++) {
             scale = fmax(scale, fabs(load.stiffness[i][motion]));
@@ -142,6 +144,98 @@ static void the_air_fraction_excludes_the_silicone(void)
     CHECK(layer_air_fraction(1e3) == 0.0);
 }
 
+static bool sticks[CELLS];
+static double point[CELLS][3], due[TAXELS];
+
+/* State of the friction of the board, without earlier contacts. */
+static struct contact_grip start_grip(void)
+{
+    memset(sticks, 0, sizeof sticks);
+    return (struct contact_grip){.coefficient = 0.5, .advances = true, .sticks = sticks, .point = point, .due = due};
+}
+
+/* Load of the board after a shift along x (metres) from its first contact, in steps of 10 micrometres. */
+static struct contact_load load_after_shift(struct contact_grip *grip, double shift)
+{
+    struct contact_load load;
+    const int steps = 1 + (int)(shift / 1e-5 + 0.5);
+    for (int step = 0; step < steps; step++) {
+        struct frame frame = board_over_table(-DEPTH_M);
+        frame.row[0][3] += step * 1e-5;
+        CHECK(contact_solve(&patch, &table, &frame, THICKNESS_M, 0.0, compression, NULL, &load, grip));
+    }
+    return load;
+}
+
+static void the_skin_sticks_like_a_spring_and_slides_at_the_friction_limit(void)
+{
+    const double area = TAXELS * TAXEL_PITCH_M * TAXEL_PITCH_M;
+    const double pressing = layer_contact_pressure(DEPTH_M) * area;
+    struct contact_grip grip = start_grip();
+    const struct contact_load shifted = load_after_shift(&grip, 5e-5);
+    CHECK(fabs(shifted.wrench[0] / (-5e-5 * layer_shear_stiffness() * area) - 1.0) < 1e-9);
+    CHECK(fabs(shifted.wrench[2] / -pressing - 1.0) < 1e-9);
+    CHECK(fabs(shifted.stiffness[0][0] / (layer_shear_stiffness() * area) - 1.0) < 1e-9);
+    grip = start_grip();
+    const struct contact_load slid = load_after_shift(&grip, 5e-3);
+    CHECK(fabs(slid.wrench[0] / (-grip.coefficient * pressing) - 1.0) < 1e-6);
+    CHECK(fabs(slid.stiffness[0][0]) < 1e-6 * layer_shear_stiffness() * area); /* no resistance along the sliding */
+}
+
+static void a_load_that_does_not_advance_leaves_the_points_unchanged(void)
+{
+    struct contact_grip grip = start_grip();
+    load_after_shift(&grip, 0.0);
+    grip.advances = false;
+    const struct contact_load first = load_after_shift(&grip, 3e-3), second = load_after_shift(&grip, 3e-3);
+    CHECK(memcmp(first.wrench, second.wrench, sizeof first.wrench) == 0);
+    CHECK(first.wrench[0] < 0.0);
+}
+
+/* A block whose side face lies at x = 0 enters the layer from the side, 0.8 mm deep. The force begins at zero, pushes
+ * the block back until its bottom is nearer than its side, and never exceeds that of a steep face. */
+static void an_object_that_enters_from_the_side_is_loaded_gradually(void)
+{
+    struct shape block = table;
+    block.planes[2][3] = 0.0;
+    block.planes[3][3] = 0.1;
+    const double row = TAXELS / 3 * TAXEL_PITCH_M * TAXEL_PITCH_M / CELLS_PER_SIDE; /* area of one row of cells */
+    const double largest = 2.0 * layer_contact_pressure(0.0008) * row;
+    struct contact_grip grip = start_grip();
+    struct contact_load load = {.wrench = {0.0}};
+    double previous = 0.0, pushed_back = 0.0;
+    int touching_rows = 0;
+    for (int step = 0; step < 400; step++) {
+        struct frame frame = board_over_table(-0.0008);
+        frame.row[0][3] = 0.0125 - step * 1e-5;
+        const bool touches = contact_solve(&patch, &block, &frame, THICKNESS_M, 0.0, compression, NULL, &load, &grip);
+        const double force = sqrt(load.wrench[0] * load.wrench[0] + load.wrench[2] * load.wrench[2]);
+        touching_rows += touches && previous == 0.0;
+        CHECK(!touches || previous > 0.0 || force < 0.05 * largest);
+        CHECK(force < 1.5 * largest * (1 + step / 125.0));
+        pushed_back = fmax(pushed_back, load.wrench[0]);
+        previous = force;
+    }
+    CHECK_EQUAL(touching_rows, 1);
+    CHECK(pushed_back > 0.5 * largest);
+    CHECK(-load.wrench[2] > 0.9 * largest); /* at least two of the rows are compressed by the bottom of the block */
+}
+
+static void squares_that_were_far_are_found_when_the_board_returns(void)
+{
+    struct contact_grip grip = start_grip();
+    for (int step = 0; step < 200; step++) {
+        const double height = 0.02 * cos(step * 0.2) + 0.018;
+        const struct frame frame = board_over_table(height);
+        struct contact_load load, expected;
+        const bool touches = contact_solve(&patch, &table, &frame, THICKNESS_M, 0.0, compression, NULL, &load, &grip);
+        CHECK(touches == contact_solve(&patch, &table, &frame, THICKNESS_M, 0.0, compression, NULL, &expected, NULL));
+        CHECK(touches == (height < 0.0));
+        CHECK(fabs(load.wrench[2] - expected.wrench[2]) < 1e-9);
+        CHECK(load.clearance <= fmax(height, 0.0) + 1e-12);
+    }
+}
+
 int main(void)
 {
     layer_init();
@@ -154,6 +248,10 @@ int main(void)
     RUN(the_whole_layer_is_more_compliant_than_its_pillars);
     RUN(all_functions_for_the_rise_agree);
     RUN(the_air_fraction_excludes_the_silicone);
+    RUN(the_skin_sticks_like_a_spring_and_slides_at_the_friction_limit);
+    RUN(a_load_that_does_not_advance_leaves_the_points_unchanged);
+    RUN(an_object_that_enters_from_the_side_is_loaded_gradually);
+    RUN(squares_that_were_far_are_found_when_the_board_returns);
     patch_free(&patch);
     return check_summary();
 }

@@ -12,11 +12,11 @@
 
 /* Contact of one cell with the object, in the object's frame. */
 struct cell_contact {
-    double top[3];      /* surface of the unloaded layer */
-    double normal[3];   /* of the object, outward */
+    double top[3];       /* surface of the unloaded layer */
+    double normal[3];    /* of the object, outward */
     double direction[3]; /* of the cell, outward */
-    double depth;       /* of the object below the top, against the direction, metres */
-    double slope;       /* cosine between the inward normal of the object and the direction */
+    double depth;        /* of the object below the top, against the direction, metres */
+    double slope;        /* cosine between the inward normal of the object and the direction */
 };
 
 /* Examine whether the object indents a cell. origin, direction: line of the cell, and `entry` where the line enters the
@@ -134,8 +134,8 @@ static void add_column(struct contact_load *load, const struct cell *cell, doubl
  * force has the direction of the object's normal and a part across from the shear; its part along the cell follows from
  * the compression. */
 static void add_cell(struct contact_load *load, const struct cell *cell, size_t number,
-                     const struct cell_contact *contact, const struct frame *object_from_bracket,
-                     double thickness, const struct contact_grip *grip)
+                     const struct cell_contact *contact, const struct frame *object_from_bracket, double thickness,
+                     const struct contact_grip *grip)
 {
     const double slope = fmax(contact->slope, STEEPEST);
     const double pressing = layer_contact_pressure(contact->depth) * cell->area / slope;
@@ -195,9 +195,9 @@ static double bound_square_distance(const struct cell *cells, double size, const
 
 /* Whether every cell of square number `square` is farther from the object than `thickness` + `reach` (metres), which
  * holds for most squares of a hand most of the time. Updates the clearance of the load, unless it is NULL. */
-static bool square_is_far(const struct cell *cells, size_t square, const struct patch *patch,
-                          const struct shape *shape, const struct frame *object_from_bracket, double thickness,
-                          double reach, struct contact_grip *grip, struct contact_load *load)
+static bool square_is_far(const struct cell *cells, size_t square, const struct patch *patch, const struct shape *shape,
+                          const struct frame *object_from_bracket, double thickness, double reach,
+                          struct contact_grip *grip, struct contact_load *load)
 {
     double distance = 0.0;
     if (grip && grip->due[square] > grip->travel) {
@@ -339,7 +339,8 @@ bool contact_solve(const struct patch *patch, const struct shape *shape, const s
     }
     for (size_t taxel = 0; taxel < patch->taxel_count; taxel++) {
         const size_t first = taxel * CELLS_PER_TAXEL;
-        if (square_is_far(&patch->cells[first], taxel, patch, shape, object_from_bracket, thickness, reach, grip, load)) {
+        if (square_is_far(&patch->cells[first], taxel, patch, shape, object_from_bracket, thickness, reach, grip,
+                          load)) {
             release_square(grip, first);
             continue;
         }

@@ -21,15 +21,15 @@ struct contact_load {
  * sheared, and slides where the shear force exceeds the friction coefficient times the normal force. The caller owns
  * the arrays, and clears `sticks` before the first contact. */
 struct contact_grip {
-    double coefficient;   /* friction coefficient */
-    bool advances;        /* whether contact_solve() updates the points; else it only uses them */
-    bool *sticks;         /* [cells + margin cells] */
-    double (*point)[3];   /* [cells + margin cells], object frame, metres */
+    double coefficient; /* friction coefficient */
+    bool advances;      /* whether contact_solve() updates the points; else it only uses them */
+    bool *sticks;       /* [cells + margin cells] */
+    double (*point)[3]; /* [cells + margin cells], object frame, metres */
     /* Squares that are far from the object are examined again only after the board has moved as far. */
-    bool has_frame;       /* false: the following values are not valid yet */
-    struct frame frame;   /* bracket in the object's frame at the last call */
-    double travel;        /* bound of the motion of any cell since the first call, metres */
-    double *due;          /* [taxels + margins], travel at which a square may touch the object */
+    bool has_frame;     /* false: the following values are not valid yet */
+    struct frame frame; /* bracket in the object's frame at the last call */
+    double travel;      /* bound of the motion of any cell since the first call, metres */
+    double *due;        /* [taxels + margins], travel at which a square may touch the object */
 };
 
 /* Whether the object is certainly farther from every electrode than `reach` (metres). */

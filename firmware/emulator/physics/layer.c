@@ -7,7 +7,7 @@
 #define TAXEL_AREA_M2 (0.005 * 0.005) /* one taxel at 5 mm pitch */
 /* Ecoflex 00-30: modulus 69 kPa (maker's data sheet) over 3, incompressible */
 #define SHEAR_MODULUS_PA 23000.0
-#define SHEARED_HEIGHT_M 0.001 /* assumed: half of the layer, because the pillars of a grasped taxel nearly touch */
+#define SHEARED_HEIGHT_M 0.001    /* assumed: half of the layer, because the pillars of a grasped taxel nearly touch */
 #define PILLAR_FRACTION 0.35      /* of the area; the thesis gives pillars of 0.8 mm but not their pitch */
 #define SILICONE_PERMITTIVITY 2.8 /* assumed: platinum-cured silicone near 100 kHz */
 /* sides of pillars touch; chosen so that the curve is flat near 50 N on a taxel */

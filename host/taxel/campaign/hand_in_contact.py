@@ -176,7 +176,7 @@ class HandInContact:
         is_near = load.clearance_m < speed * SUBSTEP_S + STEP_MOTION_M
         speed = speed[is_near & ~separates].max(initial=0.0)
         limit = min(SUBSTEP_S if self.touched_count else longest, STEP_MOTION_M / max(speed, 1e-9))
-        return longest / np.ceil(longest / max(limit, MIN_SUBSTEP_S) - 1e-9)
+        return float(longest / np.ceil(longest / max(limit, MIN_SUBSTEP_S) - 1e-9))
 
     def _resist_joints(self) -> tuple[FloatArray, FloatArray]:
         """Torque f64[j] of dry friction and of the stops of the joints, and its stiffness f64[j], Nm and Nm/rad."""

@@ -206,7 +206,10 @@ def _make(grasp: Grasp, frame: int, kind: str, taxel: int | None, text: str) -> 
 
 
 def _find_jumps(grasp: Grasp, force: FloatArray) -> list[Violation]:
-    """Find frames whose total force exceeds the hold, or both neighbouring frames, by more than `MAX_FORCE_RATIO`."""
+    """Find frames whose total force exceeds the hold, or both neighbouring frames, by more than `MAX_FORCE_RATIO`.
+
+    In the hold, also frames whose total force is smaller than in both neighbouring frames by this ratio.
+    """
     total, phase = force.sum(axis=1), grasp.phase
     hold = total[phase == Phase.HOLD]
     # The second largest value: a single wrong frame of the hold does not hide itself.
@@ -215,6 +218,9 @@ def _find_jumps(grasp: Grasp, force: FloatArray) -> list[Violation]:
     is_closing = phase == Phase.CLOSING
     exceeds = total > np.where(is_closing, MAX_IMPACT_RATIO, MAX_FORCE_RATIO) * limit
     sticks_out = (total > MAX_FORCE_RATIO * neighbours) & (total > limit) & ~is_closing
+    inside = (phase == Phase.HOLD) & (np.r_[0, phase[:-1]] == Phase.HOLD) & (np.r_[phase[1:], 0] == Phase.HOLD)
+    lower = np.minimum(np.r_[0.0, total[:-1]], np.r_[total[1:], 0.0])
+    drops = inside & (MAX_FORCE_RATIO * total < lower) & (lower > 10.0 * MIN_FORCE_N)
     return [
         _make(
             grasp,
@@ -223,7 +229,7 @@ def _find_jumps(grasp: Grasp, force: FloatArray) -> list[Violation]:
             None,
             f"{total[frame]:.1f} N in all, neighbouring frames {neighbours[frame]:.1f} N, hold {limit:.1f} N",
         )
-        for frame in np.flatnonzero(exceeds | sticks_out).tolist()
+        for frame in np.flatnonzero(exceeds | sticks_out | drops).tolist()
     ]
 
 
@@ -250,7 +256,7 @@ def _find_neighbours(dataset: GraspDataset) -> tuple[IntArray, float]:
         tree = cKDTree(taxels.position[on_board])
         if len(on_board) < 2:
             continue
-        pitch = float(np.median(tree.query(taxels.position[on_board], k=2)[0][:, 1]))
+        pitch = float(np.median(np.asarray(tree.query(taxels.position[on_board], k=2)[0])[:, 1]))
         largest_pitch = max(largest_pitch, pitch)
         for a, b in tree.query_pairs(NEIGHBOUR_PITCHES * pitch):
             lists[on_board[a]].append(int(on_board[b]))

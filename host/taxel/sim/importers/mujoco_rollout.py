@@ -75,8 +75,8 @@ def import_rollout(
 
     Args:
         model: XML or MJB file.
-        states: .npz file with qpos [T, nq]; optional: qvel, act, ctrl, mocap_pos, mocap_quat, qfrc_applied, eq_active, time [T],
-            and phase, grasp, approach, iteration, session (one value, or [T]).
+        states: .npz file with qpos [T, nq]; optional: qvel, act, ctrl, mocap_pos, mocap_quat, qfrc_applied, eq_active,
+            time [T], and phase, grasp, approach, iteration, session (one value, or [T]).
         out: the dataset.
         model_map: names of the boards and of the object in the model, see `rollout_names`.
         map_location: file of the map, for errors.
@@ -152,7 +152,8 @@ def _import_grasp(
 
 def _row_shapes(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
     """Return the shape of one recorded state of each array of `STATES`, such as qpos, for this model."""
-    sizes = (model.nq,), (model.nv,), (model.na,), (model.nu,), (model.nmocap, 3), (model.nmocap, 4), (model.nv,), (model.neq,)
+    sizes = [(model.nq,), (model.nv,), (model.na,), (model.nu,), (model.nmocap, 3), (model.nmocap, 4)]
+    sizes += [(model.nv,), (model.neq,)]
     return dict(zip(STATES, sizes, strict=True))
 
 

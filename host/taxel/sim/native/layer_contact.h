@@ -22,8 +22,8 @@ struct sim_law {
 /* Adhesion and sliding of the layer's surface on the solid: a column sticks to the point that it first touched, its
    shear acts as a spring, and it slides where the spring would exceed `coefficient` times the normal force. */
 struct sim_friction {
-    double coefficient;           /* 0: no friction */
-    double stiffness_n_per_m;     /* shear stiffness of the area of the law */
+    double coefficient;       /* 0: no friction */
+    double stiffness_n_per_m; /* shear stiffness of the area of the law */
 };
 
 /* The caller owns all memory. Pieces are sorted by board, and within a board by square of the sheet. */
