@@ -28,11 +28,11 @@ JOINT_STOP_NM_PER_RAD: Final = 250.0
 """Stiffness of the stop at each end of a joint's range (chosen: 0.7 Nm move it by 3 mrad)."""
 JOINT_STOP_NM_S_PER_RAD: Final = 1.0
 
-SUBSTEP_S: Final = 1.5e-3
+SUBSTEP_S: Final = 3e-3
 """Largest time step in contact; different from the simulator's, so that the two solvers stay independent."""
-STEP_MOTION_M: Final = 0.12e-3
-"""Largest motion of a board relative to an object that it may touch in one time step (chosen: 6 % of the layer)."""
-MIN_SUBSTEP_S: Final = 0.15e-3
+STEP_MOTION_M: Final = 0.2e-3
+"""Largest motion of a board relative to an object that it may touch in one time step (chosen: a tenth of the layer)."""
+MIN_SUBSTEP_S: Final = 0.3e-3
 BOARD_RADIUS_M: Final = 0.03
 """Distance from a bracket's origin within which its rotation counts in the choice of the time step (chosen)."""
 OBJECT_DOF: Final = 6

@@ -76,7 +76,12 @@ COMMANDS: Final[Mapping[str, CommandEntry]] = MappingProxyType(
             GRASPS,
             extra="sim",
         ),
-        "show": CommandEntry("taxel.cli.show:show", "Draw the contact points of a grasp dataset.", GRASPS, extra="sim"),
+        "show": CommandEntry(
+            "taxel.cli.show:show",
+            "Draw a grasp dataset, or check the physics of a simulated one.",
+            GRASPS,
+            extra="sim",
+        ),
         "import": CommandEntry(
             "taxel.cli.import_data:import_app",
             "Import contacts, rollouts or arrays of other programs as a grasp dataset.",

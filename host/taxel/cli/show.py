@@ -29,7 +29,7 @@ def show(
         ),
     ] = False,
 ) -> None:
-    """Draw the contact points of a grasp dataset, or check the physics of a simulated dataset.
+    """Draw a grasp dataset, or check the physics of a simulated one.
 
     One picture shows the accumulated contact points of each object, the other the active and inactive taxels of a
     grasp. With --check, the exit status is 1 if a frame violates an invariant: force without contact, an object deeper

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from taxel.hand import Hand
-from taxel.hand.wiring import Branch, Wiring
+from taxel.hand.wiring import Branch, Wiring, add_buffers
 from taxel.link import LinkError
 
 _KEYS: Final = {"pullup_ohm": (0.0, 1e6), "capacitance_pf": (0.1, 1e5), "series_ohm": (0.0, 1e6)}
@@ -24,7 +24,9 @@ def parse_wiring(url: str, kind: str | None, branches: Sequence[str], hand: Hand
         raise LinkError(url, f"hand '{hand.name}' has no branches; add the key branch to the boards of its description")
     if kind not in (None, "passive", "buffered"):
         raise LinkError(url, f"option 'wiring' must be passive or buffered, found '{kind}'")
-    wiring = hand.wiring if kind is None else replace(hand.wiring, is_buffered=kind == "buffered")
+    wiring = add_buffers(hand.wiring) if kind == "buffered" else hand.wiring
+    if kind == "passive":
+        wiring = replace(wiring, is_buffered=False)
     described = {branch.name: branch for branch in wiring.branches}
     for line in branches:
         name, *settings = line.split() or [""]

@@ -45,7 +45,7 @@ class PalmPlacement:
         thumb_rad: angles of th_j0 and th_j1, which are held.
         axis_y_m: coordinate of the object's axis along the palm's y axis.
         spread_rad: angle between index or little finger and the middle finger, held.
-        indentation_m: displacement of the palm past first contact with the nominal object (the object and the skin yield).
+        indentation_m: displacement of the palm past first contact with the nominal object (object and skin yield).
         top: whether the palm faces down on the top face.
     """
 

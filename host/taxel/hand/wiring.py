@@ -7,7 +7,7 @@ ln(7/3) R C = 0.8473 R C (UM10204, section 7.1).
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -102,12 +102,21 @@ def build_wiring(document: Mapping[str, Any]) -> Wiring | None:
     table = document.get("wiring", {})
     described = table.get("branches", {})
     branches = [_build_branch(name, sizes[name], described.get(name, {})) for name in sorted(sizes)]
-    return Wiring(
+    wiring = Wiring(
         tuple(branches),
-        table.get("kind") == "buffered",
-        float(table.get("hub_pullup_ohm", DEFAULT_HUB_PULLUP_OHM)),
-        float(table.get("hub_capacitance_pf", DEFAULT_HUB_CAPACITANCE_PF)),
+        hub_pullup_ohm=float(table.get("hub_pullup_ohm", DEFAULT_HUB_PULLUP_OHM)),
+        hub_capacitance_pf=float(table.get("hub_capacitance_pf", DEFAULT_HUB_CAPACITANCE_PF)),
     )
+    return add_buffers(wiring) if table.get("kind") == "buffered" else wiring
+
+
+def add_buffers(wiring: Wiring) -> Wiring:
+    """Return the wiring with a bus buffer before each branch.
+
+    A buffer does not pull up its far side: a branch without its own pull-up gets one with the value of the hub's.
+    """
+    branches = tuple(replace(one, pullup_ohm=one.pullup_ohm or wiring.hub_pullup_ohm) for one in wiring.branches)
+    return replace(wiring, branches=branches, is_buffered=True)
 
 
 def _build_branch(name: str, board_count: int, table: Mapping[str, Any]) -> Branch:

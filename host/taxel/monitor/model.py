@@ -98,7 +98,9 @@ class SkinMonitor:
             status = self.skin.hub.board_status.get(address)
             is_expected = self.skin.link.is_recorded or address in self.skin.hub.boards
             boards.append(state.read(activation, clock_s, rate_hz, counts.get(address), status, is_expected))
-        progress = [state.progress for state in states if state.frames]
+        # A board that stopped during its baseline never completes it; it counts only if no board is left.
+        progress = [board.baseline for board in boards if board.is_streaming]
+        progress = progress or [state.progress for state in states if state.frames]
         reading = SkinReading(
             signal_counts=signal,
             active=active,

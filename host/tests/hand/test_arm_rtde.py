@@ -68,7 +68,7 @@ def test_the_error_of_a_missing_package_names_the_command_to_install_it(monkeypa
     monkeypatch.setitem(sys.modules, "rtde_control", None)
     with pytest.raises(ArmPackageMissingError) as caught:
         Ur5eArm(HOST)
-    assert 'pip install "taxel[arm]"' in assert_one_line(caught.value)
+    assert 'pip install "taxel[hand]"' in assert_one_line(caught.value)
 
 
 def test_a_motion_is_asynchronous_with_the_requested_speed_and_acceleration(controller: Controller) -> None:

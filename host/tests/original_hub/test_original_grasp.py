@@ -14,7 +14,7 @@ from taxel.grasp.plan import make_thesis_plan
 from taxel.grasp.timeline import Timeline
 from taxel.hand import load_hand
 from taxel.hand.allegro import AllegroHand, FreeJoints, VirtualAllegro
-from taxel.hand.arm import SimulatedArm
+from taxel.hand.arm import UPRIGHT_RAD, SimulatedArm
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.skin import open_skin
 
@@ -36,7 +36,7 @@ def open_workstation(setup: Setup) -> Iterator[Workstation]:
                 AllegroHand(host_bus, silence_limit_s=SILENCE_LIMIT_S, reply_timeout_s=SILENCE_LIMIT_S) as hand,
                 open_skin("emulator:?protocol=original", setup.hand) as skin,
             ):
-                arm = SimulatedArm()
+                arm = SimulatedArm(UPRIGHT_RAD)
                 yield Workstation(arm, hand, skin, arm.step)
         finally:
             stop.set()

@@ -28,7 +28,7 @@ def capture(tmp_path_factory):
     write_stimulus(folder / "press.stm", [0.0, 2.5, 2.6], forces)
     write_start_script(folder / "start.bin")
     path = folder / "capture.bin"
-    run_emulator(format_world(hand, WorldSettings(scl_hz=1e6)), path, 3.0, folder / "start.bin", folder / "press.stm")
+    run_emulator(format_world(hand, WorldSettings()), path, 3.0, folder / "start.bin", folder / "press.stm")
     return path
 
 

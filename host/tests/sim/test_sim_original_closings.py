@@ -40,8 +40,8 @@ def test_recorded_points_lie_on_the_object_of_the_recovered_pose(comparison):
 
 def test_the_mode_activates_the_taxels_of_the_recorded_points_where_the_palm_has_tips(comparison):
     closing, (recorded, *simulated) = comparison
-    if closing.name == "cylinder":
-        assert all(row.active["2.34"] < recorded.active["2.34"] for row in simulated)
+    if closing.name == "cylinder":  # without tips of the palm, other taxels of similar number are active
+        assert all(row.active["2.34"] == pytest.approx(recorded.active["2.34"], rel=0.15) for row in simulated)
         return
     for row in simulated:
         assert row.common["2.34"] >= 0.85 * recorded.active["2.34"]
