@@ -153,9 +153,9 @@ double shape_wall(const struct shape *shape, const double point[3], double norma
     double nearest = INFINITY;
     for (size_t i = 0; i < shape->plane_count; i++) {
         const double *plane = shape->planes[i];
-        const double inside = plane[3] - plane[0] * point[0] - plane[1] * point[1] - plane[2] * point[2];
-        if (inside < nearest) {
-            nearest = inside;
+        const double distance = plane[3] - plane[0] * point[0] - plane[1] * point[1] - plane[2] * point[2];
+        if (distance < nearest) {
+            nearest = distance;
             normal[0] = plane[0];
             normal[1] = plane[1];
             normal[2] = plane[2];

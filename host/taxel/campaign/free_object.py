@@ -25,7 +25,7 @@ MESH_RESOLUTION: Final = 20
 class FreeObject:
     """Pose, inertia and support of a free object. Coordinates: motion of the centre of mass and rotation, world.
 
-    The points of the object that touch the stand are its vertices. Each vertex presses on the plane as a spring, sticks
+    The points of the object that touch the stand are its vertices. Each vertex is a spring across the plane, sticks
     to the plane, and slides where the force along the plane exceeds the friction coefficient times the force across.
 
     Attributes:

@@ -214,8 +214,8 @@ class ConvexPolytope:
 
     def indent(self, tops: FloatArray, axes: FloatArray, min_slope: float) -> tuple[FloatArray, FloatArray]:
         """Compute how deep the solid indents columns: depth f64[m] and normal f64[m, 3]; see `Shape.indent`."""
-        inside = self.offsets - tops @ self.normals.T
-        depths = inside / np.maximum(-axes @ self.normals.T, min_slope)
+        distances = self.offsets - tops @ self.normals.T
+        depths = distances / np.maximum(-axes @ self.normals.T, min_slope)
         nearest = depths.argmin(axis=1)
         return depths[np.arange(len(tops)), nearest], self.normals[nearest]
 

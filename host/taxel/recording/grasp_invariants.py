@@ -179,15 +179,15 @@ class InvariantChecker:
                 return None
             nearest = self._find_nearest(separation)
             is_near = nearest < TAXEL_REACH_PITCHES * self._pitch_m
-            inside = self._is_surrounded(separation)
-            values.append((-nearest[is_near], force[is_near], -separation[inside], force[inside]))
+            is_surrounded = self._is_surrounded(separation)
+            values.append((-nearest[is_near], force[is_near], -separation[is_surrounded], force[is_surrounded]))
         if not values:
             return None
-        largest_depth, force, depth, force_inside = (np.concatenate(parts) for parts in zip(*values, strict=True))
+        largest_depth, force, depth, force_within = (np.concatenate(parts) for parts in zip(*values, strict=True))
         high_number, low_number = (np.floor(part / LAW_BIN_M).astype(np.int64) for part in (largest_depth, depth))
         rows = []
         for index in np.unique(high_number).tolist():
-            near, within = force[high_number == index], force_inside[low_number == index]
+            near, within = force[high_number == index], force_within[low_number == index]
             if len(near) >= MIN_BIN_SAMPLES:
                 low = float(np.quantile(within, LAW_QUANTILE)) if len(within) >= MIN_BIN_SAMPLES else 0.0
                 rows.append(((index + 0.5) * LAW_BIN_M, low, float(np.quantile(near, 1.0 - LAW_QUANTILE))))
@@ -218,9 +218,9 @@ def _find_jumps(grasp: Grasp, force: FloatArray) -> list[Violation]:
     is_closing = phase == Phase.CLOSING
     exceeds = total > np.where(is_closing, MAX_IMPACT_RATIO, MAX_FORCE_RATIO) * limit
     sticks_out = (total > MAX_FORCE_RATIO * neighbours) & (total > limit) & ~is_closing
-    inside = (phase == Phase.HOLD) & (np.r_[0, phase[:-1]] == Phase.HOLD) & (np.r_[phase[1:], 0] == Phase.HOLD)
+    in_hold = (phase == Phase.HOLD) & (np.r_[0, phase[:-1]] == Phase.HOLD) & (np.r_[phase[1:], 0] == Phase.HOLD)
     lower = np.minimum(np.r_[0.0, total[:-1]], np.r_[total[1:], 0.0])
-    drops = inside & (MAX_FORCE_RATIO * total < lower) & (lower > 10.0 * MIN_FORCE_N)
+    is_gap = in_hold & (MAX_FORCE_RATIO * total < lower) & (lower > 10.0 * MIN_FORCE_N)
     return [
         _make(
             grasp,
@@ -229,7 +229,7 @@ def _find_jumps(grasp: Grasp, force: FloatArray) -> list[Violation]:
             None,
             f"{total[frame]:.1f} N in all, neighbouring frames {neighbours[frame]:.1f} N, hold {limit:.1f} N",
         )
-        for frame in np.flatnonzero(exceeds | sticks_out | drops).tolist()
+        for frame in np.flatnonzero(exceeds | sticks_out | is_gap).tolist()
     ]
 
 

@@ -216,15 +216,15 @@ class SoftContact:
         length, spring = np.linalg.norm(shear, axis=1), share * self._friction.stiffness_n_per_m
         limit = self._friction.coefficient * pressing
         slides = spring * length > limit
-        held = np.divide(limit, length, out=spring.copy(), where=slides)
+        stiffness_across = np.divide(limit, length, out=spring.copy(), where=slides)
         along = np.divide(shear, length[:, None], out=np.zeros_like(shear), where=slides[:, None])
         if advance:
             self._anchors[:] = np.nan
-            self._anchors[columns.piece] = columns.top - shear * (held / spring)[:, None]
+            self._anchors[columns.piece] = columns.top - shear * (stiffness_across / spring)[:, None]
         if self._friction.coefficient == 0.0:
             return force, stiffness
-        stiffness += held[:, None, None] * (across - along[:, :, None] * along[:, None, :])
-        return force - held[:, None] * shear, stiffness
+        stiffness += stiffness_across[:, None, None] * (across - along[:, :, None] * along[:, None, :])
+        return force - stiffness_across[:, None] * shear, stiffness
 
     def _find_columns(self, board_poses: FloatArray) -> _Columns:
         """Find the indented columns of the sheet. board_poses: f64[s, 4, 4], brackets in the object's frame."""

@@ -56,15 +56,15 @@ class StandContact:
             shear = np.nan_to_num(points[index] - self._anchors[index])
             shear -= (shear @ self._up) * self._up
             length, limit = np.linalg.norm(shear), STAND_FRICTION * self._stiffness * depth[index]
-            held = self._stiffness if self._stiffness * length <= limit else limit / length
+            rate = self._stiffness if self._stiffness * length <= limit else limit / length
             if advance:
-                self._anchors[index] = points[index] - shear * held / self._stiffness
+                self._anchors[index] = points[index] - shear * rate / self._stiffness
             normal = np.outer(self._up, self._up)
-            matrix = self._stiffness * normal + held * (np.eye(3) - normal)
-            if held < self._stiffness:
-                matrix -= held * np.outer(shear, shear) / length**2
+            matrix = self._stiffness * normal + rate * (np.eye(3) - normal)
+            if rate < self._stiffness:
+                matrix -= rate * np.outer(shear, shear) / length**2
             motion = np.concatenate([np.eye(3), cross(arms[index][None], np.eye(3)).T])
-            wrench += motion @ (self._stiffness * depth[index] * self._up - held * shear)
+            wrench += motion @ (self._stiffness * depth[index] * self._up - rate * shear)
             stiffness += motion @ matrix @ motion.T
         return StandLoad(wrench, stiffness)
 

@@ -23,10 +23,10 @@ static void indent_by_polytope(const struct sim_solid *solid, const struct sim_l
         const double *normal = solid->normals + 3 * face;
         const double x = normal[0], y = normal[1], z = normal[2], offset = solid->offsets[face];
         for (size_t i = 0; i < count; i++) {
-            const double inside = offset - (x * lines->point[0][i] + y * lines->point[1][i] + z * lines->point[2][i]);
+            const double distance = offset - (x * lines->point[0][i] + y * lines->point[1][i] + z * lines->point[2][i]);
             const double slope =
                 -(x * lines->direction[0][i] + y * lines->direction[1][i] + z * lines->direction[2][i]);
-            const double depth = inside / larger(slope, min_slope);
+            const double depth = distance / larger(slope, min_slope);
             const int is_smaller = depth < result->depth[i];
             result->depth[i] = is_smaller ? depth : result->depth[i];
             result->normal[0][i] = is_smaller ? x : result->normal[0][i];
@@ -40,12 +40,12 @@ static void indent_by_polytope(const struct sim_solid *solid, const struct sim_l
    across the cylinder. The line against the axis leaves the wall at the root of a quadratic equation. */
 static double indent_by_wall(double radius, double x, double y, double dx, double dy, double min_slope, double *normal)
 {
-    const double distance = sqrt(x * x + y * y), inside = radius - distance;
-    const double limit = inside / min_slope;
+    const double distance = sqrt(x * x + y * y), wall = radius - distance;
+    const double limit = wall / min_slope;
     const double a = dx * dx + dy * dy, b = x * dx + y * dy;
     double depth = INFINITY;
-    if (inside > 0.0 && a > 0.0) {
-        depth = (b + sqrt(b * b + a * (radius + distance) * inside)) / a;
+    if (wall > 0.0 && a > 0.0) {
+        depth = (b + sqrt(b * b + a * (radius + distance) * wall)) / a;
     }
     if (depth < limit) {
         normal[0] = (x - depth * dx) / radius;
