@@ -99,7 +99,7 @@ def test_a_rollout_of_the_built_in_scene_gives_the_forces_of_the_built_in_simula
         np.testing.assert_allclose(
             data["0001"].contact_force[imported_frames], expected.contact_force, rtol=0, atol=1e-6
         )
-        np.testing.assert_allclose(data["0001"].separation[imported_frames], expected.separation, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(data["0001"].separation[imported_frames], expected.separation, rtol=0, atol=1e-6)
         np.testing.assert_allclose(data["0001"].sensor_pose_t[imported_frames], motion.sensor_poses, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(data["0001"].phase[imported_frames], motion.phase)
         assert data["0001"].active_taxels()[0].sum() > 10
