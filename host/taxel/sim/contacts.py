@@ -65,7 +65,8 @@ def read_contacts(scene: Scene, data: mujoco.MjData) -> StepContacts:
     contact = data.contact
     geoms = np.asarray(contact.geom, dtype=np.int64).reshape(-1, 2)
     object_geom = scene.model.geom("object").id
-    active = np.flatnonzero((geoms == object_geom).any(axis=1) & (contact.efc_address >= 0))
+    on_hand = (geoms == object_geom).any(axis=1) & (geoms != scene.model.geom("stand").id).all(axis=1)
+    active = np.flatnonzero(on_hand & (contact.efc_address >= 0))
     object_is_first = geoms[active, 0] == object_geom  # MuJoCo's normal points from the first geom to the second
     sign = np.where(object_is_first, 1.0, -1.0)[:, None]
     frame = contact.frame[active].reshape(-1, 3, 3)
