@@ -173,6 +173,8 @@ class SoftPush:
 
     def _add_steadying(self, data: mujoco.MjData, h: float, force: FloatArray, system: FloatArray) -> None:
         """Add the hand of the experimenter, which steadies the object, to the equations of a step, in place."""
+        if self.steadying.firmness == 0.0:
+            return
         load, stiffness, damping = self.steadying.compute_load(data)
         force[self._object_dofs] += load
         system[self._object_dofs, self._object_dofs] += h * stiffness + damping

@@ -37,6 +37,7 @@ class StandContact:
         is_bottom = self._corners[:, 2] < self._corners[:, 2].min() + 1e-6
         self._stiffness = STAND_N_PER_M / max(int(is_bottom.sum()), 1)
         self._up, self._origin = pose[:3, 2].copy(), pose[:3, 3].copy()
+        self._across = np.outer(self._up, self._up)
         self._anchors = np.full_like(self._corners, np.nan)
 
     def compute_load(self, object_pose: FloatArray, advance: bool = False) -> StandLoad:
@@ -47,26 +48,30 @@ class StandContact:
         arms = self._corners @ object_pose[:3, :3].T
         points = arms + object_pose[:3, 3]
         depth = (self._origin - points) @ self._up
-        touching = np.flatnonzero(depth > 0.0)
+        touching = depth > 0.0
         if advance:
-            lifted = np.flatnonzero(depth <= 0.0)
-            self._anchors[lifted] = np.nan
-        wrench, stiffness = np.zeros(6), np.zeros((6, 6))
-        for index in touching:
-            shear = np.nan_to_num(points[index] - self._anchors[index])
-            shear -= (shear @ self._up) * self._up
-            length, limit = np.linalg.norm(shear), STAND_FRICTION * self._stiffness * depth[index]
-            rate = self._stiffness if self._stiffness * length <= limit else limit / length
-            if advance:
-                self._anchors[index] = points[index] - shear * rate / self._stiffness
-            normal = np.outer(self._up, self._up)
-            matrix = self._stiffness * normal + rate * (np.eye(3) - normal)
-            if rate < self._stiffness:
-                matrix -= rate * np.outer(shear, shear) / length**2
-            motion = np.concatenate([np.eye(3), cross(arms[index][None], np.eye(3)).T])
-            wrench += motion @ (self._stiffness * depth[index] * self._up - rate * shear)
-            stiffness += motion @ matrix @ motion.T
-        return StandLoad(wrench, stiffness)
+            self._anchors[~touching] = np.nan
+        if not touching.any():
+            return StandLoad(np.zeros(6), np.zeros((6, 6)))
+        points, depth = points[touching], depth[touching]
+        shear = points - self._anchors[touching]
+        shear[np.isnan(shear)] = 0.0  # a corner that touches the stand for the first time
+        shear -= (shear @ self._up)[:, None] * self._up
+        length = np.sqrt((shear * shear).sum(axis=1))
+        limit, sticking = STAND_FRICTION * self._stiffness * depth, self._stiffness * length
+        slides = sticking > limit
+        rate = np.where(slides, self._stiffness * limit / np.maximum(sticking, limit), self._stiffness)
+        if advance:
+            self._anchors[touching] = points - shear * (rate / self._stiffness)[:, None]
+        along = np.where(slides, rate / np.maximum(length, 1e-12) ** 2, 0.0)
+        springs = (self._stiffness - rate)[:, None, None] * self._across + rate[:, None, None] * np.eye(3)
+        springs -= along[:, None, None] * shear[:, :, None] * shear[:, None, :]
+        force = self._stiffness * depth[:, None] * self._up - rate[:, None] * shear
+        motion = np.zeros((len(points), 6, 3))
+        motion[:, :3] = np.eye(3)
+        motion[:, 3:] = cross(arms[touching][:, None], np.eye(3)[None]).transpose(0, 2, 1)
+        wrench = (motion @ force[:, :, None]).sum(axis=0)[:, 0]
+        return StandLoad(wrench, (motion @ springs @ motion.transpose(0, 2, 1)).sum(axis=0))
 
 
 def _find_corners(shape: Shape) -> FloatArray:

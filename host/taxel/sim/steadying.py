@@ -28,13 +28,13 @@ class Steadying:
         )
         self._centre = model.body_ipos[body].copy()
         self._rest: FloatArray | None = None
-        self._firmness = 1.0
+        self.firmness = 1.0
 
     def set_firmness(self, firmness: float) -> None:
         """Set how firmly the object is held. A hold that begins after 0 begins at the present pose of the object."""
-        if self._firmness == 0.0 and firmness > 0.0:
+        if self.firmness == 0.0 and firmness > 0.0:
             self._rest = None
-        self._firmness = firmness
+        self.firmness = firmness
 
     def compute_load(self, data: mujoco.MjData) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Compute the force on the object's six coordinates, f64[6], with its stiffness and damping, f64[6, 6].
@@ -51,8 +51,8 @@ class Steadying:
         jacobian = np.eye(6)  # motion of the centre and rotation in the object's frame, from the coordinates
         jacobian[:3, 3:] = -rotation.reshape(3, 3) @ _make_cross(self._centre)
         motion = np.concatenate([pose[:3] - self._rest[:3] + jacobian[:3, 3:] @ turn, turn])
-        stiffness = self._firmness * np.repeat([STEADYING_N_PER_M, STEADYING_NM_PER_RAD], 3)
-        damping = self._firmness * np.repeat([STEADYING_N_S_PER_M, STEADYING_NM_S_PER_RAD], 3)
+        stiffness = self.firmness * np.repeat([STEADYING_N_PER_M, STEADYING_NM_PER_RAD], 3)
+        damping = self.firmness * np.repeat([STEADYING_N_S_PER_M, STEADYING_NM_S_PER_RAD], 3)
         return (
             -(stiffness * motion) @ jacobian,
             jacobian.T @ (stiffness[:, None] * jacobian),
