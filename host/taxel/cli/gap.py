@@ -19,6 +19,8 @@ from taxel.errors import TaxelError
 from taxel.gap.diagnosis import diagnose as run
 from taxel.gap.page import write_page
 from taxel.gap.priors import read_priors
+from taxel.recording.grasp_dataset import GraspDataset
+from taxel.recording.grasp_invariants import InvariantChecker
 
 gap_app = typer.Typer(
     help="Diagnose the gap between simulator and hand: location, cause, and reduction.",
@@ -72,7 +74,18 @@ def diagnose(
         print(text)
     else:
         print_summary(console, json.loads(text))
+        _report_wrong_frames(sim, console)
         console.print(f"report: {page}", highlight=False)
+
+
+def _report_wrong_frames(sim: Path, console: Console) -> None:
+    """Print one line if frames of the simulated dataset `sim` violate physics, because they distort a diagnosis."""
+    with GraspDataset(sim) as data:
+        wrong = {(violation.grasp, violation.frame) for violation in InvariantChecker(data).find_violations()}
+    if wrong:
+        grasps = len({grasp for grasp, _ in wrong})
+        text = f"{sim}: {len(wrong)} frames of {grasps} grasps violate physics and may distort the diagnosis"
+        console.print(f"{text}; 'taxel show --check {sim}' lists them", highlight=False, soft_wrap=True)
 
 
 def _check_folder(out: Path) -> None:

@@ -38,6 +38,21 @@ def broken(paths, tmp_path, change):
     return paths[0], str(copy)
 
 
+def test_frames_of_the_simulator_that_violate_physics_are_reported(capsys, paths, tmp_path):
+    def plant_spike(file):
+        grasp = file["grasps/0000"]
+        frame = int(np.flatnonzero(grasp["phase"][:] == 2)[-3])
+        grasp["contact_force"][frame] = 30.0 * grasp["contact_force"][frame] + 5.0
+
+    real, sim = broken(paths, tmp_path, plant_spike)
+    assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path / "intact") == 0
+    assert "violate physics" not in capsys.readouterr().out
+    assert run_taxel("gap", "diagnose", real, sim, "--out", tmp_path / "spike") == 0
+    assert f"1 frames of 1 grasps violate physics and may distort the diagnosis; 'taxel show --check {sim}'" in (
+        " ".join(capsys.readouterr().out.split())
+    )
+
+
 def rename_approaches(file):
     for grasp in file["grasps"].values():
         grasp.attrs["approach"] = "other"
