@@ -42,6 +42,12 @@ def test_once_prints_one_reading_of_the_emulated_hand(capsys):
     assert reading["lost_on_wire"] == reading["missing"] == reading["damaged"] == 0
 
 
+def test_once_completes_although_a_branch_stops_during_the_baseline(capsys):
+    url = "emulator:?speed=max&fault=3 branch_open index 0"
+    assert run_taxel("monitor", url, "--once", "--seconds", 10) == 0
+    assert "12/17 boards" in capsys.readouterr().out
+
+
 def test_port_is_monitored(capsys, emulated_port):
     (reading,) = run_json(capsys, f"serial://{emulated_port}", "--once", *SHORT_BASELINE)
     assert reading["boards_streaming"] == 17
