@@ -44,8 +44,9 @@ def test_once_prints_one_reading_of_the_emulated_hand(capsys):
 
 def test_once_completes_although_a_branch_stops_during_the_baseline(capsys):
     url = "emulator:?speed=max&fault=3 branch_open index 0"
-    assert run_taxel("monitor", url, "--once", "--seconds", 10) == 0
-    assert "12/17 boards" in capsys.readouterr().out
+    (reading,) = run_json(capsys, url, "--once", "--seconds", 10)
+    assert reading["boards_streaming"] == 12
+    assert reading["baseline"] == 1.0
 
 
 def test_port_is_monitored(capsys, emulated_port):
