@@ -45,6 +45,16 @@ MIN_BIN_SAMPLES: Final = 50
 TAXEL_REACH_PITCHES: Final = 0.71
 """Half the diagonal of a taxel in pitches: the object may touch the corner of a taxel whose centre is as far away."""
 
+OBJECT_RADIUS_M: Final = 0.025
+"""Distance along a board within which an object that touches a corner of a taxel is near the centre of another taxel
+(chosen: the boards of the original hand have gaps of 15 mm between taxels).
+"""
+
+CORNER_DEPTH_M: Final = 1e-3
+"""Depth to which an object in the neighbourhood may enter the corner of a taxel while no normal at a centre meets it,
+metres (chosen: half of the layer). Distances in the dataset give an exact check in addition.
+"""
+
 NEIGHBOUR_PITCHES: Final = 1.6
 """Taxels of a board within this multiple of the pitch are neighbours: also the diagonal ones."""
 
@@ -81,6 +91,7 @@ class InvariantChecker:
         """Prepare the checks of a dataset, which stays open while the checker is used."""
         self._dataset = dataset
         self._neighbours, self._pitch_m = _find_neighbours(dataset)
+        self._surroundings = list(_find_surroundings(dataset))
         self._layer_m = _get_layer_m(dataset.hand)
         self._law = self._learn_law()
 
@@ -110,6 +121,17 @@ class InvariantChecker:
         touches = separation < 0.0
         padded = np.pad(touches, ((0, 0), (0, 1)), constant_values=True)
         return np.asarray(touches & padded[:, self._neighbours].all(axis=2))
+
+    def _has_object_nearby(self, separation: FloatArray) -> BoolArray:
+        """Whether the object is near a taxel of the same board within `OBJECT_RADIUS_M`, bool[T, n].
+
+        separation: f64[T, n].
+        """
+        is_near = (separation < TAXEL_REACH_PITCHES * self._pitch_m).astype(np.float32)
+        result = np.zeros(separation.shape, dtype=np.bool_)
+        for on_board, is_within in self._surroundings:
+            result[:, on_board] = is_near[:, on_board] @ is_within > 0.0
+        return result
 
     def _find_detached_forces(self, grasp: Grasp, force: FloatArray) -> list[Violation]:
         """Find forces on taxels whose centres are farther from the object than their corners; needs distances."""
@@ -151,7 +173,10 @@ class InvariantChecker:
         depths, smallest, largest = self._law
         nearest = self._find_nearest(separation)
         low = np.interp(-separation, depths, smallest)
-        high = np.interp(-nearest, depths, largest)  # the object may touch a corner of the taxel, beside a neighbour
+        # The object may touch a corner of the taxel, beside a neighbour, or between the centres of all neighbours.
+        has_object = self._has_object_nearby(separation)
+        depth = np.where(has_object, np.maximum(-nearest, CORNER_DEPTH_M), -nearest)
+        high = np.interp(depth, depths, largest)
         too_large = force > MAX_LAW_RATIO * np.maximum(high, 4.0 * MIN_FORCE_N)
         too_small = self._is_surrounded(separation) & (low > 10.0 * MIN_FORCE_N) & (force < low / MAX_LAW_RATIO)
         return [
@@ -263,6 +288,16 @@ def _find_neighbours(dataset: GraspDataset) -> tuple[IntArray, float]:
             lists[on_board[b]].append(int(on_board[a]))
     width = max(1, max(map(len, lists), default=1))
     return np.array([row + [taxels.n] * (width - len(row)) for row in lists], dtype=np.int64), largest_pitch
+
+
+def _find_surroundings(dataset: GraspDataset) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Yield the taxels of each board, i64[m], and which of them are near each other, f32[m, m] of 0 and 1."""
+    taxels = dataset.taxels
+    for address in np.unique(taxels.sensor).tolist():
+        on_board = np.flatnonzero(taxels.sensor == address)
+        positions = taxels.position[on_board]
+        distance = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+        yield on_board, (distance < OBJECT_RADIUS_M).astype(np.float32)
 
 
 def _get_layer_m(hand: str) -> float | None:

@@ -77,9 +77,8 @@ def test_a_planted_penetration_is_found_at_its_taxel(change):
     assert ("penetration", taxels[0]) in {(v.kind, v.taxel) for v in found}
 
 
-@pytest.mark.parametrize("newtons", [1.5, 8.0])
-def test_a_planted_force_without_contact_is_found_at_its_taxel(change, newtons):
-    taxels = []
+def test_a_planted_force_without_contact_is_found_at_its_taxel(change):
+    taxels, newtons = [], 8.0
 
     def plant(grasp, frame):
         taxels.append(int(grasp["separation"][frame].argmax()))
