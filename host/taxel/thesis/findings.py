@@ -2,7 +2,7 @@
 
 A test is the statement itself, as an inequality between entries of the tables; no threshold is fitted. Two words need
 a convention: "significantly", "much" is a factor of at least `SIGNIFICANT`, and "the majority" is more than half.
-`finding_tests` contains the tests.
+`statements` contains the statements, `finding_tests` the tests.
 
 The same test is applied to the printed tables. An object for which they contradict the sentence is shown, but does not
 count; a finding that they contradict for every object is not counted at all. Without printed numbers, every object
@@ -13,11 +13,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from taxel.thesis.finding_tests import STATEMENTS
 from taxel.thesis.object_result import ObjectResult
 from taxel.thesis.printed_result import build_printed_results
 from taxel.thesis.shape_counts import ShapeCount
 from taxel.thesis.statement import Evidence, Outcome, Statement
+from taxel.thesis.statements import STATEMENTS
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ from typing import Any, Final
 from taxel.gap.page.rendering import render
 from taxel.gap.page.text import ABSENT, format_number, make_readable
 from taxel.thesis.figures import FIGURES
-from taxel.thesis.finding_tests import NOT_TESTED
 from taxel.thesis.gap_summary import GapSummary
 from taxel.thesis.printed import INCONSISTENCIES
 from taxel.thesis.settings import SEARCH_SEEDS, SEARCHED
 from taxel.thesis.skill import ALL_STATISTICS, GROUPS, SkillReport
+from taxel.thesis.statements import NOT_TESTED
 from taxel.thesis.summary import SCORED_COLUMNS, FindingSummary, Spread, Summary
 from taxel.thesis.tables import Row, Table
 

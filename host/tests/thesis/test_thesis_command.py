@@ -13,8 +13,8 @@ from taxel.cloud.match import compute_likelihoods, match
 from taxel.cloud.models import get_builtin_models
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.thesis import shape_matching
-from taxel.thesis.finding_tests import STATEMENTS
 from taxel.thesis.skill import GROUPS, STATISTICS
+from taxel.thesis.statements import STATEMENTS
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,6 @@ import pytest
 
 from taxel.cloud.distance import DistanceStats
 from taxel.thesis.cloud_names import CLEANED, FILTERED, REAL, SIM, SPREAD
-from taxel.thesis.finding_tests import STATEMENTS
 from taxel.thesis.findings import count_reproduced, evaluate_findings
 from taxel.thesis.gap_summary import summarise_gap
 from taxel.thesis.object_result import ObjectResult
@@ -16,6 +15,7 @@ from taxel.thesis.prevalence import LineShares
 from taxel.thesis.printed import INCONSISTENCIES, OBJECTS, STAGES, get_printed_name, select_rows
 from taxel.thesis.printed_result import build_printed_results
 from taxel.thesis.shape_counts import SINGLE_APPROACHES, WHOLE_CLOUDS, ShapeCount
+from taxel.thesis.statements import STATEMENTS
 from taxel.thesis.tables import build_tables, compute_contributions, find_best_sor
 
 CONTRADICTED = "prism_points"
