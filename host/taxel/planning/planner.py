@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -11,22 +11,21 @@ from taxel.grasp.objects import GraspObject
 from taxel.grasp.plan import Approach
 from taxel.grasp.reach import ArmReach, UnreachableError
 from taxel.hand import Hand
-from taxel.hand.arm.base import ARM_JOINT_NAMES, JOINT_LIMIT_RAD, UPRIGHT_RAD
+from taxel.hand.arm.base import ARM_JOINT_NAMES, JOINT_LIMIT_RAD
 from taxel.hand.kinematics import Kinematics
 from taxel.hand.robot import Robot
 from taxel.hand.transforms import inverse, to_rotation_vector
 from taxel.planning.bodies import WRIST_LINK, BodyModel, Surroundings
-from taxel.planning.clearance import FLOOR_SHARE, Clearances, Collision
+from taxel.planning.clearance import FLOOR_SHARE, Clearances
 from taxel.planning.errors import (
     BlockedPoseError,
     MotionPlanningError,
-    NoPathError,
     StartPostureError,
     UnreachablePoseError,
 )
+from taxel.planning.path_search import Goal, PathSearch, PlannerSettings, describe_collision
 from taxel.planning.plan import ARM_JOINTS, MotionPlan
-from taxel.planning.search import SearchSpace, find_path, shorten_path
-from taxel.planning.timing import SpeedLimits, TimedPath, compute_duration_s
+from taxel.planning.timing import TimedPath
 from taxel.types import FloatArray
 
 START_CLEARANCE_M: Final = 0.0005
@@ -45,7 +44,7 @@ Below the clearance of a plan, because planned grasps are a few millimetres abov
 CONTACT_DEPTH_M: Final = 0.001
 """Deepest overlap of hand and object at the end of the approach beyond the soft layer, metres (chosen).
 
-The object yields by this distance in its mount at 8 N. Planned palm poses press up to 0.2 mm beyond the layer.
+Stand and skin yield, or the object shifts. Planned palm poses reach up to 0.2 mm beyond the layer.
 """
 
 _CONTACT_FLOOR_M: Final = 0.0005
@@ -73,38 +72,10 @@ GOALS: Final = 16
 With one turn only, one of 27 random problems had no path; more goals cost 5 ms each.
 """
 
-VIA_CANDIDATES: Final = 100
-"""Largest number of random arm postures that are checked as intermediate ones (chosen); about a tenth is free."""
-
 NEAR_ITERATIONS: Final = 15
 """Steps of the inverse kinematics over the 20 mm of an approach; about five suffice away from a singularity."""
 
 _CURLED_JOINT = 14  # of the sixteen hand joints: the third joint of the thumb
-_SAME_POSTURE_RAD: Final = 1e-9
-
-
-@dataclass(frozen=True)
-class PlannerSettings:
-    """Settings of a planner.
-
-    seed: of the random search; equal inputs give equal plans. iterations: largest number of random postures of a
-    search. via_postures: number of intermediate arm postures that are tried for a motion of the hand if neither the
-    start nor the goal posture permits it. limits: speeds and accelerations.
-    """
-
-    seed: int = 1
-    iterations: int = 1500
-    via_postures: int = 6
-    limits: SpeedLimits = field(default_factory=SpeedLimits)
-
-
-@dataclass(frozen=True, eq=False)
-class _Goal:
-    """A free pre-grasp posture: arm angles f64[6] there and at the object, and hand angles f64[j - 6]."""
-
-    pregrasp: FloatArray
-    grasping: FloatArray
-    hand: FloatArray
 
 
 class MotionPlanner:
@@ -139,7 +110,7 @@ class MotionPlanner:
         start = np.asarray(start, dtype=np.float64)
         self._check_start(what, clearances, start)
         goals = self._find_goals(what, clearances, object_pose, approach, start)
-        search = _PathSearch(clearances, self._make_requirement(clearances, start), self._lower, self._upper, start)
+        search = PathSearch(clearances, self._make_requirement(clearances, start), self._lower, self._upper, start)
         path, goal = search.run(what, goals, self.settings)
         return MotionPlan(what, path, np.r_[goal.grasping, goal.hand], self.settings.limits)
 
@@ -153,12 +124,13 @@ class MotionPlanner:
         clearances = self.get_clearances(grasp_object, object_pose)
         self._check_start(what, clearances, start)
         required = self._make_requirement(clearances, start)
-        goal = _Goal(arm_angles, arm_angles, start[ARM_JOINTS:])
+        goal = Goal(arm_angles, arm_angles, start[ARM_JOINTS:])
         if (collision := clearances.find_collision(np.r_[arm_angles, goal.hand], required)) is not None:
             raise BlockedPoseError(
-                what, f"posture in collision: {_describe(clearances, collision)}; choose another posture of the arm"
+                what,
+                f"posture in collision: {describe_collision(clearances, collision)}; choose another posture of the arm",
             )
-        search = _PathSearch(clearances, required, self._lower, self._upper, start)
+        search = PathSearch(clearances, required, self._lower, self._upper, start)
         path, _ = search.run(what, [goal], self.settings)
         return TimedPath(path, self.settings.limits)
 
@@ -179,8 +151,8 @@ class MotionPlanner:
             if (collision := clearances.check_segment(begin, end, required)) is not None:
                 raise BlockedPoseError(
                     plan.what,
-                    f"with the measured hand posture the planned motion collides: {_describe(clearances, collision)}; "
-                    "check the fingers for an obstacle and start again",
+                    "with the measured hand posture the planned motion collides: "
+                    f"{describe_collision(clearances, collision)}; check the fingers for an obstacle and start again",
                 )
 
     def get_clearances(self, grasp_object: GraspObject, object_pose: FloatArray) -> Clearances:
@@ -211,7 +183,7 @@ class MotionPlanner:
         if collision is not None:
             raise StartPostureError(
                 what,
-                f"start posture in collision: {_describe(clearances, collision)}; nothing has moved; "
+                f"start posture in collision: {describe_collision(clearances, collision)}; nothing has moved; "
                 "move arm or fingers by hand until they are free",
             )
 
@@ -222,7 +194,7 @@ class MotionPlanner:
 
     def _find_goals(
         self, what: str, clearances: Clearances, object_pose: FloatArray, approach: Approach, start: FloatArray
-    ) -> list[_Goal]:
+    ) -> list[Goal]:
         """Find the free pre-grasp postures, nearest to the start first, with the least curl of the thumb.
 
         Raises UnreachablePoseError or BlockedPoseError.
@@ -232,11 +204,11 @@ class MotionPlanner:
         for hand in self._make_open_postures(approach):
             goals = []
             for grasping, pregrasp in solutions:
-                if (problem := self._find_problem(clearances, _Goal(pregrasp, grasping, hand))) is not None:
+                if (problem := self._find_problem(clearances, Goal(pregrasp, grasping, hand))) is not None:
                     problems.append(problem)
                     continue
                 for turns in self._find_turns(start[:ARM_JOINTS], grasping, pregrasp):
-                    goals.append(_Goal(pregrasp + turns, grasping + turns, hand))
+                    goals.append(Goal(pregrasp + turns, grasping + turns, hand))
             if goals:
                 return sorted(goals, key=lambda goal: float(np.abs(goal.pregrasp - start[:ARM_JOINTS]).max()))[:GOALS]
         raise BlockedPoseError(
@@ -305,7 +277,7 @@ class MotionPlanner:
         distance = np.abs(pregrasp + turns - start).sum(axis=1)[is_inside]
         return np.asarray(turns[is_inside][np.argsort(distance, kind="stable")[:TURNS]])
 
-    def _find_problem(self, clearances: Clearances, goal: _Goal) -> tuple[float, str] | None:
+    def _find_problem(self, clearances: Clearances, goal: Goal) -> tuple[float, str] | None:
         """Find what prevents an approach: (distance, description); None if it is free. Larger distance: less severe."""
         before, at_object = np.r_[goal.pregrasp, goal.hand], np.r_[goal.grasping, goal.hand]
         collision = clearances.find_collision(before, clearances.bodies.clearance)
@@ -315,7 +287,7 @@ class MotionPlanner:
             collision = clearances.check_segment(before, at_object, *self._make_approach_requirement(clearances))
         if collision is None:
             return None
-        return collision.distance_m, _describe(clearances, collision)
+        return collision.distance_m, describe_collision(clearances, collision)
 
     def _make_approach_requirement(self, clearances: Clearances) -> tuple[FloatArray, FloatArray]:
         """Make the distances of each pair during the linear approach: at the samples and between them, f64[p] each."""
@@ -326,7 +298,7 @@ class MotionPlanner:
         floor = np.where(is_contact, -depth_m - _CONTACT_FLOOR_M, FLOOR_SHARE * required)
         return np.where(is_contact, -depth_m, required), floor
 
-    def _is_straight(self, goal: _Goal) -> bool:
+    def _is_straight(self, goal: Goal) -> bool:
         """Whether the palm stays near the straight line between both ends of the approach."""
         shares = np.linspace(0, 1, 9)[:, None]
         angles = np.zeros((len(shares), len(self.robot.joint_names)))
@@ -336,161 +308,6 @@ class MotionPlanner:
         turn = np.linalg.norm(to_rotation_vector(inverse(poses[:1]) @ poses), axis=-1)
         deviation = np.linalg.norm(poses[:, :3, 3] - line, axis=-1)
         return bool(deviation.max() <= LINE_TOLERANCE_M and turn.max() <= LINE_TOLERANCE_RAD)
-
-
-class _PathSearch:
-    """Search of a path from a start posture to one of several pre-grasp postures.
-
-    The arm moves with a hand posture that is kept, and the hand moves while the arm is at rest: the finger controller
-    of a physical hand follows an arm in motion too slowly for a common path.
-    """
-
-    def __init__(
-        self, clearances: Clearances, required: FloatArray, lower: FloatArray, upper: FloatArray, start: FloatArray
-    ) -> None:
-        """Create a search. required: distance of each pair, f64[p]. lower, upper: joint limits f64[j]."""
-        self._clearances, self._required, self._start = clearances, required, start
-        self._lower, self._upper = lower, upper
-
-    def run(self, what: str, goals: list[_Goal], settings: PlannerSettings) -> tuple[FloatArray, _Goal]:
-        """Search the path; return its waypoints f64[k, j] and the goal. Raises NoPathError."""
-        rng = np.random.default_rng(settings.seed)
-        for part in self._try_orders(goals, settings, rng):
-            if part is not None:
-                waypoints, goal = part
-                is_step = np.r_[True, np.abs(np.diff(waypoints, axis=0)).max(axis=1) > _SAME_POSTURE_RAD]
-                return waypoints[is_step], goal
-        collision = self._clearances.check_segment(self._start, np.r_[goals[0].pregrasp, goals[0].hand], self._required)
-        blocked = "" if collision is None else f"; on the straight path: {_describe(self._clearances, collision)}"
-        raise NoPathError(
-            what,
-            f"no collision-free path from the start posture within {settings.iterations} random postures{blocked}; "
-            "move the arm to a freer posture by hand, or move the object",
-        )
-
-    def _try_orders(
-        self, goals: list[_Goal], settings: PlannerSettings, rng: np.random.Generator
-    ) -> Iterator[tuple[FloatArray, _Goal] | None]:
-        """Yield paths, or None for a failed attempt: hand first, arm first, and by way of a random arm posture."""
-        arm, hand = self._start[:ARM_JOINTS], self._start[ARM_JOINTS:]
-        target = goals[0].hand  # of all goals
-        yield self._join(
-            self._move_hand(arm, hand, target, settings, rng), arm, goals, settings.iterations, settings, rng
-        )
-        if (found := self._move_arm(arm, hand, goals, settings.iterations // 3, settings, rng)) is not None:
-            path, goal = found
-            fingers = self._move_hand(goal.pregrasp, hand, target, settings, rng)
-            yield None if fingers is None else (np.vstack([path, fingers]), goal)
-        for via in self._find_via_postures(arm, goals, settings, rng):
-            fingers = self._move_hand(via, hand, target, settings, rng)
-            if fingers is None:
-                continue
-            way = self._move_arm(arm, hand, [_Goal(via, via, hand)], settings.iterations // 5, settings, rng)
-            if way is not None:
-                rest = self._join(fingers, via, goals, settings.iterations // 5, settings, rng)
-                yield None if rest is None else (np.vstack([way[0], rest[0]]), rest[1])
-
-    def _find_via_postures(
-        self, arm: FloatArray, goals: list[_Goal], settings: PlannerSettings, rng: np.random.Generator
-    ) -> Iterator[FloatArray]:
-        """Yield arm postures f64[6] that are free with the hand posture of the start and with that of the goals.
-
-        The first candidate is the upright arm, the others are random.
-        """
-        low, high = self._find_range(arm, goals)
-        candidates = [np.array(UPRIGHT_RAD)]
-        candidates += [low + rng.uniform(size=ARM_JOINTS) * (high - low) for _ in range(VIA_CANDIDATES)]
-        count = 0
-        for via in candidates:
-            if count == settings.via_postures:
-                return
-            postures = (np.r_[via, fingers] for fingers in (self._start[ARM_JOINTS:], goals[0].hand))
-            if any(self._clearances.find_collision(posture, self._required) is not None for posture in postures):
-                continue
-            yield via
-            count += 1
-
-    def _join(
-        self,
-        fingers: FloatArray | None,
-        arm: FloatArray,
-        goals: list[_Goal],
-        iterations: int,
-        settings: PlannerSettings,
-        rng: np.random.Generator,
-    ) -> tuple[FloatArray, _Goal] | None:
-        """Append the arm's path to the goals to a path of the hand; None if there is none of them."""
-        if fingers is None:
-            return None
-        found = self._move_arm(arm, goals[0].hand, goals, iterations, settings, rng)
-        return None if found is None else (np.vstack([fingers, found[0]]), found[1])
-
-    def _move_arm(
-        self,
-        arm: FloatArray,
-        hand: FloatArray,
-        goals: list[_Goal],
-        iterations: int,
-        settings: PlannerSettings,
-        rng: np.random.Generator,
-    ) -> tuple[FloatArray, _Goal] | None:
-        """Search a path of the arm with a constant hand posture: waypoints f64[k, j] and the goal; None: none found."""
-        low, high = self._find_range(arm, goals)
-
-        def complete(angles: FloatArray) -> FloatArray:
-            """Append the hand posture to arm angles f64[..., 6]."""
-            return np.concatenate([angles, np.broadcast_to(hand, (*angles.shape[:-1], len(hand)))], axis=-1)
-
-        space = SearchSpace(
-            low,
-            high,
-            lambda a, b: self._clearances.check_segment(complete(a), complete(b), self._required) is None,
-            lambda path: compute_duration_s(complete(path), settings.limits),
-        )
-        path = find_path(arm, [goal.pregrasp for goal in goals], space, rng, iterations)
-        if path is None:
-            return None
-        goal = next(goal for goal in goals if np.array_equal(goal.pregrasp, path[-1]))
-        return complete(shorten_path(path, space, rng)), goal
-
-    def _move_hand(
-        self, arm: FloatArray, hand: FloatArray, target: FloatArray, settings: PlannerSettings, rng: np.random.Generator
-    ) -> FloatArray | None:
-        """Search a path of the hand with the arm at rest: waypoints f64[k, j]; None: none found."""
-        clearances, start, end = self._clearances, np.r_[arm, hand], np.r_[arm, target]
-        if any(clearances.find_collision(posture, self._required) is not None for posture in (start, end)):
-            return None
-
-        def complete(angles: FloatArray) -> FloatArray:
-            """Prepend the arm angles to hand angles f64[..., j - 6]."""
-            return np.concatenate([np.broadcast_to(arm, (*angles.shape[:-1], ARM_JOINTS)), angles], axis=-1)
-
-        low, high = (
-            bound(bound(limits[ARM_JOINTS:], hand), target)
-            for bound, limits in ((np.minimum, self._lower), (np.maximum, self._upper))
-        )
-        space = SearchSpace(
-            low,
-            high,
-            lambda a, b: clearances.check_segment(complete(a), complete(b), self._required) is None,
-            lambda path: compute_duration_s(complete(path), settings.limits),
-        )
-        path = find_path(hand, [target], space, rng, settings.iterations // 5)
-        return None if path is None else complete(shorten_path(path, space, rng))
-
-    def _find_range(self, arm: FloatArray, goals: list[_Goal]) -> tuple[FloatArray, FloatArray]:
-        """Find the range of arm angles of a search, f64[6] each: one turn about 0, extended by start and goals."""
-        ends = np.stack([arm, *(goal.pregrasp for goal in goals)])
-        low = np.maximum(self._lower[:ARM_JOINTS], np.minimum(ends.min(axis=0), -np.pi))
-        return low, np.minimum(self._upper[:ARM_JOINTS], np.maximum(ends.max(axis=0), np.pi))
-
-
-def _describe(clearances: Clearances, collision: Collision) -> str:
-    """Describe a collision: the pair, and its overlap or distance."""
-    pair, distance_mm = clearances.bodies.format_pair(collision.pair), collision.distance_m * 1e3
-    if distance_mm < 0:
-        return f"{pair} overlap by {-distance_mm:.1f} mm"
-    return f"{pair} are {distance_mm:.1f} mm apart, too near"
 
 
 def replace_open_angles(approach: Approach, plan: MotionPlan) -> Approach:
