@@ -81,7 +81,7 @@ def draw_data_flow() -> str:
             drawing.draw_arrow((middle, y + box_height), (middle, following))
             drawing.draw_text("label", middle + 10, y + box_height + 22, label, 190)
     simulator = (
-        ("motion", "rigid bodies, joints, mount", "poses"),
+        ("motion", "rigid bodies, joints, free object", "poses"),
         ("contact", "springs of the elastic layer", "force on each taxel"),
         ("sensor model", "signal as a function of force", ""),
     )
