@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "emulator/geometry/patch.h"
 #include "emulator/physics/layer.h"
 
 #define CONVERSION_MARGIN (VTIME_SECOND / 10u) /* longer than a conversion */
@@ -38,10 +39,17 @@ double board_fields_fraction(const struct board_fields *fields, vtime time)
     return (double)(time - interval.from) / (double)(interval.until - interval.from);
 }
 
-/* The relative rise of a taxel's capacitance under a force in newtons; 0 without force. */
-static double rise_at_force(double force)
+/* The relative rise of a taxel's capacitance under a force in newtons; 0 without force. The rise depends on the
+ * pressure: the force counts relative to the area of the taxel's square. */
+static double rise_at_force(const struct board_fields *fields, size_t taxel, double force)
 {
-    return force > 0.0 ? layer_rise_at_force(force) : 0.0;
+    if (force <= 0.0) {
+        return 0.0;
+    }
+    const struct board_description *board = &fields->skin->description->boards[fields->source];
+    const double *size = board->taxel_poses ? board->taxel_poses[taxel].size : NULL;
+    const double area = size && size[0] > 0.0 ? size[0] * size[1] : TAXEL_PITCH_M * TAXEL_PITCH_M;
+    return layer_rise_at_force(force * (TAXEL_PITCH_M * TAXEL_PITCH_M / area));
 }
 
 /* Relative capacitance rise of one taxel at a past time. The history of a stimulus of forces contains forces, which
@@ -57,8 +65,9 @@ static double past_rise(const struct board_fields *fields, const struct late_spa
     } else if (span->fraction != 0.0) {
         after.force = stimulus_value(fields->stimulus, fields->first_taxel + taxel, from);
     }
-    return fields->skin->boards ? before->rise + span->fraction * (after.rise - before->rise)
-                                : rise_at_force(before->force + span->fraction * (after.force - before->force));
+    return fields->skin->boards
+               ? before->rise + span->fraction * (after.rise - before->rise)
+               : rise_at_force(fields, taxel, before->force + span->fraction * (after.force - before->force));
 }
 
 /* Relative capacitance rises of all taxels at a past time, for effects that delay the response. `from`: start of the
@@ -104,7 +113,7 @@ double board_fields_rise(const struct board_fields *fields, size_t taxel, vtime 
     if (fields->skin->boards) {
         return skin_field(fields->skin, fields->source, taxel, time).rise;
     }
-    return layer_rise_at_force(stimulus_value(fields->stimulus, fields->first_taxel + taxel, time));
+    return rise_at_force(fields, taxel, stimulus_value(fields->stimulus, fields->first_taxel + taxel, time));
 }
 
 /* Relative capacitance rises of all taxels in the present interval, interpolated linearly in force (stimulus) or in
@@ -118,7 +127,8 @@ static void present_rises(const struct board_fields *fields, vtime time, double 
         const float *after = fields->stimulus->after + fields->first_taxel;
         for (size_t taxel = 0; taxel < fields->taxels; taxel++) {
             const double first = (double)before[taxel];
-            rise[taxel] = rise_at_force(fraction == 0.0 ? first : first + fraction * ((double)after[taxel] - first));
+            const double force = fraction == 0.0 ? first : first + fraction * ((double)after[taxel] - first);
+            rise[taxel] = rise_at_force(fields, taxel, force);
         }
         return;
     }

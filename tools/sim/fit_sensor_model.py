@@ -50,7 +50,7 @@ def measure_signals(hand: Hand, seed: int) -> Calibration:
     starts = START_S + HOLD_S * np.arange(len(FORCES_N))
     times = np.concatenate([[0.0, START_S - 0.1], np.stack([starts, starts + HOLD_S - 0.1], axis=1).ravel()])
     forces = np.zeros((len(times), hand.n_taxels))
-    forces[2:, loaded] = np.repeat(FORCES_N, 2)[:, None]
+    forces[2:, loaded] = np.repeat(FORCES_N, 2)[:, None] * hand.area_share[loaded]
     end_s = START_S + HOLD_S * len(FORCES_N)
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         stimulus = Path(folder) / "forces.stm"

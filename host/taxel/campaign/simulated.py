@@ -69,7 +69,7 @@ def run_simulated(
     setup = setup or Setup()
     sensing = settings.sensing
     model = settings.sensor.make_dataset_model(
-        sensing.stiffness_n_per_m, "coupled" if sensing.level == "coupled" else "uncoupled"
+        setup.hand, sensing.stiffness_n_per_m, "coupled" if sensing.level == "coupled" else "uncoupled"
     )
     with open_campaign_writer(path, "sim", setup, RATE_HZ, settings.describe(), overwrite, resume, model) as out:
         finished = set(out.ids)

@@ -82,7 +82,7 @@ class ShardGenerator:
     def sensor_model(self) -> SensorModel:
         """Sensor model stored in the shard; the stiffness of the layer is the value without the sampled factor."""
         layer = "coupled" if self.recipe.sensing == "coupled" else "uncoupled"
-        return self.sensor.make_dataset_model(self.sensing.stiffness_n_per_m, layer)
+        return self.sensor.make_dataset_model(self.setup.hand, self.sensing.stiffness_n_per_m, layer)
 
     @cached_property
     def taxels(self) -> TaxelTable:

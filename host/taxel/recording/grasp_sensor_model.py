@@ -27,7 +27,8 @@ class SensorModel:
 
     baseline_counts: raw count without contact, one number or f64[n].
     full_scale_drop_counts: limit of the signal for large forces, counts.
-    half_force_n: force with half of that signal, newtons.
+    half_force_n: force with half of that signal, newtons, one number or f64[n]: it is proportional to the area of the
+        square that a taxel measures.
     noise_counts, noise_line_counts: standard deviations, counts, of the noise of each taxel and of the noise that all
         taxels of an RX line share.
     contact_stiffness_n_per_m: of the dielectric under one taxel. layer: "uncoupled" or "coupled".
@@ -35,7 +36,7 @@ class SensorModel:
 
     baseline_counts: float | FloatArray
     full_scale_drop_counts: float
-    half_force_n: float
+    half_force_n: float | FloatArray
     noise_counts: float = 0.0
     noise_line_counts: float = 0.0
     contact_stiffness_n_per_m: float | None = None
@@ -44,7 +45,7 @@ class SensorModel:
     def predict_signal(self, force: npt.ArrayLike) -> FloatArray:
         """Predict the signal without noise, counts below the baseline, in the shape of `force`.
 
-        force: newtons, 0 or more.
+        force: newtons, 0 or more, f64[..., n] if the half force differs between taxels.
         """
         newtons = np.asarray(force, np.float64)
         return np.asarray(self.full_scale_drop_counts * newtons / (newtons + self.half_force_n))
@@ -75,8 +76,10 @@ def check_sensor_model(values: Mapping[str, Any], location: Location, n: int) ->
     for name in REQUIRED:
         if values.get(name) is None:
             location.key(name).fail("a number", "nothing", "add the attribute")
-    baseline = _check_baseline(values["baseline_counts"], location.key("baseline_counts"), n)
-    numbers = {name: check_number(values[name], location.key(name)) for name in REQUIRED[1:]}
+    baseline, half_force = (
+        _check_per_taxel(values[name], location.key(name), n) for name in ("baseline_counts", "half_force_n")
+    )
+    numbers = {"full_scale_drop_counts": check_number(values["full_scale_drop_counts"], location.key(REQUIRED[1]))}
     for name in ("noise_counts", "noise_line_counts"):
         if values.get(name) is not None:
             numbers[name] = check_number(values[name], location.key(name), allow_zero=True)
@@ -85,20 +88,20 @@ def check_sensor_model(values: Mapping[str, Any], location: Location, n: int) ->
         stiffness = check_number(stiffness, location.key("contact_stiffness_n_per_m"))
     if layer is not None:
         layer = check_choice(layer, LAYERS, location.key("layer"))
-    return SensorModel(baseline, **numbers, contact_stiffness_n_per_m=stiffness, layer=layer)
+    return SensorModel(baseline, half_force_n=half_force, **numbers, contact_stiffness_n_per_m=stiffness, layer=layer)
 
 
-def _check_baseline(value: Any, location: Location, n: int) -> float | FloatArray:
-    """Return the baseline counts of a sensor model: one number, or f64[n], read-only.
+def _check_per_taxel(value: Any, location: Location, n: int) -> float | FloatArray:
+    """Return a parameter of a sensor model that may differ between taxels: one number, or f64[n], read-only.
 
-    Raises DatasetError for counts of 0 or below, and for another shape.
+    Raises DatasetError for a value of 0 or below, and for another shape.
     """
     if np.ndim(value) == 0:
         return check_number(value[()] if isinstance(value, np.ndarray) else value, location)
     if isinstance(value, np.ndarray) and value.dtype.kind in "ui":
         value = value.astype(np.float64)  # many programs store counts as integers
-    counts = copy_read_only(check_array(value, ArraySpec("f8", ("n",)), {"n": n}, location))
-    if (counts <= 0.0).any():
-        at = find_first(counts <= 0.0)
-        location.fail("counts above 0", f"{counts[at]} at {format_index(at)}", "correct it")
-    return counts
+    numbers = copy_read_only(check_array(value, ArraySpec("f8", ("n",)), {"n": n}, location))
+    if (numbers <= 0.0).any():
+        at = find_first(numbers <= 0.0)
+        location.fail("numbers above 0", f"{numbers[at]} at {format_index(at)}", "correct it")
+    return numbers

@@ -43,9 +43,11 @@ class SensorModelError(TaxelError, ValueError):
 
 @dataclass(frozen=True)
 class SimSensor:
-    """The simulated sensor: raw = round(baseline - signal + noise), equal for all taxels.
+    """The simulated sensor: raw = round(baseline - signal + noise).
 
-    signal(F) = full_scale_drop_counts F / (F + half_force_n), the sensor model of the dataset format. noise_counts:
+    signal(F) = full_scale_drop_counts F / (F + half_force_n), the sensor model of the dataset format, for a taxel whose
+    square has the reference area (`taxel.hand.Hand.area_share` is 1). The dielectric responds to pressure: the half
+    force of another taxel is proportional to the area of its square. noise_counts:
     standard deviation of the white noise. noise_line_counts: standard deviation of the noise that is common to all
     taxels of one RX line of one board, which share an amplifier; independent between frames. Raises SensorModelError
     for a number out of range.
@@ -67,25 +69,30 @@ class SimSensor:
         if self.baseline_counts > _MAX_COUNTS:
             raise SensorModelError("baseline_counts", f"at most {_MAX_COUNTS}", str(self.baseline_counts))
 
-    def make_dataset_model(self, stiffness_n_per_m: float, layer: str = "uncoupled") -> SensorModel:
-        """Return the sensor model that a dataset stores.
+    def make_dataset_model(self, hand: Hand, stiffness_n_per_m: float | None, layer: str | None = "uncoupled") -> SensorModel:
+        """Return the sensor model that a dataset of this hand stores.
 
-        stiffness_n_per_m: of the elastic layer over one taxel. layer: kind of the layer, "coupled" or "uncoupled".
+        stiffness_n_per_m: of the elastic layer over one taxel. layer: kind of the layer, "coupled" or "uncoupled". None:
+        not stated.
         """
+        half_force = self.half_force_n * hand.area_share
         return SensorModel(
             self.baseline_counts,
             self.full_scale_drop_counts,
-            self.half_force_n,
+            float(half_force[0]) if (half_force == half_force[0]).all() else half_force,
             self.noise_counts,
             self.noise_line_counts,
             stiffness_n_per_m,
             layer,
         )
 
-    def predict_signal(self, force_n: npt.ArrayLike) -> FloatArray:
-        """Predict the signal, counts below the baseline, f64[...], under forces f64[...] of at least 0 newtons."""
+    def predict_signal(self, force_n: npt.ArrayLike, area_share: FloatArray | float = 1.0) -> FloatArray:
+        """Predict the signal, counts below the baseline, f64[...], under forces f64[...] of at least 0 newtons.
+
+        area_share: area of the taxels' squares relative to the reference area, a number or f64[n] for forces f64[..., n].
+        """
         force = np.asarray(force_n, dtype=np.float64)
-        return np.asarray(self.full_scale_drop_counts * force / (force + self.half_force_n))
+        return np.asarray(self.full_scale_drop_counts * force / (force + self.half_force_n * area_share))
 
     def raw_counts(self, hand: Hand, force_n: npt.ArrayLike, generator: np.random.Generator) -> CountArray:
         """Simulate raw counts u16[T, n] under contact forces f64[T, n], newtons; `generator` supplies the noise.
@@ -99,7 +106,7 @@ class SimSensor:
             raise ValueError(
                 "force_n: expected finite forces of at least 0, found a negative force, a NaN or an infinity"
             )
-        counts = self.baseline_counts - self.predict_signal(force)
+        counts = self.baseline_counts - self.predict_signal(force, hand.area_share)
         if self.noise_counts:
             counts += generator.normal(scale=self.noise_counts, size=force.shape)
         if self.noise_line_counts:

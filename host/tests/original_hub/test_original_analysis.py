@@ -82,7 +82,7 @@ def make_grasps(capture: Path, tmp_path: Path, force: FloatArray | None) -> Path
         counts = grasp.raw_counts.copy()
         counts[np.ix_(phase == Phase.HOLD, loaded)] -= SIGNAL_COUNTS
         forces = None if force is None else np.where((phase == Phase.HOLD)[:, None], force, 0.0)
-        model = None if force is None else SimSensor().make_dataset_model(1000.0, "uncoupled")
+        model = None if force is None else SimSensor().make_dataset_model(load_hand("original"), 1000.0, "uncoupled")
         source = "real" if force is None else "sim"
         header = DatasetHeader(source, data.hand, data.taxels, data.sensors, data.objects, "test", sensor_model=model)
         with GraspDatasetWriter.create(out, header) as writer:

@@ -54,7 +54,7 @@ def run_simulated_indentations(
     """
     settings, setup = settings or SimIndentationSettings(), plan.setup
     description = f"{settings.describe()}, {plan.describe()}"
-    model = settings.sensor.make_dataset_model(STIFFNESS_N_PER_M)
+    model = settings.sensor.make_dataset_model(setup.hand, STIFFNESS_N_PER_M)
     with open_campaign_writer(path, "sim", setup, settings.rate_hz, description, overwrite, resume, model) as out:
         finished = set(out.ids)
         indentations = plan_simulated_indentations(plan, settings.repeats)

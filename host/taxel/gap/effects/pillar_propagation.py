@@ -63,7 +63,7 @@ def _gained(state: State, signal: Signal, spread_mm: tuple[float, ...]) -> Float
     assert signal.force is not None
     shares = geometry_of(state).shares
     # Half the sensor model's force: of shares tried the best on worlds of this project's emulator, chosen there.
-    half_depth_n = 0.5 * state.model.half_force_n
+    half_depth_n = 0.5 * float(np.mean(state.model.half_force_n))
     result = np.zeros(signal.force.shape)
     for number, (board, spread) in enumerate(zip(state.pair.boards, spread_mm, strict=True)):
         even = np.full((len(board.taxels), PIECES**2), 1.0 / PIECES**2)

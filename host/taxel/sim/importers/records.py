@@ -17,7 +17,6 @@ from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_format import BASELINE_FRAMES
 from taxel.recording.grasp_record import GraspRecord
-from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.recording.grasp_storage import check_target, convert_writing_errors, get_part_path, put_in_place
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
@@ -89,8 +88,7 @@ def open_new_dataset(
     target, location = Path(path), Location(str(path))
     check_target(target, options.overwrite, location)
     temporary = target.with_name(f".{target.name}.import")
-    sensor = options.sensor
-    model = SensorModel(**sensor.attributes(), contact_stiffness_n_per_m=stiffness_n_per_m, layer=layer)
+    model = options.sensor.make_dataset_model(options.hand, stiffness_n_per_m, layer)
     try:
         with GraspDatasetWriter.create(
             temporary,
