@@ -40,9 +40,7 @@ def run_both(out: Path, hand: str) -> None:
     plan, setup = make_nominal_plan(), Setup(load_hand(hand))
     out.mkdir(parents=True, exist_ok=True)
     run_simulated(out / "sim.h5", plan, SimSettings(variation=NO_VARIATION), setup, overwrite=True)
-    run_emulated(
-        out / "real.h5", plan, EmulatedSettings(variation=NO_VARIATION, effects=()), setup, overwrite=True
-    )
+    run_emulated(out / "real.h5", plan, EmulatedSettings(variation=NO_VARIATION, effects=()), setup, overwrite=True)
 
 
 def compute_floors(path: Path) -> dict[tuple[str, str], float]:

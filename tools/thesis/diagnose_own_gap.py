@@ -52,11 +52,11 @@ def simulate(out: Path, name: str, seed: int, iterations: int, setting: Setting,
 
     rules: of the original contact plug-in; None: the simulator with an elastic layer. Returns the path.
     """
-    path, setup = out / f"{name}.h5", Setup(setting=setting)
+    path, setup = out / f"{name}.h5", Setup(setting=setting, torques=setting)
     plan = [planned for planned in make_thesis_plan(seed) if planned.iteration < iterations]
     settings = SimSettings(seed=seed, variation=SIM_VARIATION)
     if rules is None:
-        setup = Setup(replace(setup.hand, layer_m=SIM_LAYER_M), setting=setting)
+        setup = Setup(replace(setup.hand, layer_m=SIM_LAYER_M), setting=setting, torques=setting)
     else:
         settings = replace(settings, sensing=Sensing("original", original=rules))
     print(f"simulating {path.name}", file=sys.stderr)

@@ -95,7 +95,7 @@ def read_plugin(out: Path, setting: Setting, jobs: int | None) -> list[PluginGra
     if not path.exists():
         plan = make_thesis_plan(SIM_SEED)
         progress = show(f"plug-in, poses of {setting}")
-        grasps = simulate_plugin_grasps(plan, settings, Setup(setting=setting), jobs, progress)
+        grasps = simulate_plugin_grasps(plan, settings, Setup(setting=setting, torques=setting), jobs, progress)
         write_plugin_grasps(path, grasps, description)
     return read_plugin_grasps(path, description)
 
@@ -104,8 +104,8 @@ def prepare_layer(sets: TaxelSets, out: Path, jobs: int | None) -> CollectSim:
     """Simulate the grasps with an elastic layer into DIR/layer_*.h5; return the function that gives the points."""
     grasps, settings = {}, SimSettings(seed=SIM_SEED, variation=SIM_VARIATION)
     for setting in SETTINGS:
-        path, setup = out / f"layer_{setting}.h5", Setup(setting=setting)
-        layer = Setup(replace(setup.hand, layer_m=SIM_LAYER_M), setting=setting)
+        path, setup = out / f"layer_{setting}.h5", Setup(setting=setting, torques=setting)
+        layer = Setup(replace(setup.hand, layer_m=SIM_LAYER_M), setting=setting, torques=setting)
         progress = show(f"layer, poses of {setting}")
         run_simulated(path, make_thesis_plan(SIM_SEED), settings, layer, jobs, resume=True, progress=progress)
         with closing(GraspDataset(path)) as data:

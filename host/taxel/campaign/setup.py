@@ -43,8 +43,8 @@ class Setup:
     for any other hand. calibration: measured poses of objects in the frame of the robot's base, and of remounted
     brackets; objects and brackets without an entry are at their planned poses. placements: pose of the palm against the
     object, by object and approach; empty: the recorded poses for the original hand, `PALM_PLACEMENTS` for any other.
-    setting: whose recorded poses and torques the original hand uses. Raises UnknownBoardError for a bracket of a board
-    that the hand lacks.
+    setting: whose recorded poses the original hand uses. torques: whose torques: the hardware limits those of the medial
+    and distal joints. Raises UnknownBoardError for a bracket of a board that the hand lacks.
     """
 
     hand: Hand = field(default_factory=lambda: load_hand("original"))
@@ -52,6 +52,7 @@ class Setup:
     calibration: Calibration | None = None
     placements: Mapping[tuple[str, str], PalmPlacement] = field(default_factory=dict)
     setting: Setting = "simulation"
+    torques: Setting = "hardware"
 
     def __post_init__(self) -> None:
         """Complete the objects, and replace the bracket poses of the hand by the calibrated poses, if there are any."""
@@ -87,7 +88,7 @@ class Setup:
     def _approaches(self) -> dict[tuple[str, str], Approach]:
         """The approaches of the thesis by names of object and approach."""
         if self.is_original and not self.placements:
-            return make_original_approaches(WITHDRAW_M, self.setting)
+            return make_original_approaches(WITHDRAW_M, self.setting, self.torques)
         placements = self.placements or PALM_PLACEMENTS
         approaches = make_thesis_approaches(WITHDRAW_M, placements, self.objects, self.hand)
         return {(approach.object, approach.name): approach for approach in approaches}

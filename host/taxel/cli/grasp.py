@@ -134,7 +134,8 @@ def _make_setup(hand: str, calibration: Path | None, level: Level, source: str) 
         return Setup(load_hand(hand), calibration=poses)
     if source != "sim":
         raise TaxelError(f"--sensing original: expected --source sim, found --source {source}")
-    return Setup(hand=replace(load_hand("original"), layer_m=PALM_TIPS_M), calibration=poses)
+    original = replace(load_hand("original"), layer_m=PALM_TIPS_M)
+    return Setup(hand=original, calibration=poses, torques="simulation")
 
 
 def _output_files(source: str, out: Path, may_exist: bool) -> dict[str, Path]:

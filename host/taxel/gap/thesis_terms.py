@@ -209,7 +209,11 @@ def _newtons(pair: Pair) -> str:
         return "; the simulation has no sensor model"
     if model.full_scale_drop_counts <= FORCE_FILTER_COUNTS:
         return "; not reached by any force in the simulator's sensor model"
-    force = float(np.median(model.half_force_n)) * FORCE_FILTER_COUNTS / (model.full_scale_drop_counts - FORCE_FILTER_COUNTS)
+    force = (
+        float(np.median(model.half_force_n))
+        * FORCE_FILTER_COUNTS
+        / (model.full_scale_drop_counts - FORCE_FILTER_COUNTS)
+    )
     return f", {force:.3g} N in the simulator's sensor model"
 
 

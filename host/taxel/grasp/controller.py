@@ -17,7 +17,7 @@ HOLD_NM_S_PER_RAD: Final = 0.3
 OPEN_NM_PER_RAD: Final = 1.0
 OPEN_NM_S_PER_RAD: Final = 0.1
 # Assumed: a closing joint follows an angle that moves by this amount at a constant speed, with the stiffness of a held
-# joint, until the planned torque is reached: it touches the object slowly. More than the range of any joint.
+# joint, until the permitted torque is reached: it touches the object slowly. More than the range of any joint.
 CLOSING_RAD: Final = 2.2
 
 
@@ -25,8 +25,9 @@ class GraspController:
     """Stateless controller of one grasp: joint torques from time, joint angles and joint velocities.
 
     Held joints follow their targets in all phases. The other joints hold their open angles with a low stiffness in the
-    baseline, close at a constant speed until an obstacle requires the planned torque, and return to the open angles. At
-    standstill in the hold phase their torque equals the planned torque times `torque_scale`. All torques are limited to
+    baseline, close at a constant speed until an obstacle requires a part of the planned torque, then tighten to the
+    planned torque, and return to the open angles. At standstill in the hold phase their torque equals the planned torque
+    times `torque_scale`. All torques are limited to
     `TORQUE_LIMIT_NM`. Raises ValueError for a scale below 0 or not finite.
     """
 
@@ -51,11 +52,11 @@ class GraspController:
 
         angles: f64[j], radians. velocities: f64[j], radians per second.
         """
-        fraction = self.timeline.get_torque_fraction(t)
+        fraction = self.timeline.get_grip_fraction(t)
         position_torque = self._stiffness * (self._target - angles)
         advance = np.sign(self._planned_torque) * CLOSING_RAD * self.timeline.get_closing_fraction(t)
         closing_torque = HOLD_NM_PER_RAD * (self._target + advance - angles)
-        limit = np.abs(self._planned_torque)
+        limit = np.abs(self._planned_torque) * self.timeline.get_tightening(t)
         torque = np.where(
             self._is_held,
             position_torque,

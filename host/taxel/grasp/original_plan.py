@@ -91,14 +91,14 @@ def load_original_grasps() -> dict[tuple[str, str], OriginalGrasp]:
 
 
 def make_original_approaches(
-    withdraw_m: float = 0.0, setting: Setting = "simulation"
+    withdraw_m: float = 0.0, setting: Setting = "simulation", torques: Setting = "hardware"
 ) -> dict[tuple[str, str], Approach]:
     """Make the fifteen approaches by object and approach, with the mean of the measured finger bases.
 
-    setting: whose tool poses and torques; the hardware's pose where no other was recorded. withdraw_m: distance of the
-    withdrawn palm.
+    setting: whose tool poses; the hardware's pose where no other was recorded. torques: whose torques of the fingers.
+    withdraw_m: distance of the withdrawn palm.
     """
-    return {key: _make_approach(grasp, withdraw_m, setting) for key, grasp in load_original_grasps().items()}
+    return {key: _make_approach(grasp, withdraw_m, setting, torques) for key, grasp in load_original_grasps().items()}
 
 
 def set_finger_bases(approach: Approach, iteration: int) -> Approach:
@@ -114,7 +114,7 @@ def set_finger_bases(approach: Approach, iteration: int) -> Approach:
     return replace(approach, base_targets=targets, open_angles=np.where(np.isfinite(targets), targets, OPEN_RAD))
 
 
-def _make_approach(grasp: OriginalGrasp, withdraw_m: float, setting: Setting) -> Approach:
+def _make_approach(grasp: OriginalGrasp, withdraw_m: float, setting: Setting, torques: Setting) -> Approach:
     """Make the approach of one recorded grasp."""
     base, torque = np.full((FINGERS + 1, 4), np.nan), np.zeros((FINGERS + 1, 4))
     every = np.concatenate([one.finger_bases for one in load_original_grasps().values() if len(one.finger_bases)])
@@ -122,7 +122,7 @@ def _make_approach(grasp: OriginalGrasp, withdraw_m: float, setting: Setting) ->
     base[FINGERS, :2] = THUMB_RAD
     torque[FINGERS, 2:] = THUMB_TORQUE_NM
     if grasp.approach != "top":
-        torque[:FINGERS, 1:] = HARDWARE_TORQUE_NM if setting == "hardware" else SIMULATION_TORQUE_NM
+        torque[:FINGERS, 1:] = HARDWARE_TORQUE_NM if torques == "hardware" else SIMULATION_TORQUE_NM
     else:
         base[:FINGERS, 1:] = OPEN_RAD
         if grasp.object == "rectangular_prism":

@@ -10,19 +10,24 @@ import numpy.typing as npt
 PHASE_TOLERANCE_S = 1e-9
 """Tolerance of phase boundaries: a sample at k / rate belongs to the phase that starts at this time."""
 
-# Assumed fractions of the closing phase: end of the palm motion, when the fingers start to close; time from which their
-# full torque is permitted; end of their motion without an object. Assumed fractions of
-# the release phase: end of the torque decrease and start of the palm withdrawal.
+# Assumed fractions of the closing phase: end of the palm motion, when the fingers start to close; end of the transition
+# from the open angles to the closing motion; end of the motion without an object; time from which the full torque is
+# permitted. Assumed fractions of the release phase: end of the torque decrease and start of the palm withdrawal.
 ADVANCE_END = 0.2
 GRIP_START_END = 0.3
-CLOSING_END = 0.75
+CLOSING_END = 0.5
+TIGHTENING_END = 0.6
+CONTACT_TORQUE = 0.4
+"""Permitted part of the planned torque until the fingers have closed: they are laid on the object before they grip, as
+by hand in the original procedure (docs/assumptions.md). A larger part makes the fingers strike and slip.
+"""
 RELEASE_END = 0.3
 WITHDRAW_START = 0.7
 
 # Assumed fractions of the closing phase between which the experimenter lets go of the object, and assumed fraction of
 # the release phase in which the experimenter takes hold of the object again.
-LET_GO_START = 0.75
-LET_GO_END = 0.9
+LET_GO_START = 0.6
+LET_GO_END = 0.7
 TAKE_HOLD_END = 0.2
 
 
@@ -46,7 +51,7 @@ class Timeline:
     """
 
     baseline_s: float = 6.0
-    closing_s: float = 2.0
+    closing_s: float = 3.0
     hold_s: float = 1.5
     release_s: float = 1.0
     recovery_s: float = 1.5
@@ -102,8 +107,8 @@ class Timeline:
             return 0.0
         return min(elapsed_s / duration_s, 1.0) if duration_s > 0 else 1.0
 
-    def get_torque_fraction(self, t: float) -> float:
-        """Return the fraction of the planned finger torque that is permitted at time t, 0..1; 0 before the closing.
+    def get_grip_fraction(self, t: float) -> float:
+        """Return how far the hand has left its open state at time t, 0..1; 0 before the closing and after the release.
 
         t: seconds after the start of the grasp.
         """
@@ -111,6 +116,15 @@ class Timeline:
             return 1.0 - min(self.get_phase_progress(Phase.RELEASE, t) / RELEASE_END, 1.0)
         progress = self.get_phase_progress(Phase.CLOSING, t)
         return min(max(progress - ADVANCE_END, 0.0) / (GRIP_START_END - ADVANCE_END), 1.0)
+
+    def get_tightening(self, t: float) -> float:
+        """Return the permitted part of the planned finger torque at time t, `CONTACT_TORQUE` to 1.
+
+        t: seconds after the start of the grasp.
+        """
+        progress = self.get_phase_progress(Phase.CLOSING, t)
+        tightening = min(max(progress - CLOSING_END, 0.0) / (TIGHTENING_END - CLOSING_END), 1.0)
+        return CONTACT_TORQUE + (1.0 - CONTACT_TORQUE) * tightening
 
     def get_closing_fraction(self, t: float) -> float:
         """Return how far fingers without an obstacle have closed at time t, 0..1.

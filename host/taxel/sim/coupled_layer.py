@@ -197,7 +197,11 @@ class _Problem:
         x = np.einsum("gij,gj->gi", np.linalg.pinv(board_stiffness, rcond=MIN_STIFFNESS_RATIO), unbalanced)
         x[:, 1:] = np.clip(x[:, 1:], -self.tilt_bound - travel[:, 1:], self.tilt_bound - travel[:, 1:])
         x[fixed_tilt, 1:] = 0.0
-        x[:, 0] = (unbalanced[:, 0] - np.sum(board_stiffness[:, 0, 1:] * x[:, 1:], axis=1)) / board_stiffness[:, 0, 0]
+        remainder = unbalanced[:, 0] - np.sum(board_stiffness[:, 0, 1:] * x[:, 1:], axis=1)
+        # Where no node faces the object, a motion of the board changes no force.
+        x[:, 0] = np.divide(
+            remainder, board_stiffness[:, 0, 0], out=np.zeros_like(remainder), where=board_stiffness[:, 0, 0] > 0.0
+        )
         force = np.zeros_like(self.gap)
         np.put_along_axis(force, node, forces[:, :, 0] + np.einsum("gai,gi->ga", forces[:, :, 1:], x), axis=1)
         return depths[:, :, 0] + np.einsum("gci,gi->gc", depths[:, :, 1:], x), force, x

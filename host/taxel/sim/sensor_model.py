@@ -69,7 +69,9 @@ class SimSensor:
         if self.baseline_counts > _MAX_COUNTS:
             raise SensorModelError("baseline_counts", f"at most {_MAX_COUNTS}", str(self.baseline_counts))
 
-    def make_dataset_model(self, hand: Hand, stiffness_n_per_m: float | None, layer: str | None = "uncoupled") -> SensorModel:
+    def make_dataset_model(
+        self, hand: Hand, stiffness_n_per_m: float | None, layer: str | None = "uncoupled"
+    ) -> SensorModel:
         """Return the sensor model that a dataset of this hand stores.
 
         stiffness_n_per_m: of the elastic layer over one taxel. layer: kind of the layer, "coupled" or "uncoupled". None:

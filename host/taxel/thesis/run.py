@@ -82,7 +82,7 @@ def make_campaign(out: Path, seed: int, jobs: int | None, show: ShowStage) -> Ca
         resume=True,
         progress=lambda done, total: show("emulated hand", done, total),
     )
-    sim_setup = Setup(replace(setup.hand, layer_m=SIM_LAYER_M), setting="simulation")
+    sim_setup = Setup(replace(setup.hand, layer_m=SIM_LAYER_M), setting="simulation", torques="simulation")
     run_simulated(
         sim,
         plan,

@@ -110,9 +110,10 @@ def test_torques_are_quantised_to_pwm_counts(grasp_motion):
             assert torque == pytest.approx(commanded, abs=0.51 * NM_PER_COUNT)
 
 
-def test_the_hold_applies_the_planned_torques(grasp_motion, timeline):
+def test_the_end_of_the_hold_applies_the_planned_torques(grasp_motion, timeline):
     _, motion, controller = grasp_motion
-    hold = timeline.find_phases(motion.joints.time_s) == Phase.HOLD
+    end_s = timeline.get_end_s(Phase.HOLD)
+    hold = (motion.joints.time_s > end_s - 0.1) & (motion.joints.time_s < end_s)
     free = ~controller.approach.is_held
     mean = np.array(controller.commanded)[hold][:, free].mean(axis=0)
     assert mean == pytest.approx(controller.approach.torque[free], abs=0.05)

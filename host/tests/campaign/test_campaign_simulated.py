@@ -53,12 +53,13 @@ def test_the_file_is_a_simulated_dataset_of_the_plan(complete_file, plan, timeli
     assert count_contact_points(complete_file)["cylinder"].points > 20
 
 
-def test_the_dataset_states_the_sensor_model(complete_file, settings):
+def test_the_dataset_states_the_sensor_model_with_the_areas_of_the_taxels(complete_file, settings, setup):
     with GraspDataset(complete_file) as data:
         model, sensor = data.sensor_model, settings.sensor
     assert model.baseline_counts == sensor.baseline_counts
     assert model.full_scale_drop_counts == sensor.full_scale_drop_counts
-    assert (model.half_force_n, model.noise_counts) == (sensor.half_force_n, sensor.noise_counts)
+    assert model.noise_counts == sensor.noise_counts
+    assert np.allclose(model.half_force_n, sensor.half_force_n * setup.hand.area_share)
     assert model.contact_stiffness_n_per_m == settings.sensing.stiffness_n_per_m
     assert model.layer == "uncoupled"
 

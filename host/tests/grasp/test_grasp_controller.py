@@ -64,7 +64,8 @@ def test_held_joints_resist_a_displacement_in_every_phase():
 def test_a_free_hand_closes_to_its_stops_and_opens_again():
     controller = GraspController(APPROACH, TIMELINE)
     path = simulate(controller, OPEN, TIMELINE.get_start_s(Phase.CLOSING), TIMELINE.duration_s)
-    closed, opened = path[round(3.4 / 0.003)], path[-1]
+    end_of_hold_s = TIMELINE.get_end_s(Phase.HOLD) - TIMELINE.get_start_s(Phase.CLOSING)
+    closed, opened = path[round(end_of_hold_s / 0.003) - 1], path[-1]
     assert (closed[~APPROACH.is_held] > OPEN[~APPROACH.is_held] + 1.0).all()
     assert np.abs(opened - OPEN).max() < 0.06
     assert np.abs(path[:, APPROACH.is_held] - OPEN[APPROACH.is_held]).max() < 0.02

@@ -116,9 +116,9 @@ def test_all_approaches_have_equal_torques_and_angles_within_the_joint_ranges():
 
 def test_phases_are_contiguous_and_include_their_start():
     timeline = Timeline()
-    assert timeline.duration_s == 12.0
-    assert [timeline.get_start_s(phase) for phase in Phase] == [0.0, 6.0, 8.0, 9.5, 10.5]
-    assert timeline.find_phases([0.0, 5.999, 6.0, 8.0, 9.5, 10.5, 12.0, 99.0]).tolist() == [0, 0, 1, 2, 3, 4, 4, 4]
+    assert timeline.duration_s == 13.0
+    assert [timeline.get_start_s(phase) for phase in Phase] == [0.0, 6.0, 9.0, 10.5, 11.5]
+    assert timeline.find_phases([0.0, 5.999, 6.0, 9.0, 10.5, 11.5, 13.0, 99.0]).tolist() == [0, 0, 1, 2, 3, 4, 4, 4]
     assert timeline.find_phases(0.0).dtype == np.uint8
 
 
@@ -132,7 +132,7 @@ def test_the_palm_is_at_the_object_whenever_the_torque_is_above_zero():
     timeline = Timeline()
     times = np.linspace(0, timeline.duration_s, 500)
     withdrawal = np.array([timeline.get_withdrawal(t) for t in times])
-    torque_fraction = np.array([timeline.get_torque_fraction(t) for t in times])
+    torque_fraction = np.array([timeline.get_grip_fraction(t) for t in times])
     phase = timeline.find_phases(times)
     assert (withdrawal[phase == Phase.BASELINE] == 1).all()
     assert (withdrawal[phase == Phase.RECOVERY] == 1).all()

@@ -34,7 +34,7 @@ STANDING_OPTIONS = ImportOptions(HAND, object_poses={"cylinder": make_standing_p
 def simulate_motion():
     """A short simulated grasp of the cylinder."""
     approach = next(a for a in make_thesis_approaches(withdraw_m=0.02) if (a.object, a.name) == ("cylinder", "side_1"))
-    return simulate_grasp(SCENE, approach, Timeline(0.2, 2.0, 0.5, 0.3, 0.2))
+    return simulate_grasp(SCENE, approach, Timeline(0.2, 2.5, 0.7, 0.3, 0.2))
 
 
 def make_pose_row(transform):

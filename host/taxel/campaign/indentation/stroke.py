@@ -51,7 +51,7 @@ class Stroke(NamedTuple):
     def _get_slow_share(self, time_s: float) -> float:
         """Return the share of the slow travel at a time, 0..1, seconds since the start of the indentation."""
         if time_s >= self.timeline.get_start_s(Phase.RELEASE):
-            return self.timeline.get_torque_fraction(time_s)
+            return self.timeline.get_grip_fraction(time_s)
         progress = self.timeline.get_phase_progress(Phase.CLOSING, time_s)
         return min(max(progress - ADVANCE_END, 0.0) / (PRESS_END - ADVANCE_END), 1.0)
 
