@@ -68,7 +68,7 @@ test-quick: $(STAMP)
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m 'not slow' $(QUICK)
 
 test-c: $(BUILD_TOOLS)  ## C tests, built with address and undefined-behaviour sanitizers
-	@unset MAKEFLAGS; $(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=Debug -DCMAKE_C_FLAGS_DEBUG='-O1 -g1' > /dev/null
+	@unset MAKEFLAGS; $(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=Debug -DCMAKE_C_FLAGS_DEBUG=-O1 > /dev/null
 	@unset MAKEFLAGS; $(BIN)/cmake --build $(BUILD)/sanitized | tail -n 1
 	@$(BIN)/ctest --test-dir $(BUILD)/sanitized --output-on-failure --no-tests=error -j $(JOBS)
 
