@@ -58,7 +58,7 @@ blind: $(STAMP)  ## the full blind check: hours; an interrupted check continues 
 
 # The C tests are built while the packages of the Python part are installed.
 test: $(BUILD_TOOLS)  ## everything that must pass before a merge: style, types, layers, terms, C and Python tests
-	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target test-c lint fuzz-short
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target test-c lint fuzz-short compiled-tests
 	@$(MAKE) --no-print-directory test-python test-executed
 
 check: $(STAMP)  ## below a minute, before each commit: style, types, layers, terms and the quick Python tests
@@ -68,7 +68,7 @@ test-quick: $(STAMP)
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile -m 'not slow' $(QUICK)
 
 test-c: $(BUILD_TOOLS)  ## C tests, built with address and undefined-behaviour sanitizers
-	@unset MAKEFLAGS; $(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=Debug -DCMAKE_C_FLAGS_DEBUG='-O1 -g1' > /dev/null
+	@unset MAKEFLAGS; $(CMAKE) -S firmware -B $(BUILD)/sanitized -DTAXEL_BUILD_TESTS=ON -DTAXEL_SANITIZE=ON -DCMAKE_BUILD_TYPE=Debug -DCMAKE_C_FLAGS_DEBUG=-O1 > /dev/null
 	@unset MAKEFLAGS; $(BIN)/cmake --build $(BUILD)/sanitized | tail -n 1
 	@$(BIN)/ctest --test-dir $(BUILD)/sanitized --output-on-failure --no-tests=error -j $(JOBS)
 
@@ -80,6 +80,11 @@ test-threads: $(BUILD_TOOLS)  ## the emulator's threads under the thread sanitiz
 # Files in the order in which they are found: those that wait for real time come first, not alone at the end.
 test-python: $(STAMP)  ## Python tests, without those that are marked slow; prints the ten slowest
 	@$(BIN)/python -m pytest -q -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder --durations=10 -m 'not slow'
+
+# Without the stored result of this step, each of the processes of test-python would compile all tests.
+.PHONY: compiled-tests
+compiled-tests: $(STAMP)
+	@$(BIN)/python -m pytest -qq --collect-only > /dev/null || $(BIN)/python -m pytest -qq --collect-only | tail -n 40
 
 test-slow: $(STAMP)  ## the Python tests that are marked slow: whole diagnoses and campaigns
 	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --durations=10 -m slow

@@ -7,6 +7,7 @@ The default profile draws the same examples in every run, so that a test either 
 `TAXEL_EXAMPLES=N` each property test draws N random examples instead, and a failure prints the code that repeats it.
 """
 
+import gc
 import os
 
 from hypothesis import HealthCheck, settings
@@ -20,3 +21,14 @@ COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow], "pr
 settings.register_profile("repeatable", derandomize=True, database=None, **COMMON)
 settings.register_profile("random", max_examples=int(os.environ.get("TAXEL_EXAMPLES", "100")), **COMMON)
 settings.load_profile("random" if "TAXEL_EXAMPLES" in os.environ else "repeatable")
+
+
+# Collection creates millions of objects that stay until the end of the run. The garbage collector would visit them
+# repeatedly, which takes a third of the time of the collection.
+gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Enable the garbage collector for the objects that the tests create."""
+    gc.freeze()
+    gc.enable()

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
+from functools import cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -78,9 +79,10 @@ class Exception_:  # noqa: N801 - an entry of allowed.toml, not an error
         )
 
 
-def name_parts(name: str) -> list[str]:
+@cache
+def name_parts(name: str) -> tuple[str, ...]:
     """The words of a name in lower case: `signal_counts` and `SignalCounts` have two."""
-    return [part.lower() for part in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)]
+    return tuple(part.lower() for part in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name))
 
 
 def read_terms(path: Path = TERMS) -> list[Term]:
@@ -122,16 +124,27 @@ def list_tracked_files(arguments: Sequence[str]) -> list[str]:
     return sorted({name for name in names if name and (ROOT / name).is_file()})
 
 
-def findings_in(path: str, content: str, terms: Sequence[Term]) -> Iterator[Finding]:
-    """All forbidden words of a file, exceptions not yet considered."""
+def findings_in(
+    path: str, content: str, terms: Sequence[Term], terms_of_names: dict[str, list[Term]]
+) -> Iterator[Finding]:
+    """All forbidden words of a file, exceptions not yet considered.
+
+    terms_of_names: the terms that match each name of earlier files, of all `terms`; new names are added.
+    """
     applicable = [term for term in terms if any(fnmatch(path, glob) for glob in term.paths)]
-    seen: set[tuple[str, str]] = set()
+    names: set[str] = set()
     for kind, line, text in extract_texts(Path(path), content):
-        for term in applicable:
+        if kind == NAME:
+            if text in names:
+                continue  # a name is reported once in a file
+            names.add(text)
+            if text not in terms_of_names:
+                terms_of_names[text] = [term for term in terms if any(term.matches(NAME, text))]
+            candidates = [term for term in terms_of_names[text] if term in applicable] if terms_of_names[text] else []
+        else:
+            candidates = applicable
+        for term in candidates:
             for match in term.matches(kind, text):
-                if kind == NAME and (term.word, match) in seen:
-                    continue  # a name is reported once in a file
-                seen.add((term.word, match))
                 yield Finding(path, line, term.word, term.instead, match if kind == NAME else text.strip())
                 break
 
@@ -145,12 +158,13 @@ def main() -> int:
     terms, exceptions = read_terms(), read_exceptions()
     findings: list[Finding] = []
     used: Counter[int] = Counter()
+    terms_of_names: dict[str, list[Term]] = {}
     for name in list_tracked_files(arguments.paths):
         try:
             content = (ROOT / name).read_text(encoding="utf-8")
         except UnicodeDecodeError:
             continue  # a binary file
-        for finding in findings_in(name, content, terms):
+        for finding in findings_in(name, content, terms, terms_of_names):
             covering = [index for index, exception in enumerate(exceptions) if exception.covers(finding)]
             used.update(covering)
             if not covering:

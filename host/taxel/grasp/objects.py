@@ -1,6 +1,7 @@
 """Grasped objects, their mass and their nominal pose."""
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -117,9 +118,15 @@ def select_object_sizes(robot: str | None) -> ObjectSizes:
 
 def make_thesis_objects(sizes: ObjectSizes = ORIGINAL_SIZES) -> dict[str, GraspObject]:
     """Make the three test objects of the thesis (section 5.2): a box, a cylinder and a triangular prism, by name."""
+    return {item.name: item for item in _make_objects(sizes)}
+
+
+@cache
+def _make_objects(sizes: ObjectSizes) -> tuple[GraspObject, ...]:
+    """Make the test objects once for each `sizes`: the faces of a rounded solid take several milliseconds."""
     box = ConvexPolytope.box(sizes.box_width_m, sizes.box_depth_m, sizes.height_m)
     prism = ConvexPolytope.prism(sizes.prism_side_m, sizes.height_m)
-    objects = (
+    return (
         GraspObject(
             "rectangular_prism",
             box.rounded(sizes.box_edge_m) if sizes.box_edge_m else box,
@@ -132,7 +139,6 @@ def make_thesis_objects(sizes: ObjectSizes = ORIGINAL_SIZES) -> dict[str, GraspO
             "Upright equilateral triangular prism with a side face towards +y",
         ),
     )
-    return {item.name: item for item in objects}
 
 
 def make_standing_pose() -> npt.NDArray[np.float64]:

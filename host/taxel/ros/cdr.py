@@ -19,6 +19,8 @@ with optional_import("rosbags", "an MCAP file (.mcap)"):
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 _STORE = get_typestore(Stores.EMPTY)
+_MALFORMED = (SerdeError, ValueError, IndexError, struct.error)
+"""Errors of the library rosbags for malformed data."""
 
 
 class CdrError(ValueError):
@@ -35,7 +37,7 @@ def decode(name: str, data: bytes) -> Any:
     _register(name)
     try:
         return _STORE.deserialize_cdr(data, _make_ros2_name(name))
-    except SerdeError as error:
+    except _MALFORMED as error:
         raise CdrError(f"{name}: {error}") from None
 
 
@@ -44,7 +46,7 @@ def decode_ros1(name: str, data: bytes) -> Any:
     _register(name)
     try:
         return _STORE.deserialize_ros1(data, _make_ros2_name(name))
-    except (SerdeError, ValueError, IndexError, struct.error) as error:
+    except _MALFORMED as error:
         raise CdrError(f"{name}: {error}") from None
 
 

@@ -2,7 +2,6 @@
 
 import json
 import os
-import struct
 from collections.abc import Sequence
 from typing import Final
 
@@ -12,15 +11,13 @@ from taxel.hand.joint_history import JointHistory
 from taxel.optional import optional_import
 from taxel.ros.cdr import CdrError, decode
 from taxel.ros.mcap_file import METADATA
+from taxel.ros.mcap_records import DAMAGE, read_records
 
 with optional_import("mcap", "an MCAP file (.mcap)"):
-    from mcap.exceptions import McapError
     from mcap.records import Channel, Message, Metadata, Schema
-    from mcap.stream_reader import StreamReader
 
 JOINT_TOPIC: Final = "/joint_states"
 JOINT_TYPE: Final = "sensor_msgs/JointState"
-_RECORD_MAX: Final = 1 << 28
 
 
 def read_mcap_joints(path: str | os.PathLike[str], names: Sequence[str]) -> JointHistory | None:
@@ -34,7 +31,7 @@ def read_mcap_joints(path: str | os.PathLike[str], names: Sequence[str]) -> Join
     channels: set[int] = set()
     try:
         with open(path, "rb") as file:
-            for record in StreamReader(file, record_size_limit=_RECORD_MAX).records:
+            for record in read_records(file):
                 if isinstance(record, Schema):
                     schemas[record.id] = record.name.replace("/msg/", "/")
                 elif isinstance(record, Channel):
@@ -45,7 +42,7 @@ def read_mcap_joints(path: str | os.PathLike[str], names: Sequence[str]) -> Join
                     offset_s = float(json.loads(record.metadata.get("epoch_offset_ns", "0"))) * 1e-9
                 elif isinstance(record, Message) and record.channel_id in channels:
                     _add_message(history, record.data, offset_s)
-    except (McapError, CdrError, OSError, ValueError, struct.error, RuntimeError, OverflowError):
+    except (*DAMAGE, CdrError, OSError):
         pass
     return history if len(history) else None
 

@@ -1,9 +1,7 @@
 """Reader of MCAP recordings, as a link whose bytes come from the file instead of a port."""
 
-import dataclasses
 import json
 import os
-import struct
 from collections.abc import Iterator
 from typing import Any, BinaryIO
 
@@ -12,17 +10,13 @@ from taxel.optional import optional_import
 from taxel.ros.cdr import CdrError, decode, decode_ros1
 from taxel.ros.definitions import SEPARATOR, fields, parse_fields
 from taxel.ros.mcap_file import BYTES_TYPE, METADATA
+from taxel.ros.mcap_records import DAMAGE, read_records
 from taxel.ros.original_topics import ORIGINAL_HAND, ORIGINAL_TYPE, OriginalFrames, OriginalMessageError
 from taxel.stream import TaxelFrame
 from taxel.stream.encoder import FramesLink
 
 with optional_import("mcap", "an MCAP file (.mcap)"):
-    import lz4.frame
-    import zstandard
-    from mcap.exceptions import McapError
-    from mcap.records import Channel, Footer, Message, Metadata, Schema
-    from mcap.records import Chunk as McapChunk
-    from mcap.stream_reader import StreamReader, breakup_chunk
+    from mcap.records import Channel, Message, Metadata, Schema
 
 SCAN_TYPE = "taxel_msgs/TaxelScan"
 READ_TYPES = (BYTES_TYPE, SCAN_TYPE, ORIGINAL_TYPE)
@@ -30,10 +24,6 @@ READ_TYPES = (BYTES_TYPE, SCAN_TYPE, ORIGINAL_TYPE)
 
 _DECODERS = {"cdr": decode, "ros1": decode_ros1}  # by message encoding of a channel
 _ORIGINAL_NAME = ORIGINAL_TYPE.partition("/")[2]
-RECORD_MAX = 1 << 28
-"""Largest size of a record or of an unpacked chunk, bytes. The limit bounds the memory that a damaged file can use."""
-
-_DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, OverflowError)
 
 
 class McapReader:
@@ -113,16 +103,9 @@ class McapReader:
         Raises `CaptureError` at a damaged record.
         """
         try:
-            reader = StreamReader(self._file, emit_chunks=True, record_size_limit=RECORD_MAX)
-            for record in reader.records:
-                if isinstance(record, Footer):
-                    return
-                if isinstance(record, McapChunk):
-                    for part in breakup_chunk(_decompress(record), validate_crc=True):
-                        yield from self._process(part)
-                else:
-                    yield from self._process(record)
-        except _DAMAGE:
+            for record in read_records(self._file):
+                yield from self._process(record)
+        except DAMAGE:
             position = f"near byte {self._file.tell()}"
             raise CaptureError(
                 self.name, f"is truncated or damaged {position}; everything before it was read"
@@ -163,26 +146,6 @@ class McapReader:
     def close(self) -> None:
         """Close the MCAP file."""
         self._file.close()
-
-
-def _decompress(chunk: McapChunk) -> McapChunk:
-    """Return an MCAP chunk without its compression.
-
-    Raises ValueError if its data do not have the size that the chunk states. The size is checked before the data are
-    unpacked completely, because a compressed frame may state a false size.
-    """
-    if chunk.uncompressed_size > RECORD_MAX:
-        raise ValueError("a chunk is too large")
-    if chunk.compression == "zstd":
-        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
-            data = reader.read(chunk.uncompressed_size + 1)
-    elif chunk.compression == "lz4":
-        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=chunk.uncompressed_size + 1)
-    else:
-        data = chunk.data
-    if len(data) != chunk.uncompressed_size:
-        raise ValueError("a chunk does not have the size that it states")
-    return dataclasses.replace(chunk, compression="", data=data)
 
 
 class McapLink:

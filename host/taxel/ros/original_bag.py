@@ -21,13 +21,7 @@ from taxel.stream.encoder import FramesLink
 
 with optional_import("rosbags", "a ROS bag (.bag)"):
     from rosbags.interfaces import Connection
-    from rosbags.rosbag1 import Reader, ReaderError
-
-_DAMAGE = (
-    ReaderError, CdrError, AssertionError, ValueError, KeyError, IndexError, TypeError, OverflowError, RuntimeError,
-    OSError, EOFError, MemoryError,
-)  # fmt: skip
-"""Errors of the library rosbags and of the decompressors for a damaged bag."""
+    from rosbags.rosbag1 import Reader
 
 _ROOT = ORIGINAL_TYPE.partition("/")[2]
 
@@ -40,18 +34,7 @@ def open_original_bag(path: str | os.PathLike[str]) -> FramesLink:
     error when it is reached.
     """
     name = os.fspath(path)
-    try:
-        reader = Reader(name)
-        reader.open()
-    except FileNotFoundError:
-        raise CaptureError(name, "cannot be read (No such file or directory)") from None
-    except _DAMAGE as error:
-        if "not indexed" in str(error):
-            raise CaptureError(
-                name, "has no index, because its recording was interrupted; run: rosbag reindex"
-            ) from None
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else "is no complete ROS 1 bag"
-        raise CaptureError(name, f"cannot be read ({reason})") from None
+    reader = _open_reader(name)
     try:
         connections = [each for each in reader.connections if _is_original(name, each)]
         if not connections:
@@ -64,6 +47,27 @@ def open_original_bag(path: str | os.PathLike[str]) -> FramesLink:
     link = FramesLink(name, _read_frames(name, reader, connections))
     link.header = {"hand": COMPLETE_HAND if has_thumb else ORIGINAL_HAND}
     return link
+
+
+def _open_reader(name: str) -> Reader:
+    """Open a ROS 1 bag and read its index. Raises `CaptureError` for a file that cannot be read.
+
+    The library rosbags documents only ReaderError, but raises also errors of struct, of the decompressors and of its
+    assertions for a damaged bag; every error of the library therefore means a damaged bag.
+    """
+    try:
+        reader = Reader(name)
+        reader.open()
+    except FileNotFoundError:
+        raise CaptureError(name, "cannot be read (No such file or directory)") from None
+    except Exception as error:
+        if "not indexed" in str(error):
+            raise CaptureError(
+                name, "has no index, because its recording was interrupted; run: rosbag reindex"
+            ) from None
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else "is no complete ROS 1 bag"
+        raise CaptureError(name, f"cannot be read ({reason})") from None
+    return reader
 
 
 def _is_original(name: str, connection: Connection) -> bool:
@@ -87,12 +91,28 @@ def _read_frames(name: str, reader: Reader, connections: list[Connection]) -> It
     frames = OriginalFrames()
     count = 0
     try:
-        for _, time_ns, data in reader.messages(connections):
+        for time_ns, data in _read_messages(name, reader, connections):
             count += 1
             yield frames.convert(decode_ros1(ORIGINAL_TYPE, data), time_ns)
     except OriginalMessageError as error:
         raise CaptureError(name, f"message {count}: {error}") from None
-    except _DAMAGE:
-        raise CaptureError(name, f"is damaged after {count} messages; everything before was read") from None
+    except CdrError:
+        raise _make_damage_error(name, count) from None
     finally:
         reader.close()
+
+
+def _read_messages(name: str, reader: Reader, connections: list[Connection]) -> Iterator[tuple[int, bytes]]:
+    """Yield (time in nanoseconds, data) of the messages of connections. Raises `CaptureError` at the first damage."""
+    count = 0
+    try:
+        for _, time_ns, data in reader.messages(connections):
+            count += 1
+            yield time_ns, data
+    except Exception:  # of the library, as in `_open_reader`: errors of the caller do not reach this generator
+        raise _make_damage_error(name, count) from None
+
+
+def _make_damage_error(name: str, count: int) -> CaptureError:
+    """Return the error of a bag that is damaged after `count` messages."""
+    return CaptureError(name, f"is damaged after {count} messages; everything before was read")

@@ -37,13 +37,13 @@ def remove_paths_and_run_time(report: dict) -> dict:
 
 @pytest.fixture(scope="module")
 def small_worlds():
-    """Worlds of 32 indentations, one further analysis seed and a few effects."""
+    """Worlds of 18 indentations, one further analysis seed and a few effects."""
     with pytest.MonkeyPatch.context() as patch:
         for name, value in (
-            ("APPROACHES", (8, 8)),
-            ("SESSIONS", (4, 4)),
+            ("APPROACHES", (6, 6)),
+            ("SESSIONS", (3, 3)),
             ("REPEATS", (1, 1)),
-            ("INDENTATIONS", (32, 32)),
+            ("INDENTATIONS", (18, 18)),
         ):
             patch.setattr(sampling, name, value)
         patch.setattr(run, "ANALYSIS_SEEDS", 2)

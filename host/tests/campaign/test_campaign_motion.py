@@ -23,6 +23,8 @@ from taxel.hand.allegro.virtual import MAX_TORQUE_NM
 NM_PER_COUNT = MAX_TORQUE_NM / FULL_PWM
 CHANNELS = itertools.count()
 BRIEF = Timeline(baseline_s=0.1, closing_s=0.1, hold_s=0.1, release_s=0.1, recovery_s=0.0)
+FULL_TORQUE = Timeline(baseline_s=0.4, closing_s=1.0, hold_s=0.5, release_s=0.4, recovery_s=0.2)
+"""Closing and hold are as long as all fingers need to reach their planned torques."""
 
 
 class RecordingDynamics:
@@ -57,6 +59,11 @@ class RecordingController(GraspController):
         torque_nm = super().compute_torque(t, angles, velocities)
         self.commanded.append(torque_nm)
         return torque_nm
+
+
+@pytest.fixture(scope="module")
+def timeline() -> Timeline:
+    return FULL_TORQUE
 
 
 @pytest.fixture(scope="module")

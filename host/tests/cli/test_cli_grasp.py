@@ -13,7 +13,7 @@ from taxel.cli import grasp
 from taxel.grasp.timeline import Timeline
 from taxel.recording.grasp_dataset import GraspDataset
 
-SHORT = Timeline(baseline_s=0.6, closing_s=1.0, hold_s=0.5, release_s=0.5, recovery_s=0.3)
+SHORT = Timeline(baseline_s=0.6, closing_s=0.6, hold_s=0.3, release_s=0.4, recovery_s=0.2)
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_source_both_creates_no_file_if_one_of_its_files_exists(capsys, tmp_path
 
 @pytest.fixture(scope="module")
 def short_grasps():
-    """Both generators make grasps of 2.9 s, the sum of the durations of SHORT."""
+    """Both generators make grasps of 2.1 s, the sum of the durations of SHORT."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("EmulatedSettings", "SimSettings"):
             patch.setattr(grasp, name, partial(getattr(grasp, name), timeline=SHORT))

@@ -28,9 +28,9 @@ def plan_contact_propagation(share: float = 1.0, **ranges: Range):
     return plan_effect("recipe", "contact_propagation", "", "", share, {**defaults, **ranges}, HAND, 3.5)
 
 
-def test_effect_changes_counts_from_closing_on_but_not_the_motion_or_the_noise(generated):
-    recipe = replace(generated.recipe, effects=(plan_contact_propagation(),))
-    without_effect = ShardGenerator(generated.recipe, 0, Setup()).generate(1).record
+def test_effect_changes_counts_from_closing_on_but_not_the_motion_or_the_noise(small_recipe):
+    recipe = replace(small_recipe, effects=(plan_contact_propagation(),))
+    without_effect = ShardGenerator(small_recipe, 0, Setup()).generate(1).record
     with_effect = ShardGenerator(recipe, 0, Setup()).generate(1)
     record = with_effect.record
     assert np.array_equal(without_effect.contact_force, record.contact_force)
@@ -44,17 +44,17 @@ def test_effect_changes_counts_from_closing_on_but_not_the_motion_or_the_noise(g
     assert 1.0 <= with_effect.values["contact_propagation.spread_mm"] <= 4.0
 
 
-def test_samples_by_name_fill_their_range_and_a_share_of_grasps_has_the_effect(generated):
-    recipe = replace(generated.recipe, seed=SEED, effects=(plan_contact_propagation(share=0.25),))
+def test_samples_by_name_fill_their_range_and_a_share_of_grasps_has_the_effect(small_recipe):
+    recipe = replace(small_recipe, seed=SEED, effects=(plan_contact_propagation(share=0.25),))
     samples = [sample_effects(recipe, number) for number in range(2000)]
     values = np.array([sampled["contact_propagation.spread_mm"] for _, sampled in samples])
     assert (values.min(), values.mean(), values.max()) == pytest.approx((1.0, 2.5, 4.0), abs=0.06), f"seed {SEED}"
     assert np.mean([len(effects) for effects, _ in samples]) == pytest.approx(0.25, abs=0.04), f"seed {SEED}"
 
 
-def test_samples_of_a_report_have_the_mean_and_the_width_of_its_intervals(generated):
+def test_samples_of_a_report_have_the_mean_and_the_width_of_its_intervals(small_recipe):
     report = read_report(REPORT)
-    recipe = add_report(replace(generated.recipe, seed=SEED), REPORT)
+    recipe = add_report(replace(small_recipe, seed=SEED), REPORT)
     assert [effect.name for effect in recipe.effects] == [effect.name for effect in report.effects]
     reported = next(effect for effect in report.effects if effect.name == "contact_propagation")
     low, high = reported.intervals["spread_mm"]

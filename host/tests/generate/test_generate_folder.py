@@ -52,14 +52,14 @@ class InterruptedWorkers:
 
 def test_shards_are_valid_grasp_datasets(generated):
     ids = []
-    for number, name in enumerate(("shard-00000.h5", "shard-00001.h5", "shard-00002.h5")):
+    for number, name in enumerate(("shard-00000.h5", "shard-00001.h5")):
         with GraspDataset(generated.folder / name, baseline_frames=10) as data:
             data.check()
             assert (data.source, data.hand) == ("sim", "original")
             assert {grasp.session for grasp in data} == {number}
             assert all(grasp.active_taxels(baseline_frames=10)[0].sum() > 5 for grasp in data)
             ids += data.ids
-    assert ids == [f"g{number:09d}" for number in range(5)]
+    assert ids == [f"g{number:09d}" for number in range(3)]
 
 
 def test_index_lists_shards_grasps_labels_parameters_checksums_recipe_and_versions(generated):
@@ -67,8 +67,8 @@ def test_index_lists_shards_grasps_labels_parameters_checksums_recipe_and_versio
     assert index["recipe"] == json.loads(json.dumps(generated.recipe.to_json()))
     assert index["recipe_sha256"] == generated.recipe.digest
     assert {"taxel", "mujoco", "numpy", "hdf5"} <= set(index["versions"])
-    assert [shard["grasps"] for shard in index["shards"]] == [2, 2, 1]
-    assert sum(index["labels"].values()) == 5
+    assert [shard["grasps"] for shard in index["shards"]] == [2, 1]
+    assert sum(index["labels"].values()) == 3
     for entry in (*index["shards"], index["table"]):
         content = (generated.folder / entry["file"]).read_bytes()
         assert (entry["bytes"], entry["sha256"]) == (len(content), hashlib.sha256(content).hexdigest())
@@ -87,12 +87,12 @@ def test_index_lists_shards_grasps_labels_parameters_checksums_recipe_and_versio
 
 
 def test_grasp_generated_alone_equals_the_grasp_in_its_shard(generated):
-    single = ShardGenerator(generated.recipe, 1, Setup(load_hand("original"))).generate(3)
-    with GraspDataset(generated.folder / "shard-00001.h5") as data:
-        grasp = data["g000000003"]
+    single = ShardGenerator(generated.recipe, 0, Setup(load_hand("original"))).generate(1)
+    with GraspDataset(generated.folder / "shard-00000.h5") as data:
+        grasp = data["g000000001"]
         assert np.array_equal(grasp.raw_counts, single.record.raw_counts)
         assert np.array_equal(grasp.contact_force, single.record.contact_force)
-    table = read_table(generated.folder / "shard-00001.h5")
+    table = read_table(generated.folder / "shard-00000.h5")
     assert dict(zip(table.names, table.values[1], strict=True))["force_n"] == single.values["force_n"]
 
 
@@ -102,7 +102,7 @@ def test_continued_run_gives_the_same_bytes_as_an_uninterrupted_one(generated, r
         generate(generated.recipe, out, InterruptedWorkers(1))
     assert sorted(read_files(out)) == ["recipe.json", "shard-00000.h5"]
     (out / ".shard-00001.h5.4711.part").write_bytes(b"incomplete")
-    assert generate(generated.recipe, out, Processes(1)).generated_grasps == 3
+    assert generate(generated.recipe, out, Processes(1)).generated_grasps == 1
     assert read_files(out) == read_files(generated.folder)
 
 
@@ -167,9 +167,9 @@ def test_other_file_with_the_name_of_a_shard_is_refused(generated, tmp_path):
 
 
 def test_pictures_of_a_shard_can_be_drawn(generated, tmp_path):
-    shard = generated.folder / "shard-00002.h5"
+    shard = generated.folder / "shard-00001.h5"
     save_clouds([shard], tmp_path / "clouds.png")
-    save_grasp([shard], tmp_path / "grasp.png", "g000000004")
+    save_grasp([shard], tmp_path / "grasp.png", "g000000002")
     assert (tmp_path / "clouds.png").stat().st_size > 1000
 
 
@@ -184,7 +184,7 @@ def test_objects_of_fixed_size_keep_their_name_and_pair_with_a_recording(tmp_pat
 
 def test_mean_hold_signals_and_labels_of_all_grasps_are_read(generated):
     holds = read_generated_holds(generated.folder)
-    assert holds.signal_counts.shape == (5, 1037)
+    assert holds.signal_counts.shape == (3, 1037)
     assert set(holds.label.tolist()) <= {"cylinder", "rectangular_prism", "triangular_prism"}
     assert (holds.signal_counts.max(axis=1) > 300).all()
     with pytest.raises(FolderError, match="the index of a generated folder"):

@@ -2,20 +2,27 @@
 
 import contextlib
 import random
+import re
+import struct
 import types
+from unittest import mock
 
 import numpy as np
 import pytest
+from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
-from rosbags.rosbag1 import Writer
+from rosbags.rosbag1 import Reader, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from host.tests.command_line import run_refused_command, run_taxel
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
+from taxel.link import CaptureError
 from taxel.ros import original_link
+from taxel.ros.cdr import encode
 from taxel.ros.definitions import get_definition, make_ros1_schema, make_ros2_schema
 from taxel.ros.mcap_file import McapFile
+from taxel.ros.mcap_joints import JOINT_TOPIC, JOINT_TYPE, read_mcap_joints
 from taxel.ros.original_topics import ORIGINAL_TYPE, OriginalFrames, OriginalMessageError, OriginalTopics
 from taxel.ros.ros_import import RosError, import_ros1
 from taxel.skin import open_skin
@@ -26,6 +33,8 @@ MD5 = "5a8a55c50645786d3fc308931a9fcd07"
 TYPE_HASH = "RIHS01_3a1663ac137ca7dc324db598984a0a7f671a574c9a6d71cf2b15a0ccaa6a23d3"
 """Type hash of ROS 2 (REP 2011) of bici_ros_sensor_reader/msg/TactileData."""
 CYCLES = 4
+ZSTD_MAGIC = bytes.fromhex("28b52ffd")
+"""First bytes of a frame of Zstandard (RFC 8878, section 3.1.1)."""
 START_NS = 1_670_000_000_000_000_000
 
 
@@ -48,11 +57,14 @@ def make_messages(hand, seed=1, cycles=CYCLES):
     return messages
 
 
-def write_bag(path, messages, type_name=ORIGINAL_TYPE):
+def write_bag(path, messages, type_name=ORIGINAL_TYPE, compression=None):
     """Write TactileData messages to a ROS 1 bag with the library rosbags."""
     store, connections = make_store(type_name), {}
     ros_type = type_name.replace("/", "/msg/")
-    with Writer(path) as bag:
+    bag = Writer(path)
+    if compression is not None:
+        bag.set_compression(compression)
+    with bag:
         for time_ns, address, time_ms, counts in messages:
             if address not in connections:
                 connections[address] = bag.add_connection(f"/sensor_{address}_readings", ros_type, typestore=store)
@@ -186,6 +198,56 @@ def test_damaged_bags_raise_only_errors_of_one_line(tmp_path):
         path.write_bytes(damaged)
         with contextlib.suppress(TaxelError), open_skin(f"file:{path}") as skin:
             list(skin)
+
+
+def test_bag_whose_chunk_ends_behind_the_file_is_refused_in_one_line(tmp_path, capsys):
+    """The library rosbags raises struct.error for the index, of which no byte is left behind the chunk."""
+    path = write_bag(tmp_path / "skin.bag", make_messages(load_hand("original")))
+    data = bytearray(path.read_bytes())
+    size_at = data.index(b"size=", data.index(b"compression=none")) + 9  # behind the size of the unpacked chunk
+    data[size_at : size_at + 4] = (1 << 30).to_bytes(4, "little")
+    path.write_bytes(data)
+    assert "is no complete ROS 1 bag" in run_refused_command(capsys, "convert", path, tmp_path / "x.bin")
+
+
+@pytest.mark.parametrize("compression", list(Writer.CompressionFormat))
+def test_damaged_compressed_chunk_of_a_bag_is_refused_in_one_line(compression, tmp_path, capsys):
+    path = write_bag(tmp_path / "skin.bag", make_messages(load_hand("original")), compression=compression)
+    data = bytearray(path.read_bytes())
+    chunk_at = data.index(b"size=", data.index(b"compression=")) + 13
+    data[chunk_at : chunk_at + 1000] = bytes(1000)
+    path.write_bytes(data)
+    assert "is damaged after 0 messages" in run_refused_command(capsys, "convert", path, tmp_path / "x.bin")
+
+
+@pytest.mark.parametrize("error", [AttributeError, EOFError, LookupError, MemoryError, struct.error])
+def test_any_error_of_the_bag_library_is_one_line(error, tmp_path, monkeypatch):
+    path = write_bag(tmp_path / "skin.bag", make_messages(load_hand("original")))
+    for method, message in (("messages", "is damaged after 0 messages"), ("open", "is no complete ROS 1 bag")):
+        monkeypatch.setattr(Reader, method, mock.Mock(side_effect=error))
+        with pytest.raises(CaptureError, match=message), open_skin(f"file:{path}") as skin:
+            list(skin)
+
+
+def test_damaged_zstd_chunk_gives_the_joint_angles_before_the_damage(tmp_path):
+    path = tmp_path / "joints.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file, compression=CompressionType.ZSTD, chunk_size=1)
+        writer.start("", "test")
+        schema = writer.register_schema(JOINT_TYPE, "ros2msg", make_ros2_schema(JOINT_TYPE).encode())
+        channel = writer.register_channel(JOINT_TOPIC, "cdr", schema)
+        for seconds in range(2):
+            stamp = {"sec": seconds, "nanosec": 0}
+            message = {"header": {"stamp": stamp, "frame_id": ""}, "name": ["j0"], "position": [0.1]}
+            data = encode(JOINT_TYPE, message | {"velocity": [], "effort": []})
+            writer.add_message(channel, seconds, data, seconds)
+        writer.finish()
+    content = path.read_bytes()
+    last_frame_at = [match.start() for match in re.finditer(re.escape(ZSTD_MAGIC), content)][1]
+    path.write_bytes(content[:last_frame_at] + bytes(4) + content[last_frame_at + 4 :])
+    history = read_mcap_joints(path, ["j0"])
+    assert history is not None
+    assert len(history) == 1
 
 
 def test_bag_without_original_topics_is_refused_in_one_line(tmp_path, capsys):

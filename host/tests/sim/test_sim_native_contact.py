@@ -103,7 +103,7 @@ def build_object_scene(name):
 def test_a_simulated_grasp_agrees_with_the_numpy_reference(name, monkeypatch):
     scene, timeline = (
         build_object_scene(name),
-        Timeline(baseline_s=0.1, closing_s=1.0, hold_s=0.2, release_s=0.3, recovery_s=0.1),
+        Timeline(baseline_s=0.1, closing_s=1.0, hold_s=0.2, release_s=0.0, recovery_s=0.0),
     )
     approach = next(candidate for candidate in make_thesis_approaches(withdraw_m=0.02) if candidate.object == name)
     monkeypatch.setattr(SoftPush, "_choose_step", lambda self, data: 0.25)  # the searches of the models differ
