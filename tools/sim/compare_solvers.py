@@ -1,4 +1,4 @@
-"""Difference of the two grasp solvers in nominal grasps: no effect, no noise of poses or grips, one grasp per condition.
+"""Difference of the two grasp solvers in nominal grasps: no effect, no variation, one grasp per condition.
 
 python tools/sim/compare_solvers.py --out out/solvers [--floor out/none/real.h5]
 

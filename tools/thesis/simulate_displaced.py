@@ -45,7 +45,7 @@ def main() -> None:
     options = parser.parse_args()
     object_m, object_rad = (options.share * std for std in (OBJECT_VARIATION.object_m, OBJECT_VARIATION.object_rad))
     setup, settings = Setup(setting="hardware"), SimSettings(seed=options.seed + 1)
-    model = settings.sensor.make_dataset_model(settings.sensing.stiffness_n_per_m, "uncoupled")
+    model = settings.sensor.make_dataset_model(setup.hand, settings.sensing.stiffness_n_per_m, "uncoupled")
     with open_campaign_writer(
         options.out, "sim", setup, RATE_HZ, settings.describe(), overwrite=True, sensor_model=model
     ) as out:

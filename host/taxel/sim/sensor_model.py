@@ -74,8 +74,8 @@ class SimSensor:
     ) -> SensorModel:
         """Return the sensor model that a dataset of this hand stores.
 
-        stiffness_n_per_m: of the elastic layer over one taxel. layer: kind of the layer, "coupled" or "uncoupled". None:
-        not stated.
+        stiffness_n_per_m: of the elastic layer over one taxel; layer: its kind, "coupled" or "uncoupled"; None: not
+        stated.
         """
         half_force = self.half_force_n * hand.area_share
         return SensorModel(
@@ -91,7 +91,8 @@ class SimSensor:
     def predict_signal(self, force_n: npt.ArrayLike, area_share: FloatArray | float = 1.0) -> FloatArray:
         """Predict the signal, counts below the baseline, f64[...], under forces f64[...] of at least 0 newtons.
 
-        area_share: area of the taxels' squares relative to the reference area, a number or f64[n] for forces f64[..., n].
+        area_share: area of the taxels' squares relative to the reference area, a number, or f64[n] for forces
+        f64[..., n].
         """
         force = np.asarray(force_n, dtype=np.float64)
         return np.asarray(self.full_scale_drop_counts * force / (force + self.half_force_n * area_share))
