@@ -43,8 +43,8 @@ class Setup:
     for any other hand. calibration: measured poses of objects in the frame of the robot's base, and of remounted
     brackets; objects and brackets without an entry are at their planned poses. placements: pose of the palm against the
     object, by object and approach; empty: the recorded poses for the original hand, `PALM_PLACEMENTS` for any other.
-    setting: whose recorded poses the original hand uses. torques: whose torques; the hardware limits those of medial and
-    distal joints. Raises UnknownBoardError for a bracket of a board that the hand lacks.
+    setting: whose recorded poses the original hand uses. torques: whose torques; the hardware limits those of
+    medial and distal joints. Raises UnknownBoardError for a bracket of a board that the hand lacks.
     """
 
     hand: Hand = field(default_factory=lambda: load_hand("original"))
