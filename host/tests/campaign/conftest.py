@@ -6,7 +6,7 @@ from taxel.campaign.setup import Setup
 from taxel.grasp.plan import PlannedGrasp, make_thesis_plan
 from taxel.grasp.timeline import Timeline
 
-SHORT = Timeline(baseline_s=0.4, closing_s=0.6, hold_s=0.3, release_s=0.4, recovery_s=0.2)
+SHORT = Timeline(baseline_s=0.4, closing_s=1.2, hold_s=0.3, release_s=0.4, recovery_s=0.2)
 
 
 @pytest.fixture(scope="session")

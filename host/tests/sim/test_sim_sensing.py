@@ -20,7 +20,7 @@ from taxel.sim.soft_contact import LayerLaw
 
 HAND = load_hand("allegro")
 OBJECT = make_thesis_objects(ASSUMED_SIZES)["rectangular_prism"]
-TIMELINE = Timeline(baseline_s=0.2, closing_s=2.0, hold_s=0.4, release_s=1.0, recovery_s=0.2)
+TIMELINE = Timeline(baseline_s=0.2, closing_s=3.0, hold_s=0.4, release_s=1.0, recovery_s=0.2)
 ROUNDING_N = 1e-6
 
 
