@@ -1,0 +1,1 @@
+"""Comparison of several diagnoses on the same worlds with hidden causes."""

@@ -1,0 +1,69 @@
+"""The diagnoses that the benchmark scores: those of the project, and those of other packages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+from taxel.blind.hidden import UNKNOWN
+from taxel.gap.catalogue import all_effects
+from taxel.plugins import DIAGNOSES, PluginError, list_plugin_names, load_plugin
+
+NO_GAP: Final = "no_gap"
+
+OWN: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "diagnosis": "taxel.blind.benchmark.entries:diagnose_by_search",
+        "comparison": "taxel.blind.benchmark.entries:diagnose_by_comparison",
+        "check list": "taxel.blind.benchmark.entries:diagnose_by_rules",
+    }
+)
+
+Entry = Callable[[Path, Path, int], Mapping[str, float]]
+
+
+def load_entry(name: str) -> Entry:
+    """Load a diagnosis by its name. Raises PluginError for an unknown name."""
+    names = list_plugin_names(DIAGNOSES, OWN)
+    if name not in names:
+        raise PluginError(f"--entry: expected one of {', '.join(names)}, found '{name}'")
+    entry: Entry = load_plugin(DIAGNOSES, name, OWN)
+    return entry
+
+
+def check_answer(answer: Mapping[str, Any], name: str) -> dict[str, float]:
+    """The probabilities of an answer. Raises PluginError for an unknown effect or a value outside 0 to 1."""
+    known = {*all_effects(), UNKNOWN, NO_GAP}
+    for effect, value in answer.items():
+        if effect not in known:
+            raise PluginError(f"diagnosis '{name}': expected names of effects, unknown or no_gap, found '{effect}'")
+        if not 0.0 <= float(value) <= 1.0:
+            raise PluginError(f"diagnosis '{name}': {effect}: expected a probability, found {value}")
+    return {effect: float(value) for effect, value in answer.items()}
+
+
+def diagnose_by_search(real: Path, sim: Path, seed: int) -> dict[str, float]:
+    """The verdict of `taxel gap diagnose`, which has no probabilities: 1 for the first effect, less for each further
+    one, so that their order is scored.
+    """
+    from taxel.gap.diagnosis import diagnose
+
+    effects = diagnose(real, sim, seed=seed).verdict.effects
+    return {name: 1.0 - 0.01 * place for place, name in enumerate(effects)} or {NO_GAP: 1.0}
+
+
+def diagnose_by_comparison(real: Path, sim: Path, seed: int) -> dict[str, float]:
+    """The calibrated probabilities of the comparison (`taxel.gap.comparison`)."""
+    from taxel.gap.comparison.compare import compare
+
+    return compare(real, sim, seed=seed).compute_probabilities()
+
+
+def diagnose_by_rules(real: Path, sim: Path, seed: int) -> dict[str, float]:
+    """The check list of an engineer (`taxel.blind.baselines`); whether there is a gap is taken from the diagnosis."""
+    from taxel.blind.baselines import compute_baseline_verdicts
+    from taxel.gap.diagnosis import diagnose
+
+    return {compute_baseline_verdicts(diagnose(real, sim, seed=seed))["rules"]: 1.0}

@@ -1,0 +1,60 @@
+"""`taxel gap benchmark`: several diagnoses scored on the same worlds with hidden causes."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from taxel.cli.options import AsJson, Jobs, Seed
+from taxel.cli.progress import count_bar
+from taxel.optional import require_packages
+
+
+def benchmark(
+    worlds: Annotated[int, typer.Option(min=1, help="Number of worlds.")],
+    out: Annotated[Path, typer.Option(help="Folder of the run. An interrupted run in the folder is continued.")],
+    entry: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--entry",
+            help="Diagnosis to score: diagnosis, comparison, check list, or an entry point of the group "
+            "taxel.diagnoses; repeatable. Default: diagnosis and comparison.",
+        ),
+    ] = None,
+    seed: Seed = 1,
+    jobs: Jobs = None,
+    as_json: AsJson = False,
+) -> None:
+    """Score diagnoses on the same worlds: indentations with hidden causes, some with a faulty simulator file.
+
+    Example: taxel gap benchmark --worlds 24 --seed 5 --out out/benchmark
+    """
+    require_packages("taxel gap benchmark", "all", "can", "mujoco")  # the worlds are simulated and emulated
+    from taxel.blind.benchmark.run import run_benchmark
+
+    entries = entry or ["diagnosis", "comparison"]
+    console = Console(stderr=as_json, markup=False)
+    with count_bar(console, "benchmark", "worlds") as show:
+        score = run_benchmark(out, worlds, seed, entries, jobs, show)
+    if as_json:
+        print(json.dumps(score))
+        return
+    for family in next(iter(score.values())):
+        table = Table(title=f"worlds: {family}")
+        table.add_column("measure")
+        for name in entries:
+            table.add_column(name, justify="right")
+        for measure in score[entries[0]][family]:
+            table.add_row(measure, *(_format(score[name][family][measure]) for name in entries))
+        console.print(table)
+    console.print(f"score: {out / 'score.json'}", highlight=False)
+
+
+def _format(value: float | int | None) -> str:
+    """A measure as text; a dash for a measure without worlds."""
+    if value is None:
+        return "-"
+    return str(value) if isinstance(value, int) else f"{value:.3f}"

@@ -1,0 +1,1 @@
+"""Comparison of sets of effects by held-out prediction, with calibrated probabilities."""

@@ -1,0 +1,36 @@
+"""Every decision constant of the comparison, with its source."""
+
+from dataclasses import dataclass
+
+FAMILIES = ("signal", "noise", "missing frames", "onset", "drift")
+"""Families of features in the order of `taxel.gap.features.Layout.families`."""
+
+
+@dataclass(frozen=True)
+class ComparisonSettings:
+    """Settings of a comparison.
+
+    Attributes:
+        dimensions: effective number of independent features in one block (condition, board), by family. The features of
+            a block vary together (one contact, a few bins of time), so that a block counts as so many. Chosen; larger
+            numbers make the weights of sets sharper, which the calibration compensates.
+        resolution_counts: standard deviation, by family, below which differences are not resolved: rounding of counts
+            (signal), the error of an estimated standard deviation (noise), a frame period (missing frames, onset).
+        prior_odds: odds of each effect before the comparison. One in ten: of twelve effects, about one is present.
+        candidates: number of effects that are fitted in full in the first step and in each further step.
+        coarse_iterations, fit_iterations: iterations of the fits that select the candidates, and of the full fits.
+        largest_set: number of effects in the largest set.
+        bootstrap_samples: number of resamples of the conditions.
+    """
+
+    dimensions: tuple[float, ...] = (4.0, 2.0, 1.0, 2.0, 1.0)
+    resolution_counts: tuple[float, ...] = (1.0, 0.55, 2.0, 3.0, 0.7)
+    prior_odds: float = 0.1
+    candidates: tuple[int, int] = (6, 4)
+    coarse_iterations: int = 4
+    fit_iterations: int = 8
+    largest_set: int = 3
+    bootstrap_samples: int = 400
+
+
+DEFAULT_SETTINGS = ComparisonSettings()

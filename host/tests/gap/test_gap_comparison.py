@@ -1,0 +1,129 @@
+"""Comparison of sets of effects: densities, weights, calibration, and whole comparisons of constructed pairs."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from taxel.gap.chain import Chain
+from taxel.gap.comparison.calibration import NO_GAP, UNKNOWN, Calibration, Logistic, load_calibration
+from taxel.gap.comparison.compare import compare
+from taxel.gap.comparison.density import BlockDensity
+from taxel.gap.comparison.held_out import predict_held_out
+from taxel.gap.comparison.settings import DEFAULT_SETTINGS
+from taxel.gap.comparison.weights import compute_set_weights
+from taxel.gap.effects.effect import HAND
+from taxel.gap.effects.stiffness import Stiffness
+from taxel.gap.fit import started
+from taxel.gap.pair import read_pair
+from taxel.gap.prepare import prepared
+
+
+def stiffen(force, signal):
+    return 2000.0 * force / (force + 1.8 * 1.5)
+
+
+def delay_second_board(force, signal):
+    late = signal.copy()
+    late[4:, 30:] = signal[:-4, 30:]
+    return late
+
+
+@pytest.fixture(scope="module")
+def judge(written):
+    return prepared(read_pair(*written(effect=stiffen))).judge
+
+
+@pytest.fixture(scope="module")
+def fitted(judge):
+    return judge.in_sample(Chain((started(judge.state, Stiffness(HAND)),)))
+
+
+def test_density_is_largest_for_the_correct_effect_in_every_condition(judge, fitted):
+    density = BlockDensity(judge, DEFAULT_SETTINGS)
+    without, with_effect = (density.compute_log_density(one)[..., 0] for one in (judge.state.mean, fitted.features))
+    assert (with_effect.sum(axis=1) > without.sum(axis=1)).all()
+
+
+def test_one_faulty_condition_changes_the_density_by_a_bounded_amount(judge):
+    density = BlockDensity(judge, DEFAULT_SETTINGS)
+    spoilt, worse = judge.state.mean.copy(), judge.state.mean.copy()
+    spoilt[0, : judge.layout.bins] += 1000.0
+    worse[0, : judge.layout.bins] += 10_000.0
+    small, large = (density.compute_log_density(one) for one in (spoilt, worse))
+    assert np.array_equal(small[1:], large[1:])
+    blocks, dimensions = 2, DEFAULT_SETTINGS.dimensions[0]
+    bound = 0.5 * blocks * (judge.sessions.value.shape[1] - 1 + dimensions) * np.log(100.0)
+    assert 0.0 < (small - large)[0].sum() < 1.01 * bound
+
+
+def test_linear_predictions_agree_with_fits_that_left_the_parts_out(judge, fitted):
+    linear = predict_held_out(judge, fitted.chain, ())
+    ((refitted, _),) = judge.cross_validated([fitted.chain])
+    change = np.abs(refitted - fitted.features).max()
+    assert np.abs(linear - refitted).max() < 0.2 * change
+
+
+def test_weights_sum_to_1_and_prefer_the_better_and_the_smaller_set():
+    density = np.array([[0.0] * 8, [2.0] * 8, [2.0] * 8])
+    weights = compute_set_weights(density, [0, 1, 2], DEFAULT_SETTINGS)
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights[1] == pytest.approx(10.0 * weights[2])
+    assert weights[1] > 0.9
+
+
+def test_one_condition_alone_does_not_make_a_set_certain():
+    density = np.zeros((2, 8))
+    density[1, 0] = 12.0
+    assert compute_set_weights(density, [0, 1], DEFAULT_SETTINGS)[1] < 0.9
+
+
+def test_logistic_model_recovers_frequencies_and_survives_json():
+    rng = np.random.default_rng(3)
+    inputs = rng.normal(size=(2000, 2))
+    labels = rng.random(2000) < 1.0 / (1.0 + np.exp(-(inputs[:, 0] - 1.0)))
+    model = Logistic.fit(inputs, labels.tolist())
+    assert model.predict(np.array([1.0, 0.0])) == pytest.approx(0.5, abs=0.05)
+    stored = Logistic.from_json(json.loads(json.dumps(model.to_json())))
+    assert stored.predict(inputs[0]) == pytest.approx(model.predict(inputs[0]), abs=1e-4)
+
+
+def test_packaged_calibration_increases_with_the_evidence():
+    effect = load_calibration().effect
+    weak, strong = effect.predict(np.array([-4.0, 0.0, -2.0, -2.0])), effect.predict(np.array([6.0, 4.0, 1.5, 0.0]))
+    assert weak < 0.1
+    assert strong > 0.6
+
+
+@pytest.mark.parametrize(("effect", "name"), [(stiffen, "stiffness"), (delay_second_board, "latency")])
+def test_a_single_cause_is_the_most_probable(world, tmp_path, effect, name):
+    probabilities = compare(*world(tmp_path, effect=effect)).compute_probabilities()
+    assert max(probabilities, key=lambda key: probabilities[key]) == name
+    assert all(0.0 <= value <= 1.0 for value in probabilities.values())
+
+
+def test_equal_files_have_no_probable_cause(world, tmp_path):
+    comparison = compare(*world(tmp_path))
+    probabilities = comparison.compute_probabilities()
+    assert max(value for name, value in probabilities.items() if name != NO_GAP) < 0.5
+
+
+def make_constant(probability: float, inputs: int) -> Logistic:
+    """A model that predicts one probability for all inputs."""
+    return Logistic(float(np.log(probability / (1 - probability))), np.zeros(inputs), np.zeros(inputs), np.ones(inputs))
+
+
+@pytest.mark.parametrize("any_cause", [0.05, 0.6, 0.99])
+def test_probabilities_of_causes_agree_with_the_probability_of_any_cause(any_cause):
+    calibration = Calibration(make_constant(0.3, 4), make_constant(0.2, 4), make_constant(any_cause, 2), 0.01, "a test")
+    found = calibration.compute_probabilities({"noise": np.zeros(4)}, np.zeros(4), ["noise", "latency"])
+    causes = [found[name] for name in ("noise", "latency", UNKNOWN)]
+    assert 1.0 - np.prod([1.0 - value for value in causes]) == pytest.approx(any_cause)
+    assert found[NO_GAP] == pytest.approx(1.0 - any_cause)
+    assert causes[0] > causes[2] > causes[1]
+
+
+def test_an_excluded_effect_has_no_probability(world, tmp_path):
+    assert "noise" not in compare(*world(tmp_path, effect=stiffen), without=["noise"]).compute_probabilities()
