@@ -17,7 +17,7 @@ from taxel.grasp.objects import compute_mass_properties
 from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.shapes import Shape
 from taxel.hand import Hand
-from taxel.hand.transforms import inverse
+from taxel.hand.transforms import apply, inverse
 from taxel.types import BoolArray, FloatArray
 
 ROUNDING_M: Final = 1e-9
@@ -34,7 +34,7 @@ class Failure(StrEnum):
     TURNED = "turned"
     """The object has turned so far that the palm is nearer to another approach of the plan than to its own."""
     MOVING = "moving"
-    """In the hold the object moves along a touching taxel by more than half the pitch: to another taxel."""
+    """In the hold the object moves at a touching taxel by more than half the pitch: its contact would change taxel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,25 +64,34 @@ class GraspCheck:
         """
         if not len(object_poses):
             return None
-        taxels = self._compute_taxel_positions(object_poses, bracket_poses)
-        is_touching = self._find_touching_taxels(taxels[-1])
-        if not is_touching.any():
+        taxels = self._compute_taxel_positions(object_poses[-1], bracket_poses[-1])
+        contacts = taxels[self._find_touching_taxels(taxels)]
+        if not len(contacts):
             return Failure.LOST
         if self._is_toppled(object_poses[-1]):
             return Failure.TOPPLED
         if self._is_turned(object_poses[-1]):
             return Failure.TURNED
-        shift = np.linalg.norm(taxels[:, is_touching] - taxels[-1, is_touching], axis=2)
-        return Failure.MOVING if shift.max() > self.hand.pitch_m / 2.0 else None
+        return Failure.MOVING if self._has_moved(object_poses, contacts) else None
 
-    def _compute_taxel_positions(self, object_poses: FloatArray, bracket_poses: FloatArray) -> FloatArray:
-        """Compute the centres of all taxels in the frame of the object, f64[k, n, 3]; arguments as `find_failure`."""
-        boards = inverse(object_poses)[:, None] @ bracket_poses
-        positions = np.empty((len(object_poses), self.hand.n_taxels, 3))
-        for index, board in enumerate(self.hand.boards):
+    def _has_moved(self, poses: FloatArray, contacts: FloatArray) -> bool:
+        """Whether the object has moved at a contact by more than half the pitch, from any time of the hold to its end.
+
+        poses: f64[k, 4, 4] of the object. contacts: f64[m, 3], object frame. The palm rests in the hold; a finger that
+        still settles on an object at rest is no motion of the object.
+        """
+        points = contacts @ poses[:, :3, :3].transpose(0, 2, 1) + poses[:, None, :3, 3]
+        return bool(np.linalg.norm(points - points[-1], axis=2).max() > self.hand.pitch_m / 2.0)
+
+    def _compute_taxel_positions(self, object_pose: FloatArray, bracket_poses: FloatArray) -> FloatArray:
+        """Compute the centres of all taxels in the frame of the object, f64[n, 3].
+
+        object_pose: f64[4, 4], bracket_poses: f64[s, 4, 4], world.
+        """
+        positions = np.empty((self.hand.n_taxels, 3))
+        for board, pose in zip(self.hand.boards, inverse(object_pose) @ bracket_poses, strict=True):
             part = self.hand.get_slice(board.address)
-            rotated = np.einsum("kij,nj->kni", boards[:, index, :3, :3], self.hand.position[part])
-            positions[:, part] = rotated + boards[:, index, None, :3, 3]
+            positions[part] = apply(pose, self.hand.position[part])
         return positions
 
     def _find_touching_taxels(self, positions: FloatArray) -> BoolArray:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taxel.campaign import session
 from taxel.campaign.session import LEAD_IN_S, check_world, run_session
 from taxel.campaign.settings import EmulatedSettings
 from taxel.campaign.variation import NO_VARIATION, Variation
@@ -165,10 +166,14 @@ def test_successful_grasps_are_marked_as_first_attempts(records):
     assert [(record.attempts, record.failure) for record in records] == [(1, "none"), (1, "none")]
 
 
-def test_a_grasp_that_fails_by_chance_is_repeated_with_another_variation(setup, plan, settings):
-    """The object is placed 40 mm (RMS) beside its pose, and the fingers miss it in the first attempt."""
-    variation = replace(NO_VARIATION, object_m=0.04)
-    record = run_session(setup, plan[:1], replace(settings, variation=variation))[0]
+def test_a_grasp_that_fails_by_chance_is_repeated_with_another_variation(setup, plan, settings, monkeypatch):
+    """In the first attempt the object is placed 0.1 m in front of the palm; the second attempt has no variation."""
+    away = 0.1 * setup.approach(plan[0]).palm_pose[:3, 0]
+    monkeypatch.setattr(
+        session, "sample_grasp_variation", lambda seed, grasp, attempt: (attempt == 0) * np.r_[away, np.zeros(4)]
+    )
+    displaced = replace(settings, variation=replace(NO_VARIATION, object_m=1.0))
+    record = run_session(setup, plan[:1], displaced)[0]
     assert (record.attempts, record.failure) == (2, "none")
 
 
