@@ -37,6 +37,11 @@ class Motion:
     bracket_poses: NDArray[np.float64]
     joints: JointLog
 
+    def select_hold(self, timeline: Timeline) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Select the poses of the object f64[k, 4, 4] and of the brackets f64[k, s, 4, 4] in the hold."""
+        is_hold = timeline.find_phases(self.time_s) == Phase.HOLD
+        return self.object_poses[is_hold], self.bracket_poses[is_hold]
+
 
 def simulate_grasp_motion(
     dynamics: HandInContact,

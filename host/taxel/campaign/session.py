@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.campaign.attempts import Attempt, perform_attempts
+from taxel.campaign.failure import make_grasp_check
 from taxel.campaign.free_object import FreeObject
 from taxel.campaign.hand_in_contact import HandInContact
 from taxel.campaign.motion import Motion, simulate_grasp_motion
@@ -24,6 +26,7 @@ from taxel.grasp.timeline import Phase
 from taxel.hand import Hand
 from taxel.hand.world import WorldSettings
 from taxel.link import run_emulator, write_scene
+from taxel.recording.grasp_format import NO_FAILURE
 from taxel.recording.grasp_record import GraspRecord
 from taxel.skin import open_skin
 from taxel.stream.start_script import write_start_script
@@ -36,10 +39,15 @@ _SESSION_STREAM = 1
 
 @dataclass(frozen=True, eq=False)
 class _PerformedGrasp:
-    """A planned grasp and its true motion."""
+    """A planned grasp and its kept attempt."""
 
     planned: PlannedGrasp
-    motion: Motion
+    attempt: Attempt[Motion]
+
+    @property
+    def motion(self) -> Motion:
+        """True motion of hand and object in the kept attempt."""
+        return self.attempt.motion
 
 
 class SceneMotion(NamedTuple):
@@ -111,13 +119,31 @@ def _sample_motion(rng: np.random.Generator, metres: float, radians: float) -> N
 def _perform_grasp(
     setup: Setup, planned: PlannedGrasp, settings: EmulatedSettings, contact: SkinContact
 ) -> _PerformedGrasp:
-    """Simulate one grasp of the emulated hand on the object, which is displaced from its nominal pose at random.
+    """Simulate one grasp of the emulated hand, and repeat it with another variation if it fails.
 
-    contact: computes the contact loads. Returns the true motion of hand and object.
+    contact: computes the contact loads. Returns the true motion of hand and object in the kept attempt. The skin runs
+    only during the kept attempts: the session has the length of its plan.
     """
+    check = make_grasp_check(setup, planned)
+    attempt = perform_attempts(
+        lambda sample: _simulate_motion(setup, planned, settings, contact, sample),
+        lambda motion: check.find_failure(*motion.select_hold(settings.timeline)),
+        lambda number: sample_grasp_variation(settings.seed, planned.id, number),
+        settings.max_attempts,
+    )
+    return _PerformedGrasp(planned, attempt)
+
+
+def _simulate_motion(
+    setup: Setup,
+    planned: PlannedGrasp,
+    settings: EmulatedSettings,
+    contact: SkinContact,
+    sample: NDArray[np.float64],
+) -> Motion:
+    """Simulate the motion of one attempt of a grasp. sample: unit samples f64[7] of the variation."""
     approach, item = setup.approach(planned), setup.objects[planned.object]
-    variation = settings.variation.for_object(planned.object)
-    offset, grip = variation.apply(sample_grasp_variation(settings.seed, planned.id))
+    offset, grip = settings.variation.for_object(planned.object).apply(sample)
     true_pose = setup.object_pose(planned.object) @ offset
     timeline = settings.timeline
 
@@ -135,7 +161,7 @@ def _perform_grasp(
         approach.open_angles,
     )
     controller = GraspController(approach, timeline, grip)
-    return _PerformedGrasp(planned, simulate_grasp_motion(dynamics, controller, timeline, wrist_at))
+    return simulate_grasp_motion(dynamics, controller, timeline, wrist_at)
 
 
 def _run_session_skin(
@@ -211,4 +237,6 @@ def _make_record(
         object_pose=setup.object_pose(grasp.planned.object),
         sensor_time=recorded.sensor_time,
         joint_position=joints,
+        attempts=grasp.attempt.attempts,
+        failure=grasp.attempt.failure or NO_FAILURE,
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.campaign.attempts import MAX_ATTEMPTS
 from taxel.campaign.variation import Variation
 from taxel.errors import TaxelError
 from taxel.grasp.timeline import Timeline
@@ -60,6 +61,7 @@ class EmulatedSettings:
     "bracket_offset palm 0.001 0 0 0 0 0.02" or "object_offset cylinder ...": the true pose of that bracket or object
     relative to its nominal pose (x, y, z in metres, rotation vector in radians, in its own frame). noise_counts:
     standard deviation of the white read-out noise of every taxel, added to the effects. scl_hz: I2C clock. baud: UART.
+    max_attempts: largest number of attempts of a grasp that fails (`taxel.campaign.failure`), 1: no repetition.
     """
 
     seed: int = 1
@@ -69,6 +71,7 @@ class EmulatedSettings:
     scl_hz: float = 400e3
     baud: float = 1e6
     timeline: Timeline = field(default_factory=Timeline)
+    max_attempts: int = MAX_ATTEMPTS
 
     def world_effect_lines(self) -> list[str]:
         """Return the effect lines for the emulator's world file, without the displacements of brackets and objects."""

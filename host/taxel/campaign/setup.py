@@ -105,6 +105,10 @@ class Setup:
             return set_finger_bases(approach, planned.iteration)
         return approach
 
+    def approaches_to(self, name: str) -> dict[str, Approach]:
+        """Return all approaches to the object `name` by name, without the finger bases of single iterations."""
+        return {approach: item for (target, approach), item in self._approaches.items() if target == name}
+
     def object_pose(self, name: str) -> NDArray[np.float64]:
         """Return the nominal pose of an object, f64[4, 4], world: the calibrated pose, or else the planned pose."""
         if self.calibration is not None and name in self.calibration.objects:

@@ -7,7 +7,10 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
+from taxel.campaign.attempts import MAX_ATTEMPTS, Attempt, perform_attempts
+from taxel.campaign.failure import Failure, make_grasp_check
 from taxel.campaign.processes import map_in_processes
 from taxel.campaign.progress import Progress, no_progress
 from taxel.campaign.setup import WRIST_LINK, Setup
@@ -15,6 +18,7 @@ from taxel.campaign.store import open_campaign_writer
 from taxel.campaign.variation import Variation, sample_balanced_variation
 from taxel.grasp.plan import PlannedGrasp
 from taxel.grasp.timeline import Phase, Timeline
+from taxel.recording.grasp_format import NO_FAILURE
 from taxel.recording.grasp_record import GraspRecord
 from taxel.sim.closing import RATE_HZ, GraspMotion, SimulationSettings, simulate_grasp
 from taxel.sim.original_sensing import OriginalRules, get_surface_heights, make_recorder_settings
@@ -35,7 +39,7 @@ class SimSettings:
     sensing: model that converts contact into forces on taxels (`taxel.sim.sensing`). variation: variation of object
     pose and grip between repeats, as estimated from repeats on the hand; applied as a balanced design
     (`taxel.campaign.variation.sample_balanced_variation`). Its remounting part is not used: brackets are at their
-    nominal poses.
+    nominal poses. max_attempts: largest number of attempts of a grasp that fails, 1: no repetition.
     """
 
     seed: int = 1
@@ -43,6 +47,7 @@ class SimSettings:
     sensing: Sensing = field(default_factory=Sensing)
     sensor: SimSensor = field(default_factory=SimSensor)
     timeline: Timeline = field(default_factory=Timeline)
+    max_attempts: int = MAX_ATTEMPTS
 
     def describe(self) -> str:
         """Return one line for the generator attribute of the dataset: sensing level and a digest of the settings."""
@@ -93,18 +98,20 @@ def _scene(setup: Setup, name: str, rules: OriginalRules | None) -> Scene:
     return build_scene(setup.hand, setup.objects[name], WRIST_LINK, layer_m=heights)
 
 
-def simulate_motion(setup: Setup, planned: PlannedGrasp, settings: SimSettings) -> GraspMotion:
-    """Simulate the motion and the contacts of one planned grasp.
+def simulate_motion(
+    setup: Setup, planned: PlannedGrasp, settings: SimSettings, sample: NDArray[np.float64] | None = None
+) -> GraspMotion:
+    """Simulate the motion and the contacts of one attempt of a planned grasp.
 
-    With the sensing level "original" the motion contains the messages of the boards' contact sensors.
+    sample: unit samples f64[7] of the variation; None: those of the first attempt. With the sensing level "original"
+    the motion contains the messages of the boards' contact sensors.
     """
     law = settings.sensing.law if settings.sensing.level == "layer" else None
     rules = settings.sensing.original if settings.sensing.level == "original" else None
     recorder = None if rules is None else make_recorder_settings(setup.hand, rules)
     scene, approach = _scene(setup, planned.object, rules), setup.approach(planned)
-    name = f"{planned.object} {planned.approach}"
     variation = settings.variation.for_object(planned.object)
-    offset, grip = variation.apply(sample_balanced_variation(settings.seed, name, planned.iteration))
+    offset, grip = variation.apply(_sample_variation(planned, settings, 0) if sample is None else sample)
     simulation = SimulationSettings(
         RATE_HZ,
         object_offset=offset,
@@ -116,11 +123,38 @@ def simulate_motion(setup: Setup, planned: PlannedGrasp, settings: SimSettings) 
     return simulate_grasp(scene, approach, settings.timeline, simulation)
 
 
+def _sample_variation(planned: PlannedGrasp, settings: SimSettings, attempt: int) -> NDArray[np.float64]:
+    """Sample the unit deviations f64[7] of an attempt of a grasp. attempt: number of earlier, failed attempts."""
+    name = f"{planned.object} {planned.approach}"
+    return sample_balanced_variation(settings.seed, name, planned.iteration, attempt)
+
+
+def _perform_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSettings) -> Attempt[GraspMotion]:
+    """Simulate the motion of a grasp, and repeat it with another variation if it fails."""
+    check = make_grasp_check(setup, planned)
+
+    def find_failure(motion: GraspMotion) -> Failure | None:
+        """Return the failure of the grasp in the hold of `motion`."""
+        is_hold = motion.phase == Phase.HOLD
+        return check.find_failure(motion.object_pose[is_hold], motion.sensor_poses[is_hold])
+
+    return perform_attempts(
+        lambda sample: simulate_motion(setup, planned, settings, sample),
+        find_failure,
+        lambda attempt: _sample_variation(planned, settings, attempt),
+        settings.max_attempts,
+    )
+
+
 def simulate_planned_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSettings) -> GraspRecord:
-    """Simulate one planned grasp and return its record. The noise depends only on the seed and the grasp."""
+    """Simulate one planned grasp and return its record. The noise depends only on the seed and the grasp.
+
+    A failed grasp is repeated with another variation (`taxel.campaign.attempts`).
+    """
     rng = np.random.default_rng([settings.seed, _STREAM, *planned.id.encode()])
     object_pose, item = setup.object_pose(planned.object), setup.objects[planned.object]
-    motion = simulate_motion(setup, planned, settings)
+    attempt = _perform_grasp(setup, planned, settings)
+    motion = attempt.motion
     sensed = sense(setup.hand, item.shape, motion, settings.sensing)
     counts_force = sensed.contact_force if sensed.signal_force is None else sensed.signal_force
     hold = motion.phase == Phase.HOLD
@@ -140,4 +174,6 @@ def simulate_planned_grasp(setup: Setup, planned: PlannedGrasp, settings: SimSet
         joint_position=np.hstack([arm, motion.joint_angles]),
         contact_force=sensed.contact_force,
         separation=sensed.separation,
+        attempts=attempt.attempts,
+        failure=attempt.failure or NO_FAILURE,
     )

@@ -18,6 +18,7 @@ from scipy.linalg import hadamard
 from taxel.hand.transforms import from_rotation_vector
 
 _GRASP_STREAM = 2  # random stream of the grasps; stream 1 is that of the brackets (session.py)
+_REPEAT_STREAM = 4  # of the repeated attempts; stream 3 is that of the simulated noise (simulated.py)
 
 FACTORS = 7
 """Number of varied quantities per grasp: position of the object (3), rotation of the object (3), grip (1)."""
@@ -69,18 +70,25 @@ def make_small_motion(
     return motion
 
 
-def sample_grasp_variation(seed: int, grasp: str) -> NDArray[np.float64]:
-    """Sample the normal unit deviations f64[7] of one grasp on the emulated hand. grasp: id of the grasp."""
-    return np.random.default_rng([seed, _GRASP_STREAM, *grasp.encode()]).normal(size=FACTORS)
+def sample_grasp_variation(seed: int, grasp: str, attempt: int = 0) -> NDArray[np.float64]:
+    """Sample the normal unit deviations f64[7] of one grasp on the emulated hand.
+
+    grasp: id of the grasp. attempt: number of earlier, failed attempts.
+    """
+    stream = [_GRASP_STREAM] if attempt == 0 else [_REPEAT_STREAM, attempt]
+    return np.random.default_rng([seed, *stream, *grasp.encode()]).normal(size=FACTORS)
 
 
-def sample_balanced_variation(seed: int, name: str, repeat: int) -> NDArray[np.float64]:
+def sample_balanced_variation(seed: int, name: str, repeat: int, attempt: int = 0) -> NDArray[np.float64]:
     """Compute balanced unit deviations f64[7] of a repeated simulated grasp; each of the seven factors is -1 or +1.
 
     repeat: number of the repeat. Repeats 2 k and 2 k + 1 have opposite signs and cancel in first order. 16 repeats form
     a two-level design in which no two factors are confounded (Hadamard matrix of order 8, folded over). `seed` and the
-    grasp's `name` determine the signs.
+    grasp's `name` determine the signs. attempt: number of earlier, failed attempts; repetitions have random signs.
     """
+    if attempt > 0:
+        stream = [seed, _REPEAT_STREAM, attempt, repeat, zlib.crc32(name.encode())]
+        return np.random.default_rng(stream).choice([-1.0, 1.0], FACTORS)
     signs = np.random.default_rng([seed, zlib.crc32(name.encode())]).choice([-1.0, 1.0], FACTORS)
     row = hadamard(8)[(repeat // 2) % 8, 1:]
     return np.asarray((1.0 - 2.0 * (repeat % 2)) * signs * row)

@@ -1,7 +1,7 @@
 """The command `taxel grasp`."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -11,11 +11,13 @@ from rich.console import Console
 from rich.table import Table
 
 from taxel.campaign.emulated import run_emulated
-from taxel.campaign.point_counts import count_contact_points
+from taxel.campaign.outcomes import count_outcomes
+from taxel.campaign.point_counts import PointCount, count_contact_points
 from taxel.campaign.settings import EmulatedSettings, parse_effects
 from taxel.campaign.setup import Setup
 from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.cli.options import AsJson, Jobs, Overwrite, Seed
+from taxel.cli.outcome_lines import print_outcomes
 from taxel.cli.progress import count_bar
 from taxel.errors import TaxelError
 from taxel.grasp.calibration import load_calibration
@@ -83,7 +85,9 @@ def grasp(
 ) -> None:
     """Run the 144 grasps of the thesis on the emulated hand, in the simulator or on a physical hand.
 
-    The result is a grasp dataset: raw counts, times, phases, joint angles and poses.
+    The result is a grasp dataset: raw counts, times, phases, joint angles and poses. On the emulated hand and in the
+    simulator, a grasp that fails by chance (object lost, toppled, turned to another approach, or moving in the hold) is
+    repeated with another variation, at most twice. The dataset marks failed grasps, and the output counts them.
 
     Examples: taxel grasp --source both --out out/campaign; taxel grasp --source sim --grasps 10 --out sim.h5; taxel
     grasp --source physical --check-motion
@@ -122,6 +126,8 @@ def grasp(
         ):
             run_physical(path, plan, workstation, settings, setup, overwrite, resume, show)
     _print_contact_points(console, list(paths.values()), as_json)
+    if not as_json:
+        print_outcomes(console, paths.values())
 
 
 def _make_setup(hand: str, calibration: Path | None, level: Level, source: str) -> Setup:
@@ -203,14 +209,19 @@ def _wait_for_operator(planned: PlannedGrasp) -> None:
     )
 
 
+def _describe_counts(path: str, counts: Mapping[str, PointCount]) -> dict[str, dict[str, object]]:
+    """Describe the counts of a dataset for JSON, by object: grasps, points, and outcomes where the dataset has them."""
+    content: dict[str, dict[str, object]] = {name: dict(vars(count)) for name, count in counts.items()}
+    for name, outcome in count_outcomes(path).items():
+        content[name] |= {"failed": outcome.failed, "failures": outcome.failures, "repeated": outcome.repeated}
+    return content
+
+
 def _print_contact_points(console: Console, paths: list[Path], as_json: bool) -> None:
-    """Print the number of grasps and contact points of each dataset and object."""
+    """Print the number of grasps and contact points of each dataset and object; as JSON also the outcomes."""
     counts_by_file = {str(path): count_contact_points(path) for path in paths}
     if as_json:
-        content = {
-            path: {name: vars(count) for name, count in by_object.items()} for path, by_object in counts_by_file.items()
-        }
-        print(json.dumps(content))
+        print(json.dumps({path: _describe_counts(path, by_object) for path, by_object in counts_by_file.items()}))
         return
     table = Table(title="contact points (front of the hand without the middle and pinkie fingertips, as in Table 5.2)")
     for heading in ("file", "object", "grasps", "points", "points per grasp"):

@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 
 from taxel.campaign.pictures import save_clouds, save_grasp
+from taxel.cli.outcome_lines import print_outcomes
 from taxel.errors import TaxelError
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import SIM
@@ -32,9 +33,9 @@ def show(
     """Draw a grasp dataset, or check the physics of a simulated one.
 
     One picture shows the accumulated contact points of each object, the other the active and inactive taxels of a
-    grasp. With --check, the exit status is 1 if a frame violates an invariant: force without contact, an object deeper
-    in the skin than the layer is thick, a jump of the total force, a contradiction to the force law, or a hold in which
-    the force still changes.
+    grasp; one line for each object states the failed grasps of a campaign. With --check, the exit status is 1 if a
+    frame violates an invariant: force without contact, an object deeper in the skin than the layer is thick, a jump of
+    the total force, a contradiction to the force law, or a hold in which the force still changes.
 
     Example: taxel show out/campaign/real.h5 out/campaign/sim.h5 --out out/show
     """
@@ -50,6 +51,7 @@ def show(
     with console.status("drawing"):
         save_clouds(datasets, out / "clouds.png")
         save_grasp(datasets, out / "grasp.png", common[0] if grasp is None else grasp)
+    print_outcomes(console, datasets)
     console.print(f"pictures: {out / 'clouds.png'}, {out / 'grasp.png'}")
 
 

@@ -33,6 +33,7 @@ from taxel.recording.grasp_format import (
     GRASP_ATTRIBUTES,
     LARGEST_ARRAY_BYTES,
     MESH,
+    OPTIONAL_GRASP_ATTRIBUTES,
     ROOT_ATTRIBUTES,
     SENSORS,
     TAXELS,
@@ -50,7 +51,10 @@ _GROUPS: Mapping[str, tuple[str, ...]] = {
     "sensors": tuple(SENSORS),
     "sensor_model": REQUIRED + OPTIONAL,
 }
-_GROUPS_OF_GROUPS: Mapping[str, tuple[str, ...]] = {"objects": tuple(MESH), "grasps": GRASP_ATTRIBUTES + tuple(GRASP)}
+_GROUPS_OF_GROUPS: Mapping[str, tuple[str, ...]] = {
+    "objects": tuple(MESH),
+    "grasps": GRASP_ATTRIBUTES + OPTIONAL_GRASP_ATTRIBUTES + tuple(GRASP),
+}
 
 
 def write_from_arrays(
@@ -201,7 +205,8 @@ def _write_dataset(path: Path, values: _Values) -> None:
     with GraspDatasetWriter.create(path, header, overwrite=True) as out:
         for grasp_id in values.ids("grasps"):
             fields = {name: values.get(f"grasps/{grasp_id}/{name}") for name in GRASP_ATTRIBUTES}
-            arrays = {name: values.get(f"grasps/{grasp_id}/{name}", required=False) for name in GRASP}
+            names = (*OPTIONAL_GRASP_ATTRIBUTES, *GRASP)
+            arrays = {name: values.get(f"grasps/{grasp_id}/{name}", required=False) for name in names}
             out.add(GraspRecord(**fields, **arrays), grasp_id)
 
 

@@ -8,14 +8,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.recording.grasp_checks import check_content, check_integer, check_text
-from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS, BASELINE_FRAMES, GRASP, SIM, Phase, is_required
+from taxel.recording.grasp_checks import check_content, check_integer, check_outcome, check_text
+from taxel.recording.grasp_format import (
+    ACTIVE_SIGNAL_COUNTS,
+    BASELINE_FRAMES,
+    GRASP,
+    NO_FAILURE,
+    OPTIONAL_GRASP_ATTRIBUTES,
+    SIM,
+    Phase,
+    is_required,
+)
 from taxel.recording.grasp_hdf5 import Node, scalar, set_read_only
 from taxel.types import BoolArray, ByteArray, CountArray, FloatArray, IntArray
 
 
 class Grasp:
     """One grasp: T frames of n taxels on s sensors. Arrays are read-only; the format page defines their content.
+
+    attempts: number of attempts of the grasp, from 1. failure: kind of the failure of the recorded attempt, "none" for
+    a successful one. Both are None if the file does not state them.
 
     An array is read and checked on first use (DatasetError) and stays in memory as long as this object exists.
     """
@@ -39,6 +51,7 @@ class Grasp:
         self.approach: str = check_text(text["approach"], location.key("approach"))
         self.iteration: int = check_integer(number["iteration"], location.key("iteration"))
         self.session: int = check_integer(number["session"], location.key("session"))
+        self.attempts, self.failure = _read_outcome(node)
         for name, spec in GRASP.items():
             is_present = node.has(name)
             if is_present and spec.sim_only and source != SIM:
@@ -51,6 +64,11 @@ class Grasp:
         other = copy(self)
         other._arrays = {}
         return other
+
+    @property
+    def has_failed(self) -> bool | None:
+        """Whether the recorded attempt of the grasp failed; None: not known."""
+        return None if self.failure is None else self.failure != NO_FAILURE
 
     @property
     def n_frames(self) -> int:
@@ -220,6 +238,16 @@ class Grasp:
         array = self._node.array(name, spec, self._sizes)
         check_content(name, array, self._node.location.key(name))
         return set_read_only(array)
+
+
+def _read_outcome(node: Node) -> tuple[int | None, str | None]:
+    """Read the optional attributes of a grasp's outcome: attempts and failure, None where absent.
+
+    node: group of the grasp. Raises DatasetError for an invalid value.
+    """
+    values = node.attributes(OPTIONAL_GRASP_ATTRIBUTES)
+    outcome = {name: scalar(value, node.location.key(name)) for name, value in values.items()}
+    return check_outcome(outcome.get("attempts"), outcome.get("failure"), node.location)
 
 
 def _check_positive(frames: int) -> int:

@@ -230,6 +230,17 @@ def check_integer(value: Any, location: Location) -> int:
     return int(value)
 
 
+def check_outcome(attempts: Any, failure: Any, location: Location) -> tuple[int | None, str | None]:
+    """Check the optional attributes of a grasp's outcome; return (number of attempts, failure), None where absent.
+
+    Raises DatasetError for a number of attempts below 1 and for a failure that is no text.
+    """
+    if attempts is not None and check_integer(attempts, location.key("attempts")) < 1:
+        location.key("attempts").fail("an integer of 1 or more", "0", "count the first attempt, too")
+    number = None if attempts is None else int(attempts)
+    return number, None if failure is None else check_text(failure, location.key("failure"))
+
+
 def check_number(value: Any, location: Location, allow_zero: bool = False) -> float:
     """Return `value` as a float if it is a finite number above 0, or 0 with `allow_zero`; else raise DatasetError."""
     expected = "a finite number of 0 or more" if allow_zero else "a finite number above 0"

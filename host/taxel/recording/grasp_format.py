@@ -94,6 +94,9 @@ GRASP: Mapping[str, ArraySpec] = {
 
 ROOT_ATTRIBUTES = ("source", "hand", "created", "generator")
 GRASP_ATTRIBUTES = ("object", "approach", "iteration", "session")
+OPTIONAL_GRASP_ATTRIBUTES = ("attempts", "failure")
+NO_FAILURE = "none"
+"""Attribute `failure` of a grasp that was checked and is successful."""
 
 
 def is_required(spec: ArraySpec, source: str) -> bool:

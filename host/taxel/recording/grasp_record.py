@@ -7,8 +7,15 @@ from typing import Any
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
-from taxel.recording.grasp_checks import Location, check_array, check_content, check_integer, check_text
-from taxel.recording.grasp_format import GRASP, SIM, is_required
+from taxel.recording.grasp_checks import (
+    Location,
+    check_array,
+    check_content,
+    check_integer,
+    check_outcome,
+    check_text,
+)
+from taxel.recording.grasp_format import GRASP, OPTIONAL_GRASP_ATTRIBUTES, SIM, is_required
 from taxel.types import BoolArray, ByteArray, CountArray, FloatArray
 
 
@@ -17,7 +24,7 @@ class GraspRecord:
     """One grasp to be written to a dataset; fields, shapes and units as those of `Grasp`.
 
     A field that is None is not written. A frame whose sensor did not answer is invalid, and its raw_counts repeat the
-    last counts (0 before the first).
+    last counts (0 before the first). attempts, failure: the outcome of the grasp, as in `Grasp`.
     """
 
     object: str
@@ -36,21 +43,25 @@ class GraspRecord:
     contact_force: FloatArray | None = None
     separation: FloatArray | None = None
     distance: FloatArray | None = None
+    attempts: int | None = None
+    failure: str | None = None
 
 
 def check_attributes(record: GraspRecord, objects: Collection[str], location: Location) -> dict[str, Any]:
-    """Return the four attributes of a grasp's HDF5 group; raises DatasetError for the first error.
+    """Return the attributes of a grasp's HDF5 group; raises DatasetError for the first error.
 
     objects: names of the objects in the dataset.
     """
     name = check_text(record.object, location.key("object"))
     if name not in objects:
         location.key("object").fail("a name in /objects", format_value(name), "add that object or correct the name")
+    outcome = check_outcome(record.attempts, record.failure, location)
     return {
         "object": name,
         "approach": check_text(record.approach, location.key("approach")),
         "iteration": check_integer(record.iteration, location.key("iteration")),
         "session": check_integer(record.session, location.key("session")),
+        **{key: value for key, value in zip(OPTIONAL_GRASP_ATTRIBUTES, outcome, strict=True) if value is not None},
     }
 
 

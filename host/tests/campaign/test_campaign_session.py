@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from taxel.campaign import session
 from taxel.campaign.session import LEAD_IN_S, check_world, run_session
 from taxel.campaign.settings import EmulatedSettings
-from taxel.campaign.variation import NO_VARIATION
+from taxel.campaign.variation import NO_VARIATION, Variation
 from taxel.emulated.contact import ContactLibraryError
+from taxel.grasp.plan import make_thesis_plan
 from taxel.grasp.timeline import Phase
 
 EFFECTS_OF_ZERO_STRENGTH = (
@@ -158,3 +160,25 @@ def test_a_board_that_stops_responding_repeats_its_latest_counts(setup, two_of_o
 def test_the_error_for_a_rejected_effect_states_its_line(setup, settings):
     with pytest.raises(ContactLibraryError, match=r"^world file, line \d+: .* \(found 'effect noise purple'\)$"):
         check_world(setup, replace(settings, effects=("noise purple",)))
+
+
+def test_successful_grasps_are_marked_as_first_attempts(records):
+    assert [(record.attempts, record.failure) for record in records] == [(1, "none"), (1, "none")]
+
+
+def test_a_grasp_that_fails_by_chance_is_repeated_with_another_variation(setup, plan, settings, monkeypatch):
+    """In the first attempt the object is placed 0.1 m in front of the palm; the second attempt has no variation."""
+    away = 0.1 * setup.approach(plan[0]).palm_pose[:3, 0]
+    monkeypatch.setattr(
+        session, "sample_grasp_variation", lambda seed, grasp, attempt: (attempt == 0) * np.r_[away, np.zeros(4)]
+    )
+    displaced = replace(settings, variation=replace(NO_VARIATION, object_m=1.0))
+    record = run_session(setup, plan[:1], displaced)[0]
+    assert (record.attempts, record.failure) == (2, "none")
+
+
+def test_the_recorded_edge_grasp_is_marked_as_turned_and_not_repeated(setup, settings):
+    """The box turns by half a right angle on the palm even without variation."""
+    planned = next(grasp for grasp in make_thesis_plan(1) if grasp.approach == "side_edge")
+    record = run_session(setup, [planned], replace(settings, variation=Variation()))[0]
+    assert (record.attempts, record.failure) == (1, "turned")

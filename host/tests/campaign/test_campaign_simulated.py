@@ -6,8 +6,11 @@ import h5py
 import numpy as np
 import pytest
 
+from taxel.campaign.failure import Failure
+from taxel.campaign.outcomes import OutcomeCount, count_outcomes
 from taxel.campaign.point_counts import count_contact_points
 from taxel.campaign.simulated import SimSettings, run_simulated, simulate_planned_grasp
+from taxel.campaign.variation import NO_VARIATION
 from taxel.grasp.timeline import Phase
 from taxel.recording.errors import DatasetError
 from taxel.recording.grasp_dataset import GraspDataset
@@ -145,3 +148,45 @@ def test_noise_depends_only_on_seed_and_grasp(setup, plan, settings):
     noiseless = replace(settings, sensor=SimSensor(noise_counts=0.0))
     first_frame = simulate_planned_grasp(setup, plan[0], noiseless).raw_counts[0]
     assert (first_frame == round(noiseless.sensor.baseline_counts)).all()
+
+
+@pytest.fixture(scope="module")
+def displaced_settings(settings):
+    """The object is placed 30 mm beside its pose on each axis: one of two grasps fails in its first attempt."""
+    return replace(settings, variation=replace(NO_VARIATION, object_m=0.03))
+
+
+@pytest.fixture(scope="module")
+def displaced_file(setup, plan, displaced_settings, tmp_path_factory):
+    path = tmp_path_factory.mktemp("displaced") / "sim.h5"
+    run_simulated(path, plan, displaced_settings, setup, jobs=1)
+    return path
+
+
+def test_a_failed_grasp_is_repeated_and_counted(displaced_file):
+    with GraspDataset(displaced_file) as data:
+        assert [(grasp.attempts, grasp.failure) for grasp in data] == [(1, "none"), (2, "none")]
+    assert count_outcomes(displaced_file) == {"cylinder": OutcomeCount(grasps=2, repeated=1)}
+
+
+def test_a_grasp_whose_attempts_all_fail_is_kept_and_marked(setup, plan, displaced_settings):
+    record = simulate_planned_grasp(setup, plan[1], replace(displaced_settings, max_attempts=1))
+    assert record.attempts == 1
+    assert record.failure in set(Failure)
+
+
+def test_an_interrupted_campaign_resumes_with_the_same_attempts(
+    setup, plan, displaced_settings, displaced_file, tmp_path
+):
+    path = tmp_path / "sim.h5"
+    run_simulated(path, plan[:1], displaced_settings, setup, jobs=1)
+    run_simulated(path, plan, displaced_settings, setup, jobs=1, resume=True)
+    assert read_grasps(path) == read_grasps(displaced_file)
+
+
+@pytest.mark.slow
+def test_repeated_attempts_do_not_depend_on_the_number_of_processes(
+    setup, plan, displaced_settings, displaced_file, tmp_path
+):
+    run_simulated(tmp_path / "sim.h5", plan, displaced_settings, setup, jobs=2)
+    assert read_grasps(tmp_path / "sim.h5") == read_grasps(displaced_file)

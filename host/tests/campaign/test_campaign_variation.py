@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taxel.campaign.variation import FACTORS, Variation, sample_balanced_variation
+from taxel.campaign.variation import FACTORS, Variation, sample_balanced_variation, sample_grasp_variation
 from taxel.hand.transforms import to_rotation_vector
 
 
@@ -45,3 +45,13 @@ def test_seed_and_name_determine_the_signs():
     assert (
         len({design(16, seed, name).tobytes() for seed in (1, 2) for name in ("cylinder top", "cylinder side_1")}) == 4
     )
+
+
+def test_repeated_attempts_have_other_samples_and_the_first_attempt_has_those_of_the_grasp():
+    samples = [sample_grasp_variation(1, "s0_00", attempt) for attempt in range(3)]
+    np.testing.assert_array_equal(samples[0], np.random.default_rng([1, 2, *b"s0_00"]).normal(size=FACTORS))
+    assert len({sample.tobytes() for sample in samples}) == 3
+    signs = [sample_balanced_variation(1, "cylinder top", 0, attempt) for attempt in range(3)]
+    np.testing.assert_array_equal(signs[0], sample_balanced_variation(1, "cylinder top", 0))
+    assert all(set(np.abs(sign)) == {1.0} for sign in signs)
+    assert len({sign.tobytes() for sign in signs}) == 3

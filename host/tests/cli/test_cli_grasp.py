@@ -142,6 +142,8 @@ def test_json_output_counts_grasps_and_contact_points_of_each_object(paired_camp
     for objects in summary.values():
         assert objects["cylinder"]["grasps"] == 2
         assert objects["cylinder"]["points"] > 20
+        assert (objects["cylinder"]["failed"], objects["cylinder"]["repeated"]) == (0, 0)
+        assert objects["cylinder"]["failures"] == {}
         assert objects["triangular_prism"] == {"grasps": 0, "points": 0}
 
 
@@ -149,7 +151,15 @@ def test_resuming_a_complete_campaign_prints_its_table(paired_campaign, capsys):
     path = paired_campaign[0] / "sim.h5"
     options = ["--source", "sim", "--grasps", "2", "--object", "cylinder", "--jobs", "1", "--resume"]
     assert run_taxel("grasp", *options, "--out", path) == 0
-    assert "cylinder" in capsys.readouterr().out
+    output = capsys.readouterr().out
+    assert "cylinder" in output
+    assert f"{path}: cylinder: 0 of 2 grasps failed, 0 attempts repeated" in output.replace("\n", "")
+
+
+def test_show_prints_the_failed_grasps_of_a_campaign(paired_campaign, capsys, tmp_path):
+    path = paired_campaign[0] / "real.h5"
+    assert run_taxel("show", path, "--out", tmp_path) == 0
+    assert f"{path}: cylinder: 0 of 2 grasps failed, 0 attempts repeated" in capsys.readouterr().out.splitlines()
 
 
 def test_the_original_sensing_writes_a_dataset_of_the_original_hand(tmp_path):

@@ -106,6 +106,25 @@ def write_dataset(path, count=3, source="real", **changes):
     return path
 
 
+def test_the_outcome_of_a_grasp_is_read_back_and_absent_where_not_stated(tmp_path):
+    with GraspDatasetWriter.create(tmp_path / "x.h5", make_header()) as out:
+        out.add(make_record(0))
+        out.add(replace(make_record(1), attempts=1, failure="none"))
+        out.add(replace(make_record(2), attempts=3, failure="turned"))
+    with GraspDataset(tmp_path / "x.h5") as data:
+        assert [(grasp.attempts, grasp.failure) for grasp in data] == [(None, None), (1, "none"), (3, "turned")]
+        assert [grasp.has_failed for grasp in data] == [None, False, True]
+
+
+@pytest.mark.parametrize(("field", "value"), [("attempts", 0), ("attempts", 1.5), ("attempts", True), ("failure", "")])
+def test_a_wrong_outcome_of_a_grasp_is_refused(tmp_path, field, value):
+    with (
+        GraspDatasetWriter.create(tmp_path / "x.h5", make_header()) as out,
+        pytest.raises(DatasetError, match=f"/grasps/0001/{field}"),
+    ):
+        out.add(replace(make_record(0), **{field: value}))
+
+
 @pytest.mark.parametrize("source", ["real", "sim"])
 @pytest.mark.parametrize("has_optional_arrays", [False, True], ids=["required arrays", "all arrays"])
 def test_written_dataset_is_read_back(tmp_path, source, has_optional_arrays):

@@ -1,0 +1,53 @@
+"""Repetition of failed grasps: a grasp that fails by chance is performed again with another random sample."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Generic, TypeVar
+
+from taxel.campaign.failure import Failure
+from taxel.types import FloatArray
+
+MAX_ATTEMPTS: Final = 3
+"""Largest number of attempts of a grasp (chosen). A failure with the probability p in each attempt remains with p^3:
+1 % for p = 0.2. More attempts lengthen a campaign and select rare samples of an approach that usually fails.
+"""
+
+_Motion = TypeVar("_Motion")
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt(Generic[_Motion]):
+    """The kept attempt of a grasp.
+
+    motion: of the kept attempt. attempts: number of attempts that were performed. failure: kind of the failure, if all
+    of them failed; None: the kept attempt is successful.
+    """
+
+    motion: _Motion
+    attempts: int
+    failure: Failure | None
+
+
+def perform_attempts(
+    perform: Callable[[FloatArray], _Motion],
+    find_failure: Callable[[_Motion], Failure | None],
+    sample: Callable[[int], FloatArray],
+    max_attempts: int = MAX_ATTEMPTS,
+) -> Attempt[_Motion]:
+    """Perform a grasp until an attempt succeeds, and return this attempt.
+
+    perform: simulates the grasp for unit samples f64[7] of the variation. sample: returns the samples of attempt 0, 1
+    ... The first attempt is kept and marked as failed if all attempts fail: its samples are those that the campaign
+    would have without repetition. It is also kept if the grasp fails without variation (all samples 0): then its
+    failure is the outcome of the planned pose, and a success would be an exception of the samples.
+    """
+    first_sample = sample(0)
+    first = perform(first_sample)
+    failure = find_failure(first)
+    if failure is None or max_attempts < 2 or find_failure(perform(0.0 * first_sample)) is not None:
+        return Attempt(first, 1, failure)
+    for attempt in range(1, max_attempts):
+        motion = perform(sample(attempt))
+        if find_failure(motion) is None:
+            return Attempt(motion, attempt + 1, None)
+    return Attempt(first, max_attempts, failure)

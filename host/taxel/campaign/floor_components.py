@@ -1,0 +1,158 @@
+"""Components of the floor of a campaign on the emulated hand: one source of variation at a time.
+
+The random samples of a source are those of the full variation (equal seed and grasp ids), so that the sum of the
+components and the floor of the full variation are estimated from the same sample.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import Final
+
+import numpy as np
+from scipy.stats import chi2
+
+from taxel.campaign.settings import EmulatedSettings
+from taxel.campaign.variation import NO_VARIATION
+from taxel.cloud.contacts import count_baseline_frames, select_used_taxels
+from taxel.grasp.plan import PlannedGrasp
+from taxel.recording.grasp_dataset import GraspDataset
+from taxel.types import BoolArray, FloatArray
+
+ALL: Final = "all"
+"""Name of the full variation."""
+
+SOURCES: Final[Mapping[str, tuple[str, ...]]] = {
+    "object pose": ("object_m", "object_rad"),
+    "grip": ("grip",),
+    "mounting": ("remount_m", "remount_rad"),
+    "finger bases": (),
+    "noise": (),
+}
+"""Sources of variation, and the fields of `Variation` that belong to them. Finger bases: the original plan holds the
+first joint of each finger at the angle that was measured in the same iteration. Noise: of the read-out.
+"""
+
+SIGNAL_COUNTS: Final = 10.0
+"""Mean signal above which a taxel counts, counts: 2.5 standard deviations of the default noise of one frame."""
+
+CONFIDENCE: Final = 0.9
+"""Probability that the interval of a floor contains the true floor (chosen)."""
+
+Key = tuple[str, str]
+"""Names of an object and an approach."""
+
+
+@dataclass(frozen=True)
+class FloorComponents:
+    """Floor of one condition or object, counts, RMS over the taxels with a signal.
+
+    taxels: number of these taxels. components: floor of each source alone. total: floor of the full variation.
+    interval: of `total`, lower and upper end with the probability `CONFIDENCE`.
+    """
+
+    taxels: int
+    components: Mapping[str, float]
+    total: float
+    interval: tuple[float, float]
+
+    @property
+    def sum(self) -> float:
+        """Root of the sum of the squared components: the floor if the sources act independently and linearly."""
+        return float(np.sqrt(sum(value**2 for value in self.components.values())))
+
+
+def isolate_source(settings: EmulatedSettings, source: str) -> EmulatedSettings:
+    """Return the settings in which only one source varies. source: a key of `SOURCES`, or `ALL` for no change.
+
+    Effects other than noise are kept. Raises KeyError for another source.
+    """
+    if source == ALL:
+        return settings
+    kept = {name: getattr(settings.variation, name) for name in SOURCES[source]}
+    variation = replace(NO_VARIATION, objects=settings.variation.objects, **kept)
+    if source == "noise":
+        return replace(settings, variation=variation)
+    effects = tuple(line for line in settings.effects if line.split()[0] != "noise")
+    return replace(settings, variation=variation, effects=effects, noise_counts=0.0)
+
+
+def select_grasps(plan: Sequence[PlannedGrasp], keys: Sequence[Key], source: str) -> tuple[PlannedGrasp, ...]:
+    """Select the first grasp of each condition in each session, in the order of the plan.
+
+    keys: conditions to select. All grasps are of iteration 0, so that their finger bases are equal, unless `source`
+    contains the finger bases.
+    """
+    first: dict[tuple[str, str, int], PlannedGrasp] = {}
+    for grasp in plan:
+        if (grasp.object, grasp.approach) in keys:
+            first.setdefault((grasp.object, grasp.approach, grasp.session), grasp)
+    if source in (ALL, "finger bases"):
+        return tuple(first.values())
+    return tuple(replace(grasp, iteration=0) for grasp in first.values())
+
+
+def read_session_means(path: str | PathLike[str]) -> tuple[dict[Key, FloatArray], BoolArray]:
+    """Read the mean signals over the hold in each session of a dataset, f64[sessions, n], counts, by condition.
+
+    Also returns which taxels the experiments of the thesis used, bool[n].
+    """
+    signals: dict[Key, dict[int, list[FloatArray]]] = {}
+    with GraspDataset(path) as data:
+        for grasp in data:
+            signal = grasp.mean_hold_signal(count_baseline_frames(grasp))
+            signals.setdefault((grasp.object, grasp.approach), {}).setdefault(grasp.session, []).append(signal)
+        used = select_used_taxels(data)
+    return {
+        key: np.stack([np.mean(grasps, axis=0) for grasps in sessions.values()]) for key, sessions in signals.items()
+    }, used
+
+
+def compute_components(paths: Mapping[str, str | PathLike[str]]) -> dict[Key, FloorComponents]:
+    """Compute the components of the floor from the datasets of all sources, by condition.
+
+    paths: dataset of each source and of `ALL`, with two or more sessions. The floor of a condition is the standard
+    error of the mean over the sessions.
+    """
+    means = {source: read_session_means(path) for source, path in paths.items()}
+    full, used = means[ALL]
+    result = {}
+    for key, sessions in full.items():
+        has_signal = used & (sessions.mean(axis=0) > SIGNAL_COUNTS)
+        floors = {source: _compute_floor(by_key[key][:, has_signal]) for source, (by_key, _) in means.items()}
+        total = floors.pop(ALL)
+        interval = _compute_interval(total, len(sessions) - 1)
+        result[key] = FloorComponents(int(has_signal.sum()), floors, total, interval)
+    return result
+
+
+def pool(parts: Sequence[FloorComponents], sessions: int) -> FloorComponents:
+    """Pool the floors of several conditions: the mean of their squares, as for the floor of a campaign.
+
+    sessions: number of sessions, from which the interval follows. `parts` is not empty.
+    """
+    components = {source: _pool_rms([part.components[source] for part in parts]) for source in parts[0].components}
+    total = _pool_rms([part.total for part in parts])
+    interval = _compute_interval(total, len(parts) * (sessions - 1))
+    return FloorComponents(sum(part.taxels for part in parts), components, total, interval)
+
+
+def _compute_floor(sessions: FloatArray) -> float:
+    """Compute the standard error of the mean over sessions, RMS over taxels; sessions: f64[s, n], counts."""
+    return float(np.sqrt(np.mean(sessions.var(axis=0, ddof=1)) / len(sessions)))
+
+
+def _compute_interval(floor: float, degrees_of_freedom: int) -> tuple[float, float]:
+    """Compute the interval of a floor from the chi-squared distribution of its square.
+
+    The taxels of a condition move together: each session counts as one sample, whatever the number of taxels, so that
+    the interval is rather too wide than too narrow.
+    """
+    shares = (1.0 + CONFIDENCE) / 2.0, (1.0 - CONFIDENCE) / 2.0
+    low, high = (floor * np.sqrt(degrees_of_freedom / chi2.ppf(share, degrees_of_freedom)) for share in shares)
+    return float(low), float(high)
+
+
+def _pool_rms(values: Sequence[float]) -> float:
+    """Root of the mean of squares."""
+    return float(np.sqrt(np.mean(np.square(values))))
