@@ -29,6 +29,7 @@ struct taxel_pose {
 
 struct cell {
     double position[3], normal[3]; /* of the electrode surface below the cell, bracket frame */
+    double half[2][3];             /* half of each side of the cell: distal, left; metres */
     double area;                   /* square metres */
 };
 
