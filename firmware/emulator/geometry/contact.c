@@ -63,60 +63,83 @@ static void rotate_back(const struct frame *object_from_bracket, const double in
     }
 }
 
-/* Add force and stiffness of one cell to the load of the board: the force acts at the point r on the object's surface,
- * and the stiffness is that of a spring S at r: (I, [r]) S (I, [r])^T with the cross-product matrix [r]. */
-static void add_spring(struct contact_load *load, const double r[3], const double force[3], double spring[3][3])
+/* Rotate the load of a board from the object's frame to the bracket's frame, and complete its stiffness K, of which only
+ * the lower triangle is set: both 3-vectors of each row and of each column turn. */
+static void turn_load(const struct frame *object_from_bracket, struct contact_load *load)
 {
-    const double motion[6][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, -r[2], r[1]}, {r[2], 0, -r[0]}, {-r[1], r[0], 0}};
-    double product[6][3];
+    double half[6][6], turned[3];
     for (int i = 0; i < 6; i++) {
-        for (int j = 0; j < 3; j++) {
-            product[i][j] = motion[i][0] * spring[0][j] + motion[i][1] * spring[1][j] + motion[i][2] * spring[2][j];
+        for (int j = i + 1; j < 6; j++) {
+            load->stiffness[i][j] = load->stiffness[j][i];
         }
-        load->wrench[i] += motion[i][0] * force[0] + motion[i][1] * force[1] + motion[i][2] * force[2];
+        rotate_back(object_from_bracket, &load->stiffness[i][0], &half[i][0]);
+        rotate_back(object_from_bracket, &load->stiffness[i][3], &half[i][3]);
     }
-    for (int i = 0; i < 6; i++) {
+    for (int part = 0; part < 6; part += 3) {
+        rotate_back(object_from_bracket, &load->wrench[part], turned);
+        memcpy(&load->wrench[part], turned, sizeof turned);
         for (int j = 0; j < 6; j++) {
-            load->stiffness[i][j] +=
-                product[i][0] * motion[j][0] + product[i][1] * motion[j][1] + product[i][2] * motion[j][2];
+            const double column[3] = {half[part][j], half[part + 1][j], half[part + 2][j]};
+            rotate_back(object_from_bracket, column, turned);
+            for (int k = 0; k < 3; k++) {
+                load->stiffness[part + k][j] = turned[k];
+            }
         }
     }
 }
 
-/* Add a force and the stiffness of its spring, in the object's frame, to the load of the board. at: point of a cell where
- * the force acts, from the middle of the top of the cell, in half sides; depth: below the top, metres. */
-static void add_turned(struct contact_load *load, const struct cell *cell, const double at[2], double height,
-                       const struct frame *object_from_bracket, const double force[3], double spring[3][3])
+/* Add force and stiffness of one cell to the load of the board: the force acts at the point r on the object's surface,
+ * and the stiffness is that of a spring S at r: (I, [r]) S (I, [r])^T with the cross-product matrix [r]. Only the lower
+ * triangle of the stiffness is set. */
+static void add_spring(struct contact_load *load, const double r[3], const double force[3], double spring[3][3])
 {
-    double force_back[3], half[3][3], turned[3][3], arm[3];
-    rotate_back(object_from_bracket, force, force_back);
-    for (int i = 0; i < 3; i++) {
-        rotate_back(object_from_bracket, spring[i], half[i]); /* rows of S R */
-    }
+    double product[3][3]; /* [r] S */
     for (int j = 0; j < 3; j++) {
-        const double column[3] = {half[0][j], half[1][j], half[2][j]};
-        rotate_back(object_from_bracket, column, turned[j]); /* rows of R^T S R, which is symmetric */
+        product[0][j] = r[1] * spring[2][j] - r[2] * spring[1][j];
+        product[1][j] = r[2] * spring[0][j] - r[0] * spring[2][j];
+        product[2][j] = r[0] * spring[1][j] - r[1] * spring[0][j];
+        load->wrench[j] += force[j];
     }
+    load->wrench[3] += r[1] * force[2] - r[2] * force[1];
+    load->wrench[4] += r[2] * force[0] - r[0] * force[2];
+    load->wrench[5] += r[0] * force[1] - r[1] * force[0];
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            load->stiffness[i][j] += spring[i][j];
+            load->stiffness[3 + i][j] += product[i][j];
+        }
+        load->stiffness[3 + i][3] += product[i][2] * r[1] - product[i][1] * r[2];
+        load->stiffness[3 + i][4] += product[i][0] * r[2] - product[i][2] * r[0];
+        load->stiffness[3 + i][5] += product[i][1] * r[0] - product[i][0] * r[1];
+    }
+}
+
+/* Point of a cell relative to the bracket's origin, in the object's frame. at: in half sides from the middle of the cell.
+ * depth: below the top, metres. */
+static void find_arm(const struct cover_cell *cell, const double at[2], double depth,
+                     const struct frame *object_from_bracket, double arm[3])
+{
     for (int k = 0; k < 3; k++) {
-        arm[k] = cell->position[k] + at[0] * cell->half[0][k] + at[1] * cell->half[1][k] + height * cell->normal[k];
+        arm[k] = cell->top[k] + at[0] * cell->half[0][k] + at[1] * cell->half[1][k] - depth * cell->normal[k] -
+                 object_from_bracket->row[k][3];
     }
-    add_spring(load, arm, force_back, turned);
 }
 
 /* Add the load of one cell that carries no shear to the wrench on the board and to the stiffness: a spring along the
- * normal of the cell. pressure (Pa), rate (Pa/m): means over the cell, along its normal. */
-static void add_column(struct contact_load *load, const struct cell *cell, double pressure, double rate)
+ * normal of the cell. pressure (Pa), rate (Pa/m): means over the cell, along its normal. area: square metres. */
+static void add_column(struct contact_load *load, const struct cover_cell *cell, double area, double pressure,
+                       double rate, double thickness, const struct frame *object_from_bracket)
 {
-    const double *n = cell->normal;
-    const double pressing = pressure * cell->area;
-    const double force[3] = {-pressing * n[0], -pressing * n[1], -pressing * n[2]};
-    double spring[3][3];
+    const double *n = cell->normal, middle[2] = {0.0, 0.0};
+    double force[3], spring[3][3], arm[3];
     for (int i = 0; i < 3; i++) {
+        force[i] = -pressure * area * n[i];
         for (int j = 0; j < 3; j++) {
-            spring[i][j] = rate * cell->area * n[i] * n[j];
+            spring[i][j] = rate * area * n[i] * n[j];
         }
     }
-    add_spring(load, cell->position, force, spring);
+    find_arm(cell, middle, thickness, object_from_bracket, arm);
+    add_spring(load, arm, force, spring);
 }
 
 /* Depth of a face at the centre of its pressure on a cell, metres. */
@@ -152,27 +175,29 @@ static struct cell_contact join_faces(const struct cover_load *faces, size_t cou
 /* Add the load of cell number `number`, which sticks to the object, to the wrench on the board and to the stiffness. The
  * force of each face has the direction of the face's normal; its part along the cell follows from the compression. The
  * shear acts in the centre of these forces. */
-static void add_cell(struct contact_load *load, const struct cell *cell, size_t number, const double top[3],
+static void add_cell(struct contact_load *load, const struct cover_cell *cell, double area, size_t number,
                      const struct cover_load *faces, size_t count, const struct frame *object_from_bracket,
-                     double thickness, const struct contact_grip *grip)
+                     const struct contact_grip *grip)
 {
-    const struct cell_contact sum = join_faces(faces, count, cell->area);
-    double force[3] = {0.0, 0.0, 0.0}, spring[3][3] = {{0.0}};
-    add_grip(grip, number, top, &sum, cell->area, force, spring);
+    const struct cell_contact sum = join_faces(faces, count, area);
+    double force[3] = {0.0, 0.0, 0.0}, spring[3][3] = {{0.0}}, arm[3];
+    add_grip(grip, number, cell->top, &sum, area, force, spring);
     if (count > 1) {
-        add_turned(load, cell, sum.arm, thickness - sum.arm[2], object_from_bracket, force, spring);
+        find_arm(cell, sum.arm, sum.arm[2], object_from_bracket, arm);
+        add_spring(load, arm, force, spring);
     }
     for (size_t n = 0; n < count; n++) {
         const struct cover_face *face = &faces[n].face;
-        const double pressing = faces[n].pressure * cell->area / face->steep;
-        const double rate = faces[n].rate * cell->area / (face->steep * face->steep);
+        const double pressing = faces[n].pressure * area / face->steep;
+        const double rate = faces[n].rate * area / (face->steep * face->steep);
         for (int i = 0; i < 3; i++) {
             force[i] = (count > 1 ? 0.0 : force[i]) + pressing * face->normal[i];
             for (int j = 0; j < 3; j++) {
                 spring[i][j] = (count > 1 ? 0.0 : spring[i][j]) + rate * face->normal[i] * face->normal[j];
             }
         }
-        add_turned(load, cell, faces[n].centre, thickness - get_depth(&faces[n]), object_from_bracket, force, spring);
+        find_arm(cell, faces[n].centre, get_depth(&faces[n]), object_from_bracket, arm);
+        add_spring(load, arm, force, spring);
     }
 }
 
@@ -196,14 +221,24 @@ bool contact_is_far(const struct patch *patch, const struct shape *shape, const 
     return bound_distance(patch, shape, object_from_bracket) > reach;
 }
 
-/* Lower bound of the distance (metres) from the electrodes of a square of skin to the object, by a test of one cell.
- * size: bound of the distance between cells of a square, metres. */
+/* Middle of a square of skin, between two opposite corner cells, in the object's frame. */
+static void find_middle(const struct cell *cells, const struct frame *object_from_bracket, double middle[3])
+{
+    double point[3];
+    for (int k = 0; k < 3; k++) {
+        point[k] = 0.5 * (cells[0].position[k] + cells[CELLS_PER_TAXEL - 1].position[k]);
+    }
+    frame_point(object_from_bracket, point, middle);
+}
+
+/* Lower bound of the distance (metres) from the electrodes of a square of skin to the object, by a test of its middle.
+ * size: bound of the distance between points of a square, metres. */
 static double bound_square_distance(const struct cell *cells, double size, const struct shape *shape,
                                     const struct frame *object_from_bracket)
 {
-    double point[3];
-    frame_point(object_from_bracket, cells[0].position, point);
-    return shape_distance_bound(shape, point) - size;
+    double middle[3];
+    find_middle(cells, object_from_bracket, middle);
+    return shape_distance_bound(shape, middle) - 0.5 * size;
 }
 
 /* Whether every cell of square number `square` is farther from the object than `thickness` + `reach` (metres), which
@@ -316,14 +351,18 @@ static bool press_square(const struct cell *cells, size_t first, const struct sh
     struct cover_square square;
     double middle[3];
     bool is_touching = false, touched[CELLS_PER_TAXEL];
-    frame_point(object_from_bracket, cells[0].position, middle);
-    cover_find_planes(shape, middle, size + thickness, DEEPEST_M, &planes);
+    find_middle(cells, object_from_bracket, middle);
+    cover_find_planes(shape, middle, 0.5 * size + thickness, DEEPEST_M, &planes);
     place_square(&square, cells, thickness, object_from_bracket);
     cover_find_touched(shape, &planes, &square, touched);
     for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
-        const struct cover_cell cover = get_cell(&square, i);
+        struct cover_cell cover;
         struct cover_load faces[COVER_FACES_MAX];
-        const size_t count = touched[i] ? cover_press(shape, &planes, &cover, faces) : 0;
+        size_t count = 0;
+        if (touched[i]) {
+            cover = get_cell(&square, i);
+            count = cover_press(shape, &planes, &cover, faces);
+        }
         if (count) {
             double rate;
             const double pressure = sum_along(faces, count, &rate);
@@ -332,9 +371,9 @@ static bool press_square(const struct cell *cells, size_t first, const struct sh
                 compression[i] = layer_contact_compression(pressure);
             }
             if (load && grip) {
-                add_cell(load, &cells[i], first + i, cover.top, faces, count, object_from_bracket, thickness, grip);
+                add_cell(load, &cover, cells[i].area, first + i, faces, count, object_from_bracket, grip);
             } else if (load) {
-                add_column(load, &cells[i], pressure, rate);
+                add_column(load, &cover, cells[i].area, pressure, rate, thickness, object_from_bracket);
             }
         } else if (grip && grip->advances) {
             grip->held[first + i] = 0.0;
@@ -430,6 +469,9 @@ bool contact_solve(const struct patch *patch, const struct shape *shape, const s
     }
     if (load && press_margins(patch, shape, object_from_bracket, thickness, grip, load)) {
         is_touching = true;
+    }
+    if (load && is_touching) {
+        turn_load(object_from_bracket, load);
     }
     return is_touching;
 }

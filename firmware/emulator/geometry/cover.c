@@ -190,11 +190,43 @@ static void press_strip(struct cover_load *loads, size_t count, int direction, d
     }
 }
 
-/* Load of the only face on a cell that lies wholly below the face: Gauss's rule of order 2 along both sides. */
+/* Load of the only face on a cell that lies wholly below the face: Gauss's rule of order 2 in the direction of the
+ * steepest change of the depth. */
 static void press_whole(struct cover_load *load)
 {
-    add_piece(load, 0, -1.0, 1.0, -GAUSS_TWO, 0.5);
-    add_piece(load, 0, -1.0, 1.0, GAUSS_TWO, 0.5);
+    const double *change = load->face.change;
+    const double steepest = sqrt(change[0] * change[0] + change[1] * change[1]);
+    const double scale = steepest > 0.0 ? GAUSS_TWO / steepest : 0.0, step = GAUSS_TWO * steepest;
+    double rate[2];
+    const double above = layer_contact_curve(load->face.depth - step, &rate[0]);
+    const double below = layer_contact_curve(load->face.depth + step, &rate[1]);
+    load->share = 1.0;
+    load->pressure = 0.5 * (above + below);
+    load->rate = 0.5 * (rate[0] + rate[1]);
+    load->centre[0] = (below - above) / (below + above) * scale * change[0];
+    load->centre[1] = (below - above) / (below + above) * scale * change[1];
+}
+
+/* Loads of several faces, or of a face that covers a cell partly, on a cell: sum over the strips. Returns the number of
+ * faces that load the cell. */
+static size_t press_parts(const struct cover_face *faces, size_t count, struct cover_load loads[COVER_FACES_MAX])
+{
+    const int direction = choose_direction(faces, count);
+    size_t stored = 0;
+    for (size_t i = 0; i < count; i++) {
+        loads[i] = (struct cover_load){.face = faces[i]};
+    }
+    for (int strip = 0; strip < STRIPS; strip++) {
+        press_strip(loads, count, direction, strip_place[strip], strip_weight[strip]);
+    }
+    for (size_t i = 0; i < count; i++) {
+        if (loads[i].pressure > 0.0) {
+            loads[stored] = loads[i];
+            loads[stored].centre[0] /= loads[i].pressure;
+            loads[stored++].centre[1] /= loads[i].pressure;
+        }
+    }
+    return stored;
 }
 
 /* Collect the planes that the cells within `radius` of `middle` can touch, up to `deepest` metres below the surface; all
@@ -252,24 +284,10 @@ size_t cover_press(const struct shape *shape, const struct cover_planes *planes,
 {
     struct cover_face faces[COVER_FACES_MAX];
     const size_t count = find_faces(shape, planes, cell, faces);
-    size_t stored = 0;
-    for (size_t i = 0; i < count; i++) {
-        loads[i] = (struct cover_load){.face = faces[i]};
-    }
-    if (count == 1 && faces[0].depth >= get_extent(&faces[0])) {
+    if (count == 1 && faces[0].depth > get_extent(&faces[0])) {
+        loads[0].face = faces[0];
         press_whole(&loads[0]);
-    } else if (count) {
-        const int direction = choose_direction(faces, count);
-        for (int strip = 0; strip < STRIPS; strip++) {
-            press_strip(loads, count, direction, strip_place[strip], strip_weight[strip]);
-        }
+        return 1;
     }
-    for (size_t i = 0; i < count; i++) {
-        if (loads[i].pressure > 0.0) {
-            loads[stored] = loads[i];
-            loads[stored].centre[0] /= loads[i].pressure;
-            loads[stored++].centre[1] /= loads[i].pressure;
-        }
-    }
-    return stored;
+    return count ? press_parts(faces, count, loads) : 0;
 }

@@ -39,7 +39,7 @@ static struct {
 static double rise_at_depth[DEPTH_STEPS + 1];
 static double contact_depths[TABLE_SIZE];    /* compression of pillars and sheet together, metres */
 static double contact_pressures[TABLE_SIZE]; /* at these compressions */
-#define CONTACT_STARTS 1024
+#define CONTACT_STARTS 16384                 /* so fine that the search takes a few steps also at small compressions */
 /* start index of the search in contact_depths, per compression step */
 static uint16_t contact_starts[CONTACT_STARTS + 1];
 static double log_min, log_step;

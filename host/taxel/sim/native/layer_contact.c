@@ -40,8 +40,8 @@ static void set_point(const struct sim_layer *layer, const double *pose, size_t 
     }
 }
 
-/* Set line i to the column of a piece of a board: top of the unloaded layer, direction of the normal and half sides, in the
-   solid's frame; `pose`: of the board in that frame. */
+/* Set line i to the column of a piece of a board: top of the unloaded layer and direction of the normal, in the solid's
+   frame; `pose`: of the board in that frame. */
 static void set_column(const struct sim_layer *layer, const double *pose, size_t piece, struct sim_lines *lines,
                        size_t i)
 {
@@ -49,6 +49,14 @@ static void set_column(const struct sim_layer *layer, const double *pose, size_t
     for (size_t row = 0; row < 3; row++) {
         lines->direction[row][i] = rotate_row(pose, row, layer->normal + 3 * piece);
         lines->point[row][i] += layer->thickness_m * lines->direction[row][i];
+    }
+}
+
+/* Set the half sides of the square of line i to those of a piece. */
+static void set_half_sides(const struct sim_layer *layer, const double *pose, size_t piece, struct sim_lines *lines,
+                           size_t i)
+{
+    for (size_t row = 0; row < 3; row++) {
         for (size_t side = 0; side < 2; side++) {
             lines->half[side][row][i] = rotate_row(pose, row, layer->half_sides + 6 * piece + 3 * side);
         }
@@ -288,33 +296,32 @@ static void add_shear(struct sim_layer *layer, size_t piece, const double *top, 
     }
 }
 
+/* Add the cross product of two vectors to a third one, whose components are `stride` numbers apart. */
+static void add_cross(const double *a, double x, double y, double z, double *result, size_t stride)
+{
+    result[0] += a[1] * z - a[2] * y;
+    result[stride] += a[2] * x - a[0] * z;
+    result[2 * stride] += a[0] * y - a[1] * x;
+}
+
 /* Add the force f and the stiffness K of one column to the load of its board: wrench (f, r x f), stiffness
-   (I; R) K (I; R)^T with the cross-product matrix R of the arm r. Solid's frame. */
+   (I; R) K (I; R)^T with the cross-product matrix R of the arm r, of which the lower triangle is set. Solid's frame. */
 static void add_column(const struct column_contact *contact, double *wrench, double *stiffness)
 {
     const double *r = contact->arm, *f = contact->force;
-    const double cross[3][3] = {{0.0, -r[2], r[1]}, {r[2], 0.0, -r[0]}, {-r[1], r[0], 0.0}};
-    double turned[3][3], twice[3][3]; /* R K and R K R^T */
-    for (size_t i = 0; i < 3; i++) {
-        for (size_t j = 0; j < 3; j++) {
-            turned[i][j] = 0.0;
-            for (size_t k = 0; k < 3; k++) {
-                turned[i][j] += cross[i][k] * contact->stiffness[k][j];
-            }
-        }
+    double turned[9] = {0.0}; /* R K */
+    for (size_t j = 0; j < 3; j++) {
+        add_cross(r, contact->stiffness[0][j], contact->stiffness[1][j], contact->stiffness[2][j], turned + j, 3);
+        wrench[j] += f[j];
     }
+    add_cross(r, f[0], f[1], f[2], wrench + 3, 1);
     for (size_t i = 0; i < 3; i++) {
-        wrench[i] += f[i];
+        double *row = stiffness + TWIST * (3 + i);
         for (size_t j = 0; j < 3; j++) {
-            twice[i][j] = 0.0;
-            wrench[3 + i] += cross[i][j] * f[j];
-            for (size_t k = 0; k < 3; k++) {
-                twice[i][j] += turned[i][k] * cross[j][k];
-            }
             stiffness[TWIST * i + j] += contact->stiffness[i][j];
-            stiffness[TWIST * (3 + i) + j] += turned[i][j];
-            stiffness[TWIST * (3 + i) + 3 + j] += twice[i][j];
+            row[j] += turned[3 * i + j];
         }
+        add_cross(r, turned[3 * i], turned[3 * i + 1], turned[3 * i + 2], row + 3, 1); /* a row of R K R^T */
     }
 }
 
@@ -368,9 +375,8 @@ static size_t select_columns(const struct sim_layer *layer, const struct sim_sol
             for (size_t row = 0; row < 3; row++) {
                 lines->point[row][stored] = lines->point[row][i];
                 lines->direction[row][stored] = lines->direction[row][i];
-                lines->half[0][row][stored] = lines->half[0][row][i];
-                lines->half[1][row][stored] = lines->half[1][row][i];
             }
+            set_half_sides(layer, pose, near[i], lines, stored);
             piece[stored++] = near[i];
         } else if (advance) {
             layer->touched[near[i]] = 0.0;
