@@ -152,14 +152,14 @@ static void the_air_fraction_excludes_the_silicone(void)
     CHECK(layer_air_fraction(1e3) == 0.0);
 }
 
-static double held[CELLS];
+static double stuck[CELLS];
 static double point[CELLS][3], due[TAXELS];
 
 /* State of the friction of the board, without earlier contacts. */
 static struct contact_grip start_grip(void)
 {
-    memset(held, 0, sizeof held);
-    return (struct contact_grip){.coefficient = 0.5, .advances = true, .held = held, .point = point, .due = due};
+    memset(stuck, 0, sizeof stuck);
+    return (struct contact_grip){.coefficient = 0.5, .advances = true, .stuck = stuck, .point = point, .due = due};
 }
 
 /* Load of the board after a shift along x (metres) from its first contact, in steps of 10 micrometres. */

@@ -23,9 +23,9 @@ static void add_grip(const struct contact_grip *grip, size_t cell, const double 
                      const struct cell_contact *contact, double area, double force[3], double stiffness[3][3])
 {
     const double *n = contact->normal, spring = layer_shear_stiffness() * area * contact->share;
-    const double new_share = fmax(1.0 - grip->held[cell] / contact->share, 0.0);
+    const double new_share = fmax(1.0 - grip->stuck[cell] / contact->share, 0.0);
     double shear[3] = {0.0, 0.0, 0.0}, square = 0.0;
-    if (grip->held[cell] > 0.0) {
+    if (grip->stuck[cell] > 0.0) {
         double along = 0.0;
         for (int k = 0; k < 3; k++) {
             shear[k] = (1.0 - new_share) * (top[k] - grip->point[cell][k]);
@@ -47,7 +47,7 @@ static void add_grip(const struct contact_grip *grip, size_t cell, const double 
         }
     }
     if (grip->advances) {
-        grip->held[cell] = contact->share;
+        grip->stuck[cell] = contact->share;
         for (int k = 0; k < 3; k++) {
             grip->point[cell][k] = top[k] - rate / spring * shear[k];
         }
@@ -376,7 +376,7 @@ static bool press_square(const struct cell *cells, size_t first, const struct sh
                 add_column(load, &cover, cells[i].area, pressure, rate, thickness, object_from_bracket);
             }
         } else if (grip && grip->advances) {
-            grip->held[first + i] = 0.0;
+            grip->stuck[first + i] = 0.0;
         }
     }
     return is_touching;
@@ -386,7 +386,7 @@ static bool press_square(const struct cell *cells, size_t first, const struct sh
 static void release_square(const struct contact_grip *grip, size_t first)
 {
     if (grip && grip->advances) {
-        memset(&grip->held[first], 0, CELLS_PER_TAXEL * sizeof *grip->held);
+        memset(&grip->stuck[first], 0, CELLS_PER_TAXEL * sizeof *grip->stuck);
     }
 }
 

@@ -23,7 +23,7 @@ struct contact_load {
 struct contact_grip {
     double coefficient; /* friction coefficient */
     bool advances;      /* whether contact_solve() updates the points; else it only uses them */
-    double *held;       /* [cells + margin cells], share of the area of the cell that sticks or slides; 0: no contact */
+    double *stuck;      /* [cells + margin cells], share of the area of the cell that sticks or slides; 0: no contact */
     double (*point)[3]; /* [cells + margin cells], object frame, metres */
     /* Squares that are far from the object are examined again only after the board has moved as far. */
     bool has_frame;     /* false: the following values are not valid yet */

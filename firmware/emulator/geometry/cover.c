@@ -257,8 +257,8 @@ static void reduce_margins(const double *n, const struct cover_square *square, d
         const double level = n[3] - n[0] * t[0][i] - n[1] * t[1][i] - n[2] * t[2][i];
         const double along = n[0] * a[0][i] + n[1] * a[1][i] + n[2] * a[2][i];
         const double across = n[0] * b[0][i] + n[1] * b[1][i] + n[2] * b[2][i];
-        const double inside = level + fabs(along) + fabs(across);
-        margin[i] = inside < margin[i] ? inside : margin[i];
+        const double covered = level + fabs(along) + fabs(across);
+        margin[i] = covered < margin[i] ? covered : margin[i];
     }
 }
 

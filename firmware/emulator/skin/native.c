@@ -27,7 +27,7 @@ static size_t count_cells(const struct patch *patch)
 static void free_grips(struct taxel_contact *contact)
 {
     for (size_t i = 0; contact->grips && i < contact->skin.board_count; i++) {
-        free(contact->grips[i].held);
+        free(contact->grips[i].stuck);
         free(contact->grips[i].point);
         free(contact->grips[i].due);
     }
@@ -104,10 +104,10 @@ int taxel_contact_set_friction(struct taxel_contact *contact, double coefficient
         const struct patch *patch = &contact->skin.boards[i].patch;
         const size_t cells = count_cells(patch);
         contact->grips[i].coefficient = coefficient;
-        contact->grips[i].held = calloc(cells, sizeof *contact->grips[i].held);
+        contact->grips[i].stuck = calloc(cells, sizeof *contact->grips[i].stuck);
         contact->grips[i].point = calloc(cells, sizeof *contact->grips[i].point);
         contact->grips[i].due = calloc(patch->taxel_count + patch->margin_count, sizeof *contact->grips[i].due);
-        if (!contact->grips[i].held || !contact->grips[i].point || !contact->grips[i].due) {
+        if (!contact->grips[i].stuck || !contact->grips[i].point || !contact->grips[i].due) {
             free_grips(contact);
         }
     }

@@ -183,10 +183,10 @@ def test_squares_are_divided_into_parts_that_add_up_to_the_covered_area():
     depths = np.array([1.0, 1.2, 0.1]) + samples @ np.array([[0.9, 0.0], [-0.9, 0.1], [0.4, 0.4]]).T
     lowest, face = depths.min(axis=1), depths.argmin(axis=1)
     for index, share, depth, deviation in zip(parts.face, parts.share, parts.depth, parts.deviation, strict=True):
-        inside = (face == index) & (lowest > 0.0)
-        assert share == pytest.approx(inside.mean(), abs=1e-3)
-        assert depth == pytest.approx(lowest[inside].mean(), rel=5e-3)
-        assert deviation == pytest.approx(lowest[inside].std(), rel=2e-2)
+        is_part = (face == index) & (lowest > 0.0)
+        assert share == pytest.approx(is_part.mean(), abs=1e-3)
+        assert depth == pytest.approx(lowest[is_part].mean(), rel=5e-3)
+        assert deviation == pytest.approx(lowest[is_part].std(), rel=2e-2)
     assert parts.share.sum() == pytest.approx((lowest > 0.0).mean(), abs=1e-3)
 
 
