@@ -35,7 +35,7 @@ static void the_contact_force_is_pressure_times_area(void)
     struct contact_load load;
     CHECK(contact_solve(&patch, &table, &frame, THICKNESS_M, CONTACT_FAR_M, compression, gap, &load, NULL));
     for (size_t i = 0; i < CELLS; i++) {
-        CHECK(fabs(compression[i] - DEPTH_M) < 1e-15);
+        CHECK(fabs(compression[i] - DEPTH_M) < 1e-12);
         CHECK(gap[i] == 0.0);
     }
     const double force = layer_contact_pressure(DEPTH_M) * TAXELS * TAXEL_PITCH_M * TAXEL_PITCH_M;
@@ -123,6 +123,14 @@ static void the_whole_layer_is_more_compliant_than_its_pillars(void)
     CHECK(layer_contact_pressure(0.0) == 0.0 && layer_contact_stiffness(-1e-6) == 0.0);
 }
 
+static void the_compression_is_the_inverse_of_the_contact_pressure(void)
+{
+    for (double c = 1e-7; c < 0.0025; c *= 1.03) {
+        CHECK(fabs(layer_contact_compression(layer_contact_pressure(c)) / c - 1.0) < 1e-7);
+    }
+    CHECK(layer_contact_compression(0.0) == 0.0);
+}
+
 static void all_functions_for_the_rise_agree(void)
 {
     for (double pressure = 1e-3; pressure < 1.5e6; pressure *= 1.013) {
@@ -144,14 +152,14 @@ static void the_air_fraction_excludes_the_silicone(void)
     CHECK(layer_air_fraction(1e3) == 0.0);
 }
 
-static bool sticks[CELLS];
+static double stuck[CELLS];
 static double point[CELLS][3], due[TAXELS];
 
 /* State of the friction of the board, without earlier contacts. */
 static struct contact_grip start_grip(void)
 {
-    memset(sticks, 0, sizeof sticks);
-    return (struct contact_grip){.coefficient = 0.5, .advances = true, .sticks = sticks, .point = point, .due = due};
+    memset(stuck, 0, sizeof stuck);
+    return (struct contact_grip){.coefficient = 0.5, .advances = true, .stuck = stuck, .point = point, .due = due};
 }
 
 /* Load of the board after a shift along x (metres) from its first contact, in steps of 10 micrometres. */
@@ -221,6 +229,43 @@ static void an_object_that_enters_from_the_side_is_loaded_gradually(void)
     CHECK(-load.wrench[2] > 0.9 * largest); /* at least two of the rows are compressed by the bottom of the block */
 }
 
+/* A block with a side face at x = `edge` (board frame, metres) presses 0.8 mm deep into the layer, turned by `angle` about
+ * the vertical. Without friction. */
+static struct contact_load press_edge(double edge, double angle)
+{
+    struct shape block = table;
+    block.planes[2][0] = cos(angle);
+    block.planes[2][1] = sin(angle);
+    block.planes[2][3] = 0.0;
+    struct frame frame = board_over_table(-0.0008);
+    frame.row[0][3] = -edge;
+    struct contact_load load;
+    struct contact_grip grip = start_grip();
+    grip.coefficient = 0.0;
+    CHECK(contact_solve(&patch, &block, &frame, THICKNESS_M, 0.0, compression, NULL, &load, &grip));
+    return load;
+}
+
+/* The force across the face is proportional to the covered area, less a strip at the edge that the steep side face
+ * limits, wherever the edge crosses the cells. */
+static void the_load_is_continuous_in_the_position_of_an_edge(void)
+{
+    const double pressure = layer_contact_pressure(0.0008), width = 4 * TAXEL_PITCH_M;
+    double previous = 0.0;
+    for (int step = 0; step < 300; step++) {
+        const struct contact_load load = press_edge(-0.0115 + 4e-5 * step, 0.0);
+        if (step) {
+            CHECK(fabs(fabs(load.wrench[2] - previous) / (pressure * width * 4e-5) - 1.0) < 1e-6);
+        }
+        previous = load.wrench[2];
+    }
+    for (int step = 0; step < 200; step++) { /* an oblique edge crosses corners of cells */
+        const struct contact_load load = press_edge(-0.0075 + 4e-5 * step, 0.5);
+        CHECK(!step || fabs(load.wrench[2] - previous) < 1.2 * pressure * width / cos(0.5) * 4e-5);
+        previous = load.wrench[2];
+    }
+}
+
 static void squares_that_were_far_are_found_when_the_board_returns(void)
 {
     struct contact_grip grip = start_grip();
@@ -246,11 +291,13 @@ int main(void)
     RUN(a_distant_object_has_no_effect);
     RUN(pressure_stiffness_and_work_are_derivatives_of_each_other);
     RUN(the_whole_layer_is_more_compliant_than_its_pillars);
+    RUN(the_compression_is_the_inverse_of_the_contact_pressure);
     RUN(all_functions_for_the_rise_agree);
     RUN(the_air_fraction_excludes_the_silicone);
     RUN(the_skin_sticks_like_a_spring_and_slides_at_the_friction_limit);
     RUN(a_load_that_does_not_advance_leaves_the_points_unchanged);
     RUN(an_object_that_enters_from_the_side_is_loaded_gradually);
+    RUN(the_load_is_continuous_in_the_position_of_an_edge);
     RUN(squares_that_were_far_are_found_when_the_board_returns);
     patch_free(&patch);
     return check_summary();

@@ -3,62 +3,32 @@
 #include <math.h>
 #include <string.h>
 
+#include "emulator/geometry/cover.h"
 #include "emulator/physics/layer.h"
 
 #define DEEPEST_M 0.006 /* a surface deeper below the electrode does not limit the compression */
-/* Smallest cosine between the normals of cell and object at which the object compresses the cell in full. An object that
- * enters a cell from the side compresses the cell by at most the distance from its side divided by this number. */
-#define STEEPEST 0.5
 
-/* Contact of one cell with the object, in the object's frame. */
+/* Sum of the loads of all faces on one cell, in the object's frame. */
 struct cell_contact {
-    double top[3];       /* surface of the unloaded layer */
-    double normal[3];    /* of the object, outward */
-    double direction[3]; /* of the cell, outward */
-    double depth;        /* of the object below the top, against the direction, metres */
-    double slope;        /* cosine between the inward normal of the object and the direction */
+    double normal[3]; /* of the object, outward; direction of the sum of the normal forces */
+    double arm[3]; /* point where the sum acts, from the middle of the cell's top: in half sides, and depth (metres) */
+    double pressing; /* magnitude of the sum, newtons */
+    double share;    /* of the area of the cell that the object touches */
 };
 
-/* Examine whether the object indents a cell. origin, direction: line of the cell, and `entry` where the line enters the
- * object, metres. Returns false if the top of the cell is outside the object. */
-static bool find_contact(const struct shape *shape, const double origin[3], const double direction[3], double entry,
-                         double thickness, struct cell_contact *contact)
+/* Add the shear of cell number `cell`, whose top is at `top`: force (newtons) of a spring to the point where the cell
+ * sticks to the object, and its stiffness. A part of the cell that touches the object anew is not sheared: as the touched
+ * share of the cell grows, the point where the cell sticks moves towards the top. */
+static void add_grip(const struct contact_grip *grip, size_t cell, const double top[3],
+                     const struct cell_contact *contact, double area, double force[3], double stiffness[3][3])
 {
-    double surface[3], beside[3];
-    for (int k = 0; k < 3; k++) {
-        contact->direction[k] = direction[k];
-        contact->top[k] = origin[k] + thickness * direction[k];
-        surface[k] = origin[k] + entry * direction[k];
-    }
-    const double side = shape_wall(shape, contact->top, beside) / STEEPEST;
-    if (side <= 0.0) {
-        return false;
-    }
-    contact->depth = entry >= -DEEPEST_M ? thickness - entry : INFINITY;
-    if (side < contact->depth) {
-        contact->depth = side;
-        memcpy(contact->normal, beside, sizeof beside);
-    } else {
-        shape_wall(shape, surface, contact->normal);
-    }
-    contact->slope = 0.0;
-    for (int k = 0; k < 3; k++) {
-        contact->slope -= contact->normal[k] * direction[k];
-    }
-    return true;
-}
-
-/* Add the shear of cell number `cell`: force (newtons) of a spring to the point where the cell sticks to the object, and
- * its stiffness. `pressing`: normal force. */
-static void add_grip(const struct contact_grip *grip, size_t cell, const struct cell_contact *contact, double area,
-                     double pressing, double force[3], double stiffness[3][3])
-{
-    const double *n = contact->normal, spring = layer_shear_stiffness() * area;
+    const double *n = contact->normal, spring = layer_shear_stiffness() * area * contact->share;
+    const double new_share = fmax(1.0 - grip->stuck[cell] / contact->share, 0.0);
     double shear[3] = {0.0, 0.0, 0.0}, square = 0.0;
-    if (grip->sticks[cell]) {
+    if (grip->stuck[cell] > 0.0) {
         double along = 0.0;
         for (int k = 0; k < 3; k++) {
-            shear[k] = contact->top[k] - grip->point[cell][k];
+            shear[k] = (1.0 - new_share) * (top[k] - grip->point[cell][k]);
             along += shear[k] * n[k];
         }
         for (int k = 0; k < 3; k++) {
@@ -66,7 +36,7 @@ static void add_grip(const struct contact_grip *grip, size_t cell, const struct 
             square += shear[k] * shear[k];
         }
     }
-    const double limit = grip->coefficient * pressing, reached = spring * sqrt(square);
+    const double limit = grip->coefficient * contact->pressing, reached = spring * sqrt(square);
     const bool is_sliding = reached > limit;
     const double rate = is_sliding ? spring * limit / reached : spring;
     for (int i = 0; i < 3; i++) {
@@ -77,9 +47,9 @@ static void add_grip(const struct contact_grip *grip, size_t cell, const struct 
         }
     }
     if (grip->advances) {
-        grip->sticks[cell] = true;
+        grip->stuck[cell] = contact->share;
         for (int k = 0; k < 3; k++) {
-            grip->point[cell][k] = contact->top[k] - rate / spring * shear[k];
+            grip->point[cell][k] = top[k] - rate / spring * shear[k];
         }
     }
 }
@@ -93,74 +63,142 @@ static void rotate_back(const struct frame *object_from_bracket, const double in
     }
 }
 
+/* Rotate the load of a board from the object's frame to the bracket's frame, and complete its stiffness K, of which only
+ * the lower triangle is set: both 3-vectors of each row and of each column turn. */
+static void turn_load(const struct frame *object_from_bracket, struct contact_load *load)
+{
+    double half[6][6], turned[3];
+    for (int i = 0; i < 6; i++) {
+        for (int j = i + 1; j < 6; j++) {
+            load->stiffness[i][j] = load->stiffness[j][i];
+        }
+        rotate_back(object_from_bracket, &load->stiffness[i][0], &half[i][0]);
+        rotate_back(object_from_bracket, &load->stiffness[i][3], &half[i][3]);
+    }
+    for (int part = 0; part < 6; part += 3) {
+        rotate_back(object_from_bracket, &load->wrench[part], turned);
+        memcpy(&load->wrench[part], turned, sizeof turned);
+        for (int j = 0; j < 6; j++) {
+            const double column[3] = {half[part][j], half[part + 1][j], half[part + 2][j]};
+            rotate_back(object_from_bracket, column, turned);
+            for (int k = 0; k < 3; k++) {
+                load->stiffness[part + k][j] = turned[k];
+            }
+        }
+    }
+}
+
 /* Add force and stiffness of one cell to the load of the board: the force acts at the point r on the object's surface,
- * and the stiffness is that of a spring S at r: (I, [r]) S (I, [r])^T with the cross-product matrix [r]. */
+ * and the stiffness is that of a spring S at r: (I, [r]) S (I, [r])^T with the cross-product matrix [r]. Only the lower
+ * triangle of the stiffness is set. */
 static void add_spring(struct contact_load *load, const double r[3], const double force[3], double spring[3][3])
 {
-    const double motion[6][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, -r[2], r[1]}, {r[2], 0, -r[0]}, {-r[1], r[0], 0}};
-    double product[6][3];
-    for (int i = 0; i < 6; i++) {
-        for (int j = 0; j < 3; j++) {
-            product[i][j] = motion[i][0] * spring[0][j] + motion[i][1] * spring[1][j] + motion[i][2] * spring[2][j];
-        }
-        load->wrench[i] += motion[i][0] * force[0] + motion[i][1] * force[1] + motion[i][2] * force[2];
+    double product[3][3]; /* [r] S */
+    for (int j = 0; j < 3; j++) {
+        product[0][j] = r[1] * spring[2][j] - r[2] * spring[1][j];
+        product[1][j] = r[2] * spring[0][j] - r[0] * spring[2][j];
+        product[2][j] = r[0] * spring[1][j] - r[1] * spring[0][j];
+        load->wrench[j] += force[j];
     }
-    for (int i = 0; i < 6; i++) {
-        for (int j = 0; j < 6; j++) {
-            load->stiffness[i][j] +=
-                product[i][0] * motion[j][0] + product[i][1] * motion[j][1] + product[i][2] * motion[j][2];
+    load->wrench[3] += r[1] * force[2] - r[2] * force[1];
+    load->wrench[4] += r[2] * force[0] - r[0] * force[2];
+    load->wrench[5] += r[0] * force[1] - r[1] * force[0];
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            load->stiffness[i][j] += spring[i][j];
+            load->stiffness[3 + i][j] += product[i][j];
         }
+        load->stiffness[3 + i][3] += product[i][2] * r[1] - product[i][1] * r[2];
+        load->stiffness[3 + i][4] += product[i][0] * r[2] - product[i][2] * r[0];
+        load->stiffness[3 + i][5] += product[i][1] * r[0] - product[i][0] * r[1];
+    }
+}
+
+/* Point of a cell relative to the bracket's origin, in the object's frame. at: in half sides from the middle of the cell.
+ * depth: below the top, metres. */
+static void find_arm(const struct cover_cell *cell, const double at[2], double depth,
+                     const struct frame *object_from_bracket, double arm[3])
+{
+    for (int k = 0; k < 3; k++) {
+        arm[k] = cell->top[k] + at[0] * cell->half[0][k] + at[1] * cell->half[1][k] - depth * cell->normal[k] -
+                 object_from_bracket->row[k][3];
     }
 }
 
 /* Add the load of one cell that carries no shear to the wrench on the board and to the stiffness: a spring along the
- * normal of the cell. */
-static void add_column(struct contact_load *load, const struct cell *cell, double compression)
+ * normal of the cell. pressure (Pa), rate (Pa/m): means over the cell, along its normal. area: square metres. */
+static void add_column(struct contact_load *load, const struct cover_cell *cell, double area, double pressure,
+                       double rate, double thickness, const struct frame *object_from_bracket)
 {
-    const double *n = cell->normal;
-    const double pressing = layer_contact_pressure(compression) * cell->area;
-    const double rate = layer_contact_stiffness(compression) * cell->area;
-    const double force[3] = {-pressing * n[0], -pressing * n[1], -pressing * n[2]};
-    double spring[3][3];
+    const double *n = cell->normal, middle[2] = {0.0, 0.0};
+    double force[3], spring[3][3], arm[3];
     for (int i = 0; i < 3; i++) {
+        force[i] = -pressure * area * n[i];
         for (int j = 0; j < 3; j++) {
-            spring[i][j] = rate * n[i] * n[j];
+            spring[i][j] = rate * area * n[i] * n[j];
         }
     }
-    add_spring(load, cell->position, force, spring);
+    find_arm(cell, middle, thickness, object_from_bracket, arm);
+    add_spring(load, arm, force, spring);
+}
+
+/* Depth of a face at the centre of its pressure on a cell, metres. */
+static double get_depth(const struct cover_load *face)
+{
+    return face->face.depth + face->face.change[0] * face->centre[0] + face->face.change[1] * face->centre[1];
+}
+
+/* Sum the forces of the faces on a cell: direction, point and magnitude. area: of the cell, square metres. */
+static struct cell_contact join_faces(const struct cover_load *faces, size_t count, double area)
+{
+    struct cell_contact sum = {.share = 0.0};
+    double total = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        const double force = faces[i].pressure * area / faces[i].face.steep;
+        for (int k = 0; k < 3; k++) {
+            sum.normal[k] += force * faces[i].face.normal[k];
+        }
+        sum.arm[0] += force * faces[i].centre[0];
+        sum.arm[1] += force * faces[i].centre[1];
+        sum.arm[2] += force * get_depth(&faces[i]);
+        sum.share += faces[i].share;
+        total += force;
+    }
+    sum.pressing = sqrt(sum.normal[0] * sum.normal[0] + sum.normal[1] * sum.normal[1] + sum.normal[2] * sum.normal[2]);
+    for (int k = 0; k < 3; k++) {
+        sum.normal[k] /= sum.pressing > 0.0 ? sum.pressing : 1.0;
+        sum.arm[k] /= total;
+    }
+    return sum;
 }
 
 /* Add the load of cell number `number`, which sticks to the object, to the wrench on the board and to the stiffness. The
- * force has the direction of the object's normal and a part across from the shear; its part along the cell follows from
- * the compression. */
-static void add_cell(struct contact_load *load, const struct cell *cell, size_t number,
-                     const struct cell_contact *contact, const struct frame *object_from_bracket, double thickness,
+ * force of each face has the direction of the face's normal; its part along the cell follows from the compression. The
+ * shear acts in the centre of these forces. */
+static void add_cell(struct contact_load *load, const struct cover_cell *cell, double area, size_t number,
+                     const struct cover_load *faces, size_t count, const struct frame *object_from_bracket,
                      const struct contact_grip *grip)
 {
-    const double slope = fmax(contact->slope, STEEPEST);
-    const double pressing = layer_contact_pressure(contact->depth) * cell->area / slope;
-    const double rate = layer_contact_stiffness(contact->depth) * cell->area / (slope * slope);
-    double force[3], spring[3][3], turned[3][3], arm[3];
-    for (int i = 0; i < 3; i++) {
-        force[i] = pressing * contact->normal[i];
-        for (int j = 0; j < 3; j++) {
-            spring[i][j] = rate * contact->normal[i] * contact->normal[j];
+    const struct cell_contact sum = join_faces(faces, count, area);
+    double force[3] = {0.0, 0.0, 0.0}, spring[3][3] = {{0.0}}, arm[3];
+    add_grip(grip, number, cell->top, &sum, area, force, spring);
+    if (count > 1) {
+        find_arm(cell, sum.arm, sum.arm[2], object_from_bracket, arm);
+        add_spring(load, arm, force, spring);
+    }
+    for (size_t n = 0; n < count; n++) {
+        const struct cover_face *face = &faces[n].face;
+        const double pressing = faces[n].pressure * area / face->steep;
+        const double rate = faces[n].rate * area / (face->steep * face->steep);
+        for (int i = 0; i < 3; i++) {
+            force[i] = (count > 1 ? 0.0 : force[i]) + pressing * face->normal[i];
+            for (int j = 0; j < 3; j++) {
+                spring[i][j] = (count > 1 ? 0.0 : spring[i][j]) + rate * face->normal[i] * face->normal[j];
+            }
         }
+        find_arm(cell, faces[n].centre, get_depth(&faces[n]), object_from_bracket, arm);
+        add_spring(load, arm, force, spring);
     }
-    add_grip(grip, number, contact, cell->area, pressing, force, spring);
-    double force_back[3], half[3][3];
-    rotate_back(object_from_bracket, force, force_back);
-    for (int i = 0; i < 3; i++) {
-        rotate_back(object_from_bracket, spring[i], half[i]); /* rows of S R */
-    }
-    for (int j = 0; j < 3; j++) {
-        const double column[3] = {half[0][j], half[1][j], half[2][j]};
-        rotate_back(object_from_bracket, column, turned[j]); /* rows of R^T S R, which is symmetric */
-    }
-    for (int k = 0; k < 3; k++) {
-        arm[k] = cell->position[k] + (thickness - contact->depth) * cell->normal[k];
-    }
-    add_spring(load, arm, force_back, turned);
 }
 
 /* Lower bound of the distance (metres) between the electrodes of a board and the object, from the bounding sphere of the
@@ -183,14 +221,24 @@ bool contact_is_far(const struct patch *patch, const struct shape *shape, const 
     return bound_distance(patch, shape, object_from_bracket) > reach;
 }
 
-/* Lower bound of the distance (metres) from the electrodes of a square of skin to the object, by a test of one cell.
- * size: bound of the distance between cells of a square, metres. */
+/* Middle of a square of skin, between two opposite corner cells, in the object's frame. */
+static void find_middle(const struct cell *cells, const struct frame *object_from_bracket, double middle[3])
+{
+    double point[3];
+    for (int k = 0; k < 3; k++) {
+        point[k] = 0.5 * (cells[0].position[k] + cells[CELLS_PER_TAXEL - 1].position[k]);
+    }
+    frame_point(object_from_bracket, point, middle);
+}
+
+/* Lower bound of the distance (metres) from the electrodes of a square of skin to the object, by a test of its middle.
+ * size: bound of the distance between points of a square, metres. */
 static double bound_square_distance(const struct cell *cells, double size, const struct shape *shape,
                                     const struct frame *object_from_bracket)
 {
-    double point[3];
-    frame_point(object_from_bracket, cells[0].position, point);
-    return shape_distance_bound(shape, point) - size;
+    double middle[3];
+    find_middle(cells, object_from_bracket, middle);
+    return shape_distance_bound(shape, middle) - 0.5 * size;
 }
 
 /* Whether every cell of square number `square` is farther from the object than `thickness` + `reach` (metres), which
@@ -249,31 +297,86 @@ static void place_lines(struct shape_lines *lines, const struct cell *cells, dou
     }
 }
 
-/* Solve the contact of the 16 cells of a square, whose first cell has the number `first`, along the placed lines. Writes
- * the compression of each cell in the direction of its normal (may be NULL). Returns whether a cell touches. */
-static bool press_square(const struct cell *cells, size_t first, const struct shape *shape,
-                         const struct shape_lines *lines, const struct frame *object_from_bracket, double thickness,
-                         const struct contact_grip *grip, double *compression, struct contact_load *load)
+/* Transform the cells of a square to the object's frame, with the tops of the unloaded layer as their middles. */
+static void place_square(struct cover_square *square, const struct cell *cells, double thickness,
+                         const struct frame *object_from_bracket)
 {
-    bool is_touching = false;
+    for (int k = 0; k < 3; k++) {
+        const double *row = object_from_bracket->row[k];
+        for (int i = 0; i < CELLS_PER_TAXEL; i++) {
+            const double *p = cells[i].position, *n = cells[i].normal;
+            const double *a = cells[i].half[0], *b = cells[i].half[1];
+            square->normal[k][i] = row[0] * n[0] + row[1] * n[1] + row[2] * n[2];
+            square->top[k][i] =
+                row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3] + thickness * square->normal[k][i];
+            square->half[0][k][i] = row[0] * a[0] + row[1] * a[1] + row[2] * a[2];
+            square->half[1][k][i] = row[0] * b[0] + row[1] * b[1] + row[2] * b[2];
+        }
+    }
+}
+
+/* Cell number i of a placed square. */
+static struct cover_cell get_cell(const struct cover_square *square, size_t i)
+{
+    struct cover_cell cell;
+    for (int k = 0; k < 3; k++) {
+        cell.top[k] = square->top[k][i];
+        cell.normal[k] = square->normal[k][i];
+        cell.half[0][k] = square->half[0][k][i];
+        cell.half[1][k] = square->half[1][k][i];
+    }
+    return cell;
+}
+
+/* Mean pressure (Pa) along the normal of a cell, and its derivative *rate (Pa/m) by a motion along the normal. */
+static double sum_along(const struct cover_load *faces, size_t count, double *rate)
+{
+    double pressure = 0.0;
+    *rate = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        const double share = fmax(faces[i].face.slope, 0.0) / faces[i].face.steep;
+        pressure += share * faces[i].pressure;
+        *rate += share * share * faces[i].rate;
+    }
+    return pressure;
+}
+
+/* Solve the contact of the 16 cells of a square, whose first cell has the number `first`. Writes the compression of each
+ * cell in the direction of its normal (may be NULL). Returns whether a cell touches. */
+static bool press_square(const struct cell *cells, size_t first, const struct shape *shape, double size,
+                         const struct frame *object_from_bracket, double thickness, const struct contact_grip *grip,
+                         double *compression, struct contact_load *load)
+{
+    struct cover_planes planes;
+    struct cover_square square;
+    double middle[3];
+    bool is_touching = false, touched[CELLS_PER_TAXEL];
+    find_middle(cells, object_from_bracket, middle);
+    cover_find_planes(shape, middle, 0.5 * size + thickness, DEEPEST_M, &planes);
+    place_square(&square, cells, thickness, object_from_bracket);
+    cover_find_touched(shape, &planes, &square, touched);
     for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
-        struct cell_contact contact;
-        const double origin[3] = {lines->origin[0][i], lines->origin[1][i], lines->origin[2][i]};
-        const double direction[3] = {lines->direction[0][i], lines->direction[1][i], lines->direction[2][i]};
-        if (lines->entry[i] < thickness &&
-            find_contact(shape, origin, direction, lines->entry[i], thickness, &contact)) {
+        struct cover_cell cover;
+        struct cover_load faces[COVER_FACES_MAX];
+        size_t count = 0;
+        if (touched[i]) {
+            cover = get_cell(&square, i);
+            count = cover_press(shape, &planes, &cover, faces);
+        }
+        if (count) {
+            double rate;
+            const double pressure = sum_along(faces, count, &rate);
             is_touching = true;
-            const double along = contact.depth * fmin(fmax(contact.slope, 0.0) / STEEPEST, 1.0);
             if (compression) {
-                compression[i] = along;
+                compression[i] = layer_contact_compression(pressure);
             }
             if (load && grip) {
-                add_cell(load, &cells[i], first + i, &contact, object_from_bracket, thickness, grip);
+                add_cell(load, &cover, cells[i].area, first + i, faces, count, object_from_bracket, grip);
             } else if (load) {
-                add_column(load, &cells[i], along);
+                add_column(load, &cover, cells[i].area, pressure, rate, thickness, object_from_bracket);
             }
         } else if (grip && grip->advances) {
-            grip->sticks[first + i] = false;
+            grip->stuck[first + i] = 0.0;
         }
     }
     return is_touching;
@@ -283,7 +386,21 @@ static bool press_square(const struct cell *cells, size_t first, const struct sh
 static void release_square(const struct contact_grip *grip, size_t first)
 {
     if (grip && grip->advances) {
-        memset(&grip->sticks[first], 0, CELLS_PER_TAXEL * sizeof *grip->sticks);
+        memset(&grip->stuck[first], 0, CELLS_PER_TAXEL * sizeof *grip->stuck);
+    }
+}
+
+/* Write the gaps (metres) up to `reach` of the cells of a square along their normals. */
+static void write_gaps(const struct cell *cells, const struct shape *shape, double size,
+                       const struct frame *object_from_bracket, double thickness, double reach, double *gap)
+{
+    struct shape_lines lines;
+    place_lines(&lines, cells, size, object_from_bracket);
+    shape_entries(shape, &lines, fmax(thickness + reach, DEEPEST_M));
+    for (size_t i = 0; i < CELLS_PER_TAXEL; i++) {
+        if (lines.entry[i] >= -DEEPEST_M && lines.entry[i] <= thickness + reach) {
+            gap[i] = fmax(lines.entry[i] - thickness, 0.0);
+        }
     }
 }
 
@@ -296,15 +413,13 @@ static bool press_margins(const struct patch *patch, const struct shape *shape, 
     for (size_t square = 0; square < patch->margin_count; square++) {
         const struct cell *cells = &patch->margins[square * CELLS_PER_TAXEL];
         const size_t first = patch->cell_count + square * CELLS_PER_TAXEL;
-        struct shape_lines lines;
         if (square_is_far(cells, patch->taxel_count + square, patch, shape, object_from_bracket, thickness, 0.0, grip,
                           load)) {
             release_square(grip, first);
             continue;
         }
-        place_lines(&lines, cells, patch->reach, object_from_bracket);
-        shape_entries(shape, &lines, fmax(thickness, DEEPEST_M));
-        is_touching |= press_square(cells, first, shape, &lines, object_from_bracket, thickness, grip, NULL, load);
+        is_touching |=
+            press_square(cells, first, shape, patch->reach, object_from_bracket, thickness, grip, NULL, load);
     }
     return is_touching;
 }
@@ -321,7 +436,9 @@ bool contact_solve(const struct patch *patch, const struct shape *shape, const s
         memset(load, 0, sizeof *load);
         load->clearance = INFINITY;
     }
-    memset(compression, 0, patch->cell_count * sizeof *compression);
+    if (compression) {
+        memset(compression, 0, patch->cell_count * sizeof *compression);
+    }
     for (size_t i = 0; gap && i < patch->cell_count; i++) {
         gap[i] = CONTACT_FAR_M;
     }
@@ -344,19 +461,17 @@ bool contact_solve(const struct patch *patch, const struct shape *shape, const s
             release_square(grip, first);
             continue;
         }
-        struct shape_lines lines;
-        place_lines(&lines, &patch->cells[first], patch->reach, object_from_bracket);
-        shape_entries(shape, &lines, fmax(thickness + reach, DEEPEST_M));
-        for (size_t i = 0; gap && i < CELLS_PER_TAXEL; i++) {
-            if (lines.entry[i] >= -DEEPEST_M && lines.entry[i] <= thickness + reach) {
-                gap[first + i] = fmax(lines.entry[i] - thickness, 0.0);
-            }
+        if (gap) {
+            write_gaps(&patch->cells[first], shape, patch->reach, object_from_bracket, thickness, reach, &gap[first]);
         }
-        is_touching |= press_square(&patch->cells[first], first, shape, &lines, object_from_bracket, thickness, grip,
-                                    &compression[first], load);
+        is_touching |= press_square(&patch->cells[first], first, shape, patch->reach, object_from_bracket, thickness,
+                                    grip, compression ? &compression[first] : NULL, load);
     }
     if (load && press_margins(patch, shape, object_from_bracket, thickness, grip, load)) {
         is_touching = true;
+    }
+    if (load && is_touching) {
+        turn_load(object_from_bracket, load);
     }
     return is_touching;
 }

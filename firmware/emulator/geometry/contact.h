@@ -23,7 +23,7 @@ struct contact_load {
 struct contact_grip {
     double coefficient; /* friction coefficient */
     bool advances;      /* whether contact_solve() updates the points; else it only uses them */
-    bool *sticks;       /* [cells + margin cells] */
+    double *stuck;      /* [cells + margin cells], share of the area of the cell that sticks or slides; 0: no contact */
     double (*point)[3]; /* [cells + margin cells], object frame, metres */
     /* Squares that are far from the object are examined again only after the board has moved as far. */
     bool has_frame;     /* false: the following values are not valid yet */
@@ -39,7 +39,8 @@ bool contact_is_far(const struct patch *patch, const struct shape *shape, const 
 /* Solve the contact of a board. Returns whether a cell touches the object. If the object is certainly farther away than
  * thickness + reach, the arrays are cleared without examining each cell.
  *
- * object_from_bracket: transform from bracket to object coordinates. compression[cells]: metres, 0 without contact.
+ * object_from_bracket: transform from bracket to object coordinates. compression[cells] (may be NULL): metres, 0 without contact; that
+ * of a cell which the object covers partly gives the mean pressure on the cell.
  * gap[cells] (may be NULL): distance from the skin to the object along the normal; CONTACT_FAR_M beyond `reach` or if
  * the normal misses the object. load may be NULL. grip: NULL: cells are not sheared, and each is a spring
  * along its normal. thickness: layer above the electrode, metres. */

@@ -146,21 +146,40 @@ static double compute_curvature(const struct taxel_pose *centre, const struct ta
     return count ? sum / count : 0.0;
 }
 
-/* Place a cell at (a, b) metres from a taxel along its distal and left direction, on the paraboloid with the curvatures
- * bend_distal and bend_left (1/m). */
-static void place_cell(struct cell *cell, const struct taxel_pose *pose, const double left[3], double a, double b,
-                       double bend_distal, double bend_left)
+/* Set the half sides of a placed cell, tangential to the sheet: the first one near the distal direction of its taxel. */
+static void set_sides(struct cell *cell, const double distal[3], const double sides[2])
 {
-    const double depth = 0.5 * (bend_distal * a * a + bend_left * b * b);
-    double length = 0.0;
+    const double *n = cell->normal, along = dot(distal, n);
+    double first[3], second[3];
+    for (int k = 0; k < 3; k++) {
+        first[k] = distal[k] - along * n[k];
+    }
+    const double length = sqrt(dot(first, first));
+    cross(n, first, second);
+    for (int k = 0; k < 3; k++) {
+        cell->half[0][k] = 0.5 * sides[0] / length * first[k];
+        cell->half[1][k] = 0.5 * sides[1] / length * second[k];
+    }
+    cell->area = sides[0] * sides[1];
+}
+
+/* Place a cell with two sides (metres) at (a, b) metres from a taxel along its distal and left direction, on the
+ * paraboloid with the curvatures bend[0] (distal) and bend[1] (left), 1/m. */
+static void place_cell(struct cell *cell, const struct taxel_pose *pose, const double sides[2], double a, double b,
+                       const double bend[2])
+{
+    const double depth = 0.5 * (bend[0] * a * a + bend[1] * b * b);
+    double length = 0.0, left[3];
+    cross(pose->normal, pose->distal, left);
     for (int k = 0; k < 3; k++) {
         cell->position[k] = pose->position[k] + a * pose->distal[k] + b * left[k] - depth * pose->normal[k];
-        cell->normal[k] = pose->normal[k] + bend_distal * a * pose->distal[k] + bend_left * b * left[k];
+        cell->normal[k] = pose->normal[k] + bend[0] * a * pose->distal[k] + bend[1] * b * left[k];
         length += cell->normal[k] * cell->normal[k];
     }
     for (int k = 0; k < 3; k++) {
         cell->normal[k] /= sqrt(length);
     }
+    set_sides(cell, pose->distal, sides);
 }
 
 /* Place the 4 x 4 cells of one taxel on a paraboloid through the taxel whose curvatures follow from the normals of the
@@ -177,16 +196,15 @@ static void add_taxel_cells(struct patch *patch, const struct layout *layout, co
     const double sides[2] = {get_side(pose, 0) / CELLS_PER_SIDE, get_side(pose, 1) / CELLS_PER_SIDE};
     double left[3];
     cross(pose->normal, pose->distal, left);
-    const double bend_distal = compute_curvature(pose, along_column, pose->distal);
-    const double bend_left = compute_curvature(pose, along_row, left);
+    const double bend[2] = {compute_curvature(pose, along_column, pose->distal),
+                            compute_curvature(pose, along_row, left)};
     for (int i = 0; i < CELLS_PER_TAXEL; i++) {
         const int down = i / CELLS_PER_SIDE, across = i % CELLS_PER_SIDE;
         const int index = taxel * CELLS_PER_TAXEL + i;
         const int grid = (row * CELLS_PER_SIDE + down) * patch->grid_columns + column * CELLS_PER_SIDE + across;
         const double a = (0.5 * (CELLS_PER_SIDE - 1) - down) * sides[0]; /* row 0 is distal, column 0 is left */
         const double b = (0.5 * (CELLS_PER_SIDE - 1) - across) * sides[1];
-        patch->cells[index].area = sides[0] * sides[1];
-        place_cell(&patch->cells[index], pose, left, a, b, bend_distal, bend_left);
+        place_cell(&patch->cells[index], pose, sides, a, b, bend);
         patch->cell_at[grid] = (int16_t)index;
         patch->grid_of[index] = grid;
     }
@@ -208,7 +226,9 @@ static void compute_bounding_sphere(struct patch *patch)
             const double d = patch->cells[i].position[k] - patch->centre[k];
             square += d * d;
         }
-        patch->bound = fmax(patch->bound, sqrt(square));
+        const struct cell *cell = &patch->cells[i];
+        const double half = sqrt(dot(cell->half[0], cell->half[0]) + dot(cell->half[1], cell->half[1]));
+        patch->bound = fmax(patch->bound, sqrt(square) + half);
     }
 }
 
@@ -270,16 +290,13 @@ int patch_add_margins(struct patch *patch, size_t count, const struct taxel_pose
     for (size_t square = 0; square < count; square++) {
         const double sides[2] = {get_side(&poses[square], 0) / CELLS_PER_SIDE,
                                  get_side(&poses[square], 1) / CELLS_PER_SIDE};
-        double left[3];
-        cross(poses[square].normal, poses[square].distal, left);
+        const double flat[2] = {0.0, 0.0};
         patch->reach = fmax(patch->reach, bound_square(&poses[square]));
         for (int i = 0; i < CELLS_PER_TAXEL; i++) {
             const int row = i / CELLS_PER_SIDE, column = i % CELLS_PER_SIDE;
             const double a = (0.5 * (CELLS_PER_SIDE - 1) - row) * sides[0];
             const double b = (0.5 * (CELLS_PER_SIDE - 1) - column) * sides[1];
-            struct cell *cell = &patch->margins[square * CELLS_PER_TAXEL + (size_t)i];
-            place_cell(cell, &poses[square], left, a, b, 0.0, 0.0);
-            cell->area = sides[0] * sides[1];
+            place_cell(&patch->margins[square * CELLS_PER_TAXEL + (size_t)i], &poses[square], sides, a, b, flat);
         }
     }
     return 0;

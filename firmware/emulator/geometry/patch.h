@@ -29,6 +29,7 @@ struct taxel_pose {
 
 struct cell {
     double position[3], normal[3]; /* of the electrode surface below the cell, bracket frame */
+    double half[2][3];             /* half of each side of the cell: distal, left; metres */
     double area;                   /* square metres */
 };
 
@@ -36,7 +37,7 @@ struct patch {
     size_t taxel_count, cell_count;
     int grid_rows, grid_columns;
     double step[2];     /* mean distance between neighbouring cells of the grid along rows and columns, metres */
-    double reach;       /* bound of the distance from a corner cell of a square to its other cells, metres */
+    double reach;       /* bound of the distance between two points of a square, metres */
     int16_t *cell_at;   /* [grid_rows][grid_columns]: index of a cell, or -1 without a taxel */
     int32_t *grid_of;   /* [cell_count]: position of a cell on the grid */
     struct cell *cells; /* [taxel_count][16] */

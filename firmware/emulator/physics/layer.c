@@ -39,7 +39,7 @@ static struct {
 static double rise_at_depth[DEPTH_STEPS + 1];
 static double contact_depths[TABLE_SIZE];    /* compression of pillars and sheet together, metres */
 static double contact_pressures[TABLE_SIZE]; /* at these compressions */
-#define CONTACT_STARTS 1024
+#define CONTACT_STARTS 16384                 /* so fine that the search takes a few steps also at small compressions */
 /* start index of the search in contact_depths, per compression step */
 static uint16_t contact_starts[CONTACT_STARTS + 1];
 static double log_min, log_step;
@@ -294,9 +294,19 @@ static double evaluate_contact_pressure(double compression_m, double *rate)
         low++;
     }
     const double growth = log_step / (contact_depths[low + 1] - contact_depths[low]);
-    const double pressure = contact_pressures[low] * exp(growth * (compression_m - contact_depths[low]));
+    const double x = growth * (compression_m - contact_depths[low]);
+    /* exp(x) for x below log_step: four terms of the series leave a relative error of 2e-10 */
+    const double pressure = contact_pressures[low] * (1.0 + x * (1.0 + x / 2.0 * (1.0 + x / 3.0)));
     *rate = pressure * growth;
     return pressure;
+}
+
+/* The pressure in pascal between layer and object at a compression of the layer in metres, and its derivative *rate in
+ * pascal per metre; both 0 without compression. */
+double layer_contact_curve(double compression_m, double *rate)
+{
+    *rate = 0.0;
+    return compression_m <= 0.0 ? 0.0 : evaluate_contact_pressure(compression_m, rate);
 }
 
 /* The pressure in pascal between layer and object at a compression of the layer in metres; 0 without
@@ -304,17 +314,31 @@ static double evaluate_contact_pressure(double compression_m, double *rate)
 double layer_contact_pressure(double compression_m)
 {
     double rate;
-    return compression_m <= 0.0 ? 0.0 : evaluate_contact_pressure(compression_m, &rate);
+    return layer_contact_curve(compression_m, &rate);
 }
 
 /* The derivative of the contact pressure by the compression, in pascal per metre; 0 without compression. */
 double layer_contact_stiffness(double compression_m)
 {
-    double rate = 0.0;
-    if (compression_m > 0.0) {
-        (void)evaluate_contact_pressure(compression_m, &rate);
-    }
+    double rate;
+    (void)layer_contact_curve(compression_m, &rate);
     return rate;
+}
+
+/* The compression of the layer in metres at a contact pressure in pascal: inverse of the interpolation in the table. */
+double layer_contact_compression(double pressure_pa)
+{
+    const double last = contact_pressures[TABLE_SIZE - 1], before = contact_depths[TABLE_SIZE - 2];
+    if (pressure_pa <= contact_pressures[0]) {
+        return fmax(pressure_pa, 0.0) / contact_pressures[0] * contact_depths[0];
+    }
+    if (pressure_pa >= last) {
+        const double depth = contact_depths[TABLE_SIZE - 1];
+        return depth + (pressure_pa / last - 1.0) * (depth - before) / log_step;
+    }
+    const double position = log(pressure_pa / contact_pressures[0]) / log_step;
+    const int low = (int)fmin(position, TABLE_SIZE - 2);
+    return contact_depths[low] + (position - low) * (contact_depths[low + 1] - contact_depths[low]);
 }
 
 /* Shear stiffness of the layer in pascal per metre: G / t. */

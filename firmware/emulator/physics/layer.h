@@ -44,6 +44,12 @@ double layer_rest_permittivity(void);
 double layer_contact_pressure(double compression_m);
 double layer_contact_stiffness(double compression_m);
 
+/* Both at once: returns the pressure (Pa) and writes the derivative *rate (Pa/m); 0 without compression. */
+double layer_contact_curve(double compression_m, double *rate);
+
+/* Inverse of layer_contact_pressure(): indentation (m) at a pressure (Pa). */
+double layer_contact_compression(double pressure_pa);
+
 /* Shear stiffness of the layer in a grasp, pascal per metre: force per area and displacement along the surface. */
 double layer_shear_stiffness(void);
 

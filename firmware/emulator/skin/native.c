@@ -27,7 +27,7 @@ static size_t count_cells(const struct patch *patch)
 static void free_grips(struct taxel_contact *contact)
 {
     for (size_t i = 0; contact->grips && i < contact->skin.board_count; i++) {
-        free(contact->grips[i].sticks);
+        free(contact->grips[i].stuck);
         free(contact->grips[i].point);
         free(contact->grips[i].due);
     }
@@ -104,10 +104,10 @@ int taxel_contact_set_friction(struct taxel_contact *contact, double coefficient
         const struct patch *patch = &contact->skin.boards[i].patch;
         const size_t cells = count_cells(patch);
         contact->grips[i].coefficient = coefficient;
-        contact->grips[i].sticks = calloc(cells, sizeof *contact->grips[i].sticks);
+        contact->grips[i].stuck = calloc(cells, sizeof *contact->grips[i].stuck);
         contact->grips[i].point = calloc(cells, sizeof *contact->grips[i].point);
         contact->grips[i].due = calloc(patch->taxel_count + patch->margin_count, sizeof *contact->grips[i].due);
-        if (!contact->grips[i].sticks || !contact->grips[i].point || !contact->grips[i].due) {
+        if (!contact->grips[i].stuck || !contact->grips[i].point || !contact->grips[i].due) {
             free_grips(contact);
         }
     }
@@ -154,8 +154,9 @@ int taxel_contact_evaluate(struct taxel_contact *contact, int object, const doub
             memcpy(&nominal_pose, bracket_poses + 12 * i, sizeof nominal_pose);
             const struct frame bracket = frame_product(&nominal_pose, &description->boards[i].bracket_offset);
             const struct frame object_from_bracket = frame_product(&object_from_world, &bracket);
-            is_touching = contact_solve(&board->patch, &description->objects[object].shape, &object_from_bracket,
-                                        description->layer_thickness, 0.0, board->compression, NULL, &sum, grip);
+            is_touching =
+                contact_solve(&board->patch, &description->objects[object].shape, &object_from_bracket,
+                              description->layer_thickness, 0.0, force ? board->compression : NULL, NULL, &sum, grip);
         }
         memcpy(load + LOAD_VALUES * i, sum.wrench, sizeof sum.wrench);
         memcpy(load + LOAD_VALUES * i + 6, sum.stiffness, sizeof sum.stiffness);

@@ -106,27 +106,28 @@ class Cylinder:
         leave = np.where(is_vertical, np.inf, np.maximum(root_1, root_2))
         return np.where(is_miss, np.inf, enter), np.where(is_miss, -np.inf, leave)
 
-    def indent(self, tops: FloatArray, axes: FloatArray, min_slope: float) -> tuple[FloatArray, FloatArray]:
-        """Compute how deep the cylinder indents columns: depth f64[m] and normal f64[m, 3]; see `Shape.indent`."""
+    def view_faces(self, tops: FloatArray, axes: FloatArray, min_slope: float) -> tuple[FloatArray, FloatArray]:
+        """View wall, bottom and top: depths f64[m, 3] and normals f64[m, 3, 3]; see `Shape.view_faces`."""
         radius = np.hypot(tops[:, 0], tops[:, 1])
         outward = np.divide(
             tops[:, :2], radius[:, None], out=np.tile([1.0, 0.0], (len(tops), 1)), where=radius[:, None] > 0
         )
-        limited = (self.radius - radius) / min_slope
         # The line against the axis leaves the wall where |p - t d| = R in the plane across the cylinder.
         a, b = (axes[:, :2] ** 2).sum(axis=1), (tops[:, :2] * axes[:, :2]).sum(axis=1)
         root = np.sqrt(np.maximum(b * b + a * (self.radius**2 - radius**2), 0.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             crossing = np.where((radius < self.radius) & (a > 0), (b + root) / a, np.inf)
-        depth = np.minimum(crossing, limited)
-        is_crossing = crossing < limited
+        wall = self.radius - radius
+        is_crossing = crossing < wall / min_slope
+        slope_outside = np.where(wall > 0, 0.0, -(outward * axes[:, :2]).sum(axis=1))
+        depth = np.where(is_crossing, crossing, wall / np.maximum(slope_outside, min_slope))
         at_wall = (tops[:, :2] - np.where(is_crossing, crossing, 0.0)[:, None] * axes[:, :2]) / self.radius
-        normal = np.column_stack([np.where(is_crossing[:, None], at_wall, outward), np.zeros(len(tops))])
-        for distance, sign in ((tops[:, 2], -1.0), (self.height - tops[:, 2], 1.0)):
-            at_cap = distance / np.maximum(-sign * axes[:, 2], min_slope)
-            normal[at_cap < depth] = (0.0, 0.0, sign)
-            depth = np.minimum(depth, at_cap)
-        return depth, normal
+        normals = np.zeros((len(tops), 3, 3))
+        normals[:, 0, :2] = np.where(is_crossing[:, None], at_wall, outward)
+        normals[:, 1:, 2] = (-1.0, 1.0)
+        bottom = tops[:, 2] / np.maximum(axes[:, 2], min_slope)
+        top = (self.height - tops[:, 2]) / np.maximum(-axes[:, 2], min_slope)
+        return np.column_stack([depth, bottom, top]), normals
 
     def signed_distance(self, points: npt.ArrayLike) -> FloatArray:
         """Compute the distance of points f64[..., 3] to the cylinder's surface, f64[...] metres; negative inside."""

@@ -212,12 +212,10 @@ class ConvexPolytope:
             leave = np.where((speed == 0) & (depth < 0), -np.inf, leave)
         return np.where((enter <= leave) & (leave >= 0), enter, np.inf), face
 
-    def indent(self, tops: FloatArray, axes: FloatArray, min_slope: float) -> tuple[FloatArray, FloatArray]:
-        """Compute how deep the solid indents columns: depth f64[m] and normal f64[m, 3]; see `Shape.indent`."""
-        distances = self.offsets - tops @ self.normals.T
-        depths = distances / np.maximum(-axes @ self.normals.T, min_slope)
-        nearest = depths.argmin(axis=1)
-        return depths[np.arange(len(tops)), nearest], self.normals[nearest]
+    def view_faces(self, tops: FloatArray, axes: FloatArray, min_slope: float) -> tuple[FloatArray, FloatArray]:
+        """View the faces from columns: depths f64[m, k] and normals f64[m, k, 3]; see `Shape.view_faces`."""
+        depths = (self.offsets - tops @ self.normals.T) / np.maximum(-axes @ self.normals.T, min_slope)
+        return depths, np.broadcast_to(self.normals, (len(tops), *self.normals.shape))
 
     def signed_distance(self, points: npt.ArrayLike) -> FloatArray:
         """Compute the distance of points f64[..., 3] to the polytope's surface, f64[...] metres; negative inside.

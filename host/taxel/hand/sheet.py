@@ -50,6 +50,12 @@ class Sheet:
         """Area of each rectangle divided by the area to which the force laws of the layer refer, f64[n]."""
         return np.asarray(self.size[:, 0] * self.size[:, 1] / REFERENCE_AREA_M2)
 
+    @cached_property
+    def half_sides(self) -> FloatArray:
+        """Half of each side of each rectangle, along `distal` and across it, f64[n, 2, 3], metres."""
+        directions = np.stack([self.distal, np.cross(self.normal, self.distal)], axis=1)
+        return np.asarray(0.5 * self.size[:, :, None] * directions)
+
 
 @lru_cache(maxsize=8)
 def build_sheet(hand: Hand, parts: int = 1) -> Sheet:

@@ -37,10 +37,12 @@ class _Layer(ctypes.Structure):
         ("first", ctypes.c_void_p),
         ("position", ctypes.c_void_p),
         ("normal", ctypes.c_void_p),
+        ("half_sides", ctypes.c_void_p),
         ("area_share", ctypes.c_void_p),
         ("taxel", ctypes.c_void_p),
         ("board_size", ctypes.c_void_p),
         ("square_size_m", ctypes.c_double),
+        ("piece_size_m", ctypes.c_double),
         ("thickness_m", ctypes.c_double),
         ("near_m", ctypes.c_double),
         ("max_depth_m", ctypes.c_double),
@@ -48,6 +50,7 @@ class _Layer(ctypes.Structure):
         ("stiffness_n_per_m", ctypes.c_double),
         ("stiffening_m", ctypes.c_double),
         ("closing_m", ctypes.c_double),
+        ("solid_m", ctypes.c_double),
         ("straight_m", ctypes.c_double),
         ("friction_coefficient", ctypes.c_double),
         ("shear_stiffness_n_per_m", ctypes.c_double),
@@ -64,7 +67,7 @@ class _Layer(ctypes.Structure):
         ("search_pose", ctypes.c_void_p),
         ("slack_m", ctypes.c_void_p),
         ("anchor", ctypes.c_void_p),
-        ("is_anchored", ctypes.c_void_p),
+        ("touched", ctypes.c_void_p),
     ]
 
 
@@ -83,26 +86,29 @@ def load_sim_library() -> ctypes.CDLL:
     return library
 
 
-_PIECE_ARRAYS = ("first", "position", "normal", "area_share", "taxel")
+_PIECE_ARRAYS = ("first", "position", "normal", "half_sides", "area_share", "taxel")
 """Arrays of a `_PieceTable` to which `_Layer` points."""
 
 
 class _PieceTable(NamedTuple):
     """Pieces of a sheet sorted by board, in the memory layout of the library.
 
-    first: index of the first piece of each board, [s + 1]. position, normal: f64[p, 3], bracket frame. area_share:
-    f64[p], area relative to that of the force law. taxel: u32[p], `_NO_TAXEL` for a piece of the margin. board_size:
-    f64[s], largest distance of a piece from the bracket's origin. square_size_m: largest distance of a piece from the
-    middle of its square.
+    first: index of the first piece of each board, [s + 1]. position, normal: f64[p, 3], bracket frame. half_sides:
+    f64[p, 2, 3], half of each side of a piece, bracket frame. area_share: f64[p], area relative to that of the force
+    law. taxel: u32[p], `_NO_TAXEL` for a piece of the margin. board_size: f64[s], largest distance of a point of a
+    piece from the bracket's origin. square_size_m: largest distance of a piece from the middle of its square.
+    piece_size_m: largest distance of a point of a piece from the middle of the piece. Lengths in metres.
     """
 
     first: npt.NDArray[np.uintp]
     position: FloatArray
     normal: FloatArray
+    half_sides: FloatArray
     area_share: FloatArray
     taxel: npt.NDArray[np.uint32]
     board_size: FloatArray
     square_size_m: float
+    piece_size_m: float
 
 
 @cache
@@ -114,15 +120,18 @@ def _build_table(hand: Hand) -> _PieceTable:
     sheet = build_sheet(hand, SPRINGS_PER_SIDE)
     order = np.argsort(sheet.board_index, kind="stable")  # the bare squares of a sheet follow after all taxels
     position, normal = (np.ascontiguousarray(part[order], dtype=np.float64) for part in (sheet.position, sheet.normal))
+    half_sides = np.ascontiguousarray(sheet.half_sides[order])
     area_share = np.ascontiguousarray(sheet.area_share[order])
     first = np.searchsorted(sheet.board_index[order], np.arange(len(hand.boards) + 1)).astype(np.uintp)
     square = order // SPRINGS_PER_SIDE**2
     taxel = np.where(square < hand.n_taxels, square, _NO_TAXEL).astype(np.uint32)
-    radius = np.linalg.norm(position, axis=1)
+    piece_size = float(np.linalg.norm(sheet.size, axis=1).max()) / 2
+    radius = np.linalg.norm(position, axis=1) + piece_size
     board_size = [radius[begin:end].max(initial=0.0) for begin, end in pairwise(first)]
     squares = position.reshape(-1, SPRINGS_PER_SIDE**2, 3)
     square_size = np.linalg.norm(squares - squares[:, SPRINGS_PER_SIDE**2 // 2, None], axis=2).max()
-    return _PieceTable(first, position, normal, area_share, taxel, np.array(board_size), float(square_size))
+    sizes = np.array(board_size), float(square_size), piece_size
+    return _PieceTable(first, position, normal, half_sides, area_share, taxel, *sizes)
 
 
 class NativeContact:
@@ -152,12 +161,10 @@ class NativeContact:
         self._layer = _Layer(
             boards=self._boards,
             square_pieces=SPRINGS_PER_SIDE**2,
-            **{
-                name: self._reference(getattr(table, name))
-                for name in ("first", "position", "normal", "area_share", "taxel")
-            },
+            **{name: self._reference(getattr(table, name)) for name in _PIECE_ARRAYS},
             board_size=self._reference(table.board_size),
             square_size_m=table.square_size_m,
+            piece_size_m=table.piece_size_m,
             thickness_m=hand.layer_m or 0.0,
             near_m=NEAR_M,
             max_depth_m=MAX_DEPTH_M,
@@ -174,7 +181,7 @@ class NativeContact:
             search_pose=self._reference(np.zeros((self._boards, 4, 4))),
             slack_m=self._reference(self._slack_m),
             anchor=self._reference(np.zeros((len(table.position), 3))),
-            is_anchored=self._reference(np.zeros(len(table.position), np.uint8)),
+            touched=self._reference(np.zeros(len(table.position))),
         )
         self._address = ctypes.addressof(self._layer)
 

@@ -17,12 +17,15 @@ from taxel.grasp.plan import make_thesis_approaches
 from taxel.grasp.shapes import ConvexPolytope
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand import load_hand
+from taxel.hand.geometry import REFERENCE_AREA_M2
+from taxel.hand.sheet import build_sheet
 from taxel.hand.transforms import from_rotation_vector, inverse, to_quaternion
 from taxel.sim import soft_push
 from taxel.sim.closing import SimulationSettings, simulate_grasp
+from taxel.sim.column_division import divide_squares
 from taxel.sim.native_contact import NativeContact
 from taxel.sim.scene import JOINT_FRICTION_NM, build_scene
-from taxel.sim.soft_contact import LayerLaw, SoftContact
+from taxel.sim.soft_contact import LayerFriction, LayerLaw, SoftContact
 
 HAND = load_hand("allegro")
 LAW = LayerLaw()
@@ -52,8 +55,10 @@ def test_the_stiffness_is_the_derivative_of_the_force_and_never_decreases():
     assert (np.diff(LAW.compute_stiffness(depth)) >= 0).all()
 
 
-def test_the_force_at_6_mm_penetration_is_below_1000_n():
-    assert float(LAW.compute_force(np.array(6e-3))) < 1000.0
+def test_the_force_beyond_the_fitted_range_increases_linearly():
+    force = LAW.compute_force(np.array([2e-3, 4e-3, 6e-3]))
+    assert force[2] - force[1] == pytest.approx(force[1] - force[0])
+    assert force[2] < 25e3
 
 
 @pytest.mark.parametrize("key", ONE_SIDE_OF_EACH_OBJECT)
@@ -152,6 +157,37 @@ def test_the_penetration_rate_of_a_layer_piece_is_the_derivative_of_its_depth():
         displaced_points, _ = soft._compute_lines(compute_poses_at(displaced_qpos)[2], piece)
         expected = np.sum((displaced_points - points) / step * normals, axis=1)
         np.testing.assert_allclose(rate[:, column], expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("contact_class", [SoftContact, NativeContact])
+def test_the_load_is_proportional_to_the_covered_area_wherever_an_edge_crosses_the_columns(contact_class):
+    """A box without friction moves over the border of the board: each step adds the force on the same strip."""
+    hand, depth_m, step_m = load_hand("flat8"), 0.0008, 0.13e-3
+    contact = contact_class(hand, ConvexPolytope.box(0.2, 0.2, 0.03), LAW, LayerFriction(0.0))
+    object_pose, forces, taxel_forces = np.eye(4), [], []
+    object_pose[2, 3] = hand.layer_m - depth_m
+    for step in range(60):
+        object_pose[0, 3] = 0.1 - 0.01 + step * step_m
+        forces.append(contact.compute_load(np.eye(4)[None], object_pose).wrench[0, 2])
+        taxel_forces.append(contact.compute_taxel_forces(np.eye(4)[None], object_pose))
+    pressure = float(LAW.compute_force(np.array(depth_m))) / REFERENCE_AREA_M2
+    height_m = np.ptp(build_sheet(hand).position[:, 1]) + hand.pitch_m  # with the margin beside the taxels
+    np.testing.assert_allclose(np.diff(forces), pressure * height_m * step_m, rtol=1e-6)
+    assert np.abs(np.diff(taxel_forces, axis=0)).max() < 1.01 * pressure * hand.pitch_m * step_m
+
+
+def test_squares_are_divided_into_parts_that_add_up_to_the_covered_area():
+    """Two faces form a ridge, a third one leaves a corner of the square."""
+    parts = divide_squares(np.array([[1.0, 1.2, 0.1]]), np.array([[[0.9, 0.0], [-0.9, 0.1], [0.4, 0.4]]]))
+    samples = (np.stack(np.meshgrid(*2 * [np.arange(400) / 200 - 0.9975]), axis=-1)).reshape(-1, 2)
+    depths = np.array([1.0, 1.2, 0.1]) + samples @ np.array([[0.9, 0.0], [-0.9, 0.1], [0.4, 0.4]]).T
+    lowest, face = depths.min(axis=1), depths.argmin(axis=1)
+    for index, share, depth, deviation in zip(parts.face, parts.share, parts.depth, parts.deviation, strict=True):
+        is_part = (face == index) & (lowest > 0.0)
+        assert share == pytest.approx(is_part.mean(), abs=1e-3)
+        assert depth == pytest.approx(lowest[is_part].mean(), rel=5e-3)
+        assert deviation == pytest.approx(lowest[is_part].std(), rel=2e-2)
+    assert parts.share.sum() == pytest.approx((lowest > 0.0).mean(), abs=1e-3)
 
 
 @pytest.mark.parametrize("contact_class", [SoftContact, NativeContact])

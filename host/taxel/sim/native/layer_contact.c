@@ -52,6 +52,17 @@ static void set_column(const struct sim_layer *layer, const double *pose, size_t
     }
 }
 
+/* Set the half sides of the square of line i to those of a piece. */
+static void set_half_sides(const struct sim_layer *layer, const double *pose, size_t piece, struct sim_lines *lines,
+                           size_t i)
+{
+    for (size_t row = 0; row < 3; row++) {
+        for (size_t side = 0; side < 2; side++) {
+            lines->half[side][row][i] = rotate_row(pose, row, layer->half_sides + 6 * piece + 3 * side);
+        }
+    }
+}
+
 /* The solid reduced to the faces that the near pieces of a board can touch, which the last search has found. */
 static struct sim_solid select_near_faces(const struct sim_layer *layer, size_t board)
 {
@@ -88,7 +99,7 @@ static double bound_motion(const double *from, const double *to, double size)
 static size_t find_near_pieces(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
                                uint32_t *near)
 {
-    const double reach = layer->thickness_m + layer->near_m;
+    const double reach = layer->thickness_m + layer->near_m + layer->piece_size_m;
     size_t stored = 0;
     while (begin < end) {
         struct sim_lines lines;
@@ -113,7 +124,7 @@ static size_t find_near_pieces(const struct sim_layer *layer, const double *pose
 static size_t find_near_in_squares(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
                                    uint32_t *near)
 {
-    const double reach = layer->thickness_m + layer->near_m + layer->square_size_m;
+    const double reach = layer->thickness_m + layer->near_m + layer->square_size_m + layer->piece_size_m;
     const size_t size = layer->square_pieces;
     size_t stored = 0;
     while (begin < end) {
@@ -140,7 +151,7 @@ static void find_faces(struct sim_layer *layer, size_t board, const double *pose
 {
     const uint32_t *near = layer->near + layer->first[board];
     const size_t faces = layer->solid.faces;
-    const double min_height = -(layer->max_depth_m + layer->thickness_m + layer->near_m);
+    const double min_height = -(layer->max_depth_m + layer->thickness_m + layer->near_m + layer->piece_size_m);
     double *normals = layer->near_normals + 3 * faces * board, *offsets = layer->near_offsets + faces * board;
     double *max_height = offsets; /* of the pieces over each face; read before an offset replaces the height */
     for (size_t face = 0; face < faces; face++) {
@@ -182,7 +193,7 @@ static void release_far_pieces(struct sim_layer *layer, size_t board)
         if (next < layer->near_count[board] && near[next] == piece) {
             next++;
         } else {
-            layer->is_anchored[piece] = 0;
+            layer->touched[piece] = 0.0;
         }
     }
 }
@@ -210,46 +221,63 @@ static void search_board(struct sim_layer *layer, size_t board, const double *po
     release_far_pieces(layer, board);
 }
 
+static double larger_of(double a, double b)
+{
+    return a > b ? a : b;
+}
+
 /* Force (newtons) of the layer on one taxel and its derivative `rate` (N/m) at a compression `depth` (metres):
-   stiffness_n_per_m d exp(d / stiffening_m + (d / closing_m)^4), continued along its tangent above straight_m. */
+   stiffness_n_per_m d exp(d / stiffening_m + (d / closing_m)^4 + (d / solid_m)^16), continued along its tangent above
+   straight_m. */
 static void apply_law(const struct sim_law *law, double depth, double *force, double *rate)
 {
     const double curved = depth < law->straight_m ? depth : law->straight_m;
     const double stiffening = curved / law->stiffening_m, closing = curved / law->closing_m;
     const double fourth = closing * closing * closing * closing;
-    const double growth = law->stiffness_n_per_m * exp(stiffening + fourth);
-    *rate = (1.0 + stiffening + 4.0 * fourth) * growth;
+    const double solid = curved / law->solid_m, square = solid * solid, eighth = square * square * square * square;
+    const double sixteenth = eighth * eighth;
+    const double growth = law->stiffness_n_per_m * exp(stiffening + fourth + sixteenth);
+    *rate = (1.0 + stiffening + 4.0 * fourth + 16.0 * sixteenth) * growth;
     *force = curved * growth + (depth - curved) * *rate;
 }
 
-/* Contact of one column: point of contact relative to the bracket's origin, normal of the solid, force on the board and
-   its stiffness, in the solid's frame. */
+/* Contact of one part of a column: point of contact relative to the bracket's origin, normal of the solid, force on the
+   board and its stiffness, in the solid's frame. */
 struct column_contact {
     double arm[3], normal[3], force[3];
     double stiffness[3][3];
 };
 
+/* Shear (metres) of a piece across the normal n, from its anchor to its top. A part of the piece that touches the solid
+   anew is not sheared: while the `touched` share of the piece grows, the mean shear decreases. Returns its length. */
+static double find_shear(const struct sim_layer *layer, size_t piece, const double *top, const double *n,
+                         double touched, double shear[3])
+{
+    const double before = layer->touched[piece], *anchor = layer->anchor + 3 * piece;
+    const double sheared = touched > before ? before / touched : 1.0;
+    double along = 0.0, square = 0.0;
+    for (size_t k = 0; k < 3; k++) {
+        shear[k] = before > 0.0 ? sheared * (top[k] - anchor[k]) : 0.0;
+        along += shear[k] * n[k];
+    }
+    for (size_t k = 0; k < 3; k++) {
+        shear[k] -= along * n[k];
+        square += shear[k] * shear[k];
+    }
+    return sqrt(square);
+}
+
 /* Add the part of the shear of a column: a spring between its top and the point of the solid to which it sticks. The
    force is limited to the friction coefficient times the normal force `pressing`; the point then follows the top.
-   share: of the law's area. */
-static void add_shear(struct sim_layer *layer, size_t piece, const double *top, double share, double pressing,
+   touched: share of the piece that touches the solid. */
+static void add_shear(struct sim_layer *layer, size_t piece, const double *top, double touched, double pressing,
                       int advance, struct column_contact *contact)
 {
     const double *n = contact->normal;
-    double *anchor = layer->anchor + 3 * piece, shear[3] = {0.0, 0.0, 0.0}, length = 0.0;
-    const double rate = share * layer->friction.stiffness_n_per_m, limit = layer->friction.coefficient * pressing;
-    if (layer->is_anchored[piece]) {
-        double along = 0.0;
-        for (size_t k = 0; k < 3; k++) {
-            shear[k] = top[k] - anchor[k];
-            along += shear[k] * n[k];
-        }
-        for (size_t k = 0; k < 3; k++) {
-            shear[k] -= along * n[k];
-            length += shear[k] * shear[k];
-        }
-        length = sqrt(length);
-    }
+    double *anchor = layer->anchor + 3 * piece, shear[3];
+    const double length = find_shear(layer, piece, top, n, touched, shear);
+    const double rate = layer->area_share[piece] * touched * layer->friction.stiffness_n_per_m;
+    const double limit = layer->friction.coefficient * pressing;
     const int slides = rate * length > limit;
     const double spring = slides ? limit / length : rate;
     for (size_t i = 0; i < 3; i++) {
@@ -261,40 +289,39 @@ static void add_shear(struct sim_layer *layer, size_t piece, const double *top, 
         }
     }
     if (advance) {
-        layer->is_anchored[piece] = 1;
+        layer->touched[piece] = touched;
         for (size_t k = 0; k < 3; k++) {
             anchor[k] = top[k] - shear[k] * (slides ? spring / rate : 1.0);
         }
     }
 }
 
+/* Add the cross product of two vectors to a third one, whose components are `stride` numbers apart. */
+static void add_cross(const double *a, double x, double y, double z, double *result, size_t stride)
+{
+    result[0] += a[1] * z - a[2] * y;
+    result[stride] += a[2] * x - a[0] * z;
+    result[2 * stride] += a[0] * y - a[1] * x;
+}
+
 /* Add the force f and the stiffness K of one column to the load of its board: wrench (f, r x f), stiffness
-   (I; R) K (I; R)^T with the cross-product matrix R of the arm r. Solid's frame. */
+   (I; R) K (I; R)^T with the cross-product matrix R of the arm r, of which the lower triangle is set. Solid's frame. */
 static void add_column(const struct column_contact *contact, double *wrench, double *stiffness)
 {
     const double *r = contact->arm, *f = contact->force;
-    const double cross[3][3] = {{0.0, -r[2], r[1]}, {r[2], 0.0, -r[0]}, {-r[1], r[0], 0.0}};
-    double turned[3][3], twice[3][3]; /* R K and R K R^T */
-    for (size_t i = 0; i < 3; i++) {
-        for (size_t j = 0; j < 3; j++) {
-            turned[i][j] = 0.0;
-            for (size_t k = 0; k < 3; k++) {
-                turned[i][j] += cross[i][k] * contact->stiffness[k][j];
-            }
-        }
+    double turned[9] = {0.0}; /* R K */
+    for (size_t j = 0; j < 3; j++) {
+        add_cross(r, contact->stiffness[0][j], contact->stiffness[1][j], contact->stiffness[2][j], turned + j, 3);
+        wrench[j] += f[j];
     }
+    add_cross(r, f[0], f[1], f[2], wrench + 3, 1);
     for (size_t i = 0; i < 3; i++) {
-        wrench[i] += f[i];
+        double *row = stiffness + TWIST * (3 + i);
         for (size_t j = 0; j < 3; j++) {
-            twice[i][j] = 0.0;
-            wrench[3 + i] += cross[i][j] * f[j];
-            for (size_t k = 0; k < 3; k++) {
-                twice[i][j] += turned[i][k] * cross[j][k];
-            }
             stiffness[TWIST * i + j] += contact->stiffness[i][j];
-            stiffness[TWIST * (3 + i) + j] += turned[i][j];
-            stiffness[TWIST * (3 + i) + 3 + j] += twice[i][j];
+            row[j] += turned[3 * i + j];
         }
+        add_cross(r, turned[3 * i], turned[3 * i + 1], turned[3 * i + 2], row + 3, 1); /* a row of R K R^T */
     }
 }
 
@@ -332,10 +359,10 @@ static void rotate_stiffness(const double *pose, double *stiffness)
     }
 }
 
-/* Find the pieces of a block whose tops are inside the solid; no other piece is indented. Stores the pieces and their
-   columns; returns their number. */
+/* Find the pieces of a block that may be indented: their tops are inside the solid or near to it. Stores the pieces and
+   their columns; returns their number. */
 static size_t select_columns(const struct sim_layer *layer, const struct sim_solid *solid, const double *pose,
-                             const uint32_t *near, size_t count, uint32_t *piece, struct sim_lines *lines)
+                             const uint32_t *near, size_t count, int advance, uint32_t *piece, struct sim_lines *lines)
 {
     double bound[RAY_BLOCK];
     size_t stored = 0;
@@ -344,51 +371,101 @@ static size_t select_columns(const struct sim_layer *layer, const struct sim_sol
     }
     sim_distance_bounds(solid, lines, count, bound);
     for (size_t i = 0; i < count; i++) {
-        if (bound[i] < 0.0) {
+        if (bound[i] < layer->piece_size_m) {
             for (size_t row = 0; row < 3; row++) {
                 lines->point[row][stored] = lines->point[row][i];
                 lines->direction[row][stored] = lines->direction[row][i];
             }
+            set_half_sides(layer, pose, near[i], lines, stored);
             piece[stored++] = near[i];
-        } else {
-            layer->is_anchored[near[i]] = 0;
+        } else if (advance) {
+            layer->touched[near[i]] = 0.0;
         }
     }
     return stored;
 }
 
-/* Compute the contact of column i of the lines from its indentation. The force of the layer along the axis of the column
-   has the direction of the solid's normal and, from the shear, a part across. Returns the force along the axis. */
-static double load_column(struct sim_layer *layer, uint32_t piece, const double *pose, const struct sim_lines *lines,
-                          const struct sim_indentations *indentations, size_t i, int advance,
-                          struct column_contact *contact)
+/* Compute the contact of a part of column i without shear: the force of the layer along the axis has the direction of
+   the solid's normal. The mean over the part follows from two depths with its mean and standard deviation. share: of the
+   area of the law. Returns the force along the normal. */
+static double press_part(const struct sim_layer *layer, const struct sim_part *part, const struct sim_lines *lines,
+                         size_t i, const double *origin, double share, struct column_contact *contact)
 {
-    const double depth = indentations->depth[i], share = layer->area_share[piece];
-    double top[3], slope = 0.0, force, rate;
+    const struct sim_face *face = &part->face;
+    double force[2], rate[2];
+    apply_law(&layer->law, larger_of(part->depth - part->deviation, 0.0), &force[0], &rate[0]);
+    apply_law(&layer->law, part->depth + part->deviation, &force[1], &rate[1]);
+    const double pressing = 0.5 * (force[0] + force[1]) * share * part->share / face->limited;
+    const double stiffness = 0.5 * (rate[0] + rate[1]) * share * part->share / (face->limited * face->limited);
     for (size_t k = 0; k < 3; k++) {
-        top[k] = lines->point[k][i];
-        contact->normal[k] = indentations->normal[k][i];
-        contact->arm[k] = top[k] - depth * lines->direction[k][i] - pose[4 * k + 3];
-        slope -= contact->normal[k] * lines->direction[k][i];
-    }
-    const double limited = slope > layer->min_slope ? slope : layer->min_slope;
-    apply_law(&layer->law, depth, &force, &rate);
-    force *= share / limited;
-    rate *= share / (limited * limited);
-    for (size_t k = 0; k < 3; k++) {
-        contact->force[k] = force * contact->normal[k];
+        contact->normal[k] = face->normal[k];
+        contact->arm[k] = lines->point[k][i] + part->centre[0] * lines->half[0][k][i] +
+                          part->centre[1] * lines->half[1][k][i] - part->depth * lines->direction[k][i] - origin[k];
+        contact->force[k] = pressing * face->normal[k];
         for (size_t j = 0; j < 3; j++) {
-            contact->stiffness[k][j] = rate * contact->normal[k] * contact->normal[j];
+            contact->stiffness[k][j] = stiffness * face->normal[k] * face->normal[j];
         }
     }
-    if (layer->friction.coefficient > 0.0) {
-        add_shear(layer, piece, top, share, force, advance, contact);
+    return pressing;
+}
+
+/* Sums over the parts of one column. */
+struct column_sum {
+    double force[3], arm[3]; /* arm: weighted by the normal forces */
+    double pressing;         /* sum of the normal forces of the parts */
+    double touched;          /* share of the area */
+    double along;            /* force along the axis */
+};
+
+/* Set the contact through which the shear of a column with several parts acts: the direction of the sum of the normal
+   forces, in their centre. Returns the magnitude of that sum. */
+static double join_parts(const struct column_sum *sum, struct column_contact *contact)
+{
+    const double *f = sum->force, magnitude = sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
+    memset(contact, 0, sizeof *contact);
+    for (size_t k = 0; k < 3; k++) {
+        contact->normal[k] = magnitude > 0.0 ? f[k] / magnitude : 0.0;
+        contact->arm[k] = sum->pressing > 0.0 ? sum->arm[k] / sum->pressing : 0.0;
     }
-    return slope > 0.0 ? force * slope : 0.0;
+    return magnitude;
+}
+
+/* Add the load of column i with its parts to the load of its board. Returns the force along the axis of the column. */
+static double load_column(struct sim_layer *layer, uint32_t piece, const double *pose, const struct sim_lines *lines,
+                          size_t i, const struct sim_part *parts, size_t count, int advance, double *wrench,
+                          double *stiffness)
+{
+    const double origin[3] = {pose[3], pose[7], pose[11]};
+    const double top[3] = {lines->point[0][i], lines->point[1][i], lines->point[2][i]};
+    const int has_friction = layer->friction.coefficient > 0.0;
+    struct column_sum sum = {{0.0}, {0.0}, 0.0, 0.0, 0.0};
+    struct column_contact contact;
+    for (size_t n = 0; n < count; n++) {
+        const double slope = parts[n].face.slope;
+        const double pressing = press_part(layer, &parts[n], lines, i, origin, layer->area_share[piece], &contact);
+        for (size_t k = 0; k < 3; k++) {
+            sum.force[k] += contact.force[k];
+            sum.arm[k] += pressing * contact.arm[k];
+        }
+        sum.pressing += pressing;
+        sum.touched += parts[n].share;
+        sum.along += slope > 0.0 ? pressing * slope : 0.0;
+        if (count == 1 && has_friction) {
+            add_shear(layer, piece, top, sum.touched, pressing, advance, &contact);
+        }
+        add_column(&contact, wrench, stiffness);
+    }
+    if (count > 1 && has_friction) {
+        const double pressing = join_parts(&sum, &contact);
+        add_shear(layer, piece, top, sum.touched, pressing, advance, &contact);
+        add_column(&contact, wrench, stiffness);
+    }
+    return sum.along;
 }
 
 /* Add the wrench, the stiffness and the taxel forces of one board at `pose` in the solid's frame; returns whether the
-   board is in contact. Each piece is a column with the share of the force law that its area has. */
+   board is in contact. Each piece is a column with the share of the force law that its area has, divided along the edges
+   of the solid. */
 static int load_board(struct sim_layer *layer, size_t board, const double *pose, double *wrench, double *stiffness,
                       double *taxel_force, int advance)
 {
@@ -397,16 +474,21 @@ static int load_board(struct sim_layer *layer, size_t board, const double *pose,
     int has_contact = 0;
     for (size_t begin = 0; begin < layer->near_count[board]; begin += RAY_BLOCK) {
         struct sim_lines lines;
-        struct sim_indentations indentations;
+        struct sim_ranges ranges;
         uint32_t piece[RAY_BLOCK];
         const size_t block = limit_to_block(layer->near_count[board] - begin);
-        const size_t count = select_columns(layer, &solid, pose, near + begin, block, piece, &lines);
-        sim_indent(&solid, &lines, count, layer->min_slope, &indentations);
+        const size_t count = select_columns(layer, &solid, pose, near + begin, block, advance, piece, &lines);
+        sim_bound_depths(&solid, &lines, count, layer->min_slope, &ranges);
         for (size_t i = 0; i < count; i++) {
-            struct column_contact contact;
+            struct sim_part parts[SIM_PARTS_MAX];
+            const size_t divided = sim_divide(&solid, &lines, i, layer->min_slope, &ranges, parts);
+            if (!divided) {
+                layer->touched[piece[i]] = advance ? 0.0 : layer->touched[piece[i]];
+                continue;
+            }
+            const double force =
+                load_column(layer, piece[i], pose, &lines, i, parts, divided, advance, wrench, stiffness);
             const uint32_t taxel = layer->taxel[piece[i]];
-            const double force = load_column(layer, piece[i], pose, &lines, &indentations, i, advance, &contact);
-            add_column(&contact, wrench, stiffness);
             if (taxel_force && taxel != SIM_NO_TAXEL) {
                 taxel_force[taxel] += force;
             }

@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "ray.h"
+#include "division.h"
 
 #define SIM_POSE 16 /* numbers of a pose: 4 x 4, by rows */
 #define SIM_NO_TAXEL UINT32_MAX
@@ -16,6 +16,7 @@ struct sim_law {
     double stiffness_n_per_m;
     double stiffening_m;
     double closing_m;
+    double solid_m;
     double straight_m;
 };
 
@@ -33,14 +34,16 @@ struct sim_layer {
     const size_t *first;      /* [boards + 1], first piece of each board */
     const double *position;   /* [pieces][3], on the electrode's level, bracket frame, metres */
     const double *normal;     /* [pieces][3] */
+    const double *half_sides; /* [pieces][2][3], half of each side of the piece, bracket frame, metres */
     const double *area_share; /* [pieces], area of the piece divided by the area of the law */
     const uint32_t *taxel;    /* [pieces], taxel of the piece; SIM_NO_TAXEL: a piece of the margin */
-    const double *board_size; /* [boards], largest distance of a piece from the bracket's origin, metres */
+    const double *board_size; /* [boards], largest distance of a point of a piece from the bracket's origin, metres */
     double square_size_m;     /* largest distance of a piece from the middle piece of its square, metres */
+    double piece_size_m;      /* largest distance of a point of a piece from the middle of the piece, metres */
     double thickness_m;
     double near_m;      /* search distance: farther pieces are ignored until the board has moved by this distance */
     double max_depth_m; /* largest indentation for which the near faces are complete */
-    double min_slope;   /* see sim_indent() */
+    double min_slope;   /* see struct sim_face */
     struct sim_law law;
     struct sim_friction friction;
     struct sim_solid solid;
@@ -53,7 +56,7 @@ struct sim_layer {
     double *search_pose;  /* [boards][SIM_POSE], pose of the board at the last search, solid's frame */
     double *slack_m;      /* [boards], motion from there that requires a new search; below 0: search now */
     double *anchor;       /* [pieces][3], point of the solid to which a piece sticks, solid's frame */
-    uint8_t *is_anchored; /* [pieces], whether the piece touched the solid at the last advance */
+    double *touched;      /* [pieces], share of the area that touched the solid at the last advance; 0: no anchor */
 };
 
 /* sizeof (struct sim_layer), for a check by a caller in another language. */

@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#define CYLINDER_FACES 3 /* wall, bottom, top */
+
 static double smaller(double a, double b)
 {
     return a < b ? a : b;
@@ -12,81 +14,111 @@ static double larger(double a, double b)
     return a > b ? a : b;
 }
 
-/* Indentations by a polytope: the smallest one over all faces. */
-static void indent_by_polytope(const struct sim_solid *solid, const struct sim_lines *lines, size_t count,
-                               double min_slope, struct sim_indentations *result)
+size_t sim_count_faces(const struct sim_solid *solid)
 {
-    for (size_t i = 0; i < count; i++) {
-        result->depth[i] = INFINITY;
-    }
-    for (size_t face = 0; face < solid->faces; face++) {
-        const double *normal = solid->normals + 3 * face;
-        const double x = normal[0], y = normal[1], z = normal[2], offset = solid->offsets[face];
-        for (size_t i = 0; i < count; i++) {
-            const double distance = offset - (x * lines->point[0][i] + y * lines->point[1][i] + z * lines->point[2][i]);
-            const double slope =
-                -(x * lines->direction[0][i] + y * lines->direction[1][i] + z * lines->direction[2][i]);
-            const double depth = distance / larger(slope, min_slope);
-            const int is_smaller = depth < result->depth[i];
-            result->depth[i] = is_smaller ? depth : result->depth[i];
-            result->normal[0][i] = is_smaller ? x : result->normal[0][i];
-            result->normal[1][i] = is_smaller ? y : result->normal[1][i];
-            result->normal[2][i] = is_smaller ? z : result->normal[2][i];
-        }
+    return solid->faces ? solid->faces : CYLINDER_FACES;
+}
+
+/* Scalar product of a vector and component (x, y, z) number i of a block. */
+static double project(const double *vector, const double block[3][RAY_BLOCK], size_t i)
+{
+    return vector[0] * block[0][i] + vector[1] * block[1][i] + vector[2] * block[2][i];
+}
+
+/* Complete the view of a plane from its normal and the distance (metres) of the top of line i below the plane. */
+static void view_plane(const struct sim_lines *lines, size_t i, double distance, double min_slope,
+                       struct sim_face *view)
+{
+    view->slope = -project(view->normal, lines->direction, i);
+    view->limited = larger(view->slope, min_slope);
+    view->depth = distance / view->limited;
+    for (size_t side = 0; side < 2; side++) {
+        view->change[side] = -project(view->normal, lines->half[side], i) / view->limited;
     }
 }
 
-/* Indentation of one column by the wall of an infinite upright cylinder. (x, y): top, (dx, dy): direction of the axis,
-   across the cylinder. The line against the axis leaves the wall at the root of a quadratic equation. */
-static double indent_by_wall(double radius, double x, double y, double dx, double dy, double min_slope, double *normal)
+/* View the wall of an upright cylinder: the line against the axis leaves the wall at the root of a quadratic equation,
+   unless the wall is too steep there. */
+static void view_wall(const struct sim_solid *solid, const struct sim_lines *lines, size_t i, double min_slope,
+                      struct sim_face *view)
 {
-    const double distance = sqrt(x * x + y * y), wall = radius - distance;
-    const double limit = wall / min_slope;
+    const double x = lines->point[0][i], y = lines->point[1][i];
+    const double dx = lines->direction[0][i], dy = lines->direction[1][i];
+    const double distance = sqrt(x * x + y * y), wall = solid->radius - distance;
     const double a = dx * dx + dy * dy, b = x * dx + y * dy;
     double depth = INFINITY;
     if (wall > 0.0 && a > 0.0) {
-        depth = (b + sqrt(b * b + a * (radius + distance) * wall)) / a;
+        depth = (b + sqrt(b * b + a * (solid->radius + distance) * wall)) / a;
     }
-    if (depth < limit) {
-        normal[0] = (x - depth * dx) / radius;
-        normal[1] = (y - depth * dy) / radius;
-        return depth;
-    }
-    normal[0] = distance > 0.0 ? x / distance : 1.0;
-    normal[1] = distance > 0.0 ? y / distance : 0.0;
-    return limit;
-}
-
-/* Indentations by an upright cylinder: the smallest one of wall and caps. */
-static void indent_by_cylinder(const struct sim_solid *solid, const struct sim_lines *lines, size_t count,
-                               double min_slope, struct sim_indentations *result)
-{
-    for (size_t i = 0; i < count; i++) {
-        const double z = lines->point[2][i], dz = lines->direction[2][i];
-        double normal[3] = {0.0, 0.0, 0.0};
-        double depth = indent_by_wall(solid->radius, lines->point[0][i], lines->point[1][i], lines->direction[0][i],
-                                      lines->direction[1][i], min_slope, normal);
-        const double bottom = z / larger(dz, min_slope), top = (solid->height - z) / larger(-dz, min_slope);
-        if (smaller(bottom, top) < depth) {
-            depth = smaller(bottom, top);
-            normal[0] = normal[1] = 0.0;
-            normal[2] = bottom < top ? -1.0 : 1.0;
-        }
-        result->depth[i] = depth;
-        for (size_t k = 0; k < 3; k++) {
-            result->normal[k][i] = normal[k];
-        }
+    const int is_crossed = depth < wall / min_slope;
+    view->normal[0] = is_crossed ? (x - depth * dx) / solid->radius : distance > 0.0 ? x / distance : 1.0;
+    view->normal[1] = is_crossed ? (y - depth * dy) / solid->radius : distance > 0.0 ? y / distance : 0.0;
+    view->normal[2] = 0.0;
+    view_plane(lines, i, wall, min_slope, view);
+    if (wall > 0.0) {
+        view->depth = is_crossed ? depth : wall / min_slope;
     }
 }
 
-/* Indentation (metres) of each column, and the normal of the surface that causes it; see ray.h. */
-void sim_indent(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double min_slope,
-                struct sim_indentations *result)
+void sim_view_face(const struct sim_solid *solid, size_t face, const struct sim_lines *lines, size_t i,
+                   double min_slope, struct sim_face *view)
 {
     if (solid->faces) {
-        indent_by_polytope(solid, lines, count, min_slope, result);
+        for (size_t k = 0; k < 3; k++) {
+            view->normal[k] = solid->normals[3 * face + k];
+        }
+        view_plane(lines, i, solid->offsets[face] - project(view->normal, lines->point, i), min_slope, view);
+    } else if (face == 0) {
+        view_wall(solid, lines, i, min_slope, view);
     } else {
-        indent_by_cylinder(solid, lines, count, min_slope, result);
+        const double z = lines->point[2][i];
+        view->normal[0] = view->normal[1] = 0.0;
+        view->normal[2] = face == 1 ? -1.0 : 1.0;
+        view_plane(lines, i, face == 1 ? z : solid->height - z, min_slope, view);
+    }
+}
+
+/* Add a face with depths between `low` and `high` over the square of column i to the ranges. */
+static inline void add_range(struct sim_ranges *ranges, size_t i, size_t face, double low, double high)
+{
+    const int is_lowest = low < ranges->lower[i];
+    ranges->second[i] = is_lowest ? ranges->lower[i] : smaller(low, ranges->second[i]);
+    ranges->face[i] = is_lowest ? (double)face : ranges->face[i];
+    ranges->lower[i] = is_lowest ? low : ranges->lower[i];
+    ranges->upper[i] = smaller(high, ranges->upper[i]);
+}
+
+/* Add one face of a polytope to the ranges of a block of columns. */
+static void add_polytope_face(const struct sim_solid *solid, size_t face, const struct sim_lines *lines, size_t count,
+                              double min_slope, struct sim_ranges *ranges)
+{
+    const double *n = solid->normals + 3 * face, offset = solid->offsets[face];
+    for (size_t i = 0; i < count; i++) {
+        const double limited = larger(-project(n, lines->direction, i), min_slope);
+        const double depth = (offset - project(n, lines->point, i)) / limited;
+        const double extent = (fabs(project(n, lines->half[0], i)) + fabs(project(n, lines->half[1], i))) / limited;
+        add_range(ranges, i, face, depth - extent, depth + extent);
+    }
+}
+
+/* Bounds of the depths (metres) of a block of columns over their squares; see ray.h. */
+void sim_bound_depths(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double min_slope,
+                      struct sim_ranges *ranges)
+{
+    for (size_t i = 0; i < count; i++) {
+        ranges->lower[i] = ranges->second[i] = ranges->upper[i] = INFINITY;
+        ranges->face[i] = 0.0;
+    }
+    for (size_t face = 0; face < solid->faces; face++) {
+        add_polytope_face(solid, face, lines, count, min_slope, ranges);
+    }
+    for (size_t i = 0; i < count && !solid->faces; i++) {
+        for (size_t face = 0; face < CYLINDER_FACES; face++) {
+            struct sim_face view;
+            sim_view_face(solid, face, lines, i, min_slope, &view);
+            const double extent = fabs(view.change[0]) + fabs(view.change[1]);
+            add_range(ranges, i, face, view.depth - extent, view.depth + extent);
+        }
     }
 }
 

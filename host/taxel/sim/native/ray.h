@@ -15,25 +15,41 @@ struct sim_solid {
     double height;
 };
 
-/* At most RAY_BLOCK lines in the solid's frame: points and unit directions, by coordinate. */
+/* At most RAY_BLOCK lines in the solid's frame: points and unit directions, by coordinate. A line is the axis of a
+   column, whose square extends from -half to +half along both half sides. */
 struct sim_lines {
     double point[3][RAY_BLOCK];
     double direction[3][RAY_BLOCK];
+    double half[2][3][RAY_BLOCK];
 };
 
-/* Indentations of a block of columns: depth (metres, 0 or less without contact) and outward unit normal of the solid's
-   surface, by coordinate. */
-struct sim_indentations {
-    double depth[RAY_BLOCK];
-    double normal[3][RAY_BLOCK];
+/* One face of the solid over the square of a column: the distance from the top of the column to the plane of the face,
+   measured against the axis. A face whose inward normal has a smaller cosine `slope` with the axis than `min_slope`
+   counts as if it had this cosine (`limited`), so that a column that enters the solid sideways is loaded gradually. */
+struct sim_face {
+    double depth;     /* at the middle of the square, metres; below 0: outside of the plane */
+    double change[2]; /* of the depth along each half side */
+    double normal[3]; /* outward */
+    double slope, limited;
 };
 
-/* Indentation of columns of the layer whose tops are the points of the lines and whose axes are their directions: the
-   distance from the top to the surface of the solid, measured against the axis. A surface that is steeper than
-   `min_slope` (cosine of the angle between its inward normal and the axis) counts as if it had this slope, so that a
-   column that enters the solid sideways is loaded gradually. */
-void sim_indent(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double min_slope,
-                struct sim_indentations *result);
+/* Bounds of the depths of a block of columns over their squares. The least depth over all faces is the indentation. */
+struct sim_ranges {
+    double lower[RAY_BLOCK];  /* smallest depth of any face */
+    double second[RAY_BLOCK]; /* smallest depth of any other face */
+    double upper[RAY_BLOCK];  /* upper bound of the indentation */
+    double face[RAY_BLOCK];   /* number of the face with the smallest depth */
+};
+
+/* Number of faces of a solid: those of a polytope; wall, bottom and top of a cylinder. */
+size_t sim_count_faces(const struct sim_solid *solid);
+
+/* View of one face from the square of line i. The wall of a cylinder is replaced by its tangent plane at the axis. */
+void sim_view_face(const struct sim_solid *solid, size_t face, const struct sim_lines *lines, size_t i,
+                   double min_slope, struct sim_face *view);
+
+void sim_bound_depths(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double min_slope,
+                      struct sim_ranges *ranges);
 
 /* Lower bound of the distance from each point to the solid, metres. Its change is at most the motion of the point. */
 void sim_distance_bounds(const struct sim_solid *solid, const struct sim_lines *lines, size_t count, double *bound);

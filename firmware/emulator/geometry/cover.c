@@ -1,0 +1,293 @@
+#include "emulator/geometry/cover.h"
+
+#include <math.h>
+
+#include "emulator/physics/layer.h"
+
+/* Smallest cosine between the normals of cell and object at which the object compresses the cell in full. A steeper face
+ * counts as inclined by this angle, so that an object that enters a cell from the side compresses the cell gradually. */
+#define STEEPEST 0.5
+#define WALL_STEPS 2 /* of Newton's method to the wall of a cylinder; the error is below a nanometre in a grasp */
+#define STRIPS 3     /* lines across a cell at the points of Gauss's rule of this order */
+#define GAUSS_TWO 0.57735026918962576 /* points of Gauss's rule of order 2, in halves of the interval */
+
+static const double strip_place[STRIPS] = {-0.77459666924148338, 0.0, 0.77459666924148338};
+static const double strip_weight[STRIPS] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
+
+static double lesser(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+static double greater(double a, double b)
+{
+    return a > b ? a : b;
+}
+
+/* The scalar product of two vectors. */
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* Complete a face, whose normal is set, over a cell whose top lies `level` metres below the plane of the face. */
+static void set_face(struct cover_face *face, const struct cover_cell *cell, double level)
+{
+    face->slope = -dot(face->normal, cell->normal);
+    face->steep = face->slope > STEEPEST ? face->slope : STEEPEST;
+    const double inverse = 1.0 / face->steep;
+    face->depth = level * inverse;
+    face->change[0] = -dot(face->normal, cell->half[0]) * inverse;
+    face->change[1] = -dot(face->normal, cell->half[1]) * inverse;
+}
+
+/* Set the face to the tangent plane of the wall of a cylinder where the line below the top of the cell meets the wall. */
+static void set_wall(struct cover_face *face, const struct shape *shape, const struct cover_cell *cell)
+{
+    double depth = 0.0;
+    for (int step = 0; step <= WALL_STEPS; step++) {
+        const double x = cell->top[0] - depth * cell->normal[0], y = cell->top[1] - depth * cell->normal[1];
+        const double radius = sqrt(x * x + y * y);
+        face->normal[0] = radius > 0.0 ? x / radius : 1.0;
+        face->normal[1] = radius > 0.0 ? y / radius : 0.0;
+        face->normal[2] = 0.0;
+        set_face(face, cell, shape->radius - radius);
+        face->depth += depth;
+        if (face->slope < STEEPEST) {
+            return; /* the wall is too steep for its intersection with the line to matter */
+        }
+        depth = face->depth > 0.0 ? face->depth : 0.0;
+    }
+}
+
+/* Set the face to cap or wall number `number` of a cylinder over a cell. */
+static void set_cylinder_face(struct cover_face *face, const struct shape *shape, const struct cover_cell *cell,
+                              size_t number)
+{
+    if (number == 0) {
+        set_wall(face, shape, cell);
+        return;
+    }
+    face->normal[0] = face->normal[1] = 0.0;
+    face->normal[2] = number == 1 ? -1.0 : 1.0;
+    set_face(face, cell, number == 1 ? cell->top[2] : shape->height - cell->top[2]);
+}
+
+/* Largest change of the depth of a face from the middle of a cell to its border, metres. */
+static double get_extent(const struct cover_face *face)
+{
+    return fabs(face->change[0]) + fabs(face->change[1]);
+}
+
+/* Find the faces that limit the compression somewhere in the cell; the least deep one at each point limits it. Returns
+ * their number, 0 if a face lies outside of the whole cell. */
+static size_t find_faces(const struct shape *shape, const struct cover_planes *planes, const struct cover_cell *cell,
+                         struct cover_face faces[COVER_FACES_MAX])
+{
+    const bool is_cylinder = shape->kind == SHAPE_CYLINDER;
+    const size_t total = is_cylinder ? 3 : planes->count;
+    double least = INFINITY;
+    size_t count = 0, kept = 0;
+    for (size_t i = 0; i < total; i++) {
+        struct cover_face *face = &faces[count];
+        if (is_cylinder) {
+            set_cylinder_face(face, shape, cell, i);
+        } else {
+            const double *plane = shape->planes[planes->index[i]];
+            face->normal[0] = plane[0];
+            face->normal[1] = plane[1];
+            face->normal[2] = plane[2];
+            set_face(face, cell, plane[3] - dot(plane, cell->top));
+        }
+        const double extent = get_extent(face);
+        if (face->depth + extent <= 0.0) {
+            return 0;
+        }
+        least = face->depth + extent < least ? face->depth + extent : least;
+        count += face->depth - extent <= least && count < COVER_FACES_MAX - 1;
+    }
+    for (size_t i = 0; i < count; i++) {
+        if (faces[i].depth - get_extent(&faces[i]) <= least) {
+            faces[kept] = kept < i ? faces[i] : faces[kept];
+            kept++;
+        }
+    }
+    return kept;
+}
+
+/* Direction of the strips: the half side along which the depths of the faces change most differently, so that the strips
+ * cross the edges. */
+static int choose_direction(const struct cover_face *faces, size_t count)
+{
+    double range[2];
+    for (int side = 0; side < 2; side++) {
+        double low = 0.0, high = 0.0; /* the border of the contact is an edge with the plane of the layer */
+        for (size_t i = 0; i < count; i++) {
+            low = lesser(low, faces[i].change[side]);
+            high = greater(high, faces[i].change[side]);
+        }
+        range[side] = high - low;
+    }
+    return range[1] > range[0];
+}
+
+/* Add the pressure of a face on the piece [from, to] of a strip at `place` with the weight `weight` to a load. */
+static void add_piece(struct cover_load *load, int direction, double from, double to, double place, double weight)
+{
+    const struct cover_face *face = &load->face;
+    const double middle = 0.5 * (from + to), half = 0.5 * (to - from), share = weight * half;
+    load->share += share;
+    for (int side = -1; side <= 1; side += 2) {
+        const double at = middle + side * GAUSS_TWO * half;
+        double rate;
+        const double depth = face->depth + face->change[direction] * at + face->change[!direction] * place;
+        const double pressure = layer_contact_curve(depth, &rate);
+        load->pressure += 0.5 * share * pressure;
+        load->rate += 0.5 * share * rate;
+        load->centre[direction] += 0.5 * share * pressure * at;
+        load->centre[!direction] += 0.5 * share * pressure * place;
+    }
+}
+
+/* Follow the least deep face along a strip at `place`, from edge to edge, and add the pressures of the faces. */
+static void press_strip(struct cover_load *loads, size_t count, int direction, double place, double weight)
+{
+    double depth[COVER_FACES_MAX], at = -1.0;
+    size_t least = 0;
+    for (size_t i = 0; i < count; i++) {
+        const double *change = loads[i].face.change;
+        depth[i] = loads[i].face.depth - change[direction] + change[!direction] * place; /* at the start of the strip */
+        if (depth[i] < depth[least] ||
+            (depth[i] == depth[least] && change[direction] < loads[least].face.change[direction])) {
+            least = i;
+        }
+    }
+    while (at < 1.0) {
+        const double change = loads[least].face.change[direction];
+        double end = 1.0;
+        size_t next = least;
+        for (size_t i = 0; i < count; i++) {
+            const double closing = change - loads[i].face.change[direction];
+            if (closing > 0.0) {
+                const double edge = (depth[i] - depth[least]) / closing - 1.0;
+                if (edge < end) {
+                    end = greater(edge, at);
+                    next = i;
+                }
+            }
+        }
+        const double start = depth[least] + change; /* depth at the middle of the strip */
+        const double from = change > 0.0 ? greater(at, -start / change) : at;
+        const double to = change < 0.0 ? lesser(end, -start / change) : start > 0.0 || change > 0.0 ? end : at;
+        if (to > from) {
+            add_piece(&loads[least], direction, from, to, place, weight);
+        }
+        if (next == least) {
+            return;
+        }
+        least = next;
+        at = end;
+    }
+}
+
+/* Load of the only face on a cell that lies wholly below the face: Gauss's rule of order 2 in the direction of the
+ * steepest change of the depth. */
+static void press_whole(struct cover_load *load)
+{
+    const double *change = load->face.change;
+    const double steepest = sqrt(change[0] * change[0] + change[1] * change[1]);
+    const double scale = steepest > 0.0 ? GAUSS_TWO / steepest : 0.0, step = GAUSS_TWO * steepest;
+    double rate[2];
+    const double above = layer_contact_curve(load->face.depth - step, &rate[0]);
+    const double below = layer_contact_curve(load->face.depth + step, &rate[1]);
+    load->share = 1.0;
+    load->pressure = 0.5 * (above + below);
+    load->rate = 0.5 * (rate[0] + rate[1]);
+    load->centre[0] = (below - above) / (below + above) * scale * change[0];
+    load->centre[1] = (below - above) / (below + above) * scale * change[1];
+}
+
+/* Loads of several faces, or of a face that covers a cell partly, on a cell: sum over the strips. Returns the number of
+ * faces that load the cell. */
+static size_t press_parts(const struct cover_face *faces, size_t count, struct cover_load loads[COVER_FACES_MAX])
+{
+    const int direction = choose_direction(faces, count);
+    size_t stored = 0;
+    for (size_t i = 0; i < count; i++) {
+        loads[i] = (struct cover_load){.face = faces[i]};
+    }
+    for (int strip = 0; strip < STRIPS; strip++) {
+        press_strip(loads, count, direction, strip_place[strip], strip_weight[strip]);
+    }
+    for (size_t i = 0; i < count; i++) {
+        if (loads[i].pressure > 0.0) {
+            loads[stored] = loads[i];
+            loads[stored].centre[0] /= loads[i].pressure;
+            loads[stored++].centre[1] /= loads[i].pressure;
+        }
+    }
+    return stored;
+}
+
+/* Collect the planes that the cells within `radius` of `middle` can touch, up to `deepest` metres below the surface; all
+ * planes if none is so near. */
+void cover_find_planes(const struct shape *shape, const double middle[3], double radius, double deepest,
+                       struct cover_planes *planes)
+{
+    planes->count = 0;
+    for (size_t i = 0; i < shape->plane_count; i++) {
+        const double *plane = shape->planes[i];
+        if (plane[3] - dot(plane, middle) <= radius + deepest) {
+            planes->index[planes->count++] = i;
+        }
+    }
+    for (size_t i = 0; i < shape->plane_count && !planes->count; i++) {
+        planes->index[i] = i;
+    }
+    planes->count = planes->count ? planes->count : shape->plane_count;
+}
+
+/* Reduce the margins (metres) by which the farthest points of the cells of a square lie inside the object, by one plane.
+ * Without branches, so that the compiler vectorises the loop. */
+static void reduce_margins(const double *n, const struct cover_square *square, double margin[SHAPE_LINES])
+{
+    const double (*t)[SHAPE_LINES] = square->top;
+    const double (*a)[SHAPE_LINES] = square->half[0], (*b)[SHAPE_LINES] = square->half[1];
+    for (int i = 0; i < SHAPE_LINES; i++) {
+        const double level = n[3] - n[0] * t[0][i] - n[1] * t[1][i] - n[2] * t[2][i];
+        const double along = n[0] * a[0][i] + n[1] * a[1][i] + n[2] * a[2][i];
+        const double across = n[0] * b[0][i] + n[1] * b[1][i] + n[2] * b[2][i];
+        const double covered = level + fabs(along) + fabs(across);
+        margin[i] = covered < margin[i] ? covered : margin[i];
+    }
+}
+
+/* Write for each cell of a square whether the object may touch it. All cells at a cylinder may. */
+void cover_find_touched(const struct shape *shape, const struct cover_planes *planes, const struct cover_square *square,
+                        bool touched[SHAPE_LINES])
+{
+    double margin[SHAPE_LINES];
+    for (int i = 0; i < SHAPE_LINES; i++) {
+        margin[i] = INFINITY;
+    }
+    for (size_t plane = 0; shape->kind == SHAPE_CONVEX && plane < planes->count; plane++) {
+        reduce_margins(shape->planes[planes->index[plane]], square, margin);
+    }
+    for (int i = 0; i < SHAPE_LINES; i++) {
+        touched[i] = margin[i] > 0.0;
+    }
+}
+
+/* Compute the loads of the faces on a cell. Returns their number, 0 if the object does not touch the cell. */
+size_t cover_press(const struct shape *shape, const struct cover_planes *planes, const struct cover_cell *cell,
+                   struct cover_load loads[COVER_FACES_MAX])
+{
+    struct cover_face faces[COVER_FACES_MAX];
+    const size_t count = find_faces(shape, planes, cell, faces);
+    if (count == 1 && faces[0].depth > get_extent(&faces[0])) {
+        loads[0].face = faces[0];
+        press_whole(&loads[0]);
+        return 1;
+    }
+    return count ? press_parts(faces, count, loads) : 0;
+}
