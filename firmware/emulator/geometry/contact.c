@@ -125,23 +125,6 @@ static void find_arm(const struct cover_cell *cell, const double at[2], double d
     }
 }
 
-/* Add the load of one cell that carries no shear to the wrench on the board and to the stiffness: a spring along the
- * normal of the cell. pressure (Pa), rate (Pa/m): means over the cell, along its normal. area: square metres. */
-static void add_column(struct contact_load *load, const struct cover_cell *cell, double area, double pressure,
-                       double rate, double thickness, const struct frame *object_from_bracket)
-{
-    const double *n = cell->normal, middle[2] = {0.0, 0.0};
-    double force[3], spring[3][3], arm[3];
-    for (int i = 0; i < 3; i++) {
-        force[i] = -pressure * area * n[i];
-        for (int j = 0; j < 3; j++) {
-            spring[i][j] = rate * area * n[i] * n[j];
-        }
-    }
-    find_arm(cell, middle, thickness, object_from_bracket, arm);
-    add_spring(load, arm, force, spring);
-}
-
 /* Depth of a face at the centre of its pressure on a cell, metres. */
 static double get_depth(const struct cover_load *face)
 {
@@ -170,6 +153,45 @@ static struct cell_contact join_faces(const struct cover_load *faces, size_t cou
         sum.arm[k] /= total;
     }
     return sum;
+}
+
+/* Add the stiffness of the pressure on a cell against a turn of the cell, which moves the centre of pressure. rate: of the
+ * cell, N/m. share: of the area of the cell below the face; the stiffness is exact where the face covers the cell. */
+static void add_turn(struct contact_load *load, const struct cover_cell *cell, double rate, double share)
+{
+    const double *n = cell->normal;
+    for (int side = 0; side < 2; side++) {
+        const double *h = cell->half[side];
+        const double arm[3] = {h[1] * n[2] - h[2] * n[1], h[2] * n[0] - h[0] * n[2], h[0] * n[1] - h[1] * n[0]};
+        for (int i = 0; i < 3; i++) {
+            for (int j = 0; j <= i; j++) {
+                load->stiffness[3 + i][3 + j] += rate * share * share / 3.0 * arm[i] * arm[j];
+            }
+        }
+    }
+}
+
+/* Add the load of one cell that carries no shear to the wrench on the board and to the stiffness: a spring along the
+ * normal of the cell in the centre of pressure of each face. area: of the cell, square metres. */
+static void add_column(struct contact_load *load, const struct cover_cell *cell, double area,
+                       const struct cover_load *faces, size_t count, double thickness,
+                       const struct frame *object_from_bracket)
+{
+    const double *n = cell->normal;
+    for (size_t face = 0; face < count; face++) {
+        const double share = fmax(faces[face].face.slope, 0.0) / faces[face].face.steep * area;
+        const double rate = share * share / area * faces[face].rate;
+        double force[3], spring[3][3], arm[3];
+        for (int i = 0; i < 3; i++) {
+            force[i] = -share * faces[face].pressure * n[i];
+            for (int j = 0; j < 3; j++) {
+                spring[i][j] = rate * n[i] * n[j];
+            }
+        }
+        find_arm(cell, faces[face].centre, thickness, object_from_bracket, arm);
+        add_spring(load, arm, force, spring);
+        add_turn(load, cell, rate, faces[face].share);
+    }
 }
 
 /* Add the load of cell number `number`, which sticks to the object, to the wrench on the board and to the stiffness. The
@@ -328,15 +350,12 @@ static struct cover_cell get_cell(const struct cover_square *square, size_t i)
     return cell;
 }
 
-/* Mean pressure (Pa) along the normal of a cell, and its derivative *rate (Pa/m) by a motion along the normal. */
-static double sum_along(const struct cover_load *faces, size_t count, double *rate)
+/* Mean pressure (Pa) along the normal of a cell. */
+static double sum_along(const struct cover_load *faces, size_t count)
 {
     double pressure = 0.0;
-    *rate = 0.0;
     for (size_t i = 0; i < count; i++) {
-        const double share = fmax(faces[i].face.slope, 0.0) / faces[i].face.steep;
-        pressure += share * faces[i].pressure;
-        *rate += share * share * faces[i].rate;
+        pressure += fmax(faces[i].face.slope, 0.0) / faces[i].face.steep * faces[i].pressure;
     }
     return pressure;
 }
@@ -364,16 +383,14 @@ static bool press_square(const struct cell *cells, size_t first, const struct sh
             count = cover_press(shape, &planes, &cover, faces);
         }
         if (count) {
-            double rate;
-            const double pressure = sum_along(faces, count, &rate);
             is_touching = true;
             if (compression) {
-                compression[i] = layer_contact_compression(pressure);
+                compression[i] = layer_contact_compression(sum_along(faces, count));
             }
             if (load && grip) {
                 add_cell(load, &cover, cells[i].area, first + i, faces, count, object_from_bracket, grip);
             } else if (load) {
-                add_column(load, &cover, cells[i].area, pressure, rate, thickness, object_from_bracket);
+                add_column(load, &cover, cells[i].area, faces, count, thickness, object_from_bracket);
             }
         } else if (grip && grip->advances) {
             grip->stuck[first + i] = 0.0;

@@ -7,7 +7,7 @@
 
 #include "emulator/geometry/shape.h"
 
-#define COVER_FACES_MAX 12
+#define COVER_FACES_MAX 64 /* an indenter with a finely divided round surface has tens of faces over one cell */
 
 /* Cell in the object's frame: middle of the surface of the unloaded layer, outward normal, half sides (metres). */
 struct cover_cell {

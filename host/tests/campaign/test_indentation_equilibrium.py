@@ -101,16 +101,17 @@ def test_a_displaced_bracket_shifts_the_first_contact(hand, plan, contact):
 
 
 def test_the_fixed_layer_gives_the_forces_of_the_simulators_layer(plan):
-    """With the same number of springs per taxel as `taxel.sim.soft_contact`."""
+    """Many springs at points approach the columns of `taxel.sim.soft_contact`, which carry mean pressures."""
     for approach in plan.approaches:
         shape = plan.objects[approach.object].shape
         expected = SoftContact(plan.hand, shape, LayerLaw()).compute_taxel_forces(
             plan.bracket_poses, approach.held_pose
         )
-        layer = FixedSkinLayer(plan.hand, plan.bracket_poses, LayerLaw(), 3)
+        layer = FixedSkinLayer(plan.hand, plan.bracket_poses, LayerLaw(), 12)
         forces = layer.taxel_forces(layer.near(shape, approach.held_pose), shape, approach.held_pose)
         assert expected.sum() > 1.0
-        assert forces == pytest.approx(expected, abs=1e-9)
+        assert forces == pytest.approx(expected, abs=0.05 * expected.max())
+        assert forces.sum() == pytest.approx(expected.sum(), rel=0.03)
 
 
 @pytest.mark.parametrize("number", [0, 5])

@@ -4,7 +4,7 @@
 
 #include "ray.h"
 
-#define SIM_PARTS_MAX 16
+#define SIM_PARTS_MAX 64
 
 /* Part of a square that one face indents. */
 struct sim_part {
