@@ -9,9 +9,8 @@ from typing import Any, Final
 
 from taxel.blind.hidden import UNKNOWN
 from taxel.gap.catalogue import all_effects
+from taxel.gap.comparison.calibration import NO_GAP
 from taxel.plugins import DIAGNOSES, PluginError, list_plugin_names, load_plugin
-
-NO_GAP: Final = "no_gap"
 
 OWN: Final[Mapping[str, str]] = MappingProxyType(
     {

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from taxel.blind.benchmark.entries import NO_GAP
 from taxel.blind.hidden import UNKNOWN
+from taxel.gap.comparison.calibration import NO_GAP
 from taxel.types import FloatArray
 
 LISTED: Final = 0.5
