@@ -10,8 +10,8 @@ class ComparisonSettings:
     Attributes:
         dimensions: effective number of independent features in one block (condition, board), by family of features:
             signal, noise, missing frames, onset, drift. The features of a block vary together (one contact, a few bins
-            of time), so that a block counts as so many. Chosen; larger numbers make the weights of sets sharper, which the
-            calibration compensates.
+            of time), so that a block counts as so many. Chosen; larger numbers make the weights of sets sharper, which
+            the calibration compensates.
         resolution_counts: standard deviation, by family, below which differences are not resolved: rounding of counts
             (signal), the error of an estimated standard deviation (noise), a frame period (missing frames, onset).
         prior_odds: odds of each effect before the comparison. One in ten: of twelve effects, about one is present.
