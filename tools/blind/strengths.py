@@ -99,7 +99,7 @@ def compute_ratio(name: str, strength: float, seed: list[int]) -> float:
             make_world(world, real, sim)
         except TaxelError:
             return float("nan")
-        judge = prepared(read_pair(real, sim)).judge
+        judge = prepared(read_pair(real, sim))
         gap = measure(judge.sessions, judge.state.mean, judge.layout)
     return gap.gap.value / gap.floor
 

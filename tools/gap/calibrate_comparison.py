@@ -1,18 +1,19 @@
 """Calibration of the comparison: evidence from worlds with known causes, and the logistic models that fit it.
 
-python tools/gap/calibrate_comparison.py --worlds 96 --seed 777 --out out/calibration --write
+python tools/gap/calibrate_comparison.py --worlds 150 --seed 777 --out out/calibration --write
 
 Each world is made, compared and deleted; its evidence is a line of DIR/evidence.jsonl, so that an interrupted run
-continues. The worlds are those of the blind check with this seed. Withheld forms: the models are fitted to all worlds
-but those of some forms of causes (a fold of `--folds`), and the printed scores refer to the forms that were left out.
---write: store the models fitted to all worlds in host/taxel/gap/comparison/calibration.json.
+continues. The worlds are those of `taxel gap benchmark` with this seed, of all families. Withheld forms: the models are
+fitted to all worlds but those of some forms of causes (a fold of `--folds`), and the printed scores refer to the forms
+that were left out. --write: store the models fitted to all worlds in host/taxel/gap/comparison/calibration.json.
 """
 
 import argparse
 import json
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
+from dataclasses import asdict, replace
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,62 +22,78 @@ from typing import Any
 import numpy as np
 
 from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
-from taxel.blind.benchmark.worlds import INDENTATIONS
+from taxel.blind.benchmark.worlds import GRASPS, BenchmarkWorld, sample_benchmark
 from taxel.blind.hidden import UNKNOWN
-from taxel.blind.sampling import sample_worlds
-from taxel.blind.world import World
-from taxel.blind.world_datasets import make_world
+from taxel.errors import TaxelError
 from taxel.gap.comparison.calibration import Calibration, Logistic, compute_any_inputs
 from taxel.gap.comparison.compare import Comparison, compare
+from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence
 from taxel.types import FloatArray
 
 TARGET = Path(__file__).resolve().parents[2] / "host" / "taxel" / "gap" / "comparison" / "calibration.json"
 
+SMALLEST_CAUSE = 0.5
+"""Excess in floors below which a single hidden cause is no cause by the definition of the gap report; such a world is
+not used."""
 
-def describe_evidence(world: World, comparison: Comparison) -> dict[str, Any]:
+
+def describe_evidence(world: BenchmarkWorld, comparison: Comparison) -> dict[str, Any]:
     """Evidence of a comparison and the truth of its world as JSON values."""
+    gap = comparison.gap
     return {
-        "number": world.number,
-        "kind": world.hidden.kind,
-        "truth": list(world.hidden.names),
-        "forms": [cause.emulator_effect for cause in world.hidden.causes],
-        "gap": [comparison.gap.gap.value, comparison.gap.floor],
+        **world.to_json(),
+        "gap": [gap.gap.value, gap.floor, gap.excess.value],
         "tried": list(comparison.tried),
-        "effects": {name: one.to_inputs().tolist() for name, one in comparison.effects.items()},
-        "remainder": comparison.remainder.to_inputs().tolist(),
+        "effects": {name: asdict(one) for name, one in comparison.effects.items()},
+        "remainder": asdict(comparison.remainder),
     }
 
 
-def collect_evidence(world: World) -> dict[str, Any]:
-    """Make a world, compare its datasets and return the evidence."""
+def collect_evidence(world: BenchmarkWorld, bases: Path) -> dict[str, Any]:
+    """Make a world, compare its datasets and return the evidence; or the line of an error."""
     with TemporaryDirectory(prefix="taxel-calibration-") as name:
         real, sim = Path(name) / "real.h5", Path(name) / "sim.h5"
-        make_world(world, real, sim)
-        return describe_evidence(world, compare(real, sim))
+        try:
+            world.make(real, sim, bases)
+            return describe_evidence(world, compare(real, sim))
+        except TaxelError as error:
+            return {**world.to_json(), "error": str(error)}
 
 
 def run(out: Path, count: int, seed: int, jobs: int | None) -> list[dict[str, Any]]:
-    """Evidence of all worlds; those that an earlier run stored are read."""
+    """Evidence of all worlds; those that an earlier run stored are read. Worlds with an error are left out."""
     out.mkdir(parents=True, exist_ok=True)
     path = out / "evidence.jsonl"
     found = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    if any(one["run"] != [count, seed] for one in found):
+        sys.exit(f"calibrate_comparison: {path}: another seed or number of worlds; choose another --out")
     known = {one["number"] for one in found}
-    todo = [world for world in sample_worlds(count, seed=seed) if world.number not in known]
+    todo = [world for world in sample_benchmark(count, seed) if world.number not in known]
+    todo.sort(key=lambda world: world.family == GRASPS)  # the slowest worlds last
+    task = partial(collect_evidence, bases=out / "bases")
     with path.open("a") as file, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        for number, evidence in enumerate(pool.map(collect_evidence, todo), 1):
+        for number, evidence in enumerate(pool.map(task, todo), 1):
+            evidence["run"] = [count, seed]
             file.write(json.dumps(evidence) + "\n")
             file.flush()
             found.append(evidence)
             print(f"\r{number} of {len(todo)} worlds", end="", file=sys.stderr)
-    return found
+    return [one for one in found if "error" not in one and not _is_too_weak(one)]
+
+
+def _is_too_weak(one: dict[str, Any]) -> bool:
+    """Whether the single cause of a world produces less than `SMALLEST_CAUSE` floors."""
+    _, floor, excess = one["gap"]
+    return len(one["truth"]) == 1 and max(excess, 0.0) ** 0.5 < SMALLEST_CAUSE * floor
 
 
 def fit(evidence: list[dict[str, Any]], source: str) -> Calibration:
     """Fit the models of effects and of the unknown cause to the evidence of worlds."""
-    inputs = [(values, name in one["truth"]) for one in evidence for name, values in one["effects"].items()]
+    effects = [(get_inputs(one)[0], one["truth"]) for one in evidence]
+    inputs = [(values, name in truth) for own, truth in effects for name, values in own.items()]
     skipped = [name in one["truth"] for one in evidence for name in one["tried"] if name not in one["effects"]]
     effect = Logistic.fit(np.array([values for values, _ in inputs]), [label for _, label in inputs])
-    remainders = np.array([one["remainder"] for one in evidence])
+    remainders = np.array([get_inputs(one)[1] for one in evidence])
     unknown = Logistic.fit(remainders, [UNKNOWN in one["truth"] for one in evidence])
     rate = (sum(skipped) + 0.5) / (len(skipped) + 1.0)  # Jeffreys' estimate
     alone = Calibration(effect, unknown, unknown, rate, source)  # without a model of any cause
@@ -87,8 +104,8 @@ def fit(evidence: list[dict[str, Any]], source: str) -> Calibration:
 
 def get_inputs(one: dict[str, Any]) -> tuple[dict[str, FloatArray], FloatArray, list[str]]:
     """Inputs of the calibration from the stored evidence of one world."""
-    effects = {name: np.array(values) for name, values in one["effects"].items()}
-    return effects, np.array(one["remainder"]), one["tried"]
+    effects = {name: EffectEvidence(**values).to_inputs() for name, values in one["effects"].items()}
+    return effects, RemainderEvidence(**one["remainder"]).to_inputs(), one["tried"]
 
 
 def predict(one: dict[str, Any], calibration: Calibration) -> dict[str, float]:
@@ -115,14 +132,22 @@ def score_withheld(evidence: list[dict[str, Any]], folds: int, seed: int) -> dic
             if fold == number:
                 ratio = one["gap"][0] / max(one["gap"][1], 1e-9)
                 truth = frozenset(one["truth"])
-                answers.append(ScoredAnswer(truth, one["kind"], INDENTATIONS, predict(one, calibration), ratio, 0.0))
-    return score_answers(answers)
+                answers.append(ScoredAnswer(truth, one["kind"], one["family"], predict(one, calibration), ratio, 0.0))
+    families = sorted({one.family for one in answers})
+    return {
+        "all": score_answers(answers),
+        **{name: score_answers([one for one in answers if one.family == name]) for name in families},
+    }
+
+
+def _format(value: float | int | None) -> str:
+    return "-" if value is None else f"{value:.3f}" if isinstance(value, float) else str(value)
 
 
 def main() -> int:
     """Collect evidence, print the scores on withheld forms and the models, and store the models with --write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--worlds", type=int, default=96)
+    parser.add_argument("--worlds", type=int, default=150)
     parser.add_argument("--seed", type=int, default=777, help="seed of the worlds")
     parser.add_argument("--folds", type=int, default=5)
     parser.add_argument("--jobs", type=int, help="number of processes; default: one for each core")
@@ -130,8 +155,10 @@ def main() -> int:
     parser.add_argument("--write", action="store_true", help="store the fitted models")
     options = parser.parse_args()
     evidence = run(options.out, options.worlds, options.seed, options.jobs)
-    for name, value in score_withheld(evidence, options.folds, options.seed).items():
-        print(f"{name:<48}{value if value is None or isinstance(value, int) else round(value, 3)}")
+    score = score_withheld(evidence, options.folds, options.seed)
+    print(f"{'':<48}" + "".join(f"{name:>26}" for name in score))
+    for measure in score["all"]:
+        print(f"{measure:<48}" + "".join(f"{_format(one[measure]):>26}" for one in score.values()))
     calibration = fit(evidence, f"calibrate_comparison.py --worlds {options.worlds} --seed {options.seed}")
     print(json.dumps(calibration.to_json(), indent=1))
     if options.write:

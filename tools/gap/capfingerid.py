@@ -34,9 +34,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from measured_touches import ROW_OF_TAXEL, Frames, Repeat, list_touches, split_halves, split_repeats
-from touch_datasets import write_dataset
 
+from taxel.blind.measured_touches import ROW_OF_TAXEL, Frames, Repeat, list_touches, split_halves, split_repeats
+from taxel.blind.touch_datasets import write_dataset
 from taxel.errors import TaxelError
 from taxel.gap.diagnosis import diagnose
 from taxel.recording import (

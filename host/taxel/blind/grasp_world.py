@@ -65,20 +65,22 @@ def sample_grasp_world(seed: int | None = None) -> GraspWorld:
     return GraspWorld(int(rng.integers(2**31)), HiddenCauses("single", (cause,), sample_nuisance_lines(rng)), salt)
 
 
-def make_small_plans(seed: int) -> tuple[tuple[PlannedGrasp, ...], tuple[PlannedGrasp, ...]]:
-    """Make the plans of the emulated hand and of the simulator, with two random approaches of every object.
+def make_small_plans(
+    seed: int, approaches: int = APPROACHES_PER_OBJECT, sessions: int = SESSIONS
+) -> tuple[tuple[PlannedGrasp, ...], tuple[PlannedGrasp, ...]]:
+    """Make the plans of the emulated hand and of the simulator, with some random approaches of every object.
 
-    The hand performs each approach once in each of five sessions; the simulator performs each approach twice.
+    The hand performs each approach once in each session; the simulator performs each approach twice.
     """
     rng = np.random.default_rng(seed)
     plan = make_thesis_plan(seed)
     conditions = set()
     for item in sorted({planned.object for planned in plan}):
         names = sorted({planned.approach for planned in plan if planned.object == item})
-        indices = rng.choice(len(names), APPROACHES_PER_OBJECT, replace=False).tolist()
+        indices = rng.choice(len(names), min(approaches, len(names)), replace=False).tolist()
         conditions |= {(item, names[index]) for index in indices}
     grasps = [
-        planned for planned in plan if (planned.object, planned.approach) in conditions and planned.session < SESSIONS
+        planned for planned in plan if (planned.object, planned.approach) in conditions and planned.session < sessions
     ]
     first_of_session = {(planned.object, planned.approach, planned.session): planned for planned in reversed(grasps)}
     real = tuple(

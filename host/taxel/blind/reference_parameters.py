@@ -45,7 +45,7 @@ def fit_reference_parameters(real: Path, sim: Path, name: str, models: Collectio
     """
     with threadpool_limits(limits=1):
         pair = read_pair(real, sim)
-        judge = prepared(pair).judge
+        judge = prepared(pair)
         parameters: dict[str, dict[str, float]] = {}
         for effect in all_effects()[name]:
             key = f"{effect.variant} {effect.scope}"

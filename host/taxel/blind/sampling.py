@@ -161,7 +161,7 @@ def _sample_world(rng: np.random.Generator, number: int, hand: Hand, plan: World
         number,
         hand.name,
         salt=secrets.token_hex(SALT_BYTES) if is_sealed else rng.bytes(SALT_BYTES).hex(),
-        size=FULL_HAND_CAMPAIGN if hand.name == "original" else _sample_size(rng),
+        size=FULL_HAND_CAMPAIGN if hand.name == "original" else sample_campaign_size(rng),
         seed=int(rng.integers(2**62)),
         hidden=HiddenCauses(plan.kind, causes, sample_nuisance_lines(rng)),
         is_withheld=plan.is_withheld,
@@ -196,7 +196,7 @@ def _sample_cause(rng: np.random.Generator, hand: Hand, cause_type: CauseType, p
     return cause_type.sample(rng, hand, strength)
 
 
-def _sample_size(rng: np.random.Generator) -> CampaignSize:
+def sample_campaign_size(rng: np.random.Generator) -> CampaignSize:
     """Sample the size of an indentation campaign whose number of indentations is within the limits."""
     while True:
         size = CampaignSize(*(int(rng.integers(low, high + 1)) for low, high in (APPROACHES, SESSIONS, REPEATS)))

@@ -18,10 +18,9 @@ from taxel.cli.options import AsJson, Overwrite
 from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
 from taxel.gap.diagnosis import diagnose as run
+from taxel.gap.effect_files import add_effect_file
 from taxel.gap.page import write_page
 from taxel.gap.priors import read_priors
-from taxel.recording.grasp_dataset import GraspDataset
-from taxel.recording.grasp_invariants import InvariantChecker
 
 gap_app = typer.Typer(
     help="Diagnose the gap between simulator and hand: location, cause, and reduction.",
@@ -40,8 +39,11 @@ def diagnose(
     sim: Annotated[Path, typer.Argument(help="Grasp dataset of the simulator.", metavar="SIM.h5")],
     out: Annotated[Path, typer.Option(help="Folder for report.json and report.html.")],
     without: Annotated[list[str] | None, typer.Option(help="Effect to exclude; repeatable.")] = None,
+    effects: Annotated[
+        Path | None, typer.Option(help="Python file with further effects (VARIANTS), see how-to-add-an-effect.md.")
+    ] = None,
     priors: Annotated[Path | None, typer.Option(help="TOML file with priors on effect parameters.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the random permutations behind the p-values.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap and of the p-values.")] = 0,
     nested: Annotated[
         bool,
         typer.Option(
@@ -60,6 +62,8 @@ def diagnose(
         if path.exists() and not overwrite:
             raise TaxelError(f"{path}: exists already; choose another --out, or give --overwrite")
     _check_folder(out)
+    if effects is not None:
+        add_effect_file(effects)
     console = Console(stderr=as_json, markup=False)
     with stage_bars(console) as show:
         diagnosis = run(real, sim, without or (), seed, show, read_priors(priors) if priors else {}, nested)
@@ -76,18 +80,7 @@ def diagnose(
         print(text)
     else:
         print_summary(console, json.loads(text))
-        _report_wrong_frames(sim, console)
         console.print(f"report: {page}", highlight=False)
-
-
-def _report_wrong_frames(sim: Path, console: Console) -> None:
-    """Print one line if frames of the simulated dataset `sim` violate physics, because they distort a diagnosis."""
-    with GraspDataset(sim) as data:
-        wrong = {(violation.grasp, violation.frame) for violation in InvariantChecker(data).find_violations()}
-    if wrong:
-        grasps = len({grasp for grasp, _ in wrong})
-        text = f"{sim}: {len(wrong)} frames of {grasps} grasps violate physics and may distort the diagnosis"
-        console.print(f"{text}; 'taxel show --check {sim}' lists them", highlight=False, soft_wrap=True)
 
 
 def _check_folder(out: Path) -> None:

@@ -9,6 +9,7 @@ import typer
 from taxel.cli.options import AsJson, Overwrite
 from taxel.cli.progress import stage_bars
 from taxel.gap.adding.apply import Applied, apply_report, resimulate
+from taxel.gap.effect_files import add_effect_file
 
 
 def apply(
@@ -23,6 +24,9 @@ def apply(
             metavar="COMMAND",
         ),
     ] = None,
+    effects: Annotated[
+        Path | None, typer.Option(help="Python file with the further effects that the report names.")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of noise, drift and lost frames.")] = 0,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
@@ -31,6 +35,8 @@ def apply(
 
     Example: taxel gap apply out/gap/report.json out/campaign/sim.h5 --out out/sim2.h5
     """
+    if effects is not None:
+        add_effect_file(effects)
     if resim is not None:
         result = resimulate(report, sim, out, resim, overwrite=overwrite)
     else:

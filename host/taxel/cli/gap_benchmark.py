@@ -10,6 +10,7 @@ from rich.table import Table
 
 from taxel.cli.options import AsJson, Jobs, Seed
 from taxel.cli.progress import count_bar
+from taxel.errors import TaxelError
 from taxel.optional import require_packages
 
 
@@ -20,35 +21,43 @@ def benchmark(
         list[str] | None,
         typer.Option(
             "--entry",
-            help="Diagnosis to score: diagnosis, comparison, check list, or an entry point of the group "
-            "taxel.diagnoses; repeatable. Default: diagnosis and comparison.",
+            help="Diagnosis to score: diagnosis, check list, least squares, or an entry point of the group "
+            "taxel.diagnoses; repeatable. Default: diagnosis.",
         ),
+    ] = None,
+    family: Annotated[
+        list[str] | None,
+        typer.Option("--family", help="Family of worlds; repeatable. Default: all families of docs/gap-benchmark.md."),
     ] = None,
     seed: Seed = 1,
     jobs: Jobs = None,
     as_json: AsJson = False,
 ) -> None:
-    """Score diagnoses on the same worlds: indentations with hidden causes, some with a faulty simulator file.
+    """Score diagnoses on the same worlds with hidden causes: indentations, grasps, measured touches.
 
     Example: taxel gap benchmark --worlds 24 --seed 5 --out out/benchmark
     """
     require_packages("taxel gap benchmark", "all", "can", "mujoco")  # the worlds are simulated and emulated
     from taxel.blind.benchmark.run import run_benchmark
+    from taxel.blind.benchmark.worlds import FAMILIES
 
-    entries = entry or ["diagnosis", "comparison"]
+    entries = entry or ["diagnosis"]
+    for name in family or ():
+        if name not in FAMILIES:
+            raise TaxelError(f"--family: expected one of {', '.join(FAMILIES)}, found '{name}'")
     console = Console(stderr=as_json, markup=False)
     with count_bar(console, "benchmark", "worlds") as show:
-        score = run_benchmark(out, worlds, seed, entries, jobs, show)
+        score = run_benchmark(out, worlds, seed, entries, family or tuple(FAMILIES), jobs, show)
     if as_json:
         print(json.dumps(score))
         return
-    for family in next(iter(score.values())):
-        table = Table(title=f"worlds: {family}")
+    for group in next(iter(score.values())):
+        table = Table(title=f"worlds: {group}")
         table.add_column("measure")
         for name in entries:
             table.add_column(name, justify="right")
-        for measure in score[entries[0]][family]:
-            table.add_row(measure, *(_format(score[name][family][measure]) for name in entries))
+        for measure in score[entries[0]][group]:
+            table.add_row(measure, *(_format(score[name][group][measure]) for name in entries))
         console.print(table)
     console.print(f"score: {out / 'score.json'}", highlight=False)
 

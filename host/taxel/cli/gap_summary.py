@@ -10,13 +10,21 @@ from taxel.gap.page.effect_cards import format_parameters
 from taxel.gap.page.text import clean_text, make_readable
 from taxel.gap.report.checked_report import CheckedReport
 
+MIN_SHOWN = 0.05
+"""Probability from which the summary states a cause."""
+
 
 def print_summary(console: Console, report: Mapping[str, Any]) -> None:
     """Print a summary of a gap report: verdict, gap, floor, shrink, and the parameters of the named effects.
 
     report: content of `report.json`, as `json.load` returns it.
     """
-    _print_line(console, f"\n{report['verdict']['one_line']}\n", style="bold")
+    verdict = report["verdict"]
+    _print_line(console, f"\n{verdict['headline']}", style="bold")
+    _print_line(console, f"{verdict['one_line']}\n")
+    _print_line(console, format_probabilities(verdict["probabilities"]))
+    for reason in verdict["reasons"]:
+        _print_line(console, f"reason for doubt: {clean_text(reason)}")
     console.print(_gap_table(report))
     after = report["after"]
     if report["verdict"]["effects"]:
@@ -28,8 +36,20 @@ def print_summary(console: Console, report: Mapping[str, Any]) -> None:
         if effect.flag("in_verdict"):
             parameters = format_parameters(checked, effect)
             _print_line(console, make_readable(effect.text("name")) + (f": {parameters}" if parameters else ""))
+    for problem in report["inputs"]["problems"]:
+        text = f"{problem['grasp']}: {problem['problem']} ({problem['handled']})"
+        _print_line(console, f"faulty grasp of the simulator: {clean_text(text)}")
     for loss in report["losses"]:
         _print_line(console, f"note: {clean_text(loss)}")
+
+
+def format_probabilities(probabilities: Mapping[str, float]) -> str:
+    """Format the probabilities of the causes, of an unknown cause and of no gap, largest first, as one line."""
+    names = sorted(probabilities, key=lambda name: -probabilities[name])
+    shown = [
+        f"{make_readable(name)} {100 * probabilities[name]:.0f} %" for name in names if probabilities[name] >= MIN_SHOWN
+    ]
+    return f"probabilities: {', '.join(shown)}"
 
 
 def shrink_text(after: Mapping[str, Any]) -> str:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from taxel.gap.chain import Chain
+from taxel.gap.chances import student_tail
 from taxel.gap.effects.effect import HAND
 from taxel.gap.effects.latency import Latency
 from taxel.gap.fit import fit, started
 from taxel.gap.judge import Judge
+from taxel.types import FloatArray
 
 SURE = 0.05
 """P-value from which on a shift that helps is chance."""
@@ -28,9 +30,21 @@ def common_shift(judge: Judge) -> float:
         return 0.0
     most = FRAMES * state.pair.frame_s
     shift = float(np.clip(np.median(fitted.values[0, boards]), -most, most))
-    gain, p_value = judge.score(state.shifted(shift).mean).better_than(judge.score(state.mean))
-    few = judge.sessions.value.shape[1] < 3
-    return shift if gain > 0 and (few or p_value < SURE) else 0.0
+    return shift if _is_better(judge, state.shifted(shift).mean, state.mean) else 0.0
+
+
+def _is_better(judge: Judge, features: FloatArray, than: FloatArray) -> bool:
+    """Whether features f64[C, F, n] agree better with the sessions than others, by a t test over the sessions."""
+    sessions = range(judge.sessions.value.shape[1])
+    before, after = (
+        np.array([judge.sessions.square(session, one, judge.weight) for session in sessions])
+        for one in (than, features)
+    )
+    gain = before - after
+    if gain.mean() <= 0.0 or len(gain) < 3:
+        return bool(gain.mean() > 0.0)
+    error = float(gain.std(ddof=1) / np.sqrt(len(gain)))
+    return error == 0.0 or student_tail(float(gain.mean()) / error, len(gain) - 1) < SURE
 
 
 class CommonShift(Latency):
@@ -52,6 +66,6 @@ def shift_beside(judge: Judge, chain: Chain, fixed: tuple[str, ...]) -> tuple[fl
     more = next(float(one.values[0, 0]) for one in fitted.chain.links if one.effect.name == link.effect.name)
     most = FRAMES * judge.state.pair.frame_s
     shift = float(np.clip(judge.state.shift_s + more, -most, most)) - judge.state.shift_s
-    gain, p_value = judge.score(fitted.features).better_than(judge.score(chain.features(judge.state)))
-    few = judge.sessions.value.shape[1] < 3
-    return (shift, fitted.chain.without(link.effect.name)) if gain > 0 and (few or p_value < SURE) else (0.0, chain)
+    if not _is_better(judge, fitted.features, chain.features(judge.state)):
+        return 0.0, chain
+    return shift, fitted.chain.without(link.effect.name)

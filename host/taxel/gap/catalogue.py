@@ -25,6 +25,12 @@ from taxel.plugins import EFFECTS, PluginError, list_plugin_names, load_plugin
 
 DROPOUT = "dropout"
 
+FIXED = (DROPOUT,)
+"""Effects that are found by inspection; their values are not fitted."""
+
+Forms = Mapping[str, Sequence[Effect]]
+"""Forms of each effect by its name."""
+
 OWN_EFFECTS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
     {
         "contact_propagation": (
@@ -55,14 +61,23 @@ LIKE: Mapping[str, tuple[Effect, ...]] = MappingProxyType({"stiffness": (Stiffne
 stiffness from its gain. Whether these presses would is asked when something was found."""
 
 
+_ADDED: dict[str, tuple[Effect, ...]] = {}
+
+
+def add_effects(effects: Mapping[str, tuple[Effect, ...]]) -> None:
+    """Add effects to the catalogue of this process; an added effect with the same name is replaced."""
+    _ADDED.update(effects)
+
+
 def all_effects() -> Mapping[str, tuple[Effect, ...]]:
-    """Variants of each effect: the project's own, then those that other packages add by entry points.
+    """Variants of each effect: the project's own, those that other packages add by entry points, and those of
+    `add_effects`.
 
     An entry point of the group `taxel.effects` names a sequence of `Effect` objects whose `name` is the entry point's
     name. Raises `PluginError` for an entry point that cannot be loaded or names something else.
     """
     added = list_plugin_names(EFFECTS, dict.fromkeys(OWN_EFFECTS, ""))[len(OWN_EFFECTS) :]
-    return MappingProxyType({**OWN_EFFECTS, **{name: _plugin_effect(name) for name in added}})
+    return MappingProxyType({**OWN_EFFECTS, **{name: _plugin_effect(name) for name in added}, **_ADDED})
 
 
 @cache

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
@@ -38,6 +38,17 @@ class Chain:
     def without(self, name: str) -> Chain:
         """All but one."""
         return Chain(tuple(link for link in self.links if link.effect.name != name))
+
+    def get(self, name: str) -> FittedEffect:
+        """The effect with this name. Raises KeyError."""
+        for link in self.links:
+            if link.effect.name == name:
+                return link
+        raise KeyError(name)
+
+    def only(self, names: Collection[str]) -> Chain:
+        """The effects with these names."""
+        return Chain(tuple(link for link in self.links if link.effect.name in names))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The whole diagnosis of two datasets: read, measure, search, hold out, report."""
+"""The whole diagnosis of two datasets: read, measure, compare sets of effects, hold out, report."""
 
 from __future__ import annotations
 
@@ -13,24 +13,27 @@ from threadpoolctl import threadpool_limits
 
 from taxel.gap.attribution import attribute
 from taxel.gap.catalogue import DROPOUT, chosen
+from taxel.gap.chain import Chain
 from taxel.gap.cloud_gap import cloud_gap
+from taxel.gap.comparison.calibration import UNKNOWN
+from taxel.gap.comparison.compare import Comparison, compare_sets
+from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.confounding import confounded_with
+from taxel.gap.explanation import Explanation, explain, list_fits_alone
 from taxel.gap.features import Layout, SessionMeans
 from taxel.gap.held_out import HeldOut, held_out
 from taxel.gap.identify import likenesses
 from taxel.gap.judge import Judge
-from taxel.gap.metric import Gap, measure
-from taxel.gap.nameless import nameless
-from taxel.gap.nested import Inside, searched_inside
+from taxel.gap.metric import Gap
+from taxel.gap.nested import choose_without_sessions
 from taxel.gap.pair import Pair, read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.priors import Priors
 from taxel.gap.report.assembly import ReportInputs, build_report
-from taxel.gap.select import MOST_EFFECTS, select
 from taxel.gap.signature.bank import unexplained
 from taxel.gap.thesis_terms import thesis_terms
-from taxel.gap.trial import Selection
-from taxel.gap.verdict import Verdict, judge_verdict
+from taxel.gap.verdict import Verdict, judge_verdict, list_causes, list_questioned
+from taxel.gap.warnings import list_warnings
 
 Show = Callable[[str, int, int], None]
 
@@ -41,14 +44,15 @@ def quiet(stage: str, done: int, total: int) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """All that was worked out; `report` is the form for files."""
+    """All results of a diagnosis; `report` is the form for files."""
 
     pair: Pair
     layout: Layout
     real: SessionMeans
     judge: Judge
     gap: Gap
-    selection: Selection
+    comparison: Comparison
+    explanation: Explanation
     held: HeldOut
     verdict: Verdict
     report: dict[str, Any]
@@ -65,62 +69,54 @@ def diagnose(
 ) -> Diagnosis:
     """Say where the gap between two datasets lies, which effect causes it and how far it shrinks.
 
-    without: names of the catalogue that are not tried. seed: of the p-values' draws. priors: what is known of effects.
-    nested: search without each session again, which takes as many times as long, and judge in it what that finds.
-    Raises DatasetError and GapInputError of one line.
+    without: names of the catalogue that are not tried. seed: of the bootstrap and of the p-values. priors: of the
+    parameters of effects. nested: repeat the comparison without each session, and evaluate its choice there; this takes
+    as many times as long. Raises DatasetError and GapInputError with one line.
     """
     began = time.perf_counter()
     forms = chosen(without, priors)
-    with threadpool_limits(limits=1):  # small products: threads would only wait for each other
+    with threadpool_limits(limits=1):  # the matrices are small: threads would wait for each other
         pair = read_pair(real_path, sim_path, lambda done, total: show("reading", done, total))
-        judge, simulated2 = prepared(pair)
-        inside = Inside(())
+        judge = prepared(pair)
+        inside: tuple[Chain, ...] = ()
         if nested:
-            inside = searched_inside(judge, forms, lambda number, total: show("repeated search", number, total))
-        selection = select(judge, forms, lambda number, total: show("effect search", number, total))
-        judge = selection.judge
-        state, real, layout = judge.state, judge.sessions, judge.layout
-        gap = measure(real, state.mean, layout)
-        show("effect search", MOST_EFFECTS, MOST_EFFECTS)
+            inside = choose_without_sessions(judge, forms, seed, lambda number, total: show("nested", number, total))
+        comparison = compare_sets(judge, forms, seed, DEFAULT_SETTINGS, show)
+        probabilities = comparison.compute_probabilities()
+        causes = list_causes(probabilities)
         show("held-out evaluation", 0, 1)
-        held = held_out(judge, selection.chain, inside=inside.chains)
-        told = attribute(judge, selection.names, held)
-        fitted = [link for link in selection.chain.links if link.effect.name != DROPOUT]
+        state, real, layout, gap = judge.state, judge.sessions, judge.layout, comparison.gap
+        named = explain(comparison, [name for name in causes if name != UNKNOWN])
+        held = held_out(judge, named.chain, inside=inside)
+        told = attribute(judge, named.names, held)
+        fitted = [link for link in named.chain.links if link.effect.name != DROPOUT]
         likes = likenesses(judge, forms, fitted)
-        confounded = confounded_with(selection.names, selection.rivals, likes)
-        unsure = nameless(judge, selection.chain, confounded)
-        left = unexplained(pair, layout, real, selection.features, judge.fold, seed)
-        names = told.strongest_first
-        verdict = judge_verdict(gap, selection, names, held, simulated2, unsure, pair.cells, left["bank"])
-        believed = selection.only(verdict.effects)
-        if believed is not selection:
-            inside = inside.only(selection.names, believed.names)
-            held = held_out(judge, believed.chain, inside=inside.chains)
-            told = attribute(judge, believed.names, held)
-            left = unexplained(pair, layout, real, believed.features, judge.fold, seed)
+        left = unexplained(pair, layout, real, named.features, judge.fold, seed)
+        rivals = {name: comparison.list_rivals(name) for name in list_questioned(probabilities)}
+        warnings = list_warnings(judge, named.chain, pair.faults)
+        verdict = judge_verdict(gap, probabilities, held, rivals, warnings)
         report = build_report(
             ReportInputs(
-                judge=judge,
-                gap=gap,
-                search=selection,
-                named=believed,
+                comparison=comparison,
+                forms=forms,
+                named=named,
+                alone=list_fits_alone(comparison, forms),
                 held_out=held,
                 attribution=told,
                 verdict=verdict,
                 unexplained=left,
                 similarities=likes,
-                confounded=confounded,
-                tried=forms,
+                confounded=confounded_with(named.names, verdict.rivals, likes),
                 seed=seed,
             )
         )
         if nested:
-            report["after"]["chosen_inside"] = inside.names
+            report["after"]["chosen_inside"] = [sorted(chain.names) for chain in inside]
         report["gap"]["mm"] = cloud_gap(pair, real, state.mean, seed)
-        report["thesis_terms"] = thesis_terms(judge, selection)
+        report["thesis_terms"] = thesis_terms(judge, list_fits_alone(comparison, forms))
         report["notes"] = [
             f"the frames of the hand are shifted by {1e3 * state.shift_s:.0f} ms against those of the simulator"
         ]
         report["runtime_s"] = time.perf_counter() - began
         show("held-out evaluation", 1, 1)
-    return Diagnosis(pair, layout, real, judge, gap, selection, held, verdict, report)
+    return Diagnosis(pair, layout, real, judge, gap, comparison, named, held, verdict, report)

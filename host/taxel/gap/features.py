@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -133,11 +132,6 @@ class SessionMeans:
         return np.where(self.known, self.value - features[:, None], 0.0)
 
     @cached_property
-    def is_complete(self) -> bool:
-        """Whether every session knows what any of them knows."""
-        return bool((self.known == self.known.any(axis=1, keepdims=True)).all())
-
-    @cached_property
     def pairing(self) -> FloatArray:
         """All pairs of sessions over those of which both know it, f64[C, F, n]: products of sessions, weighted so, add
         up as if every session knew everything. 0 where fewer than two do; 1 with one session.
@@ -146,25 +140,6 @@ class SessionMeans:
         if sessions < 2:
             return np.ones(count.shape)
         return np.where(count > 1, sessions * (sessions - 1) / np.maximum(count * (count - 1), 1), 0.0)
-
-    def excesses(self, features: FloatArray) -> Iterator[tuple[FloatArray, NDArray[np.bool_]]]:
-        """Squared difference from features f64[C, F, n] less what scatters, counts^2, and where that is known, of the
-        same form: of all sessions, then without each. The mean of the products of two sessions that know it; where one
-        does, its square less the variance of a session.
-        """
-        residual, variance = self.residual(features), np.nan_to_num(self.variance)
-        total, squares, count = residual.sum(axis=1), np.square(residual).sum(axis=1), self.known.sum(axis=1)
-
-        def told(
-            total: FloatArray, squares: FloatArray, count: NDArray[np.intp]
-        ) -> tuple[FloatArray, NDArray[np.bool_]]:
-            once = np.where(count == 1, squares - variance, 0.0)
-            return np.where(count > 1, mean_product(total, squares, count), once), count > 0
-
-        yield told(total, squares, count)
-        for session in range(residual.shape[1]):
-            own = residual[:, session]
-            yield told(total - own, squares - own**2, count - self.known[:, session])
 
     def square(self, session: int, features: FloatArray, scale: FloatArray) -> float:
         """Sum of a session's squared differences from features f64[C, F, n], times scale; of one that does not know

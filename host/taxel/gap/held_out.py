@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taxel.gap.catalogue import FIXED
 from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.features import SessionMeans
 from taxel.gap.fit import fit, start_of
 from taxel.gap.judge import REFITS, Judge
 from taxel.gap.metric import Interval, jackknife, leave_one_out, shrink
-from taxel.gap.rounds import FIXED
 from taxel.types import FloatArray
 
 
@@ -28,6 +28,11 @@ class HeldOut:
     floor2: float
     predicted: FloatArray
     links: tuple[tuple[FittedEffect, ...], ...]
+
+    @property
+    def sessions(self) -> int:
+        """S."""
+        return len(self.before2)
 
     @property
     def before(self) -> float:

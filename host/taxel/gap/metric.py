@@ -17,13 +17,6 @@ from taxel.gap.chances import student_quantile, student_tail
 from taxel.gap.features import Layout, SessionMeans
 from taxel.types import FloatArray
 
-LEAST_MARGIN_COUNTS: Final = 3.0
-"""An excess of fewer counts is no gap, however small the floor is or if nobody knows it: no simulator is nearer."""
-
-MARGIN_FLOORS: Final = 3.0
-"""An excess of at most three squared floors is no gap: the gap is then at most twice the floor. A simulator of another
-hand's contact is never exact; below this what is wrong cannot be told from what scatters."""
-
 SIDES: Final = (0.025, 0.975)
 """Quantiles between which 95 % lie."""
 
@@ -134,11 +127,6 @@ def together(first: Interval, other: Interval, besides: float = 0.0) -> Interval
     freedom = total2**2 / float(np.sum(errors2**2 / np.array([first.freedom, other.freedom, np.inf])) or 1e-300)
     half = student_quantile(0.975, freedom) * float(np.sqrt(total2))
     return Interval(first.value, first.value - half, first.value + half, float(np.sqrt(total2)), freedom)
-
-
-def margin2(floor2: float) -> float:
-    """Excess, counts^2, up to which there is no gap above a floor of so many."""
-    return max(MARGIN_FLOORS * floor2, LEAST_MARGIN_COUNTS**2)
 
 
 def root(interval: Interval) -> Interval:

@@ -1,52 +1,39 @@
-"""The whole search once more without each session: what that chooses knows nothing of the session that judges it."""
+"""The comparison once more without each session: what it chooses is independent of the session that evaluates it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from taxel.gap.catalogue import Forms
 from taxel.gap.chain import Chain
+from taxel.gap.comparison.calibration import UNKNOWN
+from taxel.gap.comparison.compare import compare_sets
 from taxel.gap.errors import GapInputError
+from taxel.gap.explanation import explain
 from taxel.gap.judge import Judge
-from taxel.gap.rounds import Forms
-from taxel.gap.select import select
+from taxel.gap.verdict import list_causes
 
-LEAST_SESSIONS: Final = 4
-"""Three must be left to tell a gain from chance."""
-
-
-@dataclass(frozen=True, eq=False)
-class Inside:
-    """What is chosen without each session: a fitted chain for every one that is left out."""
-
-    chains: tuple[Chain, ...]
-
-    def only(self, found: tuple[str, ...], believed: tuple[str, ...]) -> Inside:
-        """Without those of the `found` effects that are not `believed`; what only a session's absence brings stays."""
-        dropped = set(found) - set(believed)
-        return Inside(
-            tuple(Chain(tuple(one for one in chain.links if one.effect.name not in dropped)) for chain in self.chains)
-        )
-
-    @property
-    def names(self) -> list[list[str]]:
-        """Of each session's chain."""
-        return [sorted(chain.names) for chain in self.chains]
+MIN_SESSIONS: Final = 4
+"""Three sessions must remain for a variance between sessions."""
 
 
-def searched_inside(judge: Judge, forms: Forms, progress: Callable[[int, int], None]) -> Inside:
-    """Search without each session in turn. judge: as before the first search. Raises GapInputError of one line."""
+def choose_without_sessions(
+    judge: Judge, forms: Forms, seed: int, progress: Callable[[int, int], None]
+) -> tuple[Chain, ...]:
+    """The named effects without each session in turn, as fitted chains. Raises GapInputError for too few sessions."""
     count = judge.sessions.value.shape[1]
-    if count < LEAST_SESSIONS:
-        expected = f"at least {LEAST_SESSIONS} sessions"
+    if count < MIN_SESSIONS:
+        expected = f"at least {MIN_SESSIONS} sessions"
         raise GapInputError("--nested", expected, str(count), "omit --nested, or record more sessions")
     chains = []
     for session in range(count):
         progress(session, count)
-        inside = judge.sessions.only(np.arange(count) != session)
-        chains.append(select(Judge(judge.state, inside, judge.layout), forms).chain)
+        rest = judge.sessions.only(np.arange(count) != session)
+        comparison = compare_sets(Judge(judge.state, rest, judge.layout), forms, seed)
+        causes = list_causes(comparison.compute_probabilities())
+        chains.append(explain(comparison, [name for name in causes if name != UNKNOWN]).chain)
     progress(count, count)
-    return Inside(tuple(chains))
+    return tuple(chains)

@@ -18,6 +18,7 @@ from taxel.gap.differences import differences
 from taxel.gap.errors import GapInputError
 from taxel.gap.losses import losses_of, require_answers
 from taxel.gap.reading import Groups, Progress, Recording, read_recording
+from taxel.gap.simulator_faults import SimulatorFault, find_faults, without_faults
 from taxel.gap.timing import timing_of
 from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
@@ -44,6 +45,7 @@ class Pair:
         paths: of both files. digests: their SHA-256.
         losses: what this pair lacks, in words, for the report.
         unrecorded: cells that only the simulator has, sorted.
+        faults: simulated grasps that violate physics.
     """
 
     cells: tuple[Key, ...]
@@ -62,6 +64,7 @@ class Pair:
     digests: tuple[str, str]
     losses: tuple[str, ...]
     unrecorded: tuple[Key, ...] = ()
+    faults: tuple[SimulatorFault, ...] = ()
 
     @cached_property
     def sessions(self) -> NDArray[np.int64]:
@@ -100,7 +103,8 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             where, found = f"{real.path}: /", "the simulation first and the recording second"
             raise GapInputError(where, "the recording of the hand first", found, "exchange the two files")
         columns = check_tables(real, sim)
-        cells, made, simulated, unrecorded, losses = _common_cells(real, sim)
+        faults = find_faults(sim)
+        cells, made, simulated, unrecorded, losses = _common_cells(real, sim, faults)
         timing = timing_of(((real, made), (sim, simulated)), cells)
         clock = timing.clock
         groups = grouped(real.taxels, real.sensors)
@@ -135,6 +139,7 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             (_digest(real.path), _digest(sim.path)),
             tuple(losses + otherwise + timing.lost + losses_of(first, second, groups)),
             unrecorded,
+            tuple(faults),
         )
 
 
@@ -175,10 +180,10 @@ def first_poses(
 
 
 def _common_cells(
-    real: GraspDataset, sim: GraspDataset
+    real: GraspDataset, sim: GraspDataset, faults: Sequence[SimulatorFault]
 ) -> tuple[tuple[Key, ...], list[Grasp], list[Grasp], tuple[Key, ...], list[str]]:
     """Cells of both, their grasps on either side, cells of the simulator alone, and what is lost."""
-    every = [list(data) for data in (real, sim)]
+    every = [list(real), without_faults(list(sim), faults)]
     keys = [{(grasp.object, grasp.approach) for grasp in grasps} for grasps in every]
     common = tuple(sorted(keys[0] & keys[1]))
     if not common:

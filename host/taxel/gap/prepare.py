@@ -1,40 +1,25 @@
-"""From a pair of recordings to the judge of everything that could explain their gap."""
+"""From a pair of recordings to the features and weights that are compared."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
 from taxel.gap.align import common_shift
 from taxel.gap.features import Layout, SessionMeans, features_of, known_mean, session_means, untouched_cells
 from taxel.gap.judge import Judge
-from taxel.gap.metric import terms, total
 from taxel.gap.pair import Pair
 from taxel.gap.reading import Recording
 from taxel.gap.state import State, state_of
 
 
-class Prepared(NamedTuple):
-    """judge: of a pair whose clocks are aligned. simulated2: counts^2 of the scatter of the simulator's session means;
-    0 for a simulator with fewer than three sessions, where it is not known.
-    """
-
-    judge: Judge
-    simulated2: float
-
-
-def prepared(pair: Pair) -> Prepared:
+def prepared(pair: Pair) -> Judge:
     """Reduce both sides to features, and move the simulator's to the hand's time."""
     layout = Layout.of(pair.clock)
     real = means_of(pair, pair.real, layout)
     simulated = means_of(pair, pair.sim, layout)
     real = real.known_beside(simulated)
     state = simulated_state(pair, simulated, layout)
-    sessions = simulated.value.shape[1]
-    scatter2 = total(terms(simulated, state.mean, layout).floor2) if sessions > 2 else 0.0
-    state = state.shifted(common_shift(Judge(state, real, layout)))
-    return Prepared(Judge(state, real, layout), scatter2)
+    return Judge(state.shifted(common_shift(Judge(state, real, layout))), real, layout)
 
 
 def means_of(pair: Pair, recording: Recording, layout: Layout) -> SessionMeans:

@@ -9,6 +9,7 @@ without registration.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
@@ -21,13 +22,12 @@ from taxel.cloud.treatment import FORCE_FILTER_COUNTS, OutlierFilter, get_outlie
 from taxel.gap import catalogue
 from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.cloud_gap import LIKELY, SOFT_COUNTS, chamfer_mm
+from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.features import known_mean
 from taxel.gap.fit import started
 from taxel.gap.judge import Judge
 from taxel.gap.metric import terms, total
 from taxel.gap.pair import Pair
-from taxel.gap.rounds import GLANCE
-from taxel.gap.trial import Selection
 from taxel.recording.grasp_format import ACTIVE_SIGNAL_COUNTS, Phase
 from taxel.types import BoolArray, FloatArray
 
@@ -44,8 +44,10 @@ SAME_M: Final = 1e-9
 NAME: Final = "contact_propagation"
 
 
-def thesis_terms(judge: Judge, selection: Selection) -> list[dict[str, Any]]:
-    """The report's `thesis_terms`: as they are, then the force filter, SOR and contact propagation, each added.
+def thesis_terms(judge: Judge, alone: Mapping[str, tuple[Chain, FloatArray]]) -> list[dict[str, Any]]:
+    """The report's `thesis_terms`; alone: fits of single effects.
+
+    The steps: as they are, then the force filter, SOR and contact propagation, each added.
 
     step: words. gap: counts; None where a treatment changes no count. mm: as in `gap.mm`, with the filters on both
     clouds; mm_hand_only: with the filters on the hand's alone. Both None where nothing is known or a step was skipped.
@@ -63,7 +65,7 @@ def thesis_terms(judge: Judge, selection: Selection) -> list[dict[str, Any]]:
         clouds.entry("+ SOR", clean, firm_clean, sim, _rules(pair)),
     ]
     steps[0]["gap"] = float(np.sqrt(total(terms(real, before, layout).gap2)))
-    found = _propagation(judge, selection)
+    found = _propagation(judge, alone)
     if isinstance(found, str):
         skipped = {"step": f"contact propagation: not added, {found}", "gap": None, "mm": None, "mm_hand_only": None}
         return [*steps, {**skipped, "points": steps[-1]["points"], "note": found}]
@@ -186,19 +188,20 @@ def _mean_distance(places: FloatArray, points: FloatArray, wanted: float) -> Flo
     return result
 
 
-def _propagation(judge: Judge, selection: Selection) -> tuple[FittedEffect, FloatArray] | str:
+def _propagation(judge: Judge, alone: Mapping[str, tuple[Chain, FloatArray]]) -> tuple[FittedEffect, FloatArray] | str:
     """Contact propagation fitted alone and the features with it, f64[C, F, n]; or why not."""
     state = judge.state
     reasons = [form.unavailable(state) for form in catalogue.all_effects()[NAME]]
     if all(reasons):
         return reasons[0]
-    first = selection.rounds[0].trials if selection.rounds else ()
-    for trial in first:
-        if trial.name == NAME:
-            return trial.link, trial.chain.features(state)
+    if NAME in alone:
+        chain = alone[NAME][0]
+        return chain.links[0], chain.features(state)
     forms = catalogue.all_effects()[NAME]
-    fits = [judge.in_sample(Chain((started(state, form),)), iterations=GLANCE) for form in forms]
-    best = min(fits, key=lambda fit: judge.score(fit.features).value)
+    fits = [
+        judge.in_sample(Chain((started(state, form),)), iterations=DEFAULT_SETTINGS.coarse_iterations) for form in forms
+    ]
+    best = min(fits, key=lambda fit: fit.cost)
     return best.chain.links[0], best.features
 
 

@@ -1,47 +1,21 @@
-"""From numbers to a verdict: no gap, explained, partly explained, or unknown."""
+"""The verdict: status, causes, headline and reasons, derived from the probabilities of the comparison."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
-from taxel.gap.catalogue import DROPOUT
+from taxel.gap.comparison.calibration import NO_GAP, UNKNOWN
 from taxel.gap.held_out import HeldOut
-from taxel.gap.metric import Gap, margin2
-from taxel.gap.trial import Selection
+from taxel.gap.metric import Gap
 
-UNKNOWN: Final = "unknown"
+LISTED: Final = 0.5
+"""Probability from which a cause is named (gap report, version 2)."""
 
-SURELY_WITHIN: Final = 1.0 / 3.0
-"""Of the margin: an excess below it is none, whatever was found; and what all presses but one make together."""
-
-STRAYS: Final = 2.0
-"""Margins, up to which an excess that no effect explains may hang on one press."""
-
-SIGNIFICANT: Final = 0.02
-"""P-value of an excess from which on it may be chance."""
-
-PRESSES: Final = 8
-"""From so many on a gap that no effect explains must not hang on one of them."""
-
-NAMED: Final = 0.5
-"""Share of the score that the found effects must explain together to be believed; below it the cause is unknown."""
-
-EXPLAINED: Final = 0.8
-"""And to leave nothing worth a name: this share of what lies above the floor on the sessions that were left out, and of
-the score where they were fitted; and what is left is no gap of its own, by the same margin. A stranger is often
-explained by two thirds, and rarely by so much."""
-
-PATTERN_LEVEL: Final = 0.01
-"""P-value of a generic distortion in what is left, corrected for the bank, under which it is surely there."""
-
-PATTERN_SHARE: Final = 0.5
-"""Of what is left that it tells; if that is more than the margin, something nameless is there."""
-
-NEARLY_ALL: Final = 0.96
-"""Or this: no model of a large effect is better."""
+LEAST_SESSIONS: Final = 3
+"""Sessions below which no variance between sessions, and so no certainty, is known."""
 
 WORDS: Final = {
     "contact_propagation": "pressure spreads sideways in the dielectric",
@@ -56,119 +30,129 @@ WORDS: Final = {
     "dropout": "taxels, lines or boards do not respond",
     "pose_error": "an object or a bracket is not where the model places it",
     "latency": "boards lag behind the hand",
-    "unknown": "a cause that is not in the catalogue",
+    UNKNOWN: "a cause that is not in the catalogue",
 }
+"""Meaning of each cause; an effect of a plug-in has none."""
+
+HEADLINES: Final = {
+    "contact_propagation": "The real skin spreads pressure sideways; the simulator does not.",
+    "electrode_crosstalk": "Taxels on a common electrode influence each other; the simulator lacks this.",
+    "noise": "The real skin is noisier than the simulator.",
+    "gain_mismatch": "Some taxels are more or less sensitive than in the simulator.",
+    "stiffness": "The real skin is softer or harder than in the simulator.",
+    "baseline_drift": "The real counts drift without contact; the simulator's do not.",
+    "hysteresis": "The real skin creeps and recovers slowly; the simulator does not.",
+    "saturation": "Real counts stop changing at high force; the simulator's do not.",
+    "proximity": "The real skin responds before contact; the simulator does not.",
+    "dropout": "Parts of the real skin do not respond.",
+    "pose_error": "An object or a bracket is not where the model places it.",
+    "latency": "Some boards of the real skin lag behind the simulator.",
+    UNKNOWN: "The skins differ; no cause of the catalogue explains the difference.",
+}
+"""One sentence of at most twelve words for a single cause."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """status: as the report page has it. effects: strongest first. one_line: for people. margin: counts^2."""
+    """A verdict; see the gap report for the fields.
+
+    rivals: effects that are not named and predict almost as well, by the named effect, or the most probable one, that
+    they may replace.
+    """
 
     status: str
     effects: tuple[str, ...]
+    probabilities: Mapping[str, float]
+    headline: str
     one_line: str
-    margin: float
+    reasons: tuple[str, ...] = ()
+    rivals: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+
+def list_causes(probabilities: Mapping[str, float]) -> tuple[str, ...]:
+    """Causes with a probability of at least `LISTED`, most probable first, an unknown cause last.
+
+    ["unknown"] if there are none and some cause is more probable than no gap.
+    """
+    causes = sorted((name for name in probabilities if name != NO_GAP), key=lambda name: -probabilities[name])
+    names = [name for name in causes if probabilities[name] >= LISTED]
+    if not names and probabilities[causes[0]] > probabilities[NO_GAP]:
+        return (UNKNOWN,)
+    return tuple(sorted(names, key=lambda name: name == UNKNOWN))
+
+
+def list_questioned(probabilities: Mapping[str, float]) -> tuple[str, ...]:
+    """Effects whose rivals matter: the named ones, or else the most probable one."""
+    known = tuple(name for name in list_causes(probabilities) if name != UNKNOWN)
+    others = [name for name in probabilities if name not in (NO_GAP, UNKNOWN)]
+    return known or tuple(sorted(others, key=lambda name: -probabilities[name])[:1])
 
 
 def judge_verdict(
     gap: Gap,
-    selection: Selection,
-    names: tuple[str, ...],
+    probabilities: Mapping[str, float],
     held: HeldOut,
-    simulated2: float = 0.0,
-    nameless: Mapping[str, str] = MappingProxyType({}),
-    cells: Sequence[tuple[str, str]] = (),
-    bank: Sequence[Mapping[str, Any]] = (),
+    rivals: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    warnings: Sequence[str] = (),
 ) -> Verdict:
-    """names: what was found, strongest first. held: the gap on sessions that were left out. simulated2: counts^2 by
-    which the other side's means scatter, where it has sessions as well. nameless: of the found ones those that may as
-    well be a cause without a name, and why. cells: object and approach of each press. bank: generic distortions of what
-    the found ones leave, as the report's `unexplained` has them.
+    """Derive the verdict.
+
+    probabilities: of every cause and of no gap. held: the gap of held-out sessions with the named effects. rivals: by
+    effect of `list_questioned`, the effects that may replace it. warnings: reasons for doubt that other parts of the
+    diagnosis found, one sentence each.
     """
-    margin = margin2(gap.floor**2 + simulated2)
-    # Few sessions bound an excess loosely: one within the margin that may well be chance is none either.
-    within = gap.most <= margin or (gap.excess.value <= margin and gap.p_value > SIGNIFICANT)
-    named = max(selection.explained, held.reducible or 0.0)
-    local = selection.is_local
-    # Within the margin counts must tell it, too: a score may be of what hardly scatters, and no gap of counts.
-    told = min(named, held.reducible or 0.0) >= NAMED and gap.excess.value > SURELY_WITHIN * margin
-    if within and not local and not (names and told):
-        line = f"No gap: {gap.gap.value:.1f} counts; repeats and sessions alone cause {gap.floor:.1f} counts"
-        found = [_in_words(name) for name in names] if named >= NAMED else []
-        part = f" A part of the {gap.gap.value:.1f} counts is due to {'; '.join(found)}." if found else ""
-        line = f"{line}.{part}"
-        return Verdict("no_gap", (), line, margin)
-    if not names and gap.excess.value <= STRAYS * margin and (one := _hangs_on(gap, margin)) is not None:
-        press = f"one condition ({' '.join(cells[one])})" if cells else "one condition"
-        size = f"{gap.gap.value:.1f} counts (floor {gap.floor:.1f})"
-        line = f"No gap except in {press}: {size}, hardly any excess in the other conditions."
-        return Verdict("no_gap", (), line, margin)
-    if within and local and gap.excess.value <= SURELY_WITHIN * margin:
-        names = tuple(name for name in names if name == DROPOUT)  # what else was found is too little to be told
-    size = f"a gap of {gap.gap.value:.1f} counts (floor {gap.floor:.1f})"
-    if not names and not (selection.rounds and selection.rounds[0].trials):
-        return Verdict(UNKNOWN, (UNKNOWN,), f"Unknown: {size}; no effect of the catalogue was tried.", margin)
-    if not names and gap.floor == 0.0:
-        line = f"Unknown: {size}; without repeats the variance is unknown; record every condition at least twice."
-        return Verdict(UNKNOWN, (UNKNOWN,), line, margin)
-    if not names and gap.excess.error is None:
-        line = f"Unknown: {size}; fewer than three sessions do not determine its cause{_most_like(selection)}."
-        return Verdict(UNKNOWN, (UNKNOWN,), line, margin)
-    if not names or (named < NAMED and not local):
-        return Verdict(UNKNOWN, (UNKNOWN,), f"Unknown: {size} that no effect of the catalogue explains.", margin)
-    said = "; ".join(_in_words(name) for name in names)
-    less = f"reduced by {100 * held.shrink.value:.0f} % with {said}"
-    enough = _is_enough(selection, held, margin) and not _has_pattern(bank, margin)
-    if not (within and local) and not enough:
-        line = f"Partly explained: {size}, {less}; the cause of the remaining gap is unknown."
-        return Verdict("partly_explained", (*names, UNKNOWN), line, margin)
-    unsure = "; ".join(dict.fromkeys(nameless[name] for name in names if name in nameless))
-    if unsure:
-        line = f"Partly explained: {size}, {less}; but {unsure}."
-        return Verdict("partly_explained", (*names, UNKNOWN), line, margin)
-    return Verdict("explained", names, f"Explained: {size}, {less}.", margin)
+    effects = list_causes(probabilities)
+    known = tuple(name for name in effects if name != UNKNOWN)
+    own = {name: tuple(other for other in others if other not in known) for name, others in rivals.items()}
+    rivals = {name: others for name, others in own.items() if others}
+    few = held.sessions < LEAST_SESSIONS
+    size = f"{gap.gap.value:.1f} counts (floor {gap.floor:.1f})"
+    reasons = list(warnings)
+    if few:
+        reasons.insert(0, f"too few sessions for a verdict: {held.sessions} recorded, needs {LEAST_SESSIONS}")
+    if not effects and not few:
+        bound = f"smaller than {max(gap.most, 0.0) ** 0.5:.1f} counts with a probability of 95 %"
+        line = f"No gap: {size}; the part above the floor is {bound}."
+        return Verdict("no_gap", (), probabilities, "The simulator agrees with the real skin.", line, tuple(reasons))
+    if not effects:
+        line = f"Unknown: {size}; {reasons[0]}."
+        headline = f"Too few sessions for a verdict: record {LEAST_SESSIONS} or more."
+        return Verdict(UNKNOWN, (UNKNOWN,), probabilities, headline, line, tuple(reasons))
+    if not known:
+        line, headline = f"Unknown: a gap of {size} that no effect of the catalogue explains.", HEADLINES[UNKNOWN]
+        if not set(probabilities) - {UNKNOWN, NO_GAP}:
+            line = f"Unknown: a gap of {size}; no effect of the catalogue was tried."
+        elif rivals and probabilities.get(UNKNOWN, 0.0) < LISTED:
+            first = next(iter(rivals))
+            either = f"{_to_words(first)} or {_to_words(rivals[first][0])}"
+            line = f"Unknown: a gap of {size}; the most probable causes are {either}."
+            headline = f"Either {_to_plain(first)} or {_to_plain(rivals[first][0])}; another contact separates the two."
+            reasons.append("no cause has a probability of 0.5 or more")
+        return Verdict(UNKNOWN, (UNKNOWN,), probabilities, headline, line, tuple(reasons), rivals)
+    said = "; ".join(f"{_to_words(name)}, {100 * probabilities[name]:.0f} %" for name in known)
+    line = f"a gap of {size}, reduced by {100 * held.shrink.value:.0f} % with {said}"
+    headline = _make_headline(known)
+    if UNKNOWN in effects:
+        percent = f"{100 * probabilities[UNKNOWN]:.0f} %"
+        reasons.append(f"a cause outside the catalogue is present with a probability of {percent}")
+    status = "partly_explained" if UNKNOWN in effects or few else "explained"
+    start = "Partly explained" if status == "partly_explained" else "Explained"
+    end = "; the cause of the remaining gap is unknown" if UNKNOWN in effects else f"; {reasons[0]}" if few else ""
+    return Verdict(status, effects, probabilities, headline, f"{start}: {line}{end}.", tuple(reasons), rivals)
 
 
-def _has_pattern(bank: Sequence[Mapping[str, Any]], margin: float) -> bool:
-    """Whether what is left is surely of one kind, and as much as a gap of its own."""
-    return any(
-        one["p_value"] is not None
-        and one["p_value"] < PATTERN_LEVEL
-        and one["share"] > PATTERN_SHARE
-        and one["counts2"] > margin
-        for one in bank
-    )
+def _make_headline(known: Sequence[str]) -> str:
+    """At most twelve words for one or several named effects."""
+    if len(known) == 1:
+        return HEADLINES.get(known[0], f"The real skin has {_to_plain(known[0])}; the simulator does not.")
+    names = [_to_plain(name) for name in known[:3]]
+    return f"The simulator lacks {', '.join(names[:-1])} and {names[-1]}."
 
 
-def _hangs_on(gap: Gap, margin: float) -> int | None:
-    """The press without which there is next to no excess, if there is one: a touch of an edge comes out otherwise with
-    another solver, and a stranger that touches one press only cannot be told from that.
-    """
-    excess = gap.terms.excess
-    cells = excess.sum(axis=(1, 2)) / (excess.shape[0] * excess.shape[2])
-    alone = len(cells) >= PRESSES and float(cells.sum() - cells.max()) <= SURELY_WITHIN * margin
-    return int(cells.argmax()) if alone else None
+def _to_plain(name: str) -> str:
+    return name.replace("_", " ")
 
 
-def _most_like(selection: Selection) -> str:
-    """What takes most of the gap, though nobody knows whether by chance."""
-    best = selection.rounds[0].best if selection.rounds else None
-    if best is None or best.held is None or best.held.gone_of(selection.start) < NAMED:
-        return ""
-    share = 100 * best.held.gone_of(selection.start)
-    return f"; the most similar effect is {_in_words(best.name)} with {share:.0f} % of the score"
-
-
-def _in_words(name: str) -> str:
-    """The name, and what it is, if somebody has said so: a user's own effect needs no entry."""
-    plain = name.replace("_", " ")
-    return f"{plain} ({WORDS[name]})" if name in WORDS else plain
-
-
-def _is_enough(selection: Selection, held: HeldOut, margin: float) -> bool:
-    """Whether what the found effects leave is none itself, or next to nothing of what was there."""
-    if selection.fits < EXPLAINED:
-        return False
-    if held.reducible is None:
-        return True
-    return held.reducible >= NEARLY_ALL or (held.reducible >= EXPLAINED and held.left2 <= margin)
+def _to_words(name: str) -> str:
+    """Name and meaning of a cause."""
+    return f"{_to_plain(name)} ({WORDS[name]})" if name in WORDS else _to_plain(name)

@@ -16,7 +16,6 @@ PAGES_WITHOUT_LINKS = {
     "README.md": "the index",
     "benchmarks.md": "most terms occur only in the names of figures",
     "cloud-libraries.md": "about libraries, not about the skin",
-    "gap-diagnosis.md": "rewritten together with the internals of the diagnosis",
     "glossary.md": "the glossary",
     "blind-check.md": "most terms occur only in the names of figures",
 }

@@ -127,7 +127,7 @@ SATURATION = ("effects", 1, "model")
     ("path", "value", "words"),
     [
         (("format",), "another", "report.json: format"),
-        (("version",), 2, "report.json: version"),
+        (("version",), 3, "report.json: version"),
         (("verdict", "status"), "fine", "verdict.status"),
         (("verdict", "effects"), ["magic"], "verdict.effects[0]"),
         (("verdict", "effects"), ["saturation", "saturation"], "verdict.effects[1]"),

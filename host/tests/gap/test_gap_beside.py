@@ -48,12 +48,13 @@ def slow_noise(counts):
 def test_two_causes_and_strong_noise_are_all_reported(world, tmp_path, scatter):
     paths = world(tmp_path, effect=film_that_ends, after=slow_noise(80.0), repeat_scatter=scatter, cells=10)
     verdict = diagnose(*paths).report["verdict"]
-    assert set(verdict["effects"]) - {"unknown"} == {"contact_propagation", "saturation", "noise"}
+    similar = {"unknown", "baseline_drift"}  # slow noise changes the means of a grasp, too
+    assert set(verdict["effects"]) - similar == {"contact_propagation", "saturation", "noise"}
 
 
 @pytest.mark.parametrize("effect", [Saturation("clip"), Proximity("linear")], ids=lambda one: one.name)
 def test_an_effect_at_neutral_values_does_not_change_a_composite_model(written, effect):
-    state = prepared(read_pair(*written())).judge.state
+    state = prepared(read_pair(*written())).state
     sharp, idle = FittedEffect(effect, effect.typical(state)), Hysteresis("drop")
     alone, beside = Chain.of([sharp]), Chain.of([sharp, FittedEffect(idle, idle.neutral(state))])
     np.testing.assert_array_equal(alone.features(state), beside.features(state))
@@ -61,7 +62,7 @@ def test_an_effect_at_neutral_values_does_not_change_a_composite_model(written, 
 
 def test_onset_features_without_a_simulated_onset_have_zero_weight(written):
     pair = read_pair(*written(effect=three_times, most=0.03))
-    judge = prepared(pair).judge
+    judge = prepared(pair)
     onset = judge.layout.onset
     real, simulated = (means_of(pair, one, judge.layout).mean[:, onset] for one in (pair.real, pair.sim))
     hand_alone = np.isfinite(real) & ~np.isfinite(simulated)

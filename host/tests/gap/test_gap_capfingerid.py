@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from taxel.blind import measured_touches, touch_datasets
 from taxel.recording import GraspDataset, TouchRecording, list_recordings, load_recording
 
 pytestmark = pytest.mark.slow
@@ -24,16 +25,14 @@ SEED = 0
 @pytest.fixture(scope="module")
 def tool():
     sys.path.insert(0, str(FOLDER))
-    names = ("measured_touches", "touch_datasets", "capfingerid")
-    yield SimpleNamespace(**{name: importlib.import_module(name) for name in names})
-    for name in names:
-        del sys.modules[name]
+    yield SimpleNamespace(capfingerid=importlib.import_module("capfingerid"))
+    del sys.modules["capfingerid"]
     sys.path.remove(str(FOLDER))
 
 
 @pytest.fixture(scope="module")
 def frames(tool):
-    return [tool.measured_touches.Frames.from_recording(load_recording(name)) for name in list_recordings()]
+    return [measured_touches.Frames.from_recording(load_recording(name)) for name in list_recordings()]
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +45,7 @@ def build_frames(tool, values) -> object:
     """Frames of a recording with `values` [T, 405], one frame every 70 ms."""
     count = len(values)
     grid = np.asarray(values, np.int16).reshape(count, 27, 15)
-    return tool.measured_touches.Frames.from_recording(
+    return measured_touches.Frames.from_recording(
         TouchRecording("synthetic", 0.07 * np.arange(count), grid, np.full(count, "TAP"))
     )
 
@@ -112,9 +111,9 @@ def test_every_repeat_has_one_frame_of_each_block_and_no_frame_is_used_twice(too
 
 def test_both_halves_have_the_same_touches_and_four_sessions(tool, repeats, tmp_path):
     contents = []
-    for number, half in enumerate(tool.measured_touches.split_halves(repeats)):
+    for number, half in enumerate(measured_touches.split_halves(repeats)):
         path = tmp_path / f"{number}.h5"
-        tool.touch_datasets.write_dataset(path, half, "measured")
+        touch_datasets.write_dataset(path, half, "measured")
         with GraspDataset(path, baseline_frames=10) as data:
             data.check()
             contents.append({(grasp.object, grasp.approach, grasp.session) for grasp in data})

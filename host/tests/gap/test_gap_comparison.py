@@ -16,7 +16,7 @@ from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.comparison.weights import compute_set_weights
 from taxel.gap.effects.effect import HAND
 from taxel.gap.effects.stiffness import Stiffness
-from taxel.gap.fit import started
+from taxel.gap.fit import fit, started
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
 
@@ -33,7 +33,7 @@ def delay_second_board(force, signal):
 
 @pytest.fixture(scope="module")
 def judge(written):
-    return prepared(read_pair(*written(effect=stiffen))).judge
+    return prepared(read_pair(*written(effect=stiffen)))
 
 
 @pytest.fixture(scope="module")
@@ -60,10 +60,14 @@ def test_one_faulty_condition_changes_the_density_by_a_bounded_amount(judge):
 
 
 def test_linear_predictions_agree_with_fits_that_left_the_parts_out(judge, fitted):
-    linear = predict_held_out(judge, fitted.chain, ())
-    ((refitted, _),) = judge.cross_validated([fitted.chain])
-    change = np.abs(refitted - fitted.features).max()
-    assert np.abs(linear - refitted).max() < 0.2 * change
+    prediction = predict_held_out(judge, fitted.chain, ())
+    for number, chain in enumerate(prediction.chains):
+        held = judge.parts == number
+        refitted = fit(judge.problem(~held), fitted.chain)
+        linear = np.moveaxis(prediction.features - refitted.features, 1, 2)[held]
+        change = np.abs(refitted.features - fitted.features).max()
+        assert np.abs(linear).max() < 0.2 * change
+        assert chain.links[0].values == pytest.approx(refitted.chain.links[0].values, rel=0.01)
 
 
 def test_weights_sum_to_1_and_prefer_the_better_and_the_smaller_set():
@@ -92,7 +96,10 @@ def test_logistic_model_recovers_frequencies_and_survives_json():
 
 def test_packaged_calibration_increases_with_the_evidence():
     effect = load_calibration().effect
-    weak, strong = effect.predict(np.array([-4.0, 0.0, -2.0, -2.0])), effect.predict(np.array([6.0, 4.0, 1.5, 0.0]))
+    weak, strong = (
+        effect.predict(np.array(inputs))
+        for inputs in ([-4.0, 0.0, -2.0, -2.0, -1.3, 1.0], [6.0, 4.0, 1.5, 0.0, 0.0, 1.0])
+    )
     assert weak < 0.1
     assert strong > 0.6
 
@@ -117,8 +124,8 @@ def make_constant(probability: float, inputs: int) -> Logistic:
 
 @pytest.mark.parametrize("any_cause", [0.05, 0.6, 0.99])
 def test_probabilities_of_causes_agree_with_the_probability_of_any_cause(any_cause):
-    calibration = Calibration(make_constant(0.3, 4), make_constant(0.2, 4), make_constant(any_cause, 2), 0.01, "a test")
-    found = calibration.compute_probabilities({"noise": np.zeros(4)}, np.zeros(4), ["noise", "latency"])
+    calibration = Calibration(make_constant(0.3, 6), make_constant(0.2, 6), make_constant(any_cause, 2), 0.01, "a test")
+    found = calibration.compute_probabilities({"noise": np.zeros(6)}, np.zeros(6), ["noise", "latency"])
     causes = [found[name] for name in ("noise", "latency", UNKNOWN)]
     assert 1.0 - np.prod([1.0 - value for value in causes]) == pytest.approx(any_cause)
     assert found[NO_GAP] == pytest.approx(1.0 - any_cause)
@@ -127,3 +134,19 @@ def test_probabilities_of_causes_agree_with_the_probability_of_any_cause(any_cau
 
 def test_an_excluded_effect_has_no_probability(world, tmp_path):
     assert "noise" not in compare(*world(tmp_path, effect=stiffen), without=["noise"]).compute_probabilities()
+
+
+def test_the_model_error_is_estimated_and_limits_the_evidence(judge, fitted):
+    density = BlockDensity(judge, DEFAULT_SETTINGS)
+    exact = density.estimate_model_error(judge.target)
+    assert exact == DEFAULT_SETTINGS.smallest_model_error
+    bins = slice(0, judge.layout.bins)
+    wrong = judge.target.copy()
+    wrong[:, bins] *= 1.2
+    error = density.estimate_model_error(wrong)
+    assert 0.1 < error < 0.25  # relative to the larger of both signals
+    tolerant = BlockDensity(judge, DEFAULT_SETTINGS, error)
+    gains = [
+        (one.compute_log_density(fitted.features) - one.compute_log_density(wrong)).sum() for one in (density, tolerant)
+    ]
+    assert gains[1] < 0.5 * gains[0]

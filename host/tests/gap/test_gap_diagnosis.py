@@ -139,7 +139,7 @@ def test_an_effect_removed_from_the_catalogue_is_not_named(written):
 
 def test_the_report_has_the_documented_schema(reported, tmp_path):
     report = json.loads(json.dumps(reported(effect=crosstalk), allow_nan=False))
-    assert (report["format"], report["version"]) == ("taxel-gap-report", 1)
+    assert (report["format"], report["version"]) == ("taxel-gap-report", 2)
     assert [entry["name"] for entry in report["effects"]] == list(OWN_EFFECTS)
     for name, rows in report["where"].items():
         share = [row["share"] for row in rows]

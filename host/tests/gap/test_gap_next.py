@@ -46,7 +46,7 @@ def late(force, drop):
 
 def judge_of(paths) -> Judge:
     pair = read_pair(*paths)
-    return prepared(pair).judge
+    return prepared(pair)
 
 
 def findings_of(judge, link, *others) -> Findings:
@@ -250,7 +250,7 @@ def test_invalid_input_gives_one_error_line(capsys, diagnosed, gentle, tmp_path)
         (lambda report: report["verdict"].update(confounded_with=["latency"]), "verdict.confounded_with"),
         (lambda report: report["effects"][-1]["model"].update(blocks=[1, 2]), "latency.model.blocks"),
         (lambda report: report.pop("inputs"), "inputs"),
-        (lambda report: report.update(version=2), "version"),
+        (lambda report: report.update(version=3), "version"),
     ],
 )
 def test_a_malformed_report_gives_one_error_line(capsys, diagnosed, tmp_path, change, words):

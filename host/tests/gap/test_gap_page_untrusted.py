@@ -47,8 +47,12 @@ def report() -> Report:
     }
     return {
         "format": "taxel-gap-report",
-        "version": 1,
-        "inputs": {"real": {"path": "real.h5", "sha256": "0a"}, "sim": {"path": "sim.h5", "sha256": "0b"}},
+        "version": 2,
+        "inputs": {
+            "real": {"path": "real.h5", "sha256": "0a"},
+            "sim": {"path": "sim.h5", "sha256": "0b"},
+            "problems": [{"file": "sim", "grasp": "g", "frames": [1, 2], "problem": "a jump", "handled": "left out"}],
+        },
         "seed": 0,
         "runtime_s": 1.0,
         "gap": {
@@ -58,6 +62,7 @@ def report() -> Report:
             "excess": 21.0,
             "p_value": 0.01,
             "significant": True,
+            "bound": 5.5,
             "mm": {"value": 2.0, "ci95": None, "floor": 1.0, "placebo": 1.5},
         },
         "where": {
@@ -73,6 +78,9 @@ def report() -> Report:
             "effects": ["noise"],
             "confounded_with": {"noise": ["latency"]},
             "one_line": "Noise.",
+            "headline": "The real skin is noisier.",
+            "probabilities": {"noise": 0.9, "latency": 0.01, "unknown": 0.1, "no_gap": 0.05},
+            "reasons": ["a bound"],
         },
         "effects": [effect],
         "after": {
@@ -96,8 +104,8 @@ def report() -> Report:
         "thesis_terms": [{"step": "as simulated", "gap": 5.0, "mm": 2.0}],
         "next_presses": [{"press": "harder", "separates": ["noise", "latency"], "gain": 0.5}],
         "losses": ["two sessions"],
-        "margin": {"excess_counts2": 1.0, "words": "a quarter"},
         "notes": ["a note"],
+        "influence": [{"effect": "noise", "object": "box", "approach": "top", "share": 0.7}],
     }
 
 
@@ -145,7 +153,10 @@ def key_paths(value: Any, prefix: KeyPath = ()) -> Iterator[KeyPath]:
         ("thesis_terms", 0, "step"),
         ("next_presses", 0, "press"),
         ("losses", 0),
-        ("margin", "words"),
+        ("verdict", "headline"),
+        ("verdict", "reasons", 0),
+        ("influence", 0, "approach"),
+        ("inputs", "problems", 0, "problem"),
         ("notes", 0),
     ],
 )
@@ -168,7 +179,7 @@ def test_keys_of_the_report_are_escaped(report: Report) -> None:
     ("path", "value", "line"),
     [
         (("format",), "other", "report: format: expected 'taxel-gap-report', found 'other'"),
-        (("version",), True, "report: version: expected 1, found true"),
+        (("version",), True, "report: version: expected 1 or 2, found true"),
         (("gap", "value"), "15", "report: gap.value: expected a number, found '15'"),
         (("gap", "value"), float("nan"), "report: gap.value: expected a finite number, found nan"),
         (("gap", "value"), 10**400, "report: gap.value: expected a finite number, found an integer of 1329 bits"),

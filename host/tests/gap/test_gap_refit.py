@@ -17,7 +17,7 @@ from taxel.gap.prepare import prepared
 
 @pytest.fixture(scope="module")
 def judge(world, tmp_path_factory) -> Judge:
-    return prepared(read_pair(*world(tmp_path_factory.mktemp("refit"))))[0]
+    return prepared(read_pair(*world(tmp_path_factory.mktemp("refit"))))
 
 
 @pytest.mark.parametrize("name", ["stiffness", "saturation", "contact_propagation", "gain_mismatch"])

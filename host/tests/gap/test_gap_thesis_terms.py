@@ -11,27 +11,23 @@ import pytest
 
 from taxel.cloud.treatment import DEFAULT_OUTLIER_FILTER, OutlierFilter, get_outlier_filter
 from taxel.gap.catalogue import OWN_EFFECTS
-from taxel.gap.chain import Chain
+from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.cloud_gap import cloud_gap
 from taxel.gap.metric import Interval, measure
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
-from taxel.gap.select import select
 from taxel.gap.thesis_terms import GRASPS, outliers, thesis_terms
-from taxel.gap.trial import Round, Selection, Trial
 
 ROWS, COLUMNS, N = 6, 5, 60
 HALF = N // 2
 STEPS = ["unfiltered", "force filter", "+ SOR", "+ contact propagation"]
-NOTHING = Selection(
-    None, None, None, (), None, None, None, None, None
-)  # nothing was tried: what is needed is fitted here
+NOTHING = {}  # no effect was fitted alone
 
 
 @pytest.fixture(scope="module")
 def judged(written):
     """The judge of a world, made once."""
-    return cache(lambda **changes: prepared(read_pair(*written(**changes))).judge)
+    return cache(lambda **changes: prepared(read_pair(*written(**changes))))
 
 
 @pytest.fixture(scope="module")
@@ -129,13 +125,11 @@ def test_without_a_gap_contact_propagation_adds_nothing(told):
     assert entries[3]["points"]["sim"] == pytest.approx(entries[2]["points"]["sim"], rel=0.02)
 
 
-def test_the_fit_of_the_first_iteration_is_reused(judged):
+def test_an_existing_fit_alone_is_reused(judged):
     judge = judged(effect=spread)
-    tried = select(judge, {"contact_propagation": OWN_EFFECTS["contact_propagation"]}).rounds[0].trials[0]
-    link = replace(tried.link, values=tried.link.effect.neutral(judge.state))
-    trial = Trial(tried.name, Chain((link,)), tried.features, tried.inside)
-    first = Round(tried.inside, (trial,), None, 0.0, 1.0, False)
-    entries = thesis_terms(judge, replace(NOTHING, rounds=(first,)))
+    effect = OWN_EFFECTS["contact_propagation"][0]
+    chain = Chain((FittedEffect(effect, effect.neutral(judge.state)),))
+    entries = thesis_terms(judge, {"contact_propagation": (chain, judge.state.mean)})
     assert entries[3]["gap"] == pytest.approx(entries[0]["gap"])
     assert entries[3]["note"].endswith("strength 0")
 
@@ -143,7 +137,7 @@ def test_the_fit_of_the_first_iteration_is_reused(judged):
 def test_without_simulated_forces_the_last_step_states_why_it_is_missing(judged):
     pair = judged(effect=spread).state.pair
     forceless = replace(pair, sim=replace(pair.sim, force=None, separation=None), sensor_model=None)
-    entries = thesis_terms(prepared(forceless).judge, NOTHING)
+    entries = thesis_terms(prepared(forceless), NOTHING)
     assert entries[3]["step"] == "contact propagation: not added, the simulation has no contact force"
     assert entries[3]["mm"] is entries[3]["gap"] is None
     assert entries[1]["note"] == "signal of 190 counts; the simulation has no sensor model"

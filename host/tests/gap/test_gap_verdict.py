@@ -1,75 +1,77 @@
-"""What a gap without a name is called: unknown, unless it is one delicate press."""
+"""The verdict that follows from probabilities."""
 
 from __future__ import annotations
 
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from taxel.gap.metric import LEAST_MARGIN_COUNTS, Gap, Interval, Terms
-from taxel.gap.verdict import judge_verdict
+from taxel.gap.metric import Gap, Interval
+from taxel.gap.verdict import HEADLINES, judge_verdict, list_causes, list_questioned
 
-FLOOR = 2.0
-MARGIN = 3.0 * FLOOR**2
-ROUND = SimpleNamespace(trials=(None,), best=None)
-NOTHING = SimpleNamespace(explained=0.0, is_local=False, fits=0.0, rounds=(ROUND,))
-HELD = SimpleNamespace(reducible=None, shrink=SimpleNamespace(value=0.0), left2=0.0)
+INTERVAL = Interval(400.0, 300.0, 500.0, 20.0)
+GAP = Gap(Interval(20.0, 18.0, 22.0, 1.0), 5.0, INTERVAL, 440.0, 0.001, None)
 
 
-def gap_of(cells: list[float]) -> Gap:
-    """Each cell's share of the excess, counts^2, on one feature and taxel."""
-    excess = np.array(cells)[:, None, None] * len(cells)
-    value = float(np.sum(cells))
-    interval = Interval(value, 0.9 * value, 1.1 * value, 0.05 * value)
-    size = Interval(float(np.sqrt(value + FLOOR**2)), None, None, None)
-    return Gap(size, FLOOR, interval, 1.1 * value, 1e-4, Terms(excess + FLOOR**2, np.full(excess.shape, FLOOR**2)))
+RIVALS = {"stiffness": ["gain_mismatch"], "contact_propagation": ["electrode_crosstalk"]}
+
+
+def judge(probabilities, sessions=5, warnings=()):
+    held = SimpleNamespace(sessions=sessions, shrink=SimpleNamespace(value=0.6))
+    rivals = {name: RIVALS.get(name, []) for name in list_questioned(probabilities)}
+    return judge_verdict(GAP, probabilities, held, rivals, warnings)
 
 
 @pytest.mark.parametrize(
-    ("cells", "status"),
+    ("probabilities", "status", "effects"),
     [
-        ([1.4 * MARGIN, *[0.02 * MARGIN] * 9], "no_gap"),  # one press
-        ([0.8 * MARGIN, *[0.08 * MARGIN] * 9], "unknown"),  # the others as well
-        ([5.0 * MARGIN, *[0.02 * MARGIN] * 9], "unknown"),  # too much for a touch
-        ([1.4 * MARGIN, *[0.02 * MARGIN] * 5], "unknown"),  # too few presses to say so
+        ({"noise": 0.02, "unknown": 0.01, "no_gap": 0.97}, "no_gap", ()),
+        ({"noise": 0.98, "latency": 0.1, "unknown": 0.01, "no_gap": 0.01}, "explained", ("noise",)),
+        ({"noise": 0.6, "latency": 0.9, "unknown": 0.01, "no_gap": 0.01}, "explained", ("latency", "noise")),
+        ({"noise": 0.98, "unknown": 0.7, "no_gap": 0.0}, "partly_explained", ("noise", "unknown")),
+        ({"noise": 0.1, "unknown": 0.9, "no_gap": 0.1}, "unknown", ("unknown",)),
+        ({"noise": 0.1, "unknown": 0.2, "no_gap": 0.1}, "unknown", ("unknown",)),
     ],
 )
-def test_a_small_gap_of_a_single_condition_is_no_gap(cells, status):
-    assert MARGIN > LEAST_MARGIN_COUNTS**2
-    presses = [("cylinder", str(number)) for number in range(len(cells))]
-    verdict = judge_verdict(gap_of(cells), NOTHING, (), HELD, cells=presses)
-    assert verdict.status == status
-    assert ("one condition (cylinder 0)" in verdict.one_line) == (status == "no_gap")
+def test_status_and_effects_follow_from_the_probabilities(probabilities, status, effects):
+    verdict = judge(probabilities)
+    assert (verdict.status, verdict.effects) == (status, effects)
+    assert verdict.effects == list_causes(probabilities)
+    assert verdict.probabilities == probabilities
 
 
-def entry(**changes):
-    return {"name": "presses", "scope": "board", "share": 0.9, "counts2": 2.0 * MARGIN, "p_value": 0.001} | changes
+def test_two_rivals_are_reported_as_either_of_both():
+    verdict = judge({"stiffness": 0.48, "gain_mismatch": 0.47, "noise": 0.01, "unknown": 0.05, "no_gap": 0.01})
+    assert verdict.effects == ("unknown",)
+    assert verdict.rivals == {"stiffness": ("gain_mismatch",)}
+    assert verdict.headline.startswith("Either stiffness or gain mismatch")
 
 
-@pytest.mark.parametrize(
-    ("bank", "status"),
-    [
-        ([], "explained"),
-        ([entry()], "partly_explained"),
-        ([entry(p_value=0.02)], "explained"),  # may be chance
-        ([entry(p_value=None)], "explained"),  # too few sessions to test it
-        ([entry(share=0.4)], "explained"),  # one of many
-        ([entry(counts2=0.5 * MARGIN)], "explained"),  # no gap of its own
-    ],
-)
-def test_a_significant_remainder_is_reported_as_an_unknown_cause(bank, status):
-    found = SimpleNamespace(explained=0.9, is_local=False, fits=0.9, rounds=(ROUND,))
-    held = SimpleNamespace(reducible=0.97, shrink=SimpleNamespace(value=0.8), left2=0.0)
-    verdict = judge_verdict(gap_of([10.0 * MARGIN] * 10), found, ("stiffness",), held, bank=bank)
-    assert verdict.status == status
-    assert ("unknown" in verdict.effects) == (status != "explained")
+def test_too_few_sessions_end_neither_in_no_gap_nor_in_explained():
+    none = judge({"noise": 0.02, "unknown": 0.01, "no_gap": 0.97}, sessions=1)
+    assert none.status == "unknown"
+    assert "too few sessions for a verdict: 1 recorded, needs 3" in none.one_line
+    assert judge({"noise": 0.98, "unknown": 0.01, "no_gap": 0.01}, sessions=2).status == "partly_explained"
 
 
-@pytest.mark.parametrize(("reducible", "status"), [(0.9, "explained"), (0.1, "no_gap"), (None, "no_gap")])
-def test_within_the_margin_an_effect_must_reduce_the_reducible_gap(reducible, status):
-    found = SimpleNamespace(explained=0.9, is_local=False, fits=0.9, rounds=(ROUND,))
-    held = SimpleNamespace(reducible=reducible, shrink=SimpleNamespace(value=0.3), left2=0.0)
-    verdict = judge_verdict(gap_of([0.08 * MARGIN] * 10), found, ("noise",), held)
-    assert verdict.status == status
-    assert verdict.one_line.endswith("counts is due to noise (the hand has more noise).") == (status == "no_gap")
+def test_reasons_contain_the_warnings_and_the_unknown_cause():
+    reasons = judge({"noise": 0.98, "unknown": 0.7, "no_gap": 0.0}, warnings=["a bound was reached"]).reasons
+    assert reasons[0] == "a bound was reached"
+    assert "outside the catalogue" in reasons[1]
+
+
+NAMED = [(name,) for name in HEADLINES if name != "unknown"]
+
+
+@pytest.mark.parametrize("names", [*NAMED, ("my_own",), ("noise", "gain_mismatch", "contact_propagation")])
+def test_headlines_have_at_most_twelve_words(names):
+    probabilities = {**dict.fromkeys(names, 0.9), "unknown": 0.0, "no_gap": 0.0}
+    assert len(judge(probabilities).headline.split()) <= 12
+
+
+@pytest.mark.parametrize("sessions", [1, 5])
+@pytest.mark.parametrize("value", [0.0, 0.45])
+def test_headlines_without_a_named_effect_have_at_most_twelve_words(sessions, value):
+    for no_gap in (0.0, 0.9):
+        probabilities = {"contact_propagation": value, "electrode_crosstalk": value, "unknown": 0.3, "no_gap": no_gap}
+        assert len(judge(probabilities, sessions).headline.split()) <= 12

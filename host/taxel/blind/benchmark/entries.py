@@ -14,9 +14,9 @@ from taxel.plugins import DIAGNOSES, PluginError, list_plugin_names, load_plugin
 
 OWN: Final[Mapping[str, str]] = MappingProxyType(
     {
-        "diagnosis": "taxel.blind.benchmark.entries:diagnose_by_search",
-        "comparison": "taxel.blind.benchmark.entries:diagnose_by_comparison",
+        "diagnosis": "taxel.blind.benchmark.entries:diagnose_by_comparison",
         "check list": "taxel.blind.benchmark.entries:diagnose_by_rules",
+        "least squares": "taxel.blind.benchmark.least_squares:diagnose_by_least_squares",
     }
 )
 
@@ -43,18 +43,8 @@ def check_answer(answer: Mapping[str, Any], name: str) -> dict[str, float]:
     return {effect: float(value) for effect, value in answer.items()}
 
 
-def diagnose_by_search(real: Path, sim: Path, seed: int) -> dict[str, float]:
-    """The verdict of `taxel gap diagnose`, which has no probabilities: 1 for the first effect, less for each further
-    one, so that their order is scored.
-    """
-    from taxel.gap.diagnosis import diagnose
-
-    effects = diagnose(real, sim, seed=seed).verdict.effects
-    return {name: 1.0 - 0.01 * place for place, name in enumerate(effects)} or {NO_GAP: 1.0}
-
-
 def diagnose_by_comparison(real: Path, sim: Path, seed: int) -> dict[str, float]:
-    """The calibrated probabilities of the comparison (`taxel.gap.comparison`)."""
+    """The calibrated probabilities of `taxel gap diagnose`."""
     from taxel.gap.comparison.compare import compare
 
     return compare(real, sim, seed=seed).compute_probabilities()

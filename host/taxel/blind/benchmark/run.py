@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
@@ -14,10 +14,10 @@ from typing import Any
 
 from taxel.blind.benchmark.entries import check_answer, load_entry
 from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
-from taxel.blind.benchmark.worlds import BenchmarkWorld, sample_benchmark
+from taxel.blind.benchmark.worlds import FAMILIES, BenchmarkWorld, sample_benchmark
 from taxel.errors import TaxelError
 
-ANSWERS = "answers.jsonl"
+ANSWERS, BASES = "answers.jsonl", "bases"
 
 
 def run_benchmark(
@@ -25,37 +25,40 @@ def run_benchmark(
     count: int,
     seed: int,
     entries: Sequence[str],
+    families: Sequence[str] = tuple(FAMILIES),
     jobs: int | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[str, dict[str, Any]]:
     """Score diagnoses on `count` worlds; returns the measures of each entry and writes them to DIR/score.json.
 
     out: folder; answers of an interrupted run with the same seed and number of worlds are kept. entries: names of the
-    diagnoses. jobs: number of processes. progress: called with the number of finished worlds and the total. Raises
-    TaxelError with one line.
+    diagnoses. families: of the worlds. jobs: number of processes. progress: called with the number of finished worlds
+    and the total. Raises TaxelError with one line.
     """
     for name in entries:
         load_entry(name)
     out.mkdir(parents=True, exist_ok=True)
-    answers = _read_answers(out / ANSWERS, count, seed)
-    todo = [world for world in sample_benchmark(count, seed) if set(entries) - set(answers.get(world.number, {}))]
+    run = {"count": count, "seed": seed, "families": sorted(families)}
+    answers = _read_answers(out / ANSWERS, run)
+    worlds = sample_benchmark(count, seed, families)
+    todo = [world for world in worlds if set(entries) - set(answers.get(world.number, {}))]
     progress(count - len(todo), count)
-    task = partial(diagnose_world, entries=tuple(entries), seed=seed)
+    task = partial(diagnose_world, entries=tuple(entries), seed=seed, bases=out / BASES)
     with (out / ANSWERS).open("a") as file, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for done, (world, record) in enumerate(zip(todo, pool.map(task, todo), strict=True), count - len(todo) + 1):
-            line = {"number": world.number, "count": count, "seed": seed, **record}
+            line = {"number": world.number, **run, **record}
             file.write(json.dumps(line) + "\n")
             file.flush()
             answers.setdefault(world.number, {}).update(record["entries"])
             answers[world.number]["gap"] = record["gap"]
             progress(done, count)
-    score = {name: _score_entry(name, sample_benchmark(count, seed), answers) for name in entries}
+    score = {name: _score_entry(name, worlds, answers) for name in entries}
     (out / "score.json").write_text(json.dumps({"worlds": count, "seed": seed, "score": score}, indent=1) + "\n")
     return score
 
 
-def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int) -> dict[str, Any]:
-    """Make a world in a temporary folder and let every entry diagnose it.
+def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int, bases: Path) -> dict[str, Any]:
+    """Make a world in a temporary folder and let every entry diagnose it. bases: folder of the base pairs.
 
     Returns gap and floor of the world, and for each entry its probabilities and seconds, or the line of its error.
     """
@@ -66,9 +69,9 @@ def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int) -> 
     result: dict[str, Any] = {"gap": None, "entries": {}}
     with TemporaryDirectory(prefix="taxel-benchmark-") as name:
         real, sim = Path(name) / "real.h5", Path(name) / "sim.h5"
-        world.make(real, sim)
+        world.make(real, sim, bases)
         try:
-            judge, _ = prepared(read_pair(real, sim))
+            judge = prepared(read_pair(real, sim))
             gap = measure(judge.sessions, judge.state.mean, judge.layout)
             result["gap"] = [gap.gap.value, gap.floor]
         except TaxelError:
@@ -83,7 +86,7 @@ def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int) -> 
     return result
 
 
-def _read_answers(path: Path, count: int, seed: int) -> dict[int, dict[str, Any]]:
+def _read_answers(path: Path, run: Mapping[str, Any]) -> dict[int, dict[str, Any]]:
     """Answers of an earlier run by world and entry. Raises TaxelError if they belong to another run."""
     answers: dict[int, dict[str, Any]] = {}
     if not path.exists():
@@ -91,14 +94,16 @@ def _read_answers(path: Path, count: int, seed: int) -> dict[int, dict[str, Any]
     for number, text in enumerate(path.read_text().splitlines(), 1):
         try:
             line = json.loads(text)
-            is_same = (line["count"], line["seed"]) == (count, seed)
+            is_same = all(line[key] == value for key, value in run.items())
             own = {**line["entries"], "gap": line["gap"]}
         except (ValueError, KeyError, TypeError):
             raise TaxelError(
                 f"{path}: line {number}: expected an answer; remove the file or choose another --out"
             ) from None
         if not is_same:
-            raise TaxelError(f"{path}: the answers belong to another seed or number of worlds; choose another --out")
+            raise TaxelError(
+                f"{path}: the answers belong to another seed, number or family of worlds; choose another --out"
+            )
         answers.setdefault(line["number"], {}).update(own)
     return answers
 
@@ -109,12 +114,8 @@ def _score_entry(name: str, worlds: Sequence[BenchmarkWorld], answers: dict[int,
     for world in worlds:
         answer, gap = answers[world.number][name], answers[world.number]["gap"]
         ratio = gap[0] / max(gap[1], 1e-9) if gap else 0.0
-        hidden = world.world.hidden
-        scored.append(
-            ScoredAnswer(
-                frozenset(hidden.names), hidden.kind, world.family, answer["probabilities"], ratio, answer["seconds"]
-            )
-        )
+        truth, probabilities = frozenset(world.truth), answer["probabilities"]
+        scored.append(ScoredAnswer(truth, world.kind, world.family, probabilities, ratio, answer["seconds"]))
     families = sorted({one.family for one in scored})
     by_family = {family: score_answers([one for one in scored if one.family == family]) for family in families}
     return {"all": score_answers(scored), **by_family}

@@ -47,12 +47,17 @@ class ScoredAnswer:
         return sorted(names, key=lambda name: -self.probabilities[name])
 
     @property
+    def probable(self) -> frozenset[str]:
+        """Causes with a probability of at least `LISTED`."""
+        return frozenset(name for name in self.causes if self.probabilities[name] >= LISTED)
+
+    @property
     def listed(self) -> frozenset[str]:
-        """Causes with a probability of at least `LISTED`; "unknown" if there is none and a gap is more probable."""
-        found = frozenset(name for name in self.causes if self.probabilities[name] >= LISTED)
-        if found or self.probabilities.get(NO_GAP, 0.0) >= LISTED:
-            return found
-        return frozenset({UNKNOWN})
+        """The probable causes; "unknown" if there are none and some cause is more probable than no gap."""
+        if self.probable or not self.causes:
+            return self.probable
+        no_gap = self.probabilities.get(NO_GAP, 0.0)
+        return frozenset({UNKNOWN}) if self.probabilities[self.causes[0]] > no_gap else frozenset()
 
 
 def score_answers(answers: Sequence[ScoredAnswer]) -> dict[str, Any]:
@@ -73,7 +78,7 @@ def score_answers(answers: Sequence[ScoredAnswer]) -> dict[str, Any]:
         "several: micro-F1": _compute_f1(several),
         "several: exact set": _share([one.listed == one.truth for one in several]),
         "gap of 1 to 2 floors: named first or second": _share([bool(one.truth & set(one.causes[:2])) for one in weak]),
-        "none: any cause listed": _share([bool(one.listed) for one in none]),
+        "none: any cause at 0.5": _share([bool(one.probable) for one in none]),
         "outside: unknown listed": _share([UNKNOWN in one.listed for one in outside]),
         "outside: unknown alone": _share([one.listed == {UNKNOWN} for one in outside]),
         "outside: effect at 0.8": _share(

@@ -1,66 +1,163 @@
-"""Worlds of the benchmark: a world of the blind check, as it is or with a faulty simulator file."""
+"""Worlds of the benchmark: pairs of datasets with hidden causes, in four families."""
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
+from taxel.blind.benchmark.bases import GRASP, INDENTATION, TOUCH, BasePair
 from taxel.blind.benchmark.faults import FAULTS, damage
+from taxel.blind.hidden import UNKNOWN
+from taxel.blind.injection.forms import INJECTED_FORMS, InjectedForm
+from taxel.blind.injection.inject import inject_causes
 from taxel.blind.sampling import sample_worlds
 from taxel.blind.world import World
 from taxel.blind.world_datasets import make_world
 
-FAULTY_SHARE = 0.15
-"""Share of the worlds with a faulty simulator file (chosen: 60 of 420, as in the full score)."""
+INDENTATIONS, INJECTED, GRASPS, MEASURED = (
+    "indentations",
+    "injected indentations",
+    "injected grasps",
+    "injected measured touches",
+)
 
-INDENTATIONS, FAULTY = "indentations", "faulty simulator file"
+FAMILIES: Final = {INDENTATIONS: 0.4, INJECTED: 0.3, GRASPS: 0.15, MEASURED: 0.15}
+"""Share of each family. Grasps of the whole hand take longest to make."""
+
+BASE_KINDS: Final = {INJECTED: INDENTATION, GRASPS: GRASP, MEASURED: TOUCH}
+
+WORLDS_PER_BASE: Final = {INJECTED: 6, GRASPS: 12, MEASURED: 2}
+"""Worlds that share a base, which takes far longer to make than an injection."""
+
+FAULTY_SHARE: Final = 0.15
+"""Share of the worlds of indentations with a faulty simulator file (chosen: 60 of 420, as in the full score)."""
+
+KINDS: Final = {"none": 0.15, "single": 0.5, "several": 0.2, "outside": 0.15}
+"""Share of each kind of injected worlds: no cause, one, two or three causes, and a cause outside the catalogue."""
+
+FLOORS: Final = (0.5, 6.0)
+"""Gap that an injected cause alone produces, in floors: smallest and largest, uniform in the logarithm."""
+
+FLOORS_OF_SEVERAL: Final = (1.5, 6.0)
+
+NOT_ON_TOUCHES: Final = ("stiffness", "proximity")
+"""Causes that need a simulated contact, which measured touches do not have."""
 
 
 @dataclass(frozen=True)
 class BenchmarkWorld:
     """A world of the benchmark.
 
-    world: hidden causes and campaign. fault: name of a fault of the simulator file (`FAULTS`); "": none. fault_seed: of
-    the grasp and the frame of the fault.
+    number: in the run. family: of `FAMILIES`. kind: "none", "single", "several", "outside" or "lookalike". truth: names
+    of the hidden causes. forms: functional form of each cause. source: world of the blind check, or base and seed of
+    the injection. floors: wanted gap of each injected cause. fault: of the simulator file (`FAULTS`); "": none.
+    fault_seed: of the grasp and the frame of the fault.
     """
 
-    world: World
+    number: int
+    family: str
+    kind: str
+    truth: tuple[str, ...]
+    forms: tuple[str, ...]
+    source: World | tuple[BasePair, int]
+    floors: tuple[float, ...] = ()
     fault: str = ""
     fault_seed: int = 0
 
-    @property
-    def number(self) -> int:
-        """Number of the world in the run."""
-        return self.world.number
-
-    @property
-    def family(self) -> str:
-        """Family of worlds to which it belongs."""
-        return FAULTY if self.fault else INDENTATIONS
-
-    def make(self, real: Path, sim: Path) -> None:
-        """Write the two datasets of the world. Raises WorldNotMadeError."""
-        make_world(self.world, real, sim)
+    def make(self, real: Path, sim: Path, bases: Path) -> None:
+        """Write the two datasets of the world. bases: folder of the base pairs. Raises TaxelError with one line."""
+        if isinstance(self.source, World):
+            make_world(self.source, real, sim)
+        else:
+            base, seed = self.source
+            first, second = base.provide(bases)
+            shutil.copyfile(second, sim)
+            forms = [one for name in self.forms for one in INJECTED_FORMS if _label(one) == name]
+            if forms:
+                inject_causes(first, second, real, forms, self.floors, seed)
+            else:
+                shutil.copyfile(first, real)
         if self.fault:
             damage(sim, self.fault, self.fault_seed)
 
     def to_json(self) -> dict[str, Any]:
-        """The world with its hidden causes as JSON values."""
-        return {"world": self.world.to_json(), "fault": self.fault, "fault_seed": self.fault_seed}
+        """The truth of the world as JSON values."""
+        return {
+            "number": self.number,
+            "family": self.family,
+            "kind": self.kind,
+            "truth": list(self.truth),
+            "forms": list(self.forms),
+            "floors": list(self.floors),
+            "fault": self.fault,
+        }
 
 
-def sample_benchmark(count: int, seed: int) -> list[BenchmarkWorld]:
-    """Sample `count` worlds; equal seeds give equal worlds.
+def sample_benchmark(count: int, seed: int, families: Sequence[str] = tuple(FAMILIES)) -> list[BenchmarkWorld]:
+    """Sample `count` worlds of some families, in the proportions of `FAMILIES`; equal arguments give equal worlds.
 
     The salt that seals a world of the blind check is not used here: the truth is compared after all answers are stored.
     """
     rng = np.random.default_rng([seed, count])
-    worlds = [BenchmarkWorld(replace(world, salt="")) for world in sample_worlds(count, seed=seed)]
-    faulty = rng.permutation(count)[: round(FAULTY_SHARE * count)].tolist()
+    total = sum(FAMILIES[name] for name in families)
+    counts = {name: round(count * FAMILIES[name] / total) for name in families}
+    counts[families[0]] += count - sum(counts.values())
+    worlds: list[BenchmarkWorld] = []
+    for name, number in counts.items():
+        worlds += _sample_indentations(rng, number, seed) if name == INDENTATIONS else _inject(rng, name, number, seed)
+    order = rng.permutation(len(worlds)).tolist()
+    return [replace(worlds[index], number=number) for number, index in enumerate(order)]
+
+
+def _sample_indentations(rng: np.random.Generator, count: int, seed: int) -> list[BenchmarkWorld]:
+    """Worlds of the blind check, some of them with a faulty simulator file."""
+    result = []
+    for world in sample_worlds(count, seed=seed):
+        hidden = world.hidden
+        forms = tuple(cause.emulator_effect for cause in hidden.causes)
+        own = replace(world, salt="")
+        result.append(BenchmarkWorld(world.number, INDENTATIONS, hidden.kind, hidden.names, forms, own))
     names = list(FAULTS)
-    for place, number in enumerate(faulty):
-        worlds[number] = replace(worlds[number], fault=names[place % len(names)], fault_seed=int(rng.integers(2**31)))
+    for place, index in enumerate(rng.permutation(count)[: round(FAULTY_SHARE * count)].tolist()):
+        fault, fault_seed = names[place % len(names)], int(rng.integers(2**31))
+        result[index] = replace(result[index], fault=fault, fault_seed=fault_seed)
+    return result
+
+
+def _inject(rng: np.random.Generator, family: str, count: int, seed: int) -> list[BenchmarkWorld]:
+    """Worlds of a base pair with injected causes."""
+    kind_of_base = BASE_KINDS[family]
+    forms = [one for one in INJECTED_FORMS if kind_of_base != TOUCH or one.name not in NOT_ON_TOUCHES]
+    worlds = []
+    for number in range(count):
+        base = BasePair(kind_of_base, 1000 * seed + number // WORLDS_PER_BASE[family])
+        kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
+        chosen = _sample_forms(rng, forms, kind)
+        low, high = np.log(FLOORS_OF_SEVERAL if kind == "several" else FLOORS)
+        floors = tuple(np.exp(rng.uniform(low, high, len(chosen))).tolist())
+        names, labels = tuple(one.name for one in chosen), tuple(map(_label, chosen))
+        source = (base, int(rng.integers(2**31)))
+        worlds.append(BenchmarkWorld(number, family, kind, names, labels, source, floors))
     return worlds
+
+
+def _sample_forms(rng: np.random.Generator, forms: Sequence[InjectedForm], kind: str) -> list[InjectedForm]:
+    """Forms of the causes of a world: every effect, and each of its forms, is as probable as the others."""
+    effects = sorted({one.name for one in forms} - {UNKNOWN})
+    names = {
+        "none": [],
+        "single": rng.permutation(effects)[:1].tolist(),
+        "several": rng.permutation(effects)[: int(rng.integers(2, 4))].tolist(),
+        "outside": [UNKNOWN],
+    }[kind]
+    own = [[one for one in forms if one.name == name] for name in names]
+    return [variants[int(rng.integers(len(variants)))] for variants in own]
+
+
+def _label(form: InjectedForm) -> str:
+    return f"{form.name}: {form.form}"

@@ -25,6 +25,10 @@ PENALTY = 1.0
 """Precision of the normal prior on the standardised coefficients of a logistic model (ridge, as usual for few data)."""
 
 
+LARGEST = 30.0
+"""Bound of a coefficient, beyond every probability that data can support."""
+
+
 @dataclass(frozen=True, eq=False)
 class Logistic:
     """P = 1 / (1 + exp(-(intercept + coefficients . (x - mean) / std)))."""
@@ -37,7 +41,7 @@ class Logistic:
     def predict(self, inputs: FloatArray) -> float:
         """Predict the probability for inputs f64[k]."""
         value = self.intercept + float(self.coefficients @ ((inputs - self.mean) / self.std))
-        return float(1.0 / (1.0 + np.exp(-value)))
+        return float(expit(value))
 
     @classmethod
     def fit(cls, inputs: FloatArray, labels: Sequence[bool]) -> Logistic:
@@ -48,15 +52,15 @@ class Logistic:
 
         def loss(parameters: FloatArray) -> tuple[float, FloatArray]:
             value = design @ parameters
-            probability = 1.0 / (1.0 + np.exp(-value))
-            gradient = design.T @ (probability - target)
+            gradient = design.T @ (expit(value) - target)
             gradient[1:] += PENALTY * parameters[1:]
             cost = (
                 np.logaddexp(0.0, value).sum() - target @ value + 0.5 * PENALTY * float(parameters[1:] @ parameters[1:])
             )
             return float(cost), gradient
 
-        solution = minimize(loss, np.zeros(design.shape[1]), jac=True, method="BFGS").x
+        start, bounds = np.zeros(design.shape[1]), [(-LARGEST, LARGEST)] * design.shape[1]
+        solution = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x
         return cls(float(solution[0]), solution[1:], mean, std)
 
     def to_json(self) -> dict[str, object]:
@@ -94,7 +98,7 @@ class Calibration:
     ) -> dict[str, float]:
         """Compute the probability of every effect that was tried, of an unknown cause and of no gap.
 
-        effects: inputs of each effect with evidence, f64[4]. remainder: f64[4]. The log odds of all causes are shifted
+        effects: inputs of each effect with evidence, f64[6]. remainder: f64[6]. The log odds of all causes are shifted
         by one number, so that the probability of at least one of them, if they are independent, is that of `any_cause`:
         a large gap has some cause.
         """
@@ -128,7 +132,7 @@ def compute_log_absent(odds: FloatArray) -> float:
 
 
 def compute_any_inputs(effects: Mapping[str, FloatArray], remainder: FloatArray) -> FloatArray:
-    """Inputs of `Calibration.any_cause`, f64[2]. effects: inputs f64[4] of each effect. remainder: f64[4]."""
+    """Inputs of `Calibration.any_cause`, f64[2]. effects: inputs f64[6] of each effect. remainder: f64[6]."""
     return np.array([remainder[0], max((values[1] for values in effects.values()), default=0.0)])
 
 

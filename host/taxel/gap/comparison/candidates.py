@@ -2,44 +2,64 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
-from taxel.gap.catalogue import DROPOUT
+import numpy as np
+
+from taxel.gap.catalogue import DROPOUT, FIXED, Forms
 from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.comparison.density import BlockDensity
-from taxel.gap.comparison.held_out import predict_held_out
+from taxel.gap.comparison.held_out import HeldOutPrediction, predict_held_out
 from taxel.gap.comparison.settings import ComparisonSettings
+from taxel.gap.cores import in_copies
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.dropout import Dropout
-from taxel.gap.effects.effect import Effect
-from taxel.gap.fit import NOTHING_KNOWN, KnownColumns, near_their_end, started
+from taxel.gap.effects.effect import HAND
+from taxel.gap.fit import NOTHING_KNOWN, near_their_end, started
 from taxel.gap.judge import Judge
 from taxel.types import FloatArray
-
-FIXED = (DROPOUT,)
-"""Effects that are found by inspection; their values are not fitted."""
-
-Forms = Mapping[str, Sequence[Effect]]
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """A set of effects.
 
-    chain: with fitted values. features: f64[C, F, n], of the fit. inside, held_out: log density of each block,
-    f64[C, s, 5], for the fit and for predictions of parts that a fit did not use.
+    chain: with fitted values. features: f64[C, F, n], of the fit. prediction: held out. inside, held_out: log density
+    of each block, f64[C, s, 5], for the fit and for predictions of parts that a fit did not use. log_prior: of the
+    forms and the parameters.
     """
 
     chain: Chain
     features: FloatArray
+    prediction: HeldOutPrediction
     inside: FloatArray
     held_out: FloatArray
+    log_prior: float = 0.0
+
+    @property
+    def value(self) -> float:
+        """Held-out log density plus log prior."""
+        return float(self.held_out.sum()) + self.log_prior
 
     @property
     def names(self) -> frozenset[str]:
         """Names of the effects."""
         return frozenset(self.chain.names)
+
+
+Sets = dict[frozenset[str], Candidate]
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateSets:
+    """Result of a search. sets: the best candidate of each set of names, the empty set included. alone: coarse fit of
+    each effect alone.
+    """
+
+    sets: Sets
+    alone: dict[str, FittedEffect] = field(default_factory=dict)
 
 
 class CandidateSearch:
@@ -49,50 +69,100 @@ class CandidateSearch:
         """Prepare the search. forms: forms of each effect by its name."""
         self._judge, self._forms, self._density, self._settings = judge, forms, density, settings
 
-    def run(self, progress: Callable[[int, int], None]) -> dict[frozenset[str], Candidate]:
-        """Fit and evaluate candidate sets; the best candidate of each set of names. progress: steps done, total."""
-        empty = self._evaluate(Chain(), self._judge.state.mean)
-        found = {empty.names: empty}
+    def run(self, progress: Callable[[int, int], None]) -> CandidateSets:
+        """Fit and evaluate candidate sets. progress: steps done, total."""
+        empty = self.evaluate(Chain(), self._judge.state.mean)
+        found: Sets = {empty.names: empty}
+        alone: dict[str, FittedEffect] = {}
         base = empty
         for size in range(self._settings.largest_set):
             progress(size, self._settings.largest_set)
-            extended = self._extend(base, self._settings.candidates[min(size, 1)])
+            coarse = self._fit_coarsely(base)
+            if not size:
+                for chain, _ in coarse:
+                    alone.setdefault(chain.names[0], chain.links[0])
+            number = self._settings.candidates[min(size, 1)]
+            # Effects that are found by inspection cost no fit: they are always compared.
+            chains = [
+                chain
+                for place, (chain, _) in enumerate(coarse)
+                if place < number or set(chain.names) - base.names <= set(FIXED)
+            ]
+            extended = in_copies(self._judge.state, self.fit, chains)
             for candidate in extended:
                 known = found.get(candidate.names)
-                if known is None or candidate.held_out.sum() > known.held_out.sum():
+                if known is None or candidate.value > known.value:
                     found[candidate.names] = candidate
-            best = max(extended, key=lambda one: one.held_out.sum(), default=base)
-            if best.held_out.sum() <= base.held_out.sum():
+            best = max(extended, key=lambda one: one.value, default=base)
+            if best.value <= base.value:
                 break  # no further effect predicts better
             base = best
-        return found
+        return CandidateSets(found, alone)
 
-    def _extend(self, base: Candidate, number: int) -> list[Candidate]:
-        """Evaluate sets with one more effect than `base`: the best `number` of all effects, after coarse fits."""
-        judge, settings = self._judge, self._settings
-        known = near_their_end(judge.state, base.chain, base.features, FIXED) if base.chain.links else NOTHING_KNOWN
-        coarse = [
-            chain for name in self._forms if name not in base.names for chain in self._fit_forms(name, base, known)
-        ]
-        coarse.sort(key=lambda pair: -pair[1])
-        result = []
-        for chain, _ in coarse[:number]:
-            fit = judge.in_sample(chain, FIXED, settings.fit_iterations)
-            result.append(self._evaluate(fit.chain, fit.features))
-        return result
-
-    def _fit_forms(self, name: str, base: Candidate, known: KnownColumns) -> list[tuple[Chain, float]]:
-        """Fit the forms of one effect beside `base` coarsely; the best form of each scope with its log density."""
-        judge, best = self._judge, dict[str, tuple[Chain, float]]()
-        for link in self._start_forms(name, base):
-            fit = judge.in_sample(base.chain.with_link(link), FIXED, self._settings.coarse_iterations, known)
-            fitted = next(one for one in fit.chain.links if one.effect.name == name)
-            if fitted.effect.is_idle(judge.state, fitted.values):
+    def compute_log_prior(self, chain: Chain) -> float:
+        """Log prior of the forms of the effects, and of parameters that are farther from the expected value than usual
+        (`ComparisonSettings.local_odds`, `usual_deviation`).
+        """
+        settings = self._settings
+        total = 0.0
+        for link in chain.links:
+            if link.effect.name in FIXED:
                 continue
-            value = float(self._density.compute_log_density(fit.features).sum())
-            if fitted.effect.scope not in best or value > best[fitted.effect.scope][1]:
-                best[fitted.effect.scope] = (fit.chain, value)
-        return list(best.values())
+            if link.effect.scope != HAND:
+                total += math.log(settings.local_odds)
+            for row, parameter in enumerate(link.effect.parameters()):
+                if np.isfinite(parameter.prior):
+                    squares = ((link.values[row] - parameter.middle) / parameter.prior) ** 2
+                    total -= 0.5 * float(np.maximum(squares - settings.usual_deviation**2, 0.0).sum())
+        return total
+
+    def fit(self, chain: Chain) -> Candidate:
+        """Fit a chain from its values, and evaluate it."""
+        fit = self._judge.in_sample(chain, FIXED, self._settings.fit_iterations)
+        return self.evaluate(fit.chain, fit.features)
+
+    def reevaluate(self, found: CandidateSets) -> CandidateSets:
+        """Evaluate all sets once more, with the model error that the best set leaves."""
+        best = max(found.sets.values(), key=lambda one: one.value)
+        error = self._density.estimate_model_error(best.prediction.features)
+        density = BlockDensity(self._judge, self._settings, error)
+        compute = density.compute_log_density
+        sets = {
+            key: replace(one, inside=compute(one.features), held_out=compute(one.prediction.features))
+            for key, one in found.sets.items()
+        }
+        return CandidateSets(sets, found.alone)
+
+    def evaluate(self, chain: Chain, features: FloatArray) -> Candidate:
+        """Evaluate a fitted chain, in sample and held out. features: f64[C, F, n], of the chain."""
+        held = predict_held_out(self._judge, chain, FIXED) if chain.links else HeldOutPrediction(features)
+        density = self._density.compute_log_density
+        prior = self.compute_log_prior(chain)
+        return Candidate(chain, features, held, density(features), density(held.features), prior)
+
+    def _fit_coarsely(self, base: Candidate) -> list[tuple[Chain, float]]:
+        """Fit every effect beside `base` coarsely; the best form of each scope, those with the largest log density
+        first.
+        """
+        state = self._judge.state
+        known = near_their_end(state, base.chain, base.features, FIXED) if base.chain.links else NOTHING_KNOWN
+        links = [link for name in self._forms if name not in base.names for link in self._start_forms(name, base)]
+
+        def fit_one(link: FittedEffect) -> tuple[Chain, float] | None:
+            chain = base.chain.with_link(link)
+            fit = self._judge.in_sample(chain, FIXED, self._settings.coarse_iterations, known)
+            fitted = fit.chain.get(link.effect.name)
+            if fitted.effect.is_idle(state, fitted.values):
+                return None
+            density = float(self._density.compute_log_density(fit.features).sum())
+            return fit.chain, density + self.compute_log_prior(fit.chain)
+
+        best: dict[tuple[str, str], tuple[Chain, float]] = {}
+        for link, fitted in zip(links, in_copies(state, fit_one, links), strict=True):
+            key = link.effect.name, link.effect.scope
+            if fitted is not None and (key not in best or fitted[1] > best[key][1]):
+                best[key] = fitted
+        return sorted(best.values(), key=lambda pair: -pair[1])
 
     def _start_forms(self, name: str, base: Candidate) -> list[FittedEffect]:
         """Forms of an effect at the values where a search starts; a dropout as it is found beside `base`."""
@@ -102,9 +172,3 @@ class CandidateSearch:
             effect = Dropout(dropped)
             return [FittedEffect(effect, effect.found_values(state))] if dropped.found else []
         return [started(state, form) for form in self._forms[name] if not form.unavailable(state)]
-
-    def _evaluate(self, chain: Chain, features: FloatArray) -> Candidate:
-        """Evaluate a fitted chain, in sample and held out. features: f64[C, F, n], of the chain."""
-        held = predict_held_out(self._judge, chain, FIXED) if chain.links else features
-        density = self._density.compute_log_density
-        return Candidate(chain, features, density(features), density(held))

@@ -1,24 +1,32 @@
-"""The whole comparison of a pair of datasets, from the files to probabilities."""
+"""The whole comparison of a pair of datasets: candidate sets, their weights, and the probabilities of causes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from os import PathLike
+from typing import Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxel.gap.catalogue import chosen
+from taxel.gap.catalogue import Forms, chosen
+from taxel.gap.chain import FittedEffect
 from taxel.gap.comparison.calibration import Calibration, load_calibration
-from taxel.gap.comparison.candidates import CandidateSearch
+from taxel.gap.comparison.candidates import Candidate, CandidateSearch, Sets
 from taxel.gap.comparison.density import BlockDensity
-from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence, Sets, collect_effects, collect_remainder
+from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence, collect_effects, collect_remainder
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS, ComparisonSettings
 from taxel.gap.comparison.weights import compute_set_weights
+from taxel.gap.judge import Judge
 from taxel.gap.metric import Gap, measure
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
+
+Show = Callable[[str, int, int], None]
+
+RIVAL_ODDS: Final = 0.1
+"""Odds of two sets from which both are plausible."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,16 +34,19 @@ class Comparison:
     """Result of a comparison.
 
     Attributes:
-        gap: gap, floor and excess without effects.
+        judge: the pair of datasets. gap: gap, floor and excess without effects.
         tried: names of the effects that were tried.
         sets, weights: the candidate sets and their weights.
+        alone: coarse fit of each effect alone.
         effects: evidence for each effect that is part of a set. remainder: evidence for an unknown cause.
     """
 
+    judge: Judge
     gap: Gap
     tried: tuple[str, ...]
     sets: Sets
     weights: dict[frozenset[str], float]
+    alone: dict[str, FittedEffect]
     effects: dict[str, EffectEvidence]
     remainder: RemainderEvidence
 
@@ -43,6 +54,11 @@ class Comparison:
     def best(self) -> frozenset[str]:
         """The set with the largest weight."""
         return max(self.weights, key=lambda key: self.weights[key])
+
+    def get_best_with(self, name: str) -> Candidate | None:
+        """The set with the largest weight that contains an effect; None if no set does."""
+        keys = [key for key in self.sets if name in key]
+        return self.sets[max(keys, key=lambda key: self.weights[key])] if keys else None
 
     def compute_probabilities(self, calibration: Calibration | None = None) -> dict[str, float]:
         """Marginal probability of every effect that was tried, of an unknown cause and of no gap.
@@ -52,6 +68,38 @@ class Comparison:
         inputs = {name: one.to_inputs() for name, one in self.effects.items()}
         calibration = calibration or load_calibration()
         return calibration.compute_probabilities(inputs, self.remainder.to_inputs(), self.tried)
+
+    def list_rivals(self, name: str) -> list[str]:
+        """Effects that may replace an effect: a set with the other effect and without this one has a weight of at least
+        `RIVAL_ODDS` times that of the best set with this one; largest weight first.
+        """
+        own = max((weight for key, weight in self.weights.items() if name in key), default=0.0)
+        others: dict[str, float] = {}
+        for key, weight in self.weights.items():
+            if name not in key and weight >= RIVAL_ODDS * own > 0.0:
+                others.update({other: max(weight, others.get(other, 0.0)) for other in key})
+        return sorted(others, key=lambda other: -others[other])
+
+    def get_alone(self, name: str) -> FittedEffect | None:
+        """An effect fitted alone; None if it has no fit."""
+        single = self.sets.get(frozenset({name}))
+        return single.chain.links[0] if single is not None else self.alone.get(name)
+
+    def compute_influence(self, name: str) -> list[tuple[int, float]]:
+        """Share of every condition in the evidence for an effect, largest first: [(index of the condition, share)].
+
+        The evidence is the held-out log density of the best set with the effect minus that of the best set without it;
+        conditions that speak against the effect have share 0. Empty if no set contains the effect.
+        """
+        with_name = [key for key in self.sets if name in key]
+        if not with_name:
+            return []
+        own = self.sets[max(with_name, key=lambda key: self.sets[key].value)]
+        others = [key for key in self.sets if name not in key]
+        without = self.sets[max(others, key=lambda key: self.sets[key].value)]
+        gain = np.maximum((own.held_out - without.held_out).sum(axis=(1, 2)), 0.0)
+        order = np.argsort(-gain, kind="stable").tolist()
+        return [(index, float(gain[index] / gain.sum())) for index in order] if gain.sum() > 0.0 else []
 
 
 def ignore_progress(stage: str, done: int, total: int) -> None:
@@ -64,7 +112,7 @@ def compare(
     without: Collection[str] = (),
     seed: int = 0,
     settings: ComparisonSettings = DEFAULT_SETTINGS,
-    show: Callable[[str, int, int], None] = ignore_progress,
+    show: Show = ignore_progress,
 ) -> Comparison:
     """Compare sets of effects on a real and a simulated dataset.
 
@@ -73,16 +121,28 @@ def compare(
     """
     with threadpool_limits(limits=1):  # the matrices are small: threads would wait for each other
         pair = read_pair(real_path, sim_path, lambda done, total: show("reading", done, total))
-        judge, _ = prepared(pair)
-        forms = chosen(without)
-        density = BlockDensity(judge, settings)
-        search = CandidateSearch(judge, forms, density, settings)
-        sets = search.run(lambda done, total: show("effects", done, total))
-        values = [one.held_out.sum(axis=(1, 2)) for one in sets.values()]
-        found = compute_set_weights(np.stack(values), [len(key) for key in sets], settings, seed)
-        weights = dict(zip(sets, found.tolist(), strict=True))
-        gap = measure(judge.sessions, judge.state.mean, judge.layout)
-        best = max(weights, key=lambda key: weights[key])
-        effects = collect_effects(judge, gap, sets, weights)
-        remainder = collect_remainder(judge, gap, sets[best], density)
-    return Comparison(gap, tuple(forms), sets, weights, effects, remainder)
+        return compare_sets(prepared(pair), chosen(without), seed, settings, show)
+
+
+def compare_sets(
+    judge: Judge,
+    forms: Forms,
+    seed: int = 0,
+    settings: ComparisonSettings = DEFAULT_SETTINGS,
+    show: Show = ignore_progress,
+) -> Comparison:
+    """Compare sets of effects on a pair that was read. forms: forms of the effects that are tried, by name."""
+    density = BlockDensity(judge, settings)
+    search = CandidateSearch(judge, forms, density, settings)
+    found = search.reevaluate(search.run(lambda done, total: show("effect search", done, total)))
+    values = np.stack([one.held_out.sum(axis=(1, 2)) for one in found.sets.values()])
+    priors = [one.log_prior for one in found.sets.values()]
+    shares = compute_set_weights(values, [len(key) for key in found.sets], settings, seed, priors)
+    weights = dict(zip(found.sets, shares.tolist(), strict=True))
+    gap = measure(judge.sessions, judge.state.mean, judge.layout)
+    best = found.sets[max(weights, key=lambda key: weights[key])]
+    effects = collect_effects(judge, gap, found.sets, weights)
+    # Without the model error, which would explain what an unknown cause leaves.
+    remainder = collect_remainder(judge, gap, best, BlockDensity(judge, settings))
+    show("effect search", settings.largest_set, settings.largest_set)
+    return Comparison(judge, gap, tuple(forms), found.sets, weights, found.alone, effects, remainder)

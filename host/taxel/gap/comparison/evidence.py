@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
+from taxel.gap.catalogue import FIXED
 from taxel.gap.chain import Chain
-from taxel.gap.comparison.candidates import Candidate
+from taxel.gap.comparison.candidates import Candidate, Sets
 from taxel.gap.comparison.density import BlockDensity
+from taxel.gap.comparison.remainder import predict_remainder
 from taxel.gap.judge import Judge
 from taxel.gap.metric import Gap, measure
 from taxel.types import FloatArray
 
+SMALLEST_CAUSE = 0.5
+"""Gap in floors from which an effect is a cause (definition of the gap report, version 2)."""
+
 SMALLEST_RATIO = 0.02
 """Ratios below this value count as this value in logarithms: a smaller effect is not resolved in any dataset."""
 
-Sets = Mapping[frozenset[str], Candidate]
+LOADED_SHARE = 0.02
+"""Share of the largest simulated signal of a block (condition, board) from which another block counts as loaded."""
+
+USUAL_BLOCKS = 20.0
+"""Loaded blocks of a usual dataset. A gain in log density refers to so many blocks, because small systematic errors of
+the simulator add up over the blocks of a large dataset."""
 
 
 @dataclass(frozen=True)
@@ -26,21 +36,31 @@ class EffectEvidence:
 
     Attributes:
         weight: sum of the weights of all sets with the effect.
-        gain: largest held-out log density of a set with the effect, minus the largest of a set without it.
+        gain: largest held-out log density (with the log prior) of a set with the effect, minus the largest of a set
+            without it.
         size: gap that the fitted effect alone produces, divided by the floor.
         share: this gap divided by the largest such gap of the effects of the same set.
+        parameters: number of fitted values of the effect, 1 for an effect that is found by inspection. Many values fit
+            many deviations.
+        conditions: effective number of conditions that make the gain.
+        blocks: number of loaded blocks.
     """
 
     weight: float
     gain: float
     size: float
     share: float
+    parameters: int
+    conditions: float
+    blocks: int
 
     def to_inputs(self) -> FloatArray:
-        """Inputs of the calibration, f64[4]."""
+        """Inputs of the calibration, f64[6]; the fifth one is 0 for an effect that is a cause by its size."""
         odds = np.log((self.weight + 1e-3) / (1.0 - self.weight + 1e-3))
+        gain = np.log1p(max(self.gain, 0.0) * USUAL_BLOCKS / max(self.blocks, 1))
         size, share = (np.log(max(value, SMALLEST_RATIO)) for value in (self.size, self.share))
-        return np.array([odds, np.log1p(max(self.gain, 0.0)), size, share])
+        too_small = min(0.0, size - np.log(SMALLEST_CAUSE))
+        return np.array([odds, gain, size, share, too_small, np.log(max(self.parameters, 1))])
 
 
 @dataclass(frozen=True)
@@ -53,16 +73,24 @@ class RemainderEvidence:
             simulated signal.
         common: share of the remaining excess in the signal that the sessions have in common in more than one condition:
             the second largest share of a condition.
+        gain: held-out log density of the generic remainder beyond the best set, minus that of the best set.
+        size: gap that the generic remainder alone produces, divided by the floor.
+        blocks: number of loaded blocks.
     """
 
     before: float
     after: float
     deviation: float
     common: float
+    gain: float
+    size: float
+    blocks: int
 
     def to_inputs(self) -> FloatArray:
-        """Inputs of the calibration, f64[4]."""
-        return np.asarray(np.log(np.maximum(np.array(astuple(self)), SMALLEST_RATIO)), np.float64)
+        """Inputs of the calibration, f64[6]; the first one is also an input of the probability of any cause."""
+        ratios = np.array([self.before, self.after, self.deviation, self.common, self.size])
+        gain = np.log1p(max(self.gain, 0.0) * USUAL_BLOCKS / max(self.blocks, 1))
+        return np.append(np.log(np.maximum(ratios, SMALLEST_RATIO)), gain)
 
 
 def collect_effects(
@@ -70,16 +98,25 @@ def collect_effects(
 ) -> dict[str, EffectEvidence]:
     """Evidence for every effect that is part of a candidate set. weights: of the sets."""
     names = sorted({name for key in sets for name in key})
-    density = {key: float(one.held_out.sum()) for key, one in sets.items()}
+    density = {key: one.value for key, one in sets.items()}
     floor = max(gap.floor, np.finfo(float).tiny)
+    blocks = int(_get_loads(judge)[1].sum())
     evidence = {}
     for name in names:
         best = max((key for key in sets if name in key), key=lambda key: density[key])
-        without = max(density[key] for key in sets if name not in key)
+        without = max((key for key in sets if name not in key), key=lambda key: density[key])
         sizes = {own: compute_alone(judge, sets[best].chain, own) for own in best}
-        weight = float(sum(weights[key] for key in sets if name in key))
         share = sizes[name] / max(*sizes.values(), np.finfo(float).tiny) if len(sizes) > 1 else 1.0
-        evidence[name] = EffectEvidence(weight, density[best] - without, sizes[name] / floor, share)
+        gains = np.maximum((sets[best].held_out - sets[without].held_out).sum(axis=(1, 2)), 0.0)
+        evidence[name] = EffectEvidence(
+            weight=float(sum(weights[key] for key in sets if name in key)),
+            gain=density[best] - density[without],
+            size=sizes[name] / floor,
+            share=share,
+            parameters=1 if name in FIXED else sets[best].chain.get(name).values.size,
+            conditions=float(gains.sum() ** 2 / max(float((gains**2).sum()), np.finfo(float).tiny)),
+            blocks=blocks,
+        )
     return evidence
 
 
@@ -89,19 +126,35 @@ def collect_remainder(judge: Judge, gap: Gap, best: Candidate, density: BlockDen
     floor = max(gap.floor, np.finfo(float).tiny)
     before_floors, after_floors = (np.sqrt(max(one.excess.value, 0.0)) / floor for one in (gap, after))
     deviations = density.compute_deviations(best.features)[..., 0]
-    signal = np.abs(judge.state.mean[:, : judge.layout.bins]).sum(axis=1)
-    boards = np.arange(deviations.shape[1])[:, None] == judge.state.pair.groups.sensor
-    load = signal @ boards.T.astype(np.float64)
+    load, is_loaded = _get_loads(judge)
     deviation = float((deviations * load).sum() / max(load.sum(), np.finfo(float).tiny))
     excess = after.terms.excess[:, : judge.layout.bins].sum(axis=(1, 2))
     order = np.sort(np.maximum(excess, 0.0))[::-1]
     common = float(order[1] / order.sum()) if len(order) > 1 and order.sum() > 0.0 else 0.0
-    return RemainderEvidence(float(before_floors), float(after_floors), deviation, common)
+    generic = predict_remainder(judge, best.features, best.prediction.features)
+    compute = density.compute_log_density
+    gain = float(compute(generic).sum() - compute(best.prediction.features).sum())
+    size = _compute_size(judge, generic - best.prediction.features) / floor
+    return RemainderEvidence(
+        float(before_floors), float(after_floors), deviation, common, gain, float(size), int(is_loaded.sum())
+    )
 
 
 def compute_alone(judge: Judge, chain: Chain, name: str) -> float:
     """Gap in counts that one fitted effect of a chain alone produces in the simulation."""
-    link = next(one for one in chain.links if one.effect.name == name)
-    known = judge.sessions.known.any(axis=1)
-    change = np.where(known, Chain((link,)).features(judge.state) - judge.state.mean, 0.0)
-    return float(np.sqrt((judge.layout.weight[:, None] * change**2).sum(axis=1).mean()))
+    return _compute_size(judge, Chain((chain.get(name),)).features(judge.state) - judge.state.mean)
+
+
+def _compute_size(judge: Judge, change: FloatArray) -> float:
+    """Gap in counts of a change of the features f64[C, F, n], where the real features are known."""
+    known = np.where(judge.sessions.known.any(axis=1), change, 0.0)
+    return float(np.sqrt((judge.layout.weight[:, None] * known**2).sum(axis=1).mean()))
+
+
+def _get_loads(judge: Judge) -> tuple[FloatArray, FloatArray]:
+    """Sum of the simulated signal of each block, counts, and whether the block is loaded, [C, s] each."""
+    signal = np.abs(judge.state.mean[:, : judge.layout.bins]).sum(axis=1)
+    sensor = judge.state.pair.groups.sensor
+    boards = np.arange(int(sensor.max()) + 1)[:, None] == sensor
+    load = signal @ boards.T.astype(np.float64)
+    return load, load > LOADED_SHARE * load.max()

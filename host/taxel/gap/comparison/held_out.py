@@ -2,35 +2,47 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from taxel.gap.chain import Chain
 from taxel.gap.equations import gradient_of, system_of
-from taxel.gap.fit import start_of
+from taxel.gap.fit import free_links, moved, start_of
 from taxel.gap.judge import Judge
 from taxel.types import FloatArray
 
 RIDGE: Final = 1e-6
-"""Share of each diagonal element that is added to the normal equations: a parameter that only the held-out part
-determines keeps its value."""
+"""Share of each diagonal element that is added to the normal equations, so that they can be solved without the part."""
 
 
-def predict_held_out(judge: Judge, chain: Chain, fixed: tuple[str, ...]) -> FloatArray:
-    """Predict every part of the features, f64[C, F, n], by the fit to all other parts.
+@dataclass(frozen=True, eq=False)
+class HeldOutPrediction:
+    """features: f64[C, F, n], each part as the fit to the other parts predicts it. chains: these fits, one a part."""
 
-    The fit to all features is linearised: without part k the parameters move by (H - H_k)^-1 (g - g_k), with the normal
-    equations H and the gradient g of all features and those of the part, H_k and g_k (one Gauss-Newton step). The
-    features follow from the derivatives. Parts: `Judge.parts`. fixed: effects whose values are not fitted.
+    features: FloatArray
+    chains: tuple[Chain, ...] = ()
+
+
+def predict_held_out(judge: Judge, chain: Chain, fixed: tuple[str, ...]) -> HeldOutPrediction:
+    """Predict every part of the features by the fit to all other parts.
+
+    The fit to all features is linearised: without part k the parameters move by (H - H_k + P)^-1 (g - g_k), with the
+    normal equations H and the gradient g of all features, those of the part, H_k and g_k, and the precision P of the
+    priors (one Gauss-Newton step). A parameter that only the part determines keeps its value, because the other parts
+    do not contradict it: a set with many such parameters gains held-out density, which the calibration compensates by
+    the number of parameters. The features follow from the derivatives. Parts: `Judge.parts`. fixed: effects whose
+    values are not fitted.
     """
     start = start_of(judge.state, chain, fixed)
     if not start.columns:
-        return start.features
+        return HeldOutPrediction(start.features)
     precision = np.diag(np.concatenate([column.precision for column in start.columns]))
     whole = judge.problem()
     system, gradient = system_of(whole, start.columns), gradient_of(whole, start.columns, start.features)
-    result = start.features.copy()
+    result, free = start.features.copy(), free_links(chain, fixed)
+    chains = []
     for number in range(int(judge.parts.max()) + 1):
         held = judge.parts == number
         part = judge.problem(held)
@@ -43,7 +55,8 @@ def predict_held_out(judge: Judge, chain: Chain, fixed: tuple[str, ...]) -> Floa
             change += column.change * step[first : first + column.count][column.blocks][:, None]
             first += column.count
         np.moveaxis(result, 1, 2)[held] += np.moveaxis(change, 1, 2)[held]
-    return result
+        chains.append(moved(chain, free, step))
+    return HeldOutPrediction(result, tuple(chains))
 
 
 def _limit_step(chain: Chain, fixed: tuple[str, ...], step: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ from typing import Any
 
 from taxel.gap.page.breakdown_sections import build_ablation_section, build_parts_section, build_thesis_section
 from taxel.gap.page.cells import SectionData
+from taxel.gap.page.certainty_section import build_certainty_section
 from taxel.gap.page.colours import DARK, LIGHT, format_ramp_css, format_step_css
 from taxel.gap.page.effects_section import build_effects_section
 from taxel.gap.page.figures_section import build_figures_section
@@ -27,6 +28,7 @@ from taxel.gap.page.waterfall_section import build_waterfall_section
 from taxel.gap.report.checked_report import CheckedReport
 
 _SECTIONS: tuple[Callable[[CheckedReport], SectionData | None], ...] = (
+    build_certainty_section,
     build_figures_section,
     build_hand_section,
     build_waterfall_section,

@@ -2,7 +2,6 @@
 
 from taxel.gap.page.cells import Cell, Heading, SectionData, make_table
 from taxel.gap.page.text import (
-    clean_text,
     format_count,
     format_interval,
     format_p_equation,
@@ -13,7 +12,7 @@ from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.report_values import ReportValue
 
 _COUNTS = "counts"
-_TERMS = {"Gap": "gap", "Floor": "floor", "Excess": "excess", "Margin": "margin"}
+_TERMS = {"Gap": "gap", "Floor": "floor", "Excess": "excess"}
 """Terms of the labels, for links to the section of terms."""
 
 Row = tuple[Cell, Cell]
@@ -43,10 +42,9 @@ def _gap_rows(report: CheckedReport) -> list[Row]:
         _row(gap, "floor", "Floor", _COUNTS, "gap caused by repeats and sessions alone"),
         _row(gap, "excess", "Excess", "counts²", excess),
     ]
-    margin = report.root.optional("margin")
-    if margin is not None and margin.optional_number("excess_counts2") is not None:
-        note = clean_text(margin.optional_text("words")) or "an excess below this value counts as no gap"
-        rows.append(_row(margin, "excess_counts2", "Margin", "counts²", note))
+    if gap.optional_number("bound") is not None:
+        note = "with a probability of 95 %, the part of the gap above the floor is smaller"
+        rows.append(_row(gap, "bound", "Bound", _COUNTS, note))
     return rows
 
 

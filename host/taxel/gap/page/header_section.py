@@ -28,7 +28,8 @@ def build_header_context(report: CheckedReport) -> dict[str, Any]:
     return {
         "real": clean_text(get_file_name(inputs.field("real").text("path"))),
         "sim": clean_text(get_file_name(inputs.field("sim").text("path"))),
-        "verdict": clean_text(report.verdict.text("one_line")),
+        "headline": clean_text(report.verdict.optional_text("headline") or report.verdict.text("one_line")),
+        "verdict": clean_text(report.verdict.text("one_line")) if report.verdict.optional_text("headline") else "",
         "status": STATUSES[report.status],
         "status_class": report.status,
         "effects": [make_readable(name) for name in report.verdict.texts("effects") if name != report.status],

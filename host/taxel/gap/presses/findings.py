@@ -9,15 +9,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.catalogue import FIXED, Forms
 from taxel.gap.chain import Chain, FittedEffect
+from taxel.gap.comparison.compare import Comparison
 from taxel.gap.cores import in_copies
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, Effect, Parameter
 from taxel.gap.fit import Fit, fit, started
 from taxel.gap.judge import REFITS, Judge
 from taxel.gap.metric import jackknife_error
 from taxel.gap.pair import Pair
-from taxel.gap.rounds import FIXED, Forms
-from taxel.gap.trial import Selection
 from taxel.types import FloatArray
 
 MOST_RIVALS: Final = 6
@@ -40,24 +40,25 @@ class Findings:
 
 
 def findings_of(
-    judge: Judge,
-    selection: Selection,
+    comparison: Comparison,
+    chain: Chain,
     forms: Forms,
     named: Sequence[str],
     confounded: Mapping[str, Sequence[str]],
     links: Sequence[Sequence[FittedEffect]],
 ) -> Findings:
-    """Of a search. forms: the catalogue. named: effects of the verdict. confounded, links: see `Findings`."""
-    tried: dict[tuple[str, str], FittedEffect] = {}
-    for one in selection.rounds:
-        if one.accepted and one.best is not None:
-            tried |= {(one.best.name, trial.name): trial.link for trial in one.trials}
-    names = tuple(name for name in named if name in selection.chain.names)
-    starts = {
-        pair: [tried[pair]] if pair in tried else _plain(judge, forms.get(pair[1], ()))
-        for pair in pairs_of(names, confounded)
-    }
-    return Findings(judge, selection.chain, names, rivals_of(judge, selection.chain, starts), links)
+    """Of a comparison. chain: of the verdict, or of the most probable effect. forms: the catalogue. named: effects of
+    the verdict, or this effect. confounded, links: see `Findings`.
+    """
+    judge = comparison.judge
+    names = tuple(name for name in named if name in chain.names)
+    starts: dict[tuple[str, str], Sequence[FittedEffect]] = {}
+    for pair in pairs_of(names, confounded):
+        # The form of the fit alone, which a report also has, so that a report gives the same findings.
+        alone = comparison.get_alone(pair[1])
+        own = (alone.effect,) if alone is not None else forms.get(pair[1], ())
+        starts[pair] = _plain(judge, own)
+    return Findings(judge, chain, names, rivals_of(judge, chain, starts), links)
 
 
 def rivals_of(

@@ -16,6 +16,7 @@ from taxel.gap.diagnosis import Show, diagnose, quiet
 from taxel.gap.dropped import find_dropped
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.errors import GapInputError
+from taxel.gap.explanation import get_questioned
 from taxel.gap.fit import started
 from taxel.gap.held_out import held_out
 from taxel.gap.judge import Judge
@@ -37,11 +38,10 @@ Text = str | PathLike[str]
 def findings_of_pair(real: Text, sim: Text, show: Show = quiet) -> Findings:
     """Of a diagnosis that is made now. Raises DatasetError and GapInputError of one line."""
     found = diagnose(real, sim, show=show)
-    verdict = found.report["verdict"]
-    links = found.held.links
-    return findings_of(
-        found.judge, found.selection, catalogue.all_effects(), verdict["effects"], verdict["confounded_with"], links
-    )
+    verdict, links = found.verdict, found.held.links
+    confounded = found.report["verdict"]["confounded_with"]
+    chain, names = get_questioned(found.comparison, found.explanation, verdict.effects, verdict.rivals)
+    return findings_of(found.comparison, chain, catalogue.all_effects(), names, confounded, links)
 
 
 def findings_in(path: Text, show: Show = quiet) -> Findings:
@@ -51,7 +51,7 @@ def findings_in(path: Text, show: Show = quiet) -> Findings:
     reported = read_report(path)
     report = CheckedReport(json.loads(Path(path).read_bytes()))
     pair = _pair(report, reported, show)
-    judge = prepared(pair).judge
+    judge = prepared(pair)
     state = judge.state
     chain = Chain.of([_link(state, one, reported) for one in reported.effects if one.name != DROPOUT])
     if any(one.name == DROPOUT for one in reported.effects):

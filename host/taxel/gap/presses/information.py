@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, lu_factor, lu_solve
 
+from taxel.gap.catalogue import FIXED
 from taxel.gap.chain import Chain
 from taxel.gap.effects.effect import OBJECT, Effect
 from taxel.gap.equations import Column, Problem, gradient_of, system_of
 from taxel.gap.fit import start_of
 from taxel.gap.judge import Judge
 from taxel.gap.pair import Pair
-from taxel.gap.rounds import FIXED
 from taxel.gap.state import State
 from taxel.types import FloatArray
 

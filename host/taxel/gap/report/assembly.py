@@ -4,28 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from taxel.gap import catalogue
 from taxel.gap.attribution import Attribution
+from taxel.gap.catalogue import FIXED, Forms
+from taxel.gap.chain import Chain
+from taxel.gap.comparison.calibration import UNKNOWN
+from taxel.gap.comparison.compare import Comparison
 from taxel.gap.confounding import classes
 from taxel.gap.cores import in_copies
+from taxel.gap.explanation import Explanation, get_questioned
 from taxel.gap.held_out import HeldOut
 from taxel.gap.identify import Likeness, identifiability
-from taxel.gap.judge import Judge
-from taxel.gap.metric import Gap
 from taxel.gap.presses.findings import findings_of
 from taxel.gap.presses.ranking import next_presses
 from taxel.gap.presses.unrecorded import left_out
 from taxel.gap.report.effects import effect_entry
 from taxel.gap.report.page_fields import page_fields
 from taxel.gap.report.posterior import draws_of
-from taxel.gap.rounds import FIXED, Forms
-from taxel.gap.trial import Round, Selection
-from taxel.gap.verdict import UNKNOWN, Verdict
+from taxel.gap.verdict import Verdict
 from taxel.gap.where import products, where
+from taxel.types import FloatArray
+
+MAX_INFLUENCES: Final = 5
+"""Conditions that are listed for each effect."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,56 +38,58 @@ class ReportInputs:
     """Results of a diagnosis that the report contains.
 
     Attributes:
-        judge, gap: the pair of datasets and its gap.
-        search: the complete search for effects.
-        named: the part of the search that the verdict names; held_out, attribution and unexplained refer to it.
+        comparison: the comparison of all sets of effects.
+        forms: forms of the effects that were tried, by name.
+        named: the effects that the verdict names; held_out, attribution and unexplained refer to it.
+        alone: fit of each effect alone, with the features f64[C, F, n].
         held_out: evaluation on sessions that were not used for the fit.
         attribution: shares of the effects in the shrink.
         verdict: status and effects.
         unexplained: field `unexplained` of the report.
         similarities, confounded: effects that these grasps do not distinguish.
-        tried: variants of the effects that were tried, by name.
         seed: of the p-values.
     """
 
-    judge: Judge
-    gap: Gap
-    search: Selection
-    named: Selection
+    comparison: Comparison
+    forms: Forms
+    named: Explanation
+    alone: Mapping[str, tuple[Chain, FloatArray]]
     held_out: HeldOut
     attribution: Attribution
     verdict: Verdict
     unexplained: Mapping[str, Any]
     similarities: Sequence[Likeness]
     confounded: Mapping[str, Sequence[str]]
-    tried: Forms
     seed: int
 
 
 def build_report(inputs: ReportInputs) -> dict[str, Any]:
     """The report without its run time, the gap in millimetres and the thesis terms."""
-    judge, gap, held, verdict = inputs.judge, inputs.gap, inputs.held_out, inputs.verdict
+    comparison, held, verdict = inputs.comparison, inputs.held_out, inputs.verdict
+    judge, gap, named = comparison.judge, comparison.gap, inputs.named
     pair, layout, real, before = judge.state.pair, judge.layout, judge.sessions, judge.state.mean
-    after = inputs.named.features
+    after = named.features
     excess_products = products(real, before, layout)
     confounded = _confounded_outside_verdict(inputs)
-    draws = draws_of(judge, inputs.named.chain, FIXED)
+    draws = draws_of(judge, named.chain, FIXED)
 
     def entry(name: str) -> dict[str, Any]:
-        known = identifiability(name, judge, inputs.tried, inputs.similarities, inputs.confounded)
-        return effect_entry(name, judge, inputs.named, held, gap, inputs.attribution, known, draws.get(name, ()))
+        known = identifiability(name, judge, inputs.forms, inputs.similarities, inputs.confounded)
+        alone = inputs.alone.get(name)
+        return effect_entry(name, judge, named, alone, held, gap, inputs.attribution, known, draws.get(name, ()))
 
+    chain, causes = get_questioned(comparison, named, verdict.effects, verdict.rivals)
     recommended = next_presses(
-        findings_of(judge, inputs.search, inputs.tried, verdict.effects, confounded, held.links),
-        left_out(judge.state),
+        findings_of(comparison, chain, inputs.forms, causes, confounded, held.links), left_out(judge.state)
     )
     return {
         "format": "taxel-gap-report",
-        "version": 1,
+        "version": 2,
         "inputs": {
             side: {"path": path, "sha256": digest}
             for side, path, digest in zip(("real", "sim"), pair.paths, pair.digests, strict=True)
-        },
+        }
+        | {"problems": [one.to_json() for one in pair.faults]},
         "seed": inputs.seed,
         "runtime_s": 0.0,
         "gap": {
@@ -90,6 +97,7 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
             "ci95": gap.gap.ci95,
             "floor": gap.floor,
             "excess": gap.excess.value,
+            "bound": float(np.sqrt(max(gap.most, 0.0))),
             "p_value": gap.p_value,
             "significant": bool(gap.p_value < 0.05),
         },
@@ -97,10 +105,13 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
         "verdict": {
             "status": verdict.status,
             "effects": list(verdict.effects),
+            "probabilities": dict(verdict.probabilities),
             "confounded_with": confounded,
+            "headline": verdict.headline,
             "one_line": _one_line(verdict, inputs.unexplained["signature"]),
+            "reasons": list(verdict.reasons),
         },
-        "effects": in_copies(judge.state, entry, [name for name in catalogue.all_effects() if name in inputs.tried]),
+        "effects": in_copies(judge.state, entry, [name for name in catalogue.all_effects() if name in inputs.forms]),
         "after": {
             "before": held.before,
             "value": held.after,
@@ -113,22 +124,22 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
         "unexplained": dict(inputs.unexplained),
         "classes": classes(confounded),
         "likeness": [similarity.to_json() for similarity in inputs.similarities],
-        "search": [_iteration(one) for one in inputs.search.rounds],
+        "sets": _describe_sets(comparison),
+        "influence": _describe_influence(inputs),
         "waterfall": inputs.attribution.waterfall(),
         "ablation": inputs.attribution.ablation() if len(inputs.attribution.names) > 1 else [],
-        **page_fields(pair, layout, real, before, after, verdict),
+        **page_fields(pair, layout, real, before, after),
         "next_presses": recommended.to_json(),
     }
 
 
 def _confounded_outside_verdict(inputs: ReportInputs) -> dict[str, list[str]]:
-    """For each effect of the verdict the confounded effects that are not in the verdict."""
+    """For each effect of the verdict, and for the first rival if it names none, the confounded effects that are not in
+    the verdict.
+    """
     effects = inputs.verdict.effects
-    others = {
-        name: [other for other in inputs.confounded[name] if other not in effects]
-        for name in inputs.confounded
-        if name in effects
-    }
+    asked = {**{name: list(others) for name, others in inputs.verdict.rivals.items()}, **inputs.confounded}
+    others = {name: [other for other in asked[name] if other not in effects] for name in asked}
     return {name: names for name, names in others.items() if names}
 
 
@@ -139,22 +150,28 @@ def _one_line(verdict: Verdict, signature: str) -> str:
     return f"{verdict.one_line} Signature of the unknown cause: {signature}."
 
 
-def _iteration(one: Round) -> dict[str, Any]:
-    """One iteration of the search: scores without a further effect, and with each candidate."""
-    return {
-        "base": one.base.value,
-        "best": one.best.name if one.best is not None else None,
-        "gain": one.gain,
-        "p_value": one.p_value,
-        "accepted": one.accepted,
-        "trials": [
-            {
-                "name": trial.name,
-                "form": trial.link.effect.variant,
-                "scope": trial.link.effect.scope,
-                "inside": trial.inside.value,
-                "held": None if trial.held is None else trial.held.value,
-            }
-            for trial in one.trials
-        ],
-    }
+def _describe_sets(comparison: Comparison) -> list[dict[str, Any]]:
+    """The candidate sets, largest weight first, with their forms and held-out log density."""
+    order = sorted(comparison.sets, key=lambda key: -comparison.weights[key])
+    return [
+        {
+            "effects": sorted(key),
+            "weight": comparison.weights[key],
+            "log_density": float(comparison.sets[key].held_out.sum()),
+            "forms": {
+                link.effect.name: {"form": link.effect.variant, "scope": link.effect.scope}
+                for link in comparison.sets[key].chain.links
+            },
+        }
+        for key in order
+    ]
+
+
+def _describe_influence(inputs: ReportInputs) -> list[dict[str, Any]]:
+    """For each effect of the verdict the conditions that determine the evidence, largest share first."""
+    cells = inputs.comparison.judge.state.pair.cells
+    return [
+        {"effect": name, "object": cells[index][0], "approach": cells[index][1], "share": share}
+        for name in inputs.named.names
+        for index, share in inputs.comparison.compute_influence(name)[:MAX_INFLUENCES]
+    ]

@@ -11,7 +11,7 @@ from taxel.gap.report.report_values import REMEDY, ReportValue
 from taxel.hand.errors import format_value
 
 FORMAT = "taxel-gap-report"
-VERSION = 1
+VERSIONS = (1, 2)
 
 STATUSES = ("no_gap", "explained", "partly_explained", "unknown")
 
@@ -31,10 +31,11 @@ class CheckedReport:
 
     def __init__(self, content: Mapping[str, Any]) -> None:
         self.root = ReportValue(dict(content) if isinstance(content, Mapping) else content)
-        for key, expected in (("format", FORMAT), ("version", VERSION)):
+        for key, permitted in (("format", (FORMAT,)), ("version", VERSIONS)):
             found = self.root.field(key).content
-            if type(found) is not type(expected) or found != expected:
-                raise GapInputError(f"report: {key}", repr(expected), format_value(found), REMEDY)
+            if type(found) is not type(permitted[0]) or found not in permitted:
+                expected = " or ".join(map(repr, permitted))
+                raise GapInputError(f"report: {key}", expected, format_value(found), REMEDY)
 
     @cached_property
     def verdict(self) -> ReportValue:

@@ -16,13 +16,13 @@ from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
 from taxel.gap.effects.latency import is_delay
 from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.sticking import Sticking, as_late
+from taxel.gap.explanation import Explanation
 from taxel.gap.fit import start_of
 from taxel.gap.held_out import HeldOut
 from taxel.gap.judge import MODEL_SHARE, Judge
 from taxel.gap.metric import Gap, Interval, jackknife, shrink_by, together
 from taxel.gap.pair import Pair
 from taxel.gap.report.model import model_of, noise_parts
-from taxel.gap.trial import Selection, Trial
 from taxel.types import FloatArray
 
 COMMON_SHARE: Final = 0.5 * MODEL_SHARE
@@ -38,30 +38,30 @@ MOST_SPREAD: Final = 2.0
 def effect_entry(
     name: str,
     judge: Judge,
-    selection: Selection,
+    named: Explanation,
+    alone: tuple[Chain, FloatArray] | None,
     held: HeldOut,
     gap: Gap,
     told: Attribution,
     identifiable: str,
     draws: Sequence[FittedEffect],
 ) -> dict[str, Any]:
-    """One effect that was tried. selection: of what the verdict names. draws: its link as it may be as well, none of
-    one that was not found.
+    """One effect that was tried. named: the effects of the verdict. alone: its fit alone and the features with it,
+    f64[C, F, n]; None if there is no fit. draws: its link as it may be as well, none of one that was not found.
     """
     pair = judge.state.pair
-    first = next((trial for trial in selection.rounds[0].trials if trial.name == name), None)
-    link = next((one for one in selection.chain.links if one.effect.name == name), None)
-    in_verdict = link is not None
+    in_verdict = name in named.names
+    link = named.chain.get(name) if in_verdict else None
     entry: dict[str, Any] = {"name": name, "parameters": {}, "where": {}, "in_verdict": in_verdict}
-    if link is None and first is not None:
-        link = first.link
+    if link is None and alone is not None:
+        link = alone[0].get(name)
     if link is None:
         return {**entry, "identifiability": identifiable, **_nothing(gap)}
     inside: list[FittedEffect] = []
     parts: list[FittedEffect] = []
     if in_verdict:
         inside = [one for links in held.links for one in links if one.effect.name == name]
-        parts = [one for chain in selection.parts for one in chain.links if one.effect.name == name]
+        parts = [chain.get(name) for chain in named.parts]
     found = {**entry, "parameters": parameters_of(pair, link, inside, parts, draws), "where": _acts(pair, link)}
     if name == "gain_mismatch" and link.effect.scope == TAXEL:
         spread = _spread_of_gains(judge, link)
@@ -69,8 +69,8 @@ def effect_entry(
     found["model"] = model_of(judge.state, link)
     found["identifiability"] = identifiable
     found |= _nothing(gap)
-    if first is not None:  # else it was seen beside another one only
-        found |= _alone(judge, selection.before, first, gap)
+    if alone is not None:  # else the effect was only fitted beside another one
+        found |= _alone(judge, alone[1], gap)
     if in_verdict:
         measured = told.shrink(name)
         found["shapley_share"] = told.shapley()[name]
@@ -79,12 +79,9 @@ def effect_entry(
     return found
 
 
-def _alone(judge: Judge, before: FloatArray, first: Trial, gap: Gap) -> dict[str, Any]:
-    """What it does by itself; on cells that were left out, if it was worth that. before: features as the search began,
-    whose frames were aligned without it: what it takes of their gap it takes of the one that is told.
-    """
-    features = first.held_features if first.held_features is not None else first.features
-    alone = shrink_by(judge.sessions, before, features, judge.layout)
+def _alone(judge: Judge, features: FloatArray, gap: Gap) -> dict[str, Any]:
+    """What an effect does by itself. features: with it, f64[C, F, n]."""
+    alone = shrink_by(judge.sessions, judge.state.mean, features, judge.layout)
     after = gap.gap.value * (1.0 - alone.value)
     return {"gap_after_alone": after, "shrink_alone": alone.value, "shrink_alone_ci95": alone.ci95}
 

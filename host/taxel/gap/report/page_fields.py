@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 
 from taxel.gap.features import Layout, SessionMeans
-from taxel.gap.metric import LEAST_MARGIN_COUNTS, MARGIN_FLOORS, terms
+from taxel.gap.metric import terms
 from taxel.gap.pair import Pair
-from taxel.gap.verdict import Verdict
 from taxel.types import FloatArray
 
 
 def page_fields(
-    pair: Pair, layout: Layout, real: SessionMeans, before: FloatArray, after: FloatArray, verdict: Verdict
+    pair: Pair, layout: Layout, real: SessionMeans, before: FloatArray, after: FloatArray
 ) -> dict[str, Any]:
     """The fields by name: taxels and boards, excess of each taxel, numbers of grasps, gap by object and by board.
 
@@ -63,10 +62,4 @@ def page_fields(
             for k, address in enumerate(pair.sensors.address.tolist())
         ],
         "losses": list(pair.losses),
-        "margin": {
-            "excess_counts2": verdict.margin,
-            "words": "there is no gap if the upper bound of the excess is below this margin: "
-            f"{MARGIN_FLOORS:g} times the sum of the squared floors of hand and simulator, but at least "
-            f"{LEAST_MARGIN_COUNTS**2:g} counts²",
-        },
     }

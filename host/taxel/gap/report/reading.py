@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from taxel.gap import catalogue
 from taxel.gap.catalogue import DROPOUT
+from taxel.gap.comparison.calibration import UNKNOWN
 from taxel.gap.effects.dropout import Dropout, Dropped, Short
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect, Parameter
 from taxel.gap.errors import GapInputError
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.model import NOISE_PARTS
 from taxel.gap.report.report_values import REMEDY, Interval, ReportValue
-from taxel.gap.verdict import UNKNOWN
 from taxel.hand.errors import format_path, format_value
 from taxel.types import FloatArray
 

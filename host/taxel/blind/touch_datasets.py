@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from measured_touches import N_TAXELS, ROW_OF_TAXEL, Repeat
 
+from taxel.blind.measured_touches import N_TAXELS, ROW_OF_TAXEL, Repeat
 from taxel.recording import (
     DatasetHeader,
     GraspDatasetWriter,

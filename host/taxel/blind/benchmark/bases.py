@@ -1,0 +1,86 @@
+"""Pairs of datasets without a cause, into which causes are injected. A pair is made once and serves several worlds."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import numpy as np
+
+from taxel.blind.catalogue_causes import sample_nuisance_lines
+from taxel.blind.grasp_world import make_small_plans
+from taxel.blind.hidden import HiddenCauses
+from taxel.blind.measured_touches import Frames, Repeat, list_touches, split_halves, split_repeats
+from taxel.blind.sampling import sample_campaign_size
+from taxel.blind.touch_datasets import write_dataset
+from taxel.blind.world import World
+from taxel.blind.world_datasets import UndescribedSettings, make_world
+from taxel.campaign.emulated import run_emulated
+from taxel.campaign.simulated import SimSettings, run_simulated
+from taxel.recording import list_recordings, load_recording
+
+INDENTATION, GRASP, TOUCH = "indentation", "grasp", "touch"
+
+APPROACHES: Final = (2, 3)
+SESSIONS: Final = (3, 5)
+"""Smallest and largest number of approaches of an object, and of sessions, of a base of grasps."""
+
+TOUCHES: Final = (16, 32)
+REPEATS: Final = 8
+"""Smallest and largest number of touches of a measured base; repeats, half of which are the other side."""
+
+
+@dataclass(frozen=True)
+class BasePair:
+    """A pair without a cause. kind: "indentation" or "grasp" (emulated skin and simulator), "touch" (two halves of the
+    repeats of measured touches). seed: of everything random.
+    """
+
+    kind: str
+    seed: int
+
+    def provide(self, folder: Path) -> tuple[Path, Path]:
+        """The two datasets, real and simulated; they are made unless the folder contains them. Raises TaxelError."""
+        own = folder / f"{self.kind}-{self.seed}"
+        if not own.exists():
+            folder.mkdir(parents=True, exist_ok=True)
+            with TemporaryDirectory(prefix=f".{own.name}-", dir=folder) as name:
+                part = Path(name) / "pair"
+                part.mkdir()
+                self._make(part / "real.h5", part / "sim.h5")
+                try:
+                    os.rename(part, own)
+                except OSError:  # another process has made it in the meantime
+                    shutil.rmtree(part)
+        return own / "real.h5", own / "sim.h5"
+
+    def _make(self, real: Path, sim: Path) -> None:
+        rng = np.random.default_rng([self.seed, len(self.kind)])
+        if self.kind == TOUCH:
+            first, second = _sample_touches(rng)
+            write_dataset(real, first, "corrected")
+            write_dataset(sim, second, "corrected")
+            return
+        nuisances = sample_nuisance_lines(rng)
+        if self.kind == INDENTATION:
+            hidden = HiddenCauses("none", (), nuisances)
+            make_world(World(0, "rig4", self.seed, hidden, "", size=sample_campaign_size(rng)), real, sim)
+            return
+        approaches, sessions = (int(rng.integers(low, high + 1)) for low, high in (APPROACHES, SESSIONS))
+        grasps, simulated = make_small_plans(self.seed, approaches, sessions)
+        run_emulated(real, grasps, UndescribedSettings(seed=self.seed, effects=nuisances), jobs=1)
+        run_simulated(sim, simulated, SimSettings(seed=self.seed + 1), jobs=1)
+
+
+def _sample_touches(rng: np.random.Generator) -> tuple[list[Repeat], list[Repeat]]:
+    """Both halves of the repeats of some measured touches of a touch panel."""
+    touches = [
+        touch for name in list_recordings() for touch in list_touches(Frames.from_recording(load_recording(name)))
+    ]
+    repeats = [split for touch in touches if (split := split_repeats(touch, REPEATS, rng))]
+    chosen = rng.permutation(len(repeats))[: int(rng.integers(TOUCHES[0], TOUCHES[1] + 1))].tolist()
+    return split_halves([repeat for index in sorted(chosen) for repeat in repeats[index]])

@@ -1,0 +1,56 @@
+"""Functional forms of injected causes. A form samples its parameters for a world and returns the injection."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from taxel.blind.hidden import UNKNOWN
+from taxel.blind.injection import coupling_forms, outside_forms, taxel_forms, time_forms
+from taxel.blind.injection.skin_counts import Injection, SkinTable
+
+Sampler = Callable[[SkinTable, np.random.Generator], Injection]
+
+
+@dataclass(frozen=True)
+class InjectedForm:
+    """A form of a cause. name: effect of the catalogue, or "unknown". needs_separation: of the simulator."""
+
+    name: str
+    form: str
+    sample: Sampler
+    needs_separation: bool = False
+
+
+INJECTED_FORMS: Final = (
+    InjectedForm("contact_propagation", "gaussian", coupling_forms.sample_gaussian_spread),
+    InjectedForm("contact_propagation", "lorentzian", coupling_forms.sample_lorentzian_spread),
+    InjectedForm("electrode_crosstalk", "ladder", coupling_forms.sample_ladder),
+    InjectedForm("electrode_crosstalk", "root sum of squares", coupling_forms.sample_root_sum),
+    InjectedForm("noise", "heavy tails", time_forms.sample_heavy_noise),
+    InjectedForm("noise", "bursts", time_forms.sample_bursts),
+    InjectedForm("gain_mismatch", "gradient", taxel_forms.sample_gradient),
+    InjectedForm("gain_mismatch", "uniform", taxel_forms.sample_uniform_gain),
+    InjectedForm("stiffness", "power law", taxel_forms.sample_power_law),
+    InjectedForm("baseline_drift", "ramp", time_forms.sample_ramp),
+    InjectedForm("baseline_drift", "random walk", time_forms.sample_walk),
+    InjectedForm("hysteresis", "backlash", time_forms.sample_backlash),
+    InjectedForm("hysteresis", "three times", time_forms.sample_creep),
+    InjectedForm("saturation", "hyperbolic tangent", taxel_forms.sample_tanh),
+    InjectedForm("saturation", "logarithm", taxel_forms.sample_logarithm),
+    InjectedForm("proximity", "gaussian", taxel_forms.sample_near_field, needs_separation=True),
+    InjectedForm("dropout", "cracked line", taxel_forms.sample_cracked_line),
+    InjectedForm("dropout", "dead strip", taxel_forms.sample_dead_strip),
+    InjectedForm("latency", "jitter", time_forms.sample_jitter),
+    InjectedForm("latency", "two poles", time_forms.sample_two_poles),
+    InjectedForm(UNKNOWN, "dead zone", outside_forms.sample_dead_zone),
+    InjectedForm(UNKNOWN, "common mode removed", outside_forms.sample_common_mode),
+    InjectedForm(UNKNOWN, "interference", outside_forms.sample_interference),
+    InjectedForm(UNKNOWN, "automatic gain", outside_forms.sample_automatic_gain),
+    InjectedForm(UNKNOWN, "mirrored board", outside_forms.sample_mirrored_board),
+    InjectedForm(UNKNOWN, "sharpening", outside_forms.sample_sharpening),
+)
+"""All forms; none of them is a form of the emulator or of the catalogue."""

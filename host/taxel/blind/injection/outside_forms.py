@@ -1,0 +1,72 @@
+"""Injected causes outside the catalogue."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxel.blind.injection.skin_counts import GraspSignal, Injection, SkinTable
+from taxel.types import FloatArray
+
+
+def sample_dead_zone(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a dead zone: signals below a limit are lost, larger ones are smaller by this limit."""
+    counts = rng.uniform(100.0, 250.0)
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        limit = strength * counts
+        return np.sign(grasp.signal) * np.maximum(np.abs(grasp.signal) - limit, 0.0)
+
+    return inject
+
+
+def sample_common_mode(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a host that subtracts a share of the mean signal of a board from its taxels."""
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        result = grasp.signal.copy()
+        for board in skin.boards:
+            result[:, board] -= min(strength, 3.0) * grasp.signal[:, board].mean(axis=1, keepdims=True)
+        return result
+
+    return inject
+
+
+def sample_interference(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample an interference that is synchronous with the start of a grasp: a wave over the taxels."""
+    hertz, phase = rng.uniform(0.2, 1.0), rng.uniform(0.0, 2.0 * np.pi, skin.n)
+    return lambda grasp, strength: (
+        grasp.signal + 60.0 * strength * np.sin(2.0 * np.pi * hertz * (grasp.time_s - grasp.time_s[0])[:, None] + phase)
+    )
+
+
+def sample_automatic_gain(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample an automatic gain: the more signal a board has, the smaller is its gain."""
+    level = rng.uniform(4000.0, 12000.0)
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        result = grasp.signal.copy()
+        for board in skin.boards:
+            total = np.maximum(grasp.signal[:, board], 0.0).sum(axis=1, keepdims=True)
+            result[:, board] /= 1.0 + strength * total / level
+        return result
+
+    return inject
+
+
+def sample_mirrored_board(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a board whose taxels are in the wrong order. The strength mixes both orders."""
+    board = skin.boards[int(rng.integers(len(skin.boards)))]
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        share, result = min(strength, 1.0), grasp.signal.copy()
+        result[:, board] = (1.0 - share) * grasp.signal[:, board] + share * grasp.signal[:, board[::-1]]
+        return result
+
+    return inject
+
+
+def sample_sharpening(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a filter that subtracts a share of the mean of the neighbours, as an image filter that sharpens does."""
+    kernel = (skin.distance < rng.uniform(0.006, 0.012)).astype(np.float64)
+    kernel /= np.maximum(kernel.sum(axis=0), 1.0)
+    return lambda grasp, strength: grasp.signal - min(strength, 1.5) * 0.6 * (grasp.signal @ kernel)

@@ -1,0 +1,105 @@
+"""Injected causes that change the signal of single taxels: gain, law, saturation, proximity, dropout."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taxel.blind.injection.skin_counts import GraspSignal, Injection, SkinTable
+from taxel.types import FloatArray
+
+
+def sample_gradient(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a gain that changes linearly across one or two boards, from one edge to the opposite one."""
+    slope = np.zeros(skin.n)
+    for board in _choose_boards(skin, rng, 2):
+        place = skin.position[board] @ rng.normal(size=3)
+        slope[board] = 2.0 * (place - place.min()) / max(np.ptp(place), 1e-9) - rng.uniform(0.0, 1.0)
+    return lambda grasp, strength: grasp.signal * np.exp(0.5 * strength * slope)
+
+
+def sample_uniform_gain(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample gains of all taxels that are distributed uniformly."""
+    deviation = rng.uniform(-0.6, 0.6, skin.n)
+    return lambda grasp, strength: grasp.signal * np.maximum(1.0 + strength * deviation, 0.1)
+
+
+def sample_power_law(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a layer with another stiffness whose compression follows a power of the force."""
+    sign, power = rng.choice([-1.0, 1.0]), rng.uniform(0.9, 1.1)
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        share = np.clip(grasp.signal / skin.full_scale, 0.0, 0.98)
+        force = share / (1.0 - share) * np.exp(sign * 0.6 * strength)
+        softer = force ** (1.0 + (power - 1.0) * min(strength, 2.0))
+        return np.where(grasp.signal > 0.0, skin.full_scale * softer / (1.0 + softer), grasp.signal)
+
+    return inject
+
+
+def sample_tanh(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a saturation by a hyperbolic tangent."""
+    limit = rng.uniform(1000.0, 2500.0)
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        cap = limit / max(strength, 1e-3)
+        return np.asarray(cap * np.tanh(grasp.signal / cap))
+
+    return inject
+
+
+def sample_logarithm(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a saturation by a logarithm."""
+    limit = rng.uniform(1500.0, 4000.0)
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        cap = limit / max(strength, 1e-3)
+        return np.asarray(np.sign(grasp.signal) * cap * np.log1p(np.abs(grasp.signal) / cap))
+
+    return inject
+
+
+def sample_near_field(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a response to an object that is near but does not touch, with a Gaussian dependence on the separation."""
+    reach, counts = rng.uniform(0.001, 0.004), 400.0
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        if grasp.separation is None:
+            return grasp.signal
+        gap = np.maximum(grasp.separation, 0.0)
+        near = np.exp(-((gap / reach) ** 2)) * np.clip(1.0 - grasp.signal / skin.full_scale, 0.0, 1.0)
+        return grasp.signal + strength * counts * near
+
+    return inject
+
+
+def sample_cracked_line(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a line that is broken in its middle: the taxels behind the crack have no signal."""
+    (board,) = _choose_boards(skin, rng, 1)
+    along, index = (skin.tx, skin.rx) if rng.integers(2) else (skin.rx, skin.tx)
+    line = rng.choice(np.unique(along[board]))
+    places = board[along[board] == line]
+    dead = places[index[places] >= np.median(index[places])]
+    return _kill(dead)
+
+
+def sample_dead_strip(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a strip at the edge of a board without signal, such as under a loose connector."""
+    (board,) = _choose_boards(skin, rng, 1)
+    place = skin.position[board] @ rng.normal(size=3)
+    return _kill(board[place <= np.quantile(place, rng.uniform(0.1, 0.35))])
+
+
+def _kill(dead: np.ndarray) -> Injection:
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        result = grasp.signal.copy()
+        if strength > 0.0:
+            result[:, dead] = grasp.rng.normal(0.0, 4.0, (len(result), len(dead)))
+        return result
+
+    return inject
+
+
+def _choose_boards(skin: SkinTable, rng: np.random.Generator, most: int) -> list[np.ndarray]:
+    """Choose one to `most` boards."""
+    count = min(int(rng.integers(1, most + 1)), len(skin.boards))
+    return [skin.boards[index] for index in rng.permutation(len(skin.boards))[:count]]

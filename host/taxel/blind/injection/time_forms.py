@@ -1,0 +1,127 @@
+"""Injected causes that act over time: noise, drift, hysteresis, latency."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import lfilter
+
+from taxel.blind.injection.skin_counts import GraspSignal, Injection, SkinTable
+from taxel.types import FloatArray
+
+
+def sample_heavy_noise(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample white noise with a Student t distribution of three degrees of freedom."""
+    scale = 40.0 * rng.uniform(0.5, 1.5, skin.n)
+    return lambda grasp, strength: grasp.signal + strength * scale * grasp.rng.standard_t(3.0, grasp.signal.shape)
+
+
+def sample_bursts(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample bursts of noise that begin at random and last a few frames, on all taxels of a TX line together."""
+    line = skin.sensor * 256 + skin.tx
+    number = np.unique(line, return_inverse=True)[1]
+    rate, counts = rng.uniform(0.1, 0.4), 120.0
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        frames = len(grasp.signal)
+        active = grasp.rng.random((frames, int(number.max()) + 1)) < rate
+        burst = np.where(active, grasp.rng.normal(0.0, strength * counts, active.shape), 0.0)
+        return np.asarray(grasp.signal + burst[:, number])
+
+    return inject
+
+
+def sample_ramp(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a drift that is linear in time, with a rate of its own for each board."""
+    rate = np.zeros(skin.n)
+    for board in skin.boards:
+        rate[board] = rng.uniform(0.3, 1.0)
+    rate *= rng.choice([-1.0, 1.0])
+    return lambda grasp, strength: grasp.signal + 10.0 * strength * rate * (grasp.time_s - grasp.time_s[0])[:, None]
+
+
+def sample_walk(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a drift of every board that is a random walk."""
+    number = np.unique(skin.sensor, return_inverse=True)[1]
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        step = np.sqrt(np.maximum(np.diff(grasp.time_s, prepend=grasp.time_s[0]), 0.0))
+        walk = np.cumsum(step[:, None] * grasp.rng.normal(0.0, 30.0, (len(step), int(number.max()) + 1)), axis=0)
+        return np.asarray(grasp.signal + strength * walk[:, number])
+
+    return inject
+
+
+def sample_backlash(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a backlash: the signal follows only after a change that exceeds a share of its maximum."""
+    share = rng.uniform(0.15, 0.35)
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        width = min(share * strength, 0.9) * np.maximum(grasp.signal.max(axis=0), 0.0)
+        result = np.empty_like(grasp.signal)
+        state = np.zeros(grasp.signal.shape[1])
+        for frame, value in enumerate(grasp.signal):
+            state = np.clip(state, value - width, value + 0.3 * width)
+            result[frame] = np.where(width > 30.0 * share * strength, state, value)
+        return result
+
+    return inject
+
+
+def sample_creep(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a creep with three time constants, which remains after release."""
+    seconds, weight = np.array([0.15, 1.0, 7.0]), rng.dirichlet(np.ones(3))
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        period = float(np.median(np.diff(grasp.time_s)))
+        late = sum(
+            own * _low_pass(grasp.signal, 1.0 - np.exp(-period / constant))
+            for own, constant in zip(weight, seconds, strict=True)
+        )
+        share = min(0.5 * strength, 0.95)
+        return np.asarray((1.0 - share) * grasp.signal + share * late)
+
+    return inject
+
+
+def sample_jitter(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a delay of one or two boards that differs from grasp to grasp."""
+    chosen = rng.permutation(len(skin.boards))[: int(rng.integers(1, 3))]
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        result = grasp.signal.copy()
+        for index in chosen:
+            delay, board = strength * grasp.rng.uniform(0.1, 0.3), skin.boards[index]
+            result[:, board] = _delay(grasp.signal[:, board], grasp.time_s, delay)
+        return result
+
+    return inject
+
+
+def sample_two_poles(skin: SkinTable, rng: np.random.Generator) -> Injection:
+    """Sample a low-pass filter of second order on one or two boards."""
+    chosen = rng.permutation(len(skin.boards))[: int(rng.integers(1, 3))]
+
+    def inject(grasp: GraspSignal, strength: float) -> FloatArray:
+        period = float(np.median(np.diff(grasp.time_s)))
+        share = 1.0 - np.exp(-period / max(0.12 * strength, 1e-6))
+        result = grasp.signal.copy()
+        for index in chosen:
+            board = skin.boards[index]
+            result[:, board] = _low_pass(_low_pass(grasp.signal[:, board], share), share)
+        return result
+
+    return inject
+
+
+def _low_pass(values: FloatArray, share: float) -> FloatArray:
+    """Filter of first order along the frames. share: of a step that passes in one frame."""
+    return np.asarray(lfilter([share], [1.0, share - 1.0], values, axis=0))
+
+
+def _delay(values: FloatArray, time_s: FloatArray, delay_s: float) -> FloatArray:
+    """Values f64[T, m] of `delay_s` ago, linear between frames."""
+    at = np.interp(time_s - delay_s, time_s, np.arange(len(time_s)))
+    low = np.floor(at).astype(int)
+    high = np.minimum(low + 1, len(time_s) - 1)
+    share = (at - low)[:, None]
+    return np.asarray((1.0 - share) * values[low] + share * values[high])
