@@ -153,13 +153,14 @@ static void the_air_fraction_excludes_the_silicone(void)
 }
 
 static double stuck[CELLS];
-static double point[CELLS][3], due[TAXELS];
+static double point[CELLS][3], due[TAXELS], untouched[TAXELS];
 
 /* State of the friction of the board, without earlier contacts. */
 static struct contact_grip start_grip(void)
 {
     memset(stuck, 0, sizeof stuck);
-    return (struct contact_grip){.coefficient = 0.5, .advances = true, .stuck = stuck, .point = point, .due = due};
+    return (struct contact_grip){
+        .coefficient = 0.5, .advances = true, .stuck = stuck, .point = point, .due = due, .untouched = untouched};
 }
 
 /* Load of the board after a shift along x (metres) from its first contact, in steps of 10 micrometres. */

@@ -78,12 +78,36 @@ static void a_product_equals_its_factors_applied_in_sequence(void)
     }
 }
 
+static void the_rotation_vector_of_a_frame_makes_the_same_frame(void)
+{
+    static const double nothing[3] = {0.0, 0.0, 0.0};
+    struct random_source random;
+    random_init(&random, SEED, 3);
+    for (int n = 0; n < 300; n++) {
+        struct frame frame = random_frame(&random);
+        double vector[3];
+        if (n % 3 == 0) { /* a turn by almost half a revolution */
+            const double half[3] = {n % 9 == 0 ? 3.14159 : 0.001, n % 9 == 3 ? 3.14159 : 0.002,
+                                    n % 9 == 6 ? 3.14159 : 0.0};
+            frame = frame_of_offset(nothing, half);
+        }
+        frame_rotation_vector(&frame, vector);
+        struct frame again = frame_of_offset(nothing, vector);
+        for (int k = 0; k < 3; k++) {
+            again.row[k][3] = frame.row[k][3];
+        }
+        CHECK(max_difference(&frame, &again) < 1e-14);
+        CHECK(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2] < 9.8697);
+    }
+}
+
 int main(void)
 {
     printf("seed %u\n", SEED);
     RUN(a_quarter_turn_about_z_maps_x_to_y);
     RUN(a_zero_offset_is_the_identity);
     RUN(a_frame_times_its_inverse_is_the_identity);
+    RUN(the_rotation_vector_of_a_frame_makes_the_same_frame);
     RUN(a_product_equals_its_factors_applied_in_sequence);
     return check_summary();
 }

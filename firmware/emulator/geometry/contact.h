@@ -30,6 +30,9 @@ struct contact_grip {
     struct frame frame; /* bracket in the object's frame at the last call */
     double travel;      /* bound of the motion of any cell since the first call, metres */
     double *due;        /* [taxels + margins], travel at which a square may touch the object */
+    double skin_travel; /* as `travel`, for the surface of the unloaded layer */
+    double
+        *untouched; /* [taxels + margins], skin travel at which a cell of a square may touch the object; may be NULL */
 };
 
 /* Whether the object is certainly farther from every electrode than `reach` (metres). */

@@ -4,12 +4,7 @@
 
 #include "emulator/physics/layer.h"
 
-/* Smallest cosine between the normals of cell and object at which the object compresses the cell in full. A steeper face
- * counts as inclined by this angle, so that an object that enters a cell from the side compresses the cell gradually. */
-#define STEEPEST 0.5
-#define WALL_STEPS 2 /* of Newton's method to the wall of a cylinder; the error is below a nanometre in a grasp */
-#define STRIPS 3     /* lines across a cell at the points of Gauss's rule of this order */
-#define GAUSS_TWO 0.57735026918962576 /* points of Gauss's rule of order 2, in halves of the interval */
+#define STRIPS 3 /* lines across a cell at the points of Gauss's rule of this order */
 
 static const double strip_place[STRIPS] = {-0.77459666924148338, 0.0, 0.77459666924148338};
 static const double strip_weight[STRIPS] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
@@ -34,7 +29,7 @@ static double dot(const double a[3], const double b[3])
 static void set_face(struct cover_face *face, const struct cover_cell *cell, double level)
 {
     face->slope = -dot(face->normal, cell->normal);
-    face->steep = face->slope > STEEPEST ? face->slope : STEEPEST;
+    face->steep = face->slope > COVER_STEEPEST ? face->slope : COVER_STEEPEST;
     const double inverse = 1.0 / face->steep;
     face->depth = level * inverse;
     face->change[0] = -dot(face->normal, cell->half[0]) * inverse;
@@ -45,7 +40,7 @@ static void set_face(struct cover_face *face, const struct cover_cell *cell, dou
 static void set_wall(struct cover_face *face, const struct shape *shape, const struct cover_cell *cell)
 {
     double depth = 0.0;
-    for (int step = 0; step <= WALL_STEPS; step++) {
+    for (int step = 0; step <= COVER_WALL_STEPS; step++) {
         const double x = cell->top[0] - depth * cell->normal[0], y = cell->top[1] - depth * cell->normal[1];
         const double radius = sqrt(x * x + y * y);
         face->normal[0] = radius > 0.0 ? x / radius : 1.0;
@@ -53,7 +48,7 @@ static void set_wall(struct cover_face *face, const struct shape *shape, const s
         face->normal[2] = 0.0;
         set_face(face, cell, shape->radius - radius);
         face->depth += depth;
-        if (face->slope < STEEPEST) {
+        if (face->slope < COVER_STEEPEST) {
             return; /* the wall is too steep for its intersection with the line to matter */
         }
         depth = face->depth > 0.0 ? face->depth : 0.0;
@@ -138,7 +133,7 @@ static void add_piece(struct cover_load *load, int direction, double from, doubl
     const double middle = 0.5 * (from + to), half = 0.5 * (to - from), share = weight * half;
     load->share += share;
     for (int side = -1; side <= 1; side += 2) {
-        const double at = middle + side * GAUSS_TWO * half;
+        const double at = middle + side * COVER_GAUSS_TWO * half;
         double rate;
         const double depth = face->depth + face->change[direction] * at + face->change[!direction] * place;
         const double pressure = layer_contact_curve(depth, &rate);
@@ -196,7 +191,7 @@ static void press_whole(struct cover_load *load)
 {
     const double *change = load->face.change;
     const double steepest = sqrt(change[0] * change[0] + change[1] * change[1]);
-    const double scale = steepest > 0.0 ? GAUSS_TWO / steepest : 0.0, step = GAUSS_TWO * steepest;
+    const double scale = steepest > 0.0 ? COVER_GAUSS_TWO / steepest : 0.0, step = COVER_GAUSS_TWO * steepest;
     double rate[2];
     const double above = layer_contact_curve(load->face.depth - step, &rate[0]);
     const double below = layer_contact_curve(load->face.depth + step, &rate[1]);
@@ -262,20 +257,47 @@ static void reduce_margins(const double *n, const struct cover_square *square, d
     }
 }
 
-/* Write for each cell of a square whether the object may touch it. All cells at a cylinder may. */
-void cover_find_touched(const struct shape *shape, const struct cover_planes *planes, const struct cover_square *square,
-                        bool touched[SHAPE_LINES])
+/* Reduce the same margins by the tangent planes of the wall of a cylinder. A cell of which the top lies inside the wall
+ * may touch the wall. The tangent plane turns when the cell moves along the wall, so that the distance of the cell from
+ * the plane decreases by more than the motion: a negative margin is divided by the largest ratio. */
+static void reduce_wall_margins(const struct shape *shape, const struct cover_square *square,
+                                double margin[SHAPE_LINES])
 {
-    double margin[SHAPE_LINES];
+    const double (*a)[SHAPE_LINES] = square->half[0], (*b)[SHAPE_LINES] = square->half[1];
+    for (int i = 0; i < SHAPE_LINES; i++) {
+        const double x = square->top[0][i], y = square->top[1][i], radius = sqrt(x * x + y * y);
+        const double inverse = 1.0 / (radius > 0.0 ? radius : 1.0), level = shape->radius - radius;
+        const double along = (x * a[0][i] + y * a[1][i]) * inverse, across = (x * b[0][i] + y * b[1][i]) * inverse;
+        const double extent = fabs(a[0][i]) + fabs(a[1][i]) + fabs(b[0][i]) + fabs(b[1][i]);
+        const double covered = level < 0.0 ? level + fabs(along) + fabs(across) : INFINITY;
+        const double reduced = covered < 0.0 ? covered * shape->radius / (shape->radius + extent) : covered;
+        margin[i] = reduced < margin[i] ? reduced : margin[i];
+    }
+}
+
+/* Write for each cell of a square whether the object may touch it. Returns the distance of the nearest cell from the
+ * object along the normal of a face, or 0 if a cell may touch. */
+double cover_find_touched(const struct shape *shape, const struct cover_planes *planes,
+                          const struct cover_square *square, bool touched[SHAPE_LINES])
+{
+    double margin[SHAPE_LINES], greatest = -INFINITY;
     for (int i = 0; i < SHAPE_LINES; i++) {
         margin[i] = INFINITY;
     }
     for (size_t plane = 0; shape->kind == SHAPE_CONVEX && plane < planes->count; plane++) {
         reduce_margins(shape->planes[planes->index[plane]], square, margin);
     }
+    if (shape->kind == SHAPE_CYLINDER) {
+        const double caps[2][4] = {{0.0, 0.0, -1.0, 0.0}, {0.0, 0.0, 1.0, shape->height}};
+        reduce_wall_margins(shape, square, margin);
+        reduce_margins(caps[0], square, margin);
+        reduce_margins(caps[1], square, margin);
+    }
     for (int i = 0; i < SHAPE_LINES; i++) {
         touched[i] = margin[i] > 0.0;
+        greatest = greater(greatest, margin[i]);
     }
+    return greater(-greatest, 0.0);
 }
 
 /* Compute the loads of the faces on a cell. Returns their number, 0 if the object does not touch the cell. */

@@ -7,6 +7,11 @@
 
 #include "emulator/geometry/shape.h"
 
+/* Smallest cosine between the normals of cell and object at which the object compresses the cell in full. A steeper face
+ * counts as inclined by this angle, so that an object that enters a cell from the side compresses the cell gradually. */
+#define COVER_STEEPEST 0.5
+#define COVER_WALL_STEPS 2 /* of Newton's method to the wall of a cylinder; the error is below a nanometre in a grasp */
+#define COVER_GAUSS_TWO 0.57735026918962576 /* points of Gauss's rule of order 2, in halves of the interval */
 #define COVER_FACES_MAX 64 /* an indenter with a finely divided round surface has tens of faces over one cell */
 
 /* Cell in the object's frame: middle of the surface of the unloaded layer, outward normal, half sides (metres). */
@@ -47,9 +52,10 @@ struct cover_load {
 void cover_find_planes(const struct shape *shape, const double middle[3], double radius, double deepest,
                        struct cover_planes *planes);
 
-/* Write for each cell of a square whether the object may touch it: no face lies outside of the whole cell. */
-void cover_find_touched(const struct shape *shape, const struct cover_planes *planes, const struct cover_square *square,
-                        bool touched[SHAPE_LINES]);
+/* Write for each cell of a square whether the object may touch it: no face lies outside of the whole cell. Returns a lower
+ * bound of the distance (metres) of all cells from the object; 0 if a cell may touch it. */
+double cover_find_touched(const struct shape *shape, const struct cover_planes *planes,
+                          const struct cover_square *square, bool touched[SHAPE_LINES]);
 
 /* Compute the loads of the faces on a cell. Returns their number, 0 if the object does not touch the cell. */
 size_t cover_press(const struct shape *shape, const struct cover_planes *planes, const struct cover_cell *cell,

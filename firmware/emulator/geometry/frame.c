@@ -76,3 +76,33 @@ struct frame frame_of_offset(const double translation[3], const double rotation_
     }
     return frame;
 }
+
+/* Rotation vector of a frame, of length 0 to pi: inverse of frame_of_offset(). From the quaternion whose largest component
+ * is computed first, which is free of cancellation (Shepperd 1978). */
+void frame_rotation_vector(const struct frame *frame, double rotation_vector[3])
+{
+    const double (*m)[4] = frame->row;
+    const double trace = m[0][0] + m[1][1] + m[2][2];
+    double q[4] = {1.0 + trace, m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]}; /* w x y z, any length */
+    int largest = 0;
+    double diagonal = trace;
+    for (int k = 0; k < 3; k++) {
+        if (m[k][k] > diagonal) {
+            diagonal = m[k][k];
+            largest = k + 1;
+        }
+    }
+    if (largest > 0) {
+        const int i = largest - 1, j = largest % 3, k = (largest + 1) % 3;
+        q[0] = m[k][j] - m[j][k];
+        q[1 + i] = 1.0 + 2.0 * m[i][i] - trace;
+        q[1 + j] = m[i][j] + m[j][i];
+        q[1 + k] = m[i][k] + m[k][i];
+    }
+    const double sign = q[0] < 0.0 ? -1.0 : 1.0;
+    const double sine = sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    const double scale = sine > 0.0 ? 2.0 * atan2(sine, sign * q[0]) / sine * sign : 0.0;
+    for (int k = 0; k < 3; k++) {
+        rotation_vector[k] = scale * q[1 + k];
+    }
+}

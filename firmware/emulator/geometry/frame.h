@@ -11,6 +11,7 @@ extern const struct frame frame_identity;
 struct frame frame_product(const struct frame *a, const struct frame *b);
 struct frame frame_inverse(const struct frame *a);
 struct frame frame_of_offset(const double translation[3], const double rotation_vector[3]);
+void frame_rotation_vector(const struct frame *frame, double rotation_vector[3]);
 void frame_point(const struct frame *frame, const double in[3], double out[3]);
 void frame_direction(const struct frame *frame, const double in[3], double out[3]);
 

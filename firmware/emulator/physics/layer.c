@@ -309,6 +309,15 @@ double layer_contact_curve(double compression_m, double *rate)
     return compression_m <= 0.0 ? 0.0 : evaluate_contact_pressure(compression_m, rate);
 }
 
+/* The pressures in pascal between layer and object at `count` compressions of the layer in metres, and their derivatives
+ * in pascal per metre. */
+void layer_contact_curves(const double *compression_m, size_t count, double *pressure, double *rate)
+{
+    for (size_t i = 0; i < count; i++) {
+        pressure[i] = layer_contact_curve(compression_m[i], &rate[i]);
+    }
+}
+
 /* The pressure in pascal between layer and object at a compression of the layer in metres; 0 without
  * compression. */
 double layer_contact_pressure(double compression_m)

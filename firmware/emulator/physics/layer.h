@@ -8,6 +8,8 @@
 #ifndef EMULATOR_PHYSICS_LAYER_H
 #define EMULATOR_PHYSICS_LAYER_H
 
+#include <stddef.h>
+
 #define LAYER_PILLAR_HEIGHT_M 0.0008 /* thesis, section 3.2 */
 /* sheet below the pillars; the whole layer is near 1 mm under 50 N (thesis, 4.2.1) */
 #define LAYER_SHEET_HEIGHT_M 0.0012
@@ -46,6 +48,9 @@ double layer_contact_stiffness(double compression_m);
 
 /* Both at once: returns the pressure (Pa) and writes the derivative *rate (Pa/m); 0 without compression. */
 double layer_contact_curve(double compression_m, double *rate);
+
+/* The same at `count` compressions. */
+void layer_contact_curves(const double *compression_m, size_t count, double *pressure, double *rate);
 
 /* Inverse of layer_contact_pressure(): indentation (m) at a pressure (Pa). */
 double layer_contact_compression(double pressure_pa);

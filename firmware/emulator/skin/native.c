@@ -30,6 +30,7 @@ static void free_grips(struct taxel_contact *contact)
         free(contact->grips[i].stuck);
         free(contact->grips[i].point);
         free(contact->grips[i].due);
+        free(contact->grips[i].untouched);
     }
     free(contact->grips);
     contact->grips = NULL;
@@ -107,7 +108,9 @@ int taxel_contact_set_friction(struct taxel_contact *contact, double coefficient
         contact->grips[i].stuck = calloc(cells, sizeof *contact->grips[i].stuck);
         contact->grips[i].point = calloc(cells, sizeof *contact->grips[i].point);
         contact->grips[i].due = calloc(patch->taxel_count + patch->margin_count, sizeof *contact->grips[i].due);
-        if (!contact->grips[i].stuck || !contact->grips[i].point || !contact->grips[i].due) {
+        contact->grips[i].untouched = calloc(patch->taxel_count + patch->margin_count, sizeof(double));
+        if (!contact->grips[i].stuck || !contact->grips[i].point || !contact->grips[i].due ||
+            !contact->grips[i].untouched) {
             free_grips(contact);
         }
     }

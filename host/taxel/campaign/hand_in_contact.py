@@ -1,22 +1,26 @@
 """Joint dynamics of the emulated hand during a grasp: motor torques, contact of the emulated skin, free object.
 
-Joints and object are integrated together: M x'' + B x' = torque + contact(x), with diagonal M and B of the joints. Each
-step is linearly implicit (Rosenbrock-Euler): with the stiffness K of all contacts at the start of the step,
-(M / dt + B + dt K) v' = M v / dt + torque + contact. The step is stable for any stiffness of the layer.
+The equations of motion and their integration are in firmware/emulator/dynamics/hand_dynamics.c.
 """
 
+import ctypes
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.campaign.free_object import FreeObject
-from taxel.emulated.contact import ContactLoad, SkinContact
+from taxel.emulated.contact import SkinContact
+from taxel.emulated.dynamics import (
+    JOINT_VALUES,
+    HandStruct,
+    load_dynamics_library,
+    load_size_limits,
+    view_frame,
+)
 from taxel.grasp.objects import SKIN_FRICTION
 from taxel.hand import Hand
-from taxel.hand.kinematics import Kinematics
 from taxel.hand.robot import Robot
-from taxel.hand.transforms import cross
 from taxel.types import FloatArray
 
 JOINT_INERTIA_KG_M2: Final = 1.5e-3
@@ -35,7 +39,6 @@ STEP_MOTION_M: Final = 0.2e-3
 MIN_SUBSTEP_S: Final = 0.3e-3
 BOARD_RADIUS_M: Final = 0.03
 """Distance from a bracket's origin within which its rotation counts in the choice of the time step (chosen)."""
-OBJECT_DOF: Final = 6
 
 
 class HandInContact:
@@ -56,41 +59,65 @@ class HandInContact:
         wrist_pose: FloatArray,
         angles: FloatArray,
     ) -> None:
-        """Create the dynamics of a hand at rest; arguments as for the class. Earlier contacts are forgotten."""
-        self._kinematics = Kinematics(robot, hand)
-        self._contact, self._index, self._item = contact, object_index, item
-        self._wrist, self._wrist_before = wrist_pose, wrist_pose
-        self._joints = len(robot.joint_names)
-        self._lower, self._upper = robot.lower, robot.upper
-        self._offsets = np.stack([contact.get_bracket_offset(board) for board in range(contact.board_count)])
-        self._axes = _Axes(robot, hand)
-        self._angles = np.asarray(angles, dtype=np.float64).copy()
-        self._rest_angles = self._angles.copy()  # where the springs of the dry friction are unloaded
-        self._velocity = np.zeros(self._joints + OBJECT_DOF)
-        self.touched_count = 0
+        """Create the dynamics of a hand at rest; arguments as for the class. Earlier contacts are forgotten.
+
+        Raises ValueError for a hand that is too large for the C library.
+        """
+        self._library, self._contact, self._item = load_dynamics_library(), contact, item
+        self._tree = _TreeArrays(robot, hand, contact)
+        self._joints = np.zeros((len(robot.joint_names), JOINT_VALUES))
+        self._joints[:, 0], self._joints[:, 1] = robot.lower, robot.upper
+        self._joints[:, 2] = self._joints[:, 4] = angles  # the springs of the dry friction are unloaded
+        self._struct = HandStruct(
+            joint_inertia_kg_m2=JOINT_INERTIA_KG_M2,
+            joint_damping_nm_s=JOINT_DAMPING_NM_S,
+            joint_friction_nm=JOINT_FRICTION_NM,
+            joint_breakaway_rad=JOINT_BREAKAWAY_RAD,
+            joint_stop_nm_per_rad=JOINT_STOP_NM_PER_RAD,
+            joint_stop_nm_s_per_rad=JOINT_STOP_NM_S_PER_RAD,
+            longest_s=SUBSTEP_S,
+            shortest_s=MIN_SUBSTEP_S,
+            motion_m=STEP_MOTION_M,
+            board_radius_m=BOARD_RADIUS_M,
+            object_index=object_index,
+            object=ctypes.pointer(item.struct),
+            joints=self._joints.ctypes.data,
+        )
+        self._tree.fill(self._struct)
+        view_frame(self._struct.wrist)[:] = view_frame(self._struct.wrist_before)[:] = wrist_pose[:3]
         contact.set_friction(SKIN_FRICTION)
+
+    @property
+    def touched_count(self) -> int:
+        """Number of boards in contact in the last time step."""
+        return int(self._struct.touched_count)
 
     @property
     def angles(self) -> FloatArray:
         """Joint angles, radians, f64[j]."""
-        return self._angles.copy()
+        return self._joints[:, 2].copy()
 
     @property
     def velocities(self) -> FloatArray:
         """Joint speeds, radians per second, f64[j]."""
-        return self._velocity[: self._joints].copy()
+        return self._joints[:, 3].copy()
 
     def object_pose(self) -> FloatArray:
         """Pose f64[4, 4] of the object in the world."""
-        return self._item.pose.copy()
+        return self._item.pose
 
     def bracket_poses(self) -> FloatArray:
         """Return the nominal poses f64[s, 4, 4] of the brackets of the boards, without their mounting offsets."""
-        return np.asarray(self._wrist @ self._kinematics.compute_sensor_poses(self._angles))
+        rows = np.empty((self._tree.board_count, 3, 4))
+        self._library.taxel_dynamics_brackets(ctypes.byref(self._struct), rows.ctypes.data)
+        poses = np.zeros((self._tree.board_count, 4, 4))
+        poses[:, :3], poses[:, 3, 3] = rows, 1.0
+        return poses
 
     def hold_wrist(self, pose: FloatArray) -> None:
         """Set the pose of the wrist, f64[4, 4], in world coordinates; it moves there during the next step."""
-        self._wrist_before, self._wrist = self._wrist, pose
+        self._struct.wrist_before = self._struct.wrist
+        view_frame(self._struct.wrist)[:] = pose[:3]
 
     def steady_object(self, firmness: float) -> None:
         """Set how firmly the experimenter steadies the object, 0 to 1."""
@@ -99,141 +126,61 @@ class HandInContact:
     def step(self, torque_nm: FloatArray, dt_s: float) -> FloatArray:
         """Integrate the motion of hand and object over `dt_s` seconds; return the joint angles f64[j], radians.
 
-        torque_nm: motor torques f64[j]. The wrist moves from its previous to its present pose at constant speed.
+        torque_nm: motor torques f64[j]. The wrist moves from its previous to its present pose at constant speed. Raises
+        ValueError for torques of another shape, and for a closed contact.
         """
-        end, elapsed = self._wrist, 0.0
-        shift = (end[:3, 3] - self._wrist_before[:3, 3]) / dt_s
-        while elapsed < dt_s - 1e-9:
-            self._wrist = end.copy()
-            self._wrist[:3, 3] -= shift * (dt_s - elapsed)
-            elapsed += self._substep(torque_nm, dt_s - elapsed, shift)
-        self._wrist = self._wrist_before = end
+        torque = np.ascontiguousarray(torque_nm, dtype=np.float64)
+        if torque.shape != (len(self._joints),):
+            raise ValueError(f"expected torques of {len(self._joints)} joints, found shape {torque.shape}")
+        self._struct.contact = self._contact.get_handle(self._struct.object_index)
+        self._library.taxel_dynamics_step(ctypes.byref(self._struct), torque.ctypes.data, dt_s)
         return self.angles
 
-    def _substep(self, torque_nm: FloatArray, longest: float, wrist_speed: FloatArray) -> float:
-        """Integrate over one implicit Euler step with the contact forces of the skin; return its duration, seconds.
 
-        The new velocity v solves (mass / dt + damping + dt stiffness) v = mass v_old / dt + force. torque_nm: motor
-        torques f64[j]. longest: longest duration. wrist_speed: f64[3], m/s, world.
+class _TreeArrays:
+    """Links, joints and boards of a hand in the memory layout of the C library."""
+
+    def __init__(self, robot: Robot, hand: Hand, contact: SkinContact) -> None:
+        """Collect parents, joints and poses of the links, and the boards with their brackets.
+
+        Raises ValueError for a hand that is too large for the C library, or whose boards are not those of the contact.
         """
-        joints = self._joints
-        links = self._wrist @ self._kinematics.compute_link_poses(self._angles)
-        brackets = links[self._axes.board_links] @ self._axes.bracket_poses
-        load = self._contact.compute_load(self._index, self._item.pose, brackets, advance=True)
-        self.touched_count = load.touched_board_count
-        true = brackets @ self._offsets
-        jacobian = self._jacobian(links, true)
-        dt = self._choose_duration(load, jacobian, true, longest, wrist_speed)
-        weight, support = self._item.compute_support()
-        steadying, rate, damping = self._item.compute_steadying()
-        friction, friction_rate = self._resist_joints()
-        force = np.concatenate([torque_nm + friction, weight + steadying])
-        mass, system = np.zeros((2, joints + OBJECT_DOF, joints + OBJECT_DOF))
-        mass[:joints, :joints] = JOINT_INERTIA_KG_M2 * np.eye(joints)
-        mass[joints:, joints:] = self._item.compute_mass_matrix()
-        system[:joints, :joints] = np.diag(JOINT_DAMPING_NM_S + dt * friction_rate)
-        system[joints:, joints:] = dt * support + np.diag(dt * rate + damping)
-        loaded = np.flatnonzero(load.wrench.any(axis=1))
-        if len(loaded):
-            flat = jacobian[loaded].reshape(-1, joints + OBJECT_DOF)
-            force += load.wrench[loaded].ravel() @ flat
-            system += dt * flat.T @ (load.stiffness[loaded] @ jacobian[loaded]).reshape(flat.shape)
-            self._add_wrist_motion(load, true, loaded, flat, dt * wrist_speed, force)
-        system += mass / dt
-        self._velocity = np.linalg.solve(system, mass @ self._velocity / dt + force)
-        self._angles += dt * self._velocity[:joints]
-        self._item.move(self._velocity[joints:], dt)
-        return dt
+        self.board_count = contact.board_count
+        self.link_count, self.joint_count = len(robot.link_names), len(robot.joint_names)
+        counts = self.link_count, self.joint_count, self.board_count
+        if any(count > limit for count, limit in zip(counts, load_size_limits(), strict=True)):
+            raise ValueError(
+                f"hand {hand.name}: expected at most {load_size_limits()} links, joints and boards, found {counts}"
+            )
+        is_revolute = [joint.axis is not None for joint in robot.joints]
+        numbers = np.where(is_revolute, np.cumsum(is_revolute) - 1, -1)
+        self._parent = _to_indices([0, *(robot.get_link_index(joint.parent) for joint in robot.joints)])
+        self._joint = _to_indices([-1, *numbers.tolist()])
+        self._origin = _to_frames(np.stack([np.eye(4), *(joint.origin for joint in robot.joints)]))
+        self._axis = np.stack([joint.axis for joint in robot.joints if joint.axis is not None])
+        links = [board.link_name for board in hand.boards if board.link_name is not None]
+        poses = [board.pose for board in hand.boards if board.pose is not None]
+        if len(links) != self.board_count or len(poses) != self.board_count:
+            raise ValueError(f"hand {hand.name}: expected {self.board_count} boards with a link and a pose")
+        self._board_link = _to_indices([robot.get_link_index(link) for link in links])
+        self._bracket = _to_frames(np.stack(poses))
+        self._mounting = _to_frames(np.stack([contact.get_bracket_offset(i) for i in range(self.board_count)]))
 
-    def _add_wrist_motion(
-        self,
-        load: ContactLoad,
-        true: FloatArray,
-        loaded: NDArray[np.intp],
-        flat: FloatArray,
-        shift: FloatArray,
-        force: FloatArray,
-    ) -> None:
-        """Add the change of the contact forces by the motion of the wrist in this time step to `force`, in place.
-
-        true: actual poses of the brackets. loaded: boards in contact. flat: their Jacobian. shift: f64[3], metres.
-        """
-        motion = np.zeros((len(loaded), 6))
-        motion[:, :3] = np.einsum("sji,j->si", true[loaded, :3, :3], shift)
-        force -= np.einsum("sij,sj->si", load.stiffness[loaded], motion).ravel() @ flat
-
-    def _choose_duration(
-        self, load: ContactLoad, jacobian: FloatArray, true: FloatArray, longest: float, wrist_speed: FloatArray
-    ) -> float:
-        """Choose the duration of the next time step, so that no board near the object moves too far.
-
-        load: of the contact. jacobian, true: of all brackets. longest: remaining time, seconds.
-        """
-        motion = jacobian @ self._velocity
-        separates = np.einsum("si,si->s", load.wrench, motion) > 0.0
-        motion[:, :3] += np.einsum("sji,j->si", true[:, :3, :3], wrist_speed)
-        speed = np.linalg.norm(motion[:, :3], axis=1) + BOARD_RADIUS_M * np.linalg.norm(motion[:, 3:], axis=1)
-        is_near = load.clearance_m < speed * SUBSTEP_S + STEP_MOTION_M
-        speed = speed[is_near & ~separates].max(initial=0.0)
-        limit = min(SUBSTEP_S if self.touched_count else longest, STEP_MOTION_M / max(speed, 1e-9))
-        return float(longest / np.ceil(longest / max(limit, MIN_SUBSTEP_S) - 1e-9))
-
-    def _resist_joints(self) -> tuple[FloatArray, FloatArray]:
-        """Torque f64[j] of dry friction and of the stops of the joints, and its stiffness f64[j], Nm and Nm/rad."""
-        rate = JOINT_FRICTION_NM / JOINT_BREAKAWAY_RAD
-        bend = (self._angles - self._rest_angles).clip(-JOINT_BREAKAWAY_RAD, JOINT_BREAKAWAY_RAD)
-        self._rest_angles = self._angles - bend
-        speed = self._velocity[: self._joints]
-        slides = (np.abs(bend) >= JOINT_BREAKAWAY_RAD) & (bend * speed > 0.0)
-        beyond = self._angles - self._angles.clip(self._lower, self._upper)
-        stop = np.where(beyond != 0.0, JOINT_STOP_NM_PER_RAD, 0.0)
-        torque = -rate * bend - stop * beyond - np.where(beyond * speed > 0.0, JOINT_STOP_NM_S_PER_RAD * speed, 0.0)
-        return torque, np.where(slides, 0.0, rate) + stop
-
-    def _jacobian(self, links: FloatArray, brackets: FloatArray) -> FloatArray:
-        """Compute the Jacobian f64[s, 6, j + 6] of the motion of the brackets relative to the object, bracket frames.
-
-        Rows: translation, then rotation of a bracket. Columns: speeds of the j joints, then the velocity and the
-        angular velocity of the object, which have a negative sign. links: poses of the robot's links. brackets: true
-        poses f64[s, 4, 4].
-        """
-        axes = (links[self._axes.joint_links, :3, :3] @ self._axes.axes[:, :, None])[:, :, 0]
-        arms = brackets[:, None, :3, 3] - links[self._axes.joint_links, :3, 3]
-        rotations = self._axes.is_carried[..., None] * axes
-        jacobian = np.zeros((len(brackets), 6, self._joints + OBJECT_DOF))
-        jacobian[:, :3, : self._joints] = cross(rotations, arms).transpose(0, 2, 1)
-        jacobian[:, 3:, : self._joints] = rotations.transpose(0, 2, 1)
-        jacobian[:, :3, self._joints : self._joints + 3] = -np.eye(3)
-        jacobian[:, :3, self._joints + 3 :] = _cross_matrices(brackets[:, :3, 3] - self._item.centre)
-        jacobian[:, 3:, self._joints + 3 :] = -np.eye(3)
-        to_bracket = brackets[:, :3, :3].transpose(0, 2, 1)[:, None]
-        parts = to_bracket @ jacobian.reshape(len(brackets), 2, 3, -1)
-        return np.asarray(parts.reshape(len(brackets), 6, -1))
+    def fill(self, struct: HandStruct) -> None:
+        """Write the numbers of links, joints and boards, and the addresses of the arrays, into a structure."""
+        tree = struct.tree
+        tree.link_count, tree.joint_count, tree.board_count = self.link_count, self.joint_count, self.board_count
+        tree.parent, tree.joint = self._parent.ctypes.data, self._joint.ctypes.data
+        tree.origin, tree.axis = self._origin.ctypes.data, self._axis.ctypes.data
+        tree.board_link, tree.bracket = self._board_link.ctypes.data, self._bracket.ctypes.data
+        tree.mounting = self._mounting.ctypes.data
 
 
-class _Axes:
-    """Joint axes, and for each board the joints that carry the board."""
-
-    def __init__(self, robot: Robot, hand: Hand) -> None:
-        """Collect the joint axes, the links of the boards, and which joints carry which board, for the Jacobian."""
-        moving = [joint for joint in robot.joints if joint.axis is not None]
-        self.axes = np.stack([joint.axis for joint in moving if joint.axis is not None])
-        self.joint_links = np.array([robot.get_link_index(joint.child) for joint in moving])
-        mountings = [(board.link_name, board.pose) for board in hand.boards]
-        self.board_links = np.array([robot.get_link_index(link) for link, _ in mountings if link is not None])
-        self.bracket_poses = np.stack([pose for _, pose in mountings if pose is not None])
-        parent_of = {joint.child: joint.parent for joint in robot.joints}
-        self.is_carried = np.zeros((len(mountings), len(moving)))  # 1 where the joint carries the board, else 0
-        for row, (link, _) in enumerate(mountings):
-            while link is not None and link in parent_of:
-                self.is_carried[row] += [joint.child == link for joint in moving]
-                link = parent_of[link]
+def _to_indices(values: list[int]) -> NDArray[np.int32]:
+    """Return indices as i32[n]."""
+    return np.array(values, dtype=np.int32)
 
 
-def _cross_matrices(vectors: FloatArray) -> FloatArray:
-    """Return the matrices f64[s, 3, 3] that compute the cross product with vectors f64[s, 3]: [v]x w = v x w."""
-    matrices = np.zeros((len(vectors), 3, 3))
-    x, y, z = vectors.T
-    matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
-    matrices -= matrices.transpose(0, 2, 1)
-    return matrices
+def _to_frames(poses: FloatArray) -> FloatArray:
+    """Return the first three rows f64[n, 3, 4] of transforms f64[n, 4, 4], contiguous in memory."""
+    return np.ascontiguousarray(poses[:, :3], dtype=np.float64)

@@ -4,7 +4,6 @@ import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import can
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +12,7 @@ from taxel.campaign.hand_in_contact import HandInContact
 from taxel.grasp.controller import GraspController
 from taxel.grasp.timeline import Phase, Timeline
 from taxel.hand.allegro.driver import AllegroHand
+from taxel.hand.allegro.paired_bus import PairedBus
 from taxel.hand.allegro.virtual import VirtualAllegro
 
 RECORD_PERIODS = 3
@@ -20,8 +20,6 @@ RECORD_PERIODS = 3
 
 SETTLE_S = 0.12
 """Time under control before the fingers close, in which the position-controlled joints take up their load."""
-
-_channels = itertools.count()
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,11 +77,8 @@ def simulate_grasp_motion(
         virtual.step(PERIOD_S)
         return next(periods)
 
-    channel = f"taxel-campaign-{next(_channels)}"
-    with (
-        can.Bus(interface="virtual", channel=channel) as host_bus,
-        can.Bus(interface="virtual", channel=channel) as hand_bus,
-    ):
+    host_bus, hand_bus = PairedBus.open_pair()
+    with host_bus, hand_bus:
         virtual = VirtualAllegro(hand_bus, dynamics)
         with AllegroHand(host_bus, clock=lambda: virtual.time_s, advance=virtual.step) as hand:
             joints = control_grasp(

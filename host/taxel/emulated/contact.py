@@ -113,6 +113,15 @@ class SkinContact:
         if self._library.taxel_contact_set_friction(self._handle, coefficient):
             raise MemoryError
 
+    def get_handle(self, index: int) -> int:
+        """Return the address of the contact for functions of the C library that evaluate the contact themselves.
+
+        index: of the object in the world file; -1: no object. Raises ValueError for another index, and for a closed
+        contact.
+        """
+        self._check(-1 <= index < self._object_count, f"an object from -1 to {self._object_count - 1}, found {index}")
+        return self._handle
+
     def compute_load(
         self, index: int, object_pose: FloatArray, bracket_poses: FloatArray, advance: bool = False
     ) -> ContactLoad:

@@ -49,6 +49,7 @@ PERMITTED = {
         "emulator/base",
         "generated",
     ),
+    "emulator/dynamics": ("emulator/skin", "emulator/geometry", "generated"),
     "emulator": (
         "emulator/wiring",
         "emulator/skin",

@@ -1,0 +1,254 @@
+#include "emulator/geometry/contact_load.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "emulator/physics/layer.h"
+
+/* Sum of the loads of all faces on one cell, in the object's frame. */
+struct cell_contact {
+    double normal[3]; /* of the object, outward; direction of the sum of the normal forces */
+    double arm[3]; /* point where the sum acts, from the middle of the cell's top: in half sides, and depth (metres) */
+    double pressing; /* magnitude of the sum, newtons */
+    double share;    /* of the area of the cell that the object touches */
+};
+
+/* Whether the skin slides on the object: the shear force that a spring would reach exceeds the limit. */
+bool contact_load_slides(double reached, double limit)
+{
+    return reached > limit;
+}
+
+/* Add the shear of cell number `cell`, whose top is at `top`: force (newtons) of a spring to the point where the cell
+ * sticks to the object, and its stiffness. A part of the cell that touches the object anew is not sheared: as the touched
+ * share of the cell grows, the point where the cell sticks moves towards the top. */
+static void add_grip(const struct contact_grip *grip, size_t cell, const double top[3],
+                     const struct cell_contact *contact, double area, double force[3], double stiffness[3][3])
+{
+    const double *n = contact->normal, spring = layer_shear_stiffness() * area * contact->share;
+    const double new_share = fmax(1.0 - grip->stuck[cell] / contact->share, 0.0);
+    double shear[3] = {0.0, 0.0, 0.0}, square = 0.0;
+    if (grip->stuck[cell] > 0.0) {
+        double along = 0.0;
+        for (int k = 0; k < 3; k++) {
+            shear[k] = (1.0 - new_share) * (top[k] - grip->point[cell][k]);
+            along += shear[k] * n[k];
+        }
+        for (int k = 0; k < 3; k++) {
+            shear[k] -= along * n[k];
+            square += shear[k] * shear[k];
+        }
+    }
+    const double limit = grip->coefficient * contact->pressing, reached = spring * sqrt(square);
+    const bool is_sliding = contact_load_slides(reached, limit);
+    const double rate = is_sliding ? spring * limit / reached : spring;
+    for (int i = 0; i < 3; i++) {
+        force[i] -= rate * shear[i];
+        for (int j = 0; j < 3; j++) {
+            const double along = is_sliding ? shear[i] * shear[j] / square : 0.0;
+            stiffness[i][j] += rate * ((i == j) - n[i] * n[j] - along);
+        }
+    }
+    if (grip->advances) {
+        grip->stuck[cell] = contact->share;
+        for (int k = 0; k < 3; k++) {
+            grip->point[cell][k] = top[k] - rate / spring * shear[k];
+        }
+    }
+}
+
+/* Rotate a vector from the object's frame to the bracket's frame. */
+static void rotate_back(const struct frame *object_from_bracket, const double in[3], double out[3])
+{
+    for (int k = 0; k < 3; k++) {
+        out[k] = object_from_bracket->row[0][k] * in[0] + object_from_bracket->row[1][k] * in[1] +
+                 object_from_bracket->row[2][k] * in[2];
+    }
+}
+
+/* Rotate the load of a board from the object's frame to the bracket's frame, and complete its stiffness K, of which only
+ * the lower triangle is set: both 3-vectors of each row and of each column turn. */
+void contact_load_turn(const struct frame *object_from_bracket, struct contact_load *load)
+{
+    double half[6][6], turned[3];
+    for (int i = 0; i < 6; i++) {
+        for (int j = i + 1; j < 6; j++) {
+            load->stiffness[i][j] = load->stiffness[j][i];
+        }
+        rotate_back(object_from_bracket, &load->stiffness[i][0], &half[i][0]);
+        rotate_back(object_from_bracket, &load->stiffness[i][3], &half[i][3]);
+    }
+    for (int part = 0; part < 6; part += 3) {
+        rotate_back(object_from_bracket, &load->wrench[part], turned);
+        memcpy(&load->wrench[part], turned, sizeof turned);
+        for (int j = 0; j < 6; j++) {
+            const double column[3] = {half[part][j], half[part + 1][j], half[part + 2][j]};
+            rotate_back(object_from_bracket, column, turned);
+            for (int k = 0; k < 3; k++) {
+                load->stiffness[part + k][j] = turned[k];
+            }
+        }
+    }
+}
+
+/* Add force and stiffness of one cell to the load of the board: the force acts at the point r on the object's surface,
+ * and the stiffness is that of a spring S at r: (I, [r]) S (I, [r])^T with the cross-product matrix [r]. Only the lower
+ * triangle of the stiffness is set. */
+static void add_spring(struct contact_load *load, const double r[3], const double force[3], double spring[3][3])
+{
+    double product[3][3]; /* [r] S */
+    for (int j = 0; j < 3; j++) {
+        product[0][j] = r[1] * spring[2][j] - r[2] * spring[1][j];
+        product[1][j] = r[2] * spring[0][j] - r[0] * spring[2][j];
+        product[2][j] = r[0] * spring[1][j] - r[1] * spring[0][j];
+        load->wrench[j] += force[j];
+    }
+    load->wrench[3] += r[1] * force[2] - r[2] * force[1];
+    load->wrench[4] += r[2] * force[0] - r[0] * force[2];
+    load->wrench[5] += r[0] * force[1] - r[1] * force[0];
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            load->stiffness[i][j] += spring[i][j];
+            load->stiffness[3 + i][j] += product[i][j];
+        }
+        load->stiffness[3 + i][3] += product[i][2] * r[1] - product[i][1] * r[2];
+        load->stiffness[3 + i][4] += product[i][0] * r[2] - product[i][2] * r[0];
+        load->stiffness[3 + i][5] += product[i][1] * r[0] - product[i][0] * r[1];
+    }
+}
+
+/* Point of a cell relative to the bracket's origin, in the object's frame. at: in half sides from the middle of the cell.
+ * depth: below the top, metres. */
+static void find_arm(const struct cover_cell *cell, const double at[2], double depth,
+                     const struct frame *object_from_bracket, double arm[3])
+{
+    for (int k = 0; k < 3; k++) {
+        arm[k] = cell->top[k] + at[0] * cell->half[0][k] + at[1] * cell->half[1][k] - depth * cell->normal[k] -
+                 object_from_bracket->row[k][3];
+    }
+}
+
+/* Depth of a face at the centre of its pressure on a cell, metres. */
+static double get_depth(const struct cover_load *face)
+{
+    return face->face.depth + face->face.change[0] * face->centre[0] + face->face.change[1] * face->centre[1];
+}
+
+/* Sum the forces of the faces on a cell: direction, point and magnitude. area: of the cell, square metres. */
+static struct cell_contact join_faces(const struct cover_load *faces, size_t count, double area)
+{
+    struct cell_contact sum = {.share = 0.0};
+    double total = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        const double force = faces[i].pressure * area / faces[i].face.steep;
+        for (int k = 0; k < 3; k++) {
+            sum.normal[k] += force * faces[i].face.normal[k];
+        }
+        sum.arm[0] += force * faces[i].centre[0];
+        sum.arm[1] += force * faces[i].centre[1];
+        sum.arm[2] += force * get_depth(&faces[i]);
+        sum.share += faces[i].share;
+        total += force;
+    }
+    sum.pressing = sqrt(sum.normal[0] * sum.normal[0] + sum.normal[1] * sum.normal[1] + sum.normal[2] * sum.normal[2]);
+    for (int k = 0; k < 3; k++) {
+        sum.normal[k] /= sum.pressing > 0.0 ? sum.pressing : 1.0;
+        sum.arm[k] /= total;
+    }
+    return sum;
+}
+
+/* Add the stiffness of the pressure on a cell against a turn of the cell, which moves the centre of pressure. rate: of the
+ * cell, N/m. share: of the area of the cell below the face; the stiffness is exact where the face covers the cell. */
+static void add_turn(struct contact_load *load, const struct cover_cell *cell, double rate, double share)
+{
+    const double *n = cell->normal;
+    for (int side = 0; side < 2; side++) {
+        const double *h = cell->half[side];
+        const double arm[3] = {h[1] * n[2] - h[2] * n[1], h[2] * n[0] - h[0] * n[2], h[0] * n[1] - h[1] * n[0]};
+        for (int i = 0; i < 3; i++) {
+            for (int j = 0; j <= i; j++) {
+                load->stiffness[3 + i][3 + j] += rate * share * share / 3.0 * arm[i] * arm[j];
+            }
+        }
+    }
+}
+
+/* Add the load of one cell that carries no shear to the wrench on the board and to the stiffness: a spring along the
+ * normal of the cell in the centre of pressure of each face. area: of the cell, square metres. */
+static void add_column(struct contact_load *load, const struct cover_cell *cell, double area,
+                       const struct cover_load *faces, size_t count, double thickness,
+                       const struct frame *object_from_bracket)
+{
+    const double *n = cell->normal;
+    for (size_t face = 0; face < count; face++) {
+        const double share = fmax(faces[face].face.slope, 0.0) / faces[face].face.steep * area;
+        const double rate = share * share / area * faces[face].rate;
+        double force[3], spring[3][3], arm[3];
+        for (int i = 0; i < 3; i++) {
+            force[i] = -share * faces[face].pressure * n[i];
+            for (int j = 0; j < 3; j++) {
+                spring[i][j] = rate * n[i] * n[j];
+            }
+        }
+        find_arm(cell, faces[face].centre, thickness, object_from_bracket, arm);
+        add_spring(load, arm, force, spring);
+        add_turn(load, cell, rate, faces[face].share);
+    }
+}
+
+/* Add the load of cell number `number`, which sticks to the object, to the wrench on the board and to the stiffness. The
+ * force of each face has the direction of the face's normal; its part along the cell follows from the compression. The
+ * shear acts in the centre of these forces. */
+static void add_cell(struct contact_load *load, const struct cover_cell *cell, double area, size_t number,
+                     const struct cover_load *faces, size_t count, const struct frame *object_from_bracket,
+                     const struct contact_grip *grip)
+{
+    const struct cell_contact sum = join_faces(faces, count, area);
+    double force[3] = {0.0, 0.0, 0.0}, spring[3][3] = {{0.0}}, arm[3];
+    add_grip(grip, number, cell->top, &sum, area, force, spring);
+    if (count > 1) {
+        find_arm(cell, sum.arm, sum.arm[2], object_from_bracket, arm);
+        add_spring(load, arm, force, spring);
+    }
+    for (size_t n = 0; n < count; n++) {
+        const struct cover_face *face = &faces[n].face;
+        const double pressing = faces[n].pressure * area / face->steep;
+        const double rate = faces[n].rate * area / (face->steep * face->steep);
+        for (int i = 0; i < 3; i++) {
+            force[i] = (count > 1 ? 0.0 : force[i]) + pressing * face->normal[i];
+            for (int j = 0; j < 3; j++) {
+                spring[i][j] = (count > 1 ? 0.0 : spring[i][j]) + rate * face->normal[i] * face->normal[j];
+            }
+        }
+        find_arm(cell, faces[n].centre, get_depth(&faces[n]), object_from_bracket, arm);
+        add_spring(load, arm, force, spring);
+    }
+}
+
+/* Cell number `cell` of a placed square. */
+struct cover_cell contact_load_get_cell(const struct cover_square *square, size_t cell)
+{
+    struct cover_cell result;
+    for (int k = 0; k < 3; k++) {
+        result.top[k] = square->top[k][cell];
+        result.normal[k] = square->normal[k][cell];
+        result.half[0][k] = square->half[0][k][cell];
+        result.half[1][k] = square->half[1][k][cell];
+    }
+    return result;
+}
+
+/* Add the load of one cell of a square: with shear if there is a grip, else a spring along the normal of the cell. */
+void contact_load_add_cell(struct contact_load *load, const struct load_square *square, size_t cell,
+                           const struct cover_load *faces, size_t count, double thickness,
+                           const struct contact_grip *grip)
+{
+    const struct cover_cell place = contact_load_get_cell(square->places, cell);
+    const double area = square->cells[cell].area;
+    if (grip) {
+        add_cell(load, &place, area, square->first + cell, faces, count, square->object_from_bracket, grip);
+    } else {
+        add_column(load, &place, area, faces, count, thickness, square->object_from_bracket);
+    }
+}

@@ -1,0 +1,142 @@
+#include "emulator/geometry/cover_whole.h"
+
+#include <math.h>
+
+#include "emulator/physics/layer.h"
+
+/* Least deep face over each cell so far. The depth of a face over a cell lies between `high` and `low`. */
+struct search {
+    double low[SHAPE_LINES], high[SHAPE_LINES];
+    double other_high[SHAPE_LINES]; /* least of all other faces */
+};
+
+/* Face over all cells of a square: outward normal, and depth of its plane below the tops in the direction of the normal. */
+struct square_face {
+    double normal[3][SHAPE_LINES], level[SHAPE_LINES];
+    double nearer
+        [SHAPE_LINES]; /* metres that the depth gains because the plane is that of another point of a curved wall */
+};
+
+/* Compare a face with the least deep face over each cell, and store the less deep one. */
+static void compare_face(const struct square_face *face, const struct cover_square *square, struct search *search,
+                         struct cover_whole *whole)
+{
+    for (int i = 0; i < SHAPE_LINES; i++) {
+        const double n[3] = {face->normal[0][i], face->normal[1][i], face->normal[2][i]};
+        const double slope = -(n[0] * square->normal[0][i] + n[1] * square->normal[1][i] + n[2] * square->normal[2][i]);
+        const double along = n[0] * square->half[0][0][i] + n[1] * square->half[0][1][i] + n[2] * square->half[0][2][i];
+        const double across =
+            n[0] * square->half[1][0][i] + n[1] * square->half[1][1][i] + n[2] * square->half[1][2][i];
+        const double steep = slope > COVER_STEEPEST ? slope : COVER_STEEPEST, inverse = 1.0 / steep;
+        const double depth = face->level[i] * inverse + face->nearer[i];
+        const double extent = fabs(along * inverse) + fabs(across * inverse);
+        const double low = depth + extent, high = depth - extent;
+        const bool is_least = low < search->low[i];
+        const double other = is_least ? search->high[i] : high;
+        search->other_high[i] = other < search->other_high[i] ? other : search->other_high[i];
+        search->low[i] = is_least ? low : search->low[i];
+        search->high[i] = is_least ? high : search->high[i];
+        whole->normal[0][i] = is_least ? n[0] : whole->normal[0][i];
+        whole->normal[1][i] = is_least ? n[1] : whole->normal[1][i];
+        whole->normal[2][i] = is_least ? n[2] : whole->normal[2][i];
+        whole->slope[i] = is_least ? slope : whole->slope[i];
+        whole->steep[i] = is_least ? steep : whole->steep[i];
+        whole->depth[i] = is_least ? depth : whole->depth[i];
+        whole->change[0][i] = is_least ? -along * inverse : whole->change[0][i];
+        whole->change[1][i] = is_least ? -across * inverse : whole->change[1][i];
+    }
+}
+
+/* Set a face to a plane of a polyhedron or to a cap of a cylinder. */
+static void set_plane(struct square_face *face, const double plane[4], const struct cover_square *square)
+{
+    for (int i = 0; i < SHAPE_LINES; i++) {
+        face->normal[0][i] = plane[0];
+        face->normal[1][i] = plane[1];
+        face->normal[2][i] = plane[2];
+        face->level[i] =
+            plane[3] - (plane[0] * square->top[0][i] + plane[1] * square->top[1][i] + plane[2] * square->top[2][i]);
+        face->nearer[i] = 0.0;
+    }
+}
+
+/* Set a face to the tangent planes of the wall of a cylinder where the lines below the tops of the cells meet the wall, by
+ * Newton's method. Cells to which the wall is too steep keep the tangent plane of the first step in which it is. */
+static void set_wall(struct square_face *face, const struct shape *shape, const struct cover_square *square)
+{
+    double depth[SHAPE_LINES] = {0.0}, is_final[SHAPE_LINES] = {0.0};
+    for (int step = 0; step <= COVER_WALL_STEPS; step++) {
+        for (int i = 0; i < SHAPE_LINES; i++) {
+            const double x = square->top[0][i] - depth[i] * square->normal[0][i];
+            const double y = square->top[1][i] - depth[i] * square->normal[1][i];
+            const double radius = sqrt(x * x + y * y), positive = radius > 0.0 ? radius : 1.0;
+            const double n[2] = {radius > 0.0 ? x / positive : 1.0, radius > 0.0 ? y / positive : 0.0};
+            const double slope = -(n[0] * square->normal[0][i] + n[1] * square->normal[1][i]);
+            const double steep = slope > COVER_STEEPEST ? slope : COVER_STEEPEST;
+            const bool is_kept = is_final[i] > 0.0;
+            face->normal[0][i] = is_kept ? face->normal[0][i] : n[0];
+            face->normal[1][i] = is_kept ? face->normal[1][i] : n[1];
+            face->normal[2][i] = 0.0;
+            face->level[i] = is_kept ? face->level[i] : shape->radius - radius;
+            face->nearer[i] = is_kept ? face->nearer[i] : depth[i];
+            is_final[i] = slope < COVER_STEEPEST ? 1.0 : is_final[i];
+            const double next = (shape->radius - radius) / steep + depth[i];
+            depth[i] = next > 0.0 ? next : 0.0;
+        }
+    }
+}
+
+/* Find the least deep face over each cell. */
+static void find_least(const struct shape *shape, const struct cover_planes *planes, const struct cover_square *square,
+                       struct search *search, struct cover_whole *whole)
+{
+    struct square_face face;
+    for (int i = 0; i < SHAPE_LINES; i++) {
+        search->low[i] = search->high[i] = search->other_high[i] = INFINITY;
+    }
+    if (shape->kind == SHAPE_CYLINDER) {
+        const double caps[2][4] = {{0.0, 0.0, -1.0, 0.0}, {0.0, 0.0, 1.0, shape->height}};
+        set_wall(&face, shape, square);
+        compare_face(&face, square, search, whole);
+        for (int cap = 0; cap < 2; cap++) {
+            set_plane(&face, caps[cap], square);
+            compare_face(&face, square, search, whole);
+        }
+        return;
+    }
+    for (size_t plane = 0; plane < planes->count; plane++) {
+        set_plane(&face, shape->planes[planes->index[plane]], square);
+        compare_face(&face, square, search, whole);
+    }
+}
+
+void cover_press_whole(const struct shape *shape, const struct cover_planes *planes, const struct cover_square *square,
+                       const bool touched[SHAPE_LINES], struct cover_whole *whole)
+{
+    struct search search;
+    double scale[SHAPE_LINES], depth[2][SHAPE_LINES], pressure[2][SHAPE_LINES], rate[2][SHAPE_LINES];
+    find_least(shape, planes, square, &search, whole);
+    whole->has_any = false;
+    for (int i = 0; i < SHAPE_LINES; i++) {
+        whole->is_whole[i] = touched[i] && search.high[i] > 0.0 && search.other_high[i] > search.low[i];
+        whole->has_any |= whole->is_whole[i];
+    }
+    for (int i = 0; i < SHAPE_LINES; i++) {
+        const double *a = whole->change[0], *b = whole->change[1];
+        const double steepest = sqrt(a[i] * a[i] + b[i] * b[i]), step = COVER_GAUSS_TWO * steepest;
+        scale[i] = steepest > 0.0 ? COVER_GAUSS_TWO / steepest : 0.0;
+        depth[0][i] = whole->is_whole[i] ? whole->depth[i] - step : 0.0;
+        depth[1][i] = whole->is_whole[i] ? whole->depth[i] + step : 0.0;
+    }
+    for (int side = 0; whole->has_any && side < 2; side++) {
+        layer_contact_curves(depth[side], SHAPE_LINES, pressure[side], rate[side]);
+    }
+    for (int i = 0; whole->has_any && i < SHAPE_LINES; i++) {
+        const double sum = pressure[0][i] + pressure[1][i], difference = pressure[1][i] - pressure[0][i];
+        const double place = difference / (sum > 0.0 ? sum : 1.0) * scale[i];
+        whole->pressure[i] = 0.5 * sum;
+        whole->rate[i] = 0.5 * (rate[0][i] + rate[1][i]);
+        whole->centre[0][i] = place * whole->change[0][i];
+        whole->centre[1][i] = place * whole->change[1][i];
+    }
+}
