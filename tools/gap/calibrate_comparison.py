@@ -69,7 +69,7 @@ def run(out: Path, count: int, seed: int, jobs: int | None) -> list[dict[str, An
         sys.exit(f"calibrate_comparison: {path}: another seed or number of worlds; choose another --out")
     known = {one["number"] for one in found}
     todo = [world for world in sample_benchmark(count, seed) if world.number not in known]
-    todo.sort(key=lambda world: world.family == GRASPS)  # the slowest worlds last
+    todo.sort(key=lambda world: world.family != GRASPS)  # the slowest worlds first
     task = partial(collect_evidence, bases=out / "bases")
     with path.open("a") as file, ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for number, evidence in enumerate(pool.map(task, todo), 1):
