@@ -56,6 +56,7 @@ STAGES = (
     Stage("C all", ("firmware/",)),
     Stage("cloud tests", ("host/taxel/cloud/",), ("host/tests/cloud",)),
     Stage("gap tests", ("host/taxel/gap/",), ("host/tests/gap",)),
+    Stage("dynamics tests", ("firmware/emulator/dynamics/",), ("host/tests/campaign/test_dynamics_reference.py",)),
     Stage("protocol tests", ("firmware/codec/", "protocol/"), ("protocol/tests", f"--ignore={APPLY_TEST}")),
     Stage(
         "host tests",

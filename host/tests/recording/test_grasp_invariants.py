@@ -10,11 +10,12 @@ from host.tests.command_line import run_taxel
 from taxel.campaign.setup import Setup
 from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.grasp.plan import make_thesis_plan
-from taxel.grasp.timeline import Phase
+from taxel.grasp.timeline import Phase, Timeline
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_invariants import InvariantChecker
 
 APPROACHES = (("cylinder", "side_1"), ("rectangular_prism", "top"), ("triangular_prism", "side_1"))
+TIMELINE = Timeline(baseline_s=0.5, closing_s=2.0, recovery_s=0.5)
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +24,8 @@ def simulated(tmp_path_factory):
     path = tmp_path_factory.mktemp("invariants") / "sim.h5"
     plan = [grasp for grasp in make_thesis_plan(1) if (grasp.object, grasp.approach) in APPROACHES]
     first = {(grasp.object, grasp.approach): grasp for grasp in reversed(plan)}
-    run_simulated(path, sorted(first.values(), key=lambda grasp: grasp.id), SimSettings(), Setup(), jobs=1)
+    settings = SimSettings(timeline=TIMELINE)
+    run_simulated(path, sorted(first.values(), key=lambda grasp: grasp.id), settings, Setup(), jobs=1)
     return path
 
 

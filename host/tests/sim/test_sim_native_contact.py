@@ -54,13 +54,13 @@ def test_loads_in_random_poses_agree_with_the_numpy_reference(name):
     native, reference = (contact_class(hand, SHAPES[name], LAW) for contact_class in (NativeContact, SoftContact))
     centre = SHAPES[name].bounds.mean(axis=0)
     contact_count = 0
-    for _ in range(60):
+    for _ in range(30):
         object_pose = from_rotation_vector(rng.normal(0.0, 1.5, 3))
         lowest = (SHAPES[name].mesh()[0] @ object_pose[:3, :3].T)[:, 2].min()
         object_pose[:3, 3] = [*rng.normal(0.0, 0.008, 2), rng.uniform(-0.0005, 0.003) - lowest]
         object_pose[:2, 3] -= (object_pose[:3, :3] @ centre)[:2]
         contact_count += int(compare_loads(native, reference, np.eye(4)[None], object_pose).wrench.any())
-    assert 15 < contact_count < 60, f"seed {seed}"
+    assert 7 < contact_count < 30, f"seed {seed}"
 
 
 @pytest.mark.parametrize("name", SHAPES)
@@ -74,7 +74,7 @@ def test_loads_of_a_solid_that_slides_and_turns_agree_with_the_numpy_reference(n
     object_pose[2, 3] = 0.0009
     speed = np.append(rng.normal(0.0, 1e-4, 2), 0.0)
     tangential = 0.0
-    for _ in range(30):
+    for _ in range(14):
         object_pose = object_pose @ from_rotation_vector([0.0, 0.0, 0.004])
         object_pose[:3, 3] += speed
         tangential = max(
@@ -104,7 +104,7 @@ def build_object_scene(name):
 def test_a_simulated_grasp_agrees_with_the_numpy_reference(name, monkeypatch):
     scene, timeline = (
         build_object_scene(name),
-        Timeline(baseline_s=0.1, closing_s=1.0, hold_s=0.2, release_s=0.0, recovery_s=0.0),
+        Timeline(baseline_s=0.05, closing_s=0.8, hold_s=0.1, release_s=0.0, recovery_s=0.0),
     )
     approach = next(candidate for candidate in make_thesis_approaches(withdraw_m=0.02) if candidate.object == name)
     monkeypatch.setattr(SoftPush, "_choose_step", lambda self, data: 0.25)  # the searches of the models differ

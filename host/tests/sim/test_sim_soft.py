@@ -29,7 +29,7 @@ from taxel.sim.soft_contact import LayerFriction, LayerLaw, SoftContact
 
 HAND = load_hand("allegro")
 LAW = LayerLaw()
-TIMELINE = Timeline(baseline_s=0.5, recovery_s=0.5)
+TIMELINE = Timeline(baseline_s=0.1, closing_s=2.0, release_s=0.3, recovery_s=0.1)
 APPROACHES = {f"{a.object}-{a.name}": a for a in make_thesis_approaches(withdraw_m=0.02)}
 ONE_SIDE_OF_EACH_OBJECT = [key for key in APPROACHES if key.rsplit("_", 1)[-1] not in {"2", "3", "4"}]
 
