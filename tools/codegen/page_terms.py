@@ -17,7 +17,7 @@ TERMS: Final = ROOT / "host" / "taxel" / "gap" / "page" / "terms.toml"
 
 PAGE_TERMS: Final = (
     *("approach", "board", "catalogue", "condition", "confounded effects", "effect", "excess", "floor", "gap"),
-    *("held-out data", "identifiability", "margin", "phase", "repeat", "RX line, TX line", "session", "shrink"),
+    *("held-out data", "identifiability", "phase", "repeat", "RX line, TX line", "session", "shrink"),
     *("signal", "signature", "taxel", "verdict"),
 )
 """Headings of the glossary, in its order."""

@@ -127,7 +127,7 @@ def test_applied_effects_shrink_the_gap_as_predicted_and_are_not_found_again(wor
     assert apply_report(report, sim, out).effects == (name,)
     again = diagnose(real, out, without=OTHERS).report
     before, after = found.report["gap"]["value"], again["gap"]["value"]
-    promised = measure(found.real, found.selection.features, found.layout).gap.value
+    promised = measure(found.real, found.explanation.features, found.layout).gap.value
     assert after == pytest.approx(promised, abs=0.05 * before)
     assert 1.0 - after / before > found.report["after"]["predicted_shrink"] - 0.05
     assert name not in again["verdict"]["effects"]
