@@ -25,7 +25,7 @@ from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
 from taxel.blind.benchmark.worlds import GRASPS, BenchmarkWorld, sample_benchmark
 from taxel.blind.hidden import UNKNOWN
 from taxel.errors import TaxelError
-from taxel.gap.comparison.calibration import Calibration, Logistic, compute_any_inputs
+from taxel.gap.comparison.calibration import Calibration, Logistic, combine_inputs, compute_any_inputs
 from taxel.gap.comparison.compare import Comparison, compare
 from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence
 from taxel.types import FloatArray
@@ -89,8 +89,10 @@ def _is_too_weak(one: dict[str, Any]) -> bool:
 
 def fit(evidence: list[dict[str, Any]], source: str) -> Calibration:
     """Fit the models of effects and of the unknown cause to the evidence of worlds."""
-    effects = [(get_inputs(one)[0], one["truth"]) for one in evidence]
-    inputs = [(values, name in truth) for own, truth in effects for name, values in own.items()]
+    inputs = []
+    for one in evidence:
+        effects, remainder, _ = get_inputs(one)
+        inputs += [(combine_inputs(values, remainder), name in one["truth"]) for name, values in effects.items()]
     skipped = [name in one["truth"] for one in evidence for name in one["tried"] if name not in one["effects"]]
     effect = Logistic.fit(np.array([values for values, _ in inputs]), [label for _, label in inputs])
     remainders = np.array([get_inputs(one)[1] for one in evidence])

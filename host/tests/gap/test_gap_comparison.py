@@ -98,7 +98,10 @@ def test_packaged_calibration_increases_with_the_evidence():
     effect = load_calibration().effect
     weak, strong = (
         effect.predict(np.array(inputs))
-        for inputs in ([-4.0, 0.0, -2.0, -2.0, -1.3, 1.0], [6.0, 4.0, 1.5, 0.0, 0.0, 1.0])
+        for inputs in (
+            [-4.0, 0.0, -2.0, -2.0, -1.3, 1.0, 0.0, -1.0, 1.0],
+            [6.0, 4.0, 1.5, 0.0, 0.0, 1.0, 0.0, -1.0, 1.0],
+        )
     )
     assert weak < 0.1
     assert strong > 0.6
@@ -124,7 +127,7 @@ def make_constant(probability: float, inputs: int) -> Logistic:
 
 @pytest.mark.parametrize("any_cause", [0.05, 0.6, 0.99])
 def test_probabilities_of_causes_agree_with_the_probability_of_any_cause(any_cause):
-    calibration = Calibration(make_constant(0.3, 6), make_constant(0.2, 6), make_constant(any_cause, 2), 0.01, "a test")
+    calibration = Calibration(make_constant(0.3, 9), make_constant(0.2, 6), make_constant(any_cause, 2), 0.01, "a test")
     found = calibration.compute_probabilities({"noise": np.zeros(6)}, np.zeros(6), ["noise", "latency"])
     causes = [found[name] for name in ("noise", "latency", UNKNOWN)]
     assert 1.0 - np.prod([1.0 - value for value in causes]) == pytest.approx(any_cause)

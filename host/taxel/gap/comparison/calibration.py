@@ -81,7 +81,7 @@ class Logistic:
 class Calibration:
     """Calibrated probabilities.
 
-    effect: of an effect that was part of a candidate set, from the inputs of `EffectEvidence`. unknown: of a cause
+    effect: of an effect that was part of a candidate set, from `combine_inputs`. unknown: of a cause
     outside the catalogue, from the inputs of `RemainderEvidence`. any_cause: of at least one cause, from the size of
     the gap (first input of `RemainderEvidence`) and from the largest gain of an effect (second input of
     `EffectEvidence`). not_compared: of an effect that no coarse fit selected. source: how the calibration was produced.
@@ -112,7 +112,10 @@ class Calibration:
         self, effects: Mapping[str, FloatArray], remainder: FloatArray, tried: Sequence[str]
     ) -> FloatArray:
         """Log odds of every effect that was tried and of an unknown cause, each by itself, f64[len(tried) + 1]."""
-        found = [self.effect.predict(effects[name]) if name in effects else self.not_compared for name in tried]
+        found = [
+            self.effect.predict(combine_inputs(effects[name], remainder)) if name in effects else self.not_compared
+            for name in tried
+        ]
         return np.asarray(logit(np.clip([*found, self.unknown.predict(remainder)], *LIMITS)))
 
     def to_json(self) -> dict[str, object]:
@@ -124,6 +127,13 @@ class Calibration:
             "unknown": self.unknown.to_json(),
             "any_cause": self.any_cause.to_json(),
         }
+
+
+def combine_inputs(effect: FloatArray, remainder: FloatArray) -> FloatArray:
+    """Inputs of `Calibration.effect`, f64[9]: those of an effect, f64[6], and of the remainder's inputs, f64[6], the
+    deviation, the size and the gain. A name is less certain if the best set leaves much.
+    """
+    return np.concatenate([effect, remainder[[2, 4, 5]]])
 
 
 def compute_log_absent(odds: FloatArray) -> float:
