@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from taxel.gap.chain import Chain
-from taxel.gap.comparison.calibration import NO_GAP, UNKNOWN, Calibration, Logistic, load_calibration
+from taxel.gap.comparison.calibration import NO_GAP, UNKNOWN, Calibration, Logistic, combine_inputs, load_calibration
 from taxel.gap.comparison.compare import compare
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.held_out import predict_held_out
@@ -96,12 +96,10 @@ def test_logistic_model_recovers_frequencies_and_survives_json():
 
 def test_packaged_calibration_increases_with_the_evidence():
     effect = load_calibration().effect
+    remainder = np.array([0.0, 0.0, 0.0, -1.0, -1.0, 1.0])
     weak, strong = (
-        effect.predict(np.array(inputs))
-        for inputs in (
-            [-4.0, 0.0, -2.0, -2.0, -1.3, 1.0, 0.0, -1.0, 1.0],
-            [6.0, 4.0, 1.5, 0.0, 0.0, 1.0, 0.0, -1.0, 1.0],
-        )
+        effect.predict(combine_inputs(np.array(inputs), remainder))
+        for inputs in ([-4.0, 0.0, -2.0, -2.0, -1.3, 1.0], [6.0, 4.0, 1.5, 0.0, 0.0, 1.0])
     )
     assert weak < 0.1
     assert strong > 0.6
