@@ -29,14 +29,14 @@ def diagnose_by_least_squares(real: Path, sim: Path, seed: int) -> dict[str, flo
     weights of its sets. seed: not used.
     """
     judge = prepared(read_pair(real, sim))
-    forms = chosen()
+    catalogue = chosen()
     penalty = float(np.log(max(int((judge.weight > 0).any(axis=1).sum()), 2)))
     base, criterion = Chain(), judge.problem().cost(judge.state.mean)
     found: dict[frozenset[str], float] = {frozenset(): criterion}
     for _ in range(LARGEST_SET):
         best = base, criterion
-        for name, variants in forms.items():
-            links = [started(judge.state, form) for form in variants if not form.unavailable(judge.state)]
+        for name, variants in catalogue.items():
+            links = [started(judge.state, one) for one in variants if not one.unavailable(judge.state)]
             if name in base.names:
                 continue
             for link in links or _find_dropout(judge, base):
@@ -52,9 +52,8 @@ def diagnose_by_least_squares(real: Path, sim: Path, seed: int) -> dict[str, flo
     values = np.array(list(found.values()))
     weights = np.exp(-0.5 * (values - values.min()))
     weights /= weights.sum()
-    probabilities = {
-        name: float(sum(weight for key, weight in zip(found, weights, strict=True) if name in key)) for name in forms
-    }
+    shares = list(zip(found, weights, strict=True))
+    probabilities = {name: float(sum(weight for key, weight in shares if name in key)) for name in catalogue}
     return {**{name: min(value, 1.0) for name, value in probabilities.items()}, NO_GAP: float(weights[0])}
 
 
