@@ -72,11 +72,11 @@ class Verdict:
 def list_causes(probabilities: Mapping[str, float]) -> tuple[str, ...]:
     """Causes with a probability of at least `LISTED`, most probable first, an unknown cause last.
 
-    ["unknown"] if there are none and some cause is more probable than no gap.
+    ["unknown"] if there are none and no gap has a probability below `LISTED`.
     """
     causes = sorted((name for name in probabilities if name != NO_GAP), key=lambda name: -probabilities[name])
     names = [name for name in causes if probabilities[name] >= LISTED]
-    if not names and probabilities[causes[0]] > probabilities[NO_GAP]:
+    if not names and probabilities[NO_GAP] < LISTED:
         return (UNKNOWN,)
     return tuple(sorted(names, key=lambda name: name == UNKNOWN))
 

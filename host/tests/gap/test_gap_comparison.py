@@ -125,10 +125,11 @@ def make_constant(probability: float, inputs: int) -> Logistic:
 
 @pytest.mark.parametrize("any_cause", [0.05, 0.6, 0.99])
 def test_probabilities_of_causes_agree_with_the_probability_of_any_cause(any_cause):
-    calibration = Calibration(make_constant(0.3, 9), make_constant(0.2, 6), make_constant(any_cause, 2), 0.01, "a test")
+    calibration = Calibration(make_constant(0.3, 9), make_constant(0.2, 6), make_constant(any_cause, 3), 0.01, "a test")
     found = calibration.compute_probabilities({"noise": np.zeros(6)}, np.zeros(6), ["noise", "latency"])
     causes = [found[name] for name in ("noise", "latency", UNKNOWN)]
-    assert 1.0 - np.prod([1.0 - value for value in causes]) == pytest.approx(any_cause)
+    independent = 1.0 - 0.7 * 0.99 * 0.8
+    assert causes == pytest.approx([any_cause * one / independent for one in (0.3, 0.01, 0.2)])
     assert found[NO_GAP] == pytest.approx(1.0 - any_cause)
     assert causes[0] > causes[2] > causes[1]
 

@@ -53,11 +53,10 @@ class ScoredAnswer:
 
     @property
     def listed(self) -> frozenset[str]:
-        """The probable causes; "unknown" if there are none and some cause is more probable than no gap."""
-        if self.probable or not self.causes:
+        """The probable causes; "unknown" if there are none and no gap has a probability below `LISTED`."""
+        if self.probable or not self.causes or self.probabilities.get(NO_GAP, 0.0) >= LISTED:
             return self.probable
-        no_gap = self.probabilities.get(NO_GAP, 0.0)
-        return frozenset({UNKNOWN}) if self.probabilities[self.causes[0]] > no_gap else frozenset()
+        return frozenset({UNKNOWN})
 
 
 def score_answers(answers: Sequence[ScoredAnswer]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from functools import cache
 from importlib import resources
 
 import numpy as np
-from scipy.optimize import brentq, minimize
+from scipy.optimize import minimize
 from scipy.special import expit, logit
 
 from taxel.gap.errors import GapInputError
@@ -98,15 +98,16 @@ class Calibration:
     ) -> dict[str, float]:
         """Compute the probability of every effect that was tried, of an unknown cause and of no gap.
 
-        effects: inputs of each effect with evidence, f64[6]. remainder: f64[6]. The log odds of all causes are shifted
-        by one number, so that the probability of at least one of them, if they are independent, is that of `any_cause`:
-        a large gap has some cause.
+        effects: inputs of each effect with evidence, f64[6]. remainder: f64[6]. The probability of at least
+        one cause, A, is that of `any_cause`. If the causes were independent, it would be I = 1 - product of (1 - p);
+        the probability of a cause, given that there is one, is p / I, and the result is A p / I.
         """
         odds = self.compute_odds(effects, remainder, tried)
-        absent = 1.0 - self.any_cause.predict(compute_any_inputs(effects, remainder))
-        target = float(np.log(np.clip(absent, *LIMITS)))
-        shift = brentq(lambda change: compute_log_absent(odds + change) - target, -50.0, 50.0)
-        return {**dict(zip([*tried, UNKNOWN], expit(odds + shift).tolist(), strict=True)), NO_GAP: absent}
+        some = self.any_cause.predict(compute_any_inputs(effects, remainder))
+        own = expit(odds)
+        independent = -np.expm1(compute_log_absent(odds))
+        values = np.minimum(own * some / independent, LIMITS[1])
+        return {**dict(zip([*tried, UNKNOWN], values.tolist(), strict=True)), NO_GAP: 1.0 - some}
 
     def compute_odds(
         self, effects: Mapping[str, FloatArray], remainder: FloatArray, tried: Sequence[str]
@@ -142,8 +143,13 @@ def compute_log_absent(odds: FloatArray) -> float:
 
 
 def compute_any_inputs(effects: Mapping[str, FloatArray], remainder: FloatArray) -> FloatArray:
-    """Inputs of `Calibration.any_cause`, f64[2]. effects: inputs f64[6] of each effect. remainder: f64[6]."""
-    return np.array([remainder[0], max((values[1] for values in effects.values()), default=0.0)])
+    """Inputs of `Calibration.any_cause`, f64[3].
+
+    Logarithm of the gap in floors, largest gain of an effect, and the same logarithm above one floor. effects: inputs
+    f64[6] of each effect. remainder: f64[6].
+    """
+    gain = max((values[1] for values in effects.values()), default=0.0)
+    return np.array([remainder[0], gain, max(float(remainder[0]), 0.0)])
 
 
 @cache
