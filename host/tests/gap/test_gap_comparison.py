@@ -126,7 +126,7 @@ def make_constant(probability: float, inputs: int) -> Logistic:
 @pytest.mark.parametrize("any_cause", [0.05, 0.6, 0.99])
 def test_probabilities_of_causes_agree_with_the_probability_of_any_cause(any_cause):
     calibration = Calibration(make_constant(0.3, 9), make_constant(0.2, 6), make_constant(any_cause, 3), 0.01, "a test")
-    found = calibration.compute_probabilities({"noise": np.zeros(6)}, np.zeros(6), ["noise", "latency"])
+    found = calibration.compute_probabilities({"noise": np.full(6, 5.0)}, np.zeros(6), ["noise", "latency"])
     causes = [found[name] for name in ("noise", "latency", UNKNOWN)]
     independent = 1.0 - 0.7 * 0.99 * 0.8
     assert causes == pytest.approx([any_cause * one / independent for one in (0.3, 0.01, 0.2)])

@@ -10,7 +10,7 @@ from importlib import resources
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.special import expit, logit
+from scipy.special import expit, logit, ndtr
 
 from taxel.gap.errors import GapInputError
 from taxel.types import FloatArray
@@ -24,6 +24,12 @@ LIMITS = (1e-6, 1.0 - 1e-6)
 PENALTY = 1.0
 """Precision of the normal prior on the standardised coefficients of a logistic model (ridge, as usual for few data)."""
 
+
+SMALLEST_CAUSE = 0.5
+"""Gap in floors from which an effect is a cause (definition of the gap report, version 2)."""
+
+SIZE_ERROR = 0.4
+"""Relative standard error of the size of a fitted effect (chosen: small effects are poorly determined)."""
 
 LARGEST = 30.0
 """Bound of a coefficient, beyond every probability that data can support."""
@@ -104,8 +110,11 @@ class Calibration:
         """
         odds = self.compute_odds(effects, remainder, tried)
         some = self.any_cause.predict(compute_any_inputs(effects, remainder))
-        own = expit(odds)
-        independent = -np.expm1(compute_log_absent(odds))
+        # An effect is no cause if it alone produces less than half the floor (definition of the gap report).
+        sizes = [effects[name][2] if name in effects else np.log(SMALLEST_CAUSE) for name in tried]
+        large = ndtr((np.array(sizes) - np.log(SMALLEST_CAUSE)) / SIZE_ERROR)
+        own = expit(odds) * np.append(np.where([name in effects for name in tried], large, 1.0), 1.0)
+        independent = -np.expm1(np.log1p(-own).sum())
         values = np.minimum(own * some / independent, LIMITS[1])
         return {**dict(zip([*tried, UNKNOWN], values.tolist(), strict=True)), NO_GAP: 1.0 - some}
 
@@ -135,11 +144,6 @@ def combine_inputs(effect: FloatArray, remainder: FloatArray) -> FloatArray:
     deviation, the size and the gain. A name is less certain if the best set leaves much.
     """
     return np.concatenate([effect, remainder[[2, 4, 5]]])
-
-
-def compute_log_absent(odds: FloatArray) -> float:
-    """Log probability that none of several independent causes with these log odds is present."""
-    return -float(np.logaddexp(0.0, odds).sum())
 
 
 def compute_any_inputs(effects: Mapping[str, FloatArray], remainder: FloatArray) -> FloatArray:

@@ -9,15 +9,13 @@ import numpy as np
 
 from taxel.gap.catalogue import FIXED
 from taxel.gap.chain import Chain
+from taxel.gap.comparison.calibration import SMALLEST_CAUSE
 from taxel.gap.comparison.candidates import Candidate, Sets
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.remainder import predict_remainder
 from taxel.gap.judge import Judge
 from taxel.gap.metric import Gap, measure
 from taxel.types import FloatArray
-
-SMALLEST_CAUSE = 0.5
-"""Gap in floors from which an effect is a cause (definition of the gap report, version 2)."""
 
 SMALLEST_RATIO = 0.02
 """Ratios below this value count as this value in logarithms: a smaller effect is not resolved in any dataset."""
