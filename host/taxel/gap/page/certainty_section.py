@@ -11,7 +11,7 @@ from taxel.gap.report.checked_report import CheckedReport
 LISTED = 0.5
 """Probability from which a cause is named (gap report, version 2)."""
 
-MIN_SHOWN = 0.02
+MIN_SHOWN = 0.05
 """Probability below which a cause shares one line with the others."""
 
 NO_GAP_DESCRIPTION = "No cause is present that alone produces a gap of half the floor."
@@ -63,6 +63,6 @@ def _describe_influence(report: CheckedReport) -> list[str]:
     shares: dict[str, list[str]] = {}
     for entry in report.root.optional_list("influence"):
         place = f"{clean_text(entry.text('object'))} {clean_text(entry.text('approach'))}"
-        text = f"{make_readable(place)} {format_percent(entry.number('share'))}"
+        text = f"{make_readable(place)} ({format_percent(entry.number('share'))})"
         shares.setdefault(entry.text("effect"), []).append(text)
     return [f"{make_readable(name)}: {', '.join(texts)}" for name, texts in shares.items()]
