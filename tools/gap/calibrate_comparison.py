@@ -25,16 +25,12 @@ from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
 from taxel.blind.benchmark.worlds import GRASPS, BenchmarkWorld, sample_benchmark
 from taxel.blind.hidden import UNKNOWN
 from taxel.errors import TaxelError
-from taxel.gap.comparison.calibration import Calibration, Logistic, combine_inputs, compute_any_inputs
+from taxel.gap.comparison.calibration import SMALLEST_CAUSE, Calibration, Logistic, combine_inputs, compute_any_inputs
 from taxel.gap.comparison.compare import Comparison, compare
 from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence
 from taxel.types import FloatArray
 
 TARGET = Path(__file__).resolve().parents[2] / "host" / "taxel" / "gap" / "comparison" / "calibration.json"
-
-SMALLEST_CAUSE = 0.5
-"""Excess in floors below which a single hidden cause is no cause by the definition of the gap report; such a world is
-not used."""
 
 
 def describe_evidence(world: BenchmarkWorld, comparison: Comparison) -> dict[str, Any]:
@@ -82,7 +78,7 @@ def run(out: Path, count: int, seed: int, jobs: int | None) -> list[dict[str, An
 
 
 def _is_too_weak(one: dict[str, Any]) -> bool:
-    """Whether the single cause of a world produces less than `SMALLEST_CAUSE` floors."""
+    """Whether the single cause of a world is no cause by its size (definition of the gap report, version 2)."""
     _, floor, excess = one["gap"]
     return len(one["truth"]) == 1 and max(excess, 0.0) ** 0.5 < SMALLEST_CAUSE * floor
 

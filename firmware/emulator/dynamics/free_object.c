@@ -4,21 +4,9 @@
 #include <stdbool.h>
 #include <string.h>
 
+#include "emulator/geometry/vector.h"
+
 #define SMALLEST_SLIP_M 1e-12 /* a shorter slip has no direction */
-
-/* The scalar product of two vectors. */
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-/* The vector product of two vectors, in `out`. */
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
 
 /* Centre of mass of an object in the world (metres). */
 void free_object_centre(const struct free_object *object, double centre[3])

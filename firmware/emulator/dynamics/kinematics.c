@@ -1,12 +1,6 @@
 #include "emulator/dynamics/kinematics.h"
 
-/* The vector product of two vectors, in `out`. */
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
+#include "emulator/geometry/vector.h"
 
 /* Compute the poses of all links in the world from the pose of the wrist and the joint angles (radians). */
 void kinematics_links(const struct kinematic_tree *tree, const struct frame *wrist, const double *angles,

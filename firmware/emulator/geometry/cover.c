@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "emulator/geometry/vector.h"
 #include "emulator/physics/layer.h"
 
 #define STRIPS 3 /* lines across a cell at the points of Gauss's rule of this order */
@@ -17,12 +18,6 @@ static double lesser(double a, double b)
 static double greater(double a, double b)
 {
     return a > b ? a : b;
-}
-
-/* The scalar product of two vectors. */
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 /* Complete a face, whose normal is set, over a cell whose top lies `level` metres below the plane of the face. */

@@ -5,24 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "emulator/geometry/vector.h"
+
 struct layout {
     int rows, columns;
     int taxel_at[TAXEL_LINES_MAX][TAXEL_LINES_MAX]; /* by place on the unrolled sheet; -1: no taxel */
 };
-
-/* The scalar product of two vectors. */
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-/* The vector product of two vectors, in `out`. */
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
 
 /* Number the taxels in the order of the crossing map (one bit per crossing, by TX line). The firmware later rejects a
  * map whose taxel count differs from `taxels`; until then the map must not cause invalid accesses. */

@@ -29,11 +29,11 @@ from taxel.gap.nested import choose_without_sessions
 from taxel.gap.pair import Pair, read_pair
 from taxel.gap.prepare import prepared
 from taxel.gap.priors import Priors
+from taxel.gap.reasons import list_reasons
 from taxel.gap.report.assembly import ReportInputs, build_report
 from taxel.gap.signature.bank import unexplained
 from taxel.gap.thesis_terms import thesis_terms
 from taxel.gap.verdict import Verdict, judge_verdict, list_causes, list_questioned
-from taxel.gap.warnings import list_warnings
 
 Show = Callable[[str, int, int], None]
 
@@ -93,14 +93,15 @@ def diagnose(
         likes = likenesses(judge, forms, fitted)
         left = unexplained(pair, layout, real, named.features, judge.fold, seed)
         rivals = {name: comparison.list_rivals(name) for name in list_questioned(probabilities)}
-        warnings = list_warnings(judge, named.chain, pair.faults)
-        verdict = judge_verdict(gap, probabilities, held, rivals, warnings)
+        doubts = list_reasons(judge, named.chain, pair.faults)
+        verdict = judge_verdict(gap, probabilities, held, rivals, doubts)
+        alone = list_fits_alone(comparison, forms)
         report = build_report(
             ReportInputs(
                 comparison=comparison,
                 forms=forms,
                 named=named,
-                alone=list_fits_alone(comparison, forms),
+                alone=alone,
                 held_out=held,
                 attribution=told,
                 verdict=verdict,
@@ -113,7 +114,7 @@ def diagnose(
         if nested:
             report["after"]["chosen_inside"] = [sorted(chain.names) for chain in inside]
         report["gap"]["mm"] = cloud_gap(pair, real, state.mean, seed)
-        report["thesis_terms"] = thesis_terms(judge, list_fits_alone(comparison, forms))
+        report["thesis_terms"] = thesis_terms(judge, alone)
         report["notes"] = [
             f"the frames of the hand are shifted by {1e3 * state.shift_s:.0f} ms against those of the simulator"
         ]

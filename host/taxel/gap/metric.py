@@ -98,6 +98,11 @@ def total(term: FloatArray) -> float:
     return float(term.sum(axis=1).mean())
 
 
+def gap_of_change(change: FloatArray, layout: Layout) -> float:
+    """Gap in counts that a change of the features f64[C, F, n] produces; 0 where a feature is unknown."""
+    return float(np.sqrt(total(layout.weight[:, None] * change**2)))
+
+
 def jackknife_error(values: FloatArray) -> FloatArray:
     """Standard error of what was worked out without one of its S parts each (Tukey 1958). values: f64[S, ...]."""
     count = len(values)

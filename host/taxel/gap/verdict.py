@@ -7,12 +7,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
 
-from taxel.gap.comparison.calibration import NO_GAP, UNKNOWN
+from taxel.gap.comparison.calibration import LISTED, NO_GAP, UNKNOWN
 from taxel.gap.held_out import HeldOut
 from taxel.gap.metric import Gap
-
-LISTED: Final = 0.5
-"""Probability from which a cause is named (gap report, version 2)."""
 
 LEAST_SESSIONS: Final = 3
 """Sessions below which no variance between sessions, and so no certainty, is known."""

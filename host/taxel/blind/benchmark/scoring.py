@@ -9,11 +9,9 @@ from typing import Any, Final
 import numpy as np
 
 from taxel.blind.hidden import UNKNOWN
-from taxel.gap.comparison.calibration import NO_GAP
+from taxel.gap.comparison.calibration import LISTED, NO_GAP
+from taxel.gap.verdict import list_causes
 from taxel.types import FloatArray
-
-LISTED: Final = 0.5
-"""Probability from which an effect belongs to the answer (gap report, version 2)."""
 
 CONFIDENT: Final = 0.8
 """Probability from which a statement counts as confident (gap report, version 2)."""
@@ -53,10 +51,8 @@ class ScoredAnswer:
 
     @property
     def listed(self) -> frozenset[str]:
-        """The probable causes; "unknown" if there are none and no gap has a probability below `LISTED`."""
-        if self.probable or not self.causes or self.probabilities.get(NO_GAP, 0.0) >= LISTED:
-            return self.probable
-        return frozenset({UNKNOWN})
+        """The causes that the verdict names (`taxel.gap.verdict.list_causes`); an empty answer names none."""
+        return frozenset(list_causes({NO_GAP: 0.0, **self.probabilities})) if self.causes else frozenset()
 
 
 def score_answers(answers: Sequence[ScoredAnswer]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from taxel.blind.injection.forms import InjectedForm
 from taxel.blind.injection.skin_counts import GraspSignal, Injection, SkinTable
-from taxel.gap.metric import measure
+from taxel.gap.metric import gap_of_change, measure
 from taxel.gap.pair import read_pair
 from taxel.gap.prepare import prepared
 from taxel.recording.grasp_dataset import GraspDataset
@@ -48,7 +48,7 @@ def inject_causes(
             write_injected(real, sim, out, skin, [(part, strength)], seed)
             changed = prepared(read_pair(out, sim))
             change = np.where((judge.weight > 0) & (changed.weight > 0), changed.target - judge.target, 0.0)
-            gap = float(np.sqrt((judge.layout.weight[:, None] * change**2).sum(axis=1).mean()))
+            gap = gap_of_change(change, judge.layout)
             strength = float(np.clip(strength * wanted * floor / max(gap, 1e-9), *STRENGTHS))
         strengths.append(strength)
     write_injected(real, sim, out, skin, list(zip(parts, strengths, strict=True)), seed)

@@ -25,6 +25,9 @@ PENALTY = 1.0
 """Precision of the normal prior on the standardised coefficients of a logistic model (ridge, as usual for few data)."""
 
 
+LISTED = 0.5
+"""Probability from which a cause is named (gap report, version 2)."""
+
 SMALLEST_CAUSE = 0.5
 """Gap in floors from which an effect is a cause (definition of the gap report, version 2)."""
 

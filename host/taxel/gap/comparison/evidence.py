@@ -14,7 +14,7 @@ from taxel.gap.comparison.candidates import Candidate, Sets
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.remainder import predict_remainder
 from taxel.gap.judge import Judge
-from taxel.gap.metric import Gap, measure
+from taxel.gap.metric import Gap, gap_of_change, measure
 from taxel.types import FloatArray
 
 SMALLEST_RATIO = 0.02
@@ -145,8 +145,7 @@ def compute_alone(judge: Judge, chain: Chain, name: str) -> float:
 
 def _compute_size(judge: Judge, change: FloatArray) -> float:
     """Gap in counts of a change of the features f64[C, F, n], where the real features are known."""
-    known = np.where(judge.sessions.known.any(axis=1), change, 0.0)
-    return float(np.sqrt((judge.layout.weight[:, None] * known**2).sum(axis=1).mean()))
+    return gap_of_change(np.where(judge.sessions.known.any(axis=1), change, 0.0), judge.layout)
 
 
 def _get_loads(judge: Judge) -> tuple[FloatArray, FloatArray]:

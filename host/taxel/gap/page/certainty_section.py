@@ -2,14 +2,12 @@
 
 from typing import Any
 
+from taxel.gap.comparison.calibration import LISTED
 from taxel.gap.page.bars import Axis, build_share_bar
 from taxel.gap.page.cells import Cell, CellContent, Heading, SectionData, make_table
 from taxel.gap.page.glossary import DESCRIPTIONS
 from taxel.gap.page.text import clean_text, format_percent, make_readable
 from taxel.gap.report.checked_report import CheckedReport
-
-LISTED = 0.5
-"""Probability from which a cause is named (gap report, version 2)."""
 
 MIN_SHOWN = 0.05
 """Probability below which a cause shares one line with the others."""

@@ -3,6 +3,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "layer_lines.h"
+#include "near_pieces.h"
+
 #define TWIST 6
 
 size_t sim_layer_struct_size(void)
@@ -22,203 +25,6 @@ static void compute_relative_pose(const double *a, const double *b, double *resu
         }
     }
     memcpy(result + 12, b + 12, 4 * sizeof *b);
-}
-
-/* Component `row` (x, y or z) of a vector rotated by a pose (4 x 4, by rows). */
-static double rotate_row(const double *pose, size_t row, const double *vector)
-{
-    return pose[4 * row] * vector[0] + pose[4 * row + 1] * vector[1] + pose[4 * row + 2] * vector[2];
-}
-
-/* Set point i of the lines to the position of a piece of a board in the solid's frame; `pose`: of the board in that
-   frame. */
-static void set_point(const struct sim_layer *layer, const double *pose, size_t piece, struct sim_lines *lines,
-                      size_t i)
-{
-    for (size_t row = 0; row < 3; row++) {
-        lines->point[row][i] = rotate_row(pose, row, layer->position + 3 * piece) + pose[4 * row + 3];
-    }
-}
-
-/* Set line i to the column of a piece of a board: top of the unloaded layer and direction of the normal, in the solid's
-   frame; `pose`: of the board in that frame. */
-static void set_column(const struct sim_layer *layer, const double *pose, size_t piece, struct sim_lines *lines,
-                       size_t i)
-{
-    set_point(layer, pose, piece, lines, i);
-    for (size_t row = 0; row < 3; row++) {
-        lines->direction[row][i] = rotate_row(pose, row, layer->normal + 3 * piece);
-        lines->point[row][i] += layer->thickness_m * lines->direction[row][i];
-    }
-}
-
-/* Set the half sides of the square of line i to those of a piece. */
-static void set_half_sides(const struct sim_layer *layer, const double *pose, size_t piece, struct sim_lines *lines,
-                           size_t i)
-{
-    for (size_t row = 0; row < 3; row++) {
-        for (size_t side = 0; side < 2; side++) {
-            lines->half[side][row][i] = rotate_row(pose, row, layer->half_sides + 6 * piece + 3 * side);
-        }
-    }
-}
-
-/* The solid reduced to the faces that the near pieces of a board can touch, which the last search has found. */
-static struct sim_solid select_near_faces(const struct sim_layer *layer, size_t board)
-{
-    struct sim_solid solid = layer->solid;
-    if (solid.faces) {
-        solid.faces = layer->near_faces[board];
-        solid.normals = layer->near_normals + 3 * layer->solid.faces * board;
-        solid.offsets = layer->near_offsets + layer->solid.faces * board;
-    }
-    return solid;
-}
-
-/* Number of lines of the next block, out of the lines that remain. */
-static size_t limit_to_block(size_t remaining)
-{
-    return remaining < RAY_BLOCK ? remaining : RAY_BLOCK;
-}
-
-/* Upper bound of the motion between two poses of a piece at most `size` from the bracket's origin, metres. */
-static double bound_motion(const double *from, const double *to, double size)
-{
-    double turn = 0.0, shift = 0.0;
-    for (size_t row = 0; row < 3; row++) {
-        for (size_t i = 4 * row; i < 4 * row + 3; i++) {
-            turn += (to[i] - from[i]) * (to[i] - from[i]);
-        }
-        shift += (to[4 * row + 3] - from[4 * row + 3]) * (to[4 * row + 3] - from[4 * row + 3]);
-    }
-    return sqrt(shift) + sqrt(turn) * size;
-}
-
-/* Find the pieces of [begin, end) that may touch the solid before the next search. Stores them in `near`, in order;
-   returns their number. */
-static size_t find_near_pieces(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
-                               uint32_t *near)
-{
-    const double reach = layer->thickness_m + layer->near_m + layer->piece_size_m;
-    size_t stored = 0;
-    while (begin < end) {
-        struct sim_lines lines;
-        double bound[RAY_BLOCK];
-        const size_t count = limit_to_block(end - begin);
-        for (size_t i = 0; i < count; i++) {
-            set_point(layer, pose, begin + i, &lines, i);
-        }
-        sim_distance_bounds(&layer->solid, &lines, count, bound);
-        for (size_t i = 0; i < count; i++) {
-            if (bound[i] < reach) {
-                near[stored++] = (uint32_t)(begin + i);
-            }
-        }
-        begin += count;
-    }
-    return stored;
-}
-
-/* Find the pieces of complete squares of the sheet that may touch the solid before the next search. As
-   find_near_pieces(), but a square whose middle piece is too far is skipped with one test. */
-static size_t find_near_in_squares(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
-                                   uint32_t *near)
-{
-    const double reach = layer->thickness_m + layer->near_m + layer->square_size_m + layer->piece_size_m;
-    const size_t size = layer->square_pieces;
-    size_t stored = 0;
-    while (begin < end) {
-        struct sim_lines lines;
-        double bound[RAY_BLOCK];
-        const size_t count = limit_to_block((end - begin) / size);
-        for (size_t i = 0; i < count; i++) {
-            set_point(layer, pose, begin + i * size + size / 2, &lines, i);
-        }
-        sim_distance_bounds(&layer->solid, &lines, count, bound);
-        for (size_t i = 0; i < count; i++) {
-            if (bound[i] < reach) {
-                stored += find_near_pieces(layer, pose, begin + i * size, begin + (i + 1) * size, near + stored);
-            }
-        }
-        begin += count * size;
-    }
-    return stored;
-}
-
-/* Find the faces of a polytope that can indent a near piece before the next search. The pieces lie so deep behind any
-   other face that a nearer face determines their indentation. */
-static void find_faces(struct sim_layer *layer, size_t board, const double *pose)
-{
-    const uint32_t *near = layer->near + layer->first[board];
-    const size_t faces = layer->solid.faces;
-    const double min_height = -(layer->max_depth_m + layer->thickness_m + layer->near_m + layer->piece_size_m);
-    double *normals = layer->near_normals + 3 * faces * board, *offsets = layer->near_offsets + faces * board;
-    double *max_height = offsets; /* of the pieces over each face; read before an offset replaces the height */
-    for (size_t face = 0; face < faces; face++) {
-        max_height[face] = -INFINITY;
-    }
-    for (size_t begin = 0; begin < layer->near_count[board]; begin += RAY_BLOCK) {
-        struct sim_lines lines;
-        const size_t count = limit_to_block(layer->near_count[board] - begin);
-        for (size_t i = 0; i < count; i++) {
-            set_point(layer, pose, near[begin + i], &lines, i);
-        }
-        for (size_t face = 0; face < faces; face++) {
-            if (max_height[face] < min_height) {
-                max_height[face] = sim_max_height(&layer->solid, face, &lines, count);
-            }
-        }
-    }
-    size_t stored = 0;
-    for (size_t face = 0; face < faces; face++) {
-        if (max_height[face] >= min_height) {
-            memcpy(normals + 3 * stored, layer->solid.normals + 3 * face, 3 * sizeof *normals);
-            offsets[stored++] = layer->solid.offsets[face];
-        }
-    }
-    if (!stored && faces) { /* all pieces are far inside the solid */
-        memcpy(normals, layer->solid.normals, 3 * faces * sizeof *normals);
-        memcpy(offsets, layer->solid.offsets, faces * sizeof *offsets);
-        stored = faces;
-    }
-    layer->near_faces[board] = stored;
-}
-
-/* Forget the anchors of the pieces of a board that are not near: they touch the solid anew when they return. */
-static void release_far_pieces(struct sim_layer *layer, size_t board)
-{
-    const uint32_t *near = layer->near + layer->first[board];
-    size_t next = 0;
-    for (size_t piece = layer->first[board]; piece < layer->first[board + 1]; piece++) {
-        if (next < layer->near_count[board] && near[next] == piece) {
-            next++;
-        } else {
-            layer->touched[piece] = 0.0;
-        }
-    }
-}
-
-/* Find the near pieces and faces of a board at `pose` in the solid's frame, and the motion (slack, metres) up to which
-   they remain valid. A far board has no near pieces, and its slack is its clearance. */
-static void search_board(struct sim_layer *layer, size_t board, const double *pose)
-{
-    const size_t begin = layer->first[board], end = layer->first[board + 1];
-    struct sim_lines origin;
-    double bound;
-    for (size_t row = 0; row < 3; row++) {
-        origin.point[row][0] = pose[4 * row + 3];
-    }
-    sim_distance_bounds(&layer->solid, &origin, 1, &bound);
-    const double clearance = bound - layer->board_size[board] - layer->thickness_m;
-    memcpy(layer->search_pose + SIM_POSE * board, pose, SIM_POSE * sizeof *pose);
-    layer->near_count[board] = 0;
-    layer->slack_m[board] = clearance;
-    if (clearance < layer->near_m) {
-        layer->slack_m[board] = layer->near_m;
-        layer->near_count[board] = find_near_in_squares(layer, pose, begin, end, layer->near + begin);
-        find_faces(layer, board, pose);
-    }
-    release_far_pieces(layer, board);
 }
 
 static double larger_of(double a, double b)
@@ -470,7 +276,7 @@ static int load_board(struct sim_layer *layer, size_t board, const double *pose,
                       double *taxel_force, int advance)
 {
     const uint32_t *near = layer->near + layer->first[board];
-    const struct sim_solid solid = select_near_faces(layer, board);
+    const struct sim_solid solid = sim_select_near_faces(layer, board);
     int has_contact = 0;
     for (size_t begin = 0; begin < layer->near_count[board]; begin += RAY_BLOCK) {
         struct sim_lines lines;
@@ -510,9 +316,9 @@ void sim_layer_load(struct sim_layer *layer, const double *poses, const double *
         const double *pose = poses + SIM_POSE * board;
         double in_solid[SIM_POSE];
         compute_relative_pose(solid_pose, pose, in_solid);
-        const double moved = bound_motion(layer->search_pose + SIM_POSE * board, in_solid, layer->board_size[board]);
+        const double moved = sim_bound_motion(layer->search_pose + SIM_POSE * board, in_solid, layer->board_size[board]);
         if (layer->slack_m[board] < 0.0 || moved > layer->slack_m[board]) {
-            search_board(layer, board, in_solid);
+            sim_search_near(layer, board, in_solid);
         }
         double *board_wrench = wrench + TWIST * board, *board_stiffness = stiffness + TWIST * TWIST * board;
         if (load_board(layer, board, in_solid, board_wrench, board_stiffness, taxel_force, advance)) {

@@ -13,7 +13,7 @@ from taxel.gap.judge import Judge
 from taxel.gap.simulator_faults import LEFT_OUT, SimulatorFault
 
 
-def list_warnings(judge: Judge, chain: Chain, faults: Sequence[SimulatorFault]) -> list[str]:
+def list_reasons(judge: Judge, chain: Chain, faults: Sequence[SimulatorFault]) -> list[str]:
     """One sentence for each reason. chain: the named effects, fitted."""
     reasons = []
     kept = [one for one in faults if one.handled != LEFT_OUT]

@@ -1,0 +1,154 @@
+#include "near_pieces.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "layer_lines.h"
+
+struct sim_solid sim_select_near_faces(const struct sim_layer *layer, size_t board)
+{
+    struct sim_solid solid = layer->solid;
+    if (solid.faces) {
+        solid.faces = layer->near_faces[board];
+        solid.normals = layer->near_normals + 3 * layer->solid.faces * board;
+        solid.offsets = layer->near_offsets + layer->solid.faces * board;
+    }
+    return solid;
+}
+
+double sim_bound_motion(const double *from, const double *to, double size)
+{
+    double turn = 0.0, shift = 0.0;
+    for (size_t row = 0; row < 3; row++) {
+        for (size_t i = 4 * row; i < 4 * row + 3; i++) {
+            turn += (to[i] - from[i]) * (to[i] - from[i]);
+        }
+        shift += (to[4 * row + 3] - from[4 * row + 3]) * (to[4 * row + 3] - from[4 * row + 3]);
+    }
+    return sqrt(shift) + sqrt(turn) * size;
+}
+
+/* Find the pieces of [begin, end) that may touch the solid before the next search. Stores them in `near`, in order;
+   returns their number. */
+static size_t find_near_pieces(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
+                               uint32_t *near)
+{
+    const double reach = layer->thickness_m + layer->near_m + layer->piece_size_m;
+    size_t stored = 0;
+    while (begin < end) {
+        struct sim_lines lines;
+        double bound[RAY_BLOCK];
+        const size_t count = limit_to_block(end - begin);
+        for (size_t i = 0; i < count; i++) {
+            set_point(layer, pose, begin + i, &lines, i);
+        }
+        sim_distance_bounds(&layer->solid, &lines, count, bound);
+        for (size_t i = 0; i < count; i++) {
+            if (bound[i] < reach) {
+                near[stored++] = (uint32_t)(begin + i);
+            }
+        }
+        begin += count;
+    }
+    return stored;
+}
+
+/* Find the pieces of complete squares of the sheet that may touch the solid before the next search. As
+   find_near_pieces(), but a square whose middle piece is too far is skipped with one test. */
+static size_t find_near_in_squares(const struct sim_layer *layer, const double *pose, size_t begin, size_t end,
+                                   uint32_t *near)
+{
+    const double reach = layer->thickness_m + layer->near_m + layer->square_size_m + layer->piece_size_m;
+    const size_t size = layer->square_pieces;
+    size_t stored = 0;
+    while (begin < end) {
+        struct sim_lines lines;
+        double bound[RAY_BLOCK];
+        const size_t count = limit_to_block((end - begin) / size);
+        for (size_t i = 0; i < count; i++) {
+            set_point(layer, pose, begin + i * size + size / 2, &lines, i);
+        }
+        sim_distance_bounds(&layer->solid, &lines, count, bound);
+        for (size_t i = 0; i < count; i++) {
+            if (bound[i] < reach) {
+                stored += find_near_pieces(layer, pose, begin + i * size, begin + (i + 1) * size, near + stored);
+            }
+        }
+        begin += count * size;
+    }
+    return stored;
+}
+
+/* Find the faces of a polytope that can indent a near piece before the next search. The pieces lie so deep behind any
+   other face that a nearer face determines their indentation. */
+static void find_faces(struct sim_layer *layer, size_t board, const double *pose)
+{
+    const uint32_t *near = layer->near + layer->first[board];
+    const size_t faces = layer->solid.faces;
+    const double min_height = -(layer->max_depth_m + layer->thickness_m + layer->near_m + layer->piece_size_m);
+    double *normals = layer->near_normals + 3 * faces * board, *offsets = layer->near_offsets + faces * board;
+    double *max_height = offsets; /* of the pieces over each face; read before an offset replaces the height */
+    for (size_t face = 0; face < faces; face++) {
+        max_height[face] = -INFINITY;
+    }
+    for (size_t begin = 0; begin < layer->near_count[board]; begin += RAY_BLOCK) {
+        struct sim_lines lines;
+        const size_t count = limit_to_block(layer->near_count[board] - begin);
+        for (size_t i = 0; i < count; i++) {
+            set_point(layer, pose, near[begin + i], &lines, i);
+        }
+        for (size_t face = 0; face < faces; face++) {
+            if (max_height[face] < min_height) {
+                max_height[face] = sim_max_height(&layer->solid, face, &lines, count);
+            }
+        }
+    }
+    size_t stored = 0;
+    for (size_t face = 0; face < faces; face++) {
+        if (max_height[face] >= min_height) {
+            memcpy(normals + 3 * stored, layer->solid.normals + 3 * face, 3 * sizeof *normals);
+            offsets[stored++] = layer->solid.offsets[face];
+        }
+    }
+    if (!stored && faces) { /* all pieces are far inside the solid */
+        memcpy(normals, layer->solid.normals, 3 * faces * sizeof *normals);
+        memcpy(offsets, layer->solid.offsets, faces * sizeof *offsets);
+        stored = faces;
+    }
+    layer->near_faces[board] = stored;
+}
+
+/* Forget the anchors of the pieces of a board that are not near: they touch the solid anew when they return. */
+static void release_far_pieces(struct sim_layer *layer, size_t board)
+{
+    const uint32_t *near = layer->near + layer->first[board];
+    size_t next = 0;
+    for (size_t piece = layer->first[board]; piece < layer->first[board + 1]; piece++) {
+        if (next < layer->near_count[board] && near[next] == piece) {
+            next++;
+        } else {
+            layer->touched[piece] = 0.0;
+        }
+    }
+}
+
+void sim_search_near(struct sim_layer *layer, size_t board, const double *pose)
+{
+    const size_t begin = layer->first[board], end = layer->first[board + 1];
+    struct sim_lines origin;
+    double bound;
+    for (size_t row = 0; row < 3; row++) {
+        origin.point[row][0] = pose[4 * row + 3];
+    }
+    sim_distance_bounds(&layer->solid, &origin, 1, &bound);
+    const double clearance = bound - layer->board_size[board] - layer->thickness_m;
+    memcpy(layer->search_pose + SIM_POSE * board, pose, SIM_POSE * sizeof *pose);
+    layer->near_count[board] = 0;
+    layer->slack_m[board] = clearance;
+    if (clearance < layer->near_m) {
+        layer->slack_m[board] = layer->near_m;
+        layer->near_count[board] = find_near_in_squares(layer, pose, begin, end, layer->near + begin);
+        find_faces(layer, board, pose);
+    }
+    release_far_pieces(layer, board);
+}
