@@ -34,8 +34,8 @@ static inline void set_column(const struct sim_layer *layer, const double *pose,
 }
 
 /* Set the half sides of the square of line i to those of a piece. */
-static inline void set_half_sides(const struct sim_layer *layer, const double *pose, size_t piece, struct sim_lines *lines,
-                                  size_t i)
+static inline void set_half_sides(const struct sim_layer *layer, const double *pose, size_t piece,
+                                  struct sim_lines *lines, size_t i)
 {
     for (size_t row = 0; row < 3; row++) {
         for (size_t side = 0; side < 2; side++) {
