@@ -26,9 +26,9 @@ from taxel.blind.out_of_catalogue import LOOKALIKES, OUT_OF_CATALOGUE
 from taxel.blind.world import World
 from taxel.blind.world_datasets import make_world
 from taxel.errors import TaxelError
-from taxel.gap.metric import measure
-from taxel.gap.pair import read_pair
-from taxel.gap.prepare import prepared
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
+from taxel.gap.features.metric import measure
 from taxel.hand import load_hand
 
 CAUSE_TYPES: Final = {

@@ -5,7 +5,7 @@ python tools/gap/calibrate_comparison.py --worlds 150 --seed 777 --out out/calib
 Each world is made, compared and deleted; its evidence is a line of DIR/evidence.jsonl, so that an interrupted run
 continues. The worlds are those of `taxel gap benchmark` with this seed, of all families. Withheld forms: the models are
 fitted to all worlds but those of some forms of causes (a fold of `--folds`), and the printed scores refer to the forms
-that were left out. --write: store the models fitted to all worlds in host/taxel/gap/comparison/calibration.json.
+that were left out. --write: store the models fitted to all worlds in host/taxel/gap/calibration/calibration.json.
 """
 
 import argparse
@@ -25,12 +25,12 @@ from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
 from taxel.blind.benchmark.worlds import GRASPS, BenchmarkWorld, sample_benchmark
 from taxel.blind.hidden import UNKNOWN
 from taxel.errors import TaxelError
-from taxel.gap.comparison.calibration import SMALLEST_CAUSE, Calibration, Logistic, combine_inputs, compute_any_inputs
+from taxel.gap.calibration.calibration import SMALLEST_CAUSE, Calibration, Logistic, combine_inputs, compute_any_inputs
 from taxel.gap.comparison.compare import Comparison, compare
 from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence
 from taxel.types import FloatArray
 
-TARGET = Path(__file__).resolve().parents[2] / "host" / "taxel" / "gap" / "comparison" / "calibration.json"
+TARGET = Path(__file__).resolve().parents[2] / "host" / "taxel" / "gap" / "calibration" / "calibration.json"
 
 
 def describe_evidence(world: BenchmarkWorld, comparison: Comparison) -> dict[str, Any]:

@@ -21,8 +21,8 @@ import numpy as np
 from taxel.campaign.setup import Setup
 from taxel.campaign.simulated import SimSettings, run_simulated
 from taxel.errors import TaxelError
-from taxel.gap.catalogue import DROPOUT
 from taxel.gap.diagnosis import diagnose
+from taxel.gap.effects.catalogue import DROPOUT
 from taxel.grasp.original_plan import Setting
 from taxel.grasp.plan import make_thesis_plan
 from taxel.hand import load_hand

@@ -5,8 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from taxel.gap.catalogue import all_effects
 from taxel.gap.diagnosis import Diagnosis
+from taxel.gap.effects.catalogue import all_effects
 from taxel.recording.grasp_format import Phase
 
 NO_GAP: Final = "no_gap"

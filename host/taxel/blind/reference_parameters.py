@@ -12,15 +12,15 @@ from threadpoolctl import threadpool_limits
 
 from taxel.blind.hidden import Cause
 from taxel.blind.scoring_rules import is_clear, model_key
-from taxel.gap.align import shift_beside
-from taxel.gap.catalogue import all_effects
-from taxel.gap.chain import Chain, FittedEffect
+from taxel.gap.data.align import shift_beside
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
+from taxel.gap.effects.catalogue import all_effects
 from taxel.gap.effects.effect import Effect
 from taxel.gap.effects.latency import is_delay
-from taxel.gap.fit import started
-from taxel.gap.judge import Judge
-from taxel.gap.pair import read_pair
-from taxel.gap.prepare import prepared
+from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.fit import started
+from taxel.gap.fitting.judge import Judge
 from taxel.gap.report.effects import parameters_of
 
 

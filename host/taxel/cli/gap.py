@@ -18,9 +18,9 @@ from taxel.cli.options import AsJson, Overwrite
 from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
 from taxel.gap.diagnosis import diagnose as run
-from taxel.gap.effect_files import add_effect_file
+from taxel.gap.effects.effect_files import add_effect_file
+from taxel.gap.fitting.priors import read_priors
 from taxel.gap.page import write_page
-from taxel.gap.priors import read_priors
 
 gap_app = typer.Typer(
     help="Diagnose the gap between simulator and hand: location, cause, and reduction.",

@@ -8,8 +8,8 @@ import typer
 
 from taxel.cli.options import AsJson, Overwrite
 from taxel.cli.progress import stage_bars
-from taxel.gap.adding.apply import Applied, apply_report, resimulate
-from taxel.gap.effect_files import add_effect_file
+from taxel.gap.apply.apply import Applied, apply_report, resimulate
+from taxel.gap.effects.effect_files import add_effect_file
 
 
 def apply(

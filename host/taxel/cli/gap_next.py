@@ -12,10 +12,10 @@ from taxel.cli.options import AsJson
 from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
 from taxel.gap.diagnosis import Show
-from taxel.gap.presses.from_report import findings_in, findings_of_pair
-from taxel.gap.presses.ranking import MOST_PRESSES, NextPresses, next_presses
-from taxel.gap.presses.unrecorded import unrecorded
-from taxel.gap.state import State
+from taxel.gap.experiment_design.from_report import findings_in, findings_of_pair
+from taxel.gap.experiment_design.ranking import MOST_PRESSES, NextPresses, next_presses
+from taxel.gap.experiment_design.unrecorded import unrecorded
+from taxel.gap.fitting.state import State
 
 
 def rank_contacts(

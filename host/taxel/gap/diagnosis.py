@@ -11,29 +11,29 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from taxel.gap.attribution import attribute
-from taxel.gap.catalogue import DROPOUT, chosen
-from taxel.gap.chain import Chain
-from taxel.gap.cloud_gap import cloud_gap
-from taxel.gap.comparison.calibration import UNKNOWN
+from taxel.gap.calibration.calibration import UNKNOWN
 from taxel.gap.comparison.compare import Comparison, compare_sets
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
-from taxel.gap.confounding import confounded_with
-from taxel.gap.explanation import Explanation, explain, list_fits_alone
-from taxel.gap.features import Layout, SessionMeans
-from taxel.gap.held_out import HeldOut, held_out
-from taxel.gap.identify import likenesses
-from taxel.gap.judge import Judge
-from taxel.gap.metric import Gap
-from taxel.gap.nested import choose_without_sessions
-from taxel.gap.pair import Pair, read_pair
-from taxel.gap.prepare import prepared
-from taxel.gap.priors import Priors
-from taxel.gap.reasons import list_reasons
+from taxel.gap.data.pair import Pair, read_pair
+from taxel.gap.data.prepare import prepared
+from taxel.gap.effects.catalogue import DROPOUT, chosen
+from taxel.gap.features.cloud_gap import cloud_gap
+from taxel.gap.features.features import Layout, SessionMeans
+from taxel.gap.features.metric import Gap
+from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.priors import Priors
+from taxel.gap.identifiability.confounding import confounded_with
+from taxel.gap.identifiability.identify import likenesses
+from taxel.gap.localisation.signature.bank import unexplained
 from taxel.gap.report.assembly import ReportInputs, build_report
-from taxel.gap.signature.bank import unexplained
-from taxel.gap.thesis_terms import thesis_terms
-from taxel.gap.verdict import Verdict, judge_verdict, list_causes, list_questioned
+from taxel.gap.report.thesis_terms import thesis_terms
+from taxel.gap.verdict.attribution import attribute
+from taxel.gap.verdict.explanation import Explanation, explain, list_fits_alone
+from taxel.gap.verdict.held_out import HeldOut, held_out
+from taxel.gap.verdict.nested import choose_without_sessions
+from taxel.gap.verdict.reasons import list_reasons
+from taxel.gap.verdict.verdict import Verdict, judge_verdict, list_causes, list_questioned
 
 Show = Callable[[str, int, int], None]
 

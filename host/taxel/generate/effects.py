@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from taxel.gap.catalogue import DROPOUT, all_effects
+from taxel.gap.effects.catalogue import DROPOUT, all_effects
 from taxel.gap.effects.effect import BOARD, HAND, TAXEL, Parameter
 from taxel.gap.report.model import NOISE_PARTS
 from taxel.gap.report.reading import MOST_NOISE_COUNTS, ReportedEffect, ReportedGap

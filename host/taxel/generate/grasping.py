@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from taxel.campaign.setup import WITHDRAW_M, WRIST_LINK, Setup
-from taxel.gap.adding.added import with_effects
-from taxel.gap.adding.draws import Chance
-from taxel.gap.adding.frames import FrameStates
+from taxel.gap.apply.added import with_effects
+from taxel.gap.apply.draws import Chance
+from taxel.gap.apply.frames import FrameStates
 from taxel.generate.errors import SamplingError
 from taxel.generate.placement import shift_recorded_approach
 from taxel.generate.recipe import FIDELITIES, Recipe

@@ -17,7 +17,7 @@ from taxel.blind.records import RECORDS, read_records, write_records
 from taxel.blind.run_folder import seal_worlds
 from taxel.blind.sandboxed_run import SandboxedRunner
 from taxel.blind.version import compute_diagnosis_version
-from taxel.gap.catalogue import OWN_EFFECTS
+from taxel.gap.effects.catalogue import OWN_EFFECTS
 
 SEED = 4400
 """World 0 hides a lag, whose true parameters no definition fixes, and is withheld; world 1 has no cause and a decoy."""

@@ -15,7 +15,7 @@ from taxel.campaign.indentation import indentation_settings
 from taxel.campaign.session import format_session_world
 from taxel.campaign.setup import Setup
 from taxel.emulated.contact import SkinContact
-from taxel.gap.catalogue import OWN_EFFECTS
+from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.hand import load_hand
 
 WORLD_COUNT = sum(KIND_COUNTS.values())

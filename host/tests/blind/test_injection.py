@@ -14,7 +14,7 @@ from taxel.blind.hidden import UNKNOWN
 from taxel.blind.injection.forms import INJECTED_FORMS
 from taxel.blind.injection.inject import inject_causes
 from taxel.blind.injection.skin_counts import GraspSignal, SkinTable
-from taxel.gap.catalogue import OWN_EFFECTS
+from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.recording.grasp_format import Phase
 
 SIDE, FRAMES, SEED = 5, 120, 7
@@ -78,9 +78,9 @@ def test_an_injected_cause_has_the_wanted_gap_and_a_base_is_made_once(tmp_path):
     (form,) = (one for one in INJECTED_FORMS if one.form == "ladder")
     (strength,) = inject_causes(real, sim, tmp_path / "real.h5", [form], [3.0], 1)
     assert strength > 0.0
-    from taxel.gap.metric import measure
-    from taxel.gap.pair import read_pair
-    from taxel.gap.prepare import prepared
+    from taxel.gap.data.pair import read_pair
+    from taxel.gap.data.prepare import prepared
+    from taxel.gap.features.metric import measure
 
     judge = prepared(read_pair(tmp_path / "real.h5", sim))
     gap = measure(judge.sessions, judge.state.mean, judge.layout)

@@ -17,7 +17,7 @@ import pytest
 
 from host.tests.command_line import run_refused_command, run_taxel
 from host.tests.plugin_package import installed_package
-from taxel.gap.catalogue import all_effects
+from taxel.gap.effects.catalogue import all_effects
 from taxel.plugins import COMMANDS, EFFECTS, IMPORTERS, LINKS, PluginError
 from taxel.recording.grasp_dataset import GraspDataset
 

@@ -10,20 +10,20 @@ import h5py
 import numpy as np
 import pytest
 
-from taxel.gap.adding.added import with_effects
-from taxel.gap.adding.apply import apply_report
-from taxel.gap.adding.draws import Chance, noise
-from taxel.gap.adding.frames import FrameStates, moving
-from taxel.gap.catalogue import OWN_EFFECTS
-from taxel.gap.chain import FittedEffect
+from taxel.gap.apply.added import with_effects
+from taxel.gap.apply.apply import apply_report
+from taxel.gap.apply.draws import Chance, noise
+from taxel.gap.apply.frames import FrameStates, moving
+from taxel.gap.data.pair import read_pair
 from taxel.gap.diagnosis import diagnose
+from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.effects.dropout import Dropout, Dropped
-from taxel.gap.features import Layout
-from taxel.gap.metric import measure
-from taxel.gap.pair import read_pair
+from taxel.gap.features.features import Layout
+from taxel.gap.features.metric import measure
+from taxel.gap.fitting.chain import FittedEffect
+from taxel.gap.fitting.state import state_of
 from taxel.gap.report.model import NOISE_PARTS, model_of
 from taxel.gap.report.reading import read_report
-from taxel.gap.state import state_of
 from taxel.recording.grasp_dataset import GraspDataset
 
 ROWS, COLUMNS, N, BOARDS = 6, 5, 60, 2

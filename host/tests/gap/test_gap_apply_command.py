@@ -11,8 +11,8 @@ import h5py
 import pytest
 
 from host.tests.command_line import run_refused_command, run_taxel
+from taxel.gap.data.pair import read_pair
 from taxel.gap.errors import GapInputError
-from taxel.gap.pair import read_pair
 from taxel.gap.report.reading import read_report
 from taxel.recording.grasp_dataset import GraspDataset
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from taxel.gap.chain import Chain, FittedEffect
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import means_of, prepared
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects.hysteresis import Hysteresis
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.saturation import Saturation
-from taxel.gap.pair import read_pair
-from taxel.gap.prepare import means_of, prepared
+from taxel.gap.fitting.chain import Chain, FittedEffect
 
 pytestmark = pytest.mark.slow
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from taxel.gap.catalogue import OWN_EFFECTS
+from taxel.gap.effects.catalogue import OWN_EFFECTS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "gap-diagnosis.md").read_text(encoding="utf-8")
 

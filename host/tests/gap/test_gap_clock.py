@@ -6,9 +6,9 @@ import h5py
 import numpy as np
 import pytest
 
-from taxel.gap.clock import Clock, usual_duration
+from taxel.gap.data.clock import Clock, usual_duration
+from taxel.gap.data.pair import read_pair
 from taxel.gap.diagnosis import diagnose
-from taxel.gap.pair import read_pair
 from taxel.recording.grasp_format import Phase
 
 pytestmark = pytest.mark.slow

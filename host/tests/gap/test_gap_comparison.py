@@ -7,18 +7,18 @@ import json
 import numpy as np
 import pytest
 
-from taxel.gap.chain import Chain
-from taxel.gap.comparison.calibration import NO_GAP, UNKNOWN, Calibration, Logistic, combine_inputs, load_calibration
+from taxel.gap.calibration.calibration import NO_GAP, UNKNOWN, Calibration, Logistic, combine_inputs, load_calibration
 from taxel.gap.comparison.compare import compare
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.held_out import predict_held_out
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.comparison.weights import compute_set_weights
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
 from taxel.gap.effects.effect import HAND
 from taxel.gap.effects.stiffness import Stiffness
-from taxel.gap.fit import fit, started
-from taxel.gap.pair import read_pair
-from taxel.gap.prepare import prepared
+from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.fit import fit, started
 
 
 def stiffen(force, signal):

@@ -14,10 +14,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taxel.gap import cores
-from taxel.gap.catalogue import OWN_EFFECTS
-from taxel.gap.cores import WORTH, in_copies, in_threads
+from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.effects.effect import Prior
+from taxel.gap.fitting import cores
+from taxel.gap.fitting.cores import WORTH, in_copies, in_threads
 
 ITEMS = list(range(23))
 
@@ -117,7 +117,7 @@ def test_a_worker_process_ends_with_its_parent(tmp_path):
 import os, time
 from types import SimpleNamespace
 import numpy as np
-from taxel.gap.cores import WORTH, in_copies
+from taxel.gap.fitting.cores import WORTH, in_copies
 here = os.getpid()
 def work(item):
     if os.getpid() != here:

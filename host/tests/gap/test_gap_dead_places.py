@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from taxel.gap.dead_places import answers_elsewhere, is_evident, lines_of, patches
+from taxel.gap.effects.dead_places import answers_elsewhere, is_evident, lines_of, patches
 
 SIZE = 6
 PLACE = np.arange(SIZE * SIZE)

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from taxel.gap.pair import read_pair
+from taxel.gap.data.pair import read_pair
 
 
 @pytest.fixture

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
 from taxel.gap.diagnosis import diagnose
-from taxel.gap.dropped import find_dropped
-from taxel.gap.pair import read_pair
-from taxel.gap.prepare import prepared
+from taxel.gap.effects.dropped import find_dropped
 
 ROWS, COLUMNS = 6, 5
 BOARD = 0x20

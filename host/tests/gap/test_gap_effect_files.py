@@ -7,7 +7,7 @@ import json
 import pytest
 
 from host.tests.command_line import run_refused_command, run_taxel
-from taxel.gap import catalogue
+from taxel.gap.effects import catalogue
 
 FILE = """
 from taxel.gap.effects.effect import Effect, Parameter

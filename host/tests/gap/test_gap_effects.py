@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.gap.boards import BoardLayout
-from taxel.gap.catalogue import OWN_EFFECTS, all_effects
-from taxel.gap.chain import Chain, FittedEffect
+from taxel.gap.data.boards import BoardLayout
+from taxel.gap.data.pair import read_pair
+from taxel.gap.effects.catalogue import OWN_EFFECTS, all_effects
 from taxel.gap.effects.lag import low_pass
 from taxel.gap.effects.pillar_propagation import LEVELS, drawn
 from taxel.gap.effects.sheet_kernel import sheet_kernel, taxel_kernel
-from taxel.gap.features import Layout, SessionMeans, known_mean
-from taxel.gap.fit import started
-from taxel.gap.identify import seen
-from taxel.gap.judge import Judge
-from taxel.gap.pair import read_pair
-from taxel.gap.state import state_of
+from taxel.gap.features.features import Layout, SessionMeans, known_mean
+from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.fit import started
+from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.state import state_of
+from taxel.gap.identifiability.identify import seen
 from taxel.recording.grasp_format import Phase
 
 FORMS = [(name, form) for name, forms in all_effects().items() for form in forms]

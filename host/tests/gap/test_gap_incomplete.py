@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
 from taxel.gap.diagnosis import diagnose
-from taxel.gap.judge import Judge
-from taxel.gap.metric import measure
-from taxel.gap.pair import read_pair
-from taxel.gap.prepare import prepared
+from taxel.gap.features.metric import measure
+from taxel.gap.fitting.judge import Judge
 
 pytestmark = pytest.mark.slow
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxel.gap.metric import Interval, jackknife, together
+from taxel.gap.features.metric import Interval, jackknife, together
 
 TRIALS = 4000
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from taxel.cli.gap_summary import format_nested_agreement
-from taxel.gap.catalogue import OWN_EFFECTS
 from taxel.gap.diagnosis import diagnose
+from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.errors import GapInputError
 from taxel.gap.page import write_page
 

@@ -10,23 +10,23 @@ import numpy as np
 import pytest
 
 from host.tests.command_line import run_refused_command, run_taxel
-from taxel.gap.catalogue import OWN_EFFECTS
-from taxel.gap.chain import Chain, FittedEffect
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
+from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.latency import Latency
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.stiffness import Stiffness
-from taxel.gap.identify import likenesses
-from taxel.gap.judge import Judge
+from taxel.gap.experiment_design.candidates import batches
+from taxel.gap.experiment_design.findings import Findings, rivals_of
+from taxel.gap.experiment_design.information import ChainInformation, Felt
+from taxel.gap.experiment_design.ranking import next_presses
+from taxel.gap.experiment_design.scatter import Scatter
+from taxel.gap.experiment_design.unrecorded import unrecorded
+from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.judge import Judge
+from taxel.gap.identifiability.identify import likenesses
 from taxel.gap.page import write_page
-from taxel.gap.pair import read_pair
-from taxel.gap.prepare import prepared
-from taxel.gap.presses.candidates import batches
-from taxel.gap.presses.findings import Findings, rivals_of
-from taxel.gap.presses.information import ChainInformation, Felt
-from taxel.gap.presses.ranking import next_presses
-from taxel.gap.presses.scatter import Scatter
-from taxel.gap.presses.unrecorded import unrecorded
 
 GAIN, STIFF = "gain_mismatch", "stiffness"
 TRIED = {"latency", "gain_mismatch", "stiffness", "hysteresis"}

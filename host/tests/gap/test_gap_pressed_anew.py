@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taxel.gap.data.pair import read_pair
 from taxel.gap.effects import geometry as geometry_module
 from taxel.gap.effects.effect import BOARD
 from taxel.gap.effects.geometry import LEVELS, Contact, Geometry, unchanged, with_change
 from taxel.gap.effects.layer_law import TOGETHER, Law, law_of_pieces, pressed_together
 from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.stiffness import Sinking, Stiffness
-from taxel.gap.features import Layout
-from taxel.gap.pair import read_pair
-from taxel.gap.state import state_of
+from taxel.gap.features.features import Layout
+from taxel.gap.fitting.state import state_of
 
 HARDENING = Law(np.array([0.0, 5e-4, 1e-3, 1.5e-3]), np.array([0.0, 0.2, 1.0, 3.0]))
 

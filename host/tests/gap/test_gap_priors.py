@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxel.gap.catalogue import OWN_EFFECTS, chosen
+from taxel.gap.effects.catalogue import OWN_EFFECTS, chosen
 from taxel.gap.effects.effect import Prior
 from taxel.gap.errors import GapInputError
-from taxel.gap.priors import read_priors
+from taxel.gap.fitting.priors import read_priors
 
 
 def written(tmp_path, text):

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxel.gap.catalogue import OWN_EFFECTS
-from taxel.gap.chain import Chain, FittedEffect
-from taxel.gap.equations import Column, Problem, system_of
-from taxel.gap.fit import fit, start_of, started
-from taxel.gap.identify import Subspace
-from taxel.gap.judge import Judge
-from taxel.gap.pair import read_pair
-from taxel.gap.prepare import prepared
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
+from taxel.gap.effects.catalogue import OWN_EFFECTS
+from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.equations import Column, Problem, system_of
+from taxel.gap.fitting.fit import fit, start_of, started
+from taxel.gap.fitting.judge import Judge
+from taxel.gap.identifiability.identify import Subspace
 
 
 @pytest.fixture(scope="module")

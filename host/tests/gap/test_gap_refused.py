@@ -10,9 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from taxel.cli.main import build_app
+from taxel.gap.data.pair import read_pair
 from taxel.gap.diagnosis import diagnose
 from taxel.gap.errors import GapInputError
-from taxel.gap.pair import read_pair
 from taxel.recording.errors import DatasetError
 
 pytestmark = pytest.mark.slow
@@ -116,7 +116,7 @@ def test_a_grasp_without_valid_frames_is_reported(world, tmp_path):
 
 
 def test_an_empty_catalogue_gives_an_unknown_cause(world, tmp_path):
-    from taxel.gap.catalogue import OWN_EFFECTS
+    from taxel.gap.effects.catalogue import OWN_EFFECTS
 
     paths = world(tmp_path, effect=lambda force, drop: 0.6 * drop)
     verdict = diagnose(*paths, without=list(OWN_EFFECTS)).report["verdict"]

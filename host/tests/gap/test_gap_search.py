@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from host.tests.plugin_package import installed_package
-from taxel.gap.catalogue import OWN_EFFECTS
-from taxel.gap.confounding import confounded_with
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
 from taxel.gap.diagnosis import diagnose
-from taxel.gap.identify import likenesses
-from taxel.gap.pair import read_pair
-from taxel.gap.prepare import prepared
+from taxel.gap.effects.catalogue import OWN_EFFECTS
+from taxel.gap.identifiability.confounding import confounded_with
+from taxel.gap.identifiability.identify import likenesses
 
 
 def harder(force, drop):

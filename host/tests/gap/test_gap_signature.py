@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taxel.gap.catalogue import OWN_EFFECTS
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.reading import Groups
 from taxel.gap.diagnosis import diagnose
+from taxel.gap.effects.catalogue import OWN_EFFECTS
 from taxel.gap.errors import GapInputError
-from taxel.gap.features import COUNTS_MISSING, Layout, features_of, known_mean, session_means, untouched_cells
-from taxel.gap.judge import Judge
+from taxel.gap.features.features import COUNTS_MISSING, Layout, features_of, known_mean, session_means, untouched_cells
+from taxel.gap.fitting.judge import Judge
+from taxel.gap.fitting.state import state_of
+from taxel.gap.localisation.signature.bank import unexplained
 from taxel.gap.page import page_text
-from taxel.gap.pair import read_pair
-from taxel.gap.reading import Groups
-from taxel.gap.signature.bank import unexplained
-from taxel.gap.state import state_of
 from taxel.recording import SensorTable
 from taxel.recording.grasp_format import Phase
 

@@ -6,9 +6,9 @@ import h5py
 import numpy as np
 import pytest
 
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.simulator_faults import KEPT, LEFT_OUT
 from taxel.gap.diagnosis import diagnose
-from taxel.gap.pair import read_pair
-from taxel.gap.simulator_faults import KEPT, LEFT_OUT
 from taxel.recording.grasp_format import Phase
 
 GRASP = "0003"

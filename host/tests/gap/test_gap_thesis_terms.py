@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from taxel.cloud.treatment import DEFAULT_OUTLIER_FILTER, OutlierFilter, get_outlier_filter
-from taxel.gap.catalogue import OWN_EFFECTS
-from taxel.gap.chain import Chain, FittedEffect
-from taxel.gap.cloud_gap import cloud_gap
-from taxel.gap.metric import Interval, measure
-from taxel.gap.pair import read_pair
-from taxel.gap.prepare import prepared
-from taxel.gap.thesis_terms import GRASPS, outliers, thesis_terms
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
+from taxel.gap.effects.catalogue import OWN_EFFECTS
+from taxel.gap.features.cloud_gap import cloud_gap
+from taxel.gap.features.metric import Interval, measure
+from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.report.thesis_terms import GRASPS, outliers, thesis_terms
 
 ROWS, COLUMNS, N = 6, 5, 60
 HALF = N // 2

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from taxel.gap.metric import Gap, Interval
-from taxel.gap.verdict import HEADLINES, judge_verdict, list_causes, list_questioned
+from taxel.gap.features.metric import Gap, Interval
+from taxel.gap.verdict.verdict import HEADLINES, judge_verdict, list_causes, list_questioned
 
 INTERVAL = Interval(400.0, 300.0, 500.0, 20.0)
 GAP = Gap(Interval(20.0, 18.0, 22.0, 1.0), 5.0, INTERVAL, 440.0, 0.001, None)

@@ -14,7 +14,7 @@ import pytest
 
 from taxel.campaign.pictures import save_clouds, save_grasp
 from taxel.campaign.setup import Setup
-from taxel.gap.pair import read_pair
+from taxel.gap.data.pair import read_pair
 from taxel.generate.errors import FolderError
 from taxel.generate.grasping import ShardGenerator
 from taxel.generate.holds import read_generated_holds

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from host.tests.command_line import run_taxel
-from taxel.gap.verdict import UNKNOWN, WORDS
+from taxel.gap.verdict.verdict import UNKNOWN, WORDS
 from taxel.grasp.timeline import Phase
 from taxel.hand import load_hand
 from taxel.recording import DatasetHeader, GraspDatasetWriter, GraspRecord

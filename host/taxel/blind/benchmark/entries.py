@@ -8,8 +8,8 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from taxel.blind.hidden import UNKNOWN
-from taxel.gap.catalogue import all_effects
-from taxel.gap.comparison.calibration import NO_GAP
+from taxel.gap.calibration.calibration import NO_GAP
+from taxel.gap.effects.catalogue import all_effects
 from taxel.plugins import DIAGNOSES, PluginError, list_plugin_names, load_plugin
 
 OWN: Final[Mapping[str, str]] = MappingProxyType(

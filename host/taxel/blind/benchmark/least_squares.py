@@ -7,15 +7,15 @@ from typing import Final
 
 import numpy as np
 
-from taxel.gap.catalogue import FIXED, chosen
-from taxel.gap.chain import Chain, FittedEffect
-from taxel.gap.comparison.calibration import NO_GAP
-from taxel.gap.dropped import find_dropped
+from taxel.gap.calibration.calibration import NO_GAP
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
+from taxel.gap.effects.catalogue import FIXED, chosen
 from taxel.gap.effects.dropout import Dropout
-from taxel.gap.fit import started
-from taxel.gap.judge import Judge
-from taxel.gap.pair import read_pair
-from taxel.gap.prepare import prepared
+from taxel.gap.effects.dropped import find_dropped
+from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.fit import started
+from taxel.gap.fitting.judge import Judge
 
 ITERATIONS: Final = 4
 LARGEST_SET: Final = 3

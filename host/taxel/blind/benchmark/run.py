@@ -62,9 +62,9 @@ def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int, bas
 
     Returns gap and floor of the world, and for each entry its probabilities and seconds, or the line of its error.
     """
-    from taxel.gap.metric import measure
-    from taxel.gap.pair import read_pair
-    from taxel.gap.prepare import prepared
+    from taxel.gap.data.pair import read_pair
+    from taxel.gap.data.prepare import prepared
+    from taxel.gap.features.metric import measure
 
     result: dict[str, Any] = {"gap": None, "entries": {}}
     with TemporaryDirectory(prefix="taxel-benchmark-") as name:

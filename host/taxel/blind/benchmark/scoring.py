@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from taxel.blind.hidden import UNKNOWN
-from taxel.gap.comparison.calibration import LISTED, NO_GAP
-from taxel.gap.verdict import list_causes
+from taxel.gap.calibration.calibration import LISTED, NO_GAP
+from taxel.gap.verdict.verdict import list_causes
 from taxel.types import FloatArray
 
 CONFIDENT: Final = 0.8
@@ -51,7 +51,7 @@ class ScoredAnswer:
 
     @property
     def listed(self) -> frozenset[str]:
-        """The causes that the verdict names (`taxel.gap.verdict.list_causes`); an empty answer names none."""
+        """The causes that the verdict names (`taxel.gap.verdict.verdict.list_causes`); an empty answer names none."""
         return frozenset(list_causes({NO_GAP: 0.0, **self.probabilities})) if self.causes else frozenset()
 
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from taxel.blind.injection.forms import InjectedForm
 from taxel.blind.injection.skin_counts import GraspSignal, Injection, SkinTable
-from taxel.gap.metric import gap_of_change, measure
-from taxel.gap.pair import read_pair
-from taxel.gap.prepare import prepared
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
+from taxel.gap.features.metric import gap_of_change, measure
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
 from taxel.types import FloatArray

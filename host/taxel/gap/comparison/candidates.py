@@ -8,17 +8,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from taxel.gap.catalogue import DROPOUT, FIXED, Forms
-from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.held_out import HeldOutPrediction, predict_held_out
 from taxel.gap.comparison.settings import ComparisonSettings
-from taxel.gap.cores import in_copies
-from taxel.gap.dropped import find_dropped
+from taxel.gap.effects.catalogue import DROPOUT, FIXED, Forms
 from taxel.gap.effects.dropout import Dropout
+from taxel.gap.effects.dropped import find_dropped
 from taxel.gap.effects.effect import HAND
-from taxel.gap.fit import NOTHING_KNOWN, near_their_end, started
-from taxel.gap.judge import Judge
+from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.cores import in_copies
+from taxel.gap.fitting.fit import NOTHING_KNOWN, near_their_end, started
+from taxel.gap.fitting.judge import Judge
 from taxel.types import FloatArray
 
 

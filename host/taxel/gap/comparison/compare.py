@@ -10,18 +10,18 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxel.gap.catalogue import Forms, chosen
-from taxel.gap.chain import FittedEffect
-from taxel.gap.comparison.calibration import Calibration, load_calibration
+from taxel.gap.calibration.calibration import Calibration, load_calibration
 from taxel.gap.comparison.candidates import Candidate, CandidateSearch, Sets
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence, collect_effects, collect_remainder
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS, ComparisonSettings
 from taxel.gap.comparison.weights import compute_set_weights
-from taxel.gap.judge import Judge
-from taxel.gap.metric import Gap, measure
-from taxel.gap.pair import read_pair
-from taxel.gap.prepare import prepared
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
+from taxel.gap.effects.catalogue import Forms, chosen
+from taxel.gap.features.metric import Gap, measure
+from taxel.gap.fitting.chain import FittedEffect
+from taxel.gap.fitting.judge import Judge
 
 Show = Callable[[str, int, int], None]
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from taxel.gap.comparison.settings import ComparisonSettings
-from taxel.gap.judge import Judge
+from taxel.gap.fitting.judge import Judge
 from taxel.types import FloatArray
 
 POOLED_SHARE: Final = 0.5

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taxel.gap.catalogue import FIXED
-from taxel.gap.chain import Chain
-from taxel.gap.comparison.calibration import SMALLEST_CAUSE
+from taxel.gap.calibration.calibration import SMALLEST_CAUSE
 from taxel.gap.comparison.candidates import Candidate, Sets
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.remainder import predict_remainder
-from taxel.gap.judge import Judge
-from taxel.gap.metric import Gap, gap_of_change, measure
+from taxel.gap.effects.catalogue import FIXED
+from taxel.gap.features.metric import Gap, gap_of_change, measure
+from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.judge import Judge
 from taxel.types import FloatArray
 
 SMALLEST_RATIO = 0.02

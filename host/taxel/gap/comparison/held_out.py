@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from taxel.gap.chain import Chain
-from taxel.gap.equations import gradient_of, system_of
-from taxel.gap.fit import free_links, moved, start_of
-from taxel.gap.judge import Judge
+from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.equations import gradient_of, system_of
+from taxel.gap.fitting.fit import free_links, moved, start_of
+from taxel.gap.fitting.judge import Judge
 from taxel.types import FloatArray
 
 RIDGE: Final = 1e-6

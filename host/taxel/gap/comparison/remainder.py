@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.judge import Judge
+from taxel.gap.fitting.judge import Judge
 from taxel.recording.grasp_format import Phase
 from taxel.types import FloatArray
 

@@ -9,7 +9,7 @@ import numpy as np
 from taxel.gap.effects.effect import BOARD, Effect, Parameter
 from taxel.gap.effects.geometry import geometry_of
 from taxel.gap.effects.sheet_kernel import sheet_kernel, taxel_kernel
-from taxel.gap.state import Signal, State
+from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
 EVEN: Final = " even"

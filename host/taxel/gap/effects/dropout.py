@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.data.pair import Pair
 from taxel.gap.effects.effect import TAXEL, Effect, Parameter
-from taxel.gap.features import COUNTS_MISSING
-from taxel.gap.pair import Pair
-from taxel.gap.state import Signal, State
+from taxel.gap.features.features import COUNTS_MISSING
+from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
 

@@ -12,8 +12,8 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.pair import Pair
-from taxel.gap.state import Signal, State
+from taxel.gap.data.pair import Pair
+from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
 HAND: Final = "hand"

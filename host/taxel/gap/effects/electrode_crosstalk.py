@@ -8,11 +8,11 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.boards import columns_of, groups_of
+from taxel.gap.data.boards import columns_of, groups_of
+from taxel.gap.data.pair import Pair
+from taxel.gap.data.reading import Groups
 from taxel.gap.effects.effect import BOARD, HAND, Effect, Parameter
-from taxel.gap.pair import Pair
-from taxel.gap.reading import Groups
-from taxel.gap.state import Signal, State
+from taxel.gap.fitting.state import Signal, State
 from taxel.recording.grasp_tables import TaxelTable
 from taxel.types import FloatArray
 

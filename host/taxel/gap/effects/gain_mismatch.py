@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxel.gap.effects.effect import BOARD, TAXEL, Effect, Parameter
-from taxel.gap.state import Signal, State
+from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
 

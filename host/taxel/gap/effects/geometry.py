@@ -13,11 +13,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.boards import PIECES
+from taxel.gap.data.boards import PIECES
 from taxel.gap.effects.held_object import LEAST_SHARE, Push, pushes_together, shifted_load
 from taxel.gap.effects.layer_law import Law, law_of, law_of_pieces, pressed_together
 from taxel.gap.effects.ray_mesh import Mesh
-from taxel.gap.state import Signal, State
+from taxel.gap.fitting.state import Signal, State
 from taxel.recording.grasp_format import Phase
 from taxel.types import FloatArray
 

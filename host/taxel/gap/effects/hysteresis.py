@@ -8,7 +8,7 @@ from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.effects.geometry import geometry_of
 from taxel.gap.effects.lag import low_pass
 from taxel.gap.effects.plate import closed_by, drop_of
-from taxel.gap.state import Signal, State
+from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
 MOST_TIMES = 3.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from taxel.gap.effects.effect import BOARD, Effect, Parameter
 from taxel.gap.effects.lag import low_pass
-from taxel.gap.state import Signal, State, delayed
+from taxel.gap.fitting.state import Signal, State, delayed
 from taxel.types import FloatArray
 
 

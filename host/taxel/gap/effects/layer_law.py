@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from scipy.optimize import nnls
 
-from taxel.gap.state import State
+from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 
 NEAR_M: Final = 0.006

@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.boards import PIECES, BoardLayout
+from taxel.gap.data.boards import PIECES, BoardLayout
 from taxel.gap.effects.contact_propagation import ContactPropagation
 from taxel.gap.effects.effect import Parameter
 from taxel.gap.effects.geometry import geometry_of
 from taxel.gap.effects.sheet_kernel import MOST_PAIRS
-from taxel.gap.state import Signal, State
+from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
 LEVELS: Final = np.array([0.0, 0.3, 0.65, 1.0, 1.25])

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from taxel.gap.state import Signal, State
+from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
 HALF_SHARE: Final = 0.25

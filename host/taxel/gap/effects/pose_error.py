@@ -8,7 +8,7 @@ import numpy as np
 
 from taxel.gap.effects.effect import OBJECT, Effect, Parameter
 from taxel.gap.effects.geometry import changed, geometry_of, with_change
-from taxel.gap.state import Signal, State
+from taxel.gap.fitting.state import Signal, State
 from taxel.hand.transforms import from_rotation_vector, inverse
 from taxel.types import FloatArray
 

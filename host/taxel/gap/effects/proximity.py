@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from taxel.gap.effects.effect import Effect, Parameter
-from taxel.gap.state import Signal, State
+from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
 

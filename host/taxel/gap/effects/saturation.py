@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from taxel.gap.effects.effect import Effect, Parameter
-from taxel.gap.state import Signal, State
+from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
 START: Final = 0.7

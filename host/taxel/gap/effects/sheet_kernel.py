@@ -11,7 +11,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.boards import PIECES, BoardLayout
+from taxel.gap.data.boards import PIECES, BoardLayout
 from taxel.types import FloatArray
 
 FAR_M: Final = 0.04

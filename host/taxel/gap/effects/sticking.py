@@ -11,7 +11,7 @@ from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.effects.hysteresis import Hysteresis
 from taxel.gap.effects.lag import low_pass
 from taxel.gap.effects.plate import closed_by, drop_of
-from taxel.gap.state import Signal, State
+from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
 CREEP_PRIOR: Final = 0.3

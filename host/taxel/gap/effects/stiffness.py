@@ -9,7 +9,7 @@ import numpy as np
 
 from taxel.gap.effects.effect import TAXEL, Effect, Parameter
 from taxel.gap.effects.geometry import changed, geometry_of, with_change
-from taxel.gap.state import Signal, State
+from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
 
 TAXEL_PRIOR = 0.35

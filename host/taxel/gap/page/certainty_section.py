@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from taxel.gap.comparison.calibration import LISTED
+from taxel.gap.calibration.calibration import LISTED
 from taxel.gap.page.bars import Axis, build_share_bar
 from taxel.gap.page.cells import Cell, CellContent, Heading, SectionData, make_table
 from taxel.gap.page.glossary import DESCRIPTIONS

@@ -8,25 +8,25 @@ from typing import Any, Final
 
 import numpy as np
 
-from taxel.gap import catalogue
-from taxel.gap.attribution import Attribution
-from taxel.gap.catalogue import FIXED, Forms
-from taxel.gap.chain import Chain
-from taxel.gap.comparison.calibration import UNKNOWN
+from taxel.gap.calibration.calibration import UNKNOWN
 from taxel.gap.comparison.compare import Comparison
-from taxel.gap.confounding import classes
-from taxel.gap.cores import in_copies
-from taxel.gap.explanation import Explanation, get_questioned
-from taxel.gap.held_out import HeldOut
-from taxel.gap.identify import Likeness, identifiability
-from taxel.gap.presses.findings import findings_of
-from taxel.gap.presses.ranking import next_presses
-from taxel.gap.presses.unrecorded import left_out
+from taxel.gap.effects import catalogue
+from taxel.gap.effects.catalogue import FIXED, Forms
+from taxel.gap.experiment_design.findings import findings_of
+from taxel.gap.experiment_design.ranking import next_presses
+from taxel.gap.experiment_design.unrecorded import left_out
+from taxel.gap.fitting.chain import Chain
+from taxel.gap.fitting.cores import in_copies
+from taxel.gap.identifiability.confounding import classes
+from taxel.gap.identifiability.identify import Likeness, identifiability
+from taxel.gap.localisation.where import products, where
 from taxel.gap.report.effects import effect_entry
 from taxel.gap.report.page_fields import page_fields
 from taxel.gap.report.posterior import draws_of
-from taxel.gap.verdict import Verdict
-from taxel.gap.where import products, where
+from taxel.gap.verdict.attribution import Attribution
+from taxel.gap.verdict.explanation import Explanation, get_questioned
+from taxel.gap.verdict.held_out import HeldOut
+from taxel.gap.verdict.verdict import Verdict
 from taxel.types import FloatArray
 
 MAX_INFLUENCES: Final = 5

@@ -8,21 +8,21 @@ from typing import Any, Final
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from taxel.gap.attribution import Attribution
-from taxel.gap.chain import Chain, FittedEffect
-from taxel.gap.chances import chi2_quantile
+from taxel.gap.data.pair import Pair
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL
 from taxel.gap.effects.latency import is_delay
 from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.sticking import Sticking, as_late
-from taxel.gap.explanation import Explanation
-from taxel.gap.fit import start_of
-from taxel.gap.held_out import HeldOut
-from taxel.gap.judge import MODEL_SHARE, Judge
-from taxel.gap.metric import Gap, Interval, jackknife, shrink_by, together
-from taxel.gap.pair import Pair
+from taxel.gap.features.chances import chi2_quantile
+from taxel.gap.features.metric import Gap, Interval, jackknife, shrink_by, together
+from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.fit import start_of
+from taxel.gap.fitting.judge import MODEL_SHARE, Judge
 from taxel.gap.report.model import model_of, noise_parts
+from taxel.gap.verdict.attribution import Attribution
+from taxel.gap.verdict.explanation import Explanation
+from taxel.gap.verdict.held_out import HeldOut
 from taxel.types import FloatArray
 
 COMMON_SHARE: Final = 0.5 * MODEL_SHARE

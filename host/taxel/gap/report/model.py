@@ -6,12 +6,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from taxel.gap.chain import FittedEffect
+from taxel.gap.data.pair import Pair
 from taxel.gap.effects.dropout import Dropout
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT
-from taxel.gap.features import known_mean
-from taxel.gap.pair import Pair
-from taxel.gap.state import State
+from taxel.gap.features.features import known_mean
+from taxel.gap.fitting.chain import FittedEffect
+from taxel.gap.fitting.state import State
 from taxel.types import FloatArray
 
 NOISE_PARTS: Final = ("white_counts", "tx_counts", "rx_counts", "board_counts")

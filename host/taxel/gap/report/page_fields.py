@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from taxel.gap.features import Layout, SessionMeans
-from taxel.gap.metric import terms
-from taxel.gap.pair import Pair
+from taxel.gap.data.pair import Pair
+from taxel.gap.features.features import Layout, SessionMeans
+from taxel.gap.features.metric import terms
 from taxel.types import FloatArray
 
 

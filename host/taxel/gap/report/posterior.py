@@ -12,12 +12,12 @@ from typing import Final
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from taxel.gap.chain import Chain, FittedEffect
 from taxel.gap.effects.baseline_drift import BaselineDrift
 from taxel.gap.effects.noise import Noise
-from taxel.gap.equations import system_of
-from taxel.gap.fit import free_links, moved, start_of
-from taxel.gap.judge import Judge
+from taxel.gap.fitting.chain import Chain, FittedEffect
+from taxel.gap.fitting.equations import system_of
+from taxel.gap.fitting.fit import free_links, moved, start_of
+from taxel.gap.fitting.judge import Judge
 
 SCATTERS: Final = (Noise.name, BaselineDrift.name)
 """Effects that are variances: at zero such a one has no derivative, and how far it is known its sessions tell."""

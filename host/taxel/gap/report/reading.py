@@ -13,9 +13,9 @@ from typing import Any, Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap import catalogue
-from taxel.gap.catalogue import DROPOUT
-from taxel.gap.comparison.calibration import UNKNOWN
+from taxel.gap.calibration.calibration import UNKNOWN
+from taxel.gap.effects import catalogue
+from taxel.gap.effects.catalogue import DROPOUT
 from taxel.gap.effects.dropout import Dropout, Dropped, Short
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect, Parameter
 from taxel.gap.errors import GapInputError

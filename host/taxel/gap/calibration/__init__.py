@@ -1,0 +1,1 @@
+"""Calibration of the probabilities on worlds with known causes."""

@@ -1,0 +1,1 @@
+"""Features in counts; gap, floor and excess with intervals; the gap in millimetres with a placebo."""

@@ -1,0 +1,1 @@
+"""Which effects and parameters these grasps can distinguish; classes of confounded effects."""

@@ -1,0 +1,1 @@
+"""Status, named effects, headline and reasons, derived from the probabilities."""
