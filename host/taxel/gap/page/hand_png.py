@@ -36,7 +36,7 @@ def unrolled_png(report: Mapping[str, Any], path: str | os.PathLike[str]) -> Non
     """
     hand = require_unrolled_hand(report)
     checked = CheckedReport(report)
-    verdict = checked.verdict.text("one_line")
+    verdict = checked.verdict.optional_text("headline") or checked.verdict.text("one_line")
     captions = {
         "before": f"Before: {format_number(checked.after.optional_number('before'))} counts",
         "after": f"After: {format_number(checked.after.optional_number('value'))} counts",
