@@ -13,9 +13,10 @@ TORQUE_LIMIT_NM: Final = 0.7  # of every joint; source: Wonik's data sheet of th
 # Assumed: a held joint deflects by 0.05 rad under 0.5 Nm; near-critical damping for a geared finger joint.
 HOLD_NM_PER_RAD: Final = 10.0
 HOLD_NM_S_PER_RAD: Final = 0.3
-# Assumed: low stiffness for opening; light damping, so that a finger under torque comes to rest on the object.
+# Assumed: low stiffness for opening; damping as small as that of the joint, so that a finger under torque is at rest
+# before the hold begins.
 OPEN_NM_PER_RAD: Final = 1.0
-OPEN_NM_S_PER_RAD: Final = 0.1
+OPEN_NM_S_PER_RAD: Final = 0.03
 # Assumed: a closing joint follows an angle that moves by this amount at a constant speed, with the stiffness of a held
 # joint, until the permitted torque is reached: it touches the object slowly. More than the range of any joint.
 CLOSING_RAD: Final = 2.2

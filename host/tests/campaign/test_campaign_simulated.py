@@ -153,7 +153,7 @@ def test_noise_depends_only_on_seed_and_grasp(setup, plan, settings):
 @pytest.fixture(scope="module")
 def displaced_settings(settings):
     """The object is placed 30 mm beside its pose on each axis: one of two grasps fails in its first attempt."""
-    return replace(settings, variation=replace(NO_VARIATION, object_m=0.03))
+    return replace(settings, variation=replace(NO_VARIATION, object_m=0.03), seed=8)
 
 
 @pytest.fixture(scope="module")
