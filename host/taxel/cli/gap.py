@@ -17,6 +17,7 @@ from taxel.cli.gap_summary import print_summary
 from taxel.cli.options import AsJson, Overwrite
 from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
+from taxel.gap.apply.resimulation import DEFAULT_BUDGET, Resimulator
 from taxel.gap.diagnosis import diagnose as run
 from taxel.gap.effects.effect_files import add_effect_file
 from taxel.gap.fitting.priors import read_priors
@@ -50,6 +51,17 @@ def diagnose(
             "--nested", help="Repeat the search without each session and score it there (nested validation); slower."
         ),
     ] = False,
+    resim: Annotated[
+        str | None,
+        typer.Option(
+            help="Simulate the most probable sets of effects, and decide by the measured gap: a command of your own "
+            "simulator with {effects}, {sim} and {out}, or builtin for the project's models.",
+            metavar="COMMAND",
+        ),
+    ] = None,
+    resim_budget: Annotated[int, typer.Option(min=1, help="Largest number of simulations with --resim.")] = (
+        DEFAULT_BUDGET
+    ),
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
@@ -65,8 +77,10 @@ def diagnose(
     if effects is not None:
         add_effect_file(effects)
     console = Console(stderr=as_json, markup=False)
+    simulator = Resimulator(resim, out / "resim", resim_budget, seed) if resim is not None else None
     with stage_bars(console) as show:
-        diagnosis = run(real, sim, without or (), seed, show, read_priors(priors) if priors else {}, nested)
+        known = read_priors(priors) if priors else {}
+        diagnosis = run(real, sim, without or (), seed, show, known, nested, simulator)
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(diagnosis.report, allow_nan=False)
     with tempfile.TemporaryDirectory(prefix=".report.", dir=out) as folder:

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from taxel.cli.options import AsJson
 from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
-from taxel.gap.diagnosis import Show
+from taxel.gap.comparison.compare import Show
 from taxel.gap.experiment_design.from_report import findings_in, findings_of_pair
 from taxel.gap.experiment_design.ranking import MOST_PRESSES, NextPresses, next_presses
 from taxel.gap.experiment_design.unrecorded import unrecorded

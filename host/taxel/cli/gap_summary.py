@@ -29,6 +29,10 @@ def print_summary(console: Console, report: Mapping[str, Any]) -> None:
     after = report["after"]
     if report["verdict"]["effects"]:
         _print_line(console, shrink_text(after))
+    for entry in report.get("resimulated", ()):
+        names = ", ".join(make_readable(name) for name in entry["effects"])
+        gap = f"{entry['before']:.1f} to {entry['after']:.1f} counts"
+        _print_line(console, f"simulated again with {names}: gap from {gap}, shrink {100 * entry['shrink']:.0f} %")
     if (effect_sets := after.get("chosen_inside")) is not None:
         _print_line(console, format_nested_agreement(effect_sets, report["verdict"]["effects"]))
     checked = CheckedReport(report)

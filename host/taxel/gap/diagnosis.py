@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass
 from os import PathLike
 from types import MappingProxyType
@@ -11,8 +11,9 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from taxel.gap.apply.resimulation import ResimulatedSet, Resimulator, resimulate_sets
 from taxel.gap.calibration.calibration import UNKNOWN
-from taxel.gap.comparison.compare import Comparison, compare_sets
+from taxel.gap.comparison.compare import Comparison, Show, compare_sets, ignore_progress
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
 from taxel.gap.data.pair import Pair, read_pair
 from taxel.gap.data.prepare import prepared
@@ -34,12 +35,6 @@ from taxel.gap.verdict.held_out import HeldOut, held_out
 from taxel.gap.verdict.nested import choose_without_sessions
 from taxel.gap.verdict.reasons import list_reasons
 from taxel.gap.verdict.verdict import Verdict, judge_verdict, list_causes, list_questioned
-
-Show = Callable[[str, int, int], None]
-
-
-def quiet(stage: str, done: int, total: int) -> None:
-    """Nothing is shown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +58,17 @@ def diagnose(
     sim_path: str | PathLike[str],
     without: Collection[str] = (),
     seed: int = 0,
-    show: Show = quiet,
+    show: Show = ignore_progress,
     priors: Priors = MappingProxyType({}),
     nested: bool = False,
+    resimulator: Resimulator | None = None,
 ) -> Diagnosis:
     """Say where the gap between two datasets lies, which effect causes it and how far it shrinks.
 
     without: names of the catalogue that are not tried. seed: of the bootstrap and of the p-values. priors: of the
     parameters of effects. nested: repeat the comparison without each session, and evaluate its choice there; this takes
-    as many times as long. Raises DatasetError and GapInputError with one line.
+    as many times as long. resimulator: simulates the most probable sets of effects, whose measured gaps then decide.
+    Raises DatasetError and GapInputError with one line.
     """
     began = time.perf_counter()
     forms = chosen(without, priors)
@@ -82,6 +79,10 @@ def diagnose(
         if nested:
             inside = choose_without_sessions(judge, forms, seed, lambda number, total: show("nested", number, total))
         comparison = compare_sets(judge, forms, seed, DEFAULT_SETTINGS, show)
+        resimulated: tuple[ResimulatedSet, ...] = ()
+        if resimulator is not None:
+            resimulation = resimulate_sets(comparison, resimulator, seed, show)
+            comparison, resimulated = resimulation.comparison, resimulation.results
         probabilities = comparison.compute_probabilities()
         causes = list_causes(probabilities)
         show("held-out evaluation", 0, 1)
@@ -111,6 +112,8 @@ def diagnose(
                 seed=seed,
             )
         )
+        if resimulator is not None:
+            report["resimulated"] = [one.to_json() for one in resimulated]
         if nested:
             report["after"]["chosen_inside"] = [sorted(chain.names) for chain in inside]
         report["gap"]["mm"] = cloud_gap(pair, real, state.mean, seed)

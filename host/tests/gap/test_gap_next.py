@@ -205,6 +205,19 @@ def test_proposals_from_a_report_equal_those_from_the_files(capsys, diagnosed):
     assert told["next_presses"][0]["press"].split()[-1] in out
 
 
+def test_grasps_that_separate_two_rivals_are_proposed_for_a_report_that_names_no_effect(capsys, gentle, tmp_path):
+    paths, _ = gentle
+    assert run_taxel("gap", "diagnose", *paths, "--out", tmp_path) == 0
+    report = json.loads((tmp_path / "report.json").read_text())
+    report["verdict"] |= {"status": "unknown", "effects": ["unknown"], "confounded_with": {STIFF: [GAIN]}}
+    path = tmp_path / "either.json"
+    path.write_text(json.dumps(report))
+    capsys.readouterr()
+    assert run_taxel("gap", "next", path, "--json") == 0
+    proposed = json.loads(capsys.readouterr().out)["next_presses"]
+    assert {STIFF, GAIN} <= set(proposed[0]["separates"])
+
+
 def test_no_grasp_is_proposed_for_a_dropout(capsys, world, tmp_path):
     def silence(raw, valid, rng):
         valid = valid.copy()

@@ -13,11 +13,13 @@ INTERVAL = Interval(400.0, 300.0, 500.0, 20.0)
 GAP = Gap(Interval(20.0, 18.0, 22.0, 1.0), 5.0, INTERVAL, 440.0, 0.001, None)
 
 
+NO_EXCESS = Interval(1.0, -3.0, 5.0, 2.0)
+
 RIVALS = {"stiffness": ["gain_mismatch"], "contact_propagation": ["electrode_crosstalk"]}
 
 
-def judge(probabilities, sessions=5, warnings=()):
-    held = SimpleNamespace(sessions=sessions, shrink=SimpleNamespace(value=0.6))
+def judge(probabilities, sessions=5, warnings=(), left=NO_EXCESS):
+    held = SimpleNamespace(sessions=sessions, shrink=SimpleNamespace(value=0.6), left2=left)
     rivals = {name: RIVALS.get(name, []) for name in list_questioned(probabilities)}
     return judge_verdict(GAP, probabilities, held, rivals, warnings)
 
@@ -52,6 +54,14 @@ def test_too_few_sessions_end_neither_in_no_gap_nor_in_explained():
     assert none.status == "unknown"
     assert "too few sessions for a verdict: 1 recorded, needs 3" in none.one_line
     assert judge({"noise": 0.98, "unknown": 0.01, "no_gap": 0.01}, sessions=2).status == "partly_explained"
+
+
+@pytest.mark.parametrize(("low", "status"), [(6.0, "explained"), (7.0, "partly_explained"), (None, "explained")])
+def test_a_remaining_excess_of_more_than_half_the_floor_is_stated(low, status):
+    verdict = judge({"noise": 0.98, "unknown": 0.01, "no_gap": 0.01}, left=Interval(100.0, low, 200.0, 10.0))
+    assert verdict.status == status
+    assert ("10.0 counts above the floor remain" in verdict.one_line) == (status == "partly_explained")
+    assert verdict.effects == ("noise",)
 
 
 def test_reasons_contain_the_warnings_and_the_unknown_cause():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -19,13 +19,13 @@ from threadpoolctl import threadpool_limits
 from taxel.gap.apply.added import with_effects
 from taxel.gap.apply.draws import Chance
 from taxel.gap.apply.frames import FrameStates
-from taxel.gap.apply.resim import effects_text, run_simulator
+from taxel.gap.apply.resim import effects_text, report_source, run_simulator
 from taxel.gap.apply.rewriting import Rewriting, changed, copied, made_beside
+from taxel.gap.comparison.compare import Show, ignore_progress
 from taxel.gap.data.pair import PLACE_TOLERANCE_M
-from taxel.gap.diagnosis import Show, quiet
 from taxel.gap.effects.effect import OBJECT
 from taxel.gap.errors import GapInputError
-from taxel.gap.report.reading import ReportedGap, read_report
+from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_report
 from taxel.hand.errors import format_path
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import SIM
@@ -45,7 +45,7 @@ class Applied:
 
 
 def apply_report(
-    report: Text, sim: Text, out: Text, *, seed: int = 0, overwrite: bool = False, show: Show = quiet
+    report: Text, sim: Text, out: Text, *, seed: int = 0, overwrite: bool = False, show: Show = ignore_progress
 ) -> Applied:
     """Write the simulation with the effects of the report's verdict added to its counts.
 
@@ -57,7 +57,7 @@ def apply_report(
         if found.effects:
             copied(sim, whole)
             with threadpool_limits(limits=1):
-                _add(found, Path(sim), whole, seed, show)
+                add_effects(found.effects, Path(sim), whole, _provenance(found, {"seed": seed}), seed, show)
     return Applied(Path(out), tuple(one.name for one in found.effects), tuple(notes))
 
 
@@ -70,7 +70,7 @@ def resimulate(report: Text, sim: Text, out: Text, command: str, *, overwrite: b
     with _made(report, sim, out, overwrite) as (found, whole):
         notes = _notes(found, Path(sim), Path(out))
         if found.effects:
-            run_simulator(command, effects_text(found), Path(sim), whole)
+            run_simulator(command, effects_text(found.effects, report_source(found)), Path(sim), whole)
             _check_made(found, Path(sim), whole, Path(out))
             with Rewriting(whole) as file:
                 file.note(_provenance(found, {"resim": command}))
@@ -92,7 +92,13 @@ def _made(report: Text, sim: Text, out: Text, overwrite: bool) -> Iterator[tuple
             data.check()
 
 
-def _add(found: ReportedGap, sim: Path, target: Path, seed: int, show: Show) -> None:
+def add_effects(
+    effects: Sequence[ReportedEffect], sim: Path, target: Path, note: str, seed: int = 0, show: Show = ignore_progress
+) -> None:
+    """Add effects, in the order in which they act, to every frame of `target`, a copy of `sim`.
+
+    note: provenance for the attributes of the file. seed: of noise, drifts and lost frames.
+    """
     with GraspDataset(sim) as data, Rewriting(target) as copy:
         keys = [(grasp.object, grasp.approach) for grasp in data]
         cells, repeats = {key: number for number, key in enumerate(sorted(set(keys)))}, Counter(keys)
@@ -100,13 +106,13 @@ def _add(found: ReportedGap, sim: Path, target: Path, seed: int, show: Show) -> 
         for done, (name, key) in enumerate(zip(data.ids, keys, strict=True)):
             grasp = data[name]
             chance = Chance(seed, cells[key], seen[key], repeats[key])
-            raw, valid = with_effects(states.of(grasp), grasp, found.effects, chance)
+            raw, valid = with_effects(states.of(grasp), grasp, effects, chance)
             seen[key] += 1
             for array, before, after in (("raw_counts", grasp.raw_counts, raw), ("valid", grasp.valid, valid)):
                 if changed(before, after):
                     copy.put(name, array, after)
             show("adding effects", done + 1, len(keys))
-        copy.note(_provenance(found, {"seed": seed}))
+        copy.note(note)
 
 
 def _provenance(found: ReportedGap, how: Mapping[str, Any]) -> str:
@@ -122,8 +128,9 @@ def _provenance(found: ReportedGap, how: Mapping[str, Any]) -> str:
         }
         for one in found.effects
     ]
-    report = {"path": str(found.path), "sha256": found.sha256}
-    return json.dumps({"program": f"taxel {version('taxel')}", "report": report, "effects": effects, **how})
+    return json.dumps(
+        {"program": f"taxel {version('taxel')}", "report": report_source(found), "effects": effects, **how}
+    )
 
 
 def _check_hand(found: ReportedGap, data: GraspDataset, path: str) -> None:

@@ -6,11 +6,12 @@ import json
 import re
 import shlex
 import subprocess
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 from taxel.gap.errors import GapInputError
-from taxel.gap.report.reading import ReportedGap
+from taxel.gap.report.reading import ReportedEffect, ReportedGap
 from taxel.hand.errors import format_value
 
 FORMAT: Final = "taxel-gap-effects"
@@ -20,14 +21,19 @@ PLACE: Final = re.compile(r"\{(effects|sim|out)\}")
 NEEDED: Final = ("{effects}", "{out}")
 
 
-def effects_text(found: ReportedGap) -> str:
-    """The diagnosed effects as JSON, in the order in which they act from contact to count.
+def report_source(found: ReportedGap) -> dict[str, str]:
+    """Path and SHA-256 of a report, as written beside its effects."""
+    return {"path": str(found.path), "sha256": found.sha256}
 
-    Of each: name, form, scope, order, blocks, and of each parameter its unit and one value for each block.
+
+def effects_text(effects: Sequence[ReportedEffect], report: Mapping[str, str] | None) -> str:
+    """Effects as JSON, in the order in which they act from contact to count.
+
+    Of each: name, form, scope, order, blocks, and of each parameter its unit and one value for each block. report: see
+    `report_source`; None: the effects of a candidate set, of which no report exists yet.
     """
-    report = {"path": str(found.path), "sha256": found.sha256}
-    effects = [dict(one.content) for one in found.effects]
-    return json.dumps({"format": FORMAT, "version": VERSION, "report": report, "effects": effects}, indent=1)
+    contents = [dict(one.content) for one in effects]
+    return json.dumps({"format": FORMAT, "version": VERSION, "report": report, "effects": contents}, indent=1)
 
 
 def run_simulator(command: str, effects: str, sim: Path, out: Path) -> None:
@@ -36,7 +42,7 @@ def run_simulator(command: str, effects: str, sim: Path, out: Path) -> None:
     command: split as a shell splits words, and run without one; {effects}, {sim} and {out} become absolute paths. What
     it prints goes to standard error. Raises GapInputError for a command that cannot run, fails or makes no file.
     """
-    arguments = _split(command)
+    arguments = split_command(command)
     places = {"effects": out.with_name("effects.json"), "sim": sim, "out": out}
     places["effects"].write_text(effects)
     arguments = [PLACE.sub(lambda found: str(places[found[1]].resolve()), word) for word in arguments]
@@ -54,7 +60,8 @@ def run_simulator(command: str, effects: str, sim: Path, out: Path) -> None:
         raise GapInputError("--resim", "a dataset at the path {out}", "no file", "let the command write it there")
 
 
-def _split(command: str) -> list[str]:
+def split_command(command: str) -> list[str]:
+    """Words of a command with {effects} and {out}. Raises GapInputError."""
     try:
         words = shlex.split(command)
     except ValueError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -121,18 +121,6 @@ class CandidateSearch:
         fit = self._judge.in_sample(chain, FIXED, self._settings.fit_iterations)
         return self.evaluate(fit.chain, fit.features)
 
-    def reevaluate(self, found: CandidateSets) -> CandidateSets:
-        """Evaluate all sets once more, with the model error that the best set leaves."""
-        best = max(found.sets.values(), key=lambda one: one.value)
-        error = self._density.estimate_model_error(best.prediction.features)
-        density = BlockDensity(self._judge, self._settings, error)
-        compute = density.compute_log_density
-        sets = {
-            key: replace(one, inside=compute(one.features), held_out=compute(one.prediction.features))
-            for key, one in found.sets.items()
-        }
-        return CandidateSets(sets, found.alone)
-
     def evaluate(self, chain: Chain, features: FloatArray) -> Candidate:
         """Evaluate a fitted chain, in sample and held out. features: f64[C, F, n], of the chain."""
         held = predict_held_out(self._judge, chain, FIXED) if chain.links else HeldOutPrediction(features)
@@ -172,3 +160,30 @@ class CandidateSearch:
             effect = Dropout(dropped)
             return [FittedEffect(effect, effect.found_values(state))] if dropped.found else []
         return [started(state, form) for form in self._forms[name] if not form.unavailable(state)]
+
+
+def reevaluate(
+    judge: Judge, found: CandidateSets, settings: ComparisonSettings, simulated: Mapping[frozenset[str], FloatArray]
+) -> CandidateSets:
+    """Evaluate all sets once more, with the model error that the best set leaves.
+
+    simulated: features f64[C, F, n] of simulations with some sets. They replace the features of the fits; the change
+    from fit to held-out prediction is kept. The mean change of the log density over the simulated sets is removed,
+    because a simulation has random errors that a fit has not: simulations decide only between simulated sets.
+    """
+    density = BlockDensity(judge, settings)
+    best = max(found.sets.values(), key=lambda one: one.value)
+    density = BlockDensity(judge, settings, density.estimate_model_error(best.prediction.features))
+    compute = density.compute_log_density
+    sets = {
+        key: replace(one, inside=compute(one.features), held_out=compute(one.prediction.features))
+        for key, one in found.sets.items()
+    }
+    measured = {
+        key: compute(features + sets[key].prediction.features - sets[key].features)
+        for key, features in simulated.items()
+    }
+    changes = [value - sets[key].held_out for key, value in measured.items()]
+    for key, value in measured.items():
+        sets[key] = replace(sets[key], held_out=value - np.mean(changes, axis=0))
+    return CandidateSets(sets, found.alone)

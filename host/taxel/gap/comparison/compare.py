@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from os import PathLike
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from taxel.gap.calibration.calibration import Calibration, load_calibration
-from taxel.gap.comparison.candidates import Candidate, CandidateSearch, Sets
+from taxel.gap.comparison.candidates import Candidate, CandidateSearch, CandidateSets, Sets, reevaluate
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence, collect_effects, collect_remainder
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS, ComparisonSettings
@@ -22,6 +23,7 @@ from taxel.gap.effects.catalogue import Forms, chosen
 from taxel.gap.features.metric import Gap, measure
 from taxel.gap.fitting.chain import FittedEffect
 from taxel.gap.fitting.judge import Judge
+from taxel.types import FloatArray
 
 Show = Callable[[str, int, int], None]
 
@@ -132,9 +134,25 @@ def compare_sets(
     show: Show = ignore_progress,
 ) -> Comparison:
     """Compare sets of effects on a pair that was read. forms: forms of the effects that are tried, by name."""
-    density = BlockDensity(judge, settings)
-    search = CandidateSearch(judge, forms, density, settings)
-    found = search.reevaluate(search.run(lambda done, total: show("effect search", done, total)))
+    search = CandidateSearch(judge, forms, BlockDensity(judge, settings), settings)
+    found = search.run(lambda done, total: show("effect search", done, total))
+    show("effect search", settings.largest_set, settings.largest_set)
+    return weigh_sets(judge, tuple(forms), found, seed, settings)
+
+
+def weigh_sets(
+    judge: Judge,
+    tried: tuple[str, ...],
+    found: CandidateSets,
+    seed: int = 0,
+    settings: ComparisonSettings = DEFAULT_SETTINGS,
+    simulated: Mapping[frozenset[str], FloatArray] = MappingProxyType({}),
+) -> Comparison:
+    """Weigh candidate sets and collect their evidence.
+
+    tried: names of the effects that were tried. simulated: see `taxel.gap.comparison.candidates.reevaluate`.
+    """
+    found = reevaluate(judge, found, settings, simulated)
     values = np.stack([one.held_out.sum(axis=(1, 2)) for one in found.sets.values()])
     priors = [one.log_prior for one in found.sets.values()]
     shares = compute_set_weights(values, [len(key) for key in found.sets], settings, seed, priors)
@@ -144,5 +162,4 @@ def compare_sets(
     effects = collect_effects(judge, gap, found.sets, weights)
     # Without the model error, which would explain what an unknown cause leaves.
     remainder = collect_remainder(judge, gap, best, BlockDensity(judge, settings))
-    show("effect search", settings.largest_set, settings.largest_set)
-    return Comparison(judge, gap, tuple(forms), found.sets, weights, found.alone, effects, remainder)
+    return Comparison(judge, gap, tried, found.sets, weights, found.alone, effects, remainder)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
+from taxel.gap.comparison.compare import Show, ignore_progress
 from taxel.gap.data.pair import Pair, read_pair
 from taxel.gap.data.prepare import prepared
-from taxel.gap.diagnosis import Show, diagnose, quiet
+from taxel.gap.diagnosis import diagnose
 from taxel.gap.effects import catalogue
 from taxel.gap.effects.catalogue import DROPOUT
 from taxel.gap.effects.dropout import Dropout
@@ -24,7 +25,7 @@ from taxel.gap.fitting.judge import Judge
 from taxel.gap.fitting.state import State
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.model import block_names
-from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_report
+from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_effect, read_report
 from taxel.gap.report.report_values import ReportValue
 from taxel.gap.verdict.explanation import get_questioned
 from taxel.gap.verdict.held_out import held_out
@@ -35,7 +36,7 @@ AGAIN = "make the report again with taxel gap diagnose"
 Text = str | PathLike[str]
 
 
-def findings_of_pair(real: Text, sim: Text, show: Show = quiet) -> Findings:
+def findings_of_pair(real: Text, sim: Text, show: Show = ignore_progress) -> Findings:
     """Of a diagnosis that is made now. Raises DatasetError and GapInputError of one line."""
     found = diagnose(real, sim, show=show)
     verdict, links = found.verdict, found.held.links
@@ -44,7 +45,7 @@ def findings_of_pair(real: Text, sim: Text, show: Show = quiet) -> Findings:
     return findings_of(found.comparison, chain, catalogue.all_effects(), names, confounded, links)
 
 
-def findings_in(path: Text, show: Show = quiet) -> Findings:
+def findings_in(path: Text, show: Show = ignore_progress) -> Findings:
     """Of a report, with the datasets that it names by path and SHA-256. Raises DatasetError and GapInputError of one
     line; OSError for a report that cannot be read.
     """
@@ -53,17 +54,30 @@ def findings_in(path: Text, show: Show = quiet) -> Findings:
     pair = _pair(report, reported, show)
     judge = prepared(pair)
     state = judge.state
-    chain = Chain.of([_link(state, one, reported) for one in reported.effects if one.name != DROPOUT])
-    if any(one.name == DROPOUT for one in reported.effects):
+    confounded = _confounded(report, reported)
+    questioned = reported.effects or _read_first_rival(report, reported, confounded)
+    chain = Chain.of([_link(state, one, reported) for one in questioned if one.name != DROPOUT])
+    if any(one.name == DROPOUT for one in questioned):
         chain = chain.with_link(_dropped(judge, chain))
-    names = tuple(one.name for one in reported.effects)
-    pairs = pairs_of(names, _confounded(report, reported))
+    names = tuple(one.name for one in questioned)
+    pairs = pairs_of(names, confounded)
     show("fitting", 0, 2)
     rivals = rivals_of(judge, chain, {pair: _starts(state, report, pair[1]) for pair in pairs})
     show("fitting", 1, 2)
     links = held_out(judge, chain).links if names else ()
     show("fitting", 2, 2)
     return Findings(judge, chain, names, rivals, links)
+
+
+def _read_first_rival(
+    report: CheckedReport, reported: ReportedGap, confounded: Mapping[str, Sequence[str]]
+) -> tuple[ReportedEffect, ...]:
+    """The first effect that has rivals, of a report that names no effect; empty if none has."""
+    name = next(iter(confounded), None)
+    entry = next((one for one in report.effects if one.text("name") == name), None)
+    if name is None or entry is None or entry.optional("model") is None:
+        return ()
+    return (read_effect(name, entry, len(reported.sensor)),)
 
 
 def _pair(report: CheckedReport, reported: ReportedGap, show: Show) -> Pair:

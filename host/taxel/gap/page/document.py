@@ -22,6 +22,7 @@ from taxel.gap.page.remainder_sections import (
     build_unexplained_section,
 )
 from taxel.gap.page.rendering import read_resource, render
+from taxel.gap.page.resimulated_section import build_resimulated_section
 from taxel.gap.page.terms_section import build_terms_section
 from taxel.gap.page.text import clean_text
 from taxel.gap.page.waterfall_section import build_waterfall_section
@@ -32,6 +33,7 @@ _SECTIONS: tuple[Callable[[CheckedReport], SectionData | None], ...] = (
     build_figures_section,
     build_hand_section,
     build_waterfall_section,
+    build_resimulated_section,
     build_location_section,
     build_effects_section,
     build_confounded_section,

@@ -19,6 +19,7 @@ from taxel.gap.effects.catalogue import DROPOUT
 from taxel.gap.effects.dropout import Dropout, Dropped, Short
 from taxel.gap.effects.effect import BOARD, HAND, OBJECT, TAXEL, Effect, Parameter
 from taxel.gap.errors import GapInputError
+from taxel.gap.fitting.chain import FittedEffect
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.model import NOISE_PARTS
 from taxel.gap.report.report_values import REMEDY, Interval, ReportValue
@@ -128,7 +129,7 @@ def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
             )
         if name not in entries:
             raise GapInputError("report: effects", f"an entry for {name}, which the verdict names", "none", REMEDY)
-        effects.append(_effect(name, entries[name], len(sensor)))
+        effects.append(read_effect(name, entries[name], len(sensor)))
     return ReportedGap(
         path,
         digest,
@@ -143,7 +144,27 @@ def _reported(path: Path, content: dict[str, Any], digest: str) -> ReportedGap:
     )
 
 
-def _effect(name: str, entry: ReportValue, taxels: int) -> ReportedEffect:
+def reported_effect(link: FittedEffect, model: Mapping[str, Any]) -> ReportedEffect:
+    """A fitted effect as a report would state it. model: `taxel.gap.report.model.model_of` of the effect."""
+    missing = model.get("missing", {"blocks": (), "values": ()})
+    parameters = model["parameters"]
+    return ReportedEffect(
+        name=link.effect.name,
+        effect=link.effect,
+        order=model["order"],
+        until_s=model["until_s"],
+        shift_s=model["shift_s"],
+        blocks=tuple(model["blocks"]),
+        parameters=tuple(parameters),
+        values=np.array([one["values"] for one in parameters.values()], np.float64).reshape(len(parameters), -1),
+        content={**model, "name": link.effect.name},
+        missing=dict(zip(missing["blocks"], missing["values"], strict=True)),
+        stuck=tuple(model.get("stuck", ())),
+    )
+
+
+def read_effect(name: str, entry: ReportValue, taxels: int) -> ReportedEffect:
+    """Read an effect from its entry in `effects`, with its field `model`. Raises GapInputError."""
     model = entry.field("model")
     form, scope = model.text("form"), model.text("scope")
     blocks = _blocks(model, scope, taxels)

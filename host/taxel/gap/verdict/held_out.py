@@ -55,9 +55,9 @@ class HeldOut:
         return jackknife(self._left(lambda _, after: float(np.sqrt(after))), self.after).positive
 
     @property
-    def left2(self) -> float:
-        """Counts^2 that lie above the floor still."""
-        return float(self.after2.mean() - self.floor2)
+    def left2(self) -> Interval:
+        """Remaining excess: what lies above the floor with the effects, counts^2, with its interval."""
+        return jackknife(self._left(lambda _, after: after - self.floor2), float(self.after2.mean() - self.floor2))
 
     @property
     def reducible(self) -> float | None:

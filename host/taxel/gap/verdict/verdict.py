@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
 
-from taxel.gap.calibration.calibration import LISTED, NO_GAP, UNKNOWN
+from taxel.gap.calibration.calibration import LISTED, NO_GAP, SMALLEST_CAUSE, UNKNOWN
 from taxel.gap.features.metric import Gap
 from taxel.gap.verdict.held_out import HeldOut
 
@@ -132,10 +132,27 @@ def judge_verdict(
     if UNKNOWN in effects:
         percent = f"{100 * probabilities[UNKNOWN]:.0f} %"
         reasons.append(f"a cause outside the catalogue is present with a probability of {percent}")
-    status = "partly_explained" if UNKNOWN in effects or few else "explained"
+    remains = _describe_remaining_excess(gap, held)
+    if remains:
+        reasons.append(remains)
+    status = "partly_explained" if UNKNOWN in effects or few or remains else "explained"
     start = "Partly explained" if status == "partly_explained" else "Explained"
-    end = "; the cause of the remaining gap is unknown" if UNKNOWN in effects else f"; {reasons[0]}" if few else ""
+    if UNKNOWN in effects:
+        end = "; the cause of the remaining gap is unknown"
+    else:
+        end = f"; {reasons[0]}" if few else f"; {remains}" if remains else ""
     return Verdict(status, effects, probabilities, headline, f"{start}: {line}{end}.", tuple(reasons), rivals)
+
+
+def _describe_remaining_excess(gap: Gap, held: HeldOut) -> str:
+    """A sentence on what the named effects leave; "" unless the remaining excess is that of a further cause.
+
+    A cause produces at least `SMALLEST_CAUSE` floors: the lower bound of the remaining excess must exceed this gap.
+    """
+    left = held.left2
+    if left.low is None or left.low <= (SMALLEST_CAUSE * gap.floor) ** 2:
+        return ""
+    return f"{left.value**0.5:.1f} counts above the floor remain in held-out sessions"
 
 
 def _make_headline(known: Sequence[str]) -> str:

@@ -1,0 +1,89 @@
+"""Simulations with the most probable sets of effects: they are measured, reused, and decide between these sets."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from taxel.cli.main import build_app
+from taxel.gap.apply import resimulation
+from taxel.gap.apply.resimulation import BUILTIN, Resimulator, resimulate_sets
+from taxel.gap.comparison.candidates import CandidateSets
+from taxel.gap.comparison.compare import compare, weigh_sets
+from taxel.gap.errors import GapInputError
+
+
+def scaled(force, drop):
+    """The real skin is 1.4 times as sensitive."""
+    return 1.4 * drop
+
+
+@pytest.fixture(scope="module")
+def comparison(written):
+    return compare(*written(effect=scaled))
+
+
+def test_the_measured_gap_of_a_simulation_is_stated_and_the_dataset_is_reused(comparison, tmp_path, monkeypatch):
+    simulator = Resimulator(BUILTIN, tmp_path, budget=2)
+    found = resimulate_sets(comparison, simulator)
+    assert 1 <= len(found.results) <= 2
+    best = found.results[0]
+    assert best.path.is_file()
+    assert best.after < 0.5 * best.before
+    assert best.shrink.value == pytest.approx(1.0 - best.after / best.before, abs=0.02)
+    monkeypatch.setattr(resimulation, "add_effects", lambda *_: pytest.fail("the dataset was made again"))
+    assert resimulate_sets(comparison, simulator).results == found.results
+
+
+def test_simulations_decide_between_the_simulated_sets_and_leave_their_common_level(comparison):
+    keys = sorted(comparison.weights, key=lambda key: -comparison.weights[key])[:2]
+    judge = comparison.judge
+    perfect, useless = np.nan_to_num(judge.target), judge.state.mean
+    found = CandidateSets(comparison.sets, comparison.alone)
+    simulated = {keys[0]: useless, keys[1]: perfect}
+    after = weigh_sets(judge, comparison.tried, found, simulated=simulated)
+    assert after.weights[keys[1]] > after.weights[keys[0]]
+    before = weigh_sets(judge, comparison.tried, found)
+    level = [sum(one.sets[key].held_out.sum() for key in keys) for one in (before, after)]
+    assert level[0] == pytest.approx(level[1])
+
+
+def test_the_command_of_a_simulator_gets_the_effects_of_each_set(written, tmp_path):
+    real, sim = written(effect=scaled)
+    script = tmp_path / "simulator.py"
+    script.write_text(
+        "import json, shutil, sys\n"
+        "effects, sim, out, log = sys.argv[1:]\n"
+        "names = [one['name'] for one in json.load(open(effects))['effects']]\n"
+        "open(log, 'a').write(' '.join(names) + '\\n')\n"
+        "shutil.copy(sim, out)\n"
+    )
+    log, out = tmp_path / "log", tmp_path / "gap"
+    command = f"{sys.executable} {script} {{effects}} {{sim}} {{out}} {log}"
+    words = ["gap", "diagnose", real, sim, "--out", str(out), "--resim", command, "--resim-budget", "1"]
+    result = CliRunner().invoke(build_app("gap"), words)
+    assert result.exit_code == 0, result.output
+    report = json.loads((out / "report.json").read_text())
+    (entry,) = report["resimulated"]
+    assert log.read_text().split() == entry["effects"]
+    assert entry["after"] == pytest.approx(entry["before"])  # this simulator ignores the effects
+    assert "Simulated again with the effects" in (out / "report.html").read_text()
+
+
+@pytest.mark.parametrize(("command", "message"), [("false {effects} {out}", "succeeds"), ("simulate", "{effects}")])
+def test_a_wrong_command_gives_one_line(comparison, tmp_path, command, message):
+    with pytest.raises(GapInputError) as caught:
+        resimulate_sets(comparison, Resimulator(command, tmp_path))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_simulation_of_other_grasps_is_rejected(comparison, written, tmp_path):
+    other = Path(written(effect=scaled, cells=4)[1])
+    with pytest.raises(GapInputError, match="same taxels, conditions"):
+        resimulate_sets(comparison, Resimulator(f"sh -c 'cp {other} {{out}}; : {{effects}}'", tmp_path))
