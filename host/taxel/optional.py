@@ -33,6 +33,7 @@ EXTRA_OF_PACKAGE: Final = MappingProxyType(
         "smbus2": "i2c",
         "threadpoolctl": "gap",
         "viser": "web",
+        "zarr": "parquet",
         "zstandard": "ros",
     }
 )

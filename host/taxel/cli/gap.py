@@ -22,6 +22,8 @@ from taxel.gap.diagnosis import diagnose as run
 from taxel.gap.effects.effect_files import add_effect_file
 from taxel.gap.fitting.priors import read_priors
 from taxel.gap.page import write_page
+from taxel.recording.general.dataset import read_source
+from taxel.recording.grasp_format import REAL, SIM
 
 gap_app = typer.Typer(
     help="Diagnose the gap between simulator and hand: location, cause, and reduction.",
@@ -62,6 +64,13 @@ def diagnose(
     resim_budget: Annotated[int, typer.Option(min=1, help="Largest number of simulations with --resim.")] = (
         DEFAULT_BUDGET
     ),
+    real_real: Annotated[
+        bool,
+        typer.Option(
+            "--real-real",
+            help="Compare two real datasets, such as two days or two sensors; the second takes the place of SIM.h5.",
+        ),
+    ] = False,
     overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
@@ -76,6 +85,7 @@ def diagnose(
     _check_folder(out)
     if effects is not None:
         add_effect_file(effects)
+    _check_source(sim, real_real)
     console = Console(stderr=as_json, markup=False)
     simulator = Resimulator(resim, out / "resim", resim_budget, seed) if resim is not None else None
     with stage_bars(console) as show:
@@ -95,6 +105,15 @@ def diagnose(
     else:
         print_summary(console, json.loads(text))
         console.print(f"report: {page}", highlight=False)
+
+
+def _check_source(sim: Path, real_real: bool) -> None:
+    """Raise `TaxelError` of one line if the second dataset is not of the kind that the options state."""
+    source = read_source(sim)
+    if source == REAL and not real_real:
+        raise TaxelError(f"{sim}: is a real dataset; give a simulated one, or --real-real to compare two real datasets")
+    if source == SIM and real_real:
+        raise TaxelError(f"{sim}: is a simulated dataset; give two real datasets, or omit --real-real")
 
 
 def _check_folder(out: Path) -> None:

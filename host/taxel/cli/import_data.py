@@ -13,6 +13,7 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as ProgressBar
 
 from taxel.cli.convert import RecordedApproach, RecordedBaseline, RecordedObject, print_conversion
+from taxel.cli.import_general import add_general_commands
 from taxel.cli.options import AsJson, HandOption, Overwrite, Seed
 from taxel.cli.plugin_commands import ImporterGroup
 from taxel.errors import TaxelError
@@ -48,6 +49,7 @@ import_app = typer.Typer(
     help="Import contacts, rollouts, arrays or recordings of other programs as a dataset.",
     no_args_is_help=True,
 )
+add_general_commands(import_app)
 
 Out = Annotated[Path, typer.Option(help="Dataset to write.")]
 JointFile = Annotated[

@@ -9,6 +9,9 @@ from rich.console import Console
 from taxel.campaign.pictures import save_clouds, save_grasp
 from taxel.cli.outcome_lines import print_outcomes
 from taxel.errors import TaxelError
+from taxel.recording.general.dataset import GeneralDataset, read_version
+from taxel.recording.general.format import VERSION as GENERAL_VERSION
+from taxel.recording.general.pictures import save_maps
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import SIM
 from taxel.recording.grasp_invariants import InvariantChecker
@@ -19,7 +22,9 @@ MAX_LINES = 20
 
 def show(
     datasets: Annotated[list[Path], typer.Argument(help="Grasp datasets, such as real.h5 sim.h5.")],
-    out: Annotated[Path, typer.Option(help="Folder for clouds.png and grasp.png.")] = Path("out/show"),
+    out: Annotated[Path, typer.Option(help="Folder for clouds.png and grasp.png, or maps.png (version 2).")] = Path(
+        "out/show"
+    ),
     grasp: Annotated[
         str | None, typer.Option(help="Id of the grasp to draw. Default: the first one that all datasets contain.")
     ] = None,
@@ -40,6 +45,8 @@ def show(
     Example: taxel show out/campaign/real.h5 out/campaign/sim.h5 --out out/show
     """
     console = Console(markup=False)
+    if any(read_version(path) == GENERAL_VERSION for path in datasets):
+        raise typer.Exit(_show_general(datasets, out, check, console))
     if check:
         raise typer.Exit(_check_physics(datasets, console))
     common = _find_common_ids(datasets)
@@ -53,6 +60,24 @@ def show(
         save_grasp(datasets, out / "grasp.png", common[0] if grasp is None else grasp)
     print_outcomes(console, datasets)
     console.print(f"pictures: {out / 'clouds.png'}, {out / 'grasp.png'}")
+
+
+def _show_general(paths: list[Path], out: Path, check: bool, console: Console) -> int:
+    """Draw maps of datasets of version 2, and state what they contain; return the exit status."""
+    for path in paths:
+        with GeneralDataset(path) as data:
+            sessions = len({contact.session for contact in data})
+            taxels = f"{data.n} taxels{' of 3 components' if data.is_vector else ''}"
+            text = f"{path}: {data.header.source}, {taxels}, {len(data)} contacts in {sessions} sessions"
+            console.print(text, soft_wrap=True)
+            if check:
+                console.print(f"{path}: version 2 has no contact forces to check", soft_wrap=True)
+    if not check:
+        out.mkdir(parents=True, exist_ok=True)
+        with console.status("drawing"):
+            save_maps(paths, out / "maps.png")
+        console.print(f"pictures: {out / 'maps.png'}", highlight=False)
+    return 0
 
 
 def _check_physics(paths: list[Path], console: Console) -> int:

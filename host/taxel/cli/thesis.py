@@ -77,7 +77,7 @@ def _print_summary(console: Console, summary: Summary, gap: GapSummary | None) -
             for name, value in item.numbers.items()
         )
         verdict = "reproduced" if item.is_reproduced else "not reproduced" if finding.is_counted else "not counted"
-        share = f" in {item.reproduced} of {item.seeds} seeds" if item.seeds > 1 else ""
+        share = f" ({item.reproduced} of {item.seeds} seeds)" if item.seeds > 1 else ""
         reason = f"; {item.reason}" if item.reason else ""
         show(f"{finding.number:2}. {finding.statement.text}\n    {figures}: {verdict}{share}{reason}")
     show(f"skill: {', '.join(STATISTICS.values())}; 0: as near to the printed values as the best single constant")

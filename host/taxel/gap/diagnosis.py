@@ -15,10 +15,11 @@ from taxel.gap.apply.resimulation import ResimulatedSet, Resimulator, resimulate
 from taxel.gap.calibration.calibration import UNKNOWN
 from taxel.gap.comparison.compare import Comparison, Show, compare_sets, ignore_progress
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
+from taxel.gap.data.general_pair import GEOMETRY, POSES
 from taxel.gap.data.pair import Pair, read_pair
 from taxel.gap.data.prepare import prepared
 from taxel.gap.effects.catalogue import DROPOUT, chosen
-from taxel.gap.features.cloud_gap import cloud_gap
+from taxel.gap.features.cloud_gap import NO_CLOUDS, cloud_gap
 from taxel.gap.features.features import Layout, SessionMeans
 from taxel.gap.features.metric import Gap
 from taxel.gap.fitting.chain import Chain
@@ -34,7 +35,7 @@ from taxel.gap.verdict.explanation import Explanation, explain, list_fits_alone
 from taxel.gap.verdict.held_out import HeldOut, held_out
 from taxel.gap.verdict.nested import choose_without_sessions
 from taxel.gap.verdict.reasons import list_reasons
-from taxel.gap.verdict.verdict import Verdict, judge_verdict, list_causes, list_questioned
+from taxel.gap.verdict.verdict import Verdict, describe_real_real, judge_verdict, list_causes, list_questioned
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +97,8 @@ def diagnose(
         rivals = {name: comparison.list_rivals(name) for name in list_questioned(probabilities)}
         doubts = list_reasons(judge, named.chain, pair.faults)
         verdict = judge_verdict(gap, probabilities, held, rivals, doubts)
+        if pair.is_real_real:
+            verdict = describe_real_real(verdict)
         alone = list_fits_alone(comparison, forms)
         report = build_report(
             ReportInputs(
@@ -116,8 +119,9 @@ def diagnose(
             report["resimulated"] = [one.to_json() for one in resimulated]
         if nested:
             report["after"]["chosen_inside"] = [sorted(chain.names) for chain in inside]
-        report["gap"]["mm"] = cloud_gap(pair, real, state.mean, seed)
-        report["thesis_terms"] = thesis_terms(judge, alone)
+        has_clouds = not pair.lacking & {GEOMETRY, POSES}
+        report["gap"]["mm"] = cloud_gap(pair, real, state.mean, seed) if has_clouds else dict(NO_CLOUDS)
+        report["thesis_terms"] = thesis_terms(judge, alone) if has_clouds else []
         report["notes"] = [
             f"the frames of the hand are shifted by {1e3 * state.shift_s:.0f} ms against those of the simulator"
         ]

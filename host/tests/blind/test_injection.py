@@ -55,7 +55,7 @@ def test_a_form_changes_nothing_at_strength_0_and_more_with_the_strength(form):
 
 
 def test_forms_have_names_of_the_catalogue_or_are_unknown():
-    assert {form.name for form in INJECTED_FORMS} == {*set(OWN_EFFECTS) - {"pose_error"}, UNKNOWN}
+    assert {form.name for form in INJECTED_FORMS} == {*set(OWN_EFFECTS) - {"pose_error", "nonlinearity"}, UNKNOWN}
     labels = [(form.name, form.form) for form in INJECTED_FORMS]
     assert len(set(labels)) == len(labels)
 

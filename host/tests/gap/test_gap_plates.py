@@ -35,7 +35,9 @@ def test_a_displaced_bracket_is_identified_with_its_pose(tmp_path):
     told = parameters(report, "pose_error")
     own = np.array([told[f"{axis}@33"] for axis in ("x_mm", "y_mm", "rx_deg", "ry_deg", "rz_deg")])
     true = np.array([2.0, -1.5, *np.degrees([0.03, -0.02, 0.04])])
-    np.testing.assert_allclose(own, true, atol=1.0)  # a dropout beside it takes a part of the turn
+    # A dropout beside the pose takes a part of the rotation.
+    np.testing.assert_allclose(own[:2], true[:2], atol=0.4)
+    np.testing.assert_allclose(own[2:], true[2:], atol=1.2)
     assert abs(told["z_mm@33"]) < 0.2  # no press tells it
 
 

@@ -136,7 +136,8 @@ def test_an_existing_fit_alone_is_reused(judged):
 
 def test_without_simulated_forces_the_last_step_states_why_it_is_missing(judged):
     pair = judged(effect=spread).state.pair
-    forceless = replace(pair, sim=replace(pair.sim, force=None, separation=None), sensor_model=None)
+    without = replace(pair.sim, force=None, separation=None)
+    forceless = replace(pair, sim=without, sensor_model=None, lacking=frozenset({"geometry"}))
     entries = thesis_terms(prepared(forceless), NOTHING)
     assert entries[3]["step"] == "contact propagation: not added, the simulation has no contact force"
     assert entries[3]["mm"] is entries[3]["gap"] is None

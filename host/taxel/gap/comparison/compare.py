@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from taxel.gap.calibration.calibration import Calibration, load_calibration
+from taxel.gap.calibration.calibration import NO_GAP, Calibration, load_calibration
 from taxel.gap.comparison.candidates import Candidate, CandidateSearch, CandidateSets, Sets, reevaluate
 from taxel.gap.comparison.density import BlockDensity
 from taxel.gap.comparison.evidence import EffectEvidence, RemainderEvidence, collect_effects, collect_remainder
@@ -19,7 +19,7 @@ from taxel.gap.comparison.settings import DEFAULT_SETTINGS, ComparisonSettings
 from taxel.gap.comparison.weights import compute_set_weights
 from taxel.gap.data.pair import read_pair
 from taxel.gap.data.prepare import prepared
-from taxel.gap.effects.catalogue import Forms, chosen
+from taxel.gap.effects.catalogue import Forms, chosen, find_unavailable_reason
 from taxel.gap.features.metric import Gap, measure
 from taxel.gap.fitting.chain import FittedEffect
 from taxel.gap.fitting.judge import Judge
@@ -29,6 +29,10 @@ Show = Callable[[str, int, int], None]
 
 RIVAL_ODDS: Final = 0.1
 """Odds of two sets from which both are plausible."""
+
+ONE_SESSION: Final = 0.49
+"""Factor on the probabilities of causes if there is a single session: the variance between sessions is then unknown, and
+a deviation of this session is at least as probable as a cause."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +73,10 @@ class Comparison:
         """
         inputs = {name: one.to_inputs() for name, one in self.effects.items()}
         calibration = calibration or load_calibration()
-        return calibration.compute_probabilities(inputs, self.remainder.to_inputs(), self.tried)
+        found = calibration.compute_probabilities(inputs, self.remainder.to_inputs(), self.tried)
+        if self.judge.sessions.value.shape[1] > 1:
+            return found
+        return {name: value if name == NO_GAP else ONE_SESSION * value for name, value in found.items()}
 
     def list_rivals(self, name: str) -> list[str]:
         """Effects that may replace an effect: a set with the other effect and without this one has a weight of at least
@@ -133,7 +140,11 @@ def compare_sets(
     settings: ComparisonSettings = DEFAULT_SETTINGS,
     show: Show = ignore_progress,
 ) -> Comparison:
-    """Compare sets of effects on a pair that was read. forms: forms of the effects that are tried, by name."""
+    """Compare sets of effects on a pair that was read.
+
+    forms: forms of the effects by name. An effect whose forms are all unavailable on this pair is not tried.
+    """
+    forms = {name: own for name, own in forms.items() if not find_unavailable_reason(judge.state, own)}
     search = CandidateSearch(judge, forms, BlockDensity(judge, settings), settings)
     found = search.run(lambda done, total: show("effect search", done, total))
     show("effect search", settings.largest_set, settings.largest_set)

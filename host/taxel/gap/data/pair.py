@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from taxel.gap.data.boards import BoardLayout, layouts_of
 from taxel.gap.data.clock import Clock
 from taxel.gap.data.differences import differences
+from taxel.gap.data.general_pair import LINES, open_pair
 from taxel.gap.data.losses import losses_of, require_answers
+from taxel.gap.data.readable import ReadableDataset, ReadableGrasp
 from taxel.gap.data.reading import Groups, Progress, Recording, read_recording
 from taxel.gap.data.simulator_faults import SimulatorFault, find_faults, without_faults
 from taxel.gap.data.timing import timing_of
 from taxel.gap.errors import GapInputError
-from taxel.recording.grasp import Grasp
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import REAL, SIM
 from taxel.recording.grasp_sensor_model import SensorModel
@@ -46,6 +47,9 @@ class Pair:
         losses: what this pair lacks, in words, for the report.
         unrecorded: cells that only the simulator has, sorted.
         faults: simulated grasps that violate physics.
+        lacking: what the datasets lack, by the keys of `taxel.gap.data.general_pair.REASONS`.
+        unit: unit of the values, and counts of this pair per unit; None for counts.
+        is_real_real: whether the second recording is a real one, too.
     """
 
     cells: tuple[Key, ...]
@@ -65,6 +69,9 @@ class Pair:
     losses: tuple[str, ...]
     unrecorded: tuple[Key, ...] = ()
     faults: tuple[SimulatorFault, ...] = ()
+    lacking: frozenset[str] = frozenset()
+    unit: tuple[str, float] | None = None
+    is_real_real: bool = False
 
     @cached_property
     def sessions(self) -> NDArray[np.int64]:
@@ -98,16 +105,17 @@ def silent(done: int, total: int) -> None:
 
 def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], progress: Progress = silent) -> Pair:
     """Read what two datasets have in common. Raises DatasetError and GapInputError of one line."""
-    with GraspDataset(real_path) as real, GraspDataset(sim_path) as sim:
+    with open_pair(real_path, sim_path) as opened:
+        real, sim = opened.real, opened.sim
         if (real.source, sim.source) == (SIM, REAL):
             where, found = f"{real.path}: /", "the simulation first and the recording second"
             raise GapInputError(where, "the recording of the hand first", found, "exchange the two files")
         columns = check_tables(real, sim)
-        faults = find_faults(sim)
+        faults = find_faults(sim) if isinstance(sim, GraspDataset) else []
         cells, made, simulated, unrecorded, losses = _common_cells(real, sim, faults)
         timing = timing_of(((real, made), (sim, simulated)), cells)
         clock = timing.clock
-        groups = grouped(real.taxels, real.sensors)
+        groups = grouped(real.taxels, real.sensors, LINES not in opened.lacking)
         numbers = {key: index for index, key in enumerate(cells)}
         count, total = len(made), len(made) + len(simulated)
         poses = first_poses(simulated, cells, columns)
@@ -137,13 +145,16 @@ def read_pair(real_path: str | PathLike[str], sim_path: str | PathLike[str], pro
             *poses,
             paths,
             (_digest(real.path), _digest(sim.path)),
-            tuple(losses + otherwise + timing.lost + losses_of(first, second, groups)),
+            (*opened.notes, *losses, *otherwise, *timing.lost, *losses_of(first, second, groups)),
             unrecorded,
             tuple(faults),
+            opened.lacking,
+            opened.unit,
+            sim.source == REAL,
         )
 
 
-def check_tables(real: GraspDataset, sim: GraspDataset) -> NDArray[np.intp]:
+def check_tables(real: ReadableDataset, sim: ReadableDataset) -> NDArray[np.intp]:
     """The simulator's sensor columns in the order of the real file's."""
     remedy = "give two datasets of the same hand, with the same taxels in the same order"
     if real.taxels.n != sim.taxels.n:
@@ -171,7 +182,7 @@ def check_tables(real: GraspDataset, sim: GraspDataset) -> NDArray[np.intp]:
 
 
 def first_poses(
-    grasps: Sequence[Grasp], cells: Sequence[Key], columns: NDArray[np.intp]
+    grasps: Sequence[ReadableGrasp], cells: Sequence[Key], columns: NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Poses of each cell's first grasp: brackets f64[C, s, 4, 4] in the order of `columns`, objects f64[C, 4, 4]."""
     firsts = [next(grasp for grasp in grasps if (grasp.object, grasp.approach) == key) for key in cells]
@@ -180,8 +191,8 @@ def first_poses(
 
 
 def _common_cells(
-    real: GraspDataset, sim: GraspDataset, faults: Sequence[SimulatorFault]
-) -> tuple[tuple[Key, ...], list[Grasp], list[Grasp], tuple[Key, ...], list[str]]:
+    real: ReadableDataset, sim: ReadableDataset, faults: Sequence[SimulatorFault]
+) -> tuple[tuple[Key, ...], list[ReadableGrasp], list[ReadableGrasp], tuple[Key, ...], list[str]]:
     """Cells of both, their grasps on either side, cells of the simulator alone, and what is lost."""
     every = [list(real), without_faults(list(sim), faults)]
     keys = [{(grasp.object, grasp.approach) for grasp in grasps} for grasps in every]
@@ -201,9 +212,11 @@ def _common_cells(
     return common, made, simulated, tuple(sorted(keys[1] - set(common))), losses
 
 
-def grouped(taxels: TaxelTable, sensors: SensorTable) -> Groups:
-    """Which taxels of a hand belong together."""
+def grouped(taxels: TaxelTable, sensors: SensorTable, has_lines: bool = True) -> Groups:
+    """Which taxels of a hand belong together. has_lines: False: each taxel has lines of its own."""
     board = sensors.index_of(taxels)
+    if not has_lines:
+        return Groups(board, np.arange(taxels.n), np.arange(taxels.n))
     tx = np.unique(board * 256 + taxels.tx, return_inverse=True)[1]
     rx = np.unique(board * 256 + taxels.rx, return_inverse=True)[1]
     return Groups(board, tx, rx)

@@ -18,6 +18,8 @@ def prepared(pair: Pair) -> Judge:
     real = means_of(pair, pair.real, layout)
     simulated = means_of(pair, pair.sim, layout)
     real = real.known_beside(simulated)
+    if pair.is_real_real:
+        real = real.with_reference_variance(simulated)
     state = simulated_state(pair, simulated, layout)
     return Judge(state.shifted(common_shift(Judge(state, real, layout))), real, layout)
 

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from taxel.gap.data.clock import Clock
+from taxel.gap.data.readable import ReadableDataset, ReadableGrasp
 from taxel.gap.errors import GapInputError
-from taxel.recording.grasp import Grasp
-from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import BASELINE_FRAMES, SIM, Phase
 from taxel.types import FloatArray
 
@@ -22,6 +21,10 @@ Progress = Callable[[int, int], None]
 
 LEAST_BASELINE = 10
 """Frames; with fewer the baseline's own noise would be the gap."""
+
+EDGE_S = 1e-6
+"""Seconds by which a frame at the edge of two nodes belongs to the later one: rounding of times of different origin
+must not divide the frames of equal recordings differently."""
 
 ONSET_LEAST_COUNTS = 300.0
 """Sum of a board's drops in hold under which it was not touched."""
@@ -87,8 +90,8 @@ class Groups:
 
 
 def read_recording(
-    data: GraspDataset,
-    grasps: list[Grasp],
+    data: ReadableDataset,
+    grasps: list[ReadableGrasp],
     cells: dict[tuple[str, str], int],
     clock: Clock,
     groups: Groups,
@@ -121,7 +124,7 @@ def _stacked(values: list[Any]) -> Any:
 
 
 def _reduce(
-    data: GraspDataset, grasp: Grasp, clock: Clock, groups: Groups, columns: NDArray[np.intp]
+    data: ReadableDataset, grasp: ReadableGrasp, clock: Clock, groups: Groups, columns: NDArray[np.intp]
 ) -> dict[str, Any]:
     phase, valid = grasp.phase, grasp.valid[:, columns]
     since = since_phase_began(grasp.timestamp, phase)
@@ -132,7 +135,8 @@ def _reduce(
     baseline = _masked_mean(raw, rest, groups.sensor)
     drop = baseline - raw
     with np.errstate(invalid="ignore"):
-        inside = (phase == clock.phase[:, None]) & (since >= clock.begin[:, None]) & (since < clock.end[:, None])
+        own = since + EDGE_S
+        inside = (phase == clock.phase[:, None]) & (own >= clock.begin[:, None]) & (own < clock.end[:, None])
     nodes = _node_means(drop, inside, valid, groups.sensor)
     hold = _masked_mean(drop, valid & (phase == Phase.HOLD)[:, None], groups.sensor)
     still, held = _changes(raw, rest, groups), _changes(raw, valid & (phase == Phase.HOLD)[:, None], groups)
@@ -186,7 +190,9 @@ def require_hold(grasp: Phases, path: str) -> None:
         raise GapInputError(where, "frames in hold (phase 2)", "none", "remove this grasp")
 
 
-def baseline_frames(data: GraspDataset, grasp: Grasp, valid: NDArray[np.bool_]) -> tuple[int, NDArray[np.bool_]]:
+def baseline_frames(
+    data: ReadableDataset, grasp: ReadableGrasp, valid: NDArray[np.bool_]
+) -> tuple[int, NDArray[np.bool_]]:
     """How many baseline frames every sensor has that has enough of them, 100 at most; and the sensors that have not,
     bool[s]: they lost frames, and their drops in this grasp are unknown.
 

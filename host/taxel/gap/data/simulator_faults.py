@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from taxel.recording.grasp import Grasp
+from taxel.gap.data.readable import ReadableGrasp
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_invariants import InvariantChecker
@@ -93,7 +93,7 @@ def _list_empty(holds: Mapping[Key, Mapping[str, float]]) -> list[str]:
     ]
 
 
-def without_faults(grasps: Sequence[Grasp], faults: Sequence[SimulatorFault]) -> list[Grasp]:
+def without_faults(grasps: Sequence[ReadableGrasp], faults: Sequence[SimulatorFault]) -> list[ReadableGrasp]:
     """The grasps that are not left out."""
     out = {one.grasp for one in faults if one.handled == LEFT_OUT}
     return [grasp for grasp in grasps if grasp.id not in out]

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from taxel.gap.data.clock import Clock, usual_duration
 from taxel.gap.data.losses import lost_phases
+from taxel.gap.data.readable import ReadableDataset, ReadableGrasp
 from taxel.gap.data.reading import require_hold
 from taxel.gap.errors import GapInputError
-from taxel.recording.grasp import Grasp
-from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
 
 SHARED_PHASES: Final = (Phase.CLOSING, Phase.HOLD, Phase.RELEASE, Phase.RECOVERY)
@@ -39,7 +38,9 @@ class Timing:
     lasts: dict[Phase, NDArray[np.float64]]
 
 
-def timing_of(sides: Sequence[tuple[GraspDataset, Sequence[Grasp]]], cells: Sequence[tuple[str, str]]) -> Timing:
+def timing_of(
+    sides: Sequence[tuple[ReadableDataset, Sequence[ReadableGrasp]]], cells: Sequence[tuple[str, str]]
+) -> Timing:
     """Of both recordings' grasps. Raises GapInputError where a file's times say nothing, or a grasp has no hold."""
     durations: dict[Phase, list[list[float]]] = {wanted: [[] for _ in sides] for wanted in SHARED_PHASES}
     rate = np.inf
@@ -72,7 +73,7 @@ def _least(cells: int, cell: Sequence[int], seconds: Sequence[float]) -> NDArray
     return found
 
 
-def _frame_s(grasp: Grasp, path: str) -> float:
+def _frame_s(grasp: ReadableGrasp, path: str) -> float:
     """Median frame period, seconds. Raises GapInputError where most frames share their time with others."""
     steps = np.diff(grasp.timestamp)
     if len(steps) >= FEW_FRAMES and np.count_nonzero(steps) < LEAST_TIMES * len(steps):

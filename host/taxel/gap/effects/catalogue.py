@@ -14,13 +14,16 @@ from taxel.gap.effects.gain_mismatch import GainMismatch
 from taxel.gap.effects.hysteresis import Hysteresis
 from taxel.gap.effects.latency import Latency
 from taxel.gap.effects.noise import Noise
+from taxel.gap.effects.nonlinearity import Nonlinearity
 from taxel.gap.effects.pillar_propagation import PillarPropagation
 from taxel.gap.effects.pose_error import PoseError
 from taxel.gap.effects.proximity import Proximity
 from taxel.gap.effects.saturation import Saturation
+from taxel.gap.effects.signal_propagation import SignalPropagation
 from taxel.gap.effects.sticking import Sticking
 from taxel.gap.effects.stiffness import Sinking, Stiffness
 from taxel.gap.errors import GapInputError
+from taxel.gap.fitting.state import State
 from taxel.plugins import EFFECTS, PluginError, list_plugin_names, load_plugin
 
 DROPOUT = "dropout"
@@ -36,6 +39,7 @@ OWN_EFFECTS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         "contact_propagation": (
             *(ContactPropagation(variant) for variant in ("kept", "added", "kept even", "added even")),
             PillarPropagation(),
+            *(SignalPropagation(variant) for variant in ("signal", "signal added")),
         ),
         "electrode_crosstalk": (
             ElectrodeCrosstalk("lines"),
@@ -45,6 +49,7 @@ OWN_EFFECTS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
         "noise": (Noise(HAND), Noise(BOARD)),
         "gain_mismatch": (GainMismatch(BOARD, 0.5), GainMismatch(TAXEL, 0.3)),
         "stiffness": (Stiffness(HAND), Stiffness(BOARD), Sinking(HAND), Sinking(BOARD)),
+        "nonlinearity": (Nonlinearity(),),
         "baseline_drift": (BaselineDrift(HAND), BaselineDrift(BOARD)),
         "hysteresis": (*(Hysteresis(variant) for variant in ("drop", "gap", "force", "depth", "more")), Sticking()),
         "saturation": (Saturation("clip"), Saturation("soft")),
@@ -113,3 +118,12 @@ def chosen(
         for name, variants in effects.items()
         if name not in without
     }
+
+
+def find_unavailable_reason(state: State, forms: Sequence[Effect]) -> str:
+    """Reason for which no form of an effect can be tried on a pair; empty if one can, or if it is found by inspection.
+
+    Of several reasons, that of the first form.
+    """
+    reasons = [form.unavailable(state) for form in forms]
+    return "" if not reasons or not all(reasons) else reasons[0]

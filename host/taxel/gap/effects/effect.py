@@ -12,6 +12,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.data.general_pair import FORCES, REASONS
 from taxel.gap.data.pair import Pair
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
@@ -61,6 +62,7 @@ class Effect(ABC):
 
     name: as the report page has it. variant: which of several forms, "" for the only one. order: place in the chain
     from contact to count. scope: whether its values hold for the hand, or each board, object or taxel has its own.
+    needs: what the datasets must have, by the keys of `taxel.gap.data.general_pair.REASONS`.
     memory: whether what comes out at a time depends on other times. priors: what is known of its parameters.
     """
 
@@ -68,6 +70,7 @@ class Effect(ABC):
     order: ClassVar[int]
     variant: str = ""
     scope: str = HAND
+    needs: ClassVar[frozenset[str]] = frozenset()
     needs_force: ClassVar[bool] = False
     memory: ClassVar[bool] = False
     priors: Mapping[str, Prior] = MappingProxyType({})
@@ -102,7 +105,9 @@ class Effect(ABC):
 
     def unavailable(self, state: State) -> str:
         """Why it cannot be tried on this pair; empty if it can."""
-        return "the simulation has no contact force" if self.needs_force and not state.has_force else ""
+        if self.needs_force and not state.has_force:
+            return REASONS[FORCES]
+        return next((REASONS[name] for name in sorted(self.needs & state.pair.lacking)), "")
 
     def blocks(self, state: State) -> NDArray[np.intp]:
         """Which block acts on a taxel in a cell, [C, n]."""

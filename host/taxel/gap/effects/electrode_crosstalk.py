@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.data.boards import columns_of, groups_of
+from taxel.gap.data.general_pair import LINES
 from taxel.gap.data.pair import Pair
 from taxel.gap.data.reading import Groups
 from taxel.gap.effects.effect import BOARD, HAND, Effect, Parameter
@@ -30,6 +32,7 @@ class ElectrodeCrosstalk(Effect):
 
     name = "electrode_crosstalk"
     order = 70
+    needs: ClassVar[frozenset[str]] = frozenset({LINES})
 
     def __init__(self, variant: str = "lines", scope: str = "hand") -> None:
         self.variant, self.scope = variant, scope

@@ -36,7 +36,7 @@ class Latency(Effect):
         touched = state.touched_boards
         delays = values[0, touched]
         frame = state.pair.frame_s
-        return len(delays) > 1 and float(np.ptp(delays)) < frame and float(np.abs(delays).max()) < 1.5 * frame
+        return len(delays) > 0 and float(np.ptp(delays)) < frame and float(np.abs(delays).max()) < 1.5 * frame
 
     def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
         """See `Effect`."""

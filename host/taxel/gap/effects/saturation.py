@@ -15,7 +15,7 @@ START: Final = 0.7
 
 
 class Saturation(Effect):
-    """Drops end at `counts`: sharply (variant "clip"), or gradually, x counts / (x + counts) ("soft")."""
+    """The size of a signal ends at `counts`: sharply (variant "clip"), or as x counts / (x + counts) ("soft")."""
 
     name = "saturation"
     order = 60
@@ -43,6 +43,6 @@ class Saturation(Effect):
         (most,) = self.spread_out(state, values)
         drop = state.to_drop(signal)
         if self.variant == "clip":
-            return signal.with_drop(np.minimum(drop, most))
-        positive = np.maximum(drop, 0.0)
-        return signal.with_drop(np.where(most >= 1e6, drop, drop - positive + positive * most / (positive + most)))
+            return signal.with_drop(np.clip(drop, -most, most))
+        size = np.abs(drop)
+        return signal.with_drop(np.where(most >= 1e6, drop, drop * most / (size + most)))

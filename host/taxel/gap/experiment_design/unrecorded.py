@@ -9,6 +9,7 @@ from os import PathLike
 from taxel.errors import TaxelError
 from taxel.gap.data.pair import Key, check_tables, first_poses, silent
 from taxel.gap.data.prepare import means_of, simulated_state
+from taxel.gap.data.readable import ReadableGrasp
 from taxel.gap.data.reading import Progress, read_recording, require_hold
 from taxel.gap.errors import GapInputError
 from taxel.gap.fitting.state import State
@@ -32,7 +33,7 @@ def unrecorded(
         with GraspDataset(pair.paths[0]) as real:
             columns = check_tables(real, more)
         old = {*pair.cells, *known}
-        grasps = [grasp for grasp in more if (grasp.object, grasp.approach) not in old]
+        grasps: list[ReadableGrasp] = [grasp for grasp in more if (grasp.object, grasp.approach) not in old]
         if not grasps:
             return None
         for grasp in grasps:

@@ -27,6 +27,9 @@ FARTHEST_MM: Final = 100.0
 """Distance to a cloud without points."""
 
 PLACEBO_DRAWS: Final = 5
+NO_CLOUDS: Final = {"value": None, "ci95": None, "floor": None, "placebo": None}
+"""The field `gap.mm` of a report on datasets without positions or poses."""
+
 LIKELY: Final = 0.02
 """Taxels that are active in fewer repeats are left out of a cloud."""
 

@@ -156,6 +156,23 @@ class SessionMeans:
         there = np.any(other.known, axis=1, keepdims=True)
         return SessionMeans(np.where(there, self.value, np.nan), self.count, self.spread)
 
+    def with_reference_variance(self, other: SessionMeans) -> SessionMeans:
+        """Add the variance between the sessions of a reference, whose mean takes the place of a simulation.
+
+        Each session gets the deviation of a session of the reference from the reference's mean, scaled so that the
+        variance of the mean of this recording increases by that of the mean of the reference. The means do not change.
+        The same with a reference of one session, whose variance is not known.
+        """
+        count, own = other.value.shape[1], self.value.shape[1]
+        if count < 2 or own < 2:
+            return self
+        deviation = (other.value - other.mean[:, None])[:, np.arange(own) % count]
+        deviation = np.nan_to_num(deviation - known_mean(deviation, 1)[:, None])
+        sampled = (deviation**2).sum(axis=1) / (own - 1)
+        wanted = np.nan_to_num(other.variance) * own / count
+        factor = np.sqrt(np.divide(wanted, sampled, out=np.zeros_like(sampled), where=sampled > 0.0))
+        return SessionMeans(self.value - factor[:, None] * deviation, self.count, self.spread)
+
     def where(self, part: NDArray[np.bool_]) -> SessionMeans:
         """Only some taxels of some cells, bool[C, n]; the others are unknown."""
         return SessionMeans(np.where(part[:, None, None], self.value, np.nan), self.count, self.spread)

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.data.general_pair import LINES
 from taxel.gap.data.pair import Pair
 from taxel.gap.features.features import Layout, SessionMeans, known_mean
 from taxel.gap.features.metric import off_diagonal
@@ -117,7 +118,8 @@ def where(pair: Pair, found: Products, layout: Layout, seed: int) -> dict[str, A
         return summed(found.taxels, group, number), summed(found.centred_taxels, group, number)
 
     lines: list[dict[str, Any]] = []
-    for axis, group, electrode in (("tx", pair.groups.tx, pair.taxels.tx), ("rx", pair.groups.rx, pair.taxels.rx)):
+    axes = (("tx", pair.groups.tx, pair.taxels.tx), ("rx", pair.groups.rx, pair.taxels.rx))
+    for axis, group, electrode in () if LINES in pair.lacking else axes:
         number = int(group.max()) + 1
         first = [int(np.flatnonzero(group == k)[0]) for k in range(number)]
         labels = [{"address": int(pair.taxels.sensor[k]), "axis": axis, "index": int(electrode[k])} for k in first]

@@ -23,6 +23,7 @@ DESCRIPTIONS: Mapping[str, str] = {
     "noise": "Read-out noise, white and common to a line.",
     "gain_mismatch": "Taxels or whole boards are more or less sensitive than modelled.",
     "stiffness": "The dielectric is softer or harder than modelled.",
+    "nonlinearity": "The signal depends on the load by another curve.",
     "baseline_drift": "The count without contact drifts with time or temperature.",
     "hysteresis": "The unloading curve differs from the loading curve, and the dielectric creeps.",
     "saturation": "The count stops decreasing at high force.",

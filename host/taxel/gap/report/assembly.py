@@ -11,7 +11,7 @@ import numpy as np
 from taxel.gap.calibration.calibration import UNKNOWN
 from taxel.gap.comparison.compare import Comparison
 from taxel.gap.effects import catalogue
-from taxel.gap.effects.catalogue import FIXED, Forms
+from taxel.gap.effects.catalogue import FIXED, Forms, find_unavailable_reason
 from taxel.gap.experiment_design.findings import findings_of
 from taxel.gap.experiment_design.ranking import next_presses
 from taxel.gap.experiment_design.unrecorded import left_out
@@ -76,7 +76,9 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
     def entry(name: str) -> dict[str, Any]:
         known = identifiability(name, judge, inputs.forms, inputs.similarities, inputs.confounded)
         alone = inputs.alone.get(name)
-        return effect_entry(name, judge, named, alone, held, gap, inputs.attribution, known, draws.get(name, ()))
+        found = effect_entry(name, judge, named, alone, held, gap, inputs.attribution, known, draws.get(name, ()))
+        reason = find_unavailable_reason(judge.state, inputs.forms[name])
+        return {**found, "reason": reason} if reason else found
 
     chain, causes = get_questioned(comparison, named, verdict.effects, verdict.rivals)
     recommended = next_presses(
@@ -89,7 +91,8 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
             side: {"path": path, "sha256": digest}
             for side, path, digest in zip(("real", "sim"), pair.paths, pair.digests, strict=True)
         }
-        | {"problems": [one.to_json() for one in pair.faults]},
+        | {"problems": [one.to_json() for one in pair.faults]}
+        | ({} if pair.unit is None else {"unit": {"name": pair.unit[0], "counts_per_unit": pair.unit[1]}}),
         "seed": inputs.seed,
         "runtime_s": 0.0,
         "gap": {

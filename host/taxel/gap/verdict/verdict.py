@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Final
 
@@ -20,6 +20,7 @@ WORDS: Final = {
     "noise": "the hand has more noise",
     "gain_mismatch": "taxels or boards are more or less sensitive than modelled",
     "stiffness": "the dielectric is softer or harder than modelled",
+    "nonlinearity": "the signal depends on the load by another curve",
     "baseline_drift": "the count without contact drifts",
     "hysteresis": "the layer creeps and recovers slowly",
     "saturation": "the count stops decreasing at high force",
@@ -37,6 +38,7 @@ HEADLINES: Final = {
     "noise": "The real skin is noisier than the simulator.",
     "gain_mismatch": "Some taxels are more or less sensitive than in the simulator.",
     "stiffness": "The real skin is softer or harder than in the simulator.",
+    "nonlinearity": "The real signal depends on the load by another curve than simulated.",
     "baseline_drift": "The real counts drift without contact; the simulator's do not.",
     "hysteresis": "The real skin creeps and recovers slowly; the simulator does not.",
     "saturation": "Real counts stop changing at high force; the simulator's do not.",
@@ -111,7 +113,7 @@ def judge_verdict(
         bound = f"smaller than {max(gap.most, 0.0) ** 0.5:.1f} counts with a probability of 95 %"
         line = f"No gap: {size}; the part above the floor is {bound}."
         return Verdict("no_gap", (), probabilities, "The simulator agrees with the real skin.", line, tuple(reasons))
-    if not effects:
+    if not effects or (few and not known):
         line = f"Unknown: {size}; {reasons[0]}."
         headline = f"Too few sessions for a verdict: record {LEAST_SESSIONS} or more."
         return Verdict(UNKNOWN, (UNKNOWN,), probabilities, headline, line, tuple(reasons))
@@ -153,6 +155,28 @@ def _describe_remaining_excess(gap: Gap, held: HeldOut) -> str:
     if left.low is None or left.low <= (SMALLEST_CAUSE * gap.floor) ** 2:
         return ""
     return f"{left.value**0.5:.1f} counts above the floor remain in held-out sessions"
+
+
+REFERENCE_WORDS: Final = {
+    "The real skin": "The first sensor",
+    "the real skin": "the first sensor",
+    "the simulator's": "those of the second",
+    "the simulator": "the second sensor",
+    "The simulator": "The second sensor",
+    "than modelled": "than of the second sensor",
+}
+"""Words of a verdict on two real datasets."""
+
+
+def describe_real_real(verdict: Verdict) -> Verdict:
+    """The verdict in the words of two real datasets, of which the second takes the place of the simulation."""
+    texts = {}
+    for name in ("headline", "one_line"):
+        text = getattr(verdict, name)
+        for word, other in REFERENCE_WORDS.items():
+            text = text.replace(word, other)
+        texts[name] = text
+    return replace(verdict, **texts)
 
 
 def _make_headline(known: Sequence[str]) -> str:

@@ -1,0 +1,44 @@
+"""The signal depends on the load by another curve, for a simulation without contact forces."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+import numpy as np
+
+from taxel.gap.data.general_pair import FORCES
+from taxel.gap.effects.effect import HAND, Effect, Parameter
+from taxel.gap.fitting.state import Signal, State
+from taxel.types import FloatArray
+
+EXPONENT_STD: Final = 0.3
+"""Prior standard deviation of the exponent: sensors of one type have similar curves."""
+
+
+class Nonlinearity(Effect):
+    """A power law of the signal: x becomes r (|x| / r)^exponent with the sign of x, with the full scale r."""
+
+    name = "nonlinearity"
+    order = 55
+    needs: ClassVar[frozenset[str]] = frozenset()
+
+    def __init__(self, scope: str = HAND) -> None:
+        self.scope = scope
+
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """The exponent."""
+        return (Parameter("exponent", "1", 0.3, 3.0, 1.0, 1.0, EXPONENT_STD),)
+
+    def unavailable(self, state: State) -> str:
+        """See `Effect`."""
+        if state.has_force and FORCES not in state.pair.lacking:
+            return "the simulation has contact forces: the effect stiffness describes its curve"
+        return super().unavailable(state)
+
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
+        """See `Effect`."""
+        if (values == 1.0).all():
+            return signal
+        (exponent,) = self.spread_out(state, values)
+        drop, scale = state.to_drop(signal), state.full_scale
+        return signal.with_drop(np.sign(drop) * scale * (np.abs(drop) / scale) ** exponent)

@@ -1,0 +1,55 @@
+"""A signal spreads to neighbouring taxels, for a simulation without contact forces."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from taxel.gap.data.general_pair import FORCES, GEOMETRY
+from taxel.gap.effects.effect import Effect, Parameter
+from taxel.gap.effects.sheet_kernel import sheet_kernel, taxel_kernel
+from taxel.gap.fitting.state import Signal, State
+from taxel.types import FloatArray
+
+
+class SignalPropagation(Effect):
+    """A share `strength` of each taxel's signal reaches its surroundings with the kernel exp(-r / spread).
+
+    variant "signal": the taxel loses this share. "signal added": the taxel loses nothing.
+    """
+
+    name = "contact_propagation"
+    order = 65
+    needs: ClassVar[frozenset[str]] = frozenset({GEOMETRY})
+
+    def __init__(self, variant: str = "signal", scope: str = "hand") -> None:
+        self.variant, self.scope = variant, scope
+
+    def own_parameters(self) -> tuple[Parameter, ...]:
+        """Spread in units of millimetres, and strength."""
+        return Parameter("spread_mm", "mm", 0.3, 60.0, 2.0, 2.0), Parameter("strength", "1", 0.0, 1.0, 0.0, 0.3)
+
+    def starts(self, state: State) -> FloatArray:
+        """See `Effect`; a spread of the median distance of neighbouring taxels."""
+        values = super().starts(state)
+        pitches = sorted(board.pitch_m for board in state.pair.boards)
+        if "spread_mm" not in self.priors:
+            values[0] = min(max(1e3 * pitches[len(pitches) // 2], 0.3), 60.0)
+        return values
+
+    def unavailable(self, state: State) -> str:
+        """See `Effect`."""
+        if state.has_force and FORCES not in state.pair.lacking:
+            return "the simulation has contact forces, which spread instead of signals"
+        return super().unavailable(state)
+
+    def apply(self, state: State, signal: Signal, values: FloatArray) -> Signal:
+        """See `Effect`."""
+        spread_m, strength = 1e-3 * float(values[0, 0]), float(values[1, 0])
+        if strength == 0.0:
+            return signal
+        drop = state.to_drop(signal)
+        result = drop.copy() if self.variant.endswith("added") else (1.0 - strength) * drop
+        for board in state.pair.boards:
+            kernel = taxel_kernel(sheet_kernel(board, spread_m), None)
+            result[:, :, board.columns] += strength * (drop[:, :, board.columns] @ kernel)
+        return signal.with_drop(result)

@@ -1,0 +1,241 @@
+"""Reader of a dataset of version 2, and of version 1 as one of version 2."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.hand.errors import format_value
+from taxel.recording.general.checks import check_contact, check_header
+from taxel.recording.general.format import (
+    DEFAULT_APPROACH,
+    DEFAULT_OBJECT,
+    VERSION,
+    Contact,
+    Direction,
+    GeneralHeader,
+    Properties,
+    TaxelPlaces,
+)
+from taxel.recording.grasp_checks import Location
+from taxel.recording.grasp_dataset import GraspDataset
+from taxel.recording.grasp_format import FORMAT, LARGEST_ARRAY_BYTES, SIM
+from taxel.recording.grasp_hdf5 import convert_hdf5_errors, open_hdf5
+from taxel.recording.grasp_tables import ObjectMesh
+
+_ALIASES: Final = {"time": ("time", "timestamp", "t"), "values": ("values", "raw_counts", "data")}
+"""Names under which a required array is accepted."""
+
+_NUMBERS: Final = "iufb"
+
+
+def read_version(path: str | PathLike[str]) -> int:
+    """Version of a grasp dataset. Raises DatasetError for a file of another format."""
+    location = Location(str(path))
+    with open_hdf5(Path(path), "r") as file, convert_hdf5_errors(location):
+        name, version = file.attrs.get("format", ""), file.attrs.get("version", 0)
+        if (name.decode() if isinstance(name, bytes) else name) != FORMAT:
+            remedy = "import the file with taxel import, or see docs/dataset-format.md"
+            location.key("format").fail(format_value(FORMAT), format_value(name), remedy)
+        return int(version)
+
+
+def read_source(path: str | PathLike[str]) -> str:
+    """Declared source of a grasp dataset, such as "real"; "" if none is declared. Raises DatasetError."""
+    read_version(path)
+    with open_hdf5(Path(path), "r") as file:
+        return _to_text(file.attrs.get("source", ""))
+
+
+class GeneralDataset:
+    """A dataset of version 2 or 1, open for reading. A context manager; iteration gives each `Contact` in order.
+
+    header: tables and declared properties. n: number of taxels. is_vector: whether a value has 3 components. version:
+    of the file. Raises DatasetError for the first deviation from the format.
+    """
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        """Open a dataset and check everything but the arrays of its contacts."""
+        self.path = Path(path)
+        self._location = Location(str(path))
+        self.version = read_version(path)
+        self._old: GraspDataset | None = None
+        self._file: Any = None
+        if self.version == 1:
+            self._old = GraspDataset(path)
+            self.header = _convert_header(self._old)
+            self.ids, self.n, self.is_vector = self._old.ids, self._old.taxels.n, False
+            return
+        if self.version != VERSION:
+            remedy = "use a taxel release that reads that file"
+            self._location.key("version").fail("1 or 2", str(self.version), remedy)
+        self._file = open_hdf5(self.path, "r")
+        try:
+            with convert_hdf5_errors(self._location):
+                self._read_tables()
+        except BaseException:
+            self.close()
+            raise
+
+    def _read_tables(self) -> None:
+        grasps = self._file.get("grasps")
+        self.ids = tuple(sorted(grasps)) if grasps is not None else ()
+        if not self.ids:
+            self._location.key("grasps").fail("at least one contact", "none", "write a group for each contact")
+        shape = self._find(self.ids[0], "values").shape
+        self.n, self.is_vector = int(shape[1]) if len(shape) > 1 else 0, len(shape) == 3
+        attrs = self._file.attrs
+        declared: dict[str, Any] = {
+            name: _to_text(attrs[name]) for name in ("unit", "contact", "modality") if name in attrs
+        }
+        declared |= {name: float(attrs[name]) for name in ("full_scale", "resolution") if name in attrs}
+        taxels = self._file.get("taxels", {})
+        places: dict[str, Any] = {
+            name: np.asarray(taxels[name][()], np.int64) for name in ("sensor", "tx", "rx") if name in taxels
+        }
+        places |= {
+            name: np.asarray(taxels[name][()], np.float64) for name in ("position", "normal", "size") if name in taxels
+        }
+        names = [_to_text(name) for name in taxels.attrs.get("sensor_names", ())] if len(taxels) else []
+        objects = {
+            name: ObjectMesh(np.asarray(own["vertices"][()], np.float64), np.asarray(own["faces"][()], np.int32))
+            for name, own in self._file.get("objects", {}).items()
+        }
+        text = {key: _to_text(attrs.get(key, other)) for key, other in (("source", ""), ("sensor", "sensor"))}
+        self.header = GeneralHeader(
+            source=text["source"],
+            sensor=text["sensor"],
+            generator=_to_text(attrs.get("generator", "unknown")),
+            properties=Properties(**declared),
+            places=TaxelPlaces(**places),
+            sensor_names=tuple(names),
+            objects=objects,
+        )
+        check_header(self.header, self.n, self._location)
+
+    def __iter__(self) -> Iterator[Contact]:
+        """Each contact in order; the repeats of a condition are numbered if the file has no numbers."""
+        seen: Counter[tuple[str, str]] = Counter()
+        for number, name in enumerate(self.ids):
+            contact = self._read_old(name) if self._old is not None else self._read(name, number, seen)
+            seen[contact.object, contact.approach] += 1
+            yield contact
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def _find(self, contact_id: str, name: str) -> Any:
+        """The array of a required field, under one of its names. Raises DatasetError."""
+        group = self._file["grasps"][contact_id]
+        for alias in _ALIASES[name]:
+            if alias in group:
+                return group[alias]
+        location = self._location.key("grasps").key(contact_id)
+        return location.fail(f"an array {name}", "none", "see docs/dataset-format.md for the required fields")
+
+    def _read(self, contact_id: str, number: int, seen: Counter[tuple[str, str]]) -> Contact:
+        location = self._location.key("grasps").key(contact_id)
+        with convert_hdf5_errors(location):
+            group = self._file["grasps"][contact_id]
+            if "session" not in group.attrs:
+                location.key("session").fail("the number of a session", "none", "number the days or the mountings")
+            labels = (
+                _to_text(group.attrs.get("object", DEFAULT_OBJECT)),
+                _to_text(group.attrs.get("approach", DEFAULT_APPROACH)),
+            )
+            arrays: dict[str, Any] = {
+                name: _read_array(group[name], location.key(name))
+                for name in ("phase", "valid", "force", "separation", "sensor_pose", "object_pose")
+                if name in group
+            }
+            values = _read_array(self._find(contact_id, "values"), location.key("values")).astype(np.float64)
+            time = _read_array(self._find(contact_id, "time"), location.key("time")).astype(np.float64)
+            contact = Contact(
+                id=contact_id,
+                session=int(group.attrs["session"]),
+                time=time,
+                values=values,
+                object=labels[0],
+                approach=labels[1],
+                iteration=int(group.attrs.get("iteration", seen[labels])),
+                phase=None if "phase" not in arrays else arrays["phase"].astype(np.uint8),
+                valid=None if "valid" not in arrays else _to_frames(arrays["valid"]),
+                force=arrays.get("force") if self.header.source == SIM else None,
+                separation=arrays.get("separation") if self.header.source == SIM else None,
+                sensor_pose=arrays.get("sensor_pose"),
+                object_pose=arrays.get("object_pose"),
+            )
+        check_contact(contact, self.n, self.is_vector, location)
+        return contact
+
+    def _read_old(self, contact_id: str) -> Contact:
+        assert self._old is not None
+        grasp = self._old[contact_id]
+        index = self._old.sensors.index_of(self._old.taxels)
+        values = np.where(grasp.valid[:, index], grasp.raw_counts.astype(np.float64), np.nan)
+        return Contact(
+            id=grasp.id,
+            session=grasp.session,
+            time=grasp.timestamp,
+            values=values,
+            object=grasp.object,
+            approach=grasp.approach,
+            iteration=grasp.iteration,
+            phase=grasp.phase,
+            force=grasp.contact_force,
+            separation=grasp.separation,
+            sensor_pose=grasp.sensor_pose,
+            object_pose=grasp.object_pose,
+        )
+
+    def close(self) -> None:
+        """Close the dataset. A second call has no effect."""
+        for file in (self._old, self._file):
+            if file is not None:
+                file.close()
+
+    def __enter__(self) -> GeneralDataset:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the dataset at the end of the `with` block."""
+        self.close()
+
+
+def _convert_header(old: GraspDataset) -> GeneralHeader:
+    """The header of a dataset of version 1: counts that contact lowers."""
+    taxels = old.taxels
+    index = old.sensors.index_of(taxels)
+    places = TaxelPlaces(
+        index, taxels.tx.astype(np.int64), taxels.rx.astype(np.int64), taxels.position, taxels.normal, taxels.size
+    )
+    properties = Properties("counts", Direction.LOWERS.value, None, 1.0, "capacitive")
+    return GeneralHeader(
+        old.source, old.hand, old.generator, properties, places, tuple(old.sensors.name), dict(old.objects)
+    )
+
+
+def _read_array(item: Any, location: Location) -> NDArray[Any]:
+    """Read a numeric array of bounded size. Raises DatasetError."""
+    if not hasattr(item, "dtype") or item.dtype.kind not in _NUMBERS:
+        kind = str(getattr(item, "dtype", "a group"))
+        location.fail("an array of numbers", kind, "write numbers")
+    if item.size * 8 > LARGEST_ARRAY_BYTES:
+        location.fail(f"at most {LARGEST_ARRAY_BYTES // 8} numbers", str(item.size), "divide the contact")
+    return np.asarray(item[()])
+
+
+def _to_frames(valid: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether each frame is valid, bool[T], from bool[T] or bool[T, s]."""
+    flags = valid.astype(bool)
+    return np.asarray(flags if flags.ndim == 1 else flags.any(axis=1))
+
+
+def _to_text(value: object) -> str:
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)

@@ -1,0 +1,78 @@
+"""Picture of a dataset of version 2: signals of the taxels in the hold, on a map of the sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from typing import Any, Final
+
+import numpy as np
+
+from taxel.optional import optional_import
+from taxel.recording.general.dataset import GeneralDataset
+from taxel.recording.general.format import AXES
+from taxel.recording.general.values import compute_hold_means
+from taxel.types import FloatArray
+
+with optional_import("matplotlib", "pictures"):
+    import matplotlib as mpl
+
+MAX_CONDITIONS: Final = 6
+"""Conditions that are drawn for each dataset."""
+
+
+def save_maps(paths: Sequence[str | PathLike[str]], out: str | PathLike[str]) -> int:
+    """Draw the mean signals in the hold of the first conditions of datasets; return the number of conditions.
+
+    One row for each dataset, one map for each condition. A taxel is at its position, or at its number on a square grid.
+    The components of a vector taxel are drawn as their length. Raises DatasetError.
+    """
+    mpl.use("agg")
+    from matplotlib import pyplot as plt
+
+    rows = []
+    for path in paths:
+        with GeneralDataset(path) as data:
+            means = compute_hold_means(data)
+            rows.append((data, means, _find_places(data)))
+    conditions = sorted({condition for _, means, _ in rows for condition in means.conditions})[:MAX_CONDITIONS]
+    size = (2.4 * max(len(conditions), 1), 2.6 * len(rows))
+    figure, axes = plt.subplots(len(rows), max(len(conditions), 1), figsize=size, squeeze=False, layout="constrained")
+    for line, (data, means, places) in zip(axes, rows, strict=True):
+        signals = means.average_conditions(conditions)
+        if data.is_vector:
+            signals = np.linalg.norm(signals.reshape(len(signals), data.n, AXES), axis=2)
+        limit = float(np.nanmax(np.abs(signals), initial=0.0)) or 1.0
+        for axis, condition, signal in zip(line, conditions, signals, strict=False):
+            _draw_map(axis, places, signal, limit)
+            axis.set_title(f"{condition[0]} {condition[1]}", fontsize=7)
+        unit = data.header.properties.unit or "units of the file"
+        line[0].set_ylabel(f"{data.header.source}\n±{limit:.3g} {unit}", fontsize=7)
+    figure.savefig(out, dpi=130)
+    plt.close(figure)
+    return len(conditions)
+
+
+def _draw_map(axis: Any, places: FloatArray, signal: FloatArray, limit: float) -> None:
+    """Draw one map. places: f64[n, 2]. signal: f64[n]."""
+    axis.scatter(*places.T, c=signal, s=18, marker="s", cmap="RdBu_r", vmin=-limit, vmax=limit)
+    axis.set_aspect("equal")
+    axis.set_xticks([])
+    axis.set_yticks([])
+
+
+def _find_places(data: GeneralDataset) -> FloatArray:
+    """Places of the taxels on the picture, f64[n, 2]: the two axes along which the positions extend most; several
+    sensors side by side.
+    """
+    position, sensor = data.header.places.position, data.header.places.sensor
+    if position is None:
+        width = int(np.ceil(np.sqrt(data.n)))
+        rows, columns = np.divmod(np.arange(data.n), width)
+        return np.column_stack([columns, -rows]).astype(np.float64)
+    axes = np.sort(np.argsort(-np.ptp(position, axis=0), kind="stable")[:2])
+    places = position[:, axes].copy()
+    if sensor is not None:
+        step = 1.2 * max(float(np.ptp(places[:, 0])), 1e-9)
+        places[:, 0] += step * np.unique(sensor, return_inverse=True)[1]
+    return np.asarray(places)

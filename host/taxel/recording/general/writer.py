@@ -1,0 +1,83 @@
+"""Writer of a dataset of version 2."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import fields
+from datetime import UTC, datetime
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taxel.recording.general.checks import check_contact, check_header
+from taxel.recording.general.format import VERSION, Contact, GeneralHeader
+from taxel.recording.grasp_checks import Location
+from taxel.recording.grasp_format import FORMAT
+from taxel.recording.grasp_storage import check_target, convert_writing_errors, create_file, get_part_path, put_in_place
+
+_CONTACT_ARRAYS = ("time", "values", "phase", "valid", "force", "separation", "sensor_pose", "object_pose")
+
+
+def write_general(
+    path: str | PathLike[str], header: GeneralHeader, contacts: Iterable[Contact], overwrite: bool = False
+) -> int:
+    """Write a dataset of version 2; return the number of contacts.
+
+    The file appears under its name when it is complete. Raises DatasetError for the first deviation from the format; an
+    existing file then stays as it was.
+    """
+    target = Path(path)
+    location = Location(str(target))
+    check_target(target, overwrite, location)
+    part, count = get_part_path(target), 0
+    try:
+        with convert_writing_errors(location), create_file(part) as file:
+            first: Contact | None = None
+            for contact in contacts:
+                if first is None:
+                    first = contact
+                    check_header(header, contact.values.shape[1] if contact.values.ndim > 1 else 0, location)
+                    _write_header(file, header)
+                own = location.key("grasps").key(contact.id)
+                check_contact(contact, first.values.shape[1], first.values.ndim == 3, own)
+                _write_contact(file, contact)
+                count += 1
+        if not count:
+            location.key("grasps").fail("at least one contact", "none", "check the input")
+        put_in_place(part, target, overwrite, location)
+    finally:
+        with suppress(OSError):
+            part.unlink()
+    return count
+
+
+def _write_header(file: Any, header: GeneralHeader) -> None:
+    created = datetime.now(UTC).isoformat(timespec="seconds")
+    text = {"source": header.source, "sensor": header.sensor, "generator": header.generator, "created": created}
+    file.attrs.update({"format": FORMAT, "version": np.int64(VERSION), **text, **header.properties.to_attributes()})
+    known = {one.name: getattr(header.places, one.name) for one in fields(header.places)}
+    group = file.create_group("taxels")
+    for name, array in known.items():
+        if array is not None:
+            group.create_dataset(name, data=array)
+    if header.sensor_names:
+        group.attrs["sensor_names"] = list(header.sensor_names)
+    for name, mesh in header.objects.items():
+        own = file.create_group(f"objects/{name}")
+        own.create_dataset("vertices", data=mesh.vertices)
+        own.create_dataset("faces", data=mesh.faces)
+
+
+def _write_contact(file: Any, contact: Contact) -> None:
+    group = file.create_group(f"grasps/{contact.id}")
+    labels = {"object": contact.object, "approach": contact.approach}
+    numbers = {"session": np.int64(contact.session), "iteration": np.int64(contact.iteration)}
+    group.attrs.update({**labels, **numbers})
+    for name in _CONTACT_ARRAYS:
+        array = getattr(contact, name)
+        if array is not None:
+            options = {"compression": "gzip", "compression_opts": 1} if array.ndim > 1 and array.size > 4096 else {}
+            group.create_dataset(name, data=array, **options)

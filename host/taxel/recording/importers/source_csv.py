@@ -1,0 +1,105 @@
+"""CSV tables: UTF-8, columns separated by comma, semicolon or tab, with or without a header line.
+
+Without a header line the columns have the names c0, c1, ... A first line that begins with "#" is a header, as
+numpy.savetxt writes it. An empty entry of a column of numbers is a missing value (NaN).
+"""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.hand.errors import format_value
+from taxel.recording.grasp_checks import Location
+from taxel.recording.importers.fields import Source, check_size, make_field
+
+_SEPARATORS: Final = ",;\t"
+_FAST_BYTES: Final = 1 << 16
+"""Size above which a table of numbers is parsed by numpy.loadtxt, which is ten times faster than Python, bytes."""
+
+
+def open_file(path: Path) -> Source:
+    """Read a CSV table; every column is a field. Raises DatasetError with the line of the first error."""
+    location = Location(str(path))
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            first = file.readline()
+    except (UnicodeDecodeError, OSError):
+        location.fail("a table as UTF-8 text", "other bytes", "save the table as CSV with the encoding UTF-8")
+    if "\0" in first:
+        location.fail("a table as UTF-8 text", "binary data", "save the table as CSV")
+    separator = max(_SEPARATORS, key=first.count)
+    header = next(csv.reader([first.lstrip("# ")], delimiter=separator), [])
+    names = [name.strip() for name in header]
+    has_header = any(not _is_number(name) for name in names)
+    if not has_header:
+        names = [f"c{number}" for number in range(len(names))]
+    _check_names(names, location)
+    columns = _read_fast(path, separator, has_header, len(names))
+    if columns is None:
+        columns = _read_rows(path, separator, has_header, names, location)
+    if not columns or not len(columns[0]):
+        location.fail("rows below the header", "none", "check whether the recording is empty")
+    fields = {name: make_field(name, column) for name, column in zip(names, columns, strict=True)}
+    return Source(path, "CSV table", fields, is_table=True)
+
+
+def _check_names(names: list[str], location: Location) -> None:
+    """Raise DatasetError for a name that two columns have."""
+    name, count = Counter(names).most_common(1)[0] if names else ("", 0)
+    if count > 1:
+        location.key(name or "(empty name)").fail("each column once", f"{count} columns", "rename the columns")
+
+
+def _is_number(text: str) -> bool:
+    """Whether a text is a number; an empty text counts as a missing number."""
+    try:
+        float(text or "nan")
+    except ValueError:
+        return False
+    return "_" not in text
+
+
+def _read_fast(path: Path, separator: str, has_header: bool, width: int) -> list[NDArray[Any]] | None:
+    """Read a large table of numbers; None for a table with texts, empty entries or errors."""
+    if path.stat().st_size < _FAST_BYTES:
+        return None
+    try:
+        table = np.loadtxt(path, delimiter=separator, skiprows=int(has_header), ndmin=2, encoding="utf-8-sig")
+    except (ValueError, UnicodeDecodeError):
+        return None
+    return list(table.T) if table.shape[1] == width else None
+
+
+def _read_rows(
+    path: Path, separator: str, has_header: bool, names: list[str], location: Location
+) -> list[NDArray[Any]]:
+    """Read the columns of a table, numbers or texts. Raises DatasetError for rows of different lengths."""
+    check_size((path.stat().st_size // 8,), 8, location)
+    rows: list[list[str]] = []
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file, delimiter=separator, strict=True)
+            for row in reader:
+                if not row or (has_header and reader.line_num == 1):
+                    continue
+                if len(row) != len(names):
+                    own = location.key(f"line {reader.line_num}")
+                    own.fail(f"{len(names)} entries as in the first line", str(len(row)), "correct that line")
+                rows.append(row)
+    except (csv.Error, UnicodeDecodeError, OSError) as error:
+        location.fail("a CSV table as UTF-8 text", format_value(str(error)), "save the table as CSV again")
+    return [_convert([row[index].strip() for row in rows]) for index in range(len(names))]
+
+
+def _convert(column: list[str]) -> NDArray[Any]:
+    """Return a column as f64 if every entry is a number or empty, else as texts."""
+    try:
+        return np.array([float(entry or "nan") for entry in column], np.float64)
+    except ValueError:
+        return np.array(column, dtype=str)

@@ -1,0 +1,78 @@
+"""Folders of LeRobotDataset v2.1 (one Parquet file for each episode) and v3 (several episodes in a file).
+
+Layout: huggingface/lerobot, and the blog page lerobot-datasets-v3.md of huggingface/blog. ``meta/info.json`` has the
+key codebase_version; the tables are data/chunk-NNN/episode_NNNNNN.parquet (v2.1) or data/chunk-NNN/file-NNN.parquet
+(v3), with the columns timestamp (seconds from the start of the episode), frame_index, episode_index, task_index, and
+the features. The texts of the tasks are in meta/tasks.jsonl (v2.1) or meta/tasks.parquet (v3); they are the additional
+field ``task``.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxel.hand.errors import format_value
+from taxel.recording.grasp_checks import Location
+from taxel.recording.importers.fields import Field, Source
+from taxel.recording.importers.source_parquet import open_tables
+
+EPISODE, TIME, TASK_INDEX, TASK = "episode_index", "timestamp", "task_index", "task"
+
+_VERSIONS: Final = {"v2.": "episode_*.parquet", "v3.": "file-*.parquet"}
+
+
+def open_file(path: Path) -> Source:
+    """Open the tables of a LeRobot dataset as one table. Raises DatasetError."""
+    location = Location(str(path / "meta/info.json"))
+    info = _read_json(path / "meta/info.json", location)
+    version = str(info.get("codebase_version", "")) if isinstance(info, dict) else ""
+    pattern = next((name for start, name in _VERSIONS.items() if version.startswith(start)), None)
+    if pattern is None:
+        remedy = "convert the dataset with the scripts of lerobot"
+        location.key("codebase_version").fail("v2.0, v2.1 or v3.0", format_value(version), remedy)
+    files = sorted((path / "data").glob(f"chunk-*/{pattern}"))
+    if not files:
+        remedy = "download the folder data/ completely"
+        Location(str(path / "data")).fail(f"files chunk-*/{pattern}", "none", remedy)
+    source = open_tables(path, files, f"LeRobot dataset {version}")
+    fields = dict(source.fields)
+    texts = _read_tasks(path)
+    if TASK not in fields and TASK_INDEX in fields and texts:
+        fields[TASK] = Field(TASK, fields[TASK_INDEX].shape, "text", lambda: _name_tasks(source, texts))
+    return Source(path, source.kind, fields, is_table=True)
+
+
+def _read_json(file: Path, location: Location) -> Any:
+    """Read a JSON file. Raises DatasetError."""
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        return location.fail("a JSON file", format_value(str(error)), "download the folder meta/ completely")
+
+
+def _read_tasks(path: Path) -> dict[int, str]:
+    """Texts of the tasks by number; empty if the dataset has none. Raises DatasetError for damaged files."""
+    lines, table = path / "meta/tasks.jsonl", path / "meta/tasks.parquet"
+    if lines.is_file():
+        location = Location(str(lines))
+        try:
+            entries = [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines() if line.strip()]
+            return {int(entry[TASK_INDEX]): str(entry[TASK]) for entry in entries}
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            location.fail("one JSON object with task_index and task in each line", format_value(str(error)), "fix it")
+    if not table.is_file():
+        return {}
+    source = open_tables(table, [table], "table of tasks")
+    # pandas stores the index of the table, the text of the task, under its own name or as __index_level_0__.
+    name = next((name for name in (TASK, "__index_level_0__") if name in source.fields), TASK)
+    return dict(zip(source.read(TASK_INDEX).astype(int).tolist(), source.read(name).astype(str).tolist(), strict=True))
+
+
+def _name_tasks(source: Source, texts: dict[int, str]) -> NDArray[Any]:
+    """Text of the task of each row."""
+    return np.array([texts.get(int(index), f"task {index}") for index in source.read_numbers(TASK_INDEX).ravel()])

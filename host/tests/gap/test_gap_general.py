@@ -1,0 +1,243 @@
+"""Datasets of other sensors (version 2): three modalities, with wrong or incomplete input."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from taxel.blind.benchmark.modalities import SENSORS, ModalityWorld, sample_modality_worlds
+from taxel.cli.main import build_app
+from taxel.errors import TaxelError
+from taxel.gap.comparison.compare import compare
+from taxel.gap.data.general_pair import FORCES, GEOMETRY, LINES, PHASES, open_pair
+from taxel.gap.data.pair import read_pair
+from taxel.gap.data.prepare import prepared
+from taxel.gap.effects.catalogue import OWN_EFFECTS, find_unavailable_reason
+from taxel.gap.features.metric import measure
+from taxel.recording.general import GeneralDataset, Properties, TaxelPlaces, write_general
+
+
+@pytest.fixture(scope="module", params=SENSORS)
+def pair(request, tmp_path_factory) -> tuple[Path, Path]:
+    """A pair without a cause."""
+    folder = tmp_path_factory.mktemp("pair")
+    ModalityWorld(request.param, "", 1.0, 77).make(folder / "real.h5", folder / "sim.h5")
+    return folder / "real.h5", folder / "sim.h5"
+
+
+def rewrite(source: Path, target: Path, change=lambda contact: contact, **header) -> Path:
+    """Write a copy of a dataset with changed contacts (None: left out) and a changed header."""
+    with GeneralDataset(source) as data:
+        contacts = [other for contact in data if (other := change(contact)) is not None]
+        write_general(target, replace(data.header, **header), contacts)
+    return target
+
+
+def refusal(real: Path, sim: Path) -> str:
+    """The error line of a pair that cannot be compared."""
+    with pytest.raises(TaxelError) as caught:
+        compare(real, sim)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def notes_of(real: Path, sim: Path) -> str:
+    return " | ".join(read_pair(real, sim).losses)
+
+
+def test_a_pair_without_a_cause_has_no_gap_above_its_floor(pair):
+    judge = prepared(read_pair(*pair))
+    gap = measure(judge.sessions, judge.state.mean, judge.layout)
+    assert gap.gap.value < 1.4 * gap.floor
+
+
+def test_what_the_datasets_lack_makes_effects_unavailable_with_a_reason(pair):
+    state = prepared(read_pair(*pair)).state
+    assert state.pair.lacking >= {LINES, FORCES}
+    reasons = {name: find_unavailable_reason(state, own) for name, own in OWN_EFFECTS.items()}
+    assert "no electrode lines" in reasons["electrode_crosstalk"]
+    assert "no contact force" in reasons["stiffness"]
+    available = {name for name, reason in reasons.items() if not reason}
+    assert available == {
+        *("contact_propagation", "noise", "gain_mismatch", "nonlinearity", "baseline_drift"),
+        *("hysteresis", "saturation", "dropout", "latency"),
+    }
+
+
+def test_a_reversed_sign_is_rejected(pair, tmp_path):
+    undeclared = replace(header_of(pair[1]).properties, contact=None)
+    negative = rewrite(pair[1], tmp_path / "sim.h5", negate, properties=undeclared)
+    line = refusal(pair[0], negative)
+    assert "sign" in line or "contact lowers" in line
+
+
+def negate(contact):
+    return replace(contact, values=-contact.values)
+
+
+def header_of(path: Path):
+    with GeneralDataset(path) as data:
+        return data.header
+
+
+def test_a_declared_direction_that_the_values_contradict_is_rejected(pair, tmp_path):
+    if header_of(pair[0]).properties.contact is None:
+        pytest.skip("the direction of a vector taxel is not declared")
+    assert "contact lowers" in refusal(rewrite(pair[0], tmp_path / "real.h5", negate), pair[1])
+
+
+def test_another_unit_is_rejected_whether_it_is_declared_or_not(pair, tmp_path):
+    def scale(contact):
+        return replace(contact, values=1000.0 * contact.values)
+
+    unit = replace(header_of(pair[1]).properties, unit="mV", full_scale=None)
+    assert "convert the values" in refusal(pair[0], rewrite(pair[1], tmp_path / "a.h5", scale, properties=unit))
+    nothing = replace(unit, unit=None)
+    other = rewrite(pair[1], tmp_path / "b.h5", scale, properties=nothing)
+    assert "declare the unit in both files" in refusal(pair[0], other)
+
+
+@pytest.mark.parametrize("is_shuffled", [False, True])
+def test_an_exchange_of_taxels_is_rejected_or_stated_as_unobservable(pair, tmp_path, is_shuffled):
+    with GeneralDataset(pair[1]) as data:
+        signal = np.mean([np.abs(one.values - one.values[0]).max(axis=0).reshape(data.n, -1).sum(1) for one in data], 0)
+        order = np.arange(data.n)
+        strong = np.argsort(-signal)[:: max(data.n // 8, 1)][:2]
+        order[strong] = order[strong[::-1]]
+        if is_shuffled:
+            order = np.random.default_rng(3).permutation(data.n)
+    changed = rewrite(pair[0], tmp_path / "real.h5", lambda one: replace(one, values=one.values[:, order]))
+    if "capacitive" in header_of(pair[0]).sensor:
+        assert "do not determine the order of the taxels" in notes_of(changed, pair[1])
+    else:
+        assert "correct the order of the columns" in refusal(changed, pair[1])
+
+
+def test_one_session_is_no_basis_for_a_verdict(pair, tmp_path):
+    def keep(contact):
+        return contact if contact.session == 0 else None
+
+    one = rewrite(pair[0], tmp_path / "real.h5", keep)
+    words = ["gap", "diagnose", str(one), str(pair[1]), "--out", str(tmp_path / "gap")]
+    result = CliRunner().invoke(build_app("gap"), words)
+    assert result.exit_code == 0, result.output
+    verdict = json.loads((tmp_path / "gap" / "report.json").read_text())["verdict"]
+    assert verdict["status"] == "unknown"
+    assert "too few sessions for a verdict: 1 recorded, needs 3" in verdict["reasons"]
+
+
+def test_missing_repeats_unequal_rates_and_gaps_in_time_are_stated(pair, tmp_path):
+    once = rewrite(pair[0], tmp_path / "a.h5", lambda one: one if one.iteration == 0 and one.session == 0 else None)
+    assert "no condition was repeated" in notes_of(once, pair[1])
+
+    def halve(contact):
+        return replace(contact, time=contact.time[::2], values=contact.values[::2], phase=contact.phase[::2])
+
+    slow = rewrite(pair[1], tmp_path / "b.h5", halve)
+    rates = [part for part in notes_of(pair[0], slow).split(" | ") if "frames per second" in part]
+    assert len(rates) == 2
+    judge = prepared(read_pair(pair[0], slow))
+    assert measure(judge.sessions, judge.state.mean, judge.layout).gap.value < 25.0
+
+    def interrupt(contact):
+        rows = np.r_[0:20, 30 : len(contact.time)]
+        return replace(contact, time=contact.time[rows], values=contact.values[rows], phase=contact.phase[rows])
+
+    torn = rewrite(pair[0], tmp_path / "c.h5", interrupt)
+    assert "gaps in time" in notes_of(torn, pair[1])
+
+
+def test_phases_are_detected_from_the_values_if_they_are_not_stated(pair, tmp_path):
+    paths = [rewrite(path, tmp_path / f"{k}.h5", lambda one: replace(one, phase=None)) for k, path in enumerate(pair)]
+    with open_pair(*paths) as opened, GeneralDataset(pair[0]) as data:
+        assert PHASES in opened.lacking
+        for made, contact in zip(opened.real, data, strict=True):
+            agreeing = (made.phase == contact.phase).mean()
+            assert agreeing > 0.8
+
+
+def test_without_positions_a_spread_is_unavailable(pair, tmp_path):
+    paths = [rewrite(path, tmp_path / f"{k}.h5", places=TaxelPlaces()) for k, path in enumerate(pair)]
+    state = prepared(read_pair(*paths)).state
+    assert GEOMETRY in state.pair.lacking
+    assert "no positions" in find_unavailable_reason(state, OWN_EFFECTS["contact_propagation"][-2:])
+
+
+def test_frames_at_the_edge_of_two_nodes_do_not_depend_on_rounding_of_times(pair, tmp_path):
+    """Times with another origin give the same features."""
+
+    def shift(contact):
+        return replace(contact, time=contact.time - 1234.5678 + 7e4 * contact.session)
+
+    moved = rewrite(pair[0], tmp_path / "real.h5", shift)
+    first, second = (read_pair(path, pair[1]).real.nodes for path in (pair[0], moved))
+    np.testing.assert_allclose(first, second, atol=1e-3)
+
+
+def test_two_real_datasets_have_the_variance_of_both_in_the_floor(pair, tmp_path):
+    with GeneralDataset(pair[0]) as data:
+        kept = data.header
+    days = []
+    for day in range(2):
+        own = [2 * day, 2 * day + 1]
+        days.append(rewrite(pair[0], tmp_path / f"{day}.h5", lambda one, own=own: one if one.session in own else None))
+    words = ["gap", "diagnose", *map(str, days), "--out", str(tmp_path / "gap")]
+    assert CliRunner().invoke(build_app("gap"), words).exit_code != 0
+    assert "--real-real" in refuse_source(days)
+    result = CliRunner().invoke(build_app("gap"), [*words, "--real-real"])
+    assert result.exit_code == 0, result.output
+    report = json.loads((tmp_path / "gap" / "report.json").read_text())
+    assert report["verdict"]["status"] != "explained"
+    alone = prepared(read_pair(days[0], pair[1]))
+    single = measure(alone.sessions, alone.state.mean, alone.layout).floor
+    assert report["gap"]["floor"] > 1.1 * single
+    assert kept.source == "real"
+
+
+def refuse_source(days) -> str:
+    from taxel.cli.gap import _check_source
+
+    with pytest.raises(TaxelError) as caught:
+        _check_source(days[1], False)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "cause"),
+    [
+        ("resistive mat", "gain_mismatch"),
+        ("resistive mat", "contact_propagation"),
+        ("magnetic pad", "noise"),
+        ("magnetic pad", "saturation"),
+        ("capacitive plate", "nonlinearity"),
+        ("capacitive plate", "dropout"),
+    ],
+)
+def test_a_hidden_cause_is_named_first(sensor, cause, tmp_path):
+    real, sim = tmp_path / "real.h5", tmp_path / "sim.h5"
+    ModalityWorld(sensor, cause, 1.0, 4).make(real, sim)
+    probabilities = compare(real, sim).compute_probabilities()
+    assert max(probabilities, key=probabilities.__getitem__) == cause
+
+
+def test_worlds_have_causes_of_every_kind():
+    worlds = sample_modality_worlds(40, 1, "resistive mat")
+    assert len(worlds) == 40
+    causes = [world.cause for world in worlds]
+    assert causes.count("") == 8
+    assert causes.count("unknown") == 5
+    assert len(set(causes)) == 11
+    assert worlds == sample_modality_worlds(40, 1, "resistive mat")
+
+
+def test_wrong_declarations_are_rejected_with_one_line(pair, tmp_path):
+    with pytest.raises(TaxelError, match="expected one of raises, lowers, signed"):
+        rewrite(pair[0], tmp_path / "a.h5", properties=Properties(contact="up"))
+    with pytest.raises(TaxelError, match="expected shape"):
+        rewrite(pair[0], tmp_path / "b.h5", places=TaxelPlaces(position=np.zeros((3, 3))))
+    assert not list(tmp_path.iterdir())
