@@ -27,7 +27,10 @@ def benchmark(
     ] = None,
     family: Annotated[
         list[str] | None,
-        typer.Option("--family", help="Family of worlds; repeatable. Default: all families of docs/gap-benchmark.md."),
+        typer.Option(
+            "--family",
+            help="Family of worlds (docs/gap-benchmark.md); repeatable. Default: all families of the project's own skin.",
+        ),
     ] = None,
     seed: Seed = 1,
     jobs: Jobs = None,
@@ -39,12 +42,13 @@ def benchmark(
     """
     require_packages("taxel gap benchmark", "all", "can", "mujoco")  # the worlds are simulated and emulated
     from taxel.blind.benchmark.run import run_benchmark
-    from taxel.blind.benchmark.worlds import FAMILIES
+    from taxel.blind.benchmark.worlds import FAMILIES, SENSOR_FAMILIES
 
     entries = entry or ["diagnosis"]
     for name in family or ():
-        if name not in FAMILIES:
-            raise TaxelError(f"--family: expected one of {', '.join(FAMILIES)}, found '{name}'")
+        if name not in {**FAMILIES, **SENSOR_FAMILIES}:
+            known = ", ".join([*FAMILIES, *SENSOR_FAMILIES])
+            raise TaxelError(f"--family: expected one of {known}, found '{name}'")
     console = Console(stderr=as_json, markup=False)
     with count_bar(console, "benchmark", "worlds") as show:
         score = run_benchmark(out, worlds, seed, entries, family or tuple(FAMILIES), jobs, show)

@@ -12,6 +12,7 @@ import numpy as np
 
 from taxel.blind.benchmark.bases import GRASP, INDENTATION, TOUCH, BasePair
 from taxel.blind.benchmark.faults import FAULTS, damage
+from taxel.blind.benchmark.modalities import SENSORS, ModalityWorld, sample_modality_worlds
 from taxel.blind.hidden import UNKNOWN
 from taxel.blind.injection.forms import INJECTED_FORMS, InjectedForm
 from taxel.blind.injection.inject import inject_causes
@@ -28,6 +29,9 @@ INDENTATIONS, INJECTED, GRASPS, MEASURED = (
 
 FAMILIES: Final = {INDENTATIONS: 0.4, INJECTED: 0.3, GRASPS: 0.15, MEASURED: 0.15}
 """Share of each family. Grasps of the whole hand take longest to make."""
+
+SENSOR_FAMILIES: Final = dict.fromkeys(SENSORS, 0.1)
+"""Share of worlds of other kinds of sensor, which are used only if they are selected."""
 
 BASE_KINDS: Final = {INJECTED: INDENTATION, GRASPS: GRASP, MEASURED: TOUCH}
 
@@ -64,7 +68,7 @@ class BenchmarkWorld:
     kind: str
     truth: tuple[str, ...]
     forms: tuple[str, ...]
-    source: World | tuple[BasePair, int]
+    source: World | ModalityWorld | tuple[BasePair, int]
     floors: tuple[float, ...] = ()
     fault: str = ""
     fault_seed: int = 0
@@ -73,6 +77,8 @@ class BenchmarkWorld:
         """Write the two datasets of the world. bases: folder of the base pairs. Raises TaxelError with one line."""
         if isinstance(self.source, World):
             make_world(self.source, real, sim)
+        elif isinstance(self.source, ModalityWorld):
+            self.source.make(real, sim)
         else:
             base, seed = self.source
             first, second = base.provide(bases)
@@ -104,12 +110,18 @@ def sample_benchmark(count: int, seed: int, families: Sequence[str] = tuple(FAMI
     The salt that seals a world of the blind check is not used here: the truth is compared after all answers are stored.
     """
     rng = np.random.default_rng([seed, count])
-    total = sum(FAMILIES[name] for name in families)
-    counts = {name: round(count * FAMILIES[name] / total) for name in families}
+    shares = {name: share for name, share in {**FAMILIES, **SENSOR_FAMILIES}.items() if name in families}
+    total = sum(shares.values())
+    counts = {name: round(count * shares[name] / total) for name in families}
     counts[families[0]] += count - sum(counts.values())
     worlds: list[BenchmarkWorld] = []
     for name, number in counts.items():
-        worlds += _sample_indentations(rng, number, seed) if name == INDENTATIONS else _inject(rng, name, number, seed)
+        if name == INDENTATIONS:
+            worlds += _sample_indentations(rng, number, seed)
+        elif name in SENSOR_FAMILIES:
+            worlds += _sample_sensors(name, number, seed)
+        else:
+            worlds += _inject(rng, name, number, seed)
     order = rng.permutation(len(worlds)).tolist()
     return [replace(worlds[index], number=number) for number, index in enumerate(order)]
 
@@ -143,6 +155,17 @@ def _inject(rng: np.random.Generator, family: str, count: int, seed: int) -> lis
         names, labels = tuple(one.name for one in chosen), tuple(map(_label, chosen))
         source = (base, int(rng.integers(2**31)))
         worlds.append(BenchmarkWorld(number, family, kind, names, labels, source, floors))
+    return worlds
+
+
+def _sample_sensors(sensor: str, count: int, seed: int) -> list[BenchmarkWorld]:
+    """Worlds of another kind of sensor."""
+    worlds = []
+    for number, world in enumerate(sample_modality_worlds(count, seed, sensor)):
+        kind = "outside" if world.cause == UNKNOWN else "single" if world.cause else "none"
+        truth = (world.cause,) if world.cause else ()
+        forms = (f"{sensor}: {world.cause}",) if world.cause else ()
+        worlds.append(BenchmarkWorld(number, sensor, kind, truth, forms, world))
     return worlds
 
 
