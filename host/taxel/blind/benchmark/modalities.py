@@ -79,27 +79,32 @@ Change = Callable[[FloatArray, FloatArray, np.random.Generator], FloatArray]
 
 @dataclass(frozen=True)
 class ModalityWorld:
-    """One world. sensor: of `SENSORS`. cause: name, "" for none. strength: relative to a typical case."""
+    """One world. sensor: of `SENSORS`. cause: name, "" for none. strength: relative to a typical case. sessions,
+    repeats: of the real side. conditions: number of conditions; None: that of the sensor.
+    """
 
     sensor: str
     cause: str
     strength: float
     seed: int
+    sessions: int = 4
+    repeats: int = 3
+    conditions: int | None = None
 
     def make(self, real: Path, sim: Path) -> None:
         """Write both datasets."""
         kind, rng = KINDS[self.sensor], np.random.default_rng([self.seed, 5])
-        loads = _sample_loads(kind, rng)
+        loads = _sample_loads(kind, rng)[:: -(-kind.conditions // (self.conditions or kind.conditions))]
         change = _CHANGES[self.cause](kind, self.strength, rng)
         write_general(real, _make_header(kind, "real"), self._make_real(kind, loads, change))
         write_general(sim, _make_header(kind, "sim"), self._make_simulated(kind, loads))
 
     def _make_real(self, kind: SensorKind, loads: FloatArray, change: Change) -> Iterator[Contact]:
         rng, number = np.random.default_rng([self.seed, 6]), 0
-        for session in range(4):
+        for session in range(self.sessions):
             mounting = np.exp(rng.normal(0.0, SESSION_STD, loads.shape[1]))
             for condition, load in enumerate(loads):
-                for repeat in range(3):
+                for repeat in range(self.repeats):
                     own = load * mounting * np.exp(rng.normal(0.0, REPEAT_STD))
                     yield _make_contact(kind, (number, session, condition, repeat), own, change, rng)
                     number += 1

@@ -20,6 +20,10 @@ from taxel.types import FloatArray
 SMALLEST_RATIO = 0.02
 """Ratios below this value count as this value in logarithms: a smaller effect is not resolved in any dataset."""
 
+SMALLEST_FLOOR = 0.1
+"""Floor in counts that is assumed where no variance is known, as with one session without repeats. Rounding of counts
+alone produces such a floor in the mean of a few frames."""
+
 LOADED_SHARE = 0.02
 """Share of the largest simulated signal of a block (condition, board) from which another block counts as loaded."""
 
@@ -97,7 +101,7 @@ def collect_effects(
     """Evidence for every effect that is part of a candidate set. weights: of the sets."""
     names = sorted({name for key in sets for name in key})
     density = {key: one.value for key, one in sets.items()}
-    floor = max(gap.floor, np.finfo(float).tiny)
+    floor = max(gap.floor, SMALLEST_FLOOR)
     blocks = int(_get_loads(judge)[1].sum())
     evidence = {}
     for name in names:
@@ -121,7 +125,7 @@ def collect_effects(
 def collect_remainder(judge: Judge, gap: Gap, best: Candidate, density: BlockDensity) -> RemainderEvidence:
     """Evidence for a cause outside the catalogue. best: the set with the largest weight."""
     after = measure(judge.sessions, best.features, judge.layout)
-    floor = max(gap.floor, np.finfo(float).tiny)
+    floor = max(gap.floor, SMALLEST_FLOOR)
     before_floors, after_floors = (np.sqrt(max(one.excess.value, 0.0)) / floor for one in (gap, after))
     deviations = density.compute_deviations(best.features)[..., 0]
     load, is_loaded = _get_loads(judge)

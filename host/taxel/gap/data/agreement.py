@@ -24,6 +24,9 @@ LEAST_CONDITIONS: Final = 3
 LEAST_SHARE: Final = 0.05
 """Share of the largest singular value of the signals from which a pattern of signals counts as one of its own."""
 
+OFFSET_SHARE: Final = 0.05
+"""Share of a strong signal from which a different rest value is stated; smaller ones are usual between mountings."""
+
 POOR_SHARE: Final = 0.5
 BETTER_SHARE: Final = 0.25
 """The order of taxels is wrong if it leaves more than `POOR_SHARE` of the squared signals unexplained, and if another
@@ -52,7 +55,18 @@ def check_agreement(
         return []  # the reader of the pair states which conditions are missing
     signals = means.average_conditions(conditions), other.average_conditions(conditions)
     _check_ratio(real, sim, paths, signals)
-    return _check_order(paths, *signals)
+    return [*_describe_offset(real, means, other), *_check_order(paths, *signals)]
+
+
+def _describe_offset(real: GeneralDataset, means: HoldMeans, other: HoldMeans) -> list[str]:
+    """A sentence on different rest values, if they differ by more than `OFFSET_SHARE` of a strong signal."""
+    offset = float(np.median(np.nanmean(means.rest, axis=0) - np.nanmean(other.rest, axis=0)))
+    strong = float(np.nanmax(np.abs(other.change), initial=0.0))
+    if abs(offset) <= OFFSET_SHARE * strong:
+        return []
+    unit = real.header.properties.unit or "units of the files"
+    reason = "signals are changes from the rest value, so that an offset is no cause of a gap"
+    return [f"the rest values differ by {offset:.3g} {unit} (median over the taxels): {reason}"]
 
 
 def _check_shapes(real: GeneralDataset, sim: GeneralDataset, paths: tuple[str, str]) -> None:
