@@ -12,6 +12,7 @@ from rich.console import Console
 from taxel.cli.gap_apply import apply
 from taxel.cli.gap_benchmark import benchmark
 from taxel.cli.gap_blind import blind
+from taxel.cli.gap_export import export
 from taxel.cli.gap_next import rank_contacts
 from taxel.cli.gap_summary import print_summary
 from taxel.cli.options import AsJson, Overwrite
@@ -33,6 +34,7 @@ gap_app = typer.Typer(
 gap_app.command()(apply)
 gap_app.command()(blind)
 gap_app.command()(benchmark)
+gap_app.command()(export)
 gap_app.command(name="next")(rank_contacts)
 
 

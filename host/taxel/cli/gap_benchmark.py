@@ -29,7 +29,7 @@ def benchmark(
         list[str] | None,
         typer.Option(
             "--family",
-            help="Family of worlds (docs/gap-benchmark.md); repeatable. Default: all families of the project's own skin.",
+            help="Family of worlds (docs/gap-benchmark.md); repeatable. Default: those of the project's own skin.",
         ),
     ] = None,
     seed: Seed = 1,

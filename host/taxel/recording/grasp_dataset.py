@@ -165,7 +165,9 @@ def check_format(root: Node) -> None:
     version = scalar(root.attribute("version"), root.location.key("version"))
     # The type is checked too, because True == 1 and 1.0 == 1 in Python.
     if not isinstance(version, np.integer) or version != VERSION:
-        root.location.key("version").fail(format_value(VERSION), format_value(version), remedy)
+        if version == VERSION + 1:
+            remedy = "give a file of version 1; taxel gap diagnose, taxel show and GeneralDataset read version 2"
+        root.location.key("version").fail(format_value(VERSION), str(version), remedy)
 
 
 def _read_arrays(root: Node, name: str, specs: Mapping[str, Any], sizes: dict[str, int]) -> dict[str, Any]:

@@ -31,8 +31,8 @@ RIVAL_ODDS: Final = 0.1
 """Odds of two sets from which both are plausible."""
 
 ONE_SESSION: Final = 0.49
-"""Factor on the probabilities of causes if there is a single session: the variance between sessions is then unknown, and
-a deviation of this session is at least as probable as a cause."""
+"""Factor on the probabilities of causes with a single session: the variance between sessions is then unknown, and a
+deviation of this session is at least as probable as a cause."""
 
 
 @dataclass(frozen=True, eq=False)

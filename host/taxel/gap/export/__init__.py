@@ -1,0 +1,1 @@
+"""Diagnosed effects as files for other simulators: a Python module, MJCF, Isaac Lab and Genesis configurations."""

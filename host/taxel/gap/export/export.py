@@ -1,0 +1,117 @@
+"""The effects of a report, written for a simulator."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from os import PathLike
+from pathlib import Path
+from typing import Final
+
+from taxel.gap.errors import GapInputError
+from taxel.gap.export.common import ExportSource, read_source
+from taxel.gap.export.genesis_options import write_genesis
+from taxel.gap.export.isaac_config import DEFAULT_STEP_S, write_isaac
+from taxel.gap.export.mujoco_xml import DEFAULT_TIMESTEP_S, write_mjcf
+from taxel.gap.export.python_module import write_python
+from taxel.gap.export.translation import Translation, translate
+from taxel.hand.errors import format_path, format_value
+
+FORMATS: Final = ("mujoco", "genesis", "isaac", "python")
+"""Simulators for which effects are written."""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Result of an export. files: written files. effects: names of the expressed effects, in the order in which they
+    act. approximated, not_expressed: reason by name. notes: remarks for the user.
+    """
+
+    files: tuple[Path, ...] = ()
+    effects: tuple[str, ...] = ()
+    approximated: Mapping[str, str] = field(default_factory=dict)
+    not_expressed: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def export_report(
+    report: str | PathLike[str],
+    to: str,
+    out: str | PathLike[str],
+    *,
+    sim: str | PathLike[str] | None = None,
+    step_s: float | None = None,
+    overwrite: bool = False,
+) -> Exported:
+    """Write the effects of a report for a simulator.
+
+    to: one of FORMATS. out: file to write; for MuJoCo, the Python module with the same name and the suffix .py is
+    written beside it. sim: simulated dataset; None: that of the report. step_s: time step of the simulator (MuJoCo) or
+    time between two observations (Isaac Lab), seconds. Without an effect in the report no file is written. Raises
+    GapInputError and DatasetError of one line; existing files then stay unchanged.
+    """
+    if to not in FORMATS:
+        raise GapInputError("--to", f"one of {', '.join(FORMATS)}", format_value(to), "correct the name")
+    source = read_source(report, sim)
+    found = source.report
+    if not found.effects:
+        reason = "there is no gap" if found.status == "no_gap" else "the cause of the gap is unknown"
+        return Exported(notes=(f"{reason}: no effect to export, no file was written",))
+    texts, translation = _written(source, to, Path(out), step_s)
+    _check_targets(texts, (Path(report), source.sim, found.real), overwrite)
+    for path, text in texts.items():
+        _replace(path, text)
+    notes = ["a part of the gap has an unknown cause, which was not exported"] if found.remainder else []
+    if source.missing:
+        notes.append(source.missing)
+    return Exported(
+        tuple(texts), translation.expressed, translation.approximated, translation.not_expressed, tuple(notes)
+    )
+
+
+def _written(source: ExportSource, to: str, out: Path, step_s: float | None) -> tuple[dict[Path, str], Translation]:
+    """Texts of the files by path, and the translation with its limits in this format."""
+    translation = translate(source)
+    names = ", ".join(one.name for one in source.report.effects)
+    note = f"Effects of the report {source.report.sha256[:12]}: {names}. Written by taxel {version('taxel')}."
+    if to == "python":
+        return {out: write_python(source, translation, note)}, translation
+    if to == "isaac":
+        text, translation = write_isaac(source, translation, step_s or DEFAULT_STEP_S, note)
+        return {out: text}, translation
+    if to == "genesis":
+        text, translation = write_genesis(source, translation, note)
+        return {out: text}, translation
+    module = out.with_suffix(".py")
+    if module == out:
+        raise GapInputError("--out", "a file with the extension .xml", format_path(out), "choose another name")
+    text, remaining = write_mjcf(source, translation, step_s or DEFAULT_TIMESTEP_S, note)
+    return {out: text, module: write_python(source, remaining, note)}, translation
+
+
+def _check_targets(texts: Mapping[Path, str], inputs: tuple[Path | None, ...], overwrite: bool) -> None:
+    """Raise GapInputError for a file that must not or cannot be written."""
+    for path in texts:
+        where = format_path(path)
+        if path.is_dir():
+            raise GapInputError(where, "a file name", "a folder", "choose another --out")
+        if path.exists() and any(one is not None and one.exists() and path.samefile(one) for one in inputs):
+            raise GapInputError("--out", "another file than the inputs", where, "choose another name")
+        if path.exists() and not overwrite:
+            raise GapInputError(where, "a new file", "an existing one", "choose another --out, or give --overwrite")
+        if not path.parent.is_dir():
+            raise GapInputError(where, "a folder to write in", "none", "create the folder first")
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file completely before it takes its name. Raises GapInputError if the folder is not writable."""
+    try:
+        with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
+            whole = Path(folder) / path.name
+            whole.write_text(text, encoding="utf-8")
+            whole.replace(path)
+    except OSError as error:
+        found = error.strerror or str(error)
+        raise GapInputError(format_path(path), "a writable folder", found, "choose another --out") from None

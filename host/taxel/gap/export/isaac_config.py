@@ -1,0 +1,215 @@
+"""Python source with modifiers and noise models of Isaac Lab for the observation of each board."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from taxel.gap.export.common import ExportSource
+from taxel.gap.export.python_module import list_limits, round_number
+from taxel.gap.export.translation import Step, Translation
+from taxel.types import FloatArray, IndexArray
+
+VERSION: Final = "3.0.0"
+"""Version of the package isaaclab whose names are used: `isaaclab.utils.noise` and `isaaclab.utils.modifiers`."""
+
+DEFAULT_STEP_S: Final = 0.02
+"""Time between two observations, seconds, if the user states none: 50 Hz, the control rate of Isaac Lab's examples."""
+
+FORCES: Final = "acts on forces: the observation is a signal; use --to python before the observation"
+LOST_FRAMES: Final = "Isaac Lab has no term that repeats the last observation at random"
+SEPARATION: Final = "needs the distance between object and taxel, which the observation lacks"
+STICKING: Final = "Isaac Lab has no modifier with a play; use --to python"
+COMMON_NOISE: Final = "GaussianNoiseCfg samples each taxel alone: the variance is right, the correlation on lines is 0"
+DRIFT: Final = "a bias of each episode with the mean of the drift over a grasp instead of a slope"
+STUCK: Final = "constant taxels keep their noise"
+NEGATIVE_DELAY: Final = "a board that precedes the simulator has a delay of 0"
+
+HEAD: Final = '''"""{note}
+
+Names of Isaac Lab {version} (isaaclab.utils.noise, isaaclab.utils.modifiers).
+Each board has its own observation term. Its function returns the signals of the board's taxels, float[num_envs, m]:
+counts below the baseline, in the order of TAXELS[board]. Example:
+
+    ObservationTermCfg(func=signals_of_board, modifiers=MODIFIERS[{board}], noise=NOISE.get({board}))
+{limits}"""
+
+import torch
+from isaaclab.utils import modifiers
+from isaaclab.utils.noise import GaussianNoiseCfg, NoiseModelWithAdditiveBiasCfg
+
+DEVICE = "cuda:0"  # of the simulation
+STEP_S = {step_s!r}  # seconds between two observations; the filters are computed for this time
+
+
+def tensor(values):
+    return torch.tensor(values, dtype=torch.float32, device=DEVICE)
+
+
+def mix(data, matrix):
+    """Crosstalk: each taxel gains shares of the signals of other taxels."""
+    return data @ matrix
+
+
+def saturate(data, counts):
+    """Gradual saturation."""
+    positive = data.clamp(min=0.0)
+    return data - positive + positive * counts / (positive + counts)
+
+
+def raise_to_power(data, exponent, scale):
+    """Power law of the signal."""
+    return data.sign() * scale * (data.abs() / scale) ** exponent
+
+
+def close_gap(data, half_counts):
+    """Closed share of the gap of a plate capacitor."""
+    positive = data.clamp(min=0.0)
+    return positive / (half_counts + positive)
+
+
+def open_gap(data, half_counts):
+    """Signal of the closed share of a gap."""
+    share = data.clamp(max=0.98)
+    return half_counts * share / (1.0 - share)
+
+
+'''
+
+
+def write_isaac(source: ExportSource, translation: Translation, step_s: float, note: str) -> tuple[str, Translation]:
+    """The text of a Python file with Isaac Lab configurations, and the translation with its limits in this format.
+
+    step_s: time between two observations, seconds. note: origin of the file.
+    """
+    limited = _limited(translation)
+    report = source.report
+    taxels, filters, noises = [], [], []
+    for address, own in source.taxels_of_boards():
+        lines = list(zip(report.tx[own].tolist(), report.rx[own].tolist(), strict=True))
+        taxels.append(f"    {address}: {lines},  # (TX line, RX line)")
+        steps = [text for step in limited.steps for text in _modifiers(step, own, step_s)]
+        delay_s = float(max(limited.delay_s[own[0]], 0.0))
+        if delay_s:
+            steps.append(_filter([0.0], _delay_taps(delay_s, step_s), f"delay of {round_number(delay_s)} s"))
+        filters.append(f"    {address}: [\n" + "".join(f"        {text}\n" for text in steps) + "    ],")
+        noise = _noise(limited, own)
+        if noise:
+            noises.append(f"    {address}: {noise},")
+    head = HEAD.format(
+        note=note,
+        version=VERSION,
+        board=source.boards[0],
+        limits="".join(f"\n{line}" for line in list_limits(limited)) + "\n",
+        step_s=step_s,
+    )
+    tables = {"TAXELS": taxels, "MODIFIERS": filters, "NOISE": noises}
+    body = "\n".join(f"{name} = {{\n" + "".join(f"{line}\n" for line in lines) + "}" for name, lines in tables.items())
+    return f"{head}{body}\n", limited
+
+
+def _limited(translation: Translation) -> Translation:
+    """The translation without the steps that Isaac Lab lacks, with the reasons."""
+    refused, approximated = dict(translation.not_expressed), dict(translation.approximated)
+    steps = []
+    for step in translation.steps:
+        reason = _reason_against(step)
+        if reason:
+            refused[step["effect"]] = reason
+        else:
+            steps.append(step)
+        if step["kind"] == "drift":
+            approximated[step["effect"]] = DRIFT
+    if translation.lost.any():
+        refused["dropout: lost frames"] = LOST_FRAMES
+    if translation.stuck:
+        approximated["dropout: constant taxels"] = STUCK
+    if translation.noise[1:].any():
+        approximated["noise"] = COMMON_NOISE
+    if (translation.delay_s < 0.0).any():
+        approximated["latency"] = NEGATIVE_DELAY
+    for name in refused:
+        approximated.pop(name, None)
+    expressed = tuple(name for name in translation.expressed if name not in refused)
+    return translation.changed(
+        steps=tuple(steps), approximated=approximated, not_expressed=refused, expressed=expressed
+    )
+
+
+def _reason_against(step: Step) -> str:
+    """The reason for which a step has no modifier, or an empty text."""
+    kind = step["kind"]
+    if kind in ("mix_force", "pillars", "half_force", "late_force", "late_more", "late_depth"):
+        return FORCES
+    return {"proximity": SEPARATION, "sticks": STICKING}.get(kind, "")
+
+
+def _modifiers(step: Step, own: IndexArray, step_s: float) -> list[str]:
+    """Source text of the modifiers of a step for the taxels of a board."""
+    kind, name = step["kind"], step["effect"]
+    if kind == "scale":
+        return [_function("modifiers.scale", {"multiplier": step["factor"][own]}, name)]
+    if kind == "clip":
+        return [_function("modifiers.clip", {"bounds": (None, float(step["counts"][own[0]]))}, name)]
+    if kind == "soft":
+        return [_function("saturate", {"counts": step["counts"][own]}, name)]
+    if kind == "power":
+        return [_function("raise_to_power", {"exponent": step["exponent"][own], "scale": step["scale_counts"]}, name)]
+    if kind == "mix_signal":
+        matrix = next(board["matrix"] for board in step["boards"] if board["taxels"][0] == own[0])
+        return [_function("mix", {"matrix": matrix}, name)]
+    if kind == "lag":
+        return [_lag_filter(1.0, float(step["seconds"][own[0]]), step_s, name)]
+    if kind in ("late_signal", "late_gap"):
+        late = _lag_filter(float(step["fraction"][own[0]]), float(step["seconds"][own[0]]), step_s, name)
+        if kind == "late_signal":
+            return [late]
+        share = {"half_counts": step["half_counts"]}
+        return [_function("close_gap", share, name), late, _function("open_gap", share, name)]
+    return []
+
+
+def _lag_filter(fraction: float, seconds: float, step_s: float, name: str) -> str:
+    """A filter whose share `fraction` arrives late, with the time constant `seconds`; signals linear between steps."""
+    x = step_s / max(seconds, 1e-6)
+    kept, ramp = float(np.exp(-x)), float(np.expm1(-x) / x)
+    taps = [(1.0 - fraction) + fraction * (1.0 + ramp), -(1.0 - fraction) * kept - fraction * (ramp + kept)]
+    return _filter([-kept], taps, f"{name}: fraction {round_number(fraction)}, {round_number(seconds)} s")
+
+
+def _delay_taps(delay_s: float, step_s: float) -> list[float]:
+    whole, share = divmod(delay_s / step_s, 1.0)
+    return [0.0] * int(whole) + [1.0 - share, share]
+
+
+def _filter(past: list[float], taps: list[float], comment: str) -> str:
+    return f"modifiers.DigitalFilterCfg(A={_text(past)}, B={_text(taps)}),  # {comment}"
+
+
+def _function(function: str, parameters: dict[str, Any], comment: str) -> str:
+    text = ", ".join(f'"{name}": {_text(value)}' for name, value in parameters.items())
+    return f"modifiers.ModifierCfg(func={function}, params={{{text}}}),  # {comment}"
+
+
+def _noise(translation: Translation, own: IndexArray) -> str:
+    """Source text of the noise model of a board, or an empty text."""
+    deviation: FloatArray = np.sqrt((translation.noise[:, own] ** 2).sum(axis=0))
+    drift = next((step for step in translation.steps if step["kind"] == "drift"), None)
+    white = f"GaussianNoiseCfg(mean=0.0, std={_text(deviation if np.ptp(deviation) else float(deviation[0]))})"
+    if drift is None:
+        return white if deviation.any() else ""
+    mean, std = 0.5 * float(drift["slope"][own[0]]), float(drift["deviation"][own[0]])
+    # With the operation "add", the bias of an episode would be added to that of the episode before.
+    bias = f'GaussianNoiseCfg(mean={_text(mean)}, std={_text(std)}, operation="abs")'
+    return f"NoiseModelWithAdditiveBiasCfg(noise_cfg={white}, bias_noise_cfg={bias}, sample_bias_per_component=False)"
+
+
+def _text(value: Any) -> str:
+    """Source text of numbers, with tensors for arrays."""
+    if isinstance(value, np.ndarray):
+        return f"tensor({_text(value.tolist())})"
+    if isinstance(value, list | tuple):
+        texts = ", ".join(_text(one) for one in value)
+        return f"[{texts}]" if isinstance(value, list) else f"({texts})"
+    return repr(round_number(value)) if isinstance(value, float) else repr(value)
