@@ -7,7 +7,6 @@ so that effects that need it are unavailable.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
@@ -295,7 +294,6 @@ def _convert(
     sign = 1.0 if side.direction == Direction.LOWERS else -1.0
     index = numbers.astype(np.intp)
     grasps, steps, gaps = [], [], 0
-    seen: Counter[tuple[str, str]] = Counter()
     for contact in side.data:
         phase = get_phases(contact)
         if phase is None:
@@ -303,8 +301,7 @@ def _convert(
         own = np.diff(contact.time)
         steps.append(float(np.median(own)))
         gaps += int((own > LONG_STEP * np.median(own)).any())
-        grasps.append(_convert_contact(contact, phase, sign * scale, (index, sensors.s), seen))
-        seen[contact.object, contact.approach] += 1
+        grasps.append(_convert_contact(contact, phase, sign * scale, (index, sensors.s)))
     if gaps:
         notes.append(f"{side.data.path}: {gaps} of {len(grasps)} contacts have gaps in time, whose frames are missing")
     notes.append(f"{side.data.path}: {1.0 / float(np.median(steps)):.4g} frames per second")
@@ -323,9 +320,7 @@ _PLACEHOLDER: Final = ObjectMesh(
 """Mesh of an object without a mesh; effects that need a mesh are then unavailable."""
 
 
-def _convert_contact(
-    contact: Contact, phase: ByteArray, factor: float, index: tuple[IntArray, int], seen: Counter[tuple[str, str]]
-) -> CountsGrasp:
+def _convert_contact(contact: Contact, phase: ByteArray, factor: float, index: tuple[IntArray, int]) -> CountsGrasp:
     """One contact in equivalent counts that contact lowers."""
     column, sensors = index
     values = contact.values.reshape(len(contact.values), -1)
@@ -344,7 +339,7 @@ def _convert_contact(
         id=contact.id,
         object=contact.object,
         approach=contact.approach,
-        iteration=contact.iteration or seen[contact.object, contact.approach],
+        iteration=contact.iteration,
         session=contact.session,
         timestamp=contact.time,
         phase=phase,

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 
-from taxel.gap.data.general_pair import FORCES
 from taxel.gap.effects.effect import HAND, Effect, Parameter
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
@@ -20,7 +19,6 @@ class Nonlinearity(Effect):
 
     name = "nonlinearity"
     order = 55
-    needs: ClassVar[frozenset[str]] = frozenset()
 
     def __init__(self, scope: str = HAND) -> None:
         self.scope = scope
@@ -31,7 +29,7 @@ class Nonlinearity(Effect):
 
     def unavailable(self, state: State) -> str:
         """See `Effect`."""
-        if state.has_force and FORCES not in state.pair.lacking:
+        if state.has_force:
             return "the simulation has contact forces: the effect stiffness describes its curve"
         return super().unavailable(state)
 

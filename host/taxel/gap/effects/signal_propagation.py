@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from taxel.gap.data.general_pair import FORCES, GEOMETRY
+from taxel.gap.data.general_pair import GEOMETRY
 from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.effects.sheet_kernel import sheet_kernel, taxel_kernel
 from taxel.gap.fitting.state import Signal, State
@@ -38,7 +38,7 @@ class SignalPropagation(Effect):
 
     def unavailable(self, state: State) -> str:
         """See `Effect`."""
-        if state.has_force and FORCES not in state.pair.lacking:
+        if state.has_force:
             return "the simulation has contact forces, which spread instead of signals"
         return super().unavailable(state)
 

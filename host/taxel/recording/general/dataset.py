@@ -102,7 +102,7 @@ class GeneralDataset:
         places |= {
             name: np.asarray(taxels[name][()], np.float64) for name in ("position", "normal", "size") if name in taxels
         }
-        names = [_to_text(name) for name in taxels.attrs.get("sensor_names", ())] if len(taxels) else []
+        names = [_to_text(name) for name in getattr(taxels, "attrs", {}).get("sensor_names", ())]
         objects = {
             name: ObjectMesh(np.asarray(own["vertices"][()], np.float64), np.asarray(own["faces"][()], np.int32))
             for name, own in self._file.get("objects", {}).items()
