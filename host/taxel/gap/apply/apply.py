@@ -21,6 +21,7 @@ from taxel.gap.apply.draws import Chance
 from taxel.gap.apply.frames import FrameStates
 from taxel.gap.apply.resim import effects_text, report_source, run_simulator
 from taxel.gap.apply.rewriting import Rewriting, changed, copied, made_beside
+from taxel.gap.apply.same_hand import SAME_HAND, check_hand
 from taxel.gap.comparison.compare import Show, ignore_progress
 from taxel.gap.data.pair import PLACE_TOLERANCE_M
 from taxel.gap.effects.effect import OBJECT
@@ -28,11 +29,8 @@ from taxel.gap.errors import GapInputError
 from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_report
 from taxel.hand.errors import format_path
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.recording.grasp_format import SIM
 
 Text = str | PathLike[str]
-
-SAME_HAND = "give the simulation of the hand that was diagnosed: same taxels in the same order"
 
 
 @dataclass(frozen=True)
@@ -84,7 +82,7 @@ def _made(report: Text, sim: Text, out: Text, overwrite: bool) -> Iterator[tuple
     inputs = Path(report), Path(sim), *([found.real] if found.real is not None else [])
     with made_beside(Path(out), inputs, overwrite) as whole:
         with GraspDataset(sim) as data:
-            _check_hand(found, data, format_path(sim))
+            check_hand(found, data, format_path(sim))
         if not found.effects:
             copied(sim, whole)
         yield found, whole
@@ -133,28 +131,11 @@ def _provenance(found: ReportedGap, how: Mapping[str, Any]) -> str:
     )
 
 
-def _check_hand(found: ReportedGap, data: GraspDataset, path: str) -> None:
-    """Refuse a dataset that is no simulation, or of another hand than the report."""
-    if data.source != SIM:
-        remedy = "give the simulation, because effects are never added to a recording"
-        raise GapInputError(f"{path}: /source", f'"{SIM}"', f'"{data.source}"', remedy)
-    report = format_path(found.path)
-    if data.taxels.n != len(found.sensor):
-        expected = f"{len(found.sensor)} taxels as in {report}"
-        raise GapInputError(f"{path}: /taxels", expected, str(data.taxels.n), SAME_HAND)
-    for name in ("sensor", "tx", "rx"):
-        ours, theirs = getattr(found, name), getattr(data.taxels, name)
-        if (ours != theirs).any():
-            k = int(np.flatnonzero(ours != theirs)[0])
-            expected = f"{int(ours[k])} as in {report}"
-            raise GapInputError(f"{path}: /taxels/{name}[{k}]", expected, str(int(theirs[k])), SAME_HAND)
-
-
 def _check_made(found: ReportedGap, sim: Path, made: Path, out: Path) -> None:
     """Refuse what a simulator made where it is not of the same taxels, or holds nothing."""
     path = format_path(out)
     with GraspDataset(sim) as before, GraspDataset(made) as after:
-        _check_hand(found, after, path)
+        check_hand(found, after, path)
         apart = np.linalg.norm(before.taxels.position - after.taxels.position, axis=1)
         if apart.max() > PLACE_TOLERANCE_M:
             k = int(apart.argmax())

@@ -14,14 +14,13 @@ from typing import Final
 import numpy as np
 
 from taxel.gap.apply.frames import FrameStates
+from taxel.gap.apply.same_hand import check_hand
 from taxel.gap.data.boards import BoardLayout, layouts_of
 from taxel.gap.effects.effect import BOARD, TAXEL
 from taxel.gap.effects.layer_law import Law, law_of
-from taxel.gap.errors import GapInputError
 from taxel.gap.report.reading import ReportedEffect, ReportedGap, read_report
 from taxel.hand.errors import format_path
 from taxel.recording.grasp_dataset import GraspDataset
-from taxel.recording.grasp_format import SIM
 from taxel.recording.grasp_sensor_model import SensorModel
 from taxel.recording.grasp_tables import TaxelTable
 from taxel.types import FloatArray, IndexArray
@@ -119,7 +118,7 @@ def read_source(report: str | PathLike[str], sim: str | PathLike[str] | None = N
     else:
         path = Path(sim)
     with GraspDataset(path) as data:
-        _check_hand(found, data, path)
+        check_hand(found, data, format_path(path))
         return ExportSource(found, path, "", data.sensor_model, data.taxels)
 
 
@@ -131,20 +130,3 @@ def _reason_against(path: Path, found: ReportedGap) -> str:
         if hashlib.file_digest(file, "sha256").hexdigest() != found.sim_sha256:
             return f"the simulated dataset {format_path(path)} has changed since the diagnosis; give --sim"
     return ""
-
-
-def _check_hand(found: ReportedGap, data: GraspDataset, path: Path) -> None:
-    """Raise GapInputError for a dataset that is no simulation, or that has other taxels than the report."""
-    where = format_path(path)
-    if data.source != SIM:
-        raise GapInputError(f"{where}: /source", f'"{SIM}"', f'"{data.source}"', "give the simulated dataset")
-    remedy = "give the simulated dataset of the diagnosed hand: same taxels in the same order"
-    if data.taxels.n != len(found.sensor):
-        expected = f"{len(found.sensor)} taxels as in {format_path(found.path)}"
-        raise GapInputError(f"{where}: /taxels", expected, str(data.taxels.n), remedy)
-    for name in ("sensor", "tx", "rx"):
-        ours, theirs = getattr(found, name), getattr(data.taxels, name)
-        if (ours != theirs).any():
-            k = int(np.flatnonzero(ours != theirs)[0])
-            expected = f"{int(ours[k])} as in {format_path(found.path)}"
-            raise GapInputError(f"{where}: /taxels/{name}[{k}]", expected, str(int(theirs[k])), remedy)

@@ -9,7 +9,7 @@ import numpy as np
 
 from taxel.gap.export.common import ExportSource
 from taxel.gap.export.mixing import grid_kernel
-from taxel.gap.export.python_module import list_limits, round_number
+from taxel.gap.export.python_module import format_tables, list_limits, round_number
 from taxel.gap.export.translation import Translation
 from taxel.types import FloatArray, IndexArray
 
@@ -83,8 +83,7 @@ def write_genesis(source: ExportSource, translation: Translation, note: str) -> 
         limits="".join(f"\n{line}" for line in list_limits(limited)) + "\n",
     )
     tables = {"TAXELS": taxels, "KINEMATIC_TAXEL": options}
-    body = "\n".join(f"{name} = {{\n" + "".join(f"{line}\n" for line in lines) + "}" for name, lines in tables.items())
-    return f"{head}{body}\n", limited
+    return f"{head}{format_tables(tables)}\n", limited
 
 
 def _limited(source: ExportSource, translation: Translation) -> Translation:
@@ -117,12 +116,7 @@ def _limited(source: ExportSource, translation: Translation) -> Translation:
         approximated["dropout: constant taxels"] = STUCK
     if (translation.delay_s < 0.0).any():
         approximated["latency"] = NEGATIVE_DELAY
-    for name in refused:
-        approximated.pop(name, None)
-    expressed = tuple(name for name in translation.expressed if name not in refused)
-    return translation.changed(
-        steps=tuple(steps), approximated=approximated, not_expressed=refused, expressed=expressed
-    )
+    return translation.restricted(steps, approximated, refused)
 
 
 def _options(

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from taxel.gap.export.common import ExportSource
-from taxel.gap.export.python_module import list_limits, round_number
+from taxel.gap.export.python_module import format_tables, list_limits, round_number
 from taxel.gap.export.translation import Step, Translation
 from taxel.types import FloatArray, IndexArray
 
@@ -105,8 +105,7 @@ def write_isaac(source: ExportSource, translation: Translation, step_s: float, n
         step_s=step_s,
     )
     tables = {"TAXELS": taxels, "MODIFIERS": filters, "NOISE": noises}
-    body = "\n".join(f"{name} = {{\n" + "".join(f"{line}\n" for line in lines) + "}" for name, lines in tables.items())
-    return f"{head}{body}\n", limited
+    return f"{head}{format_tables(tables)}\n", limited
 
 
 def _limited(translation: Translation) -> Translation:
@@ -129,12 +128,7 @@ def _limited(translation: Translation) -> Translation:
         approximated["noise"] = COMMON_NOISE
     if (translation.delay_s < 0.0).any():
         approximated["latency"] = NEGATIVE_DELAY
-    for name in refused:
-        approximated.pop(name, None)
-    expressed = tuple(name for name in translation.expressed if name not in refused)
-    return translation.changed(
-        steps=tuple(steps), approximated=approximated, not_expressed=refused, expressed=expressed
-    )
+    return translation.restricted(steps, approximated, refused)
 
 
 def _reason_against(step: Step) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any, Final
 
@@ -36,6 +36,11 @@ def list_limits(translation: Translation) -> list[str]:
     """Lines that state what an export approximates and what it cannot express."""
     lines = [f"approximated: {name}: {reason}" for name, reason in translation.approximated.items()]
     return lines + [f"not expressed: {name}: {reason}" for name, reason in translation.not_expressed.items()]
+
+
+def format_tables(tables: Mapping[str, Sequence[str]]) -> str:
+    """Source text of dictionaries, by name; lines of the entries of each."""
+    return "\n".join(f"{name} = {{\n" + "".join(f"{line}\n" for line in lines) + "}" for name, lines in tables.items())
 
 
 def round_number(value: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Final
@@ -50,6 +50,20 @@ class Translation:
     def changed(self, **changes: Any) -> Translation:
         """The same translation with other values of some fields."""
         return replace(self, **changes)
+
+    def restricted(
+        self, steps: Sequence[Step], approximated: Mapping[str, str], refused: Mapping[str, str]
+    ) -> Translation:
+        """The translation with the steps that a format has.
+
+        approximated, refused: reasons, by effect. A refused effect is neither approximated nor expressed.
+        """
+        return self.changed(
+            steps=tuple(steps),
+            approximated={name: reason for name, reason in approximated.items() if name not in refused},
+            not_expressed=dict(refused),
+            expressed=tuple(name for name in self.expressed if name not in refused),
+        )
 
 
 class UntranslatableError(Exception):
