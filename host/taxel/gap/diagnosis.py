@@ -15,7 +15,7 @@ from taxel.gap.apply.resimulation import ResimulatedSet, Resimulator, resimulate
 from taxel.gap.calibration.calibration import UNKNOWN
 from taxel.gap.comparison.compare import Comparison, Show, compare_sets, ignore_progress
 from taxel.gap.comparison.settings import DEFAULT_SETTINGS
-from taxel.gap.data.general_pair import GEOMETRY, POSES
+from taxel.gap.data.lacking import GEOMETRY, POSES
 from taxel.gap.data.pair import Pair, read_pair
 from taxel.gap.data.prepare import prepared
 from taxel.gap.effects.catalogue import DROPOUT, chosen

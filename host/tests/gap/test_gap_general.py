@@ -14,7 +14,8 @@ from taxel.blind.benchmark.modalities import SENSORS, ModalityWorld, sample_moda
 from taxel.cli.main import build_app
 from taxel.errors import TaxelError
 from taxel.gap.comparison.compare import compare
-from taxel.gap.data.general_pair import FORCES, GEOMETRY, LINES, PHASES, open_pair
+from taxel.gap.data.general_pair import open_pair
+from taxel.gap.data.lacking import FORCES, GEOMETRY, LINES, PHASES
 from taxel.gap.data.pair import read_pair
 from taxel.gap.data.prepare import prepared
 from taxel.gap.effects.catalogue import OWN_EFFECTS, find_unavailable_reason

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from taxel.gap.data.boards import BoardLayout, layouts_of
 from taxel.gap.data.clock import Clock
 from taxel.gap.data.differences import differences
-from taxel.gap.data.general_pair import LINES, open_pair
+from taxel.gap.data.general_pair import open_pair
+from taxel.gap.data.lacking import LINES
 from taxel.gap.data.losses import losses_of, require_answers
 from taxel.gap.data.readable import ReadableDataset, ReadableGrasp
 from taxel.gap.data.reading import Groups, Progress, Recording, read_recording
@@ -47,7 +48,7 @@ class Pair:
         losses: what this pair lacks, in words, for the report.
         unrecorded: cells that only the simulator has, sorted.
         faults: simulated grasps that violate physics.
-        lacking: what the datasets lack, by the keys of `taxel.gap.data.general_pair.REASONS`.
+        lacking: what the datasets lack, by the keys of `taxel.gap.data.lacking.REASONS`.
         unit: unit of the values, and counts of this pair per unit; None for counts.
         is_real_real: whether the second recording is a real one, too.
     """

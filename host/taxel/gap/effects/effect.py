@@ -12,7 +12,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.data.general_pair import FORCES, REASONS
+from taxel.gap.data.lacking import FORCES, REASONS
 from taxel.gap.data.pair import Pair
 from taxel.gap.fitting.state import Signal, State
 from taxel.types import FloatArray
@@ -62,7 +62,7 @@ class Effect(ABC):
 
     name: as the report page has it. variant: which of several forms, "" for the only one. order: place in the chain
     from contact to count. scope: whether its values hold for the hand, or each board, object or taxel has its own.
-    needs: what the datasets must have, by the keys of `taxel.gap.data.general_pair.REASONS`.
+    needs: what the datasets must have, by the keys of `taxel.gap.data.lacking.REASONS`.
     memory: whether what comes out at a time depends on other times. priors: what is known of its parameters.
     """
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.gap.data.boards import columns_of, groups_of
-from taxel.gap.data.general_pair import LINES
+from taxel.gap.data.lacking import LINES
 from taxel.gap.data.pair import Pair
 from taxel.gap.data.reading import Groups
 from taxel.gap.effects.effect import BOARD, HAND, Effect, Parameter

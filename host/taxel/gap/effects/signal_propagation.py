@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from taxel.gap.data.general_pair import GEOMETRY
+from taxel.gap.data.lacking import GEOMETRY
 from taxel.gap.effects.effect import Effect, Parameter
 from taxel.gap.effects.sheet_kernel import sheet_kernel, taxel_kernel
 from taxel.gap.fitting.state import Signal, State

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from taxel.gap.data.general_pair import LINES
+from taxel.gap.data.lacking import LINES
 from taxel.gap.data.pair import Pair
 from taxel.gap.features.features import Layout, SessionMeans, known_mean
 from taxel.gap.features.metric import off_diagonal

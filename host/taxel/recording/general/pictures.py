@@ -11,7 +11,7 @@ import numpy as np
 from taxel.optional import optional_import
 from taxel.recording.general.dataset import GeneralDataset
 from taxel.recording.general.format import AXES
-from taxel.recording.general.values import compute_hold_means
+from taxel.recording.general.values import compute_hold_means, with_phases
 from taxel.types import FloatArray
 
 with optional_import("matplotlib", "pictures"):
@@ -33,7 +33,7 @@ def save_maps(paths: Sequence[str | PathLike[str]], out: str | PathLike[str]) ->
     rows = []
     for path in paths:
         with GeneralDataset(path) as data:
-            means = compute_hold_means(data)
+            means = compute_hold_means(one for one in map(with_phases, data) if one is not None)
             rows.append((data, means, _find_places(data)))
     conditions = sorted({condition for _, means, _ in rows for condition in means.conditions})[:MAX_CONDITIONS]
     size = (2.4 * max(len(conditions), 1), 2.6 * len(rows))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from taxel.recording.general.format import Contact, Direction
 from taxel.recording.general.phases import detect_phases
 from taxel.recording.grasp_format import Phase
-from taxel.types import ByteArray, FloatArray
+from taxel.types import FloatArray
 
 CLEAR_SHARE: Final = 0.5
 """Share of the squared change of one sign beyond that of the other, from which the direction is clear."""
@@ -44,19 +44,20 @@ class HoldMeans:
         return np.array(rows)
 
 
-def get_phases(contact: Contact) -> ByteArray | None:
-    """Declared phases of a contact, or detected ones; None if the values contain no contact."""
+def with_phases(contact: Contact) -> Contact | None:
+    """The contact with its declared phases, or with detected ones; None if the values contain no contact."""
     if contact.phase is not None:
-        return contact.phase
+        return contact
     values = contact.values.reshape(len(contact.values), -1)
-    return detect_phases(np.where(contact.is_missing()[:, None], np.nan, values))
+    phase = detect_phases(np.where(contact.is_missing()[:, None], np.nan, values))
+    return None if phase is None else replace(contact, phase=phase)
 
 
 def compute_hold_means(contacts: Iterable[Contact]) -> HoldMeans:
-    """Rest values and changes in the hold; contacts without a hold are left out."""
+    """Rest values and changes in the hold; contacts without phases, baseline or hold are left out."""
     rest, change, conditions, sessions = [], [], [], []
     for contact in contacts:
-        phase = get_phases(contact)
+        phase = contact.phase
         if phase is None or not (phase == Phase.HOLD).any() or not (phase == Phase.BASELINE).any():
             continue
         values = contact.values.reshape(len(contact.values), -1)

@@ -1,0 +1,171 @@
+"""A dataset of any sensor in equivalent counts that contact lowers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from taxel.gap.data.boards import pitch_m
+from taxel.gap.data.lacking import GEOMETRY
+from taxel.gap.errors import GapInputError
+from taxel.hand.errors import format_path
+from taxel.recording.general.dataset import GeneralDataset
+from taxel.recording.general.format import AXES, Contact, TaxelPlaces
+from taxel.recording.grasp_format import Phase
+from taxel.recording.grasp_sensor_model import SensorModel
+from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
+from taxel.types import BoolArray, ByteArray, FloatArray, IntArray
+
+BASELINE_COUNTS: Final = 30_000.0
+"""Equivalent count without contact. Only differences from it are used."""
+
+APART_M: Final = 1.0
+"""Distance of taxels without known positions, beyond the reach of every effect."""
+
+AXIS_NAMES: Final = ("x", "y", "z")
+
+MAX_NUMBER: Final = 256
+"""Sensors, and lines of a sensor, that the tables of a dataset can number."""
+
+PLACEHOLDER_MESH: Final = ObjectMesh(
+    np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0], [0.0, 0.0, 1e-3]]),
+    np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32),
+)
+"""Mesh of an object without a mesh; effects that need a mesh are then unavailable."""
+
+
+@dataclass(eq=False)
+class CountsGrasp:
+    """One contact in equivalent counts (`taxel.gap.data.readable.ReadableGrasp`)."""
+
+    id: str
+    object: str
+    approach: str
+    iteration: int
+    session: int
+    timestamp: FloatArray
+    phase: ByteArray
+    raw_counts: FloatArray
+    valid: BoolArray
+    sensor_pose: FloatArray
+    object_pose: FloatArray
+    contact_force: FloatArray | None = None
+    separation: FloatArray | None = None
+
+
+@dataclass(eq=False)
+class CountsDataset:
+    """A dataset in equivalent counts (`taxel.gap.data.readable.ReadableDataset`)."""
+
+    path: Path
+    source: str
+    taxels: TaxelTable
+    sensors: SensorTable
+    objects: Mapping[str, ObjectMesh]
+    grasps: tuple[CountsGrasp, ...]
+    sensor_model: SensorModel | None = None
+
+    def __iter__(self) -> Iterator[CountsGrasp]:
+        return iter(self.grasps)
+
+    def __len__(self) -> int:
+        return len(self.grasps)
+
+    def close(self) -> None:
+        """Do nothing: no file is open."""
+
+
+def make_tables(own: GeneralDataset, lacking: frozenset[str]) -> tuple[TaxelTable, SensorTable, IntArray]:
+    """Tables of the real file, and the component of each taxel i64[n]; a component of a vector taxel is a taxel of a
+    sensor of its own, so that only equal components are neighbours.
+    """
+    places, n = own.header.places, own.n
+    axes = AXES if own.is_vector else 1
+    sensor = np.zeros(n, np.int64) if places.sensor is None else np.unique(places.sensor, return_inverse=True)[1]
+    numbers = np.repeat(sensor * axes, axes) + np.tile(np.arange(axes), n)
+    address = np.arange(int(numbers.max()) + 1)
+    tx, rx = _make_lines(places, sensor)
+    if max(len(address), int(tx.max()) + 1, int(rx.max()) + 1) > MAX_NUMBER:
+        expected = f"at most {MAX_NUMBER // axes} sensors of at most {MAX_NUMBER**2} taxels"
+        remedy = "divide the dataset, or combine sensors in /taxels/sensor"
+        raise GapInputError(f"{format_path(str(own.path))}: /taxels", expected, "more", remedy)
+    position = np.zeros((n, 3)) if places.position is None else places.position
+    if GEOMETRY in lacking:
+        position = np.column_stack([np.arange(n) * APART_M, np.zeros((n, 2))])
+    normal = np.tile([0.0, 0.0, 1.0], (n, 1)) if places.normal is None else places.normal
+    size = np.full(n, pitch_m(position, np.full(n, APART_M))) if places.size is None else places.size
+    table = TaxelTable(
+        numbers.astype(np.uint8),
+        np.repeat(tx, axes).astype(np.uint8),
+        np.repeat(rx, axes).astype(np.uint8),
+        np.repeat(position, axes, axis=0),
+        np.repeat(normal, axes, axis=0),
+        np.repeat(size, axes),
+    )
+    kinds = own.header.sensor_names or tuple(f"sensor {k}" for k in range(int(sensor.max()) + 1))
+    names = [f"{kinds[k // axes]}{'' if axes == 1 else ' ' + AXIS_NAMES[k % axes]}" for k in address]
+    rate = np.full(len(address), 1.0)
+    return table, SensorTable(address.astype(np.uint8), tuple(names), tuple(names), rate), numbers
+
+
+def _make_lines(places: TaxelPlaces, sensor: IntArray) -> tuple[IntArray, IntArray]:
+    """Electrode lines; without known lines a square arrangement in the order of the taxels, for pictures only."""
+    if places.tx is not None and places.rx is not None:
+        return places.tx, places.rx
+    tx, rx = np.zeros_like(sensor), np.zeros_like(sensor)
+    for number in np.unique(sensor):
+        own = np.flatnonzero(sensor == number)
+        width = max(int(np.ceil(np.sqrt(len(own)))), 1)
+        tx[own], rx[own] = np.divmod(np.arange(len(own)), width)
+    return tx, rx
+
+
+def convert_contacts(
+    data: GeneralDataset,
+    contacts: Sequence[Contact],
+    factor: float,
+    tables: tuple[TaxelTable, SensorTable, IntArray],
+) -> CountsDataset:
+    """Convert the contacts of a file, whose phases are known.
+
+    factor: equivalent counts per unit, positive if contact lowers the values. tables: of `make_tables`.
+    """
+    taxels, sensors, numbers = tables
+    grasps = tuple(_convert_contact(one, factor, (numbers, sensors.s)) for one in contacts)
+    objects = {name: data.header.objects.get(name, PLACEHOLDER_MESH) for name in {one.object for one in grasps}}
+    return CountsDataset(data.path, data.header.source, taxels, sensors, objects, grasps)
+
+
+def _convert_contact(contact: Contact, factor: float, index: tuple[IntArray, int]) -> CountsGrasp:
+    """One contact in equivalent counts that contact lowers."""
+    column, sensors = index
+    assert contact.phase is not None
+    values = contact.values.reshape(len(contact.values), -1)
+    missing = np.isnan(values) | contact.is_missing()[:, None]
+    rest = np.nanmedian(np.where(missing, np.nan, values)[contact.phase == Phase.BASELINE], axis=0)
+    counts = BASELINE_COUNTS + factor * (values - np.nan_to_num(rest))
+    valid = np.ones((len(values), sensors), bool)
+    for number in range(sensors):
+        own = column == number
+        valid[:, number] = ~missing[:, own].all(axis=1)
+    poses = np.tile(np.eye(4), (sensors, 1, 1))
+    if contact.sensor_pose is not None:
+        axes = sensors // len(contact.sensor_pose)
+        poses = np.repeat(contact.sensor_pose, max(axes, 1), axis=0)
+    return CountsGrasp(
+        id=contact.id,
+        object=contact.object,
+        approach=contact.approach,
+        iteration=contact.iteration,
+        session=contact.session,
+        timestamp=contact.time,
+        phase=contact.phase,
+        raw_counts=np.where(missing, BASELINE_COUNTS, counts),
+        valid=valid,
+        sensor_pose=poses,
+        object_pose=np.eye(4) if contact.object_pose is None else contact.object_pose,
+    )

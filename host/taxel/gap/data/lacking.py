@@ -1,0 +1,27 @@
+"""What two datasets of any sensor lack, with the consequences for the diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+LINES, GEOMETRY, MESHES, POSES, FORCES, PHASES = "lines", "geometry", "meshes", "poses", "forces", "phases"
+
+REASONS: Final[Mapping[str, str]] = {
+    LINES: "the datasets have no electrode lines (tx, rx)",
+    GEOMETRY: "the datasets have no positions of the taxels",
+    MESHES: "the datasets have no meshes of the objects",
+    POSES: "the datasets have no poses",
+    FORCES: "the simulation has no contact force",
+    PHASES: "the datasets do not state the phases",
+}
+"""What a dataset may lack, as the reason for which an effect is unavailable."""
+
+LOSSES: Final[Mapping[str, str]] = {
+    LINES: "effects of electrode lines are unavailable, and a gap is not located on lines",
+    GEOMETRY: "a spread to neighbouring taxels is unavailable",
+    MESHES: "displaced objects are unavailable",
+    POSES: "displaced objects and the gap in millimetres are unavailable",
+    PHASES: "the phases are detected from the values, so that a delay of the whole sensor is not observable",
+}
+"""Cost of what is lacking; the reader of the pair states that of forces."""
