@@ -35,7 +35,7 @@ from taxel.gap.verdict.explanation import Explanation, explain, list_fits_alone
 from taxel.gap.verdict.held_out import HeldOut, held_out
 from taxel.gap.verdict.nested import choose_without_sessions
 from taxel.gap.verdict.reasons import list_reasons
-from taxel.gap.verdict.verdict import Verdict, describe_real_real, judge_verdict, list_causes, list_questioned
+from taxel.gap.verdict.verdict import REAL_AND_SIMULATED, TWO_REAL, Verdict, judge_verdict, list_causes, list_questioned
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +96,8 @@ def diagnose(
         left = unexplained(pair, layout, real, named.features, judge.fold, seed)
         rivals = {name: comparison.list_rivals(name) for name in list_questioned(probabilities)}
         doubts = list_reasons(judge, named.chain, pair.faults)
-        verdict = judge_verdict(gap, probabilities, held, rivals, doubts)
-        if pair.is_real_real:
-            verdict = describe_real_real(verdict)
+        sides = TWO_REAL if pair.is_real_real else REAL_AND_SIMULATED
+        verdict = judge_verdict(gap, probabilities, held, rivals, doubts, sides)
         alone = list_fits_alone(comparison, forms)
         report = build_report(
             ReportInputs(

@@ -7,7 +7,14 @@ from types import SimpleNamespace
 import pytest
 
 from taxel.gap.features.metric import Gap, Interval
-from taxel.gap.verdict.verdict import HEADLINES, judge_verdict, list_causes, list_questioned
+from taxel.gap.verdict.verdict import (
+    HEADLINES,
+    REAL_AND_SIMULATED,
+    TWO_REAL,
+    judge_verdict,
+    list_causes,
+    list_questioned,
+)
 
 INTERVAL = Interval(400.0, 300.0, 500.0, 20.0)
 GAP = Gap(Interval(20.0, 18.0, 22.0, 1.0), 5.0, INTERVAL, 440.0, 0.001, None)
@@ -18,10 +25,10 @@ NO_EXCESS = Interval(1.0, -3.0, 5.0, 2.0)
 RIVALS = {"stiffness": ["gain_mismatch"], "contact_propagation": ["electrode_crosstalk"]}
 
 
-def judge(probabilities, sessions=5, warnings=(), left=NO_EXCESS):
+def judge(probabilities, sessions=5, warnings=(), left=NO_EXCESS, sides=REAL_AND_SIMULATED):
     held = SimpleNamespace(sessions=sessions, shrink=SimpleNamespace(value=0.6), left2=left)
     rivals = {name: RIVALS.get(name, []) for name in list_questioned(probabilities)}
-    return judge_verdict(GAP, probabilities, held, rivals, warnings)
+    return judge_verdict(GAP, probabilities, held, rivals, warnings, sides)
 
 
 @pytest.mark.parametrize(
@@ -74,9 +81,13 @@ NAMED = [(name,) for name in HEADLINES if name != "unknown"]
 
 
 @pytest.mark.parametrize("names", [*NAMED, ("my_own",), ("noise", "gain_mismatch", "contact_propagation")])
-def test_headlines_have_at_most_twelve_words(names):
+@pytest.mark.parametrize("sides", [REAL_AND_SIMULATED, TWO_REAL])
+def test_headlines_have_at_most_twelve_words(names, sides):
     probabilities = {**dict.fromkeys(names, 0.9), "unknown": 0.0, "no_gap": 0.0}
-    assert len(judge(probabilities).headline.split()) <= 12
+    headline = judge(probabilities, sides=sides).headline
+    assert len(headline.split()) <= 12
+    assert "{" not in headline
+    assert sides is REAL_AND_SIMULATED or "simulator" not in headline
 
 
 @pytest.mark.parametrize("sessions", [1, 5])

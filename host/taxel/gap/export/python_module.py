@@ -1,8 +1,9 @@
-"""The exported Python module: the code of `skin_effects.py` with the parameters of a report, in one file."""
+"""The exported Python module: the code of `skin_steps.py` and `skin_effects.py` with the parameters of a report."""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any, Final
@@ -15,17 +16,29 @@ from taxel.gap.export.translation import Translation
 PLACEHOLDER: Final = 'json.loads("{}")  # PARAMETERS'
 """Text of `skin_effects.py` that the parameters replace."""
 
+STEPS_IMPORT: Final = re.compile(r"^from taxel\.gap\.export\.skin_steps import \(.*?^\)\n", re.MULTILINE | re.DOTALL)
+
 DIGITS: Final = 9
 """Significant digits of an exported number: more than a count of 16 bits needs."""
 
 
 def write_python(source: ExportSource, translation: Translation, note: str) -> str:
     """The text of a Python file with the class `SkinEffects`. note: origin of the file, one line."""
-    code = files("taxel.gap.export").joinpath("skin_effects.py").read_text(encoding="utf-8")
+    code = join_sources()
     comment = "\n".join(f"# {line}" for line in (note, *list_limits(translation)))
     parameters = _parameters(source, translation)
     lines = ",\n".join(f"{json.dumps(name)}: {_text(value)}" for name, value in parameters.items())
     return f"{comment}\n{code.replace(PLACEHOLDER, _quoted(lines))}"
+
+
+def join_sources() -> str:
+    """The source text of `skin_effects.py` with that of `skin_steps.py` in the place of the import, one module."""
+    folder = files("taxel.gap.export")
+    steps, effects = (
+        folder.joinpath(name).read_text(encoding="utf-8") for name in ("skin_steps.py", "skin_effects.py")
+    )
+    body = steps.partition("import numpy.typing as npt\n")[2].strip()
+    return STEPS_IMPORT.sub(lambda _: f"{body}\n", effects, count=1)
 
 
 def _quoted(lines: str) -> str:

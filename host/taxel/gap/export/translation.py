@@ -32,7 +32,7 @@ NEGATIVE_DELAY: Final = "a board that precedes the simulator: apply() uses a del
 class Translation:
     """Effects as numbers for each taxel or board.
 
-    steps: in the order in which they act; `kind` is a key of `skin_effects.STEPS`, `effect` the name in the report.
+    steps: in the order in which they act; `kind` is a key of `skin_steps.STEPS`, `effect` the name in the report.
     delay_s: of each taxel, f64[n]. noise: standard deviations f64[4, n], see `NOISE_PARTS`. lost: share of the frames
     of each board, f64[boards]. stuck: taxels with a constant count. expressed: names of the translated effects.
     approximated, not_expressed: reason by name.

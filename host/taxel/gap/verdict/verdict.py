@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
 
@@ -33,22 +33,39 @@ WORDS: Final = {
 """Meaning of each cause; an effect of a plug-in has none."""
 
 HEADLINES: Final = {
-    "contact_propagation": "The real skin spreads pressure sideways; the simulator does not.",
-    "electrode_crosstalk": "Taxels on a common electrode influence each other; the simulator lacks this.",
-    "noise": "The real skin is noisier than the simulator.",
-    "gain_mismatch": "Some taxels are more or less sensitive than in the simulator.",
-    "stiffness": "The real skin is softer or harder than in the simulator.",
-    "nonlinearity": "The real signal depends on the load by another curve than simulated.",
-    "baseline_drift": "The real counts drift without contact; the simulator's do not.",
-    "hysteresis": "The real skin creeps and recovers slowly; the simulator does not.",
-    "saturation": "Real counts stop changing at high force; the simulator's do not.",
-    "proximity": "The real skin responds before contact; the simulator does not.",
-    "dropout": "Parts of the real skin do not respond.",
-    "pose_error": "An object or a bracket is not where the model places it.",
-    "latency": "Some boards of the real skin lag behind the simulator.",
-    UNKNOWN: "The skins differ; no cause of the catalogue explains the difference.",
+    "contact_propagation": "{Real} spreads pressure sideways; {sim} does not.",
+    "electrode_crosstalk": "Electrodes couple their taxels in {real}, not in {sim}.",
+    "noise": "{Real} is noisier than {sim}.",
+    "gain_mismatch": "Some taxels are more or less sensitive than in {sim}.",
+    "stiffness": "{Real} is softer or harder than in {sim}.",
+    "nonlinearity": "{Real} follows another load curve than {sim}.",
+    "baseline_drift": "{Real} drifts without contact; {sim} does not.",
+    "hysteresis": "{Real} creeps and recovers slowly; {sim} does not.",
+    "saturation": "{Real} saturates at high force; {sim} does not.",
+    "proximity": "{Real} responds before contact; {sim} does not.",
+    "dropout": "Parts of {real} do not respond.",
+    "pose_error": "An object or bracket is not where {sim} places it.",
+    "latency": "Some boards of {real} lag behind {sim}.",
+    UNKNOWN: "The two differ; no effect of the catalogue explains the difference.",
 }
-"""One sentence of at most twelve words for a single cause."""
+"""One sentence of at most twelve words for a single cause; {real}, {Real} and {sim} are the words of `Sides`."""
+
+
+@dataclass(frozen=True)
+class Sides:
+    """Words for the two datasets, within a sentence."""
+
+    real: str = "the real skin"
+    sim: str = "the simulator"
+
+    def fill(self, text: str) -> str:
+        """A sentence with these words."""
+        return text.format(real=self.real, Real=self.real.capitalize(), sim=self.sim)
+
+
+REAL_AND_SIMULATED: Final = Sides()
+
+TWO_REAL: Final = Sides("the first sensor", "the second sensor")
 
 
 @dataclass(frozen=True)
@@ -93,12 +110,13 @@ def judge_verdict(
     held: HeldOut,
     rivals: Mapping[str, Sequence[str]] = MappingProxyType({}),
     warnings: Sequence[str] = (),
+    sides: Sides = REAL_AND_SIMULATED,
 ) -> Verdict:
     """Derive the verdict.
 
     probabilities: of every cause and of no gap. held: the gap of held-out sessions with the named effects. rivals: by
     effect of `list_questioned`, the effects that may replace it. warnings: reasons for doubt that other parts of the
-    diagnosis found, one sentence each.
+    diagnosis found, one sentence each. sides: words for the two datasets.
     """
     effects = list_causes(probabilities)
     known = tuple(name for name in effects if name != UNKNOWN)
@@ -112,7 +130,9 @@ def judge_verdict(
     if not effects and not few:
         bound = f"smaller than {max(gap.most, 0.0) ** 0.5:.1f} counts with a probability of 95 %"
         line = f"No gap: {size}; the part above the floor is {bound}."
-        return Verdict("no_gap", (), probabilities, "The simulator agrees with the real skin.", line, tuple(reasons))
+        return Verdict(
+            "no_gap", (), probabilities, f"{sides.sim.capitalize()} agrees with {sides.real}.", line, tuple(reasons)
+        )
     if not effects or (few and not known):
         line = f"Unknown: {size}; {reasons[0]}."
         headline = f"Too few sessions for a verdict: record {LEAST_SESSIONS} or more."
@@ -130,7 +150,7 @@ def judge_verdict(
         return Verdict(UNKNOWN, (UNKNOWN,), probabilities, headline, line, tuple(reasons), rivals)
     said = "; ".join(f"{_to_words(name)}, {100 * probabilities[name]:.0f} %" for name in known)
     line = f"a gap of {size}, reduced by {100 * held.shrink.value:.0f} % with {said}"
-    headline = _make_headline(known)
+    headline = _make_headline(known, sides)
     if UNKNOWN in effects:
         percent = f"{100 * probabilities[UNKNOWN]:.0f} %"
         reasons.append(f"a cause outside the catalogue is present with a probability of {percent}")
@@ -157,34 +177,12 @@ def _describe_remaining_excess(gap: Gap, held: HeldOut) -> str:
     return f"{left.value**0.5:.1f} counts above the floor remain in held-out sessions"
 
 
-REFERENCE_WORDS: Final = {
-    "The real skin": "The first sensor",
-    "the real skin": "the first sensor",
-    "the simulator's": "those of the second",
-    "the simulator": "the second sensor",
-    "The simulator": "The second sensor",
-    "than modelled": "than of the second sensor",
-}
-"""Words of a verdict on two real datasets."""
-
-
-def describe_real_real(verdict: Verdict) -> Verdict:
-    """The verdict in the words of two real datasets, of which the second takes the place of the simulation."""
-    texts = {}
-    for name in ("headline", "one_line"):
-        text = getattr(verdict, name)
-        for word, other in REFERENCE_WORDS.items():
-            text = text.replace(word, other)
-        texts[name] = text
-    return replace(verdict, **texts)
-
-
-def _make_headline(known: Sequence[str]) -> str:
+def _make_headline(known: Sequence[str], sides: Sides) -> str:
     """At most twelve words for one or several named effects."""
     if len(known) == 1:
-        return HEADLINES.get(known[0], f"The real skin has {_to_plain(known[0])}; the simulator does not.")
+        return sides.fill(HEADLINES.get(known[0], f"{{Real}} has {_to_plain(known[0])}; {{sim}} does not."))
     names = [_to_plain(name) for name in known[:3]]
-    return f"The simulator lacks {', '.join(names[:-1])} and {names[-1]}."
+    return f"{sides.sim.capitalize()} lacks {', '.join(names[:-1])} and {names[-1]}."
 
 
 def _to_plain(name: str) -> str:

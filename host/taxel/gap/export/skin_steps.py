@@ -1,0 +1,245 @@
+"""Steps from contact to count: one function for each kind of step, which changes a frame."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Values = dict[str, Any]
+
+MOST_CLOSED = 0.98
+"""Largest closed share of a plate capacitor's gap."""
+MISSED_M = 0.0499
+"""Separation, metres, from which on the normal of a taxel misses the object."""
+PLAY_SHARE = 0.3
+"""Share of the closed gap that the play of a sticking layer holds back."""
+CREEP_TIMES_S = 10.0 ** np.arange(-1.5, 2.0, 0.5)
+CREEP_STEP_DECADES = 0.5
+CREEP_START_S = 0.1
+"""Age of a load, seconds, at which creep changes nothing."""
+END_SHARE = 0.9
+"""Share of the duration of a grasp at which the variation of a drift between grasps was measured."""
+
+
+class Frame:
+    """One frame between the steps: force f64[n] (newtons) until `signal` f64[n] (counts below baseline) replaces it."""
+
+    def __init__(self, step_s: float, since_s: float, age_s: float, model: Values | None) -> None:
+        self.step_s, self.since_s, self.age_s = step_s, since_s, age_s
+        self.model: Values = model or {}
+        self.force: Array = np.zeros(0)
+        self.signal: Array | None = None
+        self.separation: Array | None = None
+        self.force_scale: Any = 1.0
+
+
+def to_arrays(step: Values) -> Values:
+    """A step of PARAMETERS with arrays instead of lists."""
+    values: Values = {
+        name: np.asarray(value, float)
+        for name, value in step.items()
+        if isinstance(value, (list, float, int)) and name != "boards"
+    }
+    values["boards"] = [
+        {name: np.asarray(value, int if name == "taxels" else float) for name, value in board.items()}
+        for board in step.get("boards", [])
+    ]
+    return values
+
+
+def get_signal(frame: Frame) -> Array:
+    """The signal of a frame, counts; forces are converted by the sensor model."""
+    if frame.signal is not None:
+        return frame.signal
+    half_n = frame.model["half_force_n"] * frame.force_scale
+    return np.asarray(frame.model["full_scale_counts"] * frame.force / (frame.force + half_n))
+
+
+def delay_signals(times: Array, signals: Array, delay_s: Array, at: Array) -> Array:
+    """Signals f64[K, n] at the times at - delay_s, linear between frames; before the first frame its signal."""
+    result = np.empty((len(at), signals.shape[1]))
+    for delay in np.unique(delay_s):
+        taxels = np.flatnonzero(delay_s == delay)
+        moment = at - delay
+        right = np.clip(np.searchsorted(times, moment), 0, len(times) - 1)
+        left = np.maximum(right - 1, 0)
+        gap = times[right] - times[left]
+        share = np.where(gap > 0.0, (moment - times[left]) / np.where(gap > 0.0, gap, 1.0), 1.0).clip(0.0, 1.0)[:, None]
+        part = signals[:, taxels]
+        result[:, taxels] = part[left] + share * (part[right] - part[left])
+    return result
+
+
+def _low_pass(values: Array, step_s: float, seconds: Any, state: dict[Any, Any], key: Any = "") -> Array:
+    """First-order low pass of values that are linear between frames, from rest."""
+    before, behind = state.get(key, (np.zeros_like(values), np.zeros_like(values)))
+    x = np.maximum(step_s / np.maximum(seconds, 1e-6), 1e-12)
+    behind = values + (values - before) * np.expm1(-x) / x + (behind - before) * np.exp(-x)
+    state[key] = values, behind
+    return np.asarray(behind)
+
+
+def _late(values: Array, frame: Frame, parameters: Values, state: dict[Any, Any]) -> Array:
+    """A share `fraction` of the values arrives late, with the time constant `seconds`."""
+    return np.asarray(
+        values + parameters["fraction"] * (_low_pass(values, frame.step_s, parameters["seconds"], state) - values)
+    )
+
+
+def _closed(frame: Frame, half_counts: Array) -> Array:
+    """Closed share of the gap of a plate capacitor with the signal half_counts * x / (1 - x)."""
+    signal = np.maximum(get_signal(frame), 0.0)
+    return np.asarray(signal / (half_counts + signal))
+
+
+def _of_closed(closed: Array, half_counts: Array) -> Array:
+    closed = np.minimum(closed, MOST_CLOSED)
+    return np.asarray(half_counts * closed / (1.0 - closed))
+
+
+def _mix_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    force = frame.force.copy()
+    for board in parameters["boards"]:
+        force[board["taxels"]] = frame.force[board["taxels"]] @ board["matrix"]
+    frame.force = force
+
+
+def _pillars(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    force, half_n = frame.force.copy(), float(parameters["half_depth_n"])
+    for number, board in enumerate(parameters["boards"]):
+        if number not in state:
+            points = board["pieces"].reshape(-1, 3)
+            apart = np.linalg.norm(points[:, None] - points, axis=2)
+            np.fill_diagonal(apart, np.inf)
+            state[number] = apart / float(board["reach_m"])
+        pieces = board["pieces"].shape[1]
+        own = np.repeat(np.maximum(frame.force[board["taxels"]], 0.0), pieces)
+        sources = np.flatnonzero(own > 1e-4 * own.max())
+        if not len(sources):
+            continue
+        depth = own / (own + half_n)
+        reached = (depth[sources, None] - state[number][sources]).max(axis=0, initial=0.0)
+        deeper = np.clip(reached, depth, 0.97)
+        gained = np.maximum(half_n * deeper / (1.0 - deeper) - own, 0.0).reshape(-1, pieces).mean(axis=1)
+        force[board["taxels"]] += float(board["strength"]) * gained
+    frame.force = force
+
+
+def _half_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    if frame.signal is None:
+        frame.force_scale = frame.force_scale * parameters["factor"]
+
+
+def _late_force(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    frame.force = _late(frame.force, frame, parameters, state)
+
+
+def _late_more(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    low = _low_pass(frame.force, frame.step_s, parameters["seconds"], state)
+    frame.force = frame.force + parameters["fraction"] * low
+
+
+def _late_depth(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    depth_m, force_n = parameters["depth_m"], parameters["force_n"]
+    depth = _late(np.interp(frame.force, force_n, depth_m), frame, parameters, state)
+    frame.force = np.interp(depth, depth_m, force_n)
+
+
+def _late_signal(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    frame.signal = _late(get_signal(frame), frame, parameters, state)
+
+
+def _late_gap(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    closed = _closed(frame, parameters["half_counts"])
+    frame.signal = _of_closed(_late(closed, frame, parameters, state), parameters["half_counts"])
+
+
+def _sticks(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    closed = _closed(frame, parameters["half_counts"])
+    held = np.clip(
+        state.get("held", np.zeros_like(closed)), np.maximum(closed - parameters["play"] / PLAY_SHARE, 0.0), closed
+    )
+    state["held"] = held
+    closed = closed + PLAY_SHARE * (held - closed)
+    crept = np.expm1(-CREEP_START_S / CREEP_TIMES_S).sum() * closed
+    for constant in CREEP_TIMES_S:
+        crept = crept + _low_pass(closed, frame.step_s, constant, state, constant)
+    frame.signal = _of_closed(closed + parameters["creep"] * CREEP_STEP_DECADES * crept, parameters["half_counts"])
+
+
+def _proximity(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    if frame.separation is None:
+        raise ValueError(
+            "separation: expected the distances f64[n] in metres, found None; the effect proximity needs them"
+        )
+    apart = np.maximum(frame.separation, 0.0) / parameters["range_m"]
+    near = np.exp(-apart) if parameters["is_exponential"] else np.maximum(1.0 - apart, 0.0)
+    frame.signal = get_signal(frame) + parameters["counts"] * np.where(frame.separation < MISSED_M, near, 0.0)
+
+
+def _scale(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    frame.signal = get_signal(frame) * parameters["factor"]
+
+
+def _power(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    signal, scale = get_signal(frame), parameters["scale_counts"]
+    frame.signal = np.sign(signal) * scale * (np.abs(signal) / scale) ** parameters["exponent"]
+
+
+def _clip(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    frame.signal = np.minimum(get_signal(frame), parameters["counts"])
+
+
+def _soft(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    signal, most = get_signal(frame), parameters["counts"]
+    positive = np.maximum(signal, 0.0)
+    frame.signal = np.where(most >= 1e6, signal, signal - positive + positive * most / (positive + most))
+
+
+def _mix_signal(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    signal = get_signal(frame)
+    result = signal.copy()
+    for board in parameters["boards"]:
+        result[board["taxels"]] = signal[board["taxels"]] @ board["matrix"]
+    frame.signal = result
+
+
+def add_drift(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    """Add the drift since the start. state: `deviate`, the random number of each taxel's block."""
+    slope = parameters["slope"] + parameters["deviation"] * state["deviate"] / END_SHARE
+    share = (frame.since_s + frame.age_s) / (parameters["until_s"] + frame.age_s)
+    frame.signal = get_signal(frame) + slope * share
+
+
+def _lag(frame: Frame, parameters: Values, state: dict[Any, Any]) -> None:
+    frame.signal = _low_pass(get_signal(frame), frame.step_s, parameters["seconds"], state)
+
+
+FORCE_STEPS = {
+    "mix_force": _mix_force,
+    "pillars": _pillars,
+    "half_force": _half_force,
+    "late_force": _late_force,
+    "late_more": _late_more,
+    "late_depth": _late_depth,
+}
+"""Steps that act on forces."""
+
+STEPS = {
+    **FORCE_STEPS,
+    "late_signal": _late_signal,
+    "late_gap": _late_gap,
+    "sticks": _sticks,
+    "proximity": _proximity,
+    "scale": _scale,
+    "power": _power,
+    "clip": _clip,
+    "soft": _soft,
+    "mix_signal": _mix_signal,
+    "drift": add_drift,
+    "lag": _lag,
+}
+"""Functions of all steps by their kind; each changes a frame."""
