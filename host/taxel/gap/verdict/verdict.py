@@ -34,7 +34,7 @@ WORDS: Final = {
 
 HEADLINES: Final = {
     "contact_propagation": "{Real} spreads pressure sideways; {sim} does not.",
-    "electrode_crosstalk": "Electrodes couple their taxels in {real}, not in {sim}.",
+    "electrode_crosstalk": "Electrodes couple taxels in {real}, not in {sim}.",
     "noise": "{Real} is noisier than {sim}.",
     "gain_mismatch": "Some taxels are more or less sensitive than in {sim}.",
     "stiffness": "{Real} is softer or harder than in {sim}.",
