@@ -18,13 +18,13 @@ from taxel.cli.gap_summary import print_summary
 from taxel.cli.options import AsJson, Overwrite
 from taxel.cli.progress import stage_bars
 from taxel.errors import TaxelError
-from taxel.gap.apply.resimulation import DEFAULT_BUDGET, Resimulator
+from taxel.gap.apply.resimulation import BUILTIN, DEFAULT_BUDGET, Resimulator
 from taxel.gap.diagnosis import diagnose as run
 from taxel.gap.effects.effect_files import add_effect_file
 from taxel.gap.fitting.priors import read_priors
 from taxel.gap.page import write_page
-from taxel.recording.general.dataset import read_source
-from taxel.recording.grasp_format import REAL, SIM
+from taxel.recording.general.dataset import read_source, read_version
+from taxel.recording.grasp_format import REAL, SIM, VERSION
 
 gap_app = typer.Typer(
     help="Diagnose the gap between simulator and hand: location, cause, and reduction.",
@@ -88,6 +88,10 @@ def diagnose(
     if effects is not None:
         add_effect_file(effects)
     _check_source(sim, real_real)
+    if resim == BUILTIN and read_version(sim) != VERSION:
+        raise TaxelError(
+            f"{sim}: --resim builtin needs a simulated dataset of version 1; give a command of your own simulator"
+        )
     console = Console(stderr=as_json, markup=False)
     simulator = Resimulator(resim, out / "resim", resim_budget, seed) if resim is not None else None
     with stage_bars(console) as show:

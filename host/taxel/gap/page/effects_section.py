@@ -68,5 +68,5 @@ def _candidate_row(report: CheckedReport, effect: ReportValue, axis: Axis) -> tu
         format_percent(shrink),
         format_percent_interval(bounds) if bounds else "",
         format_number(effect.optional_number("gap_after_alone")),
-        Cell(format_parameters(report, effect), is_small=True),
+        Cell(effect.optional_text("reason") or format_parameters(report, effect), is_small=True),
     )

@@ -32,10 +32,12 @@ def format_line(report: CheckedReport, line: tuple[int, str, int]) -> str:
 
 
 def format_taxel(report: CheckedReport, index: int) -> str:
-    """A taxel by its board and lines, or by its index if the report has no taxel table."""
+    """A taxel by its board and lines; by its index if the report has no taxel table or no electrode lines."""
     if report.taxels is None or index >= len(report.taxels[0]):
         return f"taxel {index}"
     address, tx, rx = (column[index] for column in report.taxels)
+    if not report.has_lines:
+        return f"{format_board(report, address)}, taxel {index}"
     return f"{format_board(report, address)}, TX{SPACE}{tx} RX{SPACE}{rx}"
 
 

@@ -92,6 +92,7 @@ def build_report(inputs: ReportInputs) -> dict[str, Any]:
             for side, path, digest in zip(("real", "sim"), pair.paths, pair.digests, strict=True)
         }
         | {"problems": [one.to_json() for one in pair.faults]}
+        | ({"lacking": sorted(pair.lacking)} if pair.lacking else {})
         | ({} if pair.unit is None else {"unit": {"name": pair.unit[0], "counts_per_unit": pair.unit[1]}}),
         "seed": inputs.seed,
         "runtime_s": 0.0,

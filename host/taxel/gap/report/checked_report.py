@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
+from taxel.gap.data.lacking import LINES
 from taxel.gap.errors import GapInputError
 from taxel.gap.report.report_values import REMEDY, ReportValue
 from taxel.hand.errors import format_value
@@ -101,6 +102,11 @@ class CheckedReport:
         if len(set(zip(address, *lines, strict=True))) != len(address):
             raise GapInputError("report: taxels", "each crossing once", "a repeated crossing", REMEDY)
         return (address, lines[0], lines[1]) if address else None
+
+    @cached_property
+    def has_lines(self) -> bool:
+        """Whether the TX and RX lines of the taxels are electrode lines, and not only places on a picture."""
+        return LINES not in self.root.field("inputs").texts("lacking")
 
     @cached_property
     def excess(self) -> tuple[list[float], list[float]] | None:
