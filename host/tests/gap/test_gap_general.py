@@ -238,3 +238,26 @@ def test_an_offset_of_the_rest_values_is_stated_and_is_no_gap(pair, tmp_path):
     first, second = (prepared(read_pair(path, pair[1])) for path in (pair[0], moved))
     gaps = [measure(judge.sessions, judge.state.mean, judge.layout).gap.value for judge in (first, second)]
     assert gaps[0] == pytest.approx(gaps[1], rel=1e-3)
+
+
+def test_show_draws_maps_and_states_the_size_of_the_datasets(pair, tmp_path):
+    result = CliRunner().invoke(build_app("show"), ["show", *map(str, pair), "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "maps.png").stat().st_size > 10_000
+    assert "28 contacts in 4 sessions" in result.output or "32 contacts in 4 sessions" in result.output
+
+
+def test_the_report_of_a_sensor_without_lines_names_no_line(pair, tmp_path):
+    real = rewrite(pair[0], tmp_path / "real.h5", lambda one: replace(one, values=1.3 * one.values))
+    words = ["gap", "diagnose", str(real), str(pair[1]), "--out", str(tmp_path / "gap")]
+    result = CliRunner().invoke(build_app("gap"), words)
+    assert result.exit_code == 0, result.output
+    report = json.loads((tmp_path / "gap" / "report.json").read_text())
+    assert report["where"]["lines"] == []
+    assert report["inputs"]["unit"]["name"] == header_of(pair[0]).properties.unit
+    assert "lines" in report["inputs"]["lacking"]
+    unavailable = {one["name"]: one["reason"] for one in report["effects"] if one["identifiability"] == "unavailable"}
+    assert "no electrode lines" in unavailable["electrode_crosstalk"]
+    page = (tmp_path / "gap" / "report.html").read_text()
+    assert "TX lines: a different signal" not in page
+    assert "no electrode lines" in page

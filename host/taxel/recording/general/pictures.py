@@ -11,7 +11,7 @@ import numpy as np
 from taxel.optional import optional_import
 from taxel.recording.general.dataset import GeneralDataset
 from taxel.recording.general.format import AXES
-from taxel.recording.general.values import compute_hold_means, with_phases
+from taxel.recording.general.values import HoldMeans, compute_hold_means, with_phases
 from taxel.types import FloatArray
 
 with optional_import("matplotlib", "pictures"):
@@ -19,6 +19,9 @@ with optional_import("matplotlib", "pictures"):
 
 MAX_CONDITIONS: Final = 6
 """Conditions that are drawn for each dataset."""
+
+MAP_POINTS: Final = 80.0
+"""Sum of the widths of the squares along a side of a map, typographic points; a map is about 150 points wide."""
 
 
 def save_maps(paths: Sequence[str | PathLike[str]], out: str | PathLike[str]) -> int:
@@ -38,11 +41,10 @@ def save_maps(paths: Sequence[str | PathLike[str]], out: str | PathLike[str]) ->
     conditions = sorted({condition for _, means, _ in rows for condition in means.conditions})[:MAX_CONDITIONS]
     size = (2.4 * max(len(conditions), 1), 2.6 * len(rows))
     figure, axes = plt.subplots(len(rows), max(len(conditions), 1), figsize=size, squeeze=False, layout="constrained")
-    for line, (data, means, places) in zip(axes, rows, strict=True):
-        signals = means.average_conditions(conditions)
-        if data.is_vector:
-            signals = np.linalg.norm(signals.reshape(len(signals), data.n, AXES), axis=2)
-        limit = float(np.nanmax(np.abs(signals), initial=0.0)) or 1.0
+    maps = [_compute_maps(data, means, conditions) for data, means, _ in rows]
+    # One scale for all datasets: a weaker dataset must look weaker.
+    limit = max(float(np.nanmax(np.abs(signals), initial=0.0)) for signals in maps) or 1.0
+    for line, (data, _, places), signals in zip(axes, rows, maps, strict=True):
         for axis, condition, signal in zip(line, conditions, signals, strict=False):
             _draw_map(axis, places, signal, limit)
             axis.set_title(f"{condition[0]} {condition[1]}", fontsize=7)
@@ -53,9 +55,18 @@ def save_maps(paths: Sequence[str | PathLike[str]], out: str | PathLike[str]) ->
     return len(conditions)
 
 
+def _compute_maps(data: GeneralDataset, means: HoldMeans, conditions: Sequence[tuple[str, str]]) -> FloatArray:
+    """Mean signals of conditions, f64[C, n]; the length of the change of a vector taxel."""
+    signals = means.average_conditions(conditions)
+    if not data.is_vector:
+        return signals
+    return np.asarray(np.linalg.norm(signals.reshape(len(signals), data.n, AXES), axis=2))
+
+
 def _draw_map(axis: Any, places: FloatArray, signal: FloatArray, limit: float) -> None:
     """Draw one map. places: f64[n, 2]. signal: f64[n]."""
-    axis.scatter(*places.T, c=signal, s=18, marker="s", cmap="RdBu_r", vmin=-limit, vmax=limit)
+    size = MAP_POINTS / max(np.sqrt(len(places)), 1.0)
+    axis.scatter(*places.T, c=signal, s=size**2, marker="s", cmap="RdBu_r", vmin=-limit, vmax=limit)
     axis.set_aspect("equal")
     axis.set_xticks([])
     axis.set_yticks([])

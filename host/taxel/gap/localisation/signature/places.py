@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.data.lacking import LINES
 from taxel.gap.data.pair import Pair
 from taxel.gap.features.features import mean_product
 from taxel.gap.localisation.signature.fit import Remainder, p_value
@@ -55,7 +56,8 @@ def spots(left: Remainder, model: FloatArray, bins: int) -> list[Spot]:
     whole, pressed = float(excess.sum()), energy(left, model, bins)
     if whole <= 0:
         return []
-    found = [_spot(left, scope, scaled, excess, pressed) for scope in MOST]
+    places = (TAXEL, BOARD) if LINES in left.pair.lacking else tuple(MOST)
+    found = [_spot(left, place, scaled, excess, pressed) for place in places]
     return [spot for spot in found if spot is not None]
 
 
@@ -107,7 +109,7 @@ def located(pair: Pair, taxels: FloatArray, pressed: FloatArray, scope: str) -> 
     """
     if scope != HAND:
         return scope, _largest(taxels, groups(pair, scope), 0.1)
-    for place in (ROW, COLUMN, BOARD):
+    for place in (BOARD,) if LINES in pair.lacking else (ROW, COLUMN, BOARD):
         group = groups(pair, place)
         share, expected = (_shares(np.bincount(group, part).astype(np.float64)) for part in (taxels, pressed))
         top = np.argsort(-share)[: MOST[place]]

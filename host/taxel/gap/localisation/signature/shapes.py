@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from taxel.gap.data.lacking import LINES
 from taxel.gap.data.pair import Pair
 from taxel.gap.features.features import COUNTS_MISSING, COUNTS_PER_SECOND, Layout
 from taxel.recording.grasp_format import Phase
@@ -62,22 +63,25 @@ def shapes(pair: Pair, layout: Layout, model: FloatArray) -> Iterator[Shape]:
     drop = np.ascontiguousarray(np.moveaxis(model[:, : layout.bins], 2, 1))  # [C, n, B]
     hold = drop[:, :, pair.clock.bins_of(Phase.HOLD)[0]]
     own = np.stack([drop, np.ones_like(drop)], axis=-1)
-    yield Shape("amplitude", bins, _over_drop(drop), EVERY_SCOPE)
+    has_lines = LINES not in pair.lacking
+    scopes = EVERY_SCOPE if has_lines else (HAND, BOARD, TAXEL)
+    yield Shape("amplitude", bins, _over_drop(drop), scopes)
     yield _lag(pair, layout, drop, hold)
     later = np.flatnonzero(np.isin(layout.phase[: layout.bins], [Phase.RELEASE, Phase.RECOVERY]))
     if len(later):
         each = np.broadcast_to(np.eye(len(later)), (*hold.shape, len(later), len(later)))
-        yield Shape("history", later, hold[:, :, None, None] * each, EVERY_SCOPE)
+        yield Shape("history", later, hold[:, :, None, None] * each, scopes)
     grid = Grid(pair)
     yield Shape("radial", bins, _over_radius(pair, grid, drop, hold), (HAND, BOARD))
     yield Shape("shift", bins, grid.slopes(drop), (BOARD,))
     yield Shape("common", bins, _over_sums(pair, drop), (HAND, BOARD))
     yield Shape("board", bins, own, (BOARD,))
-    yield Shape("row", bins, grid.mixed(drop, pair.groups.tx, pair.groups.rx), (ROW,))
-    yield Shape("column", bins, grid.mixed(drop, pair.groups.rx, pair.groups.tx), (COLUMN,))
+    if has_lines:
+        yield Shape("row", bins, grid.mixed(drop, pair.groups.tx, pair.groups.rx), (ROW,))
+        yield Shape("column", bins, grid.mixed(drop, pair.groups.rx, pair.groups.tx), (COLUMN,))
     yield Shape("taxel", bins, own, (TAXEL,))
     noise = np.broadcast_to(np.eye(2), (*hold.shape, 2, 2))
-    yield Shape("noise", np.arange(layout.noise.start, layout.noise.stop), noise, EVERY_SCOPE)
+    yield Shape("noise", np.arange(layout.noise.start, layout.noise.stop), noise, scopes)
     for name, feature, unit in (("missing", layout.missing, COUNTS_MISSING), ("wander", layout.wander, 1.0)):
         yield Shape(name, np.array([feature]), np.full((*hold.shape, 1, 1), unit), (HAND, BOARD))
 
