@@ -68,6 +68,7 @@ def _draw_map(axis: Any, places: FloatArray, signal: FloatArray, limit: float) -
     size = MAP_POINTS / max(np.sqrt(len(places)), 1.0)
     axis.scatter(*places.T, c=signal, s=size**2, marker="s", cmap="RdBu_r", vmin=-limit, vmax=limit)
     axis.set_aspect("equal")
+    axis.margins(0.15)  # squares at the edge of the sensor are drawn completely
     axis.set_xticks([])
     axis.set_yticks([])
 
