@@ -68,7 +68,8 @@ def _show_general(paths: list[Path], out: Path, check: bool, console: Console) -
         with GeneralDataset(path) as data:
             sessions = len({contact.session for contact in data})
             taxels = f"{data.n} taxels{' of 3 components' if data.is_vector else ''}"
-            text = f"{path}: {data.header.source}, {taxels}, {len(data)} contacts in {sessions} session{'s' if sessions > 1 else ''}"
+            days = "1 session" if sessions == 1 else f"{sessions} sessions"
+            text = f"{path}: {data.header.source}, {taxels}, {len(data)} contacts in {days}"
             console.print(text, soft_wrap=True)
             if check:
                 console.print(f"{path}: version 2 has no contact forces to check", soft_wrap=True)
