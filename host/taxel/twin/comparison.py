@@ -17,7 +17,7 @@ from taxel.twin.null_model import NullModels, compute_log_ratios, fit_null_model
 from taxel.twin.onset import StepHistory
 from taxel.twin.reference import ConditionReference, Reference, compute_signals
 from taxel.twin.rest_level import RestLevel
-from taxel.twin.schedule import ContactSchedule
+from taxel.twin.schedule import Contact, ContactSchedule
 from taxel.twin.sizes import compute_size
 from taxel.twin.statistics import (
     QUANTITIES,
@@ -27,7 +27,7 @@ from taxel.twin.statistics import (
     compute_rest_scores,
     sum_over_places,
 )
-from taxel.twin.steps import Step, StepBuilder
+from taxel.twin.steps import BINS, Step, StepBuilder
 from taxel.types import BoolArray, CountArray, FloatArray
 
 HOURS_PER_FALSE_ALARM: Final = 24.0
@@ -82,7 +82,7 @@ class Twin:
         self.alarms: list[Alarm] = []
         self.active: dict[int, ClearedTest] = {}
         self._hours = hours_per_false_alarm
-        self._builder = StepBuilder(schedule, places.board, reference.sensors.s)
+        self._builder = StepBuilder(schedule, places.board, reference.sensors.s, reference.baseline_s)
         self._newest_s = -np.inf
         self._last_step_s: float | None = None
         self._last_alarm_s = -np.inf
@@ -107,6 +107,11 @@ class Twin:
             start = row
         return results
 
+    @property
+    def contact(self) -> Contact | None:
+        """The announced contact of the current step."""
+        return self._builder.contact
+
     def finish(self) -> list[StepResult]:
         """Return the results of the steps that end with the stream."""
         return [self._process(step) for step in self._builder.finish()]
@@ -115,7 +120,8 @@ class Twin:
         """Continue after a step back of the clock: the steps so far are kept, the current step is discarded."""
         message = f"the clock steps back from {self._newest_s:.3f} s to {time_s:.3f} s; the current step is discarded"
         fault = InputFault(time_s, "clock", message)
-        self._builder = StepBuilder(self.schedule, self.reference.places.board, self.reference.sensors.s)
+        own = self.reference
+        self._builder = StepBuilder(self.schedule, own.places.board, own.sensors.s, own.baseline_s)
         self._newest_s, self._last_step_s, self._last_alarm_s = time_s, None, -np.inf
         self.history = StepHistory(self.reference.places)
         empty = Step.empty(time_s, self.reference.taxels.n, self.reference.sensors.s)
@@ -160,11 +166,11 @@ class Twin:
         hypothesis = self.detector.find_largest()
         if QUANTITIES[hypothesis.quantity].name == "missing":
             onset_s, interval = step.start_s, (step.start_s, step.end_s)
-            amplitude = QUANTITIES[hypothesis.quantity].amplitudes[hypothesis.amplitude]
+            amplitude = hypothesis.amplitude
         else:
             first = self.history.estimate_onset(hypothesis, self.models, self._last_alarm_s)
             places = self.reference.places
-            hypothesis = self.history.localise(hypothesis, self.models, places, first.low_s)
+            hypothesis = self.history.localise(hypothesis, self.models, places, first.time_s)
             onset = self.history.estimate_onset(hypothesis, self.models, self._last_alarm_s)
             onset_s, interval, amplitude = onset.time_s, (onset.low_s, onset.high_s), onset.amplitude
         quantity, place = QUANTITIES[hypothesis.quantity], self.reference.places.places[hypothesis.place]
@@ -252,7 +258,7 @@ def fit_reference_models(reference: Reference, progress: Callable[[int, int], No
         if session_level is None or session_level[0] != session:
             session_level = (session, make_rest_level(reference))
         scores, _ = compute_rest_scores(step, session_level[1], noise.copy(), none)
-        found = compute_contact_scores(step, _leave_out(reference, step), LiveSession.start(np.zeros(10), n), none)
+        found = compute_contact_scores(step, _leave_out(reference, step), LiveSession.start(np.zeros(BINS), n), none)
         scores.update(found[0] if found else {})
         samples.append(sum_over_places(scores, reference))
         if progress is not None:

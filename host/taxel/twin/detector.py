@@ -18,6 +18,7 @@ from typing import Final
 
 import numpy as np
 
+from taxel.twin.null_model import count_alternatives
 from taxel.twin.places import LEVELS, Places
 from taxel.twin.statistics import QUANTITIES, Quantity
 from taxel.types import FloatArray
@@ -28,11 +29,12 @@ LARGEST: Final = 1e200
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A change. quantity: index in `QUANTITIES`. place: index in `Places`. amplitude: index in the amplitudes."""
+    """A change. quantity: index in `QUANTITIES`. place: index in `Places`. amplitude: in the unit of the quantity; NaN for
+    an alternative without a fixed amplitude."""
 
     quantity: int
     place: int
-    amplitude: int
+    amplitude: float
 
 
 class ChangeDetector:
@@ -66,12 +68,14 @@ class ChangeDetector:
 
     def find_largest(self) -> Hypothesis:
         """The hypothesis with the largest evidence; among equals the first."""
-        best, found = -1.0, Hypothesis(0, 0, 0)
+        best, found = -1.0, Hypothesis(0, 0, float("nan"))
         for number, quantity in enumerate(QUANTITIES):
             evidence = self.evidence[quantity.name]
             index = int(evidence.argmax())
             if evidence.flat[index] > best:
-                place, amplitude = divmod(index, evidence.shape[1])
+                place, column = divmod(index, evidence.shape[1])
+                own = quantity.amplitudes
+                amplitude = own[column] if column < len(own) else float("nan")
                 best, found = float(evidence.flat[index]), Hypothesis(number, place, amplitude)
         return found
 
@@ -81,5 +85,5 @@ def _make_prior(quantity: Quantity, places: Places) -> FloatArray:
     tested = np.isin(places.level, [LEVELS.index(level) for level in quantity.levels])
     own = np.where(tested, places.prior, 0.0)
     own = own / own.sum() if own.sum() else own
-    amplitudes = len(quantity.amplitudes)
-    return np.repeat(own[:, None] / (len(QUANTITIES) * amplitudes), amplitudes, axis=1)
+    alternatives = count_alternatives(quantity)
+    return np.repeat(own[:, None] / (len(QUANTITIES) * alternatives), alternatives, axis=1)

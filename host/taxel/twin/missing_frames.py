@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taxel.twin.null_model import count_alternatives
 from taxel.twin.places import LEVELS, Places
 from taxel.twin.reference import Reference
 from taxel.twin.statistics import QUANTITIES
 from taxel.types import FloatArray
 
-_AMPLITUDES = next(np.array(quantity.amplitudes) for quantity in QUANTITIES if quantity.name == "missing")
+_QUANTITY = next(quantity for quantity in QUANTITIES if quantity.name == "missing")
+_AMPLITUDES = np.array(_QUANTITY.amplitudes)
 
 
 @dataclass(eq=False)
@@ -46,12 +48,13 @@ class MissingFrames:
         lost, arrived = missing[:, None], (expected - missing)[:, None]
         ratio = lost * np.log(changed / usual) + arrived * np.log((1.0 - changed) / (1.0 - usual))
         ratio /= self.dispersion[:, None]
-        result = np.zeros((len(self.places), len(_AMPLITUDES)))
+        result = np.full((len(self.places), count_alternatives(_QUANTITY)), -np.inf)  # none without an amplitude
+        result[:, : len(_AMPLITUDES)] = 0.0
         for number, place in enumerate(self.places.places):
             if place.level == "board":
-                result[number] = ratio[self._column(number)]
+                result[number, : len(_AMPLITUDES)] = ratio[self._column(number)]
             elif place.level == "skin":
-                result[number] = ratio.sum(axis=0)
+                result[number, : len(_AMPLITUDES)] = ratio.sum(axis=0)
         return result
 
     def set_share(self, place: int, missing: FloatArray, expected: FloatArray) -> None:

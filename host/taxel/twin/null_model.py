@@ -28,6 +28,10 @@ PRIOR_STATISTICS: Final = 30.0
 LEAST_POWER: Final = 0.05
 """A statistic is used if its standard deviation is at most the largest amplitude of the quantity divided by this value."""
 
+WIDE: Final = (10.0, 100.0)
+"""Scales of the alternatives without a fixed amplitude, in standard deviations. The fixed amplitudes are a factor of
+about three apart, which is too coarse for a change of many standard deviations."""
+
 USED_FOR_FIT: Final = 20_000
 """Largest number of statistics in a fit; more do not change it."""
 
@@ -103,12 +107,13 @@ def log_density(value: FloatArray, deviation: FloatArray, freedom: float) -> Flo
 def compute_log_ratios(
     quantity: Quantity, scores: tuple[FloatArray, FloatArray], models: Mapping[int, NullModel], level: IntArray
 ) -> FloatArray:
-    """Log likelihood ratio of each amplitude of a quantity against no change, f64[P, G]; 0 without information.
+    """Log likelihood ratio of each alternative of a quantity against no change, f64[P, G]; 0 without information.
 
-    scores: estimate and information, f64[P]. level: i64[P].
+    The alternatives are the amplitudes of the quantity, then those of `WIDE`. scores: estimate and information, f64[P].
+    level: i64[P].
     """
     estimate, information = scores
-    result = np.zeros((len(estimate), len(quantity.amplitudes)))
+    result = np.zeros((len(estimate), count_alternatives(quantity)))
     largest = max(abs(value) for value in quantity.amplitudes)
     amplitudes = np.array(quantity.amplitudes)
     for number, model in models.items():
@@ -117,5 +122,13 @@ def compute_log_ratios(
             deviation = model.compute_deviation(information[rows])
             base = (estimate[rows] / deviation) ** 2 / model.freedom
             moved = ((estimate[rows, None] - amplitudes) / deviation[:, None]) ** 2 / model.freedom
-            result[rows] = 0.5 * (model.freedom + 1.0) * (np.log1p(base)[:, None] - np.log1p(moved))
+            half = 0.5 * (model.freedom + 1.0)
+            result[rows, : len(amplitudes)] = half * (np.log1p(base)[:, None] - np.log1p(moved))
+            for column, scale in enumerate(WIDE, start=len(amplitudes)):
+                result[rows, column] = half * (np.log1p(base) - np.log1p(base / scale**2)) - np.log(scale)
     return result
+
+
+def count_alternatives(quantity: Quantity) -> int:
+    """Number of alternatives of a quantity."""
+    return len(quantity.amplitudes) + len(WIDE)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from taxel.twin.detector import Hypothesis
-from taxel.twin.null_model import NullModels, compute_log_ratios, log_density
+from taxel.twin.null_model import NullModel, NullModels, log_density
 from taxel.twin.places import LEVELS, Places
-from taxel.twin.statistics import QUANTITIES, Scores
-from taxel.types import FloatArray
+from taxel.twin.statistics import QUANTITIES, Quantity, Scores
+from taxel.types import BoolArray, FloatArray
 
 REMEMBERED: Final = 1000
 """Steps that are kept for the estimate of an onset: hours of use. An earlier onset is reported as the first of them."""
@@ -49,27 +50,20 @@ class StepHistory:
     def localise(self, hypothesis: Hypothesis, models: NullModels, places: Places, since_s: float) -> Hypothesis:
         """Find the quantity, place and amplitude that explain the steps since an onset best.
 
-        hypothesis: of the detector, which is kept for quantities without taxels. A place is judged by the sum of the log
-        likelihood ratios of its taxels, each by itself: a board explains more than one of its taxels if all of them have
-        changed, and less than the taxel if the others contradict.
+        hypothesis: of the detector, the result if no step has information. A place is judged by the sum of the log
+        likelihood ratios of its taxels, each by itself and with the amplitude of the place: a board explains more than
+        one of its taxels if all of them have changed, and less than the taxel if the others contradict. Of places with
+        the same result the smallest is returned.
         """
-        best, found = -np.inf, hypothesis
-        taxel = LEVELS.index("taxel")
+        best, found = 0.0, hypothesis
         for number, quantity in enumerate(QUANTITIES):
-            own = [scores[quantity.name] for start, _, scores in self._steps if quantity.name in scores and start >= since_s]
-            if not own:
-                continue
-            sums = sum(compute_log_ratios(quantity, pair, models[quantity.name], places.level) for pair in own)
-            if taxel in models[quantity.name]:
-                ratio = places.members @ np.asarray(sums)[: places.members.shape[1]]
-                tested = np.isin(places.level, [LEVELS.index(level) for level in quantity.levels])
-                ratio = np.where(tested[:, None], ratio, -np.inf)
-            else:
-                ratio = np.asarray(sums)
-            index = int(ratio.argmax())  # of places with the same loaded taxels the smallest, which comes first
-            if ratio.flat[index] > best:
-                place, amplitude = divmod(index, ratio.shape[1])
-                best, found = float(ratio.flat[index]), Hypothesis(number, place, amplitude)
+            own = [scores[quantity.name] for _, end, scores in self._steps if quantity.name in scores and end > since_s]
+            if own:
+                value, weight = (np.stack([pair[part] for pair in own]).astype(np.float64) for part in (0, 1))
+                ratio, amplitude = _judge_places(quantity, value, weight, models[quantity.name], places)
+                index = int(ratio.argmax())
+                if ratio[index] > best:
+                    best, found = float(ratio[index]), Hypothesis(number, index, float(amplitude[index]))
         return found
 
     def estimate_onset(self, hypothesis: Hypothesis, models: NullModels, since_s: float) -> Onset:
@@ -84,10 +78,12 @@ class StepHistory:
             for start, end, scores in self._steps
             if quantity.name in scores and start >= since_s
         ]
-        found = quantity.amplitudes[hypothesis.amplitude]
         if not chosen:
-            return Onset(since_s, since_s, since_s, found)
+            return Onset(since_s, since_s, since_s, hypothesis.amplitude)
         starts, ends, value, weight = (np.array(column) for column in zip(*chosen, strict=True))
+        # Without a fixed amplitude, the latest step gives it: a change of many standard deviations is clear in one step.
+        latest = float(value[np.flatnonzero(weight > 0.0)[-1:]].sum())
+        found = hypothesis.amplitude if np.isfinite(hypothesis.amplitude) else latest or 1.0
         grid = found * np.geomspace(0.5, 2.0, AMPLITUDE_STEPS)
         usable = weight > 0.0
         deviation = model.compute_deviation(np.where(usable, weight, 1.0))
@@ -106,6 +102,40 @@ class StepHistory:
         time_s, low_s, high_s = _find_quantiles(posterior, before, ends)
         amplitude = float(grid[int(np.argmax(evidence[int(np.argmax(log_posterior))]))])
         return Onset(time_s, low_s, high_s, amplitude)
+
+
+def _judge_places(
+    quantity: Quantity, value: FloatArray, weight: FloatArray, models: Mapping[int, NullModel], places: Places
+) -> tuple[FloatArray, FloatArray]:
+    """Log likelihood ratio of each place with its own amplitude, and the amplitude, f64[P] each.
+
+    value, weight: f64[S, P], estimates and information of the steps. Places that are not tested have a ratio of minus
+    infinity.
+    """
+    total = weight.sum(axis=0)
+    amplitude = np.where(total > 0.0, (value * weight).sum(axis=0) / np.where(total > 0.0, total, 1.0), 0.0)
+    tested = np.isin(places.level, [LEVELS.index(level) for level in quantity.levels])
+    taxel = LEVELS.index("taxel")
+    if taxel not in models:  # a quantity of boards: each board by itself
+        ratio = sum((_compare(value, weight, amplitude, models[level], places.level == level) for level in models), 0.0)
+        return np.where(tested, ratio, -np.inf), amplitude
+    members = places.members
+    place = np.repeat(np.arange(len(places)), np.diff(members.indptr))
+    taxels = members.indices
+    every = np.ones(len(taxels), dtype=bool)
+    own = _compare(value[:, taxels], weight[:, taxels], amplitude[place], models[taxel], every)
+    ratio = np.bincount(place, own, len(places))
+    return np.where(tested & (total > 0.0), ratio, -np.inf), amplitude
+
+
+def _compare(
+    value: FloatArray, weight: FloatArray, amplitude: FloatArray, model: NullModel, rows: BoolArray
+) -> FloatArray:
+    """Log likelihood ratio of an amplitude against no change, summed over the steps, f64[m]; 0 outside of `rows`."""
+    usable = (weight > 0.0) & rows
+    deviation = model.compute_deviation(np.where(usable, weight, 1.0))
+    changed = log_density(value - amplitude, deviation, model.freedom)
+    return np.asarray(np.where(usable, changed - log_density(value, deviation, model.freedom), 0.0).sum(axis=0))
 
 
 def _find_quantiles(posterior: FloatArray, begin: FloatArray, end: FloatArray) -> tuple[float, float, float]:

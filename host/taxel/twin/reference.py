@@ -19,7 +19,7 @@ from taxel.twin.places import Places
 from taxel.twin.noise_level import ROUNDING, NoiseLevel
 from taxel.twin.rest_level import RestLevel, estimate_settings
 from taxel.twin.schedule import Condition, Contact, ContactSchedule
-from taxel.twin.steps import BINS, HOLD, REST, Step, StepBuilder
+from taxel.twin.steps import BEFORE, BINS, HOLD, REST, Step, StepBuilder
 from taxel.types import BoolArray, FloatArray, IntArray
 
 PRIOR_FREEDOM: Final = 6.0
@@ -57,7 +57,8 @@ class Reference:
     frame. conditions: contacts by condition. relative_variance: f64[BINS], variance of a signal relative to the square
     of `ConditionReference.scale`. session_ratio: f64[BINS], variance between sessions relative to the variance within
     a session; 0 for one session. missing: f64[s, 2], missing and expected frames. steps: the contacts themselves, with
-    their session, in order of time. rest_level: with the loadings of the taxels. noise_level: of the reference.
+    their session, in order of time. baseline_s: median length of the interval
+    before a contact. rest_level: with the loadings of the taxels. noise_level: of the reference.
     """
 
     taxels: TaxelTable
@@ -70,6 +71,7 @@ class Reference:
     session_ratio: FloatArray
     missing: FloatArray
     steps: tuple[tuple[int, Step], ...]
+    baseline_s: float
     rest_level: RestLevel
     noise_level: NoiseLevel
 
@@ -91,13 +93,13 @@ class Reference:
     def compute_noise(self, step: Step) -> FloatArray:
         """Variance of a step's signals from the noise of its frames, f64[BINS, n], counts^2."""
         with np.errstate(divide="ignore"):
-            return np.asarray(self.noise_variance * (1.0 / step.count + 1.0 / step.count[REST]))
+            return np.asarray(self.noise_variance * (1.0 / step.count + 1.0 / step.count[BEFORE]))
 
 
 def compute_signals(step: Step) -> FloatArray:
     """Signal of each bin: mean raw count before the contact minus mean raw count, f64[BINS, n]; NaN without frames."""
     means = step.compute_means()
-    return np.asarray(means[REST] - means)
+    return np.asarray(means[BEFORE] - means)
 
 
 def read_reference(path: str | PathLike[str]) -> Reference:
@@ -178,6 +180,7 @@ def learn_reference(
         ratio,
         np.column_stack([expected - received, expected]).astype(np.float64),
         tuple(contacts),
+        float(np.median([step.contact.start_s - step.start_s for _, step in contacts if step.contact is not None])),
         level,
         NoiseLevel(squares.astype(np.float64), pairs.astype(np.float64)),
     )

@@ -48,7 +48,8 @@ class RestLevel:
     """Tracked count at rest of n taxels.
 
     noise_variance: f64[n], of one frame. board: i64[n]. loading: f64[n], change of a taxel relative to the common change
-    of its board. loading_variance: f64[n], of its estimate. level, variance: f64[n], counts and counts^2.
+    of its board. loading_variance: f64[n], of its estimate. level, variance: f64[n], counts and counts^2. common: f64[s],
+    change that the taxels of each board shared in the latest step, counts.
     """
 
     noise_variance: FloatArray
@@ -58,11 +59,13 @@ class RestLevel:
     settings: RestSettings = RestSettings()
     level: FloatArray = field(init=False)
     variance: FloatArray = field(init=False)
+    common: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
         """Begin without a level: the first step of a taxel defines it."""
         self.level = np.zeros(len(self.board))
         self.variance = np.full(len(self.board), UNKNOWN_VARIANCE)
+        self.common = np.zeros(int(self.board.max()) + 1)
 
     @classmethod
     def start(cls, noise_variance: FloatArray, board: IntArray) -> RestLevel:
@@ -77,13 +80,15 @@ class RestLevel:
     def find_touched(self, mean: FloatArray, threshold: float) -> BoolArray:
         """Taxels of boards on which a taxel is active without an announced contact, bool[n].
 
-        mean: f64[n], of a step. threshold: counts of signal of an active taxel.
+        mean: f64[n], of a step. threshold: counts of signal of an active taxel. A change that more than half of the
+        taxels of a board share is a change of the board and not a contact.
         """
         usable = self.is_known & np.isfinite(mean)
         change = np.where(usable, self.level - mean, 0.0)
-        active = change - self.loading * self._find_common(change, usable)[self.board] > threshold
-        boards = np.bincount(self.board, active, int(self.board.max()) + 1) > 0
-        return np.asarray(boards[self.board])
+        common = self._find_common(change, usable)
+        active = change - (self.loading * common[self.board]) > threshold
+        boards = np.bincount(self.board, active, len(common)) > 0
+        return np.asarray((boards & (np.abs(common) < threshold))[self.board])
 
     def update(self, mean: FloatArray, count: IntArray, skip: BoolArray) -> tuple[FloatArray, FloatArray]:
         """Update the levels with the means f64[n] of a step; return prediction errors and their variances, f64[n] each.
@@ -95,7 +100,8 @@ class RestLevel:
         known = self.is_known
         usable = finite & known
         change = np.where(usable, mean - self.level, 0.0)
-        common = self._find_common(change, usable)[self.board]
+        self.common = self._find_common(change, usable)
+        common = self.common[self.board]
         expected = np.where(known, self.loading * common, 0.0)
         residual = np.where(usable, change - expected, 0.0)
         measured = self.noise_variance / np.maximum(count, 1) + self.settings.measured

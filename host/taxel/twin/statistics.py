@@ -46,6 +46,13 @@ QUANTITIES: Final = (
     Quantity("recovery", "1", (-0.1, -0.03, 0.03, 0.1, 0.3), _ALL, "the signal after release"),
     Quantity("noise", "ln", (-4.0, -1.0, 0.4, 1.2, 4.0), _ALL, "the noise without contact"),
     Quantity("rest", "counts", (-100.0, -30.0, -10.0, -3.0, 3.0, 10.0, 30.0, 100.0), _ALL[:3], "the count at rest"),
+    Quantity(
+        "drift",
+        "counts",
+        (-1000.0, -300.0, -100.0, -30.0, -10.0, 10.0, 30.0, 100.0, 300.0, 1000.0),
+        ("board", "skin"),
+        "the common count at rest",
+    ),
     Quantity("shape", "ln", (0.5, 1.5, 4.0), ("board", "skin"), "the pattern of a contact"),
     Quantity("missing", "1", (0.01, 0.05, 0.3, 1.0), ("board", "skin"), "the share of missing frames"),
 )
@@ -109,11 +116,33 @@ def compute_rest_scores(
     mean = step.compute_means()[REST]
     touched = level.find_touched(mean, ACTIVE_SIGNAL_COUNTS)
     skip = excluded | touched | ~np.isfinite(mean)
+    known = level.is_known
     residual, variance = level.update(mean, step.count[REST], skip)
     weight = np.where(skip | (variance >= UNKNOWN_VARIANCE), 0.0, 1.0 / variance)
     value, information = noise.compare(step.squared_difference, step.pairs, skip)
     noise.add(step.squared_difference, step.pairs, skip)
-    return {"rest": (residual * weight, weight), "noise": (value * information, information)}, touched
+    scores: Scores = {"rest": (residual * weight, weight), "noise": (value * information, information)}
+    scores["drift"] = _compute_drift(level, step.end_s - step.start_s, ~skip & known)
+    return scores, touched
+
+
+def _compute_drift(level: RestLevel, elapsed_s: float, usable: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Scores of the common change of each board, on the first taxel of the board.
+
+    The change of a temperature is a random walk in short intervals: its variance is proportional to the time.
+    """
+    boards = len(level.common)
+    has_data = np.bincount(level.board, usable, boards) > 1
+    information = np.where(has_data, 1.0 / max(elapsed_s, 1.0), 0.0)
+    return _put_on_first_taxels(level.common * information, information, level.board)
+
+
+def _put_on_first_taxels(score: FloatArray, information: FloatArray, board: np.ndarray) -> tuple[FloatArray, FloatArray]:
+    """Scores of boards f64[s] as scores of taxels f64[n]: on the first taxel of each board, 0 on the others."""
+    first = np.array([np.flatnonzero(board == number)[0] for number in range(len(score))])
+    found = np.zeros((2, len(board)))
+    found[0, first], found[1, first] = score, information
+    return found[0], found[1]
 
 
 def compute_missing(step: Step, reference: Reference) -> tuple[FloatArray, FloatArray]:
@@ -168,11 +197,8 @@ def _compute_shape(
     used = np.bincount(board, weight > 0.0, boards)
     square = np.bincount(board, residual**2 * weight, boards)
     value = np.log((square + 1.0) / (used + 1.0))
-    first = np.array([np.flatnonzero(board == number)[0] for number in range(boards)])
-    score, information = np.zeros(len(board)), np.zeros(len(board))
-    information[first] = np.where(loaded & (used > 1), 1.0 / SHAPE_VARIANCE, 0.0)
-    score[first] = value * information[first]
-    return score, information
+    information = np.where(loaded & (used > 1), 1.0 / SHAPE_VARIANCE, 0.0)
+    return _put_on_first_taxels(value * information, information, board)
 
 
 def sum_over_places(scores: Mapping[str, tuple[FloatArray, FloatArray]], reference: Reference) -> Scores:

@@ -27,7 +27,11 @@ CLOSING: Final = slice(1, 5)
 HOLD: Final = slice(5, 7)
 RELEASE: Final = slice(7, 9)
 RECOVERY: Final = 9
-BINS: Final = sum(BINS_PER_PHASE)
+BEFORE: Final = 10
+BINS: Final = sum(BINS_PER_PHASE) + 1
+"""The bin `BEFORE` repeats the frames of the last seconds of the bin `REST`: the baseline of the contact. Drift between
+the baseline and the contact is a part of the variance of a signal, so that the baseline has the same length in the
+reference and in the stream."""
 
 
 @dataclass(eq=False)
@@ -78,6 +82,7 @@ class StepBuilder:
     """Divides a stream into steps.
 
     schedule: the announced contacts. taxel_board: i64[n], column of each taxel's board. boards: their number.
+    baseline_s: length of the baseline of a contact, seconds.
 
     The interval before a contact ends when its closing phase begins. If it is shorter than `REST_S`, the complete
     interval before it, after the previous contact, is added to it: the baseline of every contact then has enough frames.
@@ -86,6 +91,7 @@ class StepBuilder:
     schedule: ContactSchedule
     taxel_board: IntArray
     boards: int
+    baseline_s: float = REST_S
     _current: Step | None = None
     _earlier: Step | None = None
     _next: int = 0
@@ -174,12 +180,20 @@ class StepBuilder:
         step.expected += len(time_s)
         bins = find_bins(step.contact, time_s)
         for number in np.unique(bins).tolist():
-            rows = bins == number
-            step.count[number] += wide[rows].sum(axis=0)
-            step.total[number] += np.where(wide[rows], raw[rows], 0).sum(axis=0, dtype=np.int64)
+            self._add_to_bin(step, number, bins == number, raw, wide)
         if step.contact is None:
+            if self._next < len(self.schedule):
+                late = time_s >= self.schedule[self._next].start_s - self.baseline_s
+                self._add_to_bin(step, BEFORE, late, raw, wide)
             self._add_differences(step, raw, wide)
         step.end_s = float(time_s[-1])
+
+    @staticmethod
+    def _add_to_bin(step: Step, number: int, rows: BoolArray, raw: CountArray, wide: BoolArray) -> None:
+        """Add the frames `rows` bool[T] to a bin."""
+        if rows.any():
+            step.count[number] += wide[rows].sum(axis=0)
+            step.total[number] += np.where(wide[rows], raw[rows], 0).sum(axis=0, dtype=np.int64)
 
     def _add_differences(self, step: Step, raw: CountArray, wide: BoolArray) -> None:
         """Add the squared differences of consecutive frames, across the borders of the blocks in which they arrive."""
