@@ -200,8 +200,10 @@ class Twin:
             self.missing.set_share(hypothesis.place, *compute_missing(step, self.reference))
             return
         self.live.relearn(taxels)
-        self.level.forget(taxels)
         self.noise.forget(taxels)
+        # The levels of the whole board: a change of some taxels disturbs the common change of the others.
+        boards = np.bincount(self.reference.places.board, taxels, self.reference.sensors.s) > 0
+        self.level.forget(boards[self.reference.places.board])
 
     def _find_members(self, place: int) -> BoolArray:
         """Taxels of a place, bool[n]."""

@@ -114,8 +114,8 @@ def make_step(grasp: Grasp, taxel_board: IntArray, boards: int) -> Step:
     contact = find_contact(grasp)
     builder = StepBuilder(ContactSchedule([contact]), taxel_board, boards)
     done = builder.take(grasp.timestamp, grasp.raw_counts, grasp.valid)
-    closing = np.array([np.inf])  # the end of the recovery is the last frame: the step is complete
-    done += builder.take(closing, grasp.raw_counts[-1:], np.zeros_like(grasp.valid[-1:]))
+    after = np.array([contact.end_s])  # a frame after the contact completes its step
+    done += builder.take(after, grasp.raw_counts[-1:], np.zeros_like(grasp.valid[-1:]))
     return next(step for step in done if step.contact is not None)
 
 
@@ -199,12 +199,15 @@ def _learn_rest(contacts: Sequence[tuple[int, Step]], level: RestLevel) -> RestL
 
 def _follow_rest(
     contacts: Sequence[tuple[int, Step]], level: RestLevel, is_naive: bool = False
-) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Update `level` with every step; return its prediction errors and the noise variances of the means.
+) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray]]:
+    """Update `level` with every step; return prediction errors, noise variances of the means, and common changes.
 
     is_naive: every step defines the level, so that the errors are changes from step to step.
     """
-    errors, noise, last = [], [], None
+    errors: list[FloatArray] = []
+    noise: list[FloatArray] = []
+    common: list[FloatArray] = []
+    last = None
     everything = np.ones(len(level.board), dtype=bool)
     for session, step in contacts:
         if session != last:
@@ -217,8 +220,9 @@ def _follow_rest(
         if session == last:
             errors.append(np.where(known & np.isfinite(mean), error, np.nan))
             noise.append(level.noise_variance / np.maximum(step.count[REST], 1))
+            common.append(level.common)
         last = session
-    return errors, noise
+    return errors, noise, common
 
 
 def _learn_condition(signals: Sequence[tuple[int, FloatArray]], near: list[IntArray]) -> ConditionReference:

@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from taxel.signal.noise import MAD_TO_SIGMA
 from taxel.types import BoolArray, FloatArray, IntArray
 
 CLIPPED: Final = 3.0
@@ -30,17 +31,24 @@ LEAST_LOADING: Final = 0.2
 LEAST_WALK: Final = 1e-3
 """Smallest variance of the change of a level in a step, counts^2: the filter never stops following."""
 
+LEAST_COMMON: Final = 0.3
+"""Smallest standard deviation of the common change of a board, counts: the rounding of a count."""
+
 UNKNOWN_VARIANCE: Final = 1e8
 """Variance of a level that no step has defined, counts^2: wider than the range of a count."""
 
 
 @dataclass(frozen=True)
 class RestSettings:
-    """Variances of a skin's counts at rest, counts^2. measured: of a step's mean beyond the noise of its frames, which
-    is not white. walk: of the change of a level from one step to the next."""
+    """Variability of a skin's counts at rest from one step to the next.
+
+    measured: variance of a step's mean beyond the noise of its frames, which is not white, counts^2. walk: variance of
+    the change of a level, counts^2. common: standard deviation of the common change of a board, counts.
+    """
 
     measured: float = 0.25
     walk: float = 0.05
+    common: float = 3.0
 
 
 @dataclass(eq=False)
@@ -106,7 +114,9 @@ class RestLevel:
         residual = np.where(usable, change - expected, 0.0)
         measured = self.noise_variance / np.maximum(count, 1) + self.settings.measured
         predicted = self.variance + max(self.settings.walk, LEAST_WALK)
-        total = predicted + measured + self.loading_variance * common**2
+        # The loadings are those of temperature. A faster common change may have another origin and other factors.
+        unusual = np.maximum(np.abs(common) - CLIPPED * self.settings.common, 0.0)
+        total = predicted + measured + self.loading_variance * common**2 + LOADING_VARIANCE * unusual**2
         bound = CLIPPED * np.sqrt(total)
         followed = np.clip(residual, -bound, bound)
         self.level += expected + np.where(usable, predicted / total, 0.0) * followed
@@ -132,10 +142,13 @@ class RestLevel:
         return np.array(found)
 
 
-def estimate_settings(changes: Sequence[FloatArray], noise: Sequence[FloatArray]) -> RestSettings:
-    """Estimate the variances from the changes of counts at rest from step to step, without their common part.
+def estimate_settings(
+    changes: Sequence[FloatArray], noise: Sequence[FloatArray], common: Sequence[FloatArray]
+) -> RestSettings:
+    """Estimate the variability from the changes of counts at rest from step to step.
 
-    changes: f64[n] of each step, NaN where unknown. noise: f64[n], variance of each mean from the noise of its frames.
+    changes: f64[n] of each step without the common part, NaN where unknown. noise: f64[n], variance of each mean from
+    the noise of its frames. common: f64[s], common changes.
     A change of a level with variance walk that is measured with variance R has the variance walk + 2 R and, to the next
     change, the covariance -R. Medians over the taxels keep disturbed taxels out.
     """
@@ -150,4 +163,5 @@ def estimate_settings(changes: Sequence[FloatArray], noise: Sequence[FloatArray]
     product = float(np.median(np.mean(values[1:] * values[:-1], axis=0)))
     measured = min(max(-product, 0.0), 0.5 * square)
     white = float(np.median(own))
-    return RestSettings(max(measured - white, 0.0), max(square - 2.0 * measured, LEAST_WALK))
+    usual = MAD_TO_SIGMA * float(np.median(np.abs(np.stack(common))))
+    return RestSettings(max(measured - white, 0.0), max(square - 2.0 * measured, LEAST_WALK), max(usual, LEAST_COMMON))

@@ -31,7 +31,9 @@ class Block(NamedTuple):
 
 
 class Source(Protocol):
-    """A stream of poll cycles."""
+    """A stream of poll cycles. is_continuous: whether an interval without frames is a fault."""
+
+    is_continuous: bool
 
     @property
     def is_live(self) -> bool:
@@ -48,6 +50,7 @@ class SkinSource:
     """Poll cycles of an open skin."""
 
     skin: Skin
+    is_continuous: bool = True
 
     @property
     def is_live(self) -> bool:
@@ -94,6 +97,7 @@ class DatasetSource:
     schedule: ContactSchedule
     offsets: Mapping[str, float]
     is_live: bool = False
+    is_continuous: bool = False
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> DatasetSource:

@@ -102,8 +102,10 @@ class StepBuilder:
     def take(self, time_s: FloatArray, raw_counts: CountArray, valid: BoolArray) -> list[Step]:
         """Add poll cycles in order of time; return the steps that are complete.
 
-        time_s: f64[T]. raw_counts: u16[T, n]. valid: bool[T, s].
+        time_s: f64[T], finite. raw_counts: u16[T, n]. valid: bool[T, s]. Raises ValueError for a time that is not finite.
         """
+        if not np.isfinite(time_s).all():
+            raise ValueError("time_s: expected finite times")
         first = 0
         while first < len(time_s):
             step = self._open(float(time_s[first]))
