@@ -20,18 +20,24 @@ if TYPE_CHECKING:
 
 Reference = Annotated[
     Path,
-    typer.Option(help="Grasp dataset of the healthy skin: repeated contacts (taxel grasp, taxel import, twin --learn)."),
+    typer.Option(
+        help="Grasp dataset of the healthy skin: repeated contacts (taxel grasp, taxel import, twin --learn)."
+    ),
 ]
 
 
 def twin(
-    url: Annotated[str, typer.Argument(help="The skin (serial:, emulator:, file:RECORDING), or a grasp dataset FILE.h5.")],
+    url: Annotated[
+        str, typer.Argument(help="The skin (serial:, emulator:, file:RECORDING), or a grasp dataset FILE.h5.")
+    ],
     reference: Reference,
     contacts: Annotated[
         Path | None, typer.Option(help="CSV of announced contacts: closing_s,hold_s,...,object,approach.")
     ] = None,
     hand: HandOption = None,
-    speed: Annotated[float | None, typer.Option(help="Speed of a recording, times real time. Default: maximum.")] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="Speed of a recording, times real time. Default: maximum.")
+    ] = None,
     false_alarm_hours: Annotated[
         float, typer.Option(min=0.1, max=1e6, help="Mean time to a false alarm of the whole skin, hours.")
     ] = 24.0,

@@ -78,4 +78,6 @@ def name_cause(
     effects = verdict.effects
     causes = effects or (NO_GAP,)
     action = ACTIONS.get(causes[0], OTHER_ACTION)
-    return CauseEvent(time_s, len(records), dict(verdict.probabilities), effects, verdict.headline, action, tuple(alarms))
+    return CauseEvent(
+        time_s, len(records), dict(verdict.probabilities), effects, verdict.headline, action, tuple(alarms)
+    )

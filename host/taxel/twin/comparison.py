@@ -56,8 +56,8 @@ class StepResult:
 class Twin:
     """Compares a stream with a reference.
 
-    `take` accepts the poll cycles of the stream and returns the results of the steps that have ended. The results depend
-    only on the frames and the schedule, not on how the frames arrive.
+    `take` accepts the poll cycles of the stream and returns the results of the steps that have ended. The results
+    depend only on the frames and the schedule, not on how the frames arrive.
     """
 
     def __init__(
@@ -118,10 +118,12 @@ class Twin:
 
     def _restart(self, time_s: float) -> StepResult:
         """Continue after a step back of the clock: the steps so far are kept, the current step is discarded."""
-        message = f"the clock steps back from {self._newest_s:.3f} s to {time_s:.3f} s; the current step is discarded"
+        message = f"the clock steps back from {self._newest_s:.3f} s to {time_s:.3f} s; the current step is discarded "
+        message += "and announced contacts are ignored; restart the twin with contacts on the new clock"
         fault = InputFault(time_s, "clock", message)
         own = self.reference
         self._builder = StepBuilder(self.schedule, own.places.board, own.sensors.s, own.baseline_s)
+        self._builder.skip_announced()
         self._newest_s, self._last_step_s, self._last_alarm_s = time_s, None, -np.inf
         self.history = StepHistory(self.reference.places)
         empty = Step.empty(time_s, self.reference.taxels.n, self.reference.sensors.s)
@@ -284,5 +286,3 @@ def _leave_out(reference: Reference, step: Step) -> Reference:
         own.scale,
     )
     return replace(reference, conditions={step.contact.condition: left})
-
-

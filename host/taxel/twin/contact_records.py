@@ -29,6 +29,7 @@ class ContactRecorder:
     schedule: ContactSchedule
     poses: Poses
     _number: int = 0
+    _last_s: float = -np.inf
     _parts: list[tuple[FloatArray, CountArray, BoolArray]] = field(default_factory=list)
     _occurrences: dict[Condition, int] = field(default_factory=dict)
 
@@ -36,6 +37,10 @@ class ContactRecorder:
         """Add poll cycles f64[T], u16[T, n], bool[T, s]; return the contacts that are complete."""
         done = []
         start = 0
+        if time_s[0] < self._last_s or (np.diff(time_s) < 0.0).any():
+            self._number, self._parts = len(self.schedule), []  # another clock: its contacts are not announced
+            return []
+        self._last_s = float(time_s[-1])
         while self._number < len(self.schedule):
             contact = self.schedule[self._number]
             end = int(np.searchsorted(time_s, contact.end_s))

@@ -29,8 +29,9 @@ LARGEST: Final = 1e200
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A change. quantity: index in `QUANTITIES`. place: index in `Places`. amplitude: in the unit of the quantity; NaN for
-    an alternative without a fixed amplitude."""
+    """A change. quantity: index in `QUANTITIES`. place: index in `Places`. amplitude: in the unit of the quantity; NaN
+    for an alternative without a fixed amplitude.
+    """
 
     quantity: int
     place: int
@@ -67,10 +68,11 @@ class ChangeDetector:
         return total
 
     def find_largest(self) -> Hypothesis:
-        """The hypothesis with the largest evidence; among equals the first."""
+        """The hypothesis with the largest likelihood, whatever its prior; among equals the first."""
         best, found = -1.0, Hypothesis(0, 0, float("nan"))
         for number, quantity in enumerate(QUANTITIES):
-            evidence = self.evidence[quantity.name]
+            prior = self._prior[quantity.name]
+            evidence = np.where(prior > 0.0, self.evidence[quantity.name] / np.where(prior > 0.0, prior, 1.0), 0.0)
             index = int(evidence.argmax())
             if evidence.flat[index] > best:
                 place, column = divmod(index, evidence.shape[1])

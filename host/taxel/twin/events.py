@@ -128,7 +128,9 @@ class CauseEvent:
     def __str__(self) -> str:
         best = sorted(self.probabilities.items(), key=lambda item: -item[1])[:3]
         shown = ", ".join(f"{name.replace('_', ' ')} {100 * value:.0f} %" for name, value in best)
-        return f"{format_time(self.time_s)} cause after {self.contacts} contacts: {self.headline} {self.action} ({shown})"
+        return (
+            f"{format_time(self.time_s)} cause after {self.contacts} contacts: {self.headline} {self.action} ({shown})"
+        )
 
 
 Event = Alarm | Cleared | InputFault | CauseEvent

@@ -26,7 +26,8 @@ PRIOR_STATISTICS: Final = 30.0
 """Weight of the prior in the fit, in statistics: with few contacts the variance stays near that of the model."""
 
 LEAST_POWER: Final = 0.05
-"""A statistic is used if its standard deviation is at most the largest amplitude of the quantity divided by this value."""
+"""A statistic is used if its standard deviation is at most the largest amplitude of the quantity divided by this
+value."""
 
 WIDE: Final = (10.0, 100.0)
 """Scales of the alternatives without a fixed amplitude, in standard deviations. The fixed amplitudes are a factor of

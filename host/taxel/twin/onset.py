@@ -42,9 +42,7 @@ class StepHistory:
 
     def add(self, start_s: float, end_s: float, scores: Scores) -> None:
         """Add the estimates and information of the places of a step, by quantity."""
-        small = {
-            name: (value.astype(np.float32), weight.astype(np.float32)) for name, (value, weight) in scores.items()
-        }
+        small = {name: (_shorten(value), _shorten(weight)) for name, (value, weight) in scores.items()}
         self._steps.append((start_s, end_s, small))
 
     def localise(self, hypothesis: Hypothesis, models: NullModels, places: Places, since_s: float) -> Hypothesis:
@@ -81,8 +79,8 @@ class StepHistory:
         if not chosen:
             return Onset(since_s, since_s, since_s, hypothesis.amplitude)
         starts, ends, value, weight = (np.array(column) for column in zip(*chosen, strict=True))
-        # Without a fixed amplitude, the latest step gives it: a change of many standard deviations is clear in one step.
-        latest = float(value[np.flatnonzero(weight > 0.0)[-1:]].sum())
+        # Without a fixed amplitude, the latest step gives it: a change of many standard deviations is clear in one
+        # step. latest = float(value[np.flatnonzero(weight > 0.0)[-1:]].sum())
         found = hypothesis.amplitude if np.isfinite(hypothesis.amplitude) else latest or 1.0
         grid = found * np.geomspace(0.5, 2.0, AMPLITUDE_STEPS)
         usable = weight > 0.0
@@ -104,6 +102,11 @@ class StepHistory:
         return Onset(time_s, low_s, high_s, amplitude)
 
 
+def _shorten(values: FloatArray) -> FloatArray:
+    """The values in single precision, which halves the memory of the history."""
+    return np.asarray(values, np.float32)
+
+
 def _judge_places(
     quantity: Quantity, value: FloatArray, weight: FloatArray, models: Mapping[int, NullModel], places: Places
 ) -> tuple[FloatArray, FloatArray]:
@@ -117,8 +120,8 @@ def _judge_places(
     tested = np.isin(places.level, [LEVELS.index(level) for level in quantity.levels])
     taxel = LEVELS.index("taxel")
     if taxel not in models:  # a quantity of boards: each board by itself
-        ratio = sum((_compare(value, weight, amplitude, models[level], places.level == level) for level in models), 0.0)
-        return np.where(tested, ratio, -np.inf), amplitude
+        levels = [_compare(value, weight, amplitude, models[level], places.level == level) for level in models]
+        return np.where(tested, np.sum(levels, axis=0), -np.inf), amplitude
     members = places.members
     place = np.repeat(np.arange(len(places)), np.diff(members.indptr))
     taxels = members.indices

@@ -100,7 +100,9 @@ class Places:
     def board_members(self) -> csr_array:
         """Rows of `members` of the boards, f64[s, n], in the order of the sensor table."""
         boards = int(self.board.max()) + 1
-        return csr_array((np.ones(len(self.board)), (self.board, np.arange(len(self.board)))), shape=(boards, len(self.board)))
+        return csr_array(
+            (np.ones(len(self.board)), (self.board, np.arange(len(self.board)))), shape=(boards, len(self.board))
+        )
 
     @cached_property
     def prior(self) -> FloatArray:

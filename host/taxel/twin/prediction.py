@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -69,5 +70,5 @@ def _find_position(contact: Contact, time_s: float) -> float:
     for begin, end, parts in zip(contact.times_s[:-1], contact.times_s[1:], BINS_PER_PHASE[1:], strict=True):
         edges += [begin + (end - begin) * (part + 1) / parts for part in range(parts)]
     # The bin before the first edge is the baseline; its middle counts as the start of the contact.
-    middles = [edges[0], *(0.5 * (low + high) for low, high in zip(edges[:-1], edges[1:], strict=True))]
+    middles = [edges[0], *(0.5 * (low + high) for low, high in pairwise(edges))]
     return float(np.interp(time_s, middles, np.arange(len(middles))))

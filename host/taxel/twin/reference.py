@@ -15,17 +15,17 @@ from taxel.recording.grasp_dataset import GraspDataset
 from taxel.recording.grasp_format import Phase
 from taxel.recording.grasp_tables import SensorTable, TaxelTable
 from taxel.twin.errors import TwinInputError
-from taxel.twin.places import Places
 from taxel.twin.noise_level import ROUNDING, NoiseLevel
+from taxel.twin.places import Places
 from taxel.twin.rest_level import RestLevel, estimate_settings
 from taxel.twin.schedule import Condition, Contact, ContactSchedule
 from taxel.twin.steps import BEFORE, BINS, HOLD, REST, Step, StepBuilder
 from taxel.types import BoolArray, FloatArray, IntArray
 
 PRIOR_FREEDOM: Final = 6.0
-"""Degrees of freedom of the variance that all conditions share, in the variance of one condition. A condition with seven
-repeats weighs its own variance and the shared one equally (chosen; the scale of every statistic is fitted afterwards,
-see `null_model.py`)."""
+"""Degrees of freedom of the variance that all conditions share, in the variance of one condition. A condition with
+seven repeats weighs its own variance and the shared one equally (chosen; the scale of every statistic is fitted
+afterwards, see `null_model.py`)."""
 
 LEAST_REPEATS: Final = 3
 """Repeats of a condition below which its contacts are shown, but not tested: no variance is known."""
@@ -105,7 +105,9 @@ def compute_signals(step: Step) -> FloatArray:
 def read_reference(path: str | PathLike[str]) -> Reference:
     """Learn a reference from a grasp dataset of version 1. Raises DatasetError and TwinInputError with one line."""
     with GraspDataset(path) as data:
-        steps = [(grasp.session, make_step(grasp, data.sensors.index_of(data.taxels), data.sensors.s)) for grasp in data]
+        steps = [
+            (grasp.session, make_step(grasp, data.sensors.index_of(data.taxels), data.sensors.s)) for grasp in data
+        ]
         return learn_reference(data.taxels, data.sensors, steps, str(path))
 
 
@@ -144,8 +146,8 @@ def learn_reference(
     """
     contacts = [(session, step) for session, step in steps if step.contact is not None]
     near = _find_neighbours(taxels, sensors.index_of(taxels))
-    pairs = sum((step.pairs for _, step in contacts), np.zeros(taxels.n, np.int64))
-    squares = sum((step.squared_difference for _, step in contacts), np.zeros(taxels.n, np.int64))
+    pairs = np.sum([step.pairs for _, step in contacts], axis=0)
+    squares = np.sum([step.squared_difference for _, step in contacts], axis=0)
     noise = squares / np.maximum(2 * pairs, 1) + ROUNDING
     counts = sum((step.count[REST] for _, step in contacts), np.zeros(taxels.n, np.int64))
     totals = sum((step.total[REST] for _, step in contacts), np.zeros(taxels.n, np.int64))
@@ -189,7 +191,8 @@ def learn_reference(
 def _learn_rest(contacts: Sequence[tuple[int, Step]], level: RestLevel) -> RestLevel:
     """Learn the loadings and the variances of the counts at rest from all contacts, in order of time.
 
-    The loadings are learnt in a first pass; the changes without their common part, of a second pass, give the variances.
+    The loadings are learnt in a first pass; the changes without their common part, of a second pass, give the
+    variances.
     """
     _follow_rest(contacts, level)
     second = RestLevel(level.noise_variance, level.board, level.loading.copy(), level.loading_variance.copy())
@@ -213,7 +216,7 @@ def _follow_rest(
         if session != last:
             level.forget(everything)
         known = level.is_known
-        mean = step.compute_means()[REST]
+        mean, _ = step.compute_rest()
         error, _ = level.update(mean, step.count[REST], ~np.isfinite(mean))
         if is_naive:
             level.level = np.where(np.isfinite(mean), mean, level.level)
@@ -243,8 +246,10 @@ def _find_neighbours(taxels: TaxelTable, board: IntArray) -> list[IntArray]:
         if len(own) < 2:
             continue
         tree = cKDTree(taxels.position[own])
-        pitch = float(np.median(tree.query(taxels.position[own], k=2)[0][:, 1]))
-        for taxel, near in zip(own.tolist(), tree.query_ball_point(taxels.position[own], NEIGHBOUR_PITCHES * pitch)):
+        nearest = np.asarray(tree.query(taxels.position[own], k=2)[0])
+        pitch = float(np.median(nearest[:, 1]))
+        around = tree.query_ball_point(taxels.position[own], NEIGHBOUR_PITCHES * pitch)
+        for taxel, near in zip(own.tolist(), around, strict=True):
             found[taxel] = own[np.array(near)]
     return found
 

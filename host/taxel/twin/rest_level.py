@@ -3,8 +3,8 @@
 Temperature changes all taxels of a board together, each with a factor of its own (its loading). The common part of a
 board (a median, which a fault of some taxels does not move) is followed at once, and the loadings are estimated by
 recursive least squares. The rest is a level that changes slowly and is measured with an error: a Kalman filter of a
-local level (Durbin and Koopman, Time Series Analysis by State Space Methods, 2012, section 2.2), whose prediction errors
-are independent from step to step.
+local level (Durbin and Koopman, Time Series Analysis by State Space Methods, 2012, section 2.2), whose prediction
+errors are independent from step to step.
 """
 
 from __future__ import annotations
@@ -55,9 +55,10 @@ class RestSettings:
 class RestLevel:
     """Tracked count at rest of n taxels.
 
-    noise_variance: f64[n], of one frame. board: i64[n]. loading: f64[n], change of a taxel relative to the common change
-    of its board. loading_variance: f64[n], of its estimate. level, variance: f64[n], counts and counts^2. common: f64[s],
-    change that the taxels of each board shared in the latest step, counts.
+    noise_variance: f64[n], of one frame. board: i64[n]. loading: f64[n], change of a taxel relative to the common
+    change of its board. loading_variance: f64[n], of its estimate. level, variance: f64[n], counts and counts^2.
+    common: f64[s], change that the taxels of each board shared in the latest step, counts. idle_s: f64[s], time since
+    the last step in which the board was compared.
     """
 
     noise_variance: FloatArray
@@ -68,12 +69,14 @@ class RestLevel:
     level: FloatArray = field(init=False)
     variance: FloatArray = field(init=False)
     common: FloatArray = field(init=False)
+    idle_s: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
         """Begin without a level: the first step of a taxel defines it."""
         self.level = np.zeros(len(self.board))
         self.variance = np.full(len(self.board), UNKNOWN_VARIANCE)
         self.common = np.zeros(int(self.board.max()) + 1)
+        self.idle_s = np.zeros(len(self.common))
 
     @classmethod
     def start(cls, noise_variance: FloatArray, board: IntArray) -> RestLevel:
@@ -85,15 +88,15 @@ class RestLevel:
         """Whether a step has defined the level of each taxel, bool[n]."""
         return np.asarray(self.variance < UNKNOWN_VARIANCE)
 
-    def find_touched(self, mean: FloatArray, threshold: float) -> BoolArray:
+    def find_touched(self, mean: FloatArray, lowest: FloatArray, threshold: float) -> BoolArray:
         """Taxels of boards on which a taxel is active without an announced contact, bool[n].
 
-        mean: f64[n], of a step. threshold: counts of signal of an active taxel. A change that more than half of the
-        taxels of a board share is a change of the board and not a contact.
+        mean, lowest: f64[n], count at rest of a step, and its lowest count. threshold: counts of signal of an active
+        taxel. A change that more than half of the taxels of a board share is a change of the board and not a contact.
         """
         usable = self.is_known & np.isfinite(mean)
-        change = np.where(usable, self.level - mean, 0.0)
-        common = self._find_common(change, usable)
+        common = self._find_common(np.where(usable, self.level - mean, 0.0), usable)
+        change = np.where(usable, self.level - lowest, 0.0)
         active = change - (self.loading * common[self.board]) > threshold
         boards = np.bincount(self.board, active, len(common)) > 0
         return np.asarray((boards & (np.abs(common) < threshold))[self.board])

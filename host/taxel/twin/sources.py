@@ -21,6 +21,9 @@ from taxel.types import BoolArray, CountArray, FloatArray
 RECORDED_BLOCK: Final = 256
 """Poll cycles in a block of a recording: large enough that the work per block does not matter."""
 
+DATASET_BLOCK: Final = 16
+"""Poll cycles in a block of a dataset: less than a second, so that views show the course of a contact."""
+
 
 class Block(NamedTuple):
     """Poll cycles. time_s: f64[T]. raw_counts: u16[T, n]. valid: bool[T, s], whether each board's frame arrived."""
@@ -31,9 +34,12 @@ class Block(NamedTuple):
 
 
 class Source(Protocol):
-    """A stream of poll cycles. is_continuous: whether an interval without frames is a fault."""
+    """A stream of poll cycles."""
 
-    is_continuous: bool
+    @property
+    def is_continuous(self) -> bool:
+        """Whether an interval without frames is a fault."""
+        ...
 
     @property
     def is_live(self) -> bool:
@@ -119,7 +125,10 @@ class DatasetSource:
         """Yield the frames of each grasp."""
         with GraspDataset(self.path) as data:
             for grasp in data:
-                yield Block(grasp.timestamp + self.offsets[grasp.id], grasp.raw_counts, grasp.valid)
+                times = grasp.timestamp + self.offsets[grasp.id]
+                for start in range(0, len(times), DATASET_BLOCK):
+                    part = slice(start, start + DATASET_BLOCK)
+                    yield Block(times[part], grasp.raw_counts[part], grasp.valid[part])
 
 
 def _to_block(scans: list[SkinFrame], columns: np.ndarray) -> Block:

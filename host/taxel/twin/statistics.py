@@ -19,7 +19,7 @@ from taxel.twin.noise_level import NoiseLevel
 from taxel.twin.reference import LEAST_REPEATS, Reference, compute_signals
 from taxel.twin.rest_level import UNKNOWN_VARIANCE, RestLevel
 from taxel.twin.steps import CLOSING, HOLD, RECOVERY, RELEASE, REST, Step
-from taxel.types import BoolArray, FloatArray
+from taxel.types import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ Scores = dict[str, tuple[FloatArray, FloatArray]]
 """Score u and information w of each taxel, f64[n] each, by quantity."""
 
 SHAPE_VARIANCE: Final = 0.1
-"""Variance of the logarithm of a board's mean squared residual, before the fit of the null model (chosen: that of a mean
-of twenty independent squares)."""
+"""Variance of the logarithm of a board's mean squared residual, before the fit of the null model (chosen: that of a
+mean of twenty independent squares)."""
 
 
 def compute_contact_scores(
@@ -113,8 +113,8 @@ def compute_rest_scores(
 
     level, noise: tracked counts at rest and noise; both are updated.
     """
-    mean = step.compute_means()[REST]
-    touched = level.find_touched(mean, ACTIVE_SIGNAL_COUNTS)
+    mean, lowest = step.compute_rest()
+    touched = level.find_touched(mean, lowest, ACTIVE_SIGNAL_COUNTS)
     skip = excluded | touched | ~np.isfinite(mean)
     known = level.is_known
     residual, variance = level.update(mean, step.count[REST], skip)
@@ -133,11 +133,13 @@ def _compute_drift(level: RestLevel, elapsed_s: float, usable: BoolArray) -> tup
     """
     boards = len(level.common)
     has_data = np.bincount(level.board, usable, boards) > 1
-    information = np.where(has_data, 1.0 / max(elapsed_s, 1.0), 0.0)
+    level.idle_s += max(elapsed_s, 1.0)
+    information = np.where(has_data, 1.0 / level.idle_s, 0.0)
+    level.idle_s[has_data] = 0.0
     return _put_on_first_taxels(level.common * information, information, level.board)
 
 
-def _put_on_first_taxels(score: FloatArray, information: FloatArray, board: np.ndarray) -> tuple[FloatArray, FloatArray]:
+def _put_on_first_taxels(score: FloatArray, information: FloatArray, board: IntArray) -> tuple[FloatArray, FloatArray]:
     """Scores of boards f64[s] as scores of taxels f64[n]: on the first taxel of each board, 0 on the others."""
     first = np.array([np.flatnonzero(board == number)[0] for number in range(len(score))])
     found = np.zeros((2, len(board)))
@@ -155,14 +157,14 @@ def _mean_weight(weight: FloatArray) -> FloatArray:
     return np.asarray(weight.mean(axis=0))
 
 
-def _find_loaded(pattern: FloatArray, board: FloatArray | np.ndarray) -> BoolArray:
+def _find_loaded(pattern: FloatArray, board: IntArray) -> BoolArray:
     """Boards that a contact loads: at least one taxel is expected to be active, bool[s]."""
     largest = np.zeros(int(board.max()) + 1)
     np.maximum.at(largest, board, pattern)
     return np.asarray(largest > ACTIVE_SIGNAL_COUNTS)
 
 
-def _fit_board_size(signal: FloatArray, expected: FloatArray, weight: FloatArray, board: np.ndarray) -> FloatArray:
+def _fit_board_size(signal: FloatArray, expected: FloatArray, weight: FloatArray, board: IntArray) -> FloatArray:
     """Size of the contact in the hold relative to the expectation, for each board, f64[s]; near 1 without load."""
     pattern, own = expected[HOLD].mean(axis=0), _mean_weight(weight[HOLD])
     value = np.where(own > 0.0, np.nan_to_num(signal[HOLD].mean(axis=0)), 0.0)
@@ -190,7 +192,7 @@ def _compute_delay(
 
 
 def _compute_shape(
-    residual: FloatArray, weight: FloatArray, loaded: BoolArray, board: np.ndarray
+    residual: FloatArray, weight: FloatArray, loaded: BoolArray, board: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Scores of the residual pattern of each loaded board: log of its mean square, on the first taxel of the board."""
     boards = len(loaded)

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from taxel.types import BoolArray, CountArray, FloatArray, IntArray
 from taxel.twin.schedule import Contact, ContactSchedule
+from taxel.types import BoolArray, CountArray, FloatArray, IntArray
 
 REST_S: Final = 10.0
 """Length of an interval without contact, seconds. The rate of the skin averages noise over some hundred frames in this
@@ -41,7 +41,8 @@ class Step:
     start_s, end_s: interval of the stream, seconds. contact: the announced contact, or None. count: i64[BINS, n], valid
     frames; an interval without contact has only the bin `REST`. total: i64[BINS, n], sum of the raw counts.
     squared_difference: i64[n], sum of the squared differences of consecutive raw counts in the bin `REST`. pairs:
-    i64[n], their number. received, expected: i64[s], frames of each board, and poll cycles.
+    i64[n], their number. received, expected: i64[s], frames of each board, and poll cycles. seconds: sum and number of
+    the valid frames of each second of the bin `REST`, i64[n] each.
     """
 
     start_s: float
@@ -53,6 +54,7 @@ class Step:
     pairs: IntArray
     received: IntArray
     expected: IntArray
+    seconds: list[tuple[IntArray, IntArray]] = field(default_factory=list)
 
     @classmethod
     def empty(cls, start_s: float, n: int, s: int) -> Step:
@@ -63,13 +65,31 @@ class Step:
             None,
             np.zeros((BINS, n), np.int64),
             np.zeros((BINS, n), np.int64),
-            *(np.zeros(size, np.int64) for size in (n, n, s, s)),
+            np.zeros(n, np.int64),
+            np.zeros(n, np.int64),
+            np.zeros(s, np.int64),
+            np.zeros(s, np.int64),
         )
 
     def add(self, other: Step) -> None:
         """Add the sums of another step without contact."""
         for name in ("count", "total", "squared_difference", "pairs", "received", "expected"):
             getattr(self, name).__iadd__(getattr(other, name))
+        self.seconds = [*other.seconds, *self.seconds]
+
+    def compute_rest(self) -> tuple[FloatArray, FloatArray]:
+        """Median and smallest mean raw count of the seconds without announced contact, f64[n] each; NaN without frames.
+
+        A touch of less than half of the interval does not move the median, and lowers the smallest mean.
+        """
+        if not self.seconds:
+            unknown = np.full(self.count.shape[1], np.nan)
+            return unknown, unknown
+        total, count = (np.stack([part[number] for part in self.seconds]) for number in (0, 1))
+        means = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+        known = (count > 0).any(axis=0)
+        filled = np.where(known, means, 0.0)
+        return np.where(known, np.nanmedian(filled, axis=0), np.nan), np.where(known, np.nanmin(filled, axis=0), np.nan)
 
     def compute_means(self) -> FloatArray:
         """Mean raw count of each bin, f64[BINS, n]; NaN without a valid frame."""
@@ -85,7 +105,8 @@ class StepBuilder:
     baseline_s: length of the baseline of a contact, seconds.
 
     The interval before a contact ends when its closing phase begins. If it is shorter than `REST_S`, the complete
-    interval before it, after the previous contact, is added to it: the baseline of every contact then has enough frames.
+    interval before it, after the previous contact, is added to it: the baseline of every contact then has enough
+    frames.
     """
 
     schedule: ContactSchedule
@@ -102,7 +123,8 @@ class StepBuilder:
     def take(self, time_s: FloatArray, raw_counts: CountArray, valid: BoolArray) -> list[Step]:
         """Add poll cycles in order of time; return the steps that are complete.
 
-        time_s: f64[T], finite. raw_counts: u16[T, n]. valid: bool[T, s]. Raises ValueError for a time that is not finite.
+        time_s: f64[T], finite. raw_counts: u16[T, n]. valid: bool[T, s]. Raises ValueError for a time that is not
+        finite.
         """
         if not np.isfinite(time_s).all():
             raise ValueError("time_s: expected finite times")
@@ -126,6 +148,10 @@ class StepBuilder:
             self._close(step)
         done, self._finished = self._finished, []
         return done
+
+    def skip_announced(self) -> None:
+        """Ignore all contacts that have been announced so far."""
+        self._next = len(self.schedule)
 
     @property
     def contact(self) -> Contact | None:
@@ -184,11 +210,24 @@ class StepBuilder:
         for number in np.unique(bins).tolist():
             self._add_to_bin(step, number, bins == number, raw, wide)
         if step.contact is None:
+            self._add_seconds(step, time_s, raw, wide)
             if self._next < len(self.schedule):
                 late = time_s >= self.schedule[self._next].start_s - self.baseline_s
                 self._add_to_bin(step, BEFORE, late, raw, wide)
             self._add_differences(step, raw, wide)
         step.end_s = float(time_s[-1])
+
+    @staticmethod
+    def _add_seconds(step: Step, time_s: FloatArray, raw: CountArray, wide: BoolArray) -> None:
+        """Add poll cycles to the seconds of a step."""
+        number = np.floor(time_s - step.start_s).astype(np.int64)
+        for second in np.unique(number).tolist():
+            while len(step.seconds) <= second:
+                step.seconds.append((np.zeros(raw.shape[1], np.int64), np.zeros(raw.shape[1], np.int64)))
+            rows = number == second
+            total, count = step.seconds[second]
+            total += np.where(wide[rows], raw[rows], 0).sum(axis=0, dtype=np.int64)
+            count += wide[rows].sum(axis=0)
 
     @staticmethod
     def _add_to_bin(step: Step, number: int, rows: BoolArray, raw: CountArray, wide: BoolArray) -> None:

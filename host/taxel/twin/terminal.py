@@ -72,7 +72,8 @@ class TwinScreen:
         """One line of a board."""
         reference = self._session.twin.reference
         own = reference.places.board == number
-        name = f"{reference.sensors.name[number].replace('_', ' ')} {format_address(int(reference.sensors.address[number]))}"
+        address = format_address(int(reference.sensors.address[number]))
+        name = f"{reference.sensors.name[number].replace('_', ' ')} {address}"
         residual = frame.residual[own]
         known = residual[np.isfinite(residual)]
         rms = float(np.sqrt(np.mean(known**2))) if known.size else float("nan")

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Final
 
@@ -13,7 +17,6 @@ from taxel.blind.streams.emulation import Stream, make_stream
 from taxel.blind.streams.world import StreamWorld
 from taxel.blind.world_datasets import WorldNotMadeError
 from taxel.campaign.poll_cycles import PollCycles
-from taxel.campaign.processes import map_in_processes
 from taxel.twin import Twin, read_reference
 from taxel.twin.causes import ReferenceFile
 from taxel.twin.naming import CauseNaming
@@ -53,12 +56,19 @@ def run_streams(
     missing = [world for world in worlds if not (out / f"{world.number}.json").exists()]
     done = len(worlds) - len(missing)
     progress(done, len(worlds))
-    for _ in map_in_processes(run_stream, out, missing, None, jobs):
+    for _ in _map(out, missing, jobs):
         done += 1
         progress(done, len(worlds))
 
 
-def run_stream(out: Path, world: StreamWorld, _: None) -> None:
+def _map(out: Path, worlds: Sequence[StreamWorld], jobs: int | None) -> Iterator[None]:
+    """Run the streams in processes, one for each core unless `jobs` states the number."""
+    jobs = min(jobs or os.cpu_count() or 1, max(len(worlds), 1))
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+        yield from pool.map(partial(run_stream, out), worlds)
+
+
+def run_stream(out: Path, world: StreamWorld) -> None:
     """Make one stream, run the twin on it, and write its events."""
     reference = out / f"{world.number}.h5"
     try:

@@ -64,7 +64,13 @@ def _cycle(names: list[str], rng: np.random.Generator, count: int) -> list[str]:
 
 
 def _sample_stream(
-    number: int, kind: str, cause_type: CauseType | None, hand: Hand, hours: float, rng: np.random.Generator, sealed: bool
+    number: int,
+    kind: str,
+    cause_type: CauseType | None,
+    hand: Hand,
+    hours: float,
+    rng: np.random.Generator,
+    sealed: bool,
 ) -> StreamWorld:
     """Sample one stream. cause_type: None without fault."""
     strength = find_strength(float(rng.uniform(*FLOORS)))
@@ -84,5 +90,3 @@ def _sample_stream(
     return StreamWorld(
         number, int(rng.integers(2**31)), HiddenCauses(kind, causes, nuisances), hours, onset, lasting, salt
     )
-
-

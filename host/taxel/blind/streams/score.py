@@ -105,7 +105,9 @@ def _score_names(found: Sequence[dict[str, Any]], count: int) -> dict[str, Any]:
     unknown = [one for one in found if str(count) in one["names"] and one["cause"] == UNKNOWN]
     first = [_first_cause(one["names"][str(count)]) == one["cause"] for one in known]
     wrong = [
-        any(value >= FORBIDDEN for name, value in one["names"][str(count)].items() if name not in (one["cause"], NO_GAP))
+        any(
+            value >= FORBIDDEN for name, value in one["names"][str(count)].items() if name not in (one["cause"], NO_GAP)
+        )
         for one in [*known, *unknown]
     ]
     reported = [_is_unknown(one["names"][str(count)]) for one in unknown]

@@ -13,9 +13,9 @@ class StreamWorld:
     """A stream.
 
     number: index in the run. seed: of plan, physics and times of the contacts. hidden: the fault, or none, and the
-    deviations that every skin has. hours: length after the reference. onset_s: start of the fault, seconds after the end
-    of the reference; None without fault. lasting_s: start and end of an unannounced lasting contact, seconds after the
-    end of the reference; None without. salt: 256 random bits, hexadecimal.
+    deviations that every skin has. hours: length after the reference. onset_s: start of the fault, seconds after the
+    end of the reference; None without fault. lasting_s: start and end of an unannounced lasting contact, seconds after
+    the end of the reference; None without. salt: 256 random bits, hexadecimal.
     """
 
     number: int
