@@ -79,8 +79,8 @@ class StepHistory:
         if not chosen:
             return Onset(since_s, since_s, since_s, hypothesis.amplitude)
         starts, ends, value, weight = (np.array(column) for column in zip(*chosen, strict=True))
-        # Without a fixed amplitude, the latest step gives it: a change of many standard deviations is clear in one
-        # step. latest = float(value[np.flatnonzero(weight > 0.0)[-1:]].sum())
+        # Without a fixed amplitude, the latest step gives it: such a change is clear in one step.
+        latest = float(value[np.flatnonzero(weight > 0.0)[-1:]].sum())
         found = hypothesis.amplitude if np.isfinite(hypothesis.amplitude) else latest or 1.0
         grid = found * np.geomspace(0.5, 2.0, AMPLITUDE_STEPS)
         usable = weight > 0.0
