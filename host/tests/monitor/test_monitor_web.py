@@ -8,8 +8,8 @@ import pytest
 from host.tests.chromium import Page
 from taxel.hand import load_hand
 from taxel.monitor.colours import TABLE, colour_steps
-from taxel.monitor.page import format_status_html, format_table_html
-from taxel.monitor.scene import build_scene
+from taxel.monitor.web.page import format_status_html, format_table_html
+from taxel.monitor.web.scene import build_scene
 
 TIMEOUT_S = 200.0
 COLOUR_TOLERANCE = 14
@@ -53,7 +53,7 @@ def browser(fake_skin):
     web = pytest.importorskip("taxel.monitor.web", reason="no viser: pip install 'taxel[web]'")
     skin = fake_skin()
     skin.pass_time(1.0)
-    with web.WebView(skin.monitor, "fake", 0) as view, Page(view.url, 900, 600) as page:
+    with web.WebView(skin.monitor, "fake", 0, has_control=True) as view, Page(view.url, 900, 600) as page:
         yield BrowserView(skin, view, page)
 
 
@@ -90,6 +90,8 @@ def test_page_gets_no_public_address(fake_skin):
 
 
 def test_time_series_are_those_of_the_selection(fake_skin):
+    from taxel.monitor.web.view import BOARDS, MOST_ACTIVE
+
     web = pytest.importorskip("taxel.monitor.web", reason="no viser: pip install 'taxel[web]'")
     pytest.importorskip("viser")
     skin = fake_skin()
@@ -100,11 +102,11 @@ def test_time_series_are_those_of_the_selection(fake_skin):
             skin.raw[thumb.start + 7] -= signal
             skin.pass_time(0.1)
             view.draw(skin.read())
-        view._choice.value = web.MOST_ACTIVE
+        view._choice.value = MOST_ACTIVE
         names, values = view._select_series()
         assert "fingertip thumb TX 3 RX 3" in names
         assert values[:, names.index("fingertip thumb TX 3 RX 3")].tolist() == [0.0, 300.0, 900.0]
-        view._choice.value = web.BOARDS
+        view._choice.value = BOARDS
         names, values = view._select_series()
         assert names[0] == "fingertip thumb"
         assert values.shape == (3, 5)
