@@ -120,6 +120,13 @@ soak: $(STAMP)  ## HOURS (24) of virtual time with random faults: each missing f
 fuzz-states: $(STAMP)  ## RUNS (20000) of 50 commands, faults and time steps in random order
 	@$(BIN)/python -m hil_tests.states --runs $(RUNS) --jobs $(JOBS)
 
+.PHONY: attack-web load-web
+attack-web: $(STAMP)  ## 10,000 hostile requests and messages to the page of `taxel monitor --web`: none may be accepted
+	@$(BIN)/python tools/attack/attack_web.py --out out/attack_web.json
+
+load-web: $(STAMP)  ## 60 pages, slow readers and invalid frames for two minutes: constant memory of `taxel monitor --web`
+	@$(BIN)/python tools/attack/load_web.py --seconds 120 --out out/load_web.json
+
 mutants: $(STAMP)  ## plant the bugs of tools/mutants/bugs.toml one at a time in a copy: the suite must detect each of them
 	@$(BIN)/python tools/mutants/plant.py --jobs $(JOBS)
 

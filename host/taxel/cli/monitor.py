@@ -119,7 +119,11 @@ def _in_browser(
 
     with WebView(model, title, port, has_control) as view:
         print(f"the skin is at {view.url} (press Ctrl-C to quit)", flush=True)
-        reading = watch(skin, model, view, seconds)
-        print(format_line(reading), flush=True)
-        while reading.is_ended and seconds is None:  # the last view of a recording stays visible
-            time.sleep(0.2)
+        try:
+            reading = watch(skin, model, view, seconds)
+            print(format_line(reading), flush=True)
+            while reading.is_ended and seconds is None:  # the last view of a recording stays visible
+                time.sleep(0.2)
+        finally:
+            if view.refusals.total:
+                print(f"page: {view.refusals.summary}", flush=True)

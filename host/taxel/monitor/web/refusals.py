@@ -6,6 +6,9 @@ from collections.abc import Callable
 
 from taxel.monitor.web.gate import Refusal
 
+MESSAGE_REFUSALS = frozenset({Refusal.MALFORMED, Refusal.UNKNOWN_CONTROL, Refusal.UNKNOWN_VALUE})
+"""Refusals of messages; the others are refusals of requests."""
+
 
 class Refusals:
     """Counter of refusals. The texts contain nothing of a request, which could control the terminal."""
@@ -29,6 +32,14 @@ class Refusals:
         """Numbers of refusals by kind; kinds without a refusal are missing."""
         with self._lock:
             return dict(self._counts)
+
+    @property
+    def summary(self) -> str:
+        """One line with the numbers of refused requests and of ignored messages."""
+        counts = self.counts
+        messages = sum(count for refusal, count in counts.items() if refusal in MESSAGE_REFUSALS)
+        requests = sum(counts.values()) - messages
+        return f"{requests} request{'s' * (requests != 1)} refused, {messages} message{'s' * (messages != 1)} ignored"
 
     @property
     def total(self) -> int:

@@ -1,4 +1,4 @@
-"""viser's server behind the gate of the monitor: every request and every message is checked before viser receives it."""
+"""viser's server behind the gate of the monitor: viser receives only requests and messages that were checked."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ import io
 import logging
 import socket
 import threading
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
 
 from taxel.errors import TaxelError
@@ -78,21 +77,24 @@ def start_server(
 
 
 @contextlib.contextmanager
-def _replaced_serve(module: ModuleType, admission: Any, listener: socket.socket) -> Any:
+def _replaced_serve(module: Any, admission: Any, listener: socket.socket) -> Iterator[None]:
     """Let `module` of viser start its server through `admission` on the socket `listener`, within the block."""
-    original = module.websockets
+    original: Any = getattr(module, "websockets", None)
 
     def serve(handler: Callable[[Any], Awaitable[None]], host: str, port: int, **options: Any) -> Any:
         """Start the server of the library websockets with the checks; replaces its function `serve`."""
-        subprotocol = {name: options[name] for name in ("subprotocols", "select_subprotocol")}
+        subprotocol = {name: options[name] for name in ("subprotocols", "select_subprotocol") if name in options}
         return original.asyncio.server.serve(handler, sock=listener, **subprotocol, **admission.get_options())
 
-    module.websockets = _Override(original, asyncio=_Override(original.asyncio, server=_Override(
-        original.asyncio.server, serve=serve)))  # type: ignore[attr-defined] # fmt: skip
+    if original is None:  # another version of viser, which `start_server` refuses
+        yield
+        return
+    server = _Override(original.asyncio.server, serve=serve)
+    module.websockets = _Override(original, asyncio=_Override(original.asyncio, server=server))
     try:
         yield
     finally:
-        module.websockets = original  # type: ignore[attr-defined]
+        module.websockets = original
 
 
 class _Override:
@@ -110,4 +112,3 @@ class _Override:
 
 def _disable_sharing(verbose: bool = True) -> None:
     """Do nothing: replaces viser's function that would share the page on the internet."""
-
