@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from taxel.link.base import Chunk, Link, SteppedLink, get_clock
 from taxel.link.capture import CaptureLink, CaptureWriter
-from taxel.link.errors import CaptureError, LinkError, PortMissingError, PortVanishedError
+from taxel.link.errors import CaptureError, LinkError, PortBusyError, PortMissingError, PortVanishedError
 from taxel.link.i2c_port import open_i2c
 from taxel.link.serial_port import SerialLink
 from taxel.link.stimulus import write_scene, write_stimulus
@@ -22,6 +22,7 @@ __all__ = [
     "EmulatorLink",
     "Link",
     "LinkError",
+    "PortBusyError",
     "PortMissingError",
     "PortVanishedError",
     "SerialLink",
