@@ -1,7 +1,8 @@
 """`taxel record`."""
 
+import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 from rich.console import Console
@@ -11,6 +12,12 @@ from taxel.cli.options import HandCan, HandOption, JointAngles, JointTopic, Over
 from taxel.cli.progress import spinner
 from taxel.cli.stream_summary import StreamSummary
 from taxel.skin.recorder import open_recorded
+from taxel.skin.recording_skin import RecordingSkin
+
+LATEST_S: Final = 2.0
+"""Time after the requested duration at which a recording without frames ends, seconds: more than the start of all
+boards (1 s) and the delay of a frame.
+"""
 
 
 def record(
@@ -38,13 +45,20 @@ def record(
     ):
         summary = StreamSummary(skin)
         try:
-            with spinner(f"recording {url}") as show:
-                for frame in skin:
-                    summary.add(frame.address, frame.time_s)
-                    show(f"recording {url}: {summary.frames.total()} frames, {summary.seconds:.1f} s")
-                    if seconds is not None and summary.seconds >= seconds:
-                        break
+            _record_frames(skin, summary, url, seconds)
         except KeyboardInterrupt:
             pass  # Ctrl-C is the usual end of a recording
         finally:
+            skin.end_recording()
             summary.print(Console(markup=False))
+
+
+def _record_frames(skin: RecordingSkin, summary: StreamSummary, url: str, seconds: float | None) -> None:
+    """Record the frames of a skin for `seconds` from its first frame; None: until the end of the stream."""
+    skin.end_s = None if seconds is None else time.monotonic() + seconds + LATEST_S
+    with spinner(f"recording {url}") as show:
+        for frame in skin:
+            summary.add(frame.address, frame.time_s)
+            show(f"recording {url}: {summary.frames.total()} frames, {summary.seconds:.1f} s")
+            if seconds is not None and summary.seconds >= seconds:
+                return

@@ -28,6 +28,7 @@ def open_i2c(device: str) -> smbus2.SMBus:
             f"cannot be opened ({error.strerror}); check that the adapter is connected, that its driver is loaded "
             "(modprobe i2c-dev), and that your user is in the group i2c",
         ) from None
+    assert bus.fd is not None
     try:
         lock_device(bus.fd, device)
     except PortMissingError:

@@ -23,6 +23,14 @@ class ByteWriter(Protocol):
         """Write buffered data to disk if this is due; called after a read without data."""
         ...
 
+    def confirm(self, position: int) -> None:
+        """State that the bytes before `position` of the stream stay in the recording."""
+        ...
+
+    def cut(self, position: int) -> None:
+        """Remove the bytes from `position` of the stream on; called after the last `write`."""
+        ...
+
     def close(self) -> None:
         """Complete the recording; called once, after the last bytes."""
         ...
@@ -55,6 +63,14 @@ class RecordingLink:
     def write(self, data: bytes) -> None:
         """Send bytes to the hub. Sent bytes are not recorded."""
         self._link.write(data)
+
+    def confirm(self, position: int) -> None:
+        """State that the reader has received the frames in the first `position` bytes."""
+        self._writer.confirm(position)
+
+    def cut(self, position: int) -> None:
+        """Remove all bytes after the first `position` bytes from the recording. The link must not be read meanwhile."""
+        self._writer.cut(position)
 
     def close(self) -> None:
         """Close the recorded link, then the recording."""

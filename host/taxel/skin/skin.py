@@ -50,6 +50,8 @@ class Skin:
     delivered first. After a restart of the hub, the handshake and START are repeated.
     """
 
+    _is_recording = False
+
     def __init__(self, link: Link, hand: Hand, rate_hz: float | None = None, frames: FrameFormat = "plain") -> None:
         """Start the stream of taxel frames of a hub, unless the link is a recording.
 
@@ -61,6 +63,8 @@ class Skin:
         self._rate_hz = rate_hz
         self._compact = frames == "compact"
         self._stream = self.hub.stream
+        if self._is_recording:
+            self._stream.keep_undelivered()
         self._slices = {board.address: hand.get_slice(board.address) for board in hand.boards}
         self._sorter = CycleSorter(len(hand.boards))
         self._sizes = {board.address: board.kind.taxel_count for board in hand.boards}

@@ -1,0 +1,52 @@
+"""A skin whose recording contains exactly what its reader has received."""
+
+import time
+
+from taxel.hand import Hand
+from taxel.skin.recording_link import RecordingLink
+from taxel.skin.skin import Skin
+
+
+class RecordingSkin(Skin):
+    """A skin on a link that records the bytes. The recording ends after the last frame that the reader has received.
+
+    The link is read ahead of the reader: by milliseconds from a port, by seconds from an emulator at full speed.
+    `end_s`: time of `time.monotonic` at which the iteration over a real-time source ends although no frame arrives;
+    None: never.
+    """
+
+    _is_recording = True
+
+    def __init__(self, link: RecordingLink, hand: Hand) -> None:
+        """Open the skin of a hand on a link that records its bytes."""
+        self._recording = link
+        self.end_s: float | None = None
+        super().__init__(link, hand)
+
+    def _read_link(self, timeout_s: float = 0.1) -> None:
+        """Read the link after the reader has received all frames, which confirms the bytes before."""
+        if self.end_s is not None and self.link.is_real_time and time.monotonic() >= self.end_s:
+            raise EOFError
+        self._recording.confirm(self._stream.link_position)
+        self._write_delivered()
+        super()._read_link(timeout_s)
+
+    def _write_delivered(self) -> None:
+        """Write what the recording contains beside the bytes; called after the bytes of delivered frames."""
+
+    def end_recording(self) -> None:
+        """End reading and recording after the last frame that the reader has received.
+
+        Losses and byte counts of the skin then describe the recording. Raises `CaptureError` if the file cannot be
+        written.
+        """
+        self._stream.release()
+        self._recording.cut(self._stream.cut())
+        self._write_delivered()
+
+    def close(self) -> None:
+        """End the recording, stop the stream of the hub and close the link."""
+        try:
+            self.end_recording()
+        finally:
+            super().close()
