@@ -14,7 +14,7 @@ from taxel.ros.topics import JointSource
 from taxel.skin.capture_bytes import CaptureBytes
 from taxel.skin.joint_recording import JointRecordingSkin, get_joint_path
 from taxel.skin.mcap_skin import McapSkin
-from taxel.skin.opening import open_source
+from taxel.skin.opening import open_source, open_waiting_source
 from taxel.skin.recording_link import RecordingLink, make_recording_header
 from taxel.skin.recording_skin import RecordingSkin
 
@@ -27,18 +27,20 @@ def open_recorded(
     hand: Hand | str | None = None,
     overwrite: bool = False,
     joint_position: npt.ArrayLike | JointSource | None = None,
+    waits: bool = False,
 ) -> RecordingSkin:
     """Open the skin at a URL, as `taxel.open`, and write everything that arrives to a file.
 
     path: a name that ends in .mcap makes an MCAP file with the hub's bytes and the skin's topics (needs the extra
     `ros`); any other name makes a capture with the bytes alone. joint_position: joint angles of the hand's robot,
     radians [j], or a function that returns them, for the TF tree and the contact cloud of an MCAP file; None: all 0. A
-    `JointHistory` is recorded for every poll cycle, beside a capture in the file PATH.joints.csv.
+    `JointHistory` is recorded for every poll cycle, beside a capture in the file PATH.joints.csv. waits: if the port
+    vanishes, the recording waits for the port and continues in the same file (`Skin.reconnection` lists the gaps).
     Raises `CaptureError`, before anything is opened, if the file exists and `overwrite` is False.
     """
     if os.path.exists(path) and not overwrite:
         raise CaptureError(os.fspath(path), EXISTS)
-    link, description = open_source(url, hand)
+    link, description = (open_waiting_source if waits else open_source)(url, hand)
     try:
         header = make_recording_header(url, link, description, hand)
     except BaseException:

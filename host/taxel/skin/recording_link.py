@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from taxel.hand import Hand
 from taxel.hand.loading import read_hand_text
-from taxel.link import Chunk, Link
+from taxel.link import Chunk, Link, Reconnection
 from taxel.stream.frame_stream import has_arrivals
 from taxel.version import VERSION
 
@@ -50,6 +50,7 @@ class RecordingLink:
         self.has_flow_control = link.has_flow_control
         self.has_arrivals = has_arrivals(link)
         self.header: dict[str, Any] = getattr(link, "header", {})
+        self.reconnection: Reconnection | None = getattr(link, "reconnection", None)
 
     def read(self, timeout_s: float) -> Chunk | None:
         """Return the next chunk of bytes of the link after recording it; None after `timeout_s` seconds."""

@@ -1,6 +1,7 @@
 """A skin whose recording contains exactly what its reader has received."""
 
 import time
+from collections.abc import Callable
 
 from taxel.hand import Hand
 from taxel.skin.recording_link import RecordingLink
@@ -21,12 +22,15 @@ class RecordingSkin(Skin):
         """Open the skin of a hand on a link that records its bytes."""
         self._recording = link
         self.end_s: float | None = None
+        self.on_wait: Callable[[], None] = _do_nothing
+        """Called before each wait for bytes, at least ten times in a second."""
         super().__init__(link, hand)
 
     def _read_link(self, timeout_s: float = 0.1) -> None:
         """Read the link after the reader has received all frames, which confirms the bytes before."""
         if self.end_s is not None and self.link.is_real_time and time.monotonic() >= self.end_s:
             raise EOFError
+        self.on_wait()
         self._recording.confirm(self._stream.link_position)
         self._write_delivered()
         super()._read_link(timeout_s)
@@ -50,3 +54,7 @@ class RecordingSkin(Skin):
             self.end_recording()
         finally:
             super().close()
+
+
+def _do_nothing() -> None:
+    """Do nothing: the reader needs no call."""

@@ -48,6 +48,14 @@ class BrowserView:
         self.page.evaluate(script)
 
 
+def wait_for(condition):
+    """Wait until the page fulfils a condition without a further drawing."""
+    deadline = time.monotonic() + TIMEOUT_S
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.2)
+
+
 @pytest.fixture
 def browser(fake_skin):
     web = pytest.importorskip("taxel.monitor.web", reason="no viser: pip install 'taxel[web]'")
@@ -78,6 +86,12 @@ def test_browser_shows_the_hand_in_its_colours(browser):
     browser.draw_until(lambda: is_shown(-1, 300))  # the palm is hidden, the back of the hand is visible
     browser.click("Take the baseline again")
     browser.draw_until_text("\u00b7 0 active")
+    skin.now_s += 10.0
+    browser.view._drawings = 2  # the next drawing updates the panel
+    browser.view.draw(skin.read())
+    wait_for(lambda: "no data since" in browser.page.text())
+    browser.draw_until(lambda: "no data since" not in browser.page.text())
+    wait_for(lambda: "the program does not respond" in browser.page.text())  # nothing is drawn
     assert browser.page.problems == []
 
 
