@@ -148,6 +148,10 @@ terms:  ## words that the glossary replaces, in all tracked files
 lock: $(STAMP)  ## write constraints.txt: the versions of a new environment
 	@$(BIN)/python tools/release/lock.py
 
+.PHONY: audit
+audit: $(STAMP)  ## published vulnerabilities of the versions in constraints.txt (needs `pip install pip-audit` and a connection)
+	@$(BIN)/python tools/release/audit.py
+
 wheels: $(STAMP)  ## sdist and manylinux_2_17 wheels for x86-64 and aarch64 in dist/
 	@$(BIN)/python tools/release/build_wheels.py
 

@@ -38,8 +38,11 @@ class CaptureBytes:
     def tick(self) -> None:
         """Do nothing: each record is written at once."""
 
-    def confirm(self, position: int) -> None:
-        """State that the bytes before `position` of the stream stay in the capture."""
+    def confirm(self, position: int, splits: bool = False) -> None:
+        """State that the bytes before `position` of the stream stay in the capture, where they are already.
+
+        splits: not used.
+        """
         while len(self._unconfirmed) > 1 and self._unconfirmed[1].start <= position:
             self._unconfirmed.popleft()
 

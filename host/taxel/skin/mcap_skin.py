@@ -42,17 +42,22 @@ class McapBytes:
         """Take bytes of the hub, written when confirmed; time_ns: their arrival, nanoseconds of the link's clock."""
         self._unconfirmed.append(Chunk(data, time_ns))
 
-    def confirm(self, position: int) -> None:
-        """Append the chunks that end within the first `position` bytes of the stream to the MCAP file."""
+    def confirm(self, position: int, splits: bool = False) -> None:
+        """Append the chunks that end within the first `position` bytes of the stream to the MCAP file.
+
+        splits: append also the first part of the chunk that contains `position`.
+        """
         while self._unconfirmed and self._written + len(self._unconfirmed[0].data) <= position:
             self._append(self._unconfirmed.popleft())
+        if splits and self._unconfirmed and position > self._written:
+            data, time_ns = self._unconfirmed[0]
+            size = position - self._written
+            self._unconfirmed[0] = Chunk(data[size:], time_ns)
+            self._append(Chunk(data[:size], time_ns))
 
     def cut(self, position: int) -> None:
         """Append the bytes up to `position` of the stream to the MCAP file, and discard the rest."""
-        self.confirm(position)
-        if self._unconfirmed and position > self._written:
-            data, time_ns = self._unconfirmed[0]
-            self._append(Chunk(data[: position - self._written], time_ns))
+        self.confirm(position, splits=True)
         self._unconfirmed.clear()
 
     def _append(self, chunk: Chunk) -> None:

@@ -23,8 +23,11 @@ class ByteWriter(Protocol):
         """Write buffered data to disk if this is due; called after a read without data."""
         ...
 
-    def confirm(self, position: int) -> None:
-        """State that the bytes before `position` of the stream stay in the recording."""
+    def confirm(self, position: int, splits: bool = False) -> None:
+        """State that the bytes before `position` of the stream stay in the recording.
+
+        splits: write them now, even if that divides a chunk of received bytes into two.
+        """
         ...
 
     def cut(self, position: int) -> None:
@@ -65,9 +68,9 @@ class RecordingLink:
         """Send bytes to the hub. Sent bytes are not recorded."""
         self._link.write(data)
 
-    def confirm(self, position: int) -> None:
-        """State that the reader has received the frames in the first `position` bytes."""
-        self._writer.confirm(position)
+    def confirm(self, position: int, splits: bool = False) -> None:
+        """State that the reader has received the frames in the first `position` bytes; splits: as in `ByteWriter`."""
+        self._writer.confirm(position, splits)
 
     def cut(self, position: int) -> None:
         """Remove all bytes after the first `position` bytes from the recording. The link must not be read meanwhile."""

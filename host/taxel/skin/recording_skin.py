@@ -2,10 +2,17 @@
 
 import time
 from collections.abc import Callable
+from typing import Final
 
 from taxel.hand import Hand
 from taxel.skin.recording_link import RecordingLink
 from taxel.skin.skin import Skin
+from taxel.stream import TaxelFrame
+
+WRITE_PERIOD_S: Final = 0.1
+"""Longest time between two writes of delivered frames, seconds. A killed program loses at least the frames since the
+last write, and a shorter time divides the received bytes into smaller parts.
+"""
 
 
 class RecordingSkin(Skin):
@@ -21,6 +28,7 @@ class RecordingSkin(Skin):
     def __init__(self, link: RecordingLink, hand: Hand) -> None:
         """Open the skin of a hand on a link that records its bytes."""
         self._recording = link
+        self._written_s = time.monotonic()
         self.end_s: float | None = None
         self.on_wait: Callable[[], None] = _do_nothing
         """Called before each wait for bytes, at least ten times in a second."""
@@ -33,7 +41,18 @@ class RecordingSkin(Skin):
         self.on_wait()
         self._recording.confirm(self._stream.link_position)
         self._write_delivered()
+        self._written_s = time.monotonic()
         super()._read_link(timeout_s)
+
+    def _check_frame(self, frame: TaxelFrame) -> TaxelFrame:
+        """Check a taxel frame; write what was delivered before if that is due, also within many waiting frames."""
+        frame = super()._check_frame(frame)
+        now_s = time.monotonic()
+        if now_s - self._written_s > WRITE_PERIOD_S and not self.link.is_recorded:
+            self._recording.confirm(self._stream.delivered_position, splits=True)
+            self._write_delivered()
+            self._written_s = now_s
+        return frame
 
     def _write_delivered(self) -> None:
         """Write what the recording contains beside the bytes; called after the bytes of delivered frames."""

@@ -167,6 +167,12 @@ class FrameStream:
         """Number of bytes of the link up to the last decoded byte, with those that the ring buffer has lost."""
         return self._ring.taken if self._ring is not None else self.bytes_received
 
+    @property
+    def delivered_position(self) -> int:
+        """Number of bytes of the link up to the last frame that was taken from `frames`; needs `keep_undelivered`."""
+        assert self._undelivered is not None
+        return self.link_position - (self.bytes_received - self._undelivered.find_end(len(self.frames)))
+
     def cut(self) -> int:
         """End the stream after the last frame that was taken from `frames`; return its end on the link, bytes.
 
@@ -176,7 +182,7 @@ class FrameStream:
         assert self._undelivered is not None
         is_complete = self._end is not None and not self.frames
         end = self.bytes_received if is_complete else self._undelivered.find_end(len(self.frames))
-        link_end = self.link_position - (self.bytes_received - end)
+        link_end = self.link_position if is_complete else self.delivered_position
         if not is_complete:
             self._undelivered.rewind(self._decoder, end)
             self.bytes_received = end
