@@ -163,8 +163,8 @@ static bool is_start_of_hub(const struct taxel_frame *frame)
            frame->payload[TAXEL_HUB_HANDSHAKE_OFFSET_TAG] == 0;
 }
 
-/* Whether the uptime in a frame is less than in an earlier frame. It reveals a restart whose first frame was lost, for
- * example because the port was closed. Stores the uptime. */
+/* Whether the uptime in a HUB_HANDSHAKE is less than in the frame before it that contains the uptime. It reveals a
+ * restart whose first frame was lost, for example because the port was closed. Stores the uptime. */
 static bool uptime_decreases(struct taxel_batch *batch, const struct taxel_frame *frame)
 {
     size_t offset = TAXEL_HUB_HANDSHAKE_OFFSET_UPTIME_US;
@@ -177,7 +177,7 @@ static bool uptime_decreases(struct taxel_batch *batch, const struct taxel_frame
     for (size_t i = 0; i < sizeof uptime_us; i++) {
         uptime_us |= (uint64_t)frame->payload[offset + i] << (8u * i);
     }
-    const bool decreases = uptime_us < batch->uptime_us;
+    const bool decreases = frame->type == TAXEL_FRAME_TYPE_HUB_HANDSHAKE && uptime_us < batch->uptime_us;
     batch->uptime_us = uptime_us;
     return decreases;
 }
