@@ -120,6 +120,13 @@ soak: $(STAMP)  ## HOURS (24) of virtual time with random faults: each missing f
 fuzz-states: $(STAMP)  ## RUNS (20000) of 50 commands, faults and time steps in random order
 	@$(BIN)/python -m hil_tests.states --runs $(RUNS) --jobs $(JOBS)
 
+.PHONY: attack-web load-web
+attack-web: $(STAMP)  ## 10,000 hostile requests and messages to the page of `taxel monitor --web`: none may be accepted
+	@$(BIN)/python tools/attack/attack_web.py --out out/attack_web.json
+
+load-web: $(STAMP)  ## 60 pages, slow readers and invalid frames for two minutes: constant memory of `taxel monitor --web`
+	@$(BIN)/python tools/attack/load_web.py --seconds 120 --out out/load_web.json
+
 mutants: $(STAMP)  ## plant the bugs of tools/mutants/bugs.toml one at a time in a copy: the suite must detect each of them
 	@$(BIN)/python tools/mutants/plant.py --jobs $(JOBS)
 
@@ -140,6 +147,10 @@ terms:  ## words that the glossary replaces, in all tracked files
 
 lock: $(STAMP)  ## write constraints.txt: the versions of a new environment
 	@$(BIN)/python tools/release/lock.py
+
+.PHONY: audit
+audit: $(STAMP)  ## published vulnerabilities of the versions in constraints.txt (needs `pip install pip-audit` and a connection)
+	@$(BIN)/python tools/release/audit.py
 
 wheels: $(STAMP)  ## sdist and manylinux_2_17 wheels for x86-64 and aarch64 in dist/
 	@$(BIN)/python tools/release/build_wheels.py

@@ -167,14 +167,33 @@ static void count_board(struct oracle *oracle, struct oracle_frame *frame, struc
     history[address] = (struct board_history){true, cycle, scan};
 }
 
-/* Fills in the expected number of lost frames from the frame sequence; a handshake with sequence 0 and tag 0 is a
- * restart of the hub. */
+/* Uptime of the hub at `payload`, microseconds. */
+static uint64_t read_uptime(const uint8_t *payload)
+{
+    uint64_t uptime_us = 0;
+    for (int i = 7; i >= 0; i--) {
+        uptime_us = uptime_us << 8 | payload[i];
+    }
+    return uptime_us;
+}
+
+/* Fills in the expected number of lost frames from the frame sequence; a handshake with sequence 0 and tag 0, or with
+ * an uptime less than before, is a restart of the hub. */
 static void count_losses(struct oracle *oracle)
 {
     struct board_history history[TAXEL_BATCH_ADDRESSES] = {{0}};
+    uint64_t last_uptime_us = 0;
     for (size_t i = 0; i < oracle->frame_count; i++) {
         struct oracle_frame *frame = &oracle->frames[i];
-        if (frame->type == 0x01 && frame->sequence == 0 && oracle->payloads[frame->offset] == 0) {
+        const uint8_t *payload = oracle->payloads + frame->offset;
+        bool restarts = frame->type == 0x01 && frame->sequence == 0 && payload[0] == 0;
+        if (frame->type == 0x01) {
+            restarts = restarts || read_uptime(payload + 16) < last_uptime_us;
+            last_uptime_us = read_uptime(payload + 16);
+        } else if (frame->type == 0x08) {
+            last_uptime_us = read_uptime(payload);
+        }
+        if (restarts) {
             memset(history, 0, sizeof history);
             frame->flags |= i ? TAXEL_BATCH_HUB_RESTARTED : 0;
             oracle->totals.restarts += i > 0;

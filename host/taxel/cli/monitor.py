@@ -27,6 +27,9 @@ def monitor(
     url: Url,
     web: Annotated[bool, typer.Option("--web", help="Show the hand in 3-D in a browser (extra web).")] = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page on 127.0.0.1. 0: a free port.")] = 8080,
+    control: Annotated[
+        bool, typer.Option("--control", help="The page may take the baseline again. Default: it only shows.")
+    ] = False,
     hand: HandOption = None,
     rate_hz: Annotated[float | None, typer.Option(help="Scans per second. Default: the rate of the bus.")] = None,
     speed: Annotated[float, typer.Option(help="Speed of a recording, times real time.")] = 1.0,
@@ -56,7 +59,7 @@ def monitor(
         title = f"{url} · hand {skin.hand.name}"
         try:
             if web:
-                _in_browser(skin, model, title, port, seconds)
+                _in_browser(skin, model, title, port, control, seconds)
             elif once:
                 _print_once(skin, model, console, title, as_json, seconds)
             elif as_json or not console.is_terminal:
@@ -104,16 +107,23 @@ def _print_once(
         raise NoFrameError(f"{skin.link.name}: no frame arrived; {reading.advice}")
 
 
-def _in_browser(skin: Skin, model: SkinMonitor, title: str, port: int, seconds: float | None) -> None:
+def _in_browser(
+    skin: Skin, model: SkinMonitor, title: str, port: int, has_control: bool, seconds: float | None
+) -> None:
     """Serve a page that shows the live skin in a browser, until the end of the data or Ctrl-C.
 
-    port: of the page on 127.0.0.1. seconds: time limit; None: no limit.
+    port: of the page on 127.0.0.1. has_control: the page can take the baseline again. seconds: time limit; None: no
+    limit.
     """
     from taxel.monitor.web import WebView
 
-    with WebView(model, title, port) as view:
-        print(f"the skin is at {view.url}; press Ctrl-C to quit", flush=True)
-        reading = watch(skin, model, view, seconds)
-        print(format_line(reading), flush=True)
-        while reading.is_ended and seconds is None:  # the last view of a recording stays visible
-            time.sleep(0.2)
+    with WebView(model, title, port, has_control) as view:
+        print(f"the skin is at {view.url} (press Ctrl-C to quit)", flush=True)
+        try:
+            reading = watch(skin, model, view, seconds)
+            print(format_line(reading), flush=True)
+            while reading.is_ended and seconds is None:  # the last view of a recording stays visible
+                time.sleep(0.2)
+        finally:
+            if view.refusals.total:
+                print(f"page: {view.refusals.summary}", flush=True)

@@ -75,6 +75,16 @@ class CaptureWriter:
                 str(self.path), f"cannot be written ({error.strerror}); the records before are complete"
             ) from error
 
+    @property
+    def size(self) -> int:
+        """Size of the capture file so far, bytes."""
+        return self._file.tell()
+
+    def truncate(self, size: int) -> None:
+        """Remove the records after the first `size` bytes of the file, a value that `size` had before."""
+        self._file.truncate(size)
+        self._file.seek(size)
+
     def tick(self) -> None:
         """Do nothing: each record is written at once."""
 

@@ -5,7 +5,7 @@ from typing import cast, get_args
 
 from taxel.hand import Hand, list_packaged_hands, load_hand
 from taxel.hand.loading import parse_hand_description
-from taxel.link import Link, LinkError, open_link
+from taxel.link import Link, LinkError, ReopeningLink, open_link
 from taxel.original_hub import is_original_url, open_original
 from taxel.skin.skin import FrameFormat, Skin
 
@@ -49,6 +49,17 @@ def open_source(url: str, hand: Hand | str | os.PathLike[str] | None = None) -> 
     except BaseException:
         link.close()
         raise
+
+
+def open_waiting_source(url: str, hand: Hand | str | os.PathLike[str] | None = None) -> tuple[Link, Hand]:
+    """Open the link of a URL as `open_source`; a port that vanishes later is waited for, and opened again.
+
+    Recordings and emulated skins in this process end as with `open_source`: they do not come back.
+    """
+    link, description = open_source(url, hand)
+    if link.is_recorded or not link.is_real_time or url.startswith("emulator:"):
+        return link, description
+    return ReopeningLink(link, lambda: open_source(url, hand)[0]), description
 
 
 def load_recorded_hand(link: Link) -> Hand:

@@ -11,11 +11,12 @@ from taxel.hand.joint_history import JointHistory
 from taxel.link import CaptureError, CaptureWriter, Link
 from taxel.link.capture import EXISTS
 from taxel.ros.topics import JointSource
+from taxel.skin.capture_bytes import CaptureBytes
 from taxel.skin.joint_recording import JointRecordingSkin, get_joint_path
 from taxel.skin.mcap_skin import McapSkin
-from taxel.skin.opening import open_source
+from taxel.skin.opening import open_source, open_waiting_source
 from taxel.skin.recording_link import RecordingLink, make_recording_header
-from taxel.skin.skin import Skin
+from taxel.skin.recording_skin import RecordingSkin
 
 MCAP_SUFFIX = ".mcap"
 
@@ -26,18 +27,20 @@ def open_recorded(
     hand: Hand | str | None = None,
     overwrite: bool = False,
     joint_position: npt.ArrayLike | JointSource | None = None,
-) -> Skin:
+    waits: bool = False,
+) -> RecordingSkin:
     """Open the skin at a URL, as `taxel.open`, and write everything that arrives to a file.
 
     path: a name that ends in .mcap makes an MCAP file with the hub's bytes and the skin's topics (needs the extra
     `ros`); any other name makes a capture with the bytes alone. joint_position: joint angles of the hand's robot,
     radians [j], or a function that returns them, for the TF tree and the contact cloud of an MCAP file; None: all 0. A
-    `JointHistory` is recorded for every poll cycle, beside a capture in the file PATH.joints.csv.
+    `JointHistory` is recorded for every poll cycle, beside a capture in the file PATH.joints.csv. waits: if the port
+    vanishes, the recording waits for the port and continues in the same file (`Skin.reconnection` lists the gaps).
     Raises `CaptureError`, before anything is opened, if the file exists and `overwrite` is False.
     """
     if os.path.exists(path) and not overwrite:
         raise CaptureError(os.fspath(path), EXISTS)
-    link, description = open_source(url, hand)
+    link, description = (open_waiting_source if waits else open_source)(url, hand)
     try:
         header = make_recording_header(url, link, description, hand)
     except BaseException:
@@ -53,7 +56,7 @@ def record_link(
     path: str | os.PathLike[str],
     overwrite: bool = False,
     joint_position: npt.ArrayLike | JointSource | None = None,
-) -> Skin:
+) -> RecordingSkin:
     """Open a skin on an open link and record it as `open_recorded` does. If that fails, the link is closed."""
     if joint_position is None:
         joint_position = header.get("joint_position")
@@ -64,14 +67,14 @@ def record_link(
     if os.fspath(path).endswith(MCAP_SUFFIX):
         return _record_mcap(link, hand, header, path, overwrite, joint_position)
     try:
-        writer = CaptureWriter(path, header, overwrite)
+        writer = CaptureBytes(CaptureWriter(path, header, overwrite))
     except BaseException:
         link.close()
         raise
     try:
         if isinstance(joint_position, JointHistory):
             return JointRecordingSkin(RecordingLink(link, writer), hand, joint_position, get_joint_path(path))
-        return Skin(RecordingLink(link, writer), hand)
+        return RecordingSkin(RecordingLink(link, writer), hand)
     except BaseException:
         if writer.records == 0:
             os.unlink(path)  # a capture without any bytes is of no use
@@ -93,7 +96,7 @@ def _record_mcap(
     path: str | os.PathLike[str],
     overwrite: bool,
     joint_position: npt.ArrayLike | JointSource | None,
-) -> Skin:
+) -> RecordingSkin:
     """Open a skin that is recorded to an MCAP file. After an error the link is closed and an empty file is deleted.
 
     header: header of the recording. joint_position: joint angles, radians [j], or a function that returns them.

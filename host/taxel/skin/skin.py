@@ -9,10 +9,11 @@ import numpy as np
 
 from taxel.errors import TaxelError
 from taxel.hand import Hand
-from taxel.link import Link, get_clock
+from taxel.link import Link, Reconnection, get_clock
 from taxel.signal import BASELINE_SAMPLES, Baseline, BaselineResult
 from taxel.stream import HubClient, LossAccount, TaxelFrame
 from taxel.stream.cycles import CycleSorter
+from taxel.stream.hub_client import HubError, VersionError
 from taxel.types import BoolArray, CountArray
 
 FrameFormat = Literal["plain", "compact"]
@@ -46,9 +47,12 @@ class Skin:
     """An open skin: an iterator over the frames of its boards (`TaxelFrame`), in the order of their arrival.
 
     Use the skin as a context manager. The iteration ends at the end of a recording. It raises a `TaxelError` of one
-    line if the port vanishes, or if a frame comes from a board that the hand does not have; all earlier frames are
-    delivered first. After a restart of the hub, the handshake and START are repeated.
+    line if the port vanishes (unless its link opens the port again: `taxel.link.ReopeningLink`), or if a frame comes
+    from a board that the hand does not have; all earlier frames are delivered first. After a restart of the hub, the
+    handshake and START are repeated.
     """
+
+    _is_recording = False
 
     def __init__(self, link: Link, hand: Hand, rate_hz: float | None = None, frames: FrameFormat = "plain") -> None:
         """Start the stream of taxel frames of a hub, unless the link is a recording.
@@ -61,15 +65,22 @@ class Skin:
         self._rate_hz = rate_hz
         self._compact = frames == "compact"
         self._stream = self.hub.stream
+        if self._is_recording:
+            self._stream.keep_undelivered()
         self._slices = {board.address: hand.get_slice(board.address) for board in hand.boards}
         self._sorter = CycleSorter(len(hand.boards))
         self._sizes = {board.address: board.kind.taxel_count for board in hand.boards}
+        self.reconnection: Reconnection | None = getattr(link, "reconnection", None)
+        """State of a port that is opened again after it has vanished; None: the skin ends with its port."""
+        self._openings = 1
         try:
             if not link.is_recorded:
                 self._start()
         except BaseException:
             self._stream.close()
             raise
+        if self.reconnection is not None:
+            self.reconnection.is_enabled = True
 
     def _start(self) -> None:
         """Make the handshake with the hub, check the boards, set the poll rate and start the stream of frames."""
@@ -81,10 +92,27 @@ class Skin:
         self.hub.start(self._compact)
 
     def _resume(self) -> None:
-        """Repeat handshake, poll rate and START after a restart of the hub."""
+        """Repeat handshake, poll rate and START after a restart of the hub or an interruption of the link."""
         self.hub.handshake()
         self.hub.set_rate(self._rate_hz)
-        self.hub.start(self._compact)
+        self.hub.start(self._compact, is_first=False)  # a restart of the hub resets the counting of poll cycles anyway
+
+    def _resume_if_possible(self, reconnection: Reconnection) -> None:
+        """Repeat the handshake of a port that was opened again; without a reply, the next call repeats it.
+
+        The frames that arrive meanwhile are kept. Raises `VersionError` for a hub of another protocol.
+        """
+        openings = reconnection.openings
+        if not reconnection.is_open or (self.hub.has_handshake and openings == self._openings):
+            return
+        self.hub.attempts = 1  # the caller also draws or counts, and must not wait longer than necessary
+        try:
+            self._resume()
+        except VersionError:
+            raise
+        except HubError:
+            return
+        self._openings = openings
 
     def _discover_boards(self) -> None:
         """Read the boards that the hub has found, until all boards of the hand are found or time is up."""
@@ -117,6 +145,11 @@ class Skin:
         if self._stream.link.is_recorded:
             return []
         return [board.name for board in self.hand.boards if board.address not in self.hub.boards]
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Highest rate of scans that was requested; None: the rate that the bus permits."""
+        return self._rate_hz
 
     @property
     def link(self) -> Link:
@@ -172,7 +205,9 @@ class Skin:
 
     def _read_link(self, timeout_s: float = 0.1) -> None:
         """Wait up to `timeout_s` for bytes of the hub and decode them; restart the stream if the hub has restarted."""
-        if not (self.hub.has_handshake or self._stream.link.is_recorded):
+        if self.reconnection is not None:
+            self._resume_if_possible(self.reconnection)
+        elif not (self.hub.has_handshake or self._stream.link.is_recorded):
             self._resume()
         self._stream.poll(timeout_s)
 

@@ -145,8 +145,8 @@ def convert(
     has_bytes = not isinstance(link, FramesLink)
     angles = _choose_joints(source, description, header, joint_position, grasp)
     if format_name in ("capture", "mcap"):
-        skin = record_link(link, description, header, path, overwrite, angles)
-        return _convert_frames(skin, None, [] if has_bytes else [ENCODED_NOTE], progress)
+        recorded = record_link(link, description, header, path, overwrite, angles)
+        return _convert_frames(recorded, None, [] if has_bytes else [ENCODED_NOTE], progress)
     skin = Skin(link, description)
     if isinstance(angles, JointHistory):
         header.pop("joint_position", None)
