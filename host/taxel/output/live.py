@@ -50,11 +50,11 @@ class LiveOutput:
 
     @classmethod
     def without_name(cls, part: str | os.PathLike[str]) -> Self:
-        """Open an existing empty file as an output whose name and flush are the task of the caller."""
+        """Open a file, or create it, as an output whose name and flush are the task of the caller."""
         output = cls.__new__(cls)
         output.path = output._target = Path(part)
         output._pending, output._is_restorable = None, False
-        output._open(os.open(part, os.O_RDWR | os.O_CLOEXEC))
+        output._open(os.open(part, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666))
         return output
 
     def _open(self, descriptor: int) -> None:

@@ -153,9 +153,11 @@ class PendingOutput:
         if not try_lock(self._target_lock, is_shared=True):
             fail_locked(self.path, self._target_lock)
 
-    def commit(self) -> None:
+    def commit(self, content: Path | None = None) -> None:
         """Flush the output to the disk and give it its final name. A second call has no effect.
 
+        content: another file in the folder of the target or below, which becomes the output instead of `part`, for a
+        program that must create its file itself.
         Raises OutputError if the target was created meanwhile and `overwrite` is False, OSError if the system refuses;
         the target is then unchanged and the temporary file is removed.
         """
@@ -165,48 +167,48 @@ class PendingOutput:
             if self._is_folder:
                 flush_tree(self.part)
             else:
-                flush_file(self.part)
-                self._copy_permissions()
-            self.rename()
+                flush_file(content or self.part)
+                self._copy_permissions(content or self.part)
+            self.rename(content)
             flush_folder(self.target.parent)
         except OSError as error:
             raise OSError(error.errno, error.strerror, os.fspath(self.path)) from error
         finally:
             self.discard()
 
-    def _copy_permissions(self) -> None:
-        """Give the temporary file the permissions and the owner of the file that it will replace."""
+    def _copy_permissions(self, content: Path) -> None:
+        """Give the new file the permissions and the owner of the file that it will replace."""
         if self._target_lock < 0:
             return
         old = os.fstat(self._target_lock)
         with suppress(OSError):
-            os.chmod(self.part, stat.S_IMODE(old.st_mode))
-            os.chown(self.part, old.st_uid, old.st_gid)
+            os.chmod(content, stat.S_IMODE(old.st_mode))
+            os.chown(content, old.st_uid, old.st_gid)
 
-    def rename(self) -> None:
+    def rename(self, content: Path | None = None) -> None:
         """Give the temporary file or folder its final name, without a flush. Raises OutputError or OSError."""
         if self._is_folder:
             # The replaced folder is still locked under the temporary name until `discard` has removed it.
             self._has_part = exchange(self.part, self.target)
         else:
-            self._rename_file()
-            self._has_part = False
+            self._rename_file(content or self.part)
+            self._has_part = content is not None
         self._new_folders.clear()
 
-    def _rename_file(self) -> None:
-        """Give the temporary file its final name."""
+    def _rename_file(self, content: Path) -> None:
+        """Give the new file its final name."""
         if not self._overwrite:
             try:
-                os.link(self.part, self.target, follow_symlinks=False)  # unlike a rename, fails if the name exists
+                os.link(content, self.target, follow_symlinks=False)  # unlike a rename, fails if the name exists
             except FileExistsError:
                 fail_existing(self.path)
             except OSError as error:
                 if error.errno not in _NO_LINKS:
                     raise
             else:
-                self.part.unlink()
+                content.unlink()
                 return
-        os.replace(self.part, self.target)
+        os.replace(content, self.target)
 
     def discard(self) -> None:
         """Remove the temporary file or folder and the folders created for it. A second call has no effect.
