@@ -231,7 +231,7 @@ def hold_signals() -> Iterator[None]:
         received.append(number)
 
     previous: dict[int, Callable[[int, FrameType | None], Any]] = {}
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (int(signal.SIGINT), int(signal.SIGTERM)):
         handler = signal.getsignal(number)
         if callable(handler):
             previous[number] = handler
@@ -241,5 +241,5 @@ def hold_signals() -> Iterator[None]:
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
-        for number in received:
-            previous[number](number, None)
+        for late in received:
+            previous[late](late, None)

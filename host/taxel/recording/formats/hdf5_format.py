@@ -186,11 +186,9 @@ class Hdf5Sink:
         try:
             if is_complete:
                 self._finish()
-            with convert_writing_errors(self._location):
-                self._file.close()
-            if is_complete:
-                GraspDataset(self._pending.part).close()
                 with convert_writing_errors(self._location):
+                    self._file.close()
+                    GraspDataset(self._pending.part).close()
                     self._pending.commit()
         finally:
             with suppress(OSError):  # the first failure of a write is raised above
