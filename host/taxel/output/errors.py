@@ -13,9 +13,9 @@ class OutputError(FieldError):
     """
 
 
-def fail_existing(path: str | os.PathLike[str], found: str = "an existing one") -> NoReturn:
-    """Raise OutputError because `path` exists and must not be replaced; found: what exists."""
-    fail(path, "a new file", found, "choose another name, or permit overwriting (--overwrite)")
+def fail_existing(path: str | os.PathLike[str]) -> NoReturn:
+    """Raise OutputError because `path` exists and must not be replaced."""
+    fail(path, "a new file", "an existing one", "choose another name, or permit overwriting (--overwrite)")
 
 
 def fail(path: str | os.PathLike[str], expected: str, found: str, remedy: str) -> NoReturn:

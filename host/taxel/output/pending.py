@@ -85,12 +85,13 @@ class PendingOutput:
             status = os.stat(self.path)
         except FileNotFoundError:
             return
-        if not self._overwrite:
-            fail_existing(self.path)
         if self._is_folder != stat.S_ISDIR(status.st_mode):
-            fail_existing(self.path, "a file of this name" if self._is_folder else "a folder of this name")
+            kinds = ("the name of a folder", "a file") if self._is_folder else ("the name of a file", "a folder")
+            fail(self.path, *kinds, "choose another name")
         if not self._is_folder and not stat.S_ISREG(status.st_mode):
             fail(self.path, "a regular file", "a device or pipe", "choose another name")
+        if not self._overwrite:
+            fail_existing(self.path)
 
     def _create_folders(self) -> None:
         """Create the missing folders of the target."""
@@ -189,17 +190,29 @@ class PendingOutput:
         """Give the temporary file or folder its final name, without a flush. Raises OutputError or OSError."""
         if self._is_folder:
             # The replaced folder is still locked under the temporary name until `discard` has removed it.
-            self._has_part = exchange(self.part, self.target)
+            self._has_part = self._rename_folder()
         else:
             self._rename_file(content or self.part)
             self._has_part = content is not None
         self._new_folders.clear()
 
+    def _rename_folder(self) -> bool:
+        """Give the temporary folder its final name; return whether the replaced folder now has the temporary name."""
+        if self._overwrite:
+            return exchange(self.part, self.target)
+        try:
+            os.rename(self.part, self.target)
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR):
+                raise
+            fail_existing(self.path)
+        return False
+
     def _rename_file(self, content: Path) -> None:
         """Give the new file its final name."""
         if not self._overwrite:
             try:
-                os.link(content, self.target, follow_symlinks=False)  # unlike a rename, fails if the name exists
+                os.link(content, self.target)  # unlike a rename, fails if the name exists
             except FileExistsError:
                 fail_existing(self.path)
             except OSError as error:

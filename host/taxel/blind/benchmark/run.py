@@ -91,7 +91,9 @@ def _read_answers(path: Path, run: Mapping[str, Any]) -> dict[int, dict[str, Any
     answers: dict[int, dict[str, Any]] = {}
     if not path.exists():
         return answers
-    for number, text in enumerate(path.read_text().splitlines(), 1):
+    content = path.read_text()
+    complete = content[: content.rfind("\n") + 1]  # a killed run can leave an incomplete last line
+    for number, text in enumerate(complete.splitlines(), 1):
         try:
             line = json.loads(text)
             is_same = all(line[key] == value for key, value in run.items())
