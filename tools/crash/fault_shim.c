@@ -31,11 +31,14 @@ enum mode {
     MODE_BROKEN_ONCE = 6 /* one call fails with EIO */
 };
 
+#define LARGEST_LIST 4096
+
 enum verdict { PASS, HALF, FAIL };
 
 static char folder[PATH_MAX];
 static size_t folder_length;
 static atomic_long counter;
+static const char *names[LARGEST_LIST];
 static long fault_at;
 static int fault_mode;
 
@@ -57,6 +60,12 @@ long taxel_fault_disarm(void)
 {
     folder_length = 0;
     return atomic_load(&counter);
+}
+
+/* Name of the counted call `number` (from 1); "" if it was not counted. */
+const char *taxel_fault_name(long number)
+{
+    return number >= 1 && number <= LARGEST_LIST && names[number - 1] != NULL ? names[number - 1] : "";
 }
 
 static bool is_below(const char *path)
@@ -98,12 +107,15 @@ static bool is_watched_path(int directory, const char *path)
     return false; /* the writers use absolute paths */
 }
 
-/* Count a call. needs_space: it fails on a full disk. */
-static enum verdict judge(bool needs_space)
+/* Count a call. name: of the function. needs_space: it fails on a full disk. */
+static enum verdict judge(const char *name, bool needs_space)
 {
     const int saved = errno;
     const long number = atomic_fetch_add(&counter, 1) + 1;
     errno = saved;
+    if (number <= LARGEST_LIST) {
+        names[number - 1] = name;
+    }
     if (fault_mode == MODE_COUNT || number < fault_at) {
         return PASS;
     }
@@ -159,7 +171,7 @@ static void end(enum verdict verdict)
         if (!(watched)) { \
             return (expression); \
         } \
-        const enum verdict verdict_ = judge(needs_space); \
+        const enum verdict verdict_ = judge(__func__, needs_space); \
         if (is_refused(verdict_, needs_space)) { \
             return (failure); \
         } \
@@ -173,7 +185,7 @@ static void end(enum verdict verdict)
         if (!is_watched_descriptor(descriptor, true)) { \
             return (whole); \
         } \
-        const enum verdict verdict_ = judge(true); \
+        const enum verdict verdict_ = judge(__func__, true); \
         if (verdict_ == FAIL) { \
             return -1; \
         } \
@@ -245,7 +257,7 @@ int close(int descriptor)
     if (!is_watched_descriptor(descriptor, true)) {
         return REAL(close)(descriptor);
     }
-    const enum verdict verdict = judge(false);
+    const enum verdict verdict = judge(__func__, false);
     const int number = errno;
     const int result = REAL(close)(descriptor);
     end(verdict);

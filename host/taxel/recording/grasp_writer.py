@@ -180,8 +180,8 @@ class GraspDatasetWriter:
             write_attributes(group, attributes)
             for key, array in arrays.items():
                 write_array(group, key, array)
-            self._output.publish()
             link_grasp(self._file, group, name, is_durable=self._is_live)
+            self._output.publish()
         self._ids.append(name)
         return name
 
