@@ -10,6 +10,7 @@ from typing import Any, Final
 from taxel.blind.errors import BlindRunError
 from taxel.blind.results import ParameterComparison, ReportedVerdict, WorldResult
 from taxel.blind.world import World
+from taxel.output import write_whole
 
 RECORDS: Final = "answers.jsonl.gz"
 """Name of the file in the folder of a check."""
@@ -21,7 +22,7 @@ def write_records(path: Path, results: Iterable[WorldResult]) -> None:
     Equal results give equal bytes.
     """
     lines = [json.dumps(_result_to_json(result)) + "\n" for result in results]
-    path.write_bytes(gzip.compress("".join(lines).encode(), mtime=0))
+    write_whole(path, gzip.compress("".join(lines).encode(), mtime=0))
 
 
 def read_records(path: Path) -> list[WorldResult]:

@@ -8,6 +8,7 @@ from taxel.blind.errors import BlindRunError
 from taxel.blind.sampling import sample_worlds
 from taxel.blind.seal import commitment, verify_commitment
 from taxel.blind.world import World
+from taxel.output import write_whole
 
 SEALED: Final = "sealed"
 COMMITMENTS, KEYS, WORLDS = "commitments.json", f"{SEALED}/keys.json", "worlds"
@@ -44,18 +45,21 @@ def seal_worlds(out: Path, count: int, full_hand: int, seed: int | None) -> list
             )
             raise BlindRunError(str(out), expected_text, found_text, "choose another --out")
         return worlds
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+    if out.exists() and not _is_unused(out):
         expected = "an empty folder or an interrupted blind check"
         raise BlindRunError(str(out), expected, "other files", "choose another --out")
     worlds = sample_worlds(count, full_hand, seed)
     published = {str(world.number): commitment(world.to_json()) for world in worlds}
-    keys.parent.mkdir(parents=True, exist_ok=True)
-    (out / COMMITMENTS).write_text(json.dumps(published, indent=0))
-    partial = keys.with_suffix(".part")
-    partial.touch(mode=0o600)
-    partial.write_text(json.dumps([world.to_json() for world in worlds]))
-    partial.rename(keys)
+    write_whole(out / COMMITMENTS, json.dumps(published, indent=0))
+    # The keys are written last: a folder without keys is no interrupted check.
+    write_whole(keys, json.dumps([world.to_json() for world in worlds]), mode=0o600)
     return worlds
+
+
+def _is_unused(out: Path) -> bool:
+    """Whether a folder contains at most what a check leaves that was interrupted before its keys were stored."""
+    own = {COMMITMENTS, f".{COMMITMENTS}.part", f".{Path(KEYS).name}.part"}
+    return out.is_dir() and all(path.name in own for path in out.rglob("*") if not path.is_dir())
 
 
 def open_sealed_worlds(out: Path) -> list[World]:

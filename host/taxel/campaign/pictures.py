@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from taxel.cloud.accumulate import accumulate
 from taxel.cloud.contacts import count_baseline_frames, locate_taxels, select_used_taxels
 from taxel.hand.transforms import apply
+from taxel.output.figure import save_figure
 from taxel.recording.grasp_dataset import GraspDataset
 from taxel.types import FloatArray
 
@@ -50,7 +51,7 @@ def save_clouds(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[
                 label = "real" if data.source == "real" else "simulated"
                 axis.set_title(f"{name.replace('_', ' ')}, {label}\n{len(points)} points, {grasps} grasps", fontsize=10)
                 _set_axes(axis, 1e3 * np.vstack([data.objects[name].vertices, points]))
-        figure.savefig(out, dpi=110)
+        save_figure(figure, out, dpi=110)
         plt.close(figure)
     finally:
         for data in datasets:
@@ -80,7 +81,7 @@ def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[s
                 f"{grasp_name}, {label}\n{int((on & used).sum())} active of {int(used.sum())} used taxels", fontsize=10
             )
             _set_axes(axis, points)
-    figure.savefig(out, dpi=110)
+    save_figure(figure, out, dpi=110)
     plt.close(figure)
 
 

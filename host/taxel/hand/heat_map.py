@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from taxel.hand.boards import Board
 from taxel.hand.description import Hand
+from taxel.output.figure import save_figure
 
 COLUMNS = 6
 TAXEL_SIDE = 0.86
@@ -46,7 +47,7 @@ def save_heat_map(
     if image is not None:
         figure.colorbar(image, ax=axes, shrink=0.6, label=label, pad=0.01)
     figure.suptitle(title, fontsize=13)
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path, dpi=110)
     plt.close(figure)
 
 

@@ -1,18 +1,20 @@
 """Joint angles over time: measured samples, their interpolation at the times of frames, and their file."""
 
+import contextlib
 import csv
 import math
 import os
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Final, TextIO
+from typing import Final
 
 import numpy as np
 
 from taxel.errors import FieldError, TaxelError
 from taxel.hand.errors import format_path, format_value
+from taxel.output import LiveOutput
 from taxel.types import FloatArray
 
 TIME_COLUMN: Final = "time_s"
@@ -130,15 +132,32 @@ class JointFileWriter:
     _cycle = -1
     _newest_s = -math.inf
 
-    def __init__(self, path: Path, names: Sequence[str]) -> None:
-        """Create the file and write its heading."""
-        self._file: TextIO = path.open("w", newline="")
-        self._file.write(",".join((TIME_COLUMN, *names)) + "\n")
+    def __init__(self, output: LiveOutput, names: Sequence[str]) -> None:
+        """Write the heading to an open output, which replaces an existing file with its first sample."""
+        self._output = output
+        self._write_line((TIME_COLUMN, *names))
+        output.begin()
 
     def write(self, time_s: float, angles: FloatArray) -> None:
         """Append one sample; it is on disk when the call returns, except for the buffers of the system."""
-        self._file.write(",".join(repr(value) for value in (time_s, *angles.tolist())) + "\n")
-        self._file.flush()
+        self._write_line(repr(value) for value in (time_s, *angles.tolist()))
+        self._output.publish()
+
+    def _write_line(self, values: Iterable[str]) -> None:
+        """Append one line; after a failure the file is truncated to its complete lines. Raises JointFileError."""
+        file = self._output.file
+        end = file.tell()
+        data = (",".join(values) + "\n").encode()
+        try:
+            while data:
+                data = data[file.write(data) or 0 :]
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                os.ftruncate(file.fileno(), end)
+            self._output.fail()
+            name = format_path(self._output.path)
+            reason = error.strerror or "an error"
+            raise JointFileError(name, "file", "space and permission to write", reason, "correct that") from None
 
     def write_frame(self, history: JointHistory, cycle: int, time_s: float) -> None:
         """Append the angles at the time of the first frame of each poll cycle; call it for every frame.
@@ -163,15 +182,24 @@ class JointFileWriter:
         self.write(time_s, history())
 
     def finish(self, history: JointHistory) -> None:
-        """Append the angles at the time of the latest frame, and close the file."""
+        """Append the angles at the time of the latest frame, and close the file. A second call has no effect."""
+        if self._output.file.closed:
+            return
         end_s = min(self._newest_s, history.last_s)
         if end_s > self._last_s:
             self._write_at(history, end_s)
         self.close()
 
     def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        """Flush the file to the disk and close it. A file without samples does not replace an existing one."""
+        if self._output.is_published:
+            self._output.close()
+        else:
+            self._output.discard()
+
+    def discard(self) -> None:
+        """Remove a file without samples."""
+        self._output.discard()
 
 
 def read_joint_file(path: str | os.PathLike[str], names: Sequence[str]) -> JointHistory:

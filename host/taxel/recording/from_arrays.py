@@ -25,8 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from taxel.hand.errors import format_path, format_value
-from taxel.recording.errors import DatasetError
+from taxel.hand.errors import format_value
 from taxel.recording.grasp_checks import Location
 from taxel.recording.grasp_format import (
     GRASP,
@@ -40,7 +39,7 @@ from taxel.recording.grasp_format import (
 )
 from taxel.recording.grasp_record import GraspRecord
 from taxel.recording.grasp_sensor_model import OPTIONAL, REQUIRED, SensorModel
-from taxel.recording.grasp_storage import check_target, convert_writing_errors, put_in_place
+from taxel.recording.grasp_storage import open_whole_dataset
 from taxel.recording.grasp_tables import ObjectMesh, SensorTable, TaxelTable
 from taxel.recording.grasp_writer import DatasetHeader, GraspDatasetWriter
 
@@ -166,21 +165,8 @@ class _Npz:
 
 def _write(path: str | PathLike[str], values: _Values, overwrite: bool) -> None:
     """Write the arrays to a temporary dataset file, which then replaces `path`. Raises DatasetError."""
-    target, location = Path(path), Location(str(path))
-    check_target(target, overwrite, location)
-    # The dataset is written beside the target, so that an error in a late grasp neither leaves an incomplete dataset
-    # nor destroys an existing one.
-    temporary = target.with_name(f".{target.name}.import")
-    try:
-        _write_dataset(temporary, values)
-        with convert_writing_errors(location):
-            put_in_place(temporary, target, overwrite, location)
-    except DatasetError as error:
-        if error.file != format_path(temporary):
-            raise
-        raise DatasetError(format_path(path), *error.args[1:]) from None
-    finally:
-        temporary.unlink(missing_ok=True)
+    with open_whole_dataset(path, overwrite) as part:
+        _write_dataset(part, values)
 
 
 def _write_dataset(path: Path, values: _Values) -> None:
@@ -202,7 +188,7 @@ def _write_dataset(path: Path, values: _Values) -> None:
         objects={name: ObjectMesh(**values.table(f"objects/{name}", tuple(MESH))) for name in values.ids("objects")},
         sensor_model=model,
     )
-    with GraspDatasetWriter.create(path, header, overwrite=True) as out:
+    with GraspDatasetWriter.create_part(path, header) as out:
         for grasp_id in values.ids("grasps"):
             fields = {name: values.get(f"grasps/{grasp_id}/{name}") for name in GRASP_ATTRIBUTES}
             names = (*OPTIONAL_GRASP_ATTRIBUTES, *GRASP)

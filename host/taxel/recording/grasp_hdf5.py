@@ -46,8 +46,15 @@ def open_hdf5(path: Path, mode: str, libver: tuple[str, str] | None = None) -> A
     location = Location(str(path))
     if not path.is_file():
         location.fail("an HDF5 file", "a folder" if path.is_dir() else "nothing", "check the path")
-    try:
+    with convert_opening_errors(location):
         return h5py.File(path, mode, libver=libver)
+
+
+@contextmanager
+def convert_opening_errors(location: Location) -> Iterator[None]:
+    """Context manager that converts exceptions of the HDF5 library for a file that cannot be opened to DatasetError."""
+    try:
+        yield
     except OSError as error:
         text = str(error)
         if "signature not found" in text:

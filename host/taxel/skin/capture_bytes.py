@@ -65,3 +65,7 @@ class CaptureBytes:
     def close(self) -> None:
         """Close the capture."""
         self._writer.close()
+
+    def discard(self) -> None:
+        """Close the capture and delete its file."""
+        self._writer.discard()

@@ -127,7 +127,7 @@ INVALID_OPTIONS = {  # case: (options added to the example, expected text of the
     "negative noise": (["--noise-counts", "-3"], "noise_counts"),
     "unknown hand": (["--hand", "shadow"], "shadow"),
     "missing calibration": (["--calibration", "none.toml"], "none.toml: file: expected a file"),
-    "missing folder": (["--out", "nowhere/x.h5"], "nowhere"),
+    "file instead of a folder": (["--out", f"{__file__}/x.h5"], "Not a directory"),
 }
 
 

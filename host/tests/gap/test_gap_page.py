@@ -18,6 +18,7 @@ import pytest
 
 from taxel.gap.page import page_text, write_page
 from taxel.hand import load_hand
+from taxel.output import OutputError
 
 Report = dict[str, Any]
 
@@ -501,11 +502,11 @@ def test_parameters_of_many_boards_are_folded_behind_their_range(full: Report) -
 
 
 def test_a_failed_write_leaves_no_file(small: Report, tmp_path: Path) -> None:
-    with pytest.raises(OSError):
-        write_page(small, tmp_path / "absent" / "page.html")
     (tmp_path / "folder").mkdir()
-    with pytest.raises(OSError):
+    with pytest.raises(OutputError):
         write_page(small, tmp_path / "folder")
+    with pytest.raises(OSError):
+        write_page(small, tmp_path / ("x" * 300))
     assert [path.name for path in tmp_path.iterdir()] == ["folder"]
 
 

@@ -1,6 +1,7 @@
 """Capture files: records are read back as written, and damage is reported after the records that precede the damage."""
 
 import json
+import os
 import resource
 import struct
 
@@ -168,13 +169,33 @@ def test_an_existing_capture_is_overwritten_only_on_request(tmp_path):
         CaptureWriter(path)
     assert path.read_bytes() == before
     CaptureWriter(path, overwrite=True).close()
-    assert read_capture(path)[0] == []
+    assert path.read_bytes() == before, "a capture without records replaced one with records"
+    with CaptureWriter(path, overwrite=True) as writer:
+        writer.write(b"new", 1)
+    assert read_capture(path)[0] == [(b"new", 1)]
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.bin"]
 
 
-def test_a_capture_in_a_missing_folder_gives_one_error_line(tmp_path):
+def test_a_capture_in_a_missing_folder_creates_the_folder(tmp_path):
+    CaptureWriter(tmp_path / "new" / "folder" / "a.bin").close()
+    assert read_capture(tmp_path / "new" / "folder" / "a.bin")[0] == []
+
+
+def test_a_capture_in_a_file_instead_of_a_folder_gives_one_error_line(tmp_path):
+    (tmp_path / "file").write_text("")
     with pytest.raises(CaptureError, match="cannot be written") as caught:
-        CaptureWriter(tmp_path / "none" / "a.bin")
+        CaptureWriter(tmp_path / "file" / "a.bin")
     assert "\n" not in str(caught.value)
+
+
+def test_a_second_program_cannot_write_the_same_capture(tmp_path):
+    path = tmp_path / "a.bin"
+    with CaptureWriter(path) as writer:
+        writer.write(b"kept", 1)
+        with pytest.raises(CaptureError, match=f"process {os.getpid()} is writing"):
+            CaptureWriter(path, overwrite=True)
+        writer.write(b"also kept", 2)
+    assert read_capture(path)[0] == [(b"kept", 1), (b"also kept", 2)]
 
 
 def test_writing_to_a_recording_is_refused(tmp_path):

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taxel_tools.testing import whole_file
 from taxel_tools.testing.errors import ResultFileError
 from taxel_tools.testing.junit import format_junit
 from taxel_tools.testing.page import render_page
@@ -184,7 +183,7 @@ def test_a_power_cut_leaves_the_old_file_unchanged(full_record, make_record, tmp
     def cut_power(*arguments):
         raise PowerCutError
 
-    monkeypatch.setattr(whole_file.os, step, cut_power)
+    monkeypatch.setattr(os, step, cut_power)
     with pytest.raises(PowerCutError):
         write_json(full_record, path, overwrite=True)
     assert comparison_key(read_json(path)) == comparison_key(old)
@@ -200,9 +199,10 @@ def test_the_content_is_written_to_disk_before_the_name(full_record, tmp_path, m
 
 
 def test_an_unwritable_path_gives_one_error_line(full_record, tmp_path):
-    with pytest.raises(ResultFileError, match="expected a writable file, found No such file or directory"):
-        write_json(full_record, tmp_path / "none" / "r.json")
-    with pytest.raises(ResultFileError, match="found an existing one"):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ResultFileError, match="expected a writable file, found Not a directory"):
+        write_json(full_record, tmp_path / "file" / "r.json")
+    with pytest.raises(ResultFileError, match="found a folder"):
         write_json(full_record, tmp_path, overwrite=True)
 
 

@@ -3,7 +3,6 @@
 import os
 from collections.abc import Callable, Mapping
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from taxel.gap.page.breakdown_sections import build_ablation_section, build_parts_section, build_thesis_section
@@ -27,6 +26,7 @@ from taxel.gap.page.terms_section import build_terms_section
 from taxel.gap.page.text import clean_text
 from taxel.gap.page.waterfall_section import build_waterfall_section
 from taxel.gap.report.checked_report import CheckedReport
+from taxel.output import write_whole
 
 _SECTIONS: tuple[Callable[[CheckedReport], SectionData | None], ...] = (
     build_certainty_section,
@@ -59,17 +59,9 @@ def write_page(report: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
 
     Raises:
         GapInputError: a field is missing or malformed; nothing is written then.
-        OSError: the file cannot be written.
+        OutputError, OSError: the file cannot be written.
     """
-    data = page_text(report).encode()
-    target = Path(path)
-    part = target.with_name(f".{target.name}.part")
-    try:
-        part.write_bytes(data)
-        os.replace(part, target)
-    except OSError:
-        part.unlink(missing_ok=True)
-        raise
+    write_whole(path, page_text(report))
 
 
 def page_text(report: Mapping[str, Any]) -> str:

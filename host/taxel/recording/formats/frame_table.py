@@ -2,7 +2,8 @@
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn, Protocol
 
@@ -12,6 +13,7 @@ from taxel.errors import FieldError
 from taxel.hand.errors import format_path, format_value
 from taxel.link import CaptureError
 from taxel.link.capture import EXISTS
+from taxel.output import OutputError, PendingOutput
 from taxel.stream import TaxelFrame
 
 FORMAT = "taxel-recording"
@@ -49,12 +51,38 @@ def fail(file: str | os.PathLike[str], field: str, expected: str, found: object,
     raise RecordingFormatError(format_path(os.fspath(file)), field, expected, format_value(found), remedy)
 
 
-def check_free(path: Path, overwrite: bool) -> None:
-    """Raise CaptureError if `path` exists and `overwrite` is False, or if its folder does not exist."""
+def check_target(path: Path, overwrite: bool) -> None:
+    """Raise CaptureError if `path` exists and `overwrite` is False, before the source is opened."""
     if path.exists() and not overwrite:
         raise CaptureError(os.fspath(path), EXISTS)
-    if not path.parent.is_dir():
-        raise CaptureError(os.fspath(path), "cannot be written (its folder is missing)")
+
+
+@contextmanager
+def open_target(path: Path, overwrite: bool, is_folder: bool = False) -> Iterator[PendingOutput]:
+    """Context manager for the creation of a writer: the output of a conversion, discarded if the block fails.
+
+    Raises CaptureError if the system refuses, or if another program writes the output.
+    """
+    with convert_output_errors(path):
+        pending = PendingOutput(path, overwrite=overwrite, is_folder=is_folder)
+    try:
+        with convert_output_errors(path):
+            yield pending
+    except BaseException:
+        pending.discard()
+        raise
+
+
+@contextmanager
+def convert_output_errors(path: Path) -> Iterator[None]:
+    """Context manager that converts errors of an output to a CaptureError that names `path`."""
+    try:
+        yield
+    except OutputError as error:
+        problem = f"expected {error.expected}, found {error.found}; {error.remedy}"
+        raise CaptureError(os.fspath(path), problem) from None
+    except OSError as error:
+        raise CaptureError(os.fspath(path), f"cannot be written ({error.strerror or error})") from error
 
 
 def format_header(header: Mapping[str, Any]) -> str:

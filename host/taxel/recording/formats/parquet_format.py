@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,14 @@ import numpy as np
 from taxel.hand import Hand
 from taxel.hand.joint_history import JointHistory
 from taxel.optional import optional_import
-from taxel.recording.formats.frame_table import check_frame, fail, format_header, parse_header
+from taxel.recording.formats.frame_table import (
+    check_frame,
+    convert_output_errors,
+    fail,
+    format_header,
+    open_target,
+    parse_header,
+)
 from taxel.stream import TaxelFrame
 from taxel.stream.encoder import FramesLink
 
@@ -52,7 +60,14 @@ def _make_schema(arrow: Any, has_joints: bool = False) -> Any:
 class ParquetSink:
     """Writer of a recording as a Parquet file, which gets its final name when it is complete."""
 
-    def __init__(self, path: Path, hand: Hand, header: Mapping[str, Any], joints: JointHistory | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        hand: Hand,
+        header: Mapping[str, Any],
+        joints: JointHistory | None = None,
+        overwrite: bool = False,
+    ) -> None:
         """Create a Parquet file for taxel frames; header: header of the recording, stored as metadata of the file.
 
         joints: measured joint angles, stored for each frame in the column `joint_position`.
@@ -60,10 +75,11 @@ class ParquetSink:
         self._joints = joints
         self._arrow, parquet = _import_pyarrow()
         self._path = path
-        self._part = path.with_name(f".{path.name}.part")
         self._schema = _make_schema(self._arrow, joints is not None)
         text = format_header(header).encode()
-        self._writer = parquet.ParquetWriter(self._part, self._schema.with_metadata({METADATA_KEY: text}))
+        with open_target(path, overwrite) as pending:
+            self._pending = pending
+            self._writer = parquet.ParquetWriter(pending.part, self._schema.with_metadata({METADATA_KEY: text}))
         self._names = {board.address: board.name for board in hand.boards}
         self._rows: list[TaxelFrame] = []
 
@@ -71,7 +87,8 @@ class ParquetSink:
         """Add a taxel frame to the rows of the Parquet file."""
         self._rows.append(frame)
         if len(self._rows) >= BLOCK_ROWS:
-            self._write_block()
+            with convert_output_errors(self._path):
+                self._write_block()
 
     def _write_block(self) -> None:
         """Append the collected frames to the Parquet file as one row group."""
@@ -87,13 +104,16 @@ class ParquetSink:
     def close(self, is_complete: bool) -> None:
         """Write the last rows and give the Parquet file its final name, or delete it if it is not complete."""
         try:
-            if is_complete and self._rows:
-                self._write_block()
-            self._writer.close()
             if is_complete:
-                os.replace(self._part, self._path)
+                with convert_output_errors(self._path):
+                    if self._rows:
+                        self._write_block()
+                    self._writer.close()
+                    self._pending.commit()
         finally:
-            self._part.unlink(missing_ok=True)
+            with suppress(Exception):  # the first failure is raised above; the library raises it again here
+                self._writer.close()
+            self._pending.discard()
 
 
 def open_parquet(path: Path) -> FramesLink:
