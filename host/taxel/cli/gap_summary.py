@@ -10,7 +10,7 @@ from taxel.gap.page.action import REPORT_FILE, Action, recommend_action
 from taxel.gap.page.certainty_section import describe_repeated_searches, list_doubts
 from taxel.gap.page.confidence import label_cause, list_shown_causes
 from taxel.gap.page.effect_cards import format_parameters
-from taxel.gap.page.text import clean_text, format_percent, format_probability, format_with_unit, make_readable
+from taxel.gap.page.text import clean_text, format_counts, format_percent, format_probability, make_readable
 from taxel.gap.report.checked_report import CheckedReport
 
 WIDTH: Final = 80
@@ -32,13 +32,15 @@ def print_summary(console: Console, report: Mapping[str, Any], page: str = "", r
     checked = CheckedReport(report)
     mark = "\N{FULL BLOCK}" if "utf" in console.encoding.lower() else "#"
     action = recommend_action(checked, report_file)
-    blocks = [
-        [*_headline(checked), *_confidence(checked, mark), *_wrap(clean_text(checked.verdict.text("one_line")), 2)],
+    rest = [
         _action_lines(action),
         _gap_lines(checked, mark),
         [*_doubts(checked), *_parameters(checked), *_notes(checked), *([f"report: {page}"] if page else [])],
     ]
-    lines = _join(blocks)
+    beginning = [*_headline(checked), *_confidence(checked, mark)]
+    room = MOST_LINES - sum(map(len, [beginning, *rest]))
+    sentence = _wrap(clean_text(checked.verdict.text("one_line")), max(room, 1))
+    lines = _join([[*beginning, *sentence], *rest])
     console.print(lines[0], style="bold", highlight=False, markup=False, no_wrap=True, overflow="ignore")
     for line in lines[1:]:
         console.print(line, highlight=False, markup=False, no_wrap=True, overflow="ignore", crop=False)
@@ -103,7 +105,7 @@ def _gap_lines(report: CheckedReport, mark: str) -> list[str]:
     top = max(value for _, value, _ in rows) or 1.0
     lines = []
     for label, value, note in rows:
-        size = "not measured" if label == "floor" and value == 0.0 else format_with_unit(value, "counts", top)
+        size = "not measured" if label == "floor" and value == 0.0 else format_counts(value)
         lines.append(f"{label:<11}{mark * round(GAP_BAR * value / top):<{GAP_BAR}} {size}{note}")
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 

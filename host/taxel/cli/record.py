@@ -1,5 +1,7 @@
 """`taxel record`."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +10,7 @@ from rich.console import Console
 
 from taxel.cli.joint_sources import open_live_joints
 from taxel.cli.options import HandCan, HandOption, JointAngles, JointTopic, Overwrite, Seconds, Url, parse_joint_angles
-from taxel.cli.progress import spinner
+from taxel.cli.progress import spinner, time_bar
 from taxel.cli.stream_summary import StreamSummary
 from taxel.skin.recorder import open_recorded
 
@@ -38,13 +40,24 @@ def record(
     ):
         summary = StreamSummary(skin)
         try:
-            with spinner(f"recording {url}") as show:
+            with _progress(f"recording {url}", seconds) as show:
                 for frame in skin:
                     summary.add(frame.address, frame.time_s)
-                    show(f"recording {url}: {summary.frames.total()} frames, {summary.seconds:.1f} s")
+                    show(summary.seconds, f"recording {url}: {summary.frames.total()} frames")
                     if seconds is not None and summary.seconds >= seconds:
                         break
         except KeyboardInterrupt:
             pass  # Ctrl-C is the usual end of a recording
         finally:
             summary.print(Console(markup=False))
+
+
+@contextmanager
+def _progress(title: str, seconds: float | None) -> Iterator[Callable[[float, str], None]]:
+    """Show a bar for a recording of known length, else a spinner with the elapsed time of the stream."""
+    if seconds is not None:
+        with time_bar(title, seconds) as show:
+            yield show
+    else:
+        with spinner(title) as set_title:
+            yield lambda elapsed_s, text: set_title(f"{text}, {elapsed_s:.1f} s")

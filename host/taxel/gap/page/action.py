@@ -20,7 +20,7 @@ EXPORT_COMMAND: Final = "taxel gap export {report} --to python --out skin_effect
 PASTE_LINES: Final = (
     "from skin_effects import SkinEffects",
     "effects = SkinEffects()",
-    "counts = effects.apply(time_s, counts, force)  # each frame; force in newtons, or None",
+    "counts = effects.apply(time_s, counts, force)  # force: newtons or None",
 )
 """Lines for the simulator: they import the exported module, make its state once, and change the counts of a frame."""
 

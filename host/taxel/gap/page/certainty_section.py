@@ -8,11 +8,11 @@ from taxel.gap.page.confidence import label_cause, list_shown_causes, rank_cause
 from taxel.gap.page.text import (
     SPACE,
     clean_text,
+    format_counts,
     format_p_equation,
     format_percent,
     format_percent_interval,
     format_probability,
-    format_with_unit,
     is_small,
     join_words,
     make_readable,
@@ -43,7 +43,7 @@ def list_support(report: CheckedReport) -> list[str]:
     support = []
     if report.is_no_gap:
         if (bound := report.gap.optional_number("bound")) is not None:
-            size = format_with_unit(bound, "counts")
+            size = format_counts(bound)
             support.append(f"A difference above the floor of more than {size} is improbable (5{SPACE}%).")
         return support
     if is_small(p):

@@ -1,7 +1,14 @@
 """The main figures: gap, floor and shrink, and the sections with their details."""
 
 from taxel.gap.page.cells import Cell, Heading, SectionData, make_table
-from taxel.gap.page.text import format_count, format_interval, format_p_equation, format_percent, format_with_unit
+from taxel.gap.page.text import (
+    format_count,
+    format_counts,
+    format_interval,
+    format_p_equation,
+    format_percent,
+    format_with_unit,
+)
 from taxel.gap.report.checked_report import CheckedReport
 from taxel.gap.report.report_values import Interval
 
@@ -66,5 +73,8 @@ def _mm_rows(report: CheckedReport) -> list[Row]:
 
 def _row(label: str, value: float | None, unit: str, note: str, bounds: Interval | None = None) -> Row:
     """Label, value with its 95 % interval, and meaning of a number."""
+    if unit == "counts":
+        interval = f"{bounds[0]:.1f} to {bounds[1]:.1f}" if bounds else ""
+        return label, Cell(format_counts(value), interval), Cell(note, is_small=True)
     interval = format_interval(bounds, value or 0.0) if bounds else ""
     return label, Cell(format_with_unit(value, unit), interval), Cell(note, is_small=True)

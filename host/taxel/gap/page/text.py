@@ -65,6 +65,11 @@ def format_probability(value: float) -> str:
     return f"{100.0 * value:.0f}{SPACE}%"
 
 
+def format_counts(value: float | None) -> str:
+    """A gap or a floor with one decimal, as in the sentence of the verdict: 24.3 counts."""
+    return ABSENT if value is None or math.isnan(value) else f"{value:,.1f}{SPACE}counts".replace("-", MINUS)
+
+
 def format_with_unit(value: float | None, unit: str, compared_with: float = 0.0) -> str:
     """A number as by `number`, and its unit."""
     return ABSENT if value is None else f"{format_number(value, compared_with)}{SPACE}{clean_text(unit)}".rstrip(SPACE)
