@@ -71,7 +71,7 @@ def _forward(process: subprocess.Popen[str], hand: str, path: str, world: str) -
     assert process.stderr is not None
     try:
         if port := process.stdout.readline().strip():
-            _print_port(hand, port)
+            print_port(hand, port)
         messages = [_print_message(line, path) for line in process.stderr]
         status = process.wait()
     except KeyboardInterrupt:
@@ -89,7 +89,8 @@ def _print_message(line: str, path: str) -> str:
     return line
 
 
-def _print_port(hand: str, port: str) -> None:
+def print_port(hand: str, port: str) -> None:
+    """Print the name of the port: alone in a pipe, and with its use on a terminal."""
     if not sys.stdout.isatty():
         print(port, flush=True)
         return

@@ -1,5 +1,6 @@
 """Summary of a gap report on a terminal: in the order of the page, within 24 lines of 80 columns."""
 
+import os
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -10,7 +11,7 @@ from taxel.gap.page.action import REPORT_FILE, Action, recommend_action
 from taxel.gap.page.certainty_section import describe_repeated_searches, list_doubts
 from taxel.gap.page.confidence import label_cause, list_shown_causes
 from taxel.gap.page.effect_cards import format_parameters
-from taxel.gap.page.text import clean_text, format_counts, format_percent, format_probability, make_readable
+from taxel.gap.page.text import clean_text, format_counts, format_probability, format_shrink, make_readable
 from taxel.gap.report.checked_report import CheckedReport
 
 WIDTH: Final = 80
@@ -31,14 +32,14 @@ def print_summary(console: Console, report: Mapping[str, Any], page: str = "", r
     """
     checked = CheckedReport(report)
     mark = "\N{FULL BLOCK}" if "utf" in console.encoding.lower() else "#"
-    action = recommend_action(checked, report_file)
-    rest = [
-        _action_lines(action),
-        _gap_lines(checked, mark),
-        [*_doubts(checked), *_parameters(checked), *_notes(checked), *([f"report: {page}"] if page else [])],
-    ]
+    action = recommend_action(checked, min(report_file, os.path.relpath(report_file), key=len))
     beginning = [*_headline(checked), *_confidence(checked, mark)]
-    room = MOST_LINES - sum(map(len, [beginning, *rest]))
+    end = [*_parameters(checked), *_notes(checked), *([f"report: {page}"] if page else [])]
+    for lines_of_doubt in (2, 1):
+        rest = [_action_lines(action), _gap_lines(checked, mark), [*_doubts(checked, lines_of_doubt), *end]]
+        room = MOST_LINES - sum(map(_count_rows, [beginning, *rest]))
+        if room > 0:
+            break
     sentence = _wrap(clean_text(checked.verdict.text("one_line")), max(room, 1))
     lines = _join([[*beginning, *sentence], *rest])
     console.print(lines[0], style="bold", highlight=False, markup=False, no_wrap=True, overflow="ignore")
@@ -49,11 +50,16 @@ def print_summary(console: Console, report: Mapping[str, Any], page: str = "", r
 def _join(blocks: Sequence[Sequence[str]]) -> list[str]:
     """All lines, with an empty line between two blocks where the terminal has room for it."""
     filled = [list(block) for block in blocks if block]
-    room = MOST_LINES - sum(map(len, filled))
+    room = MOST_LINES - sum(map(_count_rows, filled))
     lines: list[str] = []
     for number, block in enumerate(filled):
         lines += [""] * (0 < number <= room) + block
     return lines
+
+
+def _count_rows(lines: Sequence[str]) -> int:
+    """Rows of a terminal that the lines fill; a command is not divided, so that it can be copied."""
+    return sum(max(1, -(-len(line) // WIDTH)) for line in lines)
 
 
 def _wrap(text: str, most: int, first: str = "") -> list[str]:
@@ -100,7 +106,7 @@ def _gap_lines(report: CheckedReport, mark: str) -> list[str]:
     has_effects = any(name != "unknown" for name in report.verdict.texts("effects"))
     rows = [("gap before" if has_effects else "gap", after.number("before"), "")]
     if has_effects:
-        rows.append(("gap after", after.number("value"), f" (shrink {format_percent(after.number('shrink'))})"))
+        rows.append(("gap after", after.number("value"), f" (shrink {format_shrink(after.number('shrink'))})"))
     rows.append(("floor", after.number("floor"), ""))
     top = max(value for _, value, _ in rows) or 1.0
     lines = []
@@ -110,13 +116,13 @@ def _gap_lines(report: CheckedReport, mark: str) -> list[str]:
     return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 
-def _doubts(report: CheckedReport) -> list[str]:
-    """Reasons for doubt and faulty grasps: the first two, and the number of the others."""
+def _doubts(report: CheckedReport, most: int) -> list[str]:
+    """Reasons for doubt and faulty grasps: the first two, and the number of the others. most: lines of each."""
     doubts = list_doubts(report)
     for problem in report.root.field("inputs").optional_list("problems"):
         grasp, fault, handled = (clean_text(problem.text(key)) for key in ("grasp", "problem", "handled"))
         doubts.append(f"Faulty grasp of the simulator: {grasp}: {fault} ({handled}).")
-    lines = [line for doubt in doubts[:2] for line in _wrap(doubt, 1, "doubt: ")]
+    lines = [line for doubt in doubts[:2] for line in _wrap(doubt, most, "doubt: ")]
     more = len(doubts) - 2
     rest = [f"doubt: {more} more on the page"] if more > 0 else describe_repeated_searches(report)
     return [*lines, *rest]

@@ -104,6 +104,14 @@ def test_dead_parts_are_repaired_before_they_are_simulated() -> None:
     assert "Add dropout and noise" in action.steps[1]
 
 
+def test_an_effect_that_does_not_reduce_the_gap_is_not_added() -> None:
+    report = make_report("explained", "gain_mismatch")
+    report["after"] |= {"shrink": 0.003, "value": 19.9}
+    action = action_of(report)
+    assert action.steps[0].startswith("Change nothing yet: gain mismatch")
+    assert (action.lines, action.next_contact != "") == ((), True)
+
+
 def test_an_effect_of_a_plug_in_has_no_lines() -> None:
     action = action_of(make_report("explained", "my_own"))
     assert "taxel gap apply" in action.steps[0]

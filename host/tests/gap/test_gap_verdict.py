@@ -98,10 +98,11 @@ PAIRS = list(permutations(NAMES, 2))
 @pytest.mark.parametrize("sides", [REAL_AND_SIMULATED, TWO_REAL])
 def test_headlines_of_every_effect_and_pair_have_at_most_twelve_words(sides):
     headlines = [
-        make_headline(names, sides, is_partial, is_tentative)
+        make_headline(names, sides, is_partial, is_tentative, probability)
         for names in [*((name,) for name in NAMES), *PAIRS, *permutations(NAMES, 3)]
         for is_partial in (False, True)
         for is_tentative in (False, True)
+        for probability in (0.6, 0.9)
     ]
     headlines += [make_either_headline(first, second, sides) for first, second in PAIRS]
     headlines += [sides.fill(HEADLINES["unknown"])]
@@ -121,10 +122,24 @@ def test_every_effect_of_the_catalogue_has_a_headline_of_its_own(name):
     assert not {"gap", "floor", "excess", "catalogue", "effect"} & set(HEADLINES[name].lower().split())
 
 
+def test_a_cause_of_little_certainty_is_called_probable():
+    assert judge({"noise": 0.7, "unknown": 0.0, "no_gap": 0.0}).headline == "Probably the skin is noisier."
+    assert (
+        judge({"noise": 0.8, "unknown": 0.0, "no_gap": 0.0}).headline == "The real skin is noisier than the simulator."
+    )
+
+
 def list_probabilities():
     """Probabilities that lead to every status, with each effect and each pair of effects."""
     for names in [(), *((name,) for name in NAMES), *combinations(NAMES, 2)]:
-        for value, unknown, no_gap in ((0.9, 0.1, 0.0), (0.9, 0.8, 0.0), (0.4, 0.2, 0.1), (0.4, 0.8, 0.1), (0, 0, 0.9)):
+        for value, unknown, no_gap in (
+            (0.9, 0.1, 0.0),
+            (0.6, 0.7, 0.0),
+            (0.9, 0.8, 0.0),
+            (0.4, 0.2, 0.1),
+            (0.4, 0.8, 0.1),
+            (0, 0, 0.9),
+        ):
             yield {**dict.fromkeys(names, value), "unknown": unknown, "no_gap": no_gap}
 
 

@@ -27,6 +27,9 @@ PASTE_LINES: Final = (
 LEAST_SESSIONS: Final = 3
 """Sessions that a verdict needs (`taxel.gap.verdict`)."""
 
+LEAST_SHRINK: Final = 0.01
+"""Shrink below which the page shows 0 %, so that a change of the simulator has no visible use."""
+
 CONTACT_CHANGES: Final = frozenset({"pose_error"})
 """Effects that change the contact itself, so that no module can add them to the counts."""
 
@@ -63,7 +66,18 @@ def recommend_action(report: CheckedReport, report_file: str = REPORT_FILE) -> A
         return Action(
             (f"Use neither dataset in place of the other before {names} is corrected.",), next_contact=contact
         )
+    if _is_ineffective(report):
+        names = join_words([make_readable(effect.text("name")) for effect in effects])
+        return Action(
+            (f"Change nothing yet: {names} added to the simulator would not reduce the gap.",), "", (), contact
+        )
     return _add_effects(report, effects, contact, EXPORT_COMMAND.format(report=shlex.quote(report_file)))
+
+
+def _is_ineffective(report: CheckedReport) -> bool:
+    """Whether the gap of held-out sessions does not shrink, or not by a whole per cent."""
+    bounds, shrink = report.after.optional_interval("shrink_ci95"), report.after.optional_number("shrink")
+    return (shrink is not None and shrink < LEAST_SHRINK) or (bounds is not None and bounds[1] <= 0.0)
 
 
 def _count_sessions(report: CheckedReport) -> int:

@@ -11,8 +11,9 @@ from taxel.gap.page.text import (
     format_counts,
     format_p_equation,
     format_percent,
-    format_percent_interval,
     format_probability,
+    format_shrink,
+    format_shrink_interval,
     is_small,
     join_words,
     make_readable,
@@ -50,8 +51,8 @@ def list_support(report: CheckedReport) -> list[str]:
         support.append(f"The gap is hardly due to chance ({format_p_equation(p)}).")
     if any(name != "unknown" for name in report.verdict.texts("effects")):
         bounds = after.optional_interval("shrink_ci95")
-        interval = f" (95{SPACE}% interval {format_percent_interval(bounds)})" if bounds else ""
-        shrink = format_percent(after.optional_number("shrink"))
+        interval = f" (95{SPACE}% interval {format_shrink_interval(bounds)})" if bounds else ""
+        shrink = format_shrink(after.optional_number("shrink"))
         support.append(f"The gap shrinks by {shrink}{interval} in sessions that were not used for the fit.")
     return [*support, *describe_repeated_searches(report)]
 

@@ -14,7 +14,7 @@ MOST_CAUSES: Final = 4
 MIN_SHOWN: Final = 0.05
 """Probability below which a cause shares one line with the others."""
 
-_LABELS: Final[Mapping[str, str]] = {"unknown": "unknown cause", "no_gap": "no gap"}
+_LABELS: Final[Mapping[str, str]] = {"unknown": "unknown cause", "no_gap": "no cause"}
 
 
 def rank_causes(report: CheckedReport) -> list[tuple[str, float]]:

@@ -6,7 +6,8 @@ from taxel.gap.page.text import (
     format_counts,
     format_interval,
     format_p_equation,
-    format_percent,
+    format_shrink,
+    format_shrink_interval,
     format_with_unit,
 )
 from taxel.gap.report.checked_report import CheckedReport
@@ -27,28 +28,39 @@ def _gap_rows(report: CheckedReport) -> list[Row]:
     """Gap before and after, floor and shrink, all of the same held-out grasps."""
     after, effects = report.after, sum(name != "unknown" for name in report.verdict.texts("effects"))
     before, floor = after.optional_number("before"), after.optional_number("floor")
-    shown_floor = "not measured" if floor == 0.0 and report.gap.optional_number("floor") == 0.0 else None
     rows = [_row("Gap before" if effects else "Gap", before, "counts", "RMS difference in held-out grasps")]
     floor_row = _row("Floor", floor, "counts", "part that repeats and sessions alone cause")
-    if shown_floor:
-        floor_row = ("Floor", Cell(shown_floor), Cell("no repeats and one session", is_small=True))
+    if not _has_floor(report):
+        floor_row = ("Floor", Cell("not measured"), Cell("no repeats and one session", is_small=True))
     if not effects:
         return [*rows, floor_row]
     value, predicted = after.optional_number("value"), after.optional_number("predicted_shrink")
     note = f"with {format_count(effects, 'effect')} added, fitted to the other sessions"
     rows += [_row("Gap after", value, "counts", note, after.optional_interval("ci95")), floor_row]
     shrink, bounds = after.optional_number("shrink"), after.optional_interval("shrink_ci95")
-    interval = f"{format_percent(bounds[0])} to {format_percent(bounds[1])}" if bounds else ""
-    rows.append(("Shrink", Cell(format_percent(shrink), interval), Cell("1 \u2212 after / before", is_small=True)))
+    rows.append(
+        (
+            "Shrink",
+            Cell(format_shrink(shrink), format_shrink_interval(bounds)),
+            Cell("1 \u2212 after / before", is_small=True),
+        )
+    )
     if predicted is not None and before is not None:
         note = "fixed before the held-out grasps were evaluated"
         rows.append(_row("Predicted gap after", before * (1.0 - predicted), "counts", note))
     return rows
 
 
+def _has_floor(report: CheckedReport) -> bool:
+    """Whether repeats or sessions determine the floor."""
+    return any(part.optional_number("floor") != 0.0 for part in (report.after, report.gap))
+
+
 def _test_rows(report: CheckedReport) -> list[Row]:
     """Whether a gap exists, from all sessions together."""
     gap = report.gap
+    if not _has_floor(report):
+        return []
     significance = "the gap is above the floor" if gap.flag("significant") else "the gap is not above the floor"
     p_value = format_p_equation(gap.optional_number("p_value"))
     rows = [("Test of all sessions", Cell(p_value), Cell(significance, is_small=True))]
@@ -63,10 +75,11 @@ def _mm_rows(report: CheckedReport) -> list[Row]:
     mm = report.gap.optional("mm")
     if mm is None or mm.optional_number("value") is None:
         return []
+    floor_note = "between repeats of the same grasp"
     note = "with as many random taxels active: the influence of a denser cloud"
     return [
         _row("Cloud distance", mm.number("value"), "mm", "between contact clouds", mm.optional_interval("ci95")),
-        _row("its floor", mm.optional_number("floor"), "mm", "between repeats of the same grasp"),
+        *([_row("its floor", mm.optional_number("floor"), "mm", floor_note)] if _has_floor(report) else []),
         _row("its placebo", mm.optional_number("placebo"), "mm", note),
     ]
 

@@ -7,7 +7,7 @@ from taxel.gap.page.bars import Axis, build_waterfall_bar
 from taxel.gap.page.cells import Cell, CellContent, Heading, SectionData, TableData, make_table
 from taxel.gap.page.colours import STEPS
 from taxel.gap.page.hand_drawing import MIN_SHARE, STAGES, UnrolledHand, read_unrolled_hand
-from taxel.gap.page.text import SMALL_P, format_counts, format_number, format_percent, join_words, make_readable
+from taxel.gap.page.text import SMALL_P, format_counts, format_number, format_shrink, join_words, make_readable
 from taxel.gap.report.checked_report import CheckedReport
 
 _TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -43,7 +43,7 @@ def _bars(report: CheckedReport, added: list[str]) -> TableData:
     ]
     if added and value is not None:
         shrink = after.optional_number("shrink")
-        note = f"shrink {format_percent(shrink)}" if shrink is not None else ""
+        note = f"shrink {format_shrink(shrink)}" if shrink is not None else ""
         bar = build_waterfall_bar(axis, 0.0, value, "mark", floor)
         rows.append((f"with {join_words(added)}", bar, Cell(format_counts(value), note)))
     headings = (Heading("Simulator"), Heading("Gap", "pic"), Heading("", "n"))

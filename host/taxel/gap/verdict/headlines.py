@@ -46,6 +46,9 @@ PREDICATES: Final = {
 }
 """What the skin does under each effect: at most three words, so that two of them fit into one headline."""
 
+CERTAIN: Final = 0.8
+"""Probability from which a headline states a cause without "probably": one statement in five may be wrong below it."""
+
 OTHER_PREDICATE: Final = "has another effect"
 """The predicate of an effect of a plug-in whose name has more words than a headline has room for."""
 
@@ -72,14 +75,23 @@ REAL_AND_SIMULATED: Final = Sides()
 TWO_REAL: Final = Sides("the first sensor", "the second", "sensor 1", "sensor 2")
 
 
-def make_headline(known: Sequence[str], sides: Sides, is_partial: bool = False, is_tentative: bool = False) -> str:
+def make_headline(
+    known: Sequence[str],
+    sides: Sides,
+    is_partial: bool = False,
+    is_tentative: bool = False,
+    probability: float = 1.0,
+) -> str:
     """The headline of named effects, most probable first.
 
     is_partial: whether a part of the difference remains unexplained. is_tentative: whether too few sessions were
-    recorded for a verdict.
+    recorded for a verdict. probability: of the least probable of the named effects.
     """
     if is_tentative:
         return f"Few sessions: {sides.skin} probably {' and '.join(map(_predicate, known[:2]))}."
+    if probability < CERTAIN:
+        what = " and ".join(map(_predicate, known[:2]))
+        return f"Probably {sides.skin} {what}{'; more remains' if is_partial or len(known) > 2 else ''}."
     if len(known) == 1 and not is_partial:
         return sides.fill(HEADLINES.get(known[0]) or _single_custom(known[0]))
     if len(known) == 1:

@@ -117,7 +117,8 @@ def judge_verdict(
     if remains:
         reasons.append(remains)
     status = "partly_explained" if has_more or is_tentative else "explained"
-    headline = make_headline(known, sides, has_more, is_tentative)
+    least = min(probabilities[name] for name in known)
+    headline = make_headline(known, sides, has_more, is_tentative, least)
     line = f"{'Partly explained' if status == 'partly_explained' else 'Explained'}: {_describe_shrink(held, known)}"
     if UNKNOWN in effects:
         line += "; the cause of the remaining gap is unknown"
