@@ -71,8 +71,14 @@ def describe_repeated_searches(report: CheckedReport) -> list[str]:
 
 
 def list_doubts(report: CheckedReport) -> list[str]:
-    """Reasons for doubt, one sentence each: those of the verdict, and effects that may replace a named one."""
+    """Reasons for doubt, one sentence each: those of the verdict, tests, and effects that may replace a named one."""
     doubts = [_as_sentence(text) for text in report.verdict.texts("reasons")]
+    if any(name != "unknown" for name in report.verdict.texts("effects")):
+        p, rest = report.gap.optional_number("p_value"), report.root.field("unexplained").optional_number("p_value")
+        if p is not None and not is_small(p):
+            doubts.append(f"The mean over all sessions shows no significant gap ({format_p_equation(p)}).")
+        if is_small(rest):
+            doubts.append(f"A part of the gap is not explained ({format_p_equation(rest)}).")
     table = report.verdict.optional("confounded_with")
     for name, value in table.entries() if table is not None else ():
         others = [make_readable(other.as_text()) for other in value.items()]
