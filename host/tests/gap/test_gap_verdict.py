@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gzip
+import json
 from itertools import combinations, permutations
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -19,6 +22,8 @@ from taxel.gap.verdict.headlines import (
     make_headline,
 )
 from taxel.gap.verdict.verdict import judge_verdict, list_causes, list_questioned
+
+ANSWERS = Path(__file__).parents[3] / "docs" / "blind-check-answers.jsonl.gz"
 
 INTERVAL = Interval(400.0, 300.0, 500.0, 20.0)
 GAP = Gap(Interval(20.0, 18.0, 22.0, 1.0), 5.0, INTERVAL, 440.0, 0.001, None)
@@ -155,3 +160,18 @@ def test_headlines_of_every_status_have_at_most_twelve_words(sides, sessions):
             assert sides is REAL_AND_SIMULATED or "simul" not in verdict.headline
     few = {"unknown", "partly_explained"}
     assert statuses == (few if sessions < 3 else few | {"explained", "no_gap"})
+
+
+def test_headlines_of_all_named_sets_of_the_score_sheet_have_at_most_twelve_words():
+    """The score sheet has status, named effects and rivals of each sealed world, but no probabilities."""
+    with gzip.open(ANSWERS, "rt", encoding="utf-8") as lines:
+        named = [json.loads(line)["named"] for line in lines]
+    assert len(named) > 500
+    for verdict in named:
+        known = [name for name in verdict["effects"] if name != "unknown"]
+        if not known:
+            continue
+        is_partial = verdict["status"] != "explained"
+        for probability in (0.6, 0.9):
+            headline = make_headline(known, REAL_AND_SIMULATED, is_partial, probability=probability)
+            assert len(headline.split()) <= MOST_WORDS, headline
