@@ -37,10 +37,10 @@ def print_summary(console: Console, report: Mapping[str, Any], page: str = "", r
     end = [*_parameters(checked), *_notes(checked), *([f"report: {page}"] if page else [])]
     for lines_of_doubt in (2, 1):
         rest = [_action_lines(action), _gap_lines(checked, mark), [*_doubts(checked, lines_of_doubt), *end]]
-        room = MOST_LINES - sum(map(_count_rows, [beginning, *rest]))
-        if room > 0:
+        space = MOST_LINES - sum(map(_count_rows, [beginning, *rest]))
+        if space > 0:
             break
-    sentence = _wrap(clean_text(checked.verdict.text("one_line")), max(room, 1))
+    sentence = _wrap(clean_text(checked.verdict.text("one_line")), max(space, 1))
     lines = _join([[*beginning, *sentence], *rest])
     console.print(lines[0], style="bold", highlight=False, markup=False, no_wrap=True, overflow="ignore")
     for line in lines[1:]:
@@ -48,12 +48,12 @@ def print_summary(console: Console, report: Mapping[str, Any], page: str = "", r
 
 
 def _join(blocks: Sequence[Sequence[str]]) -> list[str]:
-    """All lines, with an empty line between two blocks where the terminal has room for it."""
+    """All lines, with an empty line between two blocks where the terminal has space for it."""
     filled = [list(block) for block in blocks if block]
-    room = MOST_LINES - sum(map(_count_rows, filled))
+    space = MOST_LINES - sum(map(_count_rows, filled))
     lines: list[str] = []
     for number, block in enumerate(filled):
-        lines += [""] * (0 < number <= room) + block
+        lines += [""] * (0 < number <= space) + block
     return lines
 
 

@@ -177,11 +177,11 @@ def test_show_draws_a_common_condition_of_datasets_without_common_ids(paired_cam
     real, sim = (paired_campaign[0] / f"{source}.h5" for source in ("real", "sim"))
     with GraspDataset(sim) as data:
         ids = {grasp.id for grasp in data}
-    drawn = []
-    monkeypatch.setattr(show, "save_grasp", lambda paths, out, grasps: drawn.append(grasps))
+    chosen = []
+    monkeypatch.setattr(show, "save_grasp", lambda paths, out, grasps: chosen.append(grasps))
     renamed = rename_grasps(sim, tmp_path / "renamed.h5")
     assert run_taxel("show", real, renamed, "--out", tmp_path) == 0
-    ((first, second),) = drawn
+    ((first, second),) = chosen
     assert first in ids
     assert second == f"x{first}"
 
