@@ -5,6 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+DOCS_STAMP := $(VENV)/.installed-docs
 BUILD_TOOLS := $(VENV)/.build_tools
 BUILD := build/c
 JOBS := $(shell nproc)
@@ -196,7 +197,11 @@ generate: $(STAMP)  ## write the C header, the vectors and the terms of the gap 
 	@$(BIN)/python tools/codegen/bootloader_header.py
 	@$(BIN)/python tools/codegen/page_terms.py
 
-docs: $(STAMP)  ## the pages, commands and Python API as a site: build/docs/site/index.html (a broken link fails)
+$(DOCS_STAMP): $(STAMP)
+	@$(PIP) $(CONSTRAINTS) --no-build-isolation -e '.[docs]'
+	@touch $@
+
+docs: $(DOCS_STAMP)  ## the pages, commands and Python API as a site: build/docs/site/index.html (a broken link fails)
 	@$(BIN)/python tools/docs/build_site.py
 
 docs-test: $(STAMP)  ## run every code block of every page and every example of --help, also the long ones (half an hour)

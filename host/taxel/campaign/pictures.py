@@ -58,14 +58,15 @@ def save_clouds(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[
             data.close()
 
 
-def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str], grasp_id: str) -> None:
+def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str], grasp_ids: Sequence[str]) -> None:
     """Draw one grasp of every dataset with active and inactive taxels to an image file, as Figure 5.3 of the thesis.
 
-    paths: grasp datasets. out: image file. Raises `DatasetError` if a dataset lacks the grasp.
+    paths: grasp datasets. out: image file. grasp_ids: the grasp of each dataset. Raises `DatasetError` if a dataset
+    lacks its grasp.
     """
     plt = _pyplot()
     figure = plt.figure(figsize=(5.6 * len(paths), 5.6), layout="constrained")
-    for column, path in enumerate(paths):
+    for column, (path, grasp_id) in enumerate(zip(paths, grasp_ids, strict=True)):
         with GraspDataset(path) as data:
             grasp = data[grasp_id]
             active, known = grasp.active_taxels(baseline_frames=max(count_baseline_frames(grasp), 1))
@@ -80,7 +81,7 @@ def save_grasp(paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[s
             axis.set_title(
                 f"{grasp_name}, {label}\n{int((on & used).sum())} active of {int(used.sum())} used taxels", fontsize=10
             )
-            _set_axes(axis, points)
+            _set_axes(axis, np.vstack([points, 1e3 * data.objects[grasp.object].vertices]))
     save_figure(figure, out, dpi=110)
     plt.close(figure)
 

@@ -106,8 +106,7 @@ def diagnose(
     if as_json:
         print(text)
     else:
-        print_summary(console, json.loads(text))
-        console.print(f"report: {page}", highlight=False)
+        print_summary(console, json.loads(text), str(page), str(report))
 
 
 def _check_source(sim: Path, real_real: bool) -> None:

@@ -108,7 +108,12 @@ def _parsed(path: Path, content: bytes) -> dict[str, Any]:
     try:
         found = json.loads(content, parse_constant=refuse)
     except (ValueError, RecursionError) as error:
-        _fail(path, "a report in JSON", format_value(str(error)))
+        if content.lstrip()[:1] == b"<":
+            raise GapInputError(
+                format_path(path), "the report.json of a diagnosis", "an HTML page", "give the report.json beside it"
+            ) from None
+        line = f"no JSON in line {error.lineno}" if isinstance(error, json.JSONDecodeError) else "no valid JSON"
+        _fail(path, "the report.json of a diagnosis", line)
     return found if isinstance(found, dict) else _fail(path, "a report in JSON", format_value(found))
 
 
