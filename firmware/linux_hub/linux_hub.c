@@ -15,6 +15,7 @@
 #define OUTPUT_SIZE (1u << 19)
 #define INPUT_SIZE 4096u
 #define RECOVERY_TIMEOUT_US 10000u
+#define NEVER (UINT64_MAX / 2u) /* the origin can be added without an overflow */
 
 struct linux_hub {
     struct taxel_hub hub;
@@ -27,7 +28,7 @@ struct linux_hub {
     bool has_transfer;
     bool is_held; /* the firmware's receive ring is nearly full */
     bool restart_requested;
-    uint64_t origin_us; /* the bus's clock at the start of the hub */
+    uint64_t origin_us; /* the bus's clock when the hub's clock was 0; modulo 2^64 */
     uint64_t wake_us;   /* on the hub's clock */
     struct byte_ring output, input;
     struct taxel_hub_slot slots[SLOTS];
@@ -158,7 +159,7 @@ void linux_hub_restart(struct linux_hub *hub, uint8_t cause)
 {
     hub->has_transfer = hub->is_held = hub->restart_requested = false;
     hub->input.count = 0;
-    hub->origin_us = hub->bus.clock_us(hub->bus.context);
+    hub->origin_us = hub->bus.clock_us(hub->bus.context) - hub->settings.clock_start_us;
     taxel_hub_init(&hub->hub, &hub->config, cause);
 }
 
@@ -200,18 +201,19 @@ static int transfer(struct linux_hub *hub, const uint8_t *write_bytes, size_t wr
                              read_size, timeout_us);
 }
 
-/* Execute the read of a compact snapshot: as many bytes as predicted, and again from its start if it is longer. A board
- * repeats a snapshot in a read that begins with a write of the register pointer. */
+/* Execute the read of a compact snapshot: as many bytes as predicted, and again from its start while it is longer. A
+ * board repeats a snapshot in a read that begins with a write of the register pointer. */
 static int transfer_predicted(struct linux_hub *hub)
 {
     static const uint8_t pointer = TAXEL_REGISTER_COMPACT;
     const struct taxel_i2c_transfer *started = &hub->transfer;
-    const size_t size = predicted_read_size(&hub->prediction, started);
-    const int result = transfer(hub, started->write_bytes, started->write_size, size);
-    if (result != TAXEL_I2C_OK || predicted_read_is_complete(&hub->prediction, started, size)) {
-        return result;
+    size_t size = predicted_read_size(&hub->prediction, started);
+    int result = transfer(hub, started->write_bytes, started->write_size, size);
+    /* ends at the latest with a read of the upper limit, which contains every snapshot */
+    while (result == TAXEL_I2C_OK && (size = predicted_read_remainder(&hub->prediction, started, size)) != 0) {
+        result = transfer(hub, &pointer, sizeof pointer, size);
     }
-    return transfer(hub, &pointer, sizeof pointer, started->read_size);
+    return result;
 }
 
 /* Execute the transfer that the firmware has started. */
@@ -235,7 +237,7 @@ static void execute_transfer(struct linux_hub *hub)
 uint64_t linux_hub_pass(struct linux_hub *hub)
 {
     feed_input(hub);
-    hub->wake_us = UINT64_MAX - hub->origin_us;
+    hub->wake_us = NEVER;
     taxel_hub_run(&hub->hub);
     bool is_due = drain_output(hub); /* space in the transmit ring: the firmware may continue */
     if (hub->restart_requested) {

@@ -39,7 +39,8 @@ struct linux_hub_settings {
     uint32_t scl_hz;             /* clock of the bus, Hz: time limits of transfers, instants of clock readings */
     uint8_t firmware_version[3]; /* in HUB_HANDSHAKE */
     uint8_t unique_id[8];
-    uint8_t probed[16]; /* a bit for each address that may be probed; other devices on the bus are not addressed */
+    uint64_t clock_start_us; /* the hub's clock after a start */
+    uint8_t probed[16];      /* a bit for each address that may be probed; other devices on the bus are not addressed */
 };
 
 struct linux_hub;
@@ -48,7 +49,8 @@ struct linux_hub;
 struct linux_hub *linux_hub_create(const struct linux_hub_settings *settings, const struct linux_hub_bus *bus);
 void linux_hub_free(struct linux_hub *hub);
 
-/* Reset, as after an interruption of the supply: buffered bytes are lost, the clock begins at 0. `cause`: enum
+/* Reset, as after an interruption of the supply: the host's bytes that the hub has not taken are lost, the clock
+ * begins again. `cause`: enum
  * taxel_reset_cause. */
 void linux_hub_restart(struct linux_hub *hub, uint8_t cause);
 
