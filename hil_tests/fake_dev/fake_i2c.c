@@ -83,7 +83,7 @@ static int transfer(int fd, struct i2c_msg *messages, uint32_t count)
     for (uint32_t i = 0; i < count && !broken && !error; i++) {
         broken |= messages[i].flags & I2C_M_RD ? receive_all(fd, messages[i].buf, messages[i].len) : 0;
     }
-    errno = broken ? EIO : error;
+    errno = broken ? ENODEV : error; /* the bench has ended: the adapter is unplugged */
     return errno ? -1 : 0;
 }
 
