@@ -41,7 +41,9 @@ def main() -> int:
     print(f"soak: {options.hours:g} virtual hours, hand {options.hand}, seed {seed}", flush=True)
     start_s = time.monotonic()
     try:
-        report = Soak(load_hand(options.hand), seed, has_hub=not options.without_hub).run(3600.0 * options.hours, _show_progress)
+        report = Soak(load_hand(options.hand), seed, has_hub=not options.without_hub).run(
+            3600.0 * options.hours, _show_progress
+        )
     except TaxelError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

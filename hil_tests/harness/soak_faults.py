@@ -48,5 +48,7 @@ KINDS: Final[tuple[FaultKind, ...]] = (
     ),
 )
 
-KINDS_WITHOUT_HUB: Final = tuple(kind for kind in KINDS if kind.scope not in {"wire", "hub"} and kind.name != "UART held")
+KINDS_WITHOUT_HUB: Final = tuple(
+    kind for kind in KINDS if kind.scope not in {"wire", "hub"} and kind.name != "UART held"
+)
 """Kinds of a skin without a hub: no fault of a UART, and no fault of a hub's supply."""
