@@ -62,7 +62,7 @@ void linux_hub_execute(struct linux_hub *hub);
 
 /* Bytes from the host; returns how many fitted into the buffer. The buffer empties while the hub runs. */
 size_t linux_hub_send(struct linux_hub *hub, const uint8_t *bytes, size_t size);
-/* Bytes for the host; returns their number. When the host does not receive, the hub drops and counts snapshots, as with
+/* Bytes for the host; returns their number. When the host does not receive, the hub discards and counts snapshots, as with
  * a UART without a reader. */
 size_t linux_hub_receive(struct linux_hub *hub, uint8_t *bytes, size_t size);
 /* Bytes that linux_hub_receive() would return. */

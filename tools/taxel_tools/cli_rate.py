@@ -25,8 +25,8 @@ def rate_command(
 ) -> None:
     """Measure the frame rate of a skin relative to the ceiling of its I2C bus.
 
-    The ceiling is the rate of a bus without pauses that transfers one snapshot of each board in turn. Exit status 1 if a
-    frame is missing without a cause in the counters of the hub.
+    The ceiling is the rate of a bus without pauses that transfers one snapshot of each board in turn. Exit status 1 if
+    a frame is missing without a cause in the counters of the hub.
 
     Example: taxel rate "emulator:?wire=i2c&scl_hz=100000"
     """

@@ -94,8 +94,8 @@ def open_hub_link(url: str) -> Iterator[Link]:
 def open_stream(url: str) -> Iterator[tuple[Link, float]]:
     """Open the frames of the skin that `url` names, and return the link with the clock of its I2C bus in Hz.
 
-    `emulator:` is an emulated hand in virtual time with the options of `open_wire`; with `wire=i2c` it has no hub, and a
-    Linux hub polls its boards through an emulated I2C adapter. The bus clock of a hub is `HUB_SCL_HZ`. Raises
+    `emulator:` is an emulated hand in virtual time with the options of `open_wire`; with `wire=i2c` it has no hub, and
+    a Linux hub polls its boards through an emulated I2C adapter. The bus clock of a hub is `HUB_SCL_HZ`. Raises
     `LinkError`.
     """
     reject_original_hub(url)
@@ -128,7 +128,8 @@ def open_emulated(url: str) -> Iterator[tuple[BoardWire, EmulatedBench]]:
 def _start_emulated_bench(url: str, has_linux_hub: bool = False) -> Iterator[tuple[EmulatedBench, float, str]]:
     """Start the emulated boards of an `emulator:` URL and let them boot.
 
-    has_linux_hub: with `wire=i2c`, a Linux hub on the emulated adapter replaces the hub. Returns them, the baud rate of the UART, and the kind of connection: `hub` or `i2c`.
+    has_linux_hub: with `wire=i2c`, a Linux hub on the emulated adapter replaces the hub. Returns them, the baud rate of
+    the UART, and the kind of connection: `hub` or `i2c`.
     """
     query = parse_qs(split_url(url).query)
     unknown = sorted(set(query) - OPTIONS)

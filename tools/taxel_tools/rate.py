@@ -26,8 +26,8 @@ class SkinRate:
 
     `boards`: frames per second by address. `hz`: the lowest of them. `scl_hz`: clock of the bus. `ceiling_hz`: rate of
     a bus that transfers nothing but one uncompressed snapshot of each board in turn. `share`: `hz` / `ceiling_hz`.
-    `frames`, `missing`: received and missing frames of the measurement; `unexplained`: missing frames that no counter of
-    the hub explains, and frames lost between hub and host.
+    `frames`, `missing`: received and missing frames of the measurement; `unexplained`: missing frames that no counter
+    of the hub explains, and frames lost between hub and host.
     """
 
     boards: dict[int, float]

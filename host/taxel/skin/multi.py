@@ -15,8 +15,8 @@ from taxel.skin.skin import Skin
 from taxel.stream import LossAccount, TaxelFrame
 
 SLICE_S: Final = 0.005
-"""Time for which one port is waited for before the next port, seconds: below the time between two frames of a port, which
-is at least 1 ms, a longer time would only delay frames of the other ports."""
+"""Longest wait for one port before the next port, seconds. A longer time delays the frames of the other ports, a
+shorter one costs processor time; the time between two frames of a port is 1 to 20 ms."""
 
 SILENT_S: Final = 0.5
 """Time after which a port without scans no longer delays merged scans, seconds. The slowest bus, 17 boards at 100 kHz,
@@ -67,7 +67,7 @@ class MultiSkin:
         if owner != name:
             board = self.hand.get_board(address).name
             raise DuplicateBoardError(
-                f"board 0x{address:02X} ({board}) answers on {owner} and on {name}; disconnect it from one of these ports"
+                f"board 0x{address:02X} ({board}) answers on {owner} and on {name}; disconnect it from one of them"
             )
 
     @property

@@ -1,7 +1,6 @@
 """Open a skin: from a URL to a link, a hand description and an iterator over frames."""
 
 import os
-from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import cast, get_args, overload
 
@@ -25,13 +24,13 @@ def open_skin(
 ) -> Skin: ...
 @overload
 def open_skin(
-    url: Sequence[str],
+    url: list[str] | tuple[str, ...],
     hand: Hand | str | os.PathLike[str] | None = None,
     rate_hz: float | None = None,
     frames: FrameFormat | None = None,
 ) -> MultiSkin: ...
 def open_skin(
-    url: str | Sequence[str],
+    url: str | list[str] | tuple[str, ...],
     hand: Hand | str | os.PathLike[str] | None = None,
     rate_hz: float | None = None,
     frames: FrameFormat | None = None,
@@ -39,10 +38,10 @@ def open_skin(
     """Open the skin at a URL and start its frames; a list of URLs opens several ports as one skin (`MultiSkin`).
 
     url: `serial:///dev/ttyUSB0`, `i2c:///dev/i2c-1` (boards without a hub), `emulator:` (options after `?`),
-    `file:capture.bin`, `file:skin.mcap`, a pyserial URL or a scheme of a plug-in. hand: name of a packaged description, a file or a `Hand`; None: the hand that a recording
-    contains, else "original". rate_hz: highest rate of scans; None: the rate that the bus permits. frames: "plain"
-    (16-bit counts) or "compact" (the same counts in fewer bytes; boards and hub must support the format); None: the
-    URL's option `frames`, else "plain". The decoded frames are equal.
+    `file:capture.bin`, `file:skin.mcap`, a pyserial URL or a scheme of a plug-in. hand: name of a packaged description,
+    a file or a `Hand`; None: the hand that a recording contains, else "original". rate_hz: highest rate of scans; None:
+    the rate that the bus permits. frames: "plain" (16-bit counts) or "compact" (the same counts in fewer bytes; boards
+    and hub must support the format); None: the URL's option `frames`, else "plain". The decoded frames are equal.
     With the option `protocol=original`, the URL of a serial port, socket, file or emulator reads the original hub (see
     `taxel.original_hub.open_original`); the default hand is then `original`.
 
@@ -57,7 +56,7 @@ def open_skin(
 
 
 def _open_ports(
-    urls: Sequence[str],
+    urls: list[str] | tuple[str, ...],
     hand: Hand | str | os.PathLike[str] | None,
     rate_hz: float | None,
     frames: FrameFormat | None,

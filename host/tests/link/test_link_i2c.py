@@ -2,14 +2,16 @@
 
 import errno
 import os
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import smbus2
 
-from taxel.link import LinkError, PortMissingError, open_link
-from taxel.link.linux_hub import parse_i2c_url
+from taxel.link import LinkError, PortMissingError, PortVanishedError, open_link
+from taxel.link.linux_hub import LinuxHubLink, parse_i2c_url
 from taxel.link.linux_hub import url as i2c_url
 from taxel.link.linux_hub.adapter import check_board_answers, open_adapter, read_scl_hz
 from taxel.optional import MissingPackageError
@@ -93,7 +95,7 @@ def test_missing_permission_is_one_line_that_names_the_group(monkeypatch: pytest
 
 
 def test_missing_smbus2_is_one_line_with_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "smbus2", None)
+    monkeypatch.setitem(sys.modules, "smbus2", None)
     with pytest.raises(MissingPackageError) as caught:
         open_link("i2c:///dev/i2c-1")
     check_one_line(caught.value, "/dev/i2c-1", "pip install 'taxel[i2c]'")
@@ -160,18 +162,19 @@ def test_bus_clock_is_that_of_the_device_tree_or_100_khz(tmp_path: Any, monkeypa
     assert read_scl_hz("/dev/i2c-1") == 400e3
 
 
+def read_until_failure(link: LinuxHubLink) -> None:
+    """The handshake after the start is delivered before the failure."""
+    for _ in range(100):
+        link.read(0.1)
+
+
 def test_failure_of_the_adapter_ends_the_link_with_one_line() -> None:
     """A file that is no adapter rejects the first transfer."""
-    from taxel.link import PortVanishedError
-    from taxel.link.linux_hub import LinuxHubLink
-
-    with open("/dev/null", "rb") as file:
-        bus = SimpleNamespace(fd=file.fileno(), close=lambda: None)
-        link = LinuxHubLink(bus, "/dev/i2c-1", 400e3, (0x1C,))
+    with Path("/dev/null").open("rb") as file:
+        link = LinuxHubLink(SimpleNamespace(fd=file.fileno(), close=lambda: None), "/dev/i2c-1", 400e3, (0x1C,))
         try:
             with pytest.raises(PortVanishedError) as caught:
-                for _ in range(100):
-                    link.read(0.1)  # the handshake after the start is delivered first
+                read_until_failure(link)
             check_one_line(caught.value, "/dev/i2c-1: the adapter is gone")
             with pytest.raises(PortVanishedError):
                 link.write(b"x")

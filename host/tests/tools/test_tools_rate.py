@@ -40,7 +40,7 @@ def test_ceiling_counts_nine_clocks_for_each_byte() -> None:
 
 def test_missing_frames_of_a_silent_board_are_explained_by_counters() -> None:
     hand = load_hand("rig4")
-    text = format_world(hand, WorldSettings(faults=["2.5 nack_at 0x%02X 0" % hand.boards[0].address] * 4))
+    text = format_world(hand, WorldSettings(faults=[f"2.5 nack_at 0x{hand.boards[0].address:02X} 0"] * 4))
     with VirtualMasterWorld(text) as world:
         rate = measure_rate(VirtualMemoryLink(world), 400e3, 3.0)
     assert rate.unexplained == 0
@@ -51,8 +51,12 @@ def test_hub_is_measured_by_the_same_command(capsys: pytest.CaptureFixture[str])
 
 
 def test_bus_without_boards_is_one_line() -> None:
-    with VirtualMasterWorld("taxel-world 1\n") as world, pytest.raises(TaxelError, match="no board answers") as caught:
-        measure_rate(VirtualMemoryLink(world), 400e3, 1.0)
+    hand = load_hand("rig4")
+    with VirtualMasterWorld(format_world(hand)) as world:
+        for board in hand.boards:
+            world.inject("unplug", board.address)
+        with pytest.raises(TaxelError, match="no board answers") as caught:
+            measure_rate(VirtualMemoryLink(world), 400e3, 1.0)
     assert "\n" not in str(caught.value)
 
 

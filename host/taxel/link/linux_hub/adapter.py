@@ -19,12 +19,11 @@ I2C_FUNC_I2C: Final = 0x00000001
 """Bit of plain I2C transfers in the functions of an adapter (linux/i2c.h)."""
 
 DEFAULT_SCL_HZ: Final = 100e3
-"""Bus clock of an adapter whose clock is not in the device tree, Hz: the default of most drivers, also of the Raspberry
-Pi."""
+"""Bus clock of an adapter whose clock is not in the device tree, Hz: the default of most drivers."""
 
 BOARD_TIMEOUT_S: Final = 0.5
-"""Longest wait for the first board, seconds. Boards answer within 50 ms of power-up; their bootloader may wait 100 ms for
-a host. A longer time delays the error message for a bus without boards."""
+"""Longest wait for the first board, seconds. Boards answer within 50 ms of power-up; their bootloader may wait 100 ms
+for a host. A longer time delays the error message for a bus without boards."""
 
 _SYSFS: Final = Path("/sys/bus/i2c/devices")
 _NACK_ERRNOS: Final = {errno.ENXIO, errno.EREMOTEIO, errno.ENODATA}
@@ -41,8 +40,8 @@ def open_adapter(device: str) -> smbus2.SMBus:
         bus.close()
         raise LinkError(
             device,
-            "the adapter transfers SMBus commands only, but boards need plain I2C transfers (I2C_FUNC_I2C); use another "
-            "adapter, such as the I2C pins of a Raspberry Pi or a USB bridge with an I2C driver",
+            "the adapter transfers SMBus commands only, but boards need plain I2C transfers (I2C_FUNC_I2C); use "
+            "another adapter, such as the I2C pins of a Raspberry Pi or a USB bridge with an I2C driver",
         )
     return bus
 
@@ -72,12 +71,13 @@ def check_board_answers(bus: smbus2.SMBus, device: str, addresses: Sequence[int]
         if time.monotonic() > deadline:
             break
         time.sleep(0.02)
-    held = sorted({failure for failure in failures if failure not in _NACK_ERRNOS and failure is not None})
-    if held:
+    errors = sorted({failure for failure in failures if failure not in _NACK_ERRNOS and failure is not None})
+    if errors:
         raise LinkError(
             device,
-            f"no board answers, and transfers fail with '{errno.errorcode.get(held[0], str(held[0]))}': SDA or SCL is held "
-            "low or has no pull-up; measure both lines (3.3 V without traffic), then disconnect boards one at a time",
+            f"no board answers, and transfers fail with '{errno.errorcode.get(errors[0], str(errors[0]))}': SDA or SCL is "
+            "held low or has no pull-up; measure both lines (3.3 V without traffic), then disconnect boards one at a "
+            "time",
         )
     searched = "any address" if len(addresses) > 1 else f"0x{addresses[0]:02X}"
     if 1 < len(addresses) < 112:

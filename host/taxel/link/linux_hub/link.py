@@ -40,8 +40,8 @@ class LinuxHubLink:
     def __init__(self, bus: smbus2.SMBus, device: str, scl_hz: float, addresses: Sequence[int]) -> None:
         """Start the hub on an open adapter, which the link closes.
 
-        device: path of the adapter, for messages. scl_hz: clock of the bus, Hz. addresses: I2C addresses at which boards
-        are searched. Raises `LinkError` if the thread cannot be started.
+        device: path of the adapter, for messages. scl_hz: clock of the bus, Hz. addresses: I2C addresses at which
+        boards are searched. Raises `LinkError` if the thread cannot be started.
         """
         self.name = device
         self.scl_hz = scl_hz

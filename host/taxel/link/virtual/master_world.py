@@ -13,8 +13,8 @@ from taxel.link.virtual.world import PS_PER_S, RECEIVE_SIZE, FaultError, Virtual
 from taxel_protocol.names import ResetCause
 
 DRIVER_LATENCY_S: Final = 50e-6
-"""Time between two transfers of an adapter, seconds: interrupt of the controller, wake-up of the thread and system call.
-Chosen; a computer with a busy processor needs longer, which lowers the frame rate."""
+"""Time between two transfers of an adapter, seconds: interrupt of the controller, wake-up of the thread and system
+call. Chosen; a computer with a busy processor needs longer, which lowers the frame rate."""
 
 TIMEOUT_UNIT_S: Final = 0.01
 """Step of the time limit of an adapter of Linux, seconds (ioctl I2C_TIMEOUT)."""
@@ -48,8 +48,8 @@ class VirtualMasterWorld(VirtualWorld):
     ) -> None:
         """Create the boards of a world file, with an I2C adapter in place of the hub, at virtual time 0.
 
-        scl_hz: clock of the bus in the world file, Hz. addresses: where the hub searches boards. latency_s: time between
-        two transfers. counts, files: as for `VirtualWorld`. Raises LinkError if the emulator rejects the world.
+        scl_hz: clock of the bus in the world file, Hz. addresses: where the hub searches boards. latency_s: time
+        between two transfers. counts, files: as for `VirtualWorld`. Raises LinkError if the emulator rejects the world.
         """
         super().__init__(world, "none", counts=counts, files=files)
         super().inject("hub_unplug")

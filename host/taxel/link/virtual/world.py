@@ -247,7 +247,7 @@ class VirtualWorld:
         return int(result), buffer.raw[:read_size]
 
     def recover_bus(self) -> None:
-        """Free a bus whose SDA a board holds low, as the driver of an I2C adapter does: up to nine clocks, then stop."""
+        """Free a bus whose SDA a board holds low, as the driver of an adapter does: up to nine clocks, then stop."""
         self._library.taxel_bench_recover_bus(self._open_handle)
 
     def read_faults(self, first: int = 0) -> list[FaultEvent]:
