@@ -73,11 +73,11 @@ def check_board_answers(bus: smbus2.SMBus, device: str, addresses: Sequence[int]
         time.sleep(0.02)
     errors = sorted({failure for failure in failures if failure not in _NACK_ERRNOS and failure is not None})
     if errors:
+        name = errno.errorcode.get(errors[0], str(errors[0]))
         raise LinkError(
             device,
-            f"no board answers, and transfers fail with '{errno.errorcode.get(errors[0], str(errors[0]))}': SDA or SCL is "
-            "held low or has no pull-up; measure both lines (3.3 V without traffic), then disconnect boards one at a "
-            "time",
+            f"no board answers, and transfers fail with '{name}': SDA or SCL is held low or has no pull-up; measure "
+            "both lines (3.3 V without traffic), then disconnect boards one at a time",
         )
     searched = "any address" if len(addresses) > 1 else f"0x{addresses[0]:02X}"
     if 1 < len(addresses) < 112:
