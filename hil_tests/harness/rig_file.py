@@ -1,6 +1,5 @@
 """Rig files: the skin, the devices with their drivers, and the settings of a virtual rig. Format: rigs/README.md."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +10,8 @@ from hil_tests.harness.errors import RigError
 from hil_tests.harness.interfaces import INTERFACES
 from taxel.errors import TaxelError
 from taxel.hand import Hand, load_hand
+from taxel.input_files import TextError, parse_toml, read_regular_file
+from taxel.input_files.toml_text import TOML_BYTES_MAX
 
 RIGS: Final = Path(__file__).parent.parent / "rigs"
 HUB: Final = 0
@@ -53,11 +54,11 @@ def load_rig(name: str) -> RigDescription:
     """The rig with this name in hil_tests/rigs, or with this path of a .toml file. Raises `TaxelError` as one line."""
     path = Path(name) if name.endswith(".toml") else RIGS / f"{name}.toml"
     try:
-        table = tomllib.loads(path.read_text())
+        table = parse_toml(read_regular_file(path, TOML_BYTES_MAX))
     except OSError as error:
         names = ", ".join(sorted(rig.stem for rig in RIGS.glob("*.toml")))
         raise RigError(f"rig {path}: {error.strerror}; expected a .toml file or one of {names}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except TextError as error:
         raise RigError(f"rig {path}: is not TOML ({error})") from None
     return _read_description(path, table)
 

@@ -13,12 +13,13 @@ Keys that are left out keep the value stored on the board.
 """
 
 import re
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
+from taxel.input_files import TextError, parse_toml, read_regular_file
+from taxel.input_files.toml_text import TOML_BYTES_MAX
 from taxel_protocol.bootloader import BOOT_DEFAULT_ADDRESS
 from taxel_protocol.limits import ADDRESS_MIN
 from taxel_tools.errors import PlanError
@@ -45,9 +46,9 @@ def read_plan(path: Path) -> list[Entry]:
     Raises `PlanError`, OSError.
     """
     try:
-        document = tomllib.loads(path.read_text())
-    except ValueError as error:
-        raise PlanError(str(path), "file", "TOML", str(error).splitlines()[0], "correct the file") from None
+        document = parse_toml(read_regular_file(path, TOML_BYTES_MAX))
+    except TextError as error:
+        raise PlanError(str(path), error.position, error.expected, error.found, "correct the file") from None
     if document.get("taxel_provisioning") != 1:
         value = repr(document.get("taxel_provisioning"))
         raise PlanError(str(path), "taxel_provisioning", "1", value, "is this a provisioning plan?")

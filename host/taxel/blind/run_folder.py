@@ -8,6 +8,8 @@ from taxel.blind.errors import BlindRunError
 from taxel.blind.sampling import sample_worlds
 from taxel.blind.seal import commitment, verify_commitment
 from taxel.blind.world import World
+from taxel.input_files import parse_json, read_regular_file
+from taxel.input_files.json_text import JSON_BYTES_MAX
 
 SEALED: Final = "sealed"
 COMMITMENTS, KEYS, WORLDS = "commitments.json", f"{SEALED}/keys.json", "worlds"
@@ -74,7 +76,7 @@ def open_sealed_worlds(out: Path) -> list[World]:
 def read_json(path: Path) -> Any:
     """Read a JSON file of a blind check. Raises BlindRunError if the file is missing or damaged."""
     try:
-        return json.loads(path.read_text())
+        return parse_json(read_regular_file(path, JSON_BYTES_MAX))
     except (OSError, ValueError) as error:
         remedy = "run the check again in another folder"
         raise BlindRunError(str(path), "readable JSON", str(error), remedy) from None

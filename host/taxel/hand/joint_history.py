@@ -1,6 +1,7 @@
 """Joint angles over time: measured samples, their interpolation at the times of frames, and their file."""
 
 import csv
+import io
 import math
 import os
 import threading
@@ -13,6 +14,7 @@ import numpy as np
 
 from taxel.errors import FieldError, TaxelError
 from taxel.hand.errors import format_path, format_value
+from taxel.input_files import open_regular_file
 from taxel.types import FloatArray
 
 TIME_COLUMN: Final = "time_s"
@@ -182,7 +184,7 @@ def read_joint_file(path: str | os.PathLike[str], names: Sequence[str]) -> Joint
     """
     file = format_path(os.fspath(path))
     try:
-        stream = Path(path).open(newline="", encoding="utf-8", errors="replace")  # noqa: SIM115
+        stream = io.TextIOWrapper(open_regular_file(path), encoding="utf-8", errors="replace", newline="")
     except OSError as error:
         raise JointFileError(file, "file", "a readable CSV file", str(error.strerror), "correct the path") from None
     history = JointHistory(names, file)

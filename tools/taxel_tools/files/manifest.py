@@ -18,22 +18,37 @@ structure is accepted too.
 """
 
 import hashlib
-import json
 import re
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
+from taxel.input_files import InputFileError, TextError, parse_json, parse_toml, read_regular_file
 from taxel_protocol.bootloader import BOOT_IMAGE_MAGIC, BootDevice
 from taxel_protocol.bootloader_images import build_image
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.firmware import FirmwareImage, format_slot, parse_image
 
+SIZE_MAX: Final = 1 << 20
+"""Size limit of a file in bytes; a `.cyacd` file of one slot has 27,000."""
+IMAGES_MAX: Final = 2
+"""Largest number of images of a manifest: one for each slot."""
 KEYS: Final = {"file", "sha256", "device", "kind", "slot", "version"}
 DEVICE_NAMES: Final = {"board": BootDevice.BOARD, "hub": BootDevice.HUB}
 
 ReadOne = Callable[[Path, bytes], FirmwareImage]
+
+
+def read_firmware_bytes(path: Path) -> bytes:
+    """Content of a firmware file. Raises `FirmwareFileError` unless it is a regular file of at most `SIZE_MAX` bytes,
+    OSError.
+    """
+    try:
+        return read_regular_file(path, SIZE_MAX)
+    except InputFileError as error:
+        raise FirmwareFileError(
+            str(path), "file", f"a regular file of at most {SIZE_MAX} bytes", "another", "is this a firmware file?"
+        ) from error
 
 
 def read_manifest(path: Path, data: bytes, read_one: ReadOne) -> list[FirmwareImage]:
@@ -48,6 +63,8 @@ def read_manifest(path: Path, data: bytes, read_one: ReadOne) -> list[FirmwareIm
     entries = document.get("image")
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
         _fail(path, "image", "one table or more", "none", "add an [[image]] table for each file")
+    if len(entries) > IMAGES_MAX:
+        _fail(path, "image", f"at most {IMAGES_MAX} tables", str(len(entries)), "keep one image for each slot")
     return [_read_image(path, f"image[{i}]", entry, read_one) for i, entry in enumerate(entries)]
 
 
@@ -56,11 +73,9 @@ def _parse_document(path: Path, data: bytes) -> dict[str, Any]:
     invalid text.
     """
     try:
-        text = data.decode()
-        document = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except ValueError as error:  # A JSON, TOML or UTF-8 error.
-        kind = "JSON" if path.suffix == ".json" else "TOML"
-        raise FirmwareFileError(str(path), "file", kind, str(error).splitlines()[0], "correct the file") from None
+        document = parse_json(data) if path.suffix == ".json" else parse_toml(data)
+    except TextError as error:
+        _fail(path, error.position, error.expected, error.found, "correct the file")
     if not isinstance(document, dict):
         _fail(path, "file", "a table", "something else", "see docs/how-to-flash-boards.md")
     return document
@@ -83,7 +98,7 @@ def _read_image(path: Path, field: str, entry: dict[str, Any], read_one: ReadOne
     if not isinstance(name, str) or not name:
         _fail(path, f"{field}.file", "a file name", repr(name), "add the file name")
     file = path.parent / name
-    data = file.read_bytes()
+    data = read_firmware_bytes(file)
     expected_hash = entry.get("sha256")
     actual_hash = hashlib.sha256(data).hexdigest()
     if expected_hash is not None and str(expected_hash).lower() != actual_hash:

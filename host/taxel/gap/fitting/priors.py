@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from os import PathLike
@@ -14,6 +13,7 @@ import numpy as np
 from taxel.gap.effects import catalogue
 from taxel.gap.effects.effect import Parameter, Prior
 from taxel.gap.errors import GapInputError
+from taxel.input_files import TextError, parse_toml, read_regular_file
 
 LARGEST_BYTES: Final = 1 << 20
 
@@ -27,14 +27,10 @@ def read_priors(path: str | PathLike[str]) -> Priors:
     Raises GapInputError of one line, OSError.
     """
     file = Path(path)
-    with file.open("rb") as stream:
-        data = stream.read(LARGEST_BYTES + 1)
-    if len(data) > LARGEST_BYTES:
-        raise GapInputError(str(file), "at most 1 MiB", "a larger file", "give a file of priors")
     try:
-        tables = tomllib.loads(data.decode("utf-8"))
-    except (UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise GapInputError(str(file), "valid TOML", " ".join(str(error).split())[:80], "correct the line") from None
+        tables = parse_toml(read_regular_file(file, LARGEST_BYTES))
+    except TextError as error:
+        raise GapInputError(f"{file}: {error.position}", error.expected, error.found, "correct the line") from None
     return {name: _effect(str(file), name, table) for name, table in tables.items()}
 
 

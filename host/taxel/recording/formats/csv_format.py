@@ -7,16 +7,18 @@ simulator (section 4.2, Figure 4.6). `joints.csv` contains the measured joint an
 
 import csv
 import heapq
+import io
 import os
 import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO, TextIO
 
 import numpy as np
 
 from taxel.hand import Hand
 from taxel.hand.joint_history import JointFileWriter, JointHistory
+from taxel.input_files import open_regular_file, read_regular_file
 from taxel.link import CaptureError
 from taxel.recording.formats.frame_table import HEADER_MAX, check_frame, fail, format_header, parse_header
 from taxel.ros.contacts import POINT
@@ -129,9 +131,10 @@ def open_csv(path: Path) -> FramesLink:
     Raises RecordingFormatError for the first error: here for the header, and while frames are read for a row.
     """
     header_file = path / HEADER_FILE
-    if not header_file.is_file() or header_file.stat().st_size > HEADER_MAX:
+    try:
+        header = parse_header(read_regular_file(header_file, HEADER_MAX), header_file)
+    except OSError:
         fail(path, HEADER_FILE, "the header that taxel convert writes", "none", "give a folder from taxel convert")
-    header = parse_header(header_file.read_text(errors="replace"), header_file)
     files = sorted(file for file in path.glob("*.csv") if file.name not in (ACTIVE_FILE, JOINTS_FILE))
     rows = heapq.merge(*(_read_rows(file) for file in files), key=lambda row: row[0])
     link = FramesLink(os.fspath(path), (frame for _, frame in rows))
@@ -144,7 +147,8 @@ def _read_rows(path: Path) -> Iterator[tuple[int, TaxelFrame]]:
 
     Raises RecordingFormatError for the first malformed row.
     """
-    with path.open(newline="") as file:
+    with io.TextIOWrapper(_open_table(path), encoding="utf-8", errors="replace", newline="") as file:
+        # A byte that is not UTF-8 becomes a letter, which the conversion to a number reports with its line.
         lines = csv.reader(iter(lambda: file.readline(_LINE_MAX), ""))
         heading = tuple(next(lines, ()))
         if heading[: len(COLUMNS)] != COLUMNS:
@@ -161,3 +165,11 @@ def _read_rows(path: Path) -> Iterator[tuple[int, TaxelFrame]]:
             except (ValueError, OverflowError) as error:
                 fail(path, f"line {number}", "numbers", str(error)[:60], "correct the line")
             yield int(values["frame"]), frame
+
+
+def _open_table(path: Path) -> BinaryIO:
+    """Open the CSV file of a board. Raises RecordingFormatError for a file that cannot be read."""
+    try:
+        return open_regular_file(path)
+    except OSError as error:
+        fail(path, "file", "a readable CSV file", error.strerror, "restore the folder of taxel convert")

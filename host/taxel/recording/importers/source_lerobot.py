@@ -9,7 +9,6 @@ field ``task``.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
+from taxel.input_files import TextError, parse_json, read_regular_file
+from taxel.input_files.json_text import JSON_BYTES_MAX
 from taxel.recording.grasp_checks import Location
 from taxel.recording.importers.fields import Field, Source
 from taxel.recording.importers.source_parquet import open_tables
@@ -50,8 +51,8 @@ def open_file(path: Path) -> Source:
 def _read_json(file: Path, location: Location) -> Any:
     """Read a JSON file. Raises DatasetError."""
     try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        return parse_json(read_regular_file(file, JSON_BYTES_MAX))
+    except (OSError, TextError) as error:
         return location.fail("a JSON file", format_value(str(error)), "download the folder meta/ completely")
 
 
@@ -61,9 +62,10 @@ def _read_tasks(path: Path) -> dict[int, str]:
     if lines.is_file():
         location = Location(str(lines))
         try:
-            entries = [json.loads(line) for line in lines.read_text(encoding="utf-8").splitlines() if line.strip()]
+            texts = read_regular_file(lines, JSON_BYTES_MAX).splitlines()
+            entries = [parse_json(line) for line in texts if line.strip()]
             return {int(entry[TASK_INDEX]): str(entry[TASK]) for entry in entries}
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, OverflowError, KeyError, TypeError) as error:
             location.fail("one JSON object with task_index and task in each line", format_value(str(error)), "fix it")
     if not table.is_file():
         return {}
