@@ -57,7 +57,7 @@ def _parse_float(text: str) -> float:
 
 
 def _make_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Make the dict of a JSON object. Raises TextError for a repeated key, of whose values Python keeps only the last."""
+    """Make the dict of a JSON object. Raises TextError for a repeated key, of which Python keeps only one value."""
     result = dict(pairs)
     if len(result) != len(pairs):
         name = Counter(key for key, _ in pairs).most_common(1)[0][0]

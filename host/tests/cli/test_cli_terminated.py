@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 TIMEOUT_S = 60.0
@@ -55,6 +56,7 @@ def start_program(text):
 
 def test_sigterm_ends_a_process_that_waits_in_a_library():
     process = start_program(WAITING_IN_C)
+    time.sleep(0.5)  # until the program has entered the call
     process.send_signal(signal.SIGTERM)
     assert process.wait(TIMEOUT_S) == 128 + signal.SIGTERM
 
