@@ -32,7 +32,7 @@ def interrupted_by_sigterm(grace_s: float = GRACE_S) -> Iterator[None]:
     with _watch(grace_s) as is_handled:
 
         def interrupt(number: int, frame: FrameType | None) -> None:
-            """Note that the signal has reached Python, and raise KeyboardInterrupt; a second signal ends the process."""
+            """Note that the signal has reached Python, and raise KeyboardInterrupt; a second one ends the process."""
             if is_handled.is_set():
                 os._exit(STATUS)
             is_handled.set()
