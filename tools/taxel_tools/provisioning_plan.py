@@ -52,6 +52,9 @@ def read_plan(path: Path) -> list[Entry]:
     if document.get("taxel_provisioning") != 1:
         value = repr(document.get("taxel_provisioning"))
         raise PlanError(str(path), "taxel_provisioning", "1", value, "is this a provisioning plan?")
+    unknown = sorted(set(document) - {"taxel_provisioning", "board"})
+    if unknown:
+        raise PlanError(str(path), unknown[0], "taxel_provisioning or board", "an unknown key", "correct its name")
     tables = document.get("board")
     if not isinstance(tables, list) or not tables or not all(isinstance(table, dict) for table in tables):
         raise PlanError(str(path), "board", "one table or more", "none", "add a [[board]] table for each board")

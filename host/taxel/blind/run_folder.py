@@ -65,12 +65,17 @@ def open_sealed_worlds(out: Path) -> list[World]:
     if not (out / KEYS).exists():
         raise BlindRunError(str(out), "a blind check", "none", "run `taxel gap blind` with --worlds first")
     committed, keys = read_json(out / COMMITMENTS), read_json(out / KEYS)
-    for key in keys:
-        verify_commitment(int(key["number"]), key, str(committed.get(str(key["number"]), "")))
-    if len(keys) != len(committed):
-        remedy = "run the check again in another folder"
+    remedy = "run the check again in another folder"
+    try:
+        for key in keys:
+            verify_commitment(int(key["number"]), key, str(committed.get(str(key["number"]), "")))
+        numbers = {key["number"] for key in keys}
+        worlds = [World.from_json(key) for key in keys]
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise BlindRunError(str(out / KEYS), "a list of keys", f"{type(error).__name__}: {error}", remedy) from None
+    if len(keys) != len(committed) or len(numbers) != len(keys):
         raise BlindRunError(str(out / KEYS), f"{len(committed)} keys", str(len(keys)), remedy)
-    return [World.from_json(key) for key in keys]
+    return worlds
 
 
 def read_json(path: Path) -> Any:

@@ -121,7 +121,8 @@ class Key:
 
 def _is_number(value: Any) -> bool:
     """Whether a value of the recipe file is a finite number; True and False are not numbers."""
-    return not isinstance(value, bool) and isinstance(value, int | float) and bool(np.isfinite(value))
+    # The conversion of an integer of hundreds of digits to a float fails, so integers are compared before.
+    return not isinstance(value, bool) and isinstance(value, int | float) and abs(value) < 1e300
 
 
 def read_recipe(path: Path) -> Recipe:

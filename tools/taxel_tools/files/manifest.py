@@ -60,6 +60,9 @@ def read_manifest(path: Path, data: bytes, read_one: ReadOne) -> list[FirmwareIm
     document = _parse_document(path, data)
     if document.get("taxel_firmware") != 1:
         _fail(path, "taxel_firmware", "1", repr(document.get("taxel_firmware")), "is this a firmware manifest?")
+    unknown = sorted(set(document) - {"taxel_firmware", "image"})
+    if unknown:
+        _fail(path, unknown[0], "taxel_firmware or image", "an unknown key", "correct its name")
     entries = document.get("image")
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
         _fail(path, "image", "one table or more", "none", "add an [[image]] table for each file")
@@ -141,7 +144,7 @@ def _parse_claims(path: Path, field: str, entry: dict[str, Any]) -> dict[str, An
     """
     claims: dict[str, Any] = {}
     if "device" in entry:
-        if entry["device"] not in DEVICE_NAMES:
+        if not isinstance(entry["device"], str) or entry["device"] not in DEVICE_NAMES:
             _fail(path, f"{field}.device", "board or hub", repr(entry["device"]), "correct it")
         claims["device"] = DEVICE_NAMES[entry["device"]]
     if "kind" in entry:

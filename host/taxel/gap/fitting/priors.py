@@ -8,8 +8,6 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from taxel.gap.effects import catalogue
 from taxel.gap.effects.effect import Parameter, Prior
 from taxel.gap.errors import GapInputError
@@ -53,7 +51,7 @@ def _prior(where: str, parameters: Mapping[str, Parameter], key: str, value: Any
     if not isinstance(value, dict) or set(value) != {"value", "std"}:
         raise GapInputError(where, "{ value = ..., std = ... }", repr(value)[:40], "give both numbers")
     numbers = [value["value"], value["std"]]
-    if any(isinstance(one, bool) or not isinstance(one, int | float) or not np.isfinite(one) for one in numbers):
+    if any(isinstance(one, bool) or not isinstance(one, int | float) or not abs(one) < 1e300 for one in numbers):
         raise GapInputError(where, "two finite numbers", repr(value)[:40], "correct the numbers")
     known = parameters[key]
     if not known.low <= value["value"] <= known.high or value["std"] <= 0:
