@@ -113,7 +113,9 @@ def _read_world(path: Path, world: Any) -> Mapping[str, Any]:
         raise RigError(f"rig {path}: world is not a table; expected [world] with numbers for {names}")
     for name, value in world.items():
         if name not in WORLD_SETTINGS or isinstance(value, bool) or not isinstance(value, WORLD_SETTINGS[name] | int):
-            raise RigError(f"rig {path}: [world] {format_path(name)} = {format_value(value)}; expected numbers for {names}")
+            raise RigError(
+                f"rig {path}: [world] {format_path(name)} = {format_value(value)}; expected numbers for {names}"
+            )
     return world
 
 
@@ -123,7 +125,8 @@ def _read_executed(path: Path, entries: Any, board_addresses: set[int]) -> tuple
 
     Raises `RigError` for an entry that is neither "hub" nor the address of a board of the rig.
     """
-    expected = f'rig {path}: executed = {format_value(entries)}; expected a list of "hub" and addresses of boards, such as 0x1D'
+    found = f"rig {path}: executed = {format_value(entries)}"
+    expected = f'{found}; expected a list of "hub" and addresses of boards, such as 0x1D'
     if not isinstance(entries, list):
         raise RigError(expected)
     addresses = tuple(HUB if entry == "hub" else entry for entry in entries)
@@ -143,7 +146,9 @@ def _read_device(path: Path, device: str, table: Any) -> Device:
     options = {option.name: option for option in driver.options}
     for key in values:
         if key not in options:
-            raise RigError(f"rig {path}: [{device}] {format_value(key)} is unknown; {name} takes {', '.join(options) or 'nothing'}")
+            raise RigError(
+                f"rig {path}: [{device}] {format_value(key)} is unknown; {name} takes {', '.join(options) or 'nothing'}"
+            )
     for option in driver.options:
         if option.name in values or option.is_required:
             _read_field(path, values, option.name, option.type, device)

@@ -32,11 +32,11 @@ class FieldError(TaxelError):
 
     def __str__(self) -> str:
         """Format the error as one line: file, field, expected and found values, remedy."""
-        field, expected, found, remedy = map(_fit_line, (self.field, self.expected, self.found, self.remedy))
-        return f"{_fit_line(self.file, 5000)}: {field}: expected {expected}, found {found}; {remedy}"
+        field, expected, found, remedy = map(fit_line, (self.field, self.expected, self.found, self.remedy))
+        return f"{fit_line(self.file, 5000)}: {field}: expected {expected}, found {found}; {remedy}"
 
 
-def _fit_line(text: object, longest: int = 400) -> str:
+def fit_line(text: object, longest: int = 400) -> str:
     """Return a text for one line of a message: a long one is shortened, other than printable characters become "?".
 
     The texts may contain values of a file, and an array as text has several lines.

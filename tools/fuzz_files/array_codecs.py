@@ -71,9 +71,14 @@ class Npz:
 
     def encode(self, document: Any) -> bytes:
         """Return the bytes. A value that is no array of numbers or texts is stored as a pickled object."""
-        target = io.BytesIO()
-        np.savez(target, **{name: np.asarray(value, dtype=_choose_type(value)) for name, value in document.items()})
-        return target.getvalue()
+        return encode_npz({name: np.asarray(value, dtype=_choose_type(value)) for name, value in document.items()})
+
+
+def encode_npz(arrays: dict[str, Any]) -> bytes:
+    """Return the bytes of a NumPy archive, not compressed."""
+    target = io.BytesIO()
+    np.savez(target, **arrays)
+    return target.getvalue()
 
 
 def _choose_type(value: Any) -> Any:

@@ -42,7 +42,7 @@ class Capture:
             _RECORD.pack(record["time_ns"], record.get("size", len(record["data"]))) + record["data"]
             for record in document["records"]
         ]
-        return head + text + b"".join(records)
+        return b"".join([head, text, *records])
 
 
 MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
@@ -105,7 +105,7 @@ def _join_chunk(record: Any) -> bytes:
     data = record["data"] if "data" in record else _join_records(record["records"])
     crc = record.get("crc", zlib.crc32(data))
     head = struct.pack("<QQQI", record["start"], record["end"], record.get("size_of_data", len(data)), crc)
-    return head + struct.pack("<I", len(name)) + name + struct.pack("<Q", len(data)) + data
+    return b"".join([head, struct.pack("<I", len(name)), name, struct.pack("<Q", len(data)), data])
 
 
 BAG_MAGIC: Final = b"#ROSBAG V2.0\n"
@@ -173,7 +173,8 @@ class BinaryTable:
     def encode(self, document: Any) -> bytes:
         """Return the bytes."""
         head = "\n".join(" ".join(map(str, line)) for line in document["head"]).encode() + b"\n"
-        return head + self.marker + b"".join(struct.pack(self.row, *row) for row in document["rows"]) + document["rest"]
+        rows = [struct.pack(self.row, *row) for row in document["rows"]]
+        return b"".join([head, self.marker, *rows, document["rest"]])
 
 
 @dataclass(frozen=True)
@@ -191,6 +192,4 @@ class BinaryStl:
     def encode(self, document: Any) -> bytes:
         """Return the bytes."""
         rows = [struct.pack("<12fH", *row) for row in document["triangles"]]
-        return document["head"] + struct.pack("<I", document["count"]) + b"".join(rows) + document["rest"]
-
-
+        return b"".join([document["head"], struct.pack("<I", document["count"]), *rows, document["rest"]])

@@ -10,7 +10,8 @@ from typing import Final
 _INTEGERS: Final = ("<H", ">H", "<I", ">I", "<Q", ">Q")
 _FRAGMENTS: Final = (
     b"\0", b"\xff", b"\xef\xbb\xbf", b"\r\n", b"\n\n", b",,", b"nan", b"inf", b"-1", b"1e308", b"1e999", b"9" * 5000,
-    b"[" * 100_000, b'{"a":' * 20_000, b"a." * 300 + b"b = 1\n", b"# comment\n", b"\xed\xa0\x80", b"=", b'"', b"\\u0000",
+    b"[" * 100_000, b'{"a":' * 20_000, b"a." * 300 + b"b = 1\n", b"# comment\n",
+    b"\xed\xa0\x80", b"=", b'"', b"\\u0000",
 )  # fmt: skip
 _NUMBER: Final = re.compile(rb"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 _NUMBERS: Final = (
@@ -78,7 +79,9 @@ def _set_integer(data: bytes, random: Random) -> bytes:
     place = min(_place(data, random), len(data) - size)
     (present,) = struct.unpack_from(form, data, place)
     limit = 256**size - 1
-    value = random.choice((0, 1, limit, limit // 2, limit // 2 + 1, present + 1, present - 1, present * 2, 1 << 20, 1 << 24))
+    value = random.choice(
+        (0, 1, limit, limit // 2, limit // 2 + 1, present + 1, present - 1, present * 2, 1 << 20, 1 << 24)
+    )
     return data[:place] + struct.pack(form, value % (limit + 1)) + data[place + size :]
 
 

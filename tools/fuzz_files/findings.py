@@ -56,7 +56,9 @@ class FindingStore:
         for (target, _), numbers in sorted(self._kinds.items()):
             text = self._texts[target, _].strip().splitlines()
             head = text[-1] if text[0].startswith("traceback") else text[0]
-            print(f"{target}: {len(numbers)} x {head[:200]} {_find_place(self._texts[target, _])} (number {numbers[0]})")
+            print(
+                f"{target}: {len(numbers)} x {head[:200]} {_find_place(self._texts[target, _])} (number {numbers[0]})"
+            )
         if self._kinds:
             print(f"the files of the findings, and the commands that repeat them, are in {self._folder}")
 

@@ -36,7 +36,7 @@ class Image:
         program = document["program"]
         covered = program[: max(0, document["length"] - _HEADER.size - _CRC_BYTES)]
         crc = document.get("crc", zlib.crc32(head + covered))
-        return head + struct.pack("<I", crc) + program
+        return head + struct.pack("<I", crc) + bytes(program)
 
 
 @dataclass(frozen=True)

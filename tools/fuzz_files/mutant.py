@@ -69,7 +69,7 @@ class MutantMaker:
         return Mutant(name, f"{type(codec).__name__}: {description}", {**self._files, name: data})
 
     def describe_change(self, mutant: Mutant) -> tuple[Flat | None, list[str], bool]:
-        """Return the fields of the mutated file, the paths of the changed fields, and whether the reader must refuse it.
+        """Return the fields of a mutated file, the paths of the changed fields, and whether it must be refused.
 
         The fields are None for a file that cannot be decoded.
         """

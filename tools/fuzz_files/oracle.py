@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from fuzz_files.document import Flat, is_equal, list_differences
 from fuzz_files.target import Rules
 
-_SHOWN = 4
+_SHOWN: Final = 4
+_CHECKED: Final = 40
+"""Largest number of changed fields whose values are searched for; a repeated table may change thousands."""
 
 
 def find_silent_error(rules: Rules, before: Flat, after: Flat, changed: Flat | None, changes: Sequence[str]) -> str:
@@ -64,7 +66,7 @@ def _find_misread(rules: Rules, after: Flat, changed: Flat, changes: Sequence[st
     """Return a description of a changed field whose new value is not among the different data."""
     values = [after[path] for path in differences if path in after]
     names = "\n".join(differences)  # a name in the file may be a part of a path of the data
-    for change in changes:
+    for change in changes[:_CHECKED]:
         if change not in changed or change.endswith("#") or rules.derived.search(change) or rules.unused.search(change):
             continue
         value = changed[change]

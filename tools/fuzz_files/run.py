@@ -3,7 +3,7 @@
 python tools/fuzz_files/run.py                                10^6 files, spread over all readers; prints the seed
 python tools/fuzz_files/run.py --count 10000 --jobs 1         a short run
 python tools/fuzz_files/run.py --readers hand,ply             only these readers
-python tools/fuzz_files/run.py --seed 1 --reader ply --number 77     repeats one input; keeps its files in the folder --out
+python tools/fuzz_files/run.py --seed 1 --reader ply --number 77     repeats one input, and stores its files if it fails
 
 Every finding is stored in the folder --out (out/fuzz-files): the mutated files, the description, and the command that
 repeats it. Exit status 1 if there is a finding. docs/development/fuzzing-of-files.md explains the rules.

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from taxel.errors import TaxelError
-
 from fuzz_files.codec import Codec
 from fuzz_files.document import Flat
+from taxel.errors import TaxelError
 
 Files = Mapping[str, bytes]
 """Content of the files of one input by name, which may contain a folder."""

@@ -145,4 +145,7 @@ class Words:
 
     def encode(self, document: Any) -> bytes:
         """Return the text of the lines."""
-        return "\n".join(" ".join(map(str, line if isinstance(line, list) else [line])) for line in document).encode() + b"\n"
+        return (
+            "\n".join(" ".join(map(str, line if isinstance(line, list) else [line])) for line in document).encode()
+            + b"\n"
+        )

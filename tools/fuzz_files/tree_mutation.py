@@ -1,4 +1,4 @@
-"""Mutations of the fields of a document: values, types, lengths, missing, repeated, exchanged and deeply nested ones."""
+"""Mutations of the fields of a document: other values, types and lengths, missing, repeated and nested fields."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ TEXTS: Final = (
     "é\u202e\U0001f600", "\ud800", "%s%n", "{}", "1_000", "0x10", "１",
 )  # fmt: skip
 _DEPTHS: Final = (3, 40, 200, 900)
+_TYPES: Final = ("f8", "f4", "f2", "i8", "u8", "i4", "u2", "u1", "?", ">f8", "S8", "U8", "c16")
 _REPEATS: Final = (1, 2, 30, 2000)
 
 Slot = tuple[Any, Any]
@@ -96,7 +97,15 @@ def _other_value(value: Any, random: Random) -> Any:
 def _other_number(value: int | float, random: Random) -> int | float:
     """Return a number near a number, or a number at a limit of some type."""
     finite = value if math.isfinite(value) else 0
-    near = (value + 1, value - 1, -value, finite * 2, finite * 10, finite / 2 if abs(finite) < 1e300 else 0, finite + 0.5)
+    near = (
+        value + 1,
+        value - 1,
+        -value,
+        finite * 2,
+        finite * 10,
+        finite / 2 if abs(finite) < 1e300 else 0,
+        finite + 0.5,
+    )
     return random.choice(near) if random.random() < 0.6 else random.choice(NUMBERS)
 
 
@@ -131,7 +140,9 @@ def _other_array(value: np.ndarray, random: Random) -> np.ndarray:
         return value.T if value.ndim > 1 else value[None]
     if value.dtype.kind in "fiub":
         with np.errstate(all="ignore"):
-            return value.astype(random.choice(("f8", "f4", "f2", "i8", "u8", "i4", "u2", "u1", "?", ">f8", "S8", "U8", "c16")))
+            return value.astype(
+                random.choice(("f8", "f4", "f2", "i8", "u8", "i4", "u2", "u1", "?", ">f8", "S8", "U8", "c16"))
+            )
     return np.zeros(value.shape)
 
 

@@ -2,7 +2,6 @@
 
 import gzip
 import json
-import zlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -10,9 +9,14 @@ from typing import Any, Final
 from taxel.blind.errors import BlindRunError
 from taxel.blind.results import ParameterComparison, ReportedVerdict, WorldResult
 from taxel.blind.world import World
+from taxel.input_files import parse_json, read_regular_file
+from taxel.input_files.gzip_text import expand_gzip
 
 RECORDS: Final = "answers.jsonl.gz"
 """Name of the file in the folder of a check."""
+
+_BYTES_MAX: Final = 1 << 26
+"""Largest file, also after expansion, bytes; a world takes 4 kB."""
 
 
 def write_records(path: Path, results: Iterable[WorldResult]) -> None:
@@ -27,11 +31,11 @@ def write_records(path: Path, results: Iterable[WorldResult]) -> None:
 def read_records(path: Path) -> list[WorldResult]:
     """Read the results of worlds from a file of `write_records`. Raises BlindRunError for any other file."""
     try:
-        lines = gzip.decompress(path.read_bytes()).decode().splitlines()
+        lines = expand_gzip(read_regular_file(path, _BYTES_MAX), _BYTES_MAX).splitlines()
         if not lines:
             raise ValueError("no result in the file")
-        return [_result_from_json(json.loads(line)) for line in lines]
-    except (OSError, EOFError, zlib.error, ValueError, KeyError, TypeError) as error:
+        return [_result_from_json(parse_json(line)) for line in lines]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         found = f"{type(error).__name__}: {error}"
         remedy = "give the answers.jsonl.gz of a check"
         raise BlindRunError(str(path), "the results of a blind check", found, remedy) from None

@@ -69,12 +69,12 @@ def open_sealed_worlds(out: Path) -> list[World]:
     try:
         for key in keys:
             verify_commitment(int(key["number"]), key, str(committed.get(str(key["number"]), "")))
-        numbers = {key["number"] for key in keys}
+        numbers = [key["number"] for key in keys]
         worlds = [World.from_json(key) for key in keys]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise BlindRunError(str(out / KEYS), "a list of keys", f"{type(error).__name__}: {error}", remedy) from None
-    if len(keys) != len(committed) or len(numbers) != len(keys):
-        raise BlindRunError(str(out / KEYS), f"{len(committed)} keys", str(len(keys)), remedy)
+    if len(keys) != len(committed) or numbers != sorted(set(numbers)):
+        raise BlindRunError(str(out / KEYS), f"{len(committed)} keys by number", str(len(keys)), remedy)
     return worlds
 
 

@@ -2,8 +2,11 @@
 
 import json
 import math
+import re
 from collections import Counter
 from typing import Any, Final, NoReturn
+
+import numpy as np
 
 from taxel.input_files.text_error import TextError, decode_utf8, format_reason
 
@@ -18,6 +21,16 @@ JSON_VALUES_MAX: Final = 1 << 22
 """
 
 
+DEPTH_MAX: Final = 100
+"""Largest number of nested lists and objects; a gap report has 7. Functions that call themselves for each level of the
+data need a few calls for each level, and Python permits 1000.
+"""
+
+_OPENING: Final = np.frombuffer(b"[{", np.uint8)
+_CLOSING: Final = np.frombuffer(b"]}", np.uint8)
+_STRING: Final = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
+
+
 def parse_json(data: bytes, size_max: int = JSON_BYTES_MAX, values_max: int = JSON_VALUES_MAX) -> Any:
     """Parse the bytes of a JSON file of at most `size_max` bytes.
 
@@ -28,12 +41,12 @@ def parse_json(data: bytes, size_max: int = JSON_BYTES_MAX, values_max: int = JS
         raise TextError("file", f"at most {size_max} bytes", f"more than {size_max} bytes")
     if sum(data.count(mark) for mark in (b",", b"[", b"{")) > values_max:
         raise TextError("file", f"at most {values_max} values", "more")
+    if _compute_depth(data) > DEPTH_MAX and _compute_depth(_STRING.sub(b"", data)) > DEPTH_MAX:
+        raise TextError("file", f"JSON of at most {DEPTH_MAX} levels", "more")
     try:
         return json.loads(
             decode_utf8(data), parse_constant=_refuse, parse_float=_parse_float, object_pairs_hook=_make_object
         )
-    except RecursionError:
-        raise TextError("file", "JSON of a few levels", "hundreds of levels") from None
     except json.JSONDecodeError as error:
         position = f"line {error.lineno}"
         raise TextError(position, "valid JSON", f"{format_reason(error.msg)} in column {error.colno}") from None
@@ -41,6 +54,13 @@ def parse_json(data: bytes, size_max: int = JSON_BYTES_MAX, values_max: int = JS
         raise
     except ValueError:  # Python refuses an integer of thousands of digits.
         raise TextError("file", "JSON", "an integer of thousands of digits") from None
+
+
+def _compute_depth(data: bytes) -> int:
+    """Return the largest number of brackets and braces that are open at one place; those in strings count too."""
+    codes = np.frombuffer(data, np.uint8)
+    steps = np.isin(codes, _OPENING).astype(np.int8) - np.isin(codes, _CLOSING).astype(np.int8)
+    return int(np.cumsum(steps, dtype=np.int32).max(initial=0))
 
 
 def _refuse(constant: str) -> NoReturn:

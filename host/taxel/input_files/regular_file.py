@@ -34,7 +34,10 @@ def check_regular_file(path: Path) -> os.stat_result:
 
     For libraries that open a file by its name; `open_regular_file` is preferable.
     """
-    status = os.stat(path)
+    try:
+        status = os.stat(path)
+    except ValueError as error:  # a zero byte, or a character that a file name cannot have
+        raise InputFileError(errno.EINVAL, f"is no file name ({error})", ascii(os.fspath(path))) from None
     _check_kind(status, path)
     return status
 

@@ -14,6 +14,9 @@ KEY_PARTS_MAX: Final = 32
 tomllib grow with the square of this number.
 """
 
+DEPTH_MAX: Final = 64
+"""Largest number of nested tables and lists."""
+
 _DEEP_KEY: Final = re.compile(rb"(?:\.[ \t]*[\w\"'-][^.,=\n\[\]]*){%d}" % KEY_PARTS_MAX)
 _POSITION: Final = re.compile(r"^(.*?) \(at (.*)\)$", re.DOTALL)
 
@@ -31,7 +34,7 @@ def parse_toml(data: bytes, size_max: int = TOML_BYTES_MAX) -> dict[str, Any]:
         line = data.count(b"\n", 0, deep.start()) + 1
         raise TextError(f"line {line}", f"keys of at most {KEY_PARTS_MAX} parts", "a longer dotted key")
     try:
-        return tomllib.loads(text)
+        document = tomllib.loads(text)
     except RecursionError:
         raise TextError("file", "a few nested lists", "hundreds of nested lists") from None
     except ValueError as error:
@@ -39,3 +42,16 @@ def parse_toml(data: bytes, size_max: int = TOML_BYTES_MAX) -> dict[str, Any]:
         match = _POSITION.match(str(error))
         message, position = (match[1], match[2]) if match else (str(error), "file")
         raise TextError(position, "valid TOML", format_reason(message)) from None
+    _check_depth(document)
+    return document
+
+
+def _check_depth(document: dict[str, Any]) -> None:
+    """Raise TextError for tables and lists that are nested too deeply for functions that call themselves."""
+    level: list[Any] = [document]
+    for _ in range(DEPTH_MAX):
+        members = [list(each.values()) if isinstance(each, dict) else each for each in level]
+        level = [value for each in members for value in each if isinstance(value, dict | list)]
+        if not level:
+            return
+    raise TextError("file", f"at most {DEPTH_MAX} nested tables and lists", "more")

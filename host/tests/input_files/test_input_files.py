@@ -68,6 +68,7 @@ def test_a_missing_file_is_reported_as_missing(tmp_path):
     ("data", "message"),
     [
         (b"a = " + b"[" * 100_000, "file: expected a few nested lists, found hundreds of nested lists"),
+        (b"a = " + b"[" * 64 + b"]" * 64, "file: expected at most 64 nested tables and lists, found more"),
         (b"a = 1\n" + b"b." * 33 + b"c = 1", "line 2: expected keys of at most 32 parts, found a longer dotted key"),
         (b"a = 1\n[" + b"'b' . " * 40 + b"c]", "line 2: expected keys of at most 32 parts, found a longer dotted key"),
         (b"a = 1\nb = '\xff'", "line 2: expected UTF-8 text, found byte 0xFF"),
@@ -91,7 +92,8 @@ def test_numbers_and_texts_with_dots_are_no_dotted_keys():
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"[" * 100_000, "file: expected JSON of a few levels, found hundreds of levels"),
+        (b"[" * 100_000, "file: expected JSON of at most 100 levels, found more"),
+        (b"[" * 101 + b'"[]"' + b"]" * 101, "file: expected JSON of at most 100 levels, found more"),
         (b'{"a": [' + b"0," * 50 + b"0]}", "file: expected at most 40 values, found more"),
         (b"[1e999]", "file: expected numbers of at most 1.8e308, found 1e999"),
         (b"[-Infinity]", "file: expected JSON, found -Infinity, which JSON does not have"),
@@ -105,3 +107,8 @@ def test_an_invalid_json_text_gives_one_error(data, message):
     with pytest.raises(TextError) as caught:
         parse_json(data, values_max=40 if data.startswith(b'{"a": [') else 1 << 22)
     assert str(caught.value) == message
+
+
+def test_brackets_in_strings_are_no_nesting():
+    text = '["' + "[{" * 500 + '\\"' + '", 1]'
+    assert parse_json(text.encode())[1] == 1

@@ -11,7 +11,7 @@ from typing import Any, Final
 import h5py
 import numpy as np
 
-from fuzz_files.array_codecs import Hdf5, Npz, Zip
+from fuzz_files.array_codecs import Hdf5, Npz, Zip, encode_npz
 from fuzz_files.document import Flat, flatten
 from fuzz_files.target import Rules, Target
 from taxel.recording.from_arrays import write_from_arrays
@@ -74,7 +74,8 @@ def write_version_2(folder: Path) -> str:
     properties = Properties("kPa", "raises", 250.0, 0.5, "resistive")
     places = TaxelPlaces(np.zeros(_TAXELS, np.int64), position=np.arange(9.0).reshape(_TAXELS, 3) * 0.01)
     values = np.arange(40.0 * _TAXELS).reshape(40, _TAXELS)
-    contacts = [Contact(f"c{number}", number, np.arange(40) * 0.02, values + number) for number in range(2)]
+    time = np.asarray(np.arange(40) * 0.02, np.float64)
+    contacts = [Contact(f"c{number}", number, time, values + number) for number in range(2)]
     write_general(folder / "a.h5", GeneralHeader("real", "mat", "fuzz", properties, places), contacts)
     return "a.h5"
 
@@ -83,7 +84,7 @@ def write_npz(folder: Path) -> str:
     """Write the content of a dataset of version 1 as a NumPy archive."""
     names = {name.replace("@", "/").lstrip("/"): value for name, value in make_contents().items()}
     arrays = {name: np.asarray(value) for name, value in names.items() if name not in ("format", "version")}
-    np.savez(folder / "a.npz", **arrays)
+    (folder / "a.npz").write_bytes(encode_npz(arrays))
     return "a.npz"
 
 

@@ -148,7 +148,9 @@ def _write_packaged(folder_name: str, name: str) -> Callable[[Path], str]:
 def write_recipe(folder: Path) -> str:
     """Write a recipe and the mesh that it names: a tetrahedron, millimetres."""
     points = 30.0 * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
-    write_mesh(TriangleMesh("ball", points, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])), folder / "ball.stl")
+    write_mesh(
+        TriangleMesh("ball", points, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])), folder / "ball.stl"
+    )
     return _write(RECIPE)(folder)
 
 
@@ -162,7 +164,9 @@ def _read_rig(path: Path) -> Flat:
     """Read a rig and describe its parts; the hand is described by its name."""
     rig = load_rig(str(path))
     devices = {name: {"driver": device.driver.name, **device.options} for name, device in rig.devices.items()}
-    return flatten({"name": rig.name, "hand": rig.hand.name, "devices": devices, "world": rig.world, "run": rig.executed})
+    return flatten(
+        {"name": rig.name, "hand": rig.hand.name, "devices": devices, "world": rig.world, "run": rig.executed}
+    )
 
 
 def _read_calibration(path: Path) -> Flat:
@@ -171,8 +175,12 @@ def _read_calibration(path: Path) -> Flat:
     return flatten({kind: getattr(calibration, kind) for kind in ("objects", "brackets")})
 
 
-_COMPUTED: Final = re.compile(r"#$|\.points|\.quaternion|\.position|taxels|margin|crossings|pose|origin|axis|sigma_m|measured")
-_HAND: Final = Rules(derived=re.compile(r"#$|geometry|crossings|quaternion|position|wiring|robot|layout"), unused=re.compile("^$"))
+_COMPUTED: Final = re.compile(
+    r"#$|\.points|\.quaternion|\.position|taxels|margin|crossings|pose|origin|axis|sigma_m|measured|^objects|^brackets"
+)
+_HAND: Final = Rules(
+    derived=re.compile(r"#$|geometry|crossings|quaternion|position|wiring|robot|layout"), unused=re.compile("^$")
+)
 
 TARGETS: Final = (
     Target("hand", _write_packaged("descriptions", "flat8"), TOML, _flatten(load_hand), 2.0, _HAND),

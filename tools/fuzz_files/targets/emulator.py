@@ -49,7 +49,9 @@ class Stimulus:
     def encode(self, document: Any) -> bytes:
         """Return the bytes."""
         names = ("magic", "version", "kind", "taxels", "reserved")
-        rows = [struct.pack("<d", row["time"]) + np.asarray(row["values"], "<f4").tobytes() for row in document["records"]]
+        rows = [
+            struct.pack("<d", row["time"]) + np.asarray(row["values"], "<f4").tobytes() for row in document["records"]
+        ]
         return _HEADER.pack(*(document[name] for name in names)) + b"".join(rows)
 
 

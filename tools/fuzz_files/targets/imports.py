@@ -12,10 +12,10 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 
-from fuzz_files.array_codecs import Hdf5, Npz, Parquet, Sqlite, Zip
+from fuzz_files.array_codecs import Hdf5, Npz, Parquet, Sqlite, Zip, encode_npz
 from fuzz_files.binary_codecs import Bag, Mcap
 from fuzz_files.codec import Codec
-from fuzz_files.document import Flat
+from fuzz_files.document import Flat, flatten
 from fuzz_files.target import Rules, Target
 from fuzz_files.targets.datasets import read_version_1
 from fuzz_files.text_codecs import Csv, Json, Toml
@@ -29,6 +29,7 @@ from taxel.sim.importers.gazebo_csv import import_contacts
 from taxel.sim.importers.options import ImportOptions
 from taxel.sim.importers.original_contacts import read_original_contacts
 from taxel.sim.importers.rollout_names import load_map
+from taxel.sim.importers.rollout_states import read_states
 
 _ROWS: Final = 40
 
@@ -49,7 +50,7 @@ def write_csv(folder: Path) -> str:
 
 def write_npz(folder: Path) -> str:
     """Write the table as a NumPy archive, with a text."""
-    np.savez(folder / "a.npz", **make_table(), label=np.array(["x", "y"]))
+    (folder / "a.npz").write_bytes(encode_npz({**make_table(), "label": np.array(["x", "y"])}))
     return "a.npz"
 
 
@@ -118,7 +119,9 @@ def write_lerobot(folder: Path) -> str:
     (folder / "set/meta").mkdir(parents=True)
     (folder / "set/data/chunk-000").mkdir(parents=True)
     (folder / "set/meta/info.json").write_text(json.dumps({"codebase_version": "v2.1", "fps": 50}))
-    (folder / "set/meta/tasks.jsonl").write_text('{"task_index": 0, "task": "pick"}\n{"task_index": 1, "task": "put"}\n')
+    (folder / "set/meta/tasks.jsonl").write_text(
+        '{"task_index": 0, "task": "pick"}\n{"task_index": 1, "task": "put"}\n'
+    )
     columns = {
         "observation.tactile": [[float(row), 1.0] for row in range(10)],
         "timestamp": [0.02 * row for row in range(10)],
@@ -209,17 +212,39 @@ def read_original(path: Path) -> Flat:
     return {"points": read_original_contacts(path)}
 
 
+SIZES: Final[dict[str, tuple[int, ...]]] = {
+    "qpos": (3,), "qvel": (2,), "act": (0,), "ctrl": (2,), "mocap_pos": (0, 3), "mocap_quat": (0, 4),
+}  # fmt: skip
+"""Shapes of the states of a model, without the axis of time."""
+
+
+def write_states(folder: Path) -> str:
+    """Write states of a MuJoCo model."""
+    rows = np.arange(6.0)
+    states = {"qpos": rows[:, None] + [0.0, 1.0, 2.0], "qvel": rows[:, None] * [1.0, 0.5], "time": 0.01 * rows}
+    texts = {"phase": np.array(["hold"] * 6), "grasp": np.array(["1"] * 6)}
+    (folder / "a.npz").write_bytes(encode_npz({**states, **texts}))
+    return "a.npz"
+
+
+def read_state_file(path: Path) -> Flat:
+    """States of a MuJoCo model."""
+    states = read_states(path, SIZES, 0.01)
+    states.rows_by_grasp()
+    return flatten(states, "", ("source",))
+
+
 def write_map(folder: Path) -> str:
     """Write a map of the names of a MuJoCo model."""
-    text = 'prefix = "rh_"\n[object]\nbody = "can"\n[boards]\npalm = "palm_pad"\nfingertip_index = { body = "ff_tip" }\n'
+    text = (
+        'prefix = "rh_"\n[object]\nbody = "can"\n[boards]\npalm = "palm_pad"\nfingertip_index = { body = "ff_tip" }\n'
+    )
     (folder / "a.toml").write_text(text)
     return "a.toml"
 
 
 def read_map(path: Path) -> Flat:
     """Content of a map."""
-    from fuzz_files.document import flatten
-
     return flatten(load_map(path)[0])
 
 
@@ -241,5 +266,6 @@ TARGETS: Final = (
     Target("gazebo", write_contacts, ((r"\.csv$", (Csv(),)),), _read_contacts(import_contacts), 0.1, Rules()),
     Target("active", write_active, ((r"\.csv$", (Csv(),)),), _read_contacts(import_active), 0.1, Rules()),
     Target("original-contacts", write_original, ((r"\.csv$", (Csv(),)),), read_original, 8.0, Rules()),
+    Target("rollout", write_states, ((r"\.npz$", (Npz(), Zip())),), read_state_file, 3.0, Rules()),
     Target("model-map", write_map, ((r"\.toml$", (Toml(),)),), read_map, 8.0, Rules()),
 )

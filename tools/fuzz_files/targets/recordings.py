@@ -136,14 +136,24 @@ def read_joints(path: Path) -> Flat:
 
 _FRAMES: Final = Rules(subset="frames")
 _TABLE: Final = Rules(
-    unused=re.compile(r"^(\[\d+\]\[0\]$|columns\.name|columns\.hub_time_us|metadata\.(?!taxel))"),
-    derived=re.compile(r"^(metadata|.*#$|header|format|version|url|hand|baud|clock|epoch|created|taxel_version|joint)"),
+    unused=re.compile(
+        r"^(?!\[\d+\]\[|columns\.)|^\[0\]\[|^\[\d+\]\[0\]$|^columns\.(?!(?:time_s|address|sequence|cycle|board_time_us|hub_time_us|raw_counts)(?:$|\[|#))"
+    ),
+    derived=re.compile(r"#$|^columns\.joint"),
 )
 
 TARGETS: Final = (
     Target("capture", write_capture, ((r"\.bin$", (Capture(),)),), read_frames, 4.0, _FRAMES),
     Target("mcap", _convert("a.mcap"), ((r"\.mcap$", (Mcap(),)),), read_frames, 1.0, Rules()),
-    Target("csv", _convert("a.csv"), ((r"\.json$", (Json(),)), (r"\.csv$", (Csv(),))), read_table, 2.0, _TABLE, mutable=r"^a.csv/(?!active)"),
+    Target(
+        "csv",
+        _convert("a.csv"),
+        ((r"\.json$", (Json(),)), (r"\.csv$", (Csv(),))),
+        read_table,
+        2.0,
+        _TABLE,
+        mutable=r"^a.csv/(?!active)",
+    ),
     Target("parquet", _convert("a.parquet"), ((r"\.parquet$", (Parquet(),)),), read_table, 1.0, _TABLE),
     Target("original-bag", write_original_bag, ((r"\.bag$", (Bag(),)),), read_frames, 1.0, Rules()),
     Target("joints", write_joints, ((r"\.csv$", (Csv(),)),), read_joints, 8.0, Rules()),

@@ -11,6 +11,7 @@ from typing import Any, Final
 from taxel.gap.effects import catalogue
 from taxel.gap.effects.effect import Parameter, Prior
 from taxel.gap.errors import GapInputError
+from taxel.hand.errors import format_path
 from taxel.input_files import TextError, parse_toml, read_regular_file
 
 LARGEST_BYTES: Final = 1 << 20
@@ -35,7 +36,9 @@ def read_priors(path: str | PathLike[str]) -> Priors:
 def _effect(file: str, name: str, table: Any) -> dict[str, Prior]:
     if name not in catalogue.all_effects() or not catalogue.all_effects()[name]:
         known = ", ".join(effect for effect, forms in catalogue.all_effects().items() if forms)
-        raise GapInputError(f"{file}: [{name}]", f"one of {known}", "another name", "correct the name")
+        raise GapInputError(
+            f"{file}: [{format_path(name)[:60]}]", f"one of {known}", "another name", "correct the name"
+        )
     if not isinstance(table, dict):
         raise GapInputError(f"{file}: {name}", "a table", type(table).__name__, f"write [{name}] above its parameters")
     parameters: dict[str, Parameter] = {}

@@ -6,7 +6,7 @@ Source: the contact plug-in of abed-almrad/BICI_SENSORS_ROS. The files name neit
 
 import csv
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from taxel.errors import TaxelError
 from taxel.hand import Hand
+from taxel.hand.errors import format_value
 from taxel.hand.transforms import apply
 from taxel.sim.cone_sensing import NOMINAL_FORCE_N
 from taxel.sim.importers.active_points import MATCH_M
@@ -40,6 +41,15 @@ class OriginalGrasp:
     approach: str
 
 
+def _split_lines(lines: list[str], source: FileLocation) -> Iterator[tuple[int, list[str]]]:
+    """Yield (number of the line, values) of each line. Raises ImportDataError for a line that is no CSV."""
+    reader = csv.reader(lines)
+    try:
+        yield from enumerate(reader, start=1)
+    except csv.Error as error:
+        source.at(reader.line_num).fail("comma-separated values", format_value(str(error)), "correct this line")
+
+
 def read_original_contacts(path: str | os.PathLike[str]) -> FloatArray:
     """Read one contact file: f64[r, 3] raw contacts (x, y, z) or f64[r, 4] active points (x, y, z, force), metres, N.
 
@@ -55,7 +65,7 @@ def read_original_contacts(path: str | os.PathLike[str]) -> FloatArray:
         source.fail("UTF-8 text", "other bytes", "give a contact file of the original simulator")
     except OSError as error:
         source.fail("a readable file", error.strerror or type(error).__name__, "check its permissions")
-    for number, fields in enumerate(csv.reader(lines), start=1):
+    for number, fields in _split_lines(lines, source):
         if not any(field.strip() for field in fields) or (number == 1 and fields[0].strip() in {"x", "x_m"}):
             continue
         try:
