@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from fuzz_files.document import Flat
+from fuzz_files.document import Flat, list_differences
 from fuzz_files.mutant import Mutant, MutantMaker
 from fuzz_files.oracle import find_silent_error
 from fuzz_files.target import Files, Target
@@ -47,12 +47,8 @@ class Trials:
         self.maker = MutantMaker(target, self._files)
         self._baseline = self._read(self._files)
         again = self._read(self._files)
-        if list(again) != list(self._baseline):
+        if list_differences(again, self._baseline):
             raise RuntimeError(f"{target.name}: two readings of the valid files differ")
-
-    def run(self, seed: int, number: int) -> Outcome:
-        """Read mutant `number`, and judge the outcome."""
-        return self.judge(self.maker.make(seed, number))
 
     def judge(self, mutant: Mutant) -> Outcome:
         """Read a mutant, and judge the outcome."""
@@ -79,7 +75,7 @@ class Trials:
             del data["reported"]
             silent = find_silent_error(self.target.rules, self._baseline, data, fields, changes)
             return Outcome(FINDING, f"silent: {silent}") if silent else Outcome(REFUSED)
-        is_same = data.keys() == self._baseline.keys() and not _differ(self._baseline, data)
+        is_same = not list_differences(self._baseline, data)
         if must_be_refused and not is_same:
             return Outcome(FINDING, "silent: the file is not valid, but the reader returns other data")
         silent = find_silent_error(self.target.rules, self._baseline, data, fields, changes)
@@ -94,13 +90,6 @@ class Trials:
         """Write files to the folder and read them; files of an earlier input that differ are replaced."""
         write_files(self._folder, files)
         return self.target.read(self._folder / self._name)
-
-
-def _differ(before: Flat, after: Flat) -> bool:
-    """Whether two data differ."""
-    from fuzz_files.document import list_differences
-
-    return bool(list_differences(before, after))
 
 
 def _judge_message(error: BaseException) -> Outcome:

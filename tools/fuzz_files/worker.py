@@ -61,8 +61,10 @@ def _run_task(trials: Trials, task: Task, number: Any) -> tuple[Counter[str], li
     base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     _limit_memory()
     for index in range(task.first, task.first + task.count):
+        mutant = trials.maker.make(task.seed, index)
         number.value = index
-        outcome = trials.run(task.seed, index)
+        outcome = trials.judge(mutant)
+        number.value = -1
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
         if peak > base + MEMORY_MAX:
             outcome = Outcome(FINDING, f"memory: the reader needs {(peak - base) >> 20} MiB")
@@ -70,7 +72,6 @@ def _run_task(trials: Trials, task: Task, number: Any) -> tuple[Counter[str], li
         counts[outcome.kind] += 1
         if outcome.kind == FINDING:
             findings.append((index, outcome.text))
-    number.value = -1
     return counts, findings
 
 

@@ -74,7 +74,7 @@ def open_sealed_worlds(out: Path) -> list[World]:
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise BlindRunError(str(out / KEYS), "a list of keys", f"{type(error).__name__}: {error}", remedy) from None
     if len(keys) != len(committed) or numbers != sorted(set(numbers)):
-        raise BlindRunError(str(out / KEYS), f"{len(committed)} keys by number", str(len(keys)), remedy)
+        raise BlindRunError(str(out / KEYS), f"{len(committed)} keys", str(len(keys)), remedy)
     return worlds
 
 

@@ -138,6 +138,16 @@ def parse_array(data: bytes, header: ArrayHeader) -> NDArray[Any]:
     """Return the array of the bytes of a .npy file; a copy, which can be changed. Raises ArchiveError."""
     try:
         flat = np.frombuffer(data, header.dtype, offset=header.offset) if header.dtype.itemsize else np.zeros(0)
-        return flat.reshape(header.shape, order="F" if header.is_column_major else "C").copy()
+        array = flat.reshape(header.shape, order="F" if header.is_column_major else "C").copy()
+        if array.dtype.kind == "U":
+            _check_characters(flat)
+        return array
     except ValueError as error:
         raise ArchiveError(format_reason(error)) from None
+
+
+def _check_characters(texts: NDArray[Any]) -> None:
+    """Raise ArchiveError for texts with a code that is no character, which Python cannot convert to a str."""
+    codes = np.frombuffer(texts.tobytes(), np.dtype(np.uint32).newbyteorder(texts.dtype.byteorder))
+    if len(codes) and codes.max() > 0x10FFFF:
+        raise ArchiveError("a text contains a code that is no character")

@@ -176,7 +176,7 @@ def test_an_implausible_baud_rate_in_a_header_is_replaced_by_the_default(tmp_pat
         ('{"joint_position": {"a": 1}}', "joint_position: expected a list of at most 1000 numbers, found a dict"),
         ('{"joint_position": [0, NaN]}', "file: expected JSON, found NaN, which JSON does not have"),
         ('{"hand": "a", "hand": "b"}', "file: expected each key of an object once, found 'hand' twice"),
-        ("[" * 100_000, "file: expected JSON of at most 100 levels, found more of levels"),
+        ("[" * 100_000, "file: expected JSON of at most 100 levels, found more"),
         ("[1]", "header: expected a JSON object, found a list"),
     ],
 )

@@ -24,6 +24,8 @@ from taxel.recording.importers.source_parquet import open_tables
 
 EPISODE, TIME, TASK_INDEX, TASK = "episode_index", "timestamp", "task_index", "task"
 
+_LARGEST_TASK: Final = 1e9
+
 _VERSIONS: Final = {"v2.": "episode_*.parquet", "v3.": "file-*.parquet"}
 
 
@@ -72,9 +74,17 @@ def _read_tasks(path: Path) -> dict[int, str]:
     source = open_tables(table, [table], "table of tasks")
     # pandas stores the index of the table, the text of the task, under its own name or as __index_level_0__.
     name = next((name for name in (TASK, "__index_level_0__") if name in source.fields), TASK)
-    return dict(zip(source.read(TASK_INDEX).astype(int).tolist(), source.read(name).astype(str).tolist(), strict=True))
+    return dict(zip(_read_task_numbers(source), source.read(name).astype(str).tolist(), strict=True))
 
 
 def _name_tasks(source: Source, texts: dict[int, str]) -> NDArray[Any]:
     """Text of the task of each row."""
-    return np.array([texts.get(int(index), f"task {index}") for index in source.read_numbers(TASK_INDEX).ravel()])
+    return np.array([texts.get(index, f"task {index}") for index in _read_task_numbers(source)])
+
+
+def _read_task_numbers(source: Source) -> list[int]:
+    """Number of the task of each row. Raises DatasetError for a value that is no integer."""
+    values = source.read_numbers(TASK_INDEX).ravel()
+    if not np.isfinite(values).all() or (values != np.round(values)).any() or (np.abs(values) > _LARGEST_TASK).any():
+        source.at(TASK_INDEX).fail("the number of a task in each row", "other numbers", "correct the column")
+    return [int(value) for value in values]
