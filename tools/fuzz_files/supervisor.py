@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import shutil
 import tempfile
 import time
@@ -18,6 +19,9 @@ from fuzz_files.worker import Task, run_worker
 
 START_S: Final = 120.0
 """Longest time until a worker has imported all readers and made the valid files of a target."""
+
+WAITING_FACTOR: Final = 6.0
+"""Ratio of the longest time of one input to its longest processor time."""
 
 _FAST_FOLDER: Final = Path("/dev/shm")
 
@@ -56,6 +60,7 @@ class _Worker:
         self.task: Task | None = None
         self._seen = -1
         self._since_s = time.monotonic()
+        self._since_cpu_s = 0.0
 
     def give(self, task: Task | None) -> None:
         """Send a task; None ends the process."""
@@ -64,12 +69,18 @@ class _Worker:
         self.connection.send(task)
 
     def is_late(self, limit_s: float) -> bool:
-        """Whether the worker has spent more than the limit on one input."""
+        """Whether the worker has spent more than the limit on one input.
+
+        The limit holds for the processor time, so that a loaded machine causes no finding; a worker that waits uses
+        none, and is late after `WAITING_FACTOR` times the limit.
+        """
         present = self.number.value
-        now = time.monotonic()
+        now, cpu_s = time.monotonic(), _read_cpu_seconds(self.process.pid)
         if present != self._seen:
-            self._seen, self._since_s = present, now
-        return now - self._since_s > (limit_s if present >= 0 else START_S)
+            self._seen, self._since_s, self._since_cpu_s = present, now, cpu_s
+        if present < 0:
+            return cpu_s - self._since_cpu_s > START_S
+        return cpu_s - self._since_cpu_s > limit_s or now - self._since_s > WAITING_FACTOR * limit_s
 
     def end(self) -> None:
         """End the process and remove its folder."""
@@ -79,8 +90,17 @@ class _Worker:
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
+def _read_cpu_seconds(process: int | None) -> float:
+    """Return the processor time of a process, seconds; 0 for one that has ended."""
+    try:
+        fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def run_tasks(tasks: list[Task], jobs: int, limit_s: float, store: Store, show: Callable[[Tally], None]) -> Tally:
-    """Carry out all tasks in worker processes. limit_s: longest time of one input. show: called about once a second."""
+    """Carry out all tasks in worker processes. limit_s: longest processor time of one input. show: called about once a second."""
     waiting, tally, shown_s = deque(tasks), Tally(), time.monotonic()
     workers = [_Worker() for _ in range(min(jobs, len(tasks)))]
     try:

@@ -32,7 +32,7 @@ class Rules:
 
     related: tuple[tuple[re.Pattern[str], re.Pattern[str]], ...] = ()
     unused: re.Pattern[str] = NEVER
-    derived: re.Pattern[str] = re.compile("")
+    derived: re.Pattern[str] = NEVER
     is_protected: bool = False
     subset: str = ""
 
