@@ -83,7 +83,7 @@ def _read_description(path: Path, table: dict[str, Any]) -> RigDescription:
     hand = load_hand(path.parent / hand_name if hand_name.endswith(".toml") else hand_name)
     return RigDescription(
         path=path,
-        name=str(table.get("name", path.stem)),
+        name=_read_field(path, {"name": path.stem, **table}, "name", str),
         hand=hand,
         devices=_add_defaults(named, is_virtual),
         world=_read_world(path, table.get("world", {})),

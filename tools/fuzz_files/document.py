@@ -15,7 +15,8 @@ Flat = dict[str, Any]
 """Values by path, such as `boards[3].address`. A value is a scalar, a text, bytes, None or an array."""
 
 _SCALARS: Final = (bool, int, float, str, bytes, type(None), np.ndarray)
-_EMPTY: Final = "(empty)"
+EMPTY: Final = "(empty)"
+"""Value that stands for an empty table."""
 
 
 def flatten(value: Any, path: str = "", skip: tuple[str, ...] = ()) -> Flat:
@@ -57,7 +58,7 @@ def _collect(value: Any, path: str, skip: tuple[str, ...], result: Flat) -> None
 def _collect_members(members: Mapping[str, Any], path: str, skip: tuple[str, ...], result: Flat) -> None:
     """Add the leaves of named members to `result`."""
     if not members:
-        result[path] = _EMPTY
+        result[path] = EMPTY
     for name, each in members.items():
         if name not in skip:
             _collect(each, f"{path}.{name}" if path else name, skip, result)
@@ -83,6 +84,8 @@ def is_equal(a: Any, b: Any) -> bool:
 def _is_equal_array(a: Any, b: Any) -> bool:
     """Whether two arrays have equal types of values, shapes and elements."""
     if not (isinstance(a, np.ndarray) and isinstance(b, np.ndarray)) or a.shape != b.shape:
+        return False
+    if a.dtype.kind != b.dtype.kind and "c" in a.dtype.kind + b.dtype.kind:
         return False
     has_nan = a.dtype.kind in "fc" and b.dtype.kind in "fc"
     return bool(np.array_equal(a, b, equal_nan=has_nan))

@@ -11,6 +11,7 @@ from typing import Any, Final
 from fuzz_files.byte_mutation import mutate_bytes
 from fuzz_files.codec import Codec
 from fuzz_files.document import Flat, flatten, list_differences
+from fuzz_files.oracle import Change
 from fuzz_files.target import Files, Target
 from fuzz_files.tree_mutation import mutate_tree
 
@@ -68,19 +69,28 @@ class MutantMaker:
             return None
         return Mutant(name, f"{type(codec).__name__}: {description}", {**self._files, name: data})
 
-    def describe_change(self, mutant: Mutant) -> tuple[Flat | None, list[str], bool]:
-        """Return the fields of a mutated file, the paths of the changed fields, and whether it must be refused.
-
-        The fields are None for a file that cannot be decoded.
-        """
+    def describe_change(self, mutant: Mutant) -> Change:
+        """Return which fields of the file a mutation has changed."""
         codecs, before = self._target.find_codecs(mutant.name), self._flat[mutant.name]
         if not codecs or before is None:
-            return None, [], False
+            return Change()
         try:
             after = flatten(codecs[0].decode(mutant.files[mutant.name]))
         except Exception:  # of the libraries that decode a damaged file
-            return None, [], codecs[0].is_strict
-        return after, list_differences(before, after), False
+            return Change(must_be_refused=codecs[0].is_strict)
+        paths = list_differences(before, after)
+        return Change(after, tuple(paths), frozenset(path for path in paths if _is_same(before, after, path)))
+
+
+def _is_same(before: Flat, after: Flat, path: str) -> bool:
+    """Whether two texts of a file are the same number, such as 0.5 and .50, or differ in white space only."""
+    own, other = before.get(path), after.get(path)
+    if not (isinstance(own, str) and isinstance(other, str)):
+        return False
+    try:
+        return float(own) == float(other)
+    except ValueError:
+        return own.split() == other.split()
 
 
 def list_sizes(files: Mapping[str, bytes]) -> str:

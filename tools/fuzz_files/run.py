@@ -42,7 +42,9 @@ def parse_options() -> argparse.Namespace:
     parser.add_argument("--reader", default="", help="reader of the input --number")
     parser.add_argument("--number", type=int, help="repeat this input of --reader")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: one per core)")
-    parser.add_argument("--limit", type=float, default=10.0, help="longest processor time of one input, s (default: 10)")
+    parser.add_argument(
+        "--limit", type=float, default=10.0, help="longest processor time of one input, s (default: 10)"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "fuzz-files", help="folder of the findings")
     return parser.parse_args()
 

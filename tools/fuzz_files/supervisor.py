@@ -100,7 +100,10 @@ def _read_cpu_seconds(process: int | None) -> float:
 
 
 def run_tasks(tasks: list[Task], jobs: int, limit_s: float, store: Store, show: Callable[[Tally], None]) -> Tally:
-    """Carry out all tasks in worker processes. limit_s: longest processor time of one input. show: called about once a second."""
+    """Carry out all tasks in worker processes.
+
+    limit_s: longest processor time of one input. show: called about once a second.
+    """
     waiting, tally, shown_s = deque(tasks), Tally(), time.monotonic()
     workers = [_Worker() for _ in range(min(jobs, len(tasks)))]
     try:

@@ -37,6 +37,10 @@ class Rules:
     subset: str = ""
 
 
+COARSE: Final = Rules(unused=re.compile(""))
+"""Rules of a file whose model is coarse: bytes of messages, of which the fields are not mutated one by one."""
+
+
 @dataclass(frozen=True)
 class Target:
     """A reader under test.

@@ -150,7 +150,8 @@ def _repeat(container: Any, key: Any, random: Random) -> str:
     """Repeat a member: of a list as further elements, of a dict under a new key."""
     count = random.choice(_REPEATS)
     if isinstance(container, list):
-        container[key:key] = [copy.deepcopy(container[key]) for _ in range(min(count, 20_000 // (len(container) + 1)))]
+        limit = 2000 if isinstance(container[key], int | float | str) else 200
+        container[key:key] = [copy.deepcopy(container[key]) for _ in range(min(count, limit))]
     else:
         container[f"{key}2"] = copy.deepcopy(container[key])
     return f"{key!r} repeated"

@@ -69,21 +69,21 @@ class Trials:
 
     def _judge_data(self, mutant: Mutant, data: Flat) -> Outcome:
         """Judge the data of an accepted mutant."""
-        fields, changes, must_be_refused = self.maker.describe_change(mutant)
+        change = self.maker.describe_change(mutant)
         if "reported" in data:
             data = {**data}
             del data["reported"]
-            silent = find_silent_error(self.target.rules, self._baseline, data, fields, changes)
+            silent = find_silent_error(self.target.rules, self._baseline, data, change)
             return Outcome(FINDING, f"silent: {silent}") if silent else Outcome(REFUSED)
         is_same = not list_differences(self._baseline, data)
-        if must_be_refused and not is_same:
+        if change.must_be_refused and not is_same:
             return Outcome(FINDING, "silent: the file is not valid, but the reader returns other data")
-        silent = find_silent_error(self.target.rules, self._baseline, data, fields, changes)
+        silent = find_silent_error(self.target.rules, self._baseline, data, change)
         if silent:
             return Outcome(FINDING, f"silent: {silent}")
         if is_same:
             return Outcome(UNCHANGED)
-        is_modelled = fields is not None or self.target.rules.is_protected or bool(self.target.rules.subset)
+        is_modelled = change.fields is not None or self.target.rules.is_protected or bool(self.target.rules.subset)
         return Outcome(CHANGED if is_modelled else UNMODELLED)
 
     def _read(self, files: Files) -> Flat:

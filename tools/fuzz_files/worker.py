@@ -58,21 +58,24 @@ def _run_task(trials: Trials, task: Task, number: Any) -> tuple[Counter[str], li
     """Read the inputs of one task."""
     counts: Counter[str] = Counter()
     findings = []
-    base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     _limit_memory()
     for index in range(task.first, task.first + task.count):
         mutant = trials.maker.make(task.seed, index)
+        base = _read_peak()
         number.value = index
         outcome = trials.judge(mutant)
         number.value = -1
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-        if peak > base + MEMORY_MAX:
-            outcome = Outcome(FINDING, f"memory: the reader needs {(peak - base) >> 20} MiB")
-            base = peak
+        if _read_peak() > base + MEMORY_MAX:
+            outcome = Outcome(FINDING, f"memory: the reader needs {(_read_peak() - base) >> 20} MiB")
         counts[outcome.kind] += 1
         if outcome.kind == FINDING:
             findings.append((index, outcome.text))
     return counts, findings
+
+
+def _read_peak() -> int:
+    """Return the largest memory of the process so far, bytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def _limit_memory() -> None:

@@ -112,7 +112,7 @@ def _result_from_json(data: dict[str, Any]) -> WorldResult:
         baseline_verdicts=data["simpler"],
         parameters=tuple(_parameter_from_json(parameter) for parameter in data["parameters"]),
         is_location_found=data["found_places"],
-        unobservable_causes=tuple(data["idle"]),
+        unobservable_causes=_read_texts(data["idle"]),
         verdict_withheld=_optional_verdict_from_json(data["without"]),
         verdict_shuffled=_optional_verdict_from_json(data["shuffled"]),
         verdict_decoy=_optional_verdict_from_json(data["decoy"]),
@@ -140,8 +140,15 @@ def _optional_verdict_to_json(verdict: ReportedVerdict | None) -> dict[str, Any]
 
 def _verdict_from_json(data: dict[str, Any]) -> ReportedVerdict:
     """Create a verdict of the diagnosis from JSON values, which `_verdict_to_json` has made."""
-    confounded = {name: tuple(names) for name, names in data["alike"].items()}
-    return ReportedVerdict(data["status"], tuple(data["effects"]), tuple(data["rivals"]), confounded)
+    confounded = {name: _read_texts(names) for name, names in data["alike"].items()}
+    return ReportedVerdict(data["status"], _read_texts(data["effects"]), _read_texts(data["rivals"]), confounded)
+
+
+def _read_texts(value: Any) -> tuple[str, ...]:
+    """Return a list of texts as a tuple. Raises TypeError for another value: a text would become its letters."""
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+        raise TypeError("a list of names is no list of texts")
+    return tuple(value)
 
 
 def _optional_verdict_from_json(data: dict[str, Any] | None) -> ReportedVerdict | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -16,7 +17,7 @@ from fuzz_files.array_codecs import Hdf5, Npz, Parquet, Sqlite, Zip, encode_npz
 from fuzz_files.binary_codecs import Bag, Mcap
 from fuzz_files.codec import Codec
 from fuzz_files.document import Flat, flatten
-from fuzz_files.target import Rules, Target
+from fuzz_files.target import COARSE, Rules, Target
 from fuzz_files.targets.datasets import read_version_1
 from fuzz_files.text_codecs import Csv, Json, Toml
 from taxel.hand import Hand, load_hand
@@ -249,9 +250,15 @@ def read_map(path: Path) -> Flat:
 
 
 def _source(name: str, make: Callable[[Path], str], weight: float, *codecs: tuple[str, tuple[Codec, ...]]) -> Target:
-    """Return the target of a file that `open_source` reads."""
-    return Target(name, make, codecs, read_source, weight, Rules())
+    """Return the target of a file that `open_source` reads. The model of a bag and of a store is coarse."""
+    is_coarse = name.startswith("import-bag") or name in ("import-zarr", "import-lerobot")
+    return Target(name, make, codecs, read_source, weight, COARSE if is_coarse else Rules())
 
+
+_STATES: Final = Rules(derived=re.compile("phase"))
+
+_POSED: Final = Rules(derived=re.compile(""))
+"""Rules of contacts and joint angles, from which forces and poses are computed."""
 
 TARGETS: Final = (
     _source("import-csv", write_csv, 6.0, (r"\.csv$", (Csv(),))),
@@ -263,9 +270,16 @@ TARGETS: Final = (
     _source("import-bag-sqlite", _write_bag2("SQLITE3"), 0.5, (r"\.db3$", (Sqlite(),))),
     _source("import-lerobot", write_lerobot, 0.5, (r"\.json$", (Json(),)), (r"\.parquet$", (Parquet(),))),
     _source("import-zarr", write_zarr, 0.3, (r"\.zarray$|\.zgroup$", (Json(),))),
-    Target("gazebo", write_contacts, ((r"\.csv$", (Csv(),)),), _read_contacts(import_contacts), 0.1, Rules()),
-    Target("active", write_active, ((r"\.csv$", (Csv(),)),), _read_contacts(import_active), 0.1, Rules()),
+    Target("gazebo", write_contacts, ((r"\.csv$", (Csv(),)),), _read_contacts(import_contacts), 0.1, _POSED),
+    Target("active", write_active, ((r"\.csv$", (Csv(),)),), _read_contacts(import_active), 0.1, _POSED),
     Target("original-contacts", write_original, ((r"\.csv$", (Csv(),)),), read_original, 8.0, Rules()),
-    Target("rollout", write_states, ((r"\.npz$", (Npz(), Zip())),), read_state_file, 3.0, Rules()),
+    Target(
+        "rollout",
+        write_states,
+        ((r"\.npz$", (Npz(), Zip())),),
+        read_state_file,
+        3.0,
+        Rules(derived=re.compile("phase")),
+    ),
     Target("model-map", write_map, ((r"\.toml$", (Toml(),)),), read_map, 8.0, Rules()),
 )

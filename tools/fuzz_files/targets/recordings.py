@@ -13,7 +13,7 @@ import numpy as np
 from fuzz_files.array_codecs import Parquet
 from fuzz_files.binary_codecs import Bag, Capture, Mcap
 from fuzz_files.document import Flat, flatten
-from fuzz_files.target import Rules, Target
+from fuzz_files.target import COARSE, Rules, Target
 from fuzz_files.text_codecs import Csv, Json
 from taxel.hand import load_hand
 from taxel.hand.joint_history import read_joint_file
@@ -144,7 +144,7 @@ _TABLE: Final = Rules(
 
 TARGETS: Final = (
     Target("capture", write_capture, ((r"\.bin$", (Capture(),)),), read_frames, 4.0, _FRAMES),
-    Target("mcap", _convert("a.mcap"), ((r"\.mcap$", (Mcap(),)),), read_frames, 1.0, Rules()),
+    Target("mcap", _convert("a.mcap"), ((r"\.mcap$", (Mcap(),)),), read_frames, 1.0, _FRAMES),
     Target(
         "csv",
         _convert("a.csv"),
@@ -155,6 +155,6 @@ TARGETS: Final = (
         mutable=r"^a.csv/(?!active)",
     ),
     Target("parquet", _convert("a.parquet"), ((r"\.parquet$", (Parquet(),)),), read_table, 1.0, _TABLE),
-    Target("original-bag", write_original_bag, ((r"\.bag$", (Bag(),)),), read_frames, 1.0, Rules()),
-    Target("joints", write_joints, ((r"\.csv$", (Csv(),)),), read_joints, 8.0, Rules()),
+    Target("original-bag", write_original_bag, ((r"\.bag$", (Bag(),)),), read_frames, 1.0, COARSE),
+    Target("joints", write_joints, ((r"\.csv$", (Csv(),)),), read_joints, 8.0, Rules(derived=re.compile(r"^\[0\]\["))),
 )

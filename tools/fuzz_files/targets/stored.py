@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from fuzz_files.array_codecs import Sqlite
 from fuzz_files.document import Flat, flatten
-from fuzz_files.target import Rules, Target
+from fuzz_files.target import COARSE, Rules, Target
 from fuzz_files.text_codecs import GzipJsonLines, Json
 from taxel.blind.records import read_records
 from taxel.blind.run_folder import open_sealed_worlds, seal_worlds
@@ -124,6 +124,6 @@ TARGETS: Final[tuple[Any, ...]] = (
     Target("result", write_result, _JSON, lambda path: flatten(read_json(path)), 8.0, _RESULT),
     Target("history", write_history, ((r"\.db$", (Sqlite(),)),), read_history, 1.0, _UNUSED),
     Target("sealed-keys", write_sealed, _JSON, read_sealed, 4.0, Rules(is_protected=True)),
-    Target("answers", write_answers, ((r"\.gz$", (GzipJsonLines(),)),), read_answers, 2.0, Rules()),
+    Target("answers", write_answers, ((r"\.gz$", (GzipJsonLines(),)),), read_answers, 2.0, COARSE),
     Target("generated", write_generated, _JSON, read_generated, 2.0, _UNUSED, mutable=r"\.json$"),
 )
