@@ -33,7 +33,7 @@ class FieldError(TaxelError):
     def __str__(self) -> str:
         """Format the error as one line: file, field, expected and found values, remedy."""
         field, expected, found, remedy = map(fit_line, (self.field, self.expected, self.found, self.remedy))
-        return f"{fit_line(self.file, 5000)}: {field}: expected {expected}, found {found}; {remedy}"
+        return f"{fit_line(self.file, 1000)}: {field}: expected {expected}, found {found}; {remedy}"
 
 
 def fit_line(text: object, longest: int = 400) -> str:

@@ -30,7 +30,7 @@ class Hdf5:
                 document[f"{name}@{key}"] = _simplify(value)
             if isinstance(item, h5py.Dataset):
                 is_text = h5py.check_string_dtype(item.dtype) is not None
-                document[name] = list(item.asstr()[()]) if is_text else item[()]
+                document[name] = _read_text(item) if is_text else item[()]
 
         with h5py.File(io.BytesIO(data), "r") as file:
             add("", file)
@@ -51,6 +51,12 @@ class Hdf5:
                 else:
                     file[name] = value
         return target.getvalue()
+
+
+def _read_text(dataset: Any) -> Any:
+    """Return a dataset of texts: one text, or a list of texts."""
+    texts = dataset.asstr()[()]
+    return texts if isinstance(texts, str) else list(texts)
 
 
 def _simplify(value: Any) -> Any:

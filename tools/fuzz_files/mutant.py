@@ -76,10 +76,14 @@ class MutantMaker:
             return Change()
         try:
             after = flatten(codecs[0].decode(mutant.files[mutant.name]))
+        except RecursionError:
+            return Change()
         except Exception:  # of the libraries that decode a damaged file
             return Change(must_be_refused=codecs[0].is_strict)
         paths = list_differences(before, after)
-        return Change(after, tuple(paths), frozenset(path for path in paths if _is_same(before, after, path)))
+        equivalent = frozenset(path for path in paths if _is_same(before, after, path))
+        is_reordered = _list_values(before, paths) == _list_values(after, paths)
+        return Change(after, tuple(paths), equivalent, is_reordered=is_reordered)
 
 
 def _is_same(before: Flat, after: Flat, path: str) -> bool:
@@ -91,6 +95,11 @@ def _is_same(before: Flat, after: Flat, path: str) -> bool:
         return float(own) == float(other)
     except ValueError:
         return own.split() == other.split()
+
+
+def _list_values(fields: Flat, paths: list[str]) -> list[str]:
+    """Return the values of fields in an order that does not depend on their paths."""
+    return sorted(repr(fields[path]) for path in paths if path in fields)
 
 
 def list_sizes(files: Mapping[str, bytes]) -> str:

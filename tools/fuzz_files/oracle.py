@@ -24,12 +24,14 @@ class Change:
     fields: all fields of the mutated file by path; None: the file cannot be decoded, so that only the rules that need
     no fields are applied. paths: of the changed fields. equivalent: those of them whose new text is the same number.
     must_be_refused: whether the file is no file of its kind.
+    is_reordered: whether only the order of the values differs, which many formats ignore.
     """
 
     fields: Flat | None = None
     paths: tuple[str, ...] = ()
     equivalent: frozenset[str] = frozenset()
     must_be_refused: bool = False
+    is_reordered: bool = False
 
 
 def find_silent_error(rules: Rules, before: Flat, after: Flat, change: Change) -> str:
@@ -58,7 +60,7 @@ def find_silent_error(rules: Rules, before: Flat, after: Flat, change: Change) -
 
 def _find_ignored(rules: Rules, change: Change) -> str:
     """Return a description of a changed field that the reader accepts without an effect on its data."""
-    if change.fields is None or rules.is_protected or rules.subset:
+    if change.fields is None or change.is_reordered or rules.is_protected or rules.subset:
         return ""
     # A field without an effect may be removed: its value was the default.
     present = [path for path in change.paths if path in change.fields and path not in change.equivalent]

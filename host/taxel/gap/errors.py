@@ -15,4 +15,4 @@ class GapInputError(TaxelError, ValueError):
 
     def __str__(self) -> str:
         expected, found, remedy = map(fit_line, (self.expected, self.found, self.remedy))
-        return f"{fit_line(self.where, 5000)}: expected {expected}, found {found}; {remedy}"
+        return f"{fit_line(self.where, 1000)}: expected {expected}, found {found}; {remedy}"

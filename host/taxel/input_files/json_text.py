@@ -28,11 +28,19 @@ data need a few calls for each level, and Python permits 1000.
 
 _OPENING: Final = np.frombuffer(b"[{", np.uint8)
 _CLOSING: Final = np.frombuffer(b"]}", np.uint8)
+_SURROGATE: Final = re.compile(rb"\\u[dD][89a-fA-F]")
 _STRING: Final = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
 
 
-def parse_json(data: bytes, size_max: int = JSON_BYTES_MAX, values_max: int = JSON_VALUES_MAX) -> Any:
+def parse_json(
+    data: bytes,
+    size_max: int = JSON_BYTES_MAX,
+    values_max: int = JSON_VALUES_MAX,
+    permits_surrogates: bool = False,
+) -> Any:
     """Parse the bytes of a JSON file of at most `size_max` bytes.
+
+    permits_surrogates: whether texts may contain half of a character (a lone surrogate), which cannot be encoded again.
 
     Raises TextError for a text that is too large, not UTF-8, nested too deeply or not JSON; for NaN, Infinity and
     numbers beyond the range of a float, which RFC 8259 does not permit; and for a key that an object contains twice.
@@ -44,7 +52,7 @@ def parse_json(data: bytes, size_max: int = JSON_BYTES_MAX, values_max: int = JS
     if _compute_depth(data) > DEPTH_MAX and _compute_depth(_STRING.sub(b"", data)) > DEPTH_MAX:
         raise TextError("file", f"JSON of at most {DEPTH_MAX} levels", "more")
     try:
-        return json.loads(
+        document = json.loads(
             decode_utf8(data), parse_constant=_refuse, parse_float=_parse_float, object_pairs_hook=_make_object
         )
     except json.JSONDecodeError as error:
@@ -54,6 +62,17 @@ def parse_json(data: bytes, size_max: int = JSON_BYTES_MAX, values_max: int = JS
         raise
     except ValueError:  # Python refuses an integer of thousands of digits.
         raise TextError("file", "JSON", "an integer of thousands of digits") from None
+    if not permits_surrogates and _SURROGATE.search(data):
+        _check_surrogates(document)
+    return document
+
+
+def _check_surrogates(document: Any) -> None:
+    """Raise TextError for a text with half of a character."""
+    try:
+        json.dumps(document, ensure_ascii=False).encode("utf-8")
+    except UnicodeEncodeError:
+        raise TextError("file", "texts of whole characters", "half of a character, such as \\ud800") from None
 
 
 def _compute_depth(data: bytes) -> int:

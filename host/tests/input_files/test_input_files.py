@@ -1,8 +1,10 @@
 """Regular files of bounded size, and the limits of the parsers of TOML and JSON."""
 
+import gzip
 import os
 import socket
 
+import numpy as np
 import pytest
 
 from taxel.input_files import (
@@ -14,6 +16,9 @@ from taxel.input_files import (
     parse_toml,
     read_regular_file,
 )
+from taxel.input_files.csv_rows import parse_float, parse_integer, read_csv_rows
+from taxel.input_files.gzip_text import expand_gzip
+from taxel.input_files.numpy_archive import ArchiveError, NumpyArchive
 
 
 def make_special_file(kind, folder):
@@ -112,3 +117,84 @@ def test_an_invalid_json_text_gives_one_error(data, message):
 def test_brackets_in_strings_are_no_nesting():
     text = '["' + "[{" * 500 + '\\"' + '", 1]'
     assert parse_json(text.encode())[1] == 1
+
+
+def test_half_of_a_character_is_refused_where_a_text_must_be_encoded_again():
+    data = rb'{"hand": "\ud800"}'
+    with pytest.raises(TextError, match="file: expected texts of whole characters"):
+        parse_json(data)
+    assert parse_json(data, permits_surrogates=True) == {"hand": "\ud800"}
+    assert parse_json(rb'["\ud83d\ude00"]') == ["\U0001f600"]
+
+
+def test_rows_of_a_table_are_read_with_the_numbers_of_their_lines(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_bytes(b'\xef\xbb\xbfa,b\r\n1,\xff\n\n"2\n3",4\n')
+    assert list(read_csv_rows(path)) == [(1, ["a", "b"]), (2, ["1", "\ufffd"]), (3, []), (5, ["2\n3", "4"])]
+    path.write_text("a,b\n" + '"' + "x\n" * 70_000)
+    with pytest.raises(TextError, match=r"line \d+: expected comma-separated values, found field larger"):
+        list(read_csv_rows(path))
+
+
+@pytest.mark.parametrize("text", ["1_0", "１", "", "x", "0x10"])
+def test_a_cell_that_is_no_plain_number_is_refused(text):
+    for parse in (parse_float, parse_integer):
+        with pytest.raises(ValueError):
+            parse(text)
+
+
+def write_archive(path, **arrays):
+    np.savez_compressed(path, **arrays)
+    return path
+
+
+def test_arrays_of_an_archive_are_read(tmp_path):
+    arrays = {"a": np.arange(6.0).reshape(2, 3), "b": np.array(["x", "yz"]), "c": np.asfortranarray(np.eye(3)[:2])}
+    with NumpyArchive(write_archive(tmp_path / "a.npz", **arrays)) as archive:
+        assert archive.names == ("a", "b", "c")
+        for name, array in arrays.items():
+            read = archive.read(name, 1000)
+            assert read.dtype == array.dtype
+            assert np.array_equal(read, array)
+        with pytest.raises(ArchiveError, match="it has more than 40 bytes"):
+            archive.read("a", 40)
+
+
+def test_a_small_archive_that_expands_to_gigabytes_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("taxel.input_files.numpy_archive.EXPANDED_BYTES_MAX", 1000)
+    with (
+        NumpyArchive(write_archive(tmp_path / "a.npz", a=np.zeros(1_000_000))) as archive,
+        pytest.raises(ArchiveError, match=r"\d+ stored bytes expand to 8000128"),
+    ):
+        archive.read("a", 10**9)
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (np.array([{}], dtype=object), "it contains Python objects or records"),
+        (np.zeros(2, [("x", "f8")]), "it contains Python objects or records"),
+        (np.array([0x110000], "<u4").view("<U1"), "a text contains a code that is no character"),
+    ],
+)
+def test_an_array_without_plain_values_is_refused(tmp_path, array, message):
+    with (
+        NumpyArchive(write_archive(tmp_path / "a.npz", a=array)) as archive,
+        pytest.raises(ArchiveError, match=message),
+    ):
+        archive.read("a", 1000)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (gzip.compress(b"a" * 101, mtime=0), "expected at most 100 bytes after expansion"),
+        (gzip.compress(b"abc", mtime=0)[:-1], "found a truncated one"),
+        (gzip.compress(b"abc", mtime=0) + b"x", "found more data"),
+        (b"abc", "expected data compressed by gzip"),
+    ],
+)
+def test_a_wrong_gzip_stream_is_refused(data, message):
+    with pytest.raises(TextError, match=message):
+        expand_gzip(data, 100)
+    assert expand_gzip(gzip.compress(b"abc", mtime=0), 100) == b"abc"

@@ -182,6 +182,8 @@ _HAND: Final = Rules(
     derived=re.compile(r"#$|geometry|crossings|quaternion|position|wiring|robot|layout"), unused=re.compile("^$")
 )
 
+_RECIPE: Final = Rules(derived=re.compile(r"file|unit|shape"))
+
 TARGETS: Final = (
     Target("hand", _write_packaged("descriptions", "flat8"), TOML, _flatten(load_hand), 2.0, _HAND),
     Target("wired-hand", _write_packaged("descriptions", "rig4"), TOML, _flatten(load_hand), 1.0, _HAND),
@@ -198,6 +200,6 @@ TARGETS: Final = (
     ),
     Target("calibration", _write(CALIBRATION), TOML, _read_calibration, 2.0, Rules(derived=_COMPUTED)),
     Target("priors", _write(PRIORS), TOML, _flatten(read_priors), 8.0, Rules()),
-    Target("recipe", write_recipe, TOML, _flatten(read_recipe), 1.0, Rules(), mutable=r"\.toml$"),
+    Target("recipe", write_recipe, TOML, _flatten(read_recipe), 1.0, _RECIPE, mutable=r"\.toml$"),
     Target("mapping", _write(MAPPING), TOML, _flatten(load_mapping), 6.0, Rules()),
 )

@@ -249,13 +249,17 @@ def read_map(path: Path) -> Flat:
     return flatten(load_map(path)[0])
 
 
+_NAMES: Final = Rules(derived=re.compile(r"^\[0\]\["))
+"""Rules of a table whose first line has names; a name is a part of a path of the data."""
+
+
 def _source(name: str, make: Callable[[Path], str], weight: float, *codecs: tuple[str, tuple[Codec, ...]]) -> Target:
     """Return the target of a file that `open_source` reads. The model of a bag and of a store is coarse."""
     is_coarse = name.startswith("import-bag") or name in ("import-zarr", "import-lerobot")
-    return Target(name, make, codecs, read_source, weight, COARSE if is_coarse else Rules())
+    return Target(name, make, codecs, read_source, weight, COARSE if is_coarse else _NAMES)
 
 
-_STATES: Final = Rules(derived=re.compile("phase"))
+_STATES: Final = Rules(derived=re.compile("phase|grasp"))
 
 _POSED: Final = Rules(derived=re.compile(""))
 """Rules of contacts and joint angles, from which forces and poses are computed."""
@@ -279,7 +283,7 @@ TARGETS: Final = (
         ((r"\.npz$", (Npz(), Zip())),),
         read_state_file,
         3.0,
-        Rules(derived=re.compile("phase")),
+        Rules(derived=re.compile("phase|grasp")),
     ),
     Target("model-map", write_map, ((r"\.toml$", (Toml(),)),), read_map, 8.0, Rules()),
 )

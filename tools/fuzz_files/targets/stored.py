@@ -118,8 +118,10 @@ _REPORT_UNUSED: Final = re.compile(
     r"^(?!taxels|verdict\.(status|effects)|inputs\.sim\.sha256|effects\[\d+\]\.(model|parameters))"
 )
 
+_REPORT: Final = Rules(unused=_REPORT_UNUSED, derived=re.compile("^verdict"))
+
 TARGETS: Final[tuple[Any, ...]] = (
-    Target("report", write_report, _JSON, read_report_data, 0.4, Rules(unused=_REPORT_UNUSED)),
+    Target("report", write_report, _JSON, read_report_data, 0.4, _REPORT),
     Target("report-page", write_report, _JSON, read_report_page, 0.1, _UNUSED),
     Target("result", write_result, _JSON, lambda path: flatten(read_json(path)), 8.0, _RESULT),
     Target("history", write_history, ((r"\.db$", (Sqlite(),)),), read_history, 1.0, _UNUSED),

@@ -81,7 +81,7 @@ def read_json(path: str | os.PathLike[str]) -> TestRecord:
 def parse_json(data: bytes, source: str) -> TestRecord:
     """Parse the bytes of an untrusted result file. Raises `ResultFileError` as `read_json` does."""
     try:
-        top = Field(source, parse_json_text(data, JSON_BYTES_MAX))
+        top = Field(source, parse_json_text(data, JSON_BYTES_MAX, permits_surrogates=True))
     except TextError as error:
         remedy = "is this a complete result file?"
         raise ResultFileError(source, error.position, error.expected, error.found, remedy) from None
