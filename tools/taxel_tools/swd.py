@@ -16,6 +16,7 @@ from taxel.errors import TaxelError
 from taxel_protocol.bootloader import BOOT_BOOTLOADER_ROWS
 from taxel_tools.errors import FirmwareFileError
 from taxel_tools.files.intel_hex import read_intel_hex_rows
+from taxel_tools.files.manifest import read_firmware_bytes
 
 PYOCD_TARGET: Final = "cy8c4245axi-483"
 INTERFACE: Final = "cmsis-dap"
@@ -58,7 +59,7 @@ def check_hex(path: Path) -> list[int]:
     if path.suffix not in {".hex", ".ihex"}:
         raise FirmwareFileError(source, "file name", ".hex", repr(path.suffix), "provide the bootloader as Intel HEX")
     try:
-        text = path.read_bytes().decode("ascii")
+        text = read_firmware_bytes(path).decode("ascii")
     except UnicodeDecodeError:
         raise FirmwareFileError(
             source, "file", "ASCII text", "other bytes", "the file is damaged; copy it again"

@@ -8,6 +8,8 @@ from taxel.blind.errors import BlindRunError
 from taxel.blind.sampling import sample_worlds
 from taxel.blind.seal import commitment, verify_commitment
 from taxel.blind.world import World
+from taxel.input_files import parse_json, read_regular_file
+from taxel.input_files.json_text import JSON_BYTES_MAX
 from taxel.output import write_whole
 
 SEALED: Final = "sealed"
@@ -67,18 +69,23 @@ def open_sealed_worlds(out: Path) -> list[World]:
     if not (out / KEYS).exists():
         raise BlindRunError(str(out), "a blind check", "none", "run `taxel gap blind` with --worlds first")
     committed, keys = read_json(out / COMMITMENTS), read_json(out / KEYS)
-    for key in keys:
-        verify_commitment(int(key["number"]), key, str(committed.get(str(key["number"]), "")))
-    if len(keys) != len(committed):
-        remedy = "run the check again in another folder"
+    remedy = "run the check again in another folder"
+    try:
+        for key in keys:
+            verify_commitment(int(key["number"]), key, str(committed.get(str(key["number"]), "")))
+        numbers = [key["number"] for key in keys]
+        worlds = [World.from_json(key) for key in keys]
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise BlindRunError(str(out / KEYS), "a list of keys", f"{type(error).__name__}: {error}", remedy) from None
+    if len(keys) != len(committed) or numbers != sorted(set(numbers)):
         raise BlindRunError(str(out / KEYS), f"{len(committed)} keys", str(len(keys)), remedy)
-    return [World.from_json(key) for key in keys]
+    return worlds
 
 
 def read_json(path: Path) -> Any:
     """Read a JSON file of a blind check. Raises BlindRunError if the file is missing or damaged."""
     try:
-        return json.loads(path.read_text())
+        return parse_json(read_regular_file(path, JSON_BYTES_MAX))
     except (OSError, ValueError) as error:
         remedy = "run the check again in another folder"
         raise BlindRunError(str(path), "readable JSON", str(error), remedy) from None

@@ -9,6 +9,8 @@ from taxel.generate.recipe import Recipe
 from taxel.generate.shard import format_shard_name, get_creation_time, read_recipe_digest
 from taxel.generate.versions import list_package_versions
 from taxel.hand.errors import format_path, format_value
+from taxel.input_files import parse_json, read_regular_file
+from taxel.input_files.json_text import JSON_BYTES_MAX
 from taxel.output import write_whole
 from taxel.recording.errors import DatasetError
 
@@ -74,7 +76,7 @@ def _to_text(content: dict[str, Any]) -> bytes:
 def _read_record(path: Path) -> dict[str, Any]:
     """Read the record of the generation run in a folder. Raises FolderError for another file."""
     try:
-        content = json.loads(path.read_bytes())
+        content = parse_json(read_regular_file(path, JSON_BYTES_MAX))
     except ValueError:
         content = None
     if not isinstance(content, dict) or content.get("format") != FORMAT:

@@ -1,19 +1,19 @@
 """Joint angles over time: measured samples, their interpolation at the times of frames, and their file."""
 
 import contextlib
-import csv
 import math
 import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from taxel.errors import FieldError, TaxelError
 from taxel.hand.errors import format_path, format_value
+from taxel.input_files import TextError
+from taxel.input_files.csv_rows import parse_float, read_csv_rows
 from taxel.output import LiveOutput
 from taxel.types import FloatArray
 
@@ -28,8 +28,6 @@ SILENT_S: Final = 0.5
 
 EDGE_S: Final = 0.1
 """Time before the first frame of a recording at which the first sample is taken, seconds: one poll cycle or more."""
-
-MAX_LINE: Final = 1 << 16
 
 
 class JointFileError(FieldError):
@@ -209,27 +207,31 @@ def read_joint_file(path: str | os.PathLike[str], names: Sequence[str]) -> Joint
     increase; the message names the line.
     """
     file = format_path(os.fspath(path))
+    history = JointHistory(names, file)
     try:
-        stream = Path(path).open(newline="", encoding="utf-8", errors="replace")  # noqa: SIM115
+        lines = read_csv_rows(path)
+        order = _find_columns(next(lines, (1, []))[1], names, file)
+        for number, line in lines:
+            _add_line(history, file, number, line, order)
     except OSError as error:
         raise JointFileError(file, "file", "a readable CSV file", str(error.strerror), "correct the path") from None
-    history = JointHistory(names, file)
-    with stream:
-        lines = csv.reader(iter(lambda: stream.readline(MAX_LINE), ""))
-        heading = next(lines, [])
-        expected = [TIME_COLUMN, *names]
-        for column in expected:
-            if column not in heading:
-                raise JointFileError(file, "line 1", f"a column {column}", "none", "add the column")
-        if len(heading) != len(expected):
-            unknown = next((name for name in heading if name not in expected), "a repeated column")
-            raise JointFileError(file, "line 1", "the joints of the robot", format_value(unknown), "remove the column")
-        order = [heading.index(column) for column in expected]
-        for number, line in enumerate(lines, 2):
-            _add_line(history, file, number, line, order)
+    except TextError as error:
+        raise JointFileError(file, error.position, error.expected, error.found, "correct the line") from None
     if not len(history):
         raise JointFileError(file, "file", "at least one line of angles", "none", "record the angles again")
     return history
+
+
+def _find_columns(heading: list[str], names: Sequence[str], file: str) -> list[int]:
+    """Return the positions of time and joints in a line. Raises JointFileError for a missing or another column."""
+    expected = [TIME_COLUMN, *names]
+    for column in expected:
+        if column not in heading:
+            raise JointFileError(file, "line 1", f"a column {column}", "none", "add the column")
+    if len(heading) != len(expected):
+        unknown = next((name for name in heading if name not in expected), "a repeated column")
+        raise JointFileError(file, "line 1", "the joints of the robot", format_value(unknown), "remove the column")
+    return [heading.index(column) for column in expected]
 
 
 def _add_line(history: JointHistory, file: str, number: int, line: list[str], order: list[int]) -> None:
@@ -239,7 +241,7 @@ def _add_line(history: JointHistory, file: str, number: int, line: list[str], or
         raise JointFileError(file, field, f"{len(order)} columns", str(len(line)), "check that the file is complete")
     for index, name in zip(order, (TIME_COLUMN, *history.names), strict=True):
         try:
-            value = float(line[index])
+            value = parse_float(line[index])
         except ValueError:
             value = math.nan
         if not math.isfinite(value):

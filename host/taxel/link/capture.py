@@ -1,15 +1,16 @@
 """Capture files: received bytes with their arrival times. The format is specified in protocol/SPEC.md."""
 
 import contextlib
-import io
 import json
 import os
 import struct
 from pathlib import Path
 from types import TracebackType
 
+from taxel.input_files import TextError, open_regular_file, parse_json
 from taxel.link.base import Chunk
 from taxel.link.errors import CaptureError
+from taxel.link.recording_header import check_recording_header
 from taxel.output import LiveOutput, OutputError
 
 MAGIC = b"TAXELCAP"
@@ -171,7 +172,7 @@ class CaptureLink:
         """
         self.name = str(path)
         try:
-            self._file: io.BufferedReader = open(path, "rb")  # noqa: SIM115
+            self._file = open_regular_file(path)
         except OSError as error:
             raise CaptureError(self.name, f"cannot be read ({error.strerror})") from error
         try:
@@ -197,12 +198,9 @@ class CaptureLink:
         if size > HEADER_MAX:
             raise CaptureError(self.name, "has a damaged header (its length is impossible)")
         try:
-            header = json.loads(self._file.read(size))
-        except (ValueError, RecursionError):
-            raise CaptureError(self.name, "has a damaged header (it is not JSON)") from None
-        if not isinstance(header, dict):
-            raise CaptureError(self.name, "has a damaged header (it is not a JSON object)")
-        return header
+            return check_recording_header(parse_json(self._file.read(size), HEADER_MAX))
+        except TextError as error:
+            raise CaptureError(self.name, f"has a damaged header ({error})") from None
 
     def read(self, timeout_s: float = 0.0) -> Chunk:
         """Return the next record of the capture file: its bytes and arrival time.

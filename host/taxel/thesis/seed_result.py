@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from taxel.errors import TaxelError
+from taxel.input_files import parse_json, read_regular_file
+from taxel.input_files.json_text import JSON_BYTES_MAX
 from taxel.output import write_whole
 from taxel.thesis.object_result import ObjectResult
 from taxel.thesis.settings import describe_settings
@@ -53,7 +55,7 @@ def read_seed_result(folder: Path) -> SeedResult | None:
     if not path.exists():
         return None
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
+        values = parse_json(read_regular_file(path, JSON_BYTES_MAX))
         result = SeedResult(
             values["seed"],
             tuple(values["made"]),

@@ -156,7 +156,7 @@ def test_an_invalid_map_file_or_sensing_level_gives_one_error_line(guide, capsys
     (guide / "map.toml").write_text("[boards\n")
     status, _, err = capture_taxel(capsys, *example_arguments("rollout"))
     assert (status, err.count("\n")) == (1, 1)
-    assert "map.toml: file: expected valid TOML" in err
+    assert "map.toml: line 1, column 8: expected valid TOML" in err
     status, _, err = capture_taxel(capsys, *example_arguments("rollout"), "--sensing", "magic")
     assert (status, err.count("\n")) == (1, 1)
     assert "--sensing: expected layer, rigid, coupled, cones, found 'magic'" in err

@@ -25,6 +25,7 @@ class FakeAdapter:
     def __init__(self, answers: set[int], error: int = errno.ENXIO, funcs: int = I2C_AND_SMBUS) -> None:
         self.answers, self.error, self.funcs = answers, error, funcs
         self.is_open, self.rejects_empty = True, False
+        self.fd = os.open(os.devnull, os.O_RDONLY)
         self.addressed: list[int] = []
 
     def i2c_rdwr(self, message: Any) -> None:
@@ -36,6 +37,7 @@ class FakeAdapter:
 
     def close(self) -> None:
         self.is_open = False
+        os.close(self.fd)
 
 
 @pytest.fixture(autouse=True)

@@ -5,7 +5,6 @@
 simulator (section 4.2, Figure 4.6). `joints.csv` contains the measured joint angles of each poll cycle.
 """
 
-import csv
 import heapq
 import os
 from collections.abc import Iterator, Mapping
@@ -17,6 +16,8 @@ import numpy as np
 
 from taxel.hand import Hand
 from taxel.hand.joint_history import JointFileWriter, JointHistory
+from taxel.input_files import TextError, read_regular_file
+from taxel.input_files.csv_rows import parse_float, parse_integer, read_csv_rows
 from taxel.link import CaptureError
 from taxel.output import LiveOutput
 from taxel.recording.formats.frame_table import (
@@ -39,8 +40,6 @@ JOINTS_FILE = "joints.csv"
 COLUMNS = ("frame", "address", "time_s", "sequence", "cycle", "board_time_us", "hub_time_us")
 ACTIVE_COLUMNS = ("grasp", "object", "approach", "time", "x", "y", "z", "active")
 """Columns of `active.csv`, which `taxel import active` reads."""
-
-_LINE_MAX = 1 << 16
 
 
 class CsvSink:
@@ -157,9 +156,10 @@ def open_csv(path: Path) -> FramesLink:
     Raises RecordingFormatError for the first error: here for the header, and while frames are read for a row.
     """
     header_file = path / HEADER_FILE
-    if not header_file.is_file() or header_file.stat().st_size > HEADER_MAX:
+    try:
+        header = parse_header(read_regular_file(header_file, HEADER_MAX), header_file)
+    except OSError:
         fail(path, HEADER_FILE, "the header that taxel convert writes", "none", "give a folder from taxel convert")
-    header = parse_header(header_file.read_text(errors="replace"), header_file)
     files = sorted(file for file in path.glob("*.csv") if file.name not in (ACTIVE_FILE, JOINTS_FILE))
     rows = heapq.merge(*(_read_rows(file) for file in files), key=lambda row: row[0])
     link = FramesLink(os.fspath(path), (frame for _, frame in rows))
@@ -172,20 +172,29 @@ def _read_rows(path: Path) -> Iterator[tuple[int, TaxelFrame]]:
 
     Raises RecordingFormatError for the first malformed row.
     """
-    with path.open(newline="") as file:
-        lines = csv.reader(iter(lambda: file.readline(_LINE_MAX), ""))
-        heading = tuple(next(lines, ()))
+    try:
+        lines = read_csv_rows(path)
+        heading = tuple(next(lines, (1, []))[1])
         if heading[: len(COLUMNS)] != COLUMNS:
             fail(path, "line 1", ",".join(COLUMNS), ",".join(heading)[:80], "restore the original columns")
-        for number, line in enumerate(lines, 2):
+        for number, line in lines:
             if len(line) != len(heading):
                 fail(path, f"line {number}", f"{len(heading)} columns", len(line), "check that the file is complete")
-            try:
-                values: dict[str, float] = {name: int(text) for name, text in zip(COLUMNS, line, strict=False)
-                                            if name != "time_s"}  # fmt: skip
-                values["time_s"] = float(line[2])
-                counts = list(map(int, line[len(COLUMNS) :]))
-                frame = check_frame(values, counts, path, f"line {number}")
-            except (ValueError, OverflowError) as error:
-                fail(path, f"line {number}", "numbers", str(error)[:60], "correct the line")
-            yield int(values["frame"]), frame
+            yield _parse_row(line, path, number)
+    except OSError as error:
+        fail(path, "file", "a readable CSV file", error.strerror, "restore the folder of taxel convert")
+    except TextError as error:
+        fail(path, error.position, error.expected, error.found, "correct the line")
+
+
+def _parse_row(line: list[str], path: Path, number: int) -> tuple[int, TaxelFrame]:
+    """Return frame number and taxel frame of a row. Raises RecordingFormatError. number: of the line."""
+    try:
+        values: dict[str, float] = {
+            name: parse_integer(text) for name, text in zip(COLUMNS, line, strict=False) if name != "time_s"
+        }
+        values["time_s"] = parse_float(line[2])
+        counts = list(map(parse_integer, line[len(COLUMNS) :]))
+    except ValueError as error:
+        fail(path, f"line {number}", "numbers", str(error)[:60], "correct the line")
+    return int(values["frame"]), check_frame(values, counts, path, f"line {number}")
