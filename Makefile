@@ -58,6 +58,9 @@ demo: $(STAMP)  ## the main job: a campaign on a hand with a hidden effect, its 
 blind: $(STAMP)  ## the full blind check: hours; an interrupted check continues (WORLDS=24 for a short one)
 	@$(BIN)/taxel gap blind --worlds $(WORLDS) --full-hand-worlds $(FULL_HAND) --out out/blind --page docs/blind-check.md
 
+blind-streams: $(STAMP)  ## the blind check of the twin: hours (STREAMS=6 STREAM_HOURS=0.5 for a short one)
+	@$(BIN)/python tools/twin/blind_streams.py --streams $(or $(STREAMS),150) --hours $(or $(STREAM_HOURS),2)
+
 # The C tests are built while the packages of the Python part are installed.
 test: $(BUILD_TOOLS)  ## everything that must pass before a merge: style, types, layers, terms, C and Python tests
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target test-c lint fuzz-short compiled-tests

@@ -133,12 +133,12 @@ class LiveOutput:
                     self.previous_path.unlink()
         finally:
             self.file.close()
-            self._drop_pending()
+            self._discard_pending()
 
     def fail(self) -> None:
         """Close a recording after an error; complete records stay, and so does the replaced recording."""
         self.file.close()
-        self._drop_pending()
+        self._discard_pending()
 
     def discard(self) -> None:
         """Remove a recording without records; the recording that it replaced gets its name back."""
@@ -158,7 +158,7 @@ class LiveOutput:
             self.previous_path.unlink()
         return True
 
-    def _drop_pending(self) -> None:
+    def _discard_pending(self) -> None:
         """Remove a temporary file that did not get its name."""
         if self._pending is not None:
             self._pending.discard()

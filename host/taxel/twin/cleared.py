@@ -36,6 +36,6 @@ class ClearedTest:
         model = models[quantity.name][int(level[self.hypothesis.place])]
         deviation = model.compute_deviation(np.array([information]))
         pair = np.array([value, value - self.alarm.amplitude])
-        usual, changed = log_density(pair, deviation, model.freedom).tolist()
+        usual, changed = log_density(pair, deviation, model.degrees_of_freedom).tolist()
         self.evidence = min((self.evidence + elapsed_s / self.period_s) * float(np.exp(usual - changed)), LARGEST)
         return self.evidence >= 1.0

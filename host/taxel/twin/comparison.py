@@ -279,10 +279,10 @@ def _leave_out(reference: Reference, step: Step) -> Reference:
         return reference
     deviation = np.nan_to_num(compute_signals(step)) - own.mean
     others = own.repeats - 1
-    left = ConditionReference(
+    others_only = ConditionReference(
         own.mean - deviation / others,
         np.maximum(own.squares - deviation**2 * own.repeats / others, 0.0),
         others,
         own.scale,
     )
-    return replace(reference, conditions={step.contact.condition: left})
+    return replace(reference, conditions={step.contact.condition: others_only})

@@ -19,7 +19,7 @@ from taxel.twin.places import LEVELS
 from taxel.twin.statistics import QUANTITIES, Quantity, Scores
 from taxel.types import FloatArray, IntArray
 
-FREEDOM: Final = (3.0, 60.0)
+DEGREES_OF_FREEDOM: Final = (3.0, 60.0)
 """Limits of the degrees of freedom: the lower one has a finite variance, the upper one is almost normal."""
 
 PRIOR_STATISTICS: Final = 30.0
@@ -39,11 +39,12 @@ USED_FOR_FIT: Final = 20_000
 
 @dataclass(frozen=True)
 class NullModel:
-    """Student t model. scale: s. common: variance, in squared units of the quantity. freedom: degrees of freedom."""
+    """Student t model. scale: s. common: variance, in squared units of the quantity. degrees_of_freedom: degrees of
+    freedom."""
 
     scale: float = 1.0
     common: float = 0.0
-    freedom: float = 8.0
+    degrees_of_freedom: float = 8.0
 
     def compute_deviation(self, information: FloatArray) -> FloatArray:
         """Standard deviation of an estimate with this information; infinite without information."""
@@ -88,21 +89,27 @@ def _fit(quantity: Quantity, estimate: FloatArray, information: FloatArray, rng:
     start_common = max(float(np.mean(value**2) - np.mean(variance)), 1e-3 * float(np.median(variance)))
 
     def loss(parameters: FloatArray) -> float:
-        scale, common, freedom = np.exp(parameters)
+        scale, common, degrees_of_freedom = np.exp(parameters)
         spread = scale * (variance + common)
         prior = 0.5 * PRIOR_STATISTICS * (parameters[0] ** 2 / 2.0 + (parameters[2] - np.log(8.0)) ** 2 / 4.0)
-        return float(prior - log_density(value, np.sqrt(spread), float(freedom)).sum())
+        return float(prior - log_density(value, np.sqrt(spread), float(degrees_of_freedom)).sum())
 
-    bounds = [(-3.0, 4.0), (np.log(1e-8 * start_common), np.log(1e3 * start_common)), tuple(np.log(FREEDOM))]
+    bounds = [(-3.0, 4.0), (np.log(1e-8 * start_common), np.log(1e3 * start_common)), tuple(np.log(DEGREES_OF_FREEDOM))]
     found = minimize(loss, [0.0, np.log(start_common), np.log(8.0)], method="L-BFGS-B", bounds=bounds).x
     return NullModel(*np.exp(found).tolist())
 
 
-def log_density(value: FloatArray, deviation: FloatArray, freedom: float) -> FloatArray:
+def log_density(value: FloatArray, deviation: FloatArray, degrees_of_freedom: float) -> FloatArray:
     """Log density of a Student t distribution with scale `deviation`."""
-    constant = gammaln(0.5 * (freedom + 1.0)) - gammaln(0.5 * freedom) - 0.5 * np.log(freedom * np.pi)
+    constant = (
+        gammaln(0.5 * (degrees_of_freedom + 1.0))
+        - gammaln(0.5 * degrees_of_freedom)
+        - 0.5 * np.log(degrees_of_freedom * np.pi)
+    )
     ratio = value / deviation
-    return np.asarray(constant - np.log(deviation) - 0.5 * (freedom + 1.0) * np.log1p(ratio**2 / freedom))
+    return np.asarray(
+        constant - np.log(deviation) - 0.5 * (degrees_of_freedom + 1.0) * np.log1p(ratio**2 / degrees_of_freedom)
+    )
 
 
 def compute_log_ratios(
@@ -121,9 +128,9 @@ def compute_log_ratios(
         rows = np.flatnonzero((level == number) & (information > (LEAST_POWER / largest) ** 2))
         if len(rows):
             deviation = model.compute_deviation(information[rows])
-            base = (estimate[rows] / deviation) ** 2 / model.freedom
-            moved = ((estimate[rows, None] - amplitudes) / deviation[:, None]) ** 2 / model.freedom
-            half = 0.5 * (model.freedom + 1.0)
+            base = (estimate[rows] / deviation) ** 2 / model.degrees_of_freedom
+            moved = ((estimate[rows, None] - amplitudes) / deviation[:, None]) ** 2 / model.degrees_of_freedom
+            half = 0.5 * (model.degrees_of_freedom + 1.0)
             result[rows, : len(amplitudes)] = half * (np.log1p(base)[:, None] - np.log1p(moved))
             for column, scale in enumerate(WIDE, start=len(amplitudes)):
                 result[rows, column] = half * (np.log1p(base) - np.log1p(base / scale**2)) - np.log(scale)

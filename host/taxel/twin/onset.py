@@ -87,8 +87,8 @@ class StepHistory:
         deviation = model.compute_deviation(np.where(usable, weight, 1.0))
         ratio = np.where(
             usable[:, None],
-            log_density(value[:, None] - grid, deviation[:, None], model.freedom)
-            - log_density(value, deviation, model.freedom)[:, None],
+            log_density(value[:, None] - grid, deviation[:, None], model.degrees_of_freedom)
+            - log_density(value, deviation, model.degrees_of_freedom)[:, None],
             0.0,
         )
         # A change during a step is visible in it or not: the onset lies between the end of the last unchanged step and
@@ -137,8 +137,10 @@ def _compare(
     """Log likelihood ratio of an amplitude against no change, summed over the steps, f64[m]; 0 outside of `rows`."""
     usable = (weight > 0.0) & rows
     deviation = model.compute_deviation(np.where(usable, weight, 1.0))
-    changed = log_density(value - amplitude, deviation, model.freedom)
-    return np.asarray(np.where(usable, changed - log_density(value, deviation, model.freedom), 0.0).sum(axis=0))
+    changed = log_density(value - amplitude, deviation, model.degrees_of_freedom)
+    return np.asarray(
+        np.where(usable, changed - log_density(value, deviation, model.degrees_of_freedom), 0.0).sum(axis=0)
+    )
 
 
 def _find_quantiles(posterior: FloatArray, begin: FloatArray, end: FloatArray) -> tuple[float, float, float]:

@@ -22,7 +22,7 @@ from taxel.twin.schedule import Condition, Contact, ContactSchedule
 from taxel.twin.steps import BEFORE, BINS, HOLD, REST, Step, StepBuilder
 from taxel.types import BoolArray, FloatArray, IntArray
 
-PRIOR_FREEDOM: Final = 6.0
+PRIOR_DEGREES_OF_FREEDOM: Final = 6.0
 """Degrees of freedom of the variance that all conditions share, in the variance of one condition. A condition with
 seven repeats weighs its own variance and the shared one equally (chosen; the scale of every statistic is fitted
 afterwards, see `null_model.py`)."""
@@ -86,8 +86,8 @@ class Reference:
         step: gives the numbers of averaged frames.
         """
         own = self.conditions[condition]
-        shared = PRIOR_FREEDOM * self.relative_variance[:, None] * own.scale**2
-        between = (shared + own.squares) / (PRIOR_FREEDOM + own.repeats - 1)
+        shared = PRIOR_DEGREES_OF_FREEDOM * self.relative_variance[:, None] * own.scale**2
+        between = (shared + own.squares) / (PRIOR_DEGREES_OF_FREEDOM + own.repeats - 1)
         return np.asarray(between + self.compute_noise(step))
 
     def compute_noise(self, step: Step) -> FloatArray:

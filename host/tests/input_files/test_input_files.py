@@ -137,7 +137,7 @@ def test_rows_of_a_table_are_read_with_the_numbers_of_their_lines(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["1_0", "１", "", "x", "0x10"])
-def test_a_cell_that_is_no_plain_number_is_refused(text):
+def test_a_field_that_is_no_plain_number_is_refused(text):
     for parse in (parse_float, parse_integer):
         with pytest.raises(ValueError):
             parse(text)
