@@ -248,7 +248,7 @@ def test_without_an_effect_the_simulator_is_not_run(capsys, content, report, pat
             "<!DOCTYPE html>",
             "expected the report.json of a diagnosis, found an HTML page; give the report.json beside",
         ),
-        ('{"a": 1,\n"b"', "expected the report.json of a diagnosis, found no JSON in line 2"),
+        ('{"a": 1,\n"b"', "expected the report.json of a diagnosis, found no valid JSON in line 2"),
         ('{"a": NaN}', "expected the report.json of a diagnosis, found no valid JSON"),
     ],
 )

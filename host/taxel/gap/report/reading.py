@@ -120,8 +120,8 @@ def _parsed(path: Path, content: bytes) -> dict[str, Any]:
             raise GapInputError(
                 format_path(path), "the report.json of a diagnosis", "an HTML page", "give the report.json beside it"
             ) from None
-        expected = f"the report.json of a diagnosis ({error.expected})"
-        _fail(path, expected, format_value(f"{error.position}: {error.found}"))
+        where = "" if error.position == "file" else f" in {error.position}"
+        _fail(path, "the report.json of a diagnosis", f"no valid JSON{where}")
     return found if isinstance(found, dict) else _fail(path, "a report in JSON", format_value(found))
 
 
