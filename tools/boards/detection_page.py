@@ -10,6 +10,7 @@ from board_faults import FAMILIES
 from matplotlib.figure import Figure
 
 from taxel.output import write_whole
+from taxel.output.figure import save_figure
 
 if TYPE_CHECKING:
     from detection import Result
