@@ -32,10 +32,10 @@ def build_shim() -> Path:
 
 def run_worker(options: argparse.Namespace) -> None:
     """Run the campaigns of the selected cases in this process, which has the shim; print each result as a JSON line."""
-    from campaign import Campaign, list_faults
-    from cases import CASES
-    from injection import Injector, Mode
-    from source import write_sources
+    from crash_campaign import Campaign, list_faults
+    from crash_cases import CASES
+    from crash_injection import Injector, Mode
+    from crash_source import write_sources
 
     injector = Injector(build_shim())
     # No `with` block: a child process must not remove the folder when it ends.

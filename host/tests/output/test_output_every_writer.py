@@ -15,7 +15,7 @@ DEVELOPMENT = "scratch file of a program for developers, which reads it in the s
 
 ALLOWED = {
     "host/taxel/output/": "the module itself",
-    "host/taxel/blind/diagnosis_process.py": "report in the folder of the sandbox, which the parent process copies whole",
+    "host/taxel/blind/diagnosis_process.py": "report in the sandbox, copied by the parent process",
     "host/taxel/blind/benchmark/worlds.py": TEMPORARY,
     "host/taxel/blind/injection/inject.py": TEMPORARY,
     "host/taxel/blind/shuffling.py": "dataset of a world, which is made again unless the world has its mark `done`",
@@ -62,11 +62,12 @@ def find_direct_writes(tree: ast.AST) -> Iterator[tuple[int, str]]:
         modes = [one.value for one in (*node.args[:2], *(word.value for word in node.keywords if word.arg == "mode"))
                  if isinstance(one, ast.Constant) and isinstance(one.value, str)]  # fmt: skip
         is_writing = any(set(mode) <= set("rwxab+t") and set(mode) & set("wxa+") for mode in modes)
-        if name in METHODS or (owner_name == "shutil" and name in FUNCTIONS) or (owner_name == "np" and name in NUMPY):
-            if not (name.startswith("savez") and node.args and getattr(node.args[0], "id", "") == "file"):
-                yield node.lineno, name
-        elif (
-            (name in ("open", "fdopen", "File") and is_writing)
+        goes_to_open_file = bool(node.args) and getattr(node.args[0], "id", "") == "file"
+        if (
+            name in METHODS
+            or (owner_name == "shutil" and name in FUNCTIONS)
+            or (owner_name == "np" and name in NUMPY and not goes_to_open_file)
+            or (name in ("open", "fdopen", "File") and is_writing)
             or (owner_name, name) == ("sqlite3", "connect")
             or name == "ParquetWriter"
         ):

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 
-from cases import Acknowledge, Case
-from injection import FAULTS, Injector, Mode, RunResult
+from crash_cases import Acknowledge, Case
+from crash_injection import FAULTS, Injector, Mode, RunResult
 
 _REMOVALS = frozenset({"unlink", "unlinkat", "rmdir"})
 """Calls that remove a name; if one of them fails, the name remains."""
