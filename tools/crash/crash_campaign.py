@@ -162,7 +162,7 @@ def _judge_end(mode: Mode, result: RunResult) -> Iterator[str]:
 
 def list_faults(calls: int, sample: int | None, seed: str) -> list[tuple[int, Mode]]:
     """All pairs of call and mode, or a random sample of them that a seed repeats."""
-    pairs = list(product(range(1, calls + 1), FAULTS))
+    pairs: list[tuple[int, Mode]] = list(product(range(1, calls + 1), FAULTS))
     if sample is None or sample >= len(pairs):
         return pairs
     return random.Random(seed).sample(pairs, sample)

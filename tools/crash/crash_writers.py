@@ -1,8 +1,10 @@
 """Kill every writer at every call that changes a file, and fail each call (`make crash-writers`)."""
 
 import argparse
+import gc
 import json
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -14,6 +16,9 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 BUILD = ROOT / "build" / "crash"
+LARGEST_MEMORY_BYTES = 8 << 30
+"""Address space of a worker process; the libraries alone take 2 GiB of it."""
+
 MARKS = ("<!-- table: begin -->", "<!-- table: end -->")
 
 
@@ -37,10 +42,13 @@ def run_worker(options: argparse.Namespace) -> None:
     from crash_injection import Injector, Mode
     from crash_source import write_sources
 
+    # A writer that needs more memory is a finding, not the end of the other programs of the machine.
+    resource.setrlimit(resource.RLIMIT_AS, (LARGEST_MEMORY_BYTES, LARGEST_MEMORY_BYTES))
     injector = Injector(build_shim())
     # No `with` block: a child process must not remove the folder when it ends.
     folder = Path(tempfile.mkdtemp(prefix="taxel-crash-", dir=options.folder))
     source = write_sources(folder)
+    gc.freeze()  # the child processes then share the memory of all modules
     for number, case in enumerate(CASES):
         if options.case not in (None, case.name) or number % options.jobs != options.worker:
             continue
