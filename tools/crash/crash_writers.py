@@ -72,8 +72,15 @@ def run_workers(options: argparse.Namespace) -> list[dict[str, object]]:
 
     def start(worker: int) -> list[dict[str, object]]:
         command = [sys.executable, __file__, *sys.argv[1:], "--worker", str(worker), "--jobs", str(options.jobs)]
-        process = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
-        return [json.loads(line) for line in process.stdout.splitlines()]
+        outcomes = []
+        with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            for line in process.stdout:
+                outcomes.append(json.loads(line))
+                print(format_table(outcomes[-1:]).splitlines()[2], file=sys.stderr, flush=True)
+        if process.returncode != 0:
+            sys.exit(f"crash-writers: worker {worker} ended with status {process.returncode}")
+        return outcomes
 
     with ThreadPoolExecutor(options.jobs) as pool:
         return [outcome for outcomes in pool.map(start, range(options.jobs)) for outcome in outcomes]
