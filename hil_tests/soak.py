@@ -10,6 +10,7 @@ from pathlib import Path
 from hil_tests.harness.soak import Soak, SoakReport
 from taxel.errors import TaxelError
 from taxel.hand import load_hand
+from taxel.output import write_whole
 
 GROWTH_LIMIT = 1.02
 """Largest ratio of the peak memory at the end to that after the first tenth of a soak."""
@@ -58,7 +59,7 @@ def main() -> int:
     if options.out is not None:
         summary = {"seed": seed, "hand": options.hand, "wall_seconds": wall_s, "problems": problems, **vars(report)}
         options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text(json.dumps(summary, indent=1))
+        write_whole(options.out, json.dumps(summary, indent=1))
     return 1 if problems else 0
 
 

@@ -6,6 +6,7 @@ import os
 import struct
 from pathlib import Path
 from types import TracebackType
+from typing import NoReturn
 
 from taxel.input_files import TextError, open_regular_file, parse_json
 from taxel.link.base import Chunk
@@ -93,14 +94,20 @@ class CaptureWriter:
         end = self._file.tell()
         try:
             self._write_all(_RECORD.pack(time_ns, len(data)) + data)
-            self._output.publish()
         except OSError as error:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file.fileno(), end)
-                self._file.seek(end)
-            self._has_failed = True
-            problem = f"cannot be written ({error.strerror}); the records before are complete"
-            raise CaptureError(str(self.path), problem + self._output.describe_previous()) from error
+            self._fail(error)
+        try:
+            self._output.publish()
+        except OSError as error:
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> NoReturn:
+        """Raise `CaptureError` for a failed write; the file then contains the complete records before it."""
+        self._has_failed = True
+        problem = f"cannot be written ({error.strerror}); the records before are complete"
+        raise CaptureError(str(self.path), problem + self._output.describe_previous()) from error
 
     def _write_all(self, data: bytes) -> None:
         """Write bytes to the capture file. A full disk accepts a part of them, and fails at the next attempt."""

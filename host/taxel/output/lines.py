@@ -2,6 +2,7 @@
 
 import os
 from contextlib import suppress
+from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
@@ -9,6 +10,18 @@ from taxel.output.disk import flush_descriptor
 from taxel.output.live import LiveOutput
 
 _BLOCK: Final = 1 << 16
+
+
+def read_complete_lines(path: str | os.PathLike[str]) -> list[str]:
+    """Return the lines of a file of `AppendedLines` without their ends; [] for a missing file.
+
+    An incomplete last line, which a killed program has left, is omitted. Raises OSError.
+    """
+    try:
+        content = Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return []
+    return content[: content.rfind("\n") + 1].splitlines()
 
 
 class AppendedLines:

@@ -27,6 +27,8 @@ class LiveOutput:
         file: the open file, unbuffered, for reading and writing.
     """
 
+    _has_failed = False
+
     def __init__(self, path: str | os.PathLike[str], *, overwrite: bool) -> None:
         """Create a recording under a temporary name; `publish` gives it its final name.
 
@@ -86,7 +88,16 @@ class LiveOutput:
         """
         if self._pending is None:
             return
-        pending = self._pending
+        try:
+            self._rename(self._pending)
+            flush_folder(self._target.parent)
+        except OSError as error:
+            self._has_failed = True
+            raise OSError(error.errno, error.strerror, os.fspath(self.path)) from error
+        self._lock()
+
+    def _rename(self, pending: PendingOutput) -> None:
+        """Flush the file, and give it its final name."""
         flush_descriptor(self.file.fileno())
         if self._target.exists():
             self._preserve()
@@ -97,8 +108,6 @@ class LiveOutput:
             raise
         self._pending = None
         pending.discard()  # releases its locks; the file stays locked by its other descriptor
-        flush_folder(self._target.parent)
-        self._lock()
 
     def _preserve(self) -> None:
         """Give the existing file its second name.
@@ -122,22 +131,29 @@ class LiveOutput:
         return f"; the replaced recording is kept as {self.previous_path}" if self._is_restorable else ""
 
     def close(self) -> None:
-        """Flush the recording to the disk, remove the recording that it replaced, and release the lock."""
+        """Flush the recording to the disk, remove the recording that it replaced, and release the lock.
+
+        After a failure of `publish`, this method does the same as `fail`. Raises OSError.
+        """
         if self.file.closed:
             return
         try:
-            self.publish()
-            flush_descriptor(self.file.fileno())
-            if self._is_restorable:
-                with suppress(OSError):
-                    self.previous_path.unlink()
+            if not self._has_failed:
+                self.publish()
+                flush_descriptor(self.file.fileno())
+                self.file.close()
+                if self._is_restorable:
+                    with suppress(OSError):
+                        self.previous_path.unlink()
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, os.fspath(self.path)) from error
         finally:
-            self.file.close()
-            self._discard_pending()
+            self.fail()
 
     def fail(self) -> None:
         """Close a recording after an error; complete records stay, and so does the replaced recording."""
-        self.file.close()
+        with suppress(OSError):  # the error that led here is more important
+            self.file.close()
         self._discard_pending()
 
     def discard(self) -> None:

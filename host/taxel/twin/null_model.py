@@ -40,7 +40,8 @@ USED_FOR_FIT: Final = 20_000
 @dataclass(frozen=True)
 class NullModel:
     """Student t model. scale: s. common: variance, in squared units of the quantity. degrees_of_freedom: degrees of
-    freedom."""
+    freedom.
+    """
 
     scale: float = 1.0
     common: float = 0.0

@@ -16,7 +16,7 @@ from taxel.blind.benchmark.entries import check_answer, load_entry
 from taxel.blind.benchmark.scoring import ScoredAnswer, score_answers
 from taxel.blind.benchmark.worlds import FAMILIES, BenchmarkWorld, sample_benchmark
 from taxel.errors import TaxelError
-from taxel.output import AppendedLines, write_whole
+from taxel.output import AppendedLines, read_complete_lines, write_whole
 
 ANSWERS, BASES = "answers.jsonl", "bases"
 
@@ -89,11 +89,7 @@ def diagnose_world(world: BenchmarkWorld, entries: Sequence[str], seed: int, bas
 def _read_answers(path: Path, run: Mapping[str, Any]) -> dict[int, dict[str, Any]]:
     """Answers of an earlier run by world and entry. Raises TaxelError if they belong to another run."""
     answers: dict[int, dict[str, Any]] = {}
-    if not path.exists():
-        return answers
-    content = path.read_text()
-    complete = content[: content.rfind("\n") + 1]  # a killed run can leave an incomplete last line
-    for number, text in enumerate(complete.splitlines(), 1):
+    for number, text in enumerate(read_complete_lines(path), 1):
         try:
             line = json.loads(text)
             is_same = all(line[key] == value for key, value in run.items())

@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -81,7 +81,9 @@ class ParquetSink:
         text = format_header(header).encode()
         with open_target(path, overwrite) as pending:
             self._pending = pending
-            self._writer = parquet.ParquetWriter(pending.part, self._schema.with_metadata({METADATA_KEY: text}))
+            # The library prints a line of its own if it cannot close a file that it has opened.
+            self._stream: BinaryIO = pending.part.open("wb")
+            self._writer = parquet.ParquetWriter(self._stream, self._schema.with_metadata({METADATA_KEY: text}))
         self._names = {board.address: board.name for board in hand.boards}
         self._rows: list[TaxelFrame] = []
 
@@ -111,10 +113,13 @@ class ParquetSink:
                     if self._rows:
                         self._write_block()
                     self._writer.close()
+                    self._stream.close()
                     self._pending.commit()
         finally:
             with suppress(Exception):  # the first failure is raised above; the library raises it again here
                 self._writer.close()
+            with suppress(OSError):
+                self._stream.close()
             self._pending.discard()
 
 

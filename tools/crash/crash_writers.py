@@ -1,8 +1,10 @@
 """Kill every writer at every call that changes a file, and fail each call (`make crash-writers`)."""
 
 import argparse
+import gc
 import json
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -14,6 +16,9 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 BUILD = ROOT / "build" / "crash"
+LARGEST_MEMORY_BYTES = 8 << 30
+"""Address space of a worker process; the libraries alone take 2 GiB of it."""
+
 MARKS = ("<!-- table: begin -->", "<!-- table: end -->")
 
 
@@ -32,15 +37,18 @@ def build_shim() -> Path:
 
 def run_worker(options: argparse.Namespace) -> None:
     """Run the campaigns of the selected cases in this process, which has the shim; print each result as a JSON line."""
-    from campaign import Campaign, list_faults
-    from cases import CASES
-    from injection import Injector, Mode
-    from source import write_sources
+    from crash_campaign import Campaign, list_faults
+    from crash_cases import CASES
+    from crash_injection import Injector, Mode
+    from crash_source import write_sources
 
+    # A writer that needs more memory is a finding, not the end of the other programs of the machine.
+    resource.setrlimit(resource.RLIMIT_AS, (LARGEST_MEMORY_BYTES, LARGEST_MEMORY_BYTES))
     injector = Injector(build_shim())
     # No `with` block: a child process must not remove the folder when it ends.
     folder = Path(tempfile.mkdtemp(prefix="taxel-crash-", dir=options.folder))
     source = write_sources(folder)
+    gc.freeze()  # the child processes then share the memory of all modules
     for number, case in enumerate(CASES):
         if options.case not in (None, case.name) or number % options.jobs != options.worker:
             continue
@@ -64,8 +72,15 @@ def run_workers(options: argparse.Namespace) -> list[dict[str, object]]:
 
     def start(worker: int) -> list[dict[str, object]]:
         command = [sys.executable, __file__, *sys.argv[1:], "--worker", str(worker), "--jobs", str(options.jobs)]
-        process = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
-        return [json.loads(line) for line in process.stdout.splitlines()]
+        outcomes = []
+        with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            for line in process.stdout:
+                outcomes.append(json.loads(line))
+                print(format_table(outcomes[-1:]).splitlines()[2], file=sys.stderr, flush=True)
+        if process.returncode != 0:
+            sys.exit(f"crash-writers: worker {worker} ended with status {process.returncode}")
+        return outcomes
 
     with ThreadPoolExecutor(options.jobs) as pool:
         return [outcome for outcomes in pool.map(start, range(options.jobs)) for outcome in outcomes]

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 
-from cases import Acknowledge, Case
-from injection import FAULTS, Injector, Mode, RunResult
+from crash_cases import Acknowledge, Case
+from crash_injection import FAULTS, Injector, Mode, RunResult
 
 _REMOVALS = frozenset({"unlink", "unlinkat", "rmdir"})
 """Calls that remove a name; if one of them fails, the name remains."""
@@ -162,7 +162,7 @@ def _judge_end(mode: Mode, result: RunResult) -> Iterator[str]:
 
 def list_faults(calls: int, sample: int | None, seed: str) -> list[tuple[int, Mode]]:
     """All pairs of call and mode, or a random sample of them that a seed repeats."""
-    pairs = list(product(range(1, calls + 1), FAULTS))
+    pairs: list[tuple[int, Mode]] = list(product(range(1, calls + 1), FAULTS))
     if sample is None or sample >= len(pairs):
         return pairs
     return random.Random(seed).sample(pairs, sample)

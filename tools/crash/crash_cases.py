@@ -215,7 +215,7 @@ def _record_capture(path: Path, first: int, acknowledge: Acknowledge = lambda: N
 
 def _read_capture(path: Path) -> tuple[str, ...]:
     """Digest of each complete record of a capture, of which the last one may be incomplete."""
-    found = []
+    found: list[str] = []
     with CaptureLink(path) as link:
         while True:
             try:
@@ -240,7 +240,7 @@ def _read_mcap(path: Path) -> tuple[str, ...]:
     from mcap.records import Message
     from mcap.stream_reader import StreamReader
 
-    found = []
+    found: list[str] = []
     with path.open("rb") as stream:
         records = StreamReader(stream, emit_chunks=False).records
         while True:
