@@ -28,6 +28,8 @@ from page_client import Request, open_page
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed
 
+from taxel.output import write_whole
+
 PARALLEL = 8
 """Attacks at the same time."""
 
@@ -158,7 +160,7 @@ def main() -> int:
     print(json.dumps(report, indent=2))
     if options.out is not None:
         options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text(json.dumps(report, indent=2))
+        write_whole(options.out, json.dumps(report, indent=2))
     is_safe = (
         report["requests_accepted"] == report["messages_accepted"] == tracebacks == 0 and report["monitor_running"]
     )

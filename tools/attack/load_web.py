@@ -23,6 +23,8 @@ from page_client import Request, open_page
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
+from taxel.output import write_whole
+
 GROWTH_MB = 8.0
 """Largest growth of the memory in the second half, MB: twice the variation of repeated runs (measured: below 4 MB)."""
 
@@ -136,7 +138,7 @@ def main() -> int:
     print(json.dumps(report, indent=2))
     if options.out is not None:
         options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text(json.dumps(report, indent=2))
+        write_whole(options.out, json.dumps(report, indent=2))
     is_stable = growth_mb <= GROWTH_MB and min(received) > 0 and report["monitor_running"] and not report["tracebacks"]
     return 0 if is_stable else 1
 

@@ -12,6 +12,7 @@ from taxel.blind.streams.run import run_streams, seal_streams
 from taxel.blind.streams.sampling import sample_streams
 from taxel.blind.streams.score import format_score, score_streams
 from taxel.errors import TaxelError
+from taxel.output import write_whole
 
 
 def main() -> int:
@@ -40,7 +41,7 @@ def main() -> int:
     except TaxelError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    (options.out / "score.json").write_text(json.dumps(score, indent=1))
+    write_whole(options.out / "score.json", json.dumps(score, indent=1))
     print(format_score(score))
     return 0
 

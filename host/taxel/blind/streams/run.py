@@ -17,6 +17,7 @@ from taxel.blind.streams.emulation import Stream, make_stream
 from taxel.blind.streams.world import StreamWorld
 from taxel.blind.world_datasets import WorldNotMadeError
 from taxel.campaign.poll_cycles import PollCycles
+from taxel.output import write_whole
 from taxel.twin import Twin, read_reference
 from taxel.twin.causes import ReferenceFile
 from taxel.twin.naming import CauseNaming
@@ -46,7 +47,7 @@ def seal_streams(out: Path, worlds: Sequence[StreamWorld]) -> None:
     """Write the hash of every stream to `out`/commitments.json, before any stream is made."""
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps({str(world.number): commitment(world.to_json()) for world in worlds}, indent=1)
-    (out / "commitments.json").write_text(text)
+    write_whole(out / "commitments.json", text)
 
 
 def run_streams(
@@ -94,7 +95,4 @@ def watch_stream(stream: Stream, reference: Path) -> dict[str, object]:
 
 def _write(out: Path, world: StreamWorld, result: dict[str, object]) -> None:
     """Write a result and the opened world."""
-    path = out / f"{world.number}.json"
-    partial = path.with_suffix(".part")
-    partial.write_text(json.dumps({"world": world.to_json(), **result}))
-    partial.replace(path)
+    write_whole(out / f"{world.number}.json", json.dumps({"world": world.to_json(), **result}))
