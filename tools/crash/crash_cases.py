@@ -37,8 +37,6 @@ Acknowledge = Callable[[], None]
 RECORDS = 4
 """Records of a case that appends: enough for a first, a middle and a last one."""
 
-mcap_file.FLUSH_S = 0.0  # type: ignore[misc] # a message counts as complete when it is flushed: flush each of them
-
 
 @dataclass(frozen=True)
 class Case:
@@ -229,10 +227,15 @@ def _read_capture(path: Path) -> tuple[str, ...]:
 
 
 def _record_mcap(path: Path, first: int, acknowledge: Acknowledge = lambda: None) -> None:
-    with McapFile(path, {"note": "x"}, overwrite=True) as file:
-        for number in range(RECORDS):
-            file.write_bytes(f"record {first + number} ".encode() * 30, number, number)
-            acknowledge()
+    longest = mcap_file.FLUSH_S
+    mcap_file.FLUSH_S = 0.0  # type: ignore[misc] # a message is complete when it is flushed: flush each of them
+    try:
+        with McapFile(path, {"note": "x"}, overwrite=True) as file:
+            for number in range(RECORDS):
+                file.write_bytes(f"record {first + number} ".encode() * 30, number, number)
+                acknowledge()
+    finally:
+        mcap_file.FLUSH_S = longest  # type: ignore[misc]
 
 
 def _read_mcap(path: Path) -> tuple[str, ...]:
