@@ -121,9 +121,22 @@ class CaptureWriter:
         return self._file.tell()
 
     def truncate(self, size: int) -> None:
-        """Remove the records after the first `size` bytes of the file, a value that `size` had before."""
-        self._file.truncate(size)
+        """Remove the records after the first `size` bytes of the file, a value that `size` had before.
+
+        Raises `CaptureError`.
+        """
+        try:
+            self._file.truncate(size)
+        except OSError as error:
+            self._fail(error)
         self._file.seek(size)
+
+    def read_back(self, offset: int, length: int) -> bytes:
+        """Return bytes of the file, which may not have its final name yet. Raises `CaptureError`."""
+        try:
+            return os.pread(self._file.fileno(), length, offset)
+        except OSError as error:
+            self._fail(error)
 
     def tick(self) -> None:
         """Do nothing: each record is written at once."""

@@ -54,9 +54,7 @@ class CaptureBytes:
             self._unconfirmed.pop()
         record = self._unconfirmed.pop()
         length = max(position - record.start, 0)
-        with open(self._writer.path, "rb") as file:
-            file.seek(record.offset + RECORD_HEAD)
-            data = file.read(length)
+        data = self._writer.read_back(record.offset + RECORD_HEAD, length)
         self._writer.truncate(record.offset)
         if data:
             self._writer.write(data, record.time_ns)
