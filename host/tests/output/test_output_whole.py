@@ -200,7 +200,7 @@ def capture(tmp_path_factory):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("name", ["x.bin", "x.h5", "x.csv"])
+@pytest.mark.parametrize("name", ["x.bin", "x.mcap", "x.h5", "x.csv"])
 def test_a_signal_removes_the_temporary_file(tmp_path, capture, number, name):
     program = [sys.executable, "-c", textwrap.dedent(PROGRAM), str(capture), str(tmp_path / "new" / name)]
     with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
