@@ -5,6 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+DOCS_STAMP := $(VENV)/.installed-docs
 BUILD_TOOLS := $(VENV)/.build_tools
 BUILD := build/c
 JOBS := $(shell nproc)
@@ -20,6 +21,7 @@ PORT := firmware/boards/psoc4200
 IMAGES := build/psoc4200
 QUICK := protocol/tests $(addprefix host/tests/,cli emulated grasp hand link signal skin stream testing)
 GUIDES := $(addprefix host/tests/,docs bench/test_bench_docs.py tools/test_tools_guide.py monitor/test_monitor_docs.py ros/test_record_guide.py cli/test_cli_import.py)
+WITHOUT_HUB := boards commands compact fault_cases
 EXECUTED := i2c commands hub_bootloader
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
@@ -56,10 +58,13 @@ demo: $(STAMP)  ## the main job: a campaign on a hand with a hidden effect, its 
 blind: $(STAMP)  ## the full blind check: hours; an interrupted check continues (WORLDS=24 for a short one)
 	@$(BIN)/taxel gap blind --worlds $(WORLDS) --full-hand-worlds $(FULL_HAND) --out out/blind --page docs/blind-check.md
 
+blind-streams: $(STAMP)  ## the blind check of the twin: hours (STREAMS=6 STREAM_HOURS=0.5 for a short one)
+	@$(BIN)/python tools/twin/blind_streams.py --streams $(or $(STREAMS),150) --hours $(or $(STREAM_HOURS),2)
+
 # The C tests are built while the packages of the Python part are installed.
 test: $(BUILD_TOOLS)  ## everything that must pass before a merge: style, types, layers, terms, C and Python tests
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target test-c lint fuzz-short compiled-tests
-	@$(MAKE) --no-print-directory test-python test-executed
+	@$(MAKE) --no-print-directory test-python test-without-hub test-executed
 
 check: $(STAMP)  ## below a minute, before each commit: style, types, layers, terms and the quick Python tests
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target lint test-quick
@@ -99,6 +104,10 @@ coverage: $(STAMP)  ## functions that no command, example or guide reaches (an h
 		$(BIN)/python -m coverage json -q --rcfile=tools/coverage/coverage.ini -o out/coverage/commands.json
 	@$(BIN)/python tools/coverage/unreached.py out/coverage/commands.json
 
+.PHONY: test-without-hub
+test-without-hub: $(STAMP)  ## boards, commands, faults and compact frames of a skin without a hub (`make hil RIG=i2c-dev`: all)
+	@$(BIN)/python -m pytest -q -n $(JOBS) --dist loadfile --rig i2c-dev $(WITHOUT_HUB:%=hil_tests/test_hil_%.py)
+
 test-executed: $(STAMP)  ## I2C, command and flash tests on images that are executed as ARM code (`make hil RIG=cortex-m0`: all)
 	@command -v arm-none-eabi-gcc > /dev/null || \
 		{ echo "executed images are not tested: they need 'apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi'"; exit 0; }; \
@@ -111,7 +120,7 @@ fuzz: $(STAMP)  ## libFuzzer on codec, sensor and hub for SECONDS each (60); nee
 fuzz-short: $(STAMP)
 	@$(BIN)/python tools/fuzz/run_targets.py --runs 12000 --if-possible
 
-hil: $(STAMP)  ## hardware in the loop on RIG (virtual, cortex-m0, or the file of a bench)
+hil: $(STAMP)  ## hardware in the loop on RIG (virtual, cortex-m0, i2c-dev, or the file of a bench)
 	@$(BIN)/python -m pytest -q hil_tests --rig $(RIG)
 
 soak: $(STAMP)  ## HOURS (24) of virtual time with random faults: each missing frame must have a cause in the fault log
@@ -196,7 +205,11 @@ generate: $(STAMP)  ## write the C header, the vectors and the terms of the gap 
 	@$(BIN)/python tools/codegen/bootloader_header.py
 	@$(BIN)/python tools/codegen/page_terms.py
 
-docs: $(STAMP)  ## the pages, commands and Python API as a site: build/docs/site/index.html (a broken link fails)
+$(DOCS_STAMP): $(STAMP)
+	@$(PIP) $(CONSTRAINTS) --no-build-isolation -e '.[docs]'
+	@touch $@
+
+docs: $(DOCS_STAMP)  ## the pages, commands and Python API as a site: build/docs/site/index.html (a broken link fails)
 	@$(BIN)/python tools/docs/build_site.py
 
 docs-test: $(STAMP)  ## run every code block of every page and every example of --help, also the long ones (half an hour)

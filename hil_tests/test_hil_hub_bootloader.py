@@ -17,7 +17,7 @@ from taxel_protocol.bootloader_packets import build_packet, compute_row_sum, par
 from taxel_protocol.limits import BOOTLOADER_KEY
 from taxel_tools.files.firmware import HEADER_SIZE
 
-pytestmark = pytest.mark.needs("faults")  # tests do not reprogram the hub of a physical rig
+pytestmark = pytest.mark.needs("hub_board", "faults")  # tests do not reprogram the hub of a physical rig
 NEW_VERSION = (3, 1, 4)
 ROW = 128
 CHUNK = 54  # bytes of a PROGRAM_ROW or SEND_DATA that fit a packet of 64

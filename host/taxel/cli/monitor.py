@@ -11,6 +11,7 @@ from rich.console import Console
 from taxel.cli.options import HandOption, Seconds, ThresholdCounts, Url
 from taxel.errors import TaxelError
 from taxel.monitor import LineView, OnceView, Screen, SkinMonitor, TerminalView, open_paced, watch
+from taxel.monitor.demo_skin import DEMO_BASELINE_FRAMES, DEMO_URL, open_demo
 from taxel.monitor.summary_text import format_line
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES
 from taxel.skin import Skin
@@ -34,8 +35,14 @@ def monitor(
     rate_hz: Annotated[float | None, typer.Option(help="Scans per second. Default: the rate of the bus.")] = None,
     speed: Annotated[float, typer.Option(help="Speed of a recording, times real time.")] = 1.0,
     baseline_frames: Annotated[
-        int, typer.Option(min=2, max=10000, help="Number of frames of each board in the baseline.")
-    ] = BASELINE_SAMPLES,
+        int | None,
+        typer.Option(
+            min=2,
+            max=10000,
+            help=f"Number of frames of each board in the baseline. Default: {BASELINE_SAMPLES}; with demo: "
+            f"{DEMO_BASELINE_FRAMES}.",
+        ),
+    ] = None,
     threshold_counts: ThresholdCounts = ACTIVATION_THRESHOLD_COUNTS,
     seconds: Seconds = None,
     once: Annotated[
@@ -45,17 +52,18 @@ def monitor(
 ) -> None:
     """Show a skin live, in the terminal or in a browser.
 
-    The view shows the boards as heat maps, rates, errors and active taxels. Nothing may touch the skin while the
-    baseline is taken. Keys: q or Ctrl-C quits, b takes the baseline again, t shows the table of boards. If the output
-    is not a terminal, one line per second is printed.
+    The view shows the boards as heat maps, rates, errors and active taxels. The URL demo: shows contacts that move over
+    an emulated hand. Nothing may touch the skin while the baseline is taken. Keys: q or Ctrl-C quits, b takes the
+    baseline again, t shows the table of boards. If the output is not a terminal, one line per second is printed.
 
-    Example: taxel monitor emulator: --seconds 2
+    Example: taxel monitor demo: --seconds 4
     """
     console = Console(markup=False)
     with _opening_status(console, url):
-        skin = open_paced(url, hand, rate_hz, speed)
+        frames = baseline_frames or (DEMO_BASELINE_FRAMES if url == DEMO_URL else BASELINE_SAMPLES)
+        skin = open_demo(hand, rate_hz, frames) if url == DEMO_URL else open_paced(url, hand, rate_hz, speed)
     with skin:
-        model = SkinMonitor(skin, baseline_frames, threshold_counts)
+        model = SkinMonitor(skin, frames, threshold_counts)
         title = f"{url} · hand {skin.hand.name}"
         try:
             if web:

@@ -1,6 +1,8 @@
 """`taxel record`."""
 
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -10,7 +12,7 @@ from rich.console import Console
 from taxel.cli.gap_notices import GapNotices
 from taxel.cli.joint_sources import open_live_joints
 from taxel.cli.options import HandCan, HandOption, JointAngles, JointTopic, Overwrite, Seconds, Url, parse_joint_angles
-from taxel.cli.progress import spinner
+from taxel.cli.progress import spinner, time_bar
 from taxel.cli.stream_summary import StreamSummary
 from taxel.skin.recorder import open_recorded
 from taxel.skin.recording_skin import RecordingSkin
@@ -65,14 +67,25 @@ def _record_frames(skin: RecordingSkin, summary: StreamSummary, url: str, second
     """Record the frames of a skin for `seconds` from its first frame; None: until the end of the stream."""
     skin.end_s = None if seconds is None else time.monotonic() + seconds + LATEST_S
     notices = GapNotices(skin.link.name, skin.reconnection)
-    with spinner(f"recording {url}") as show:
+    with _progress(f"recording {url}", seconds) as show:
 
         def show_progress() -> None:
             """Show the number of frames, and whether the port is missing."""
-            show(f"recording {url}: {summary.frames.total()} frames, {summary.seconds:.1f} s{notices.update()}")
+            show(summary.seconds, f"recording {url}: {summary.frames.total()} frames{notices.update()}")
 
         skin.on_wait = show_progress
         for frame in skin:
             summary.add(frame.address, frame.time_s)
             if seconds is not None and summary.seconds >= seconds:
                 return
+
+
+@contextmanager
+def _progress(title: str, seconds: float | None) -> Iterator[Callable[[float, str], None]]:
+    """Show a bar for a recording of known length, else a spinner with the elapsed time of the stream."""
+    if seconds is not None:
+        with time_bar(title, seconds) as show:
+            yield show
+    else:
+        with spinner(title) as set_title:
+            yield lambda elapsed_s, text: set_title(f"{text}, {elapsed_s:.1f} s")

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from taxel.link.base import Chunk
 from taxel.link.errors import LinkError, PortVanishedError
 from taxel.link.stimulus import make_stimulus_header, make_stimulus_records
+from taxel.native_library import emulator_message
 
 READ_SIZE = 1 << 16
 EXIT_TIMEOUT_S = 10.0
@@ -70,7 +71,7 @@ class EmulatorLink:
         self._stderr_path = Path(self._folder.name) / "stderr.txt"
         self._last_message: str | None = None
         self._statistics: dict[str, Any] | None = None
-        world_path = Path(self._folder.name) / "world.txt"
+        self._world_path = world_path = Path(self._folder.name) / "world.txt"
         world_path.write_text(world)
         self._socket, process_socket = socket.socketpair()
         arguments = [
@@ -129,7 +130,7 @@ class EmulatorLink:
     def _get_exit_message(self, status: int) -> str:
         """Return the last line that the emulator wrote to standard error, or a text with its exit status."""
         if self._last_message is None:
-            self._last_message = _get_last_line(self._stderr_path.read_bytes())
+            self._last_message = _get_last_line(self._stderr_path.read_bytes(), self._world_path)
         return self._last_message or (
             "the emulator has ended" if status == 0 else f"the emulator ended with status {status}"
         )
@@ -185,9 +186,14 @@ class EmulatorLink:
         self._folder.cleanup()
 
 
-def _get_last_line(stderr: bytes) -> str:
-    """Return the last line of the text on standard error that is not empty; "" without text."""
+def _get_last_line(stderr: bytes, world_path: Path) -> str:
+    """Return the last line of the text on standard error that is not empty; "" without text.
+
+    A message on the temporary world file quotes the line of the file instead of the file's path.
+    """
     lines = stderr.decode(errors="replace").strip().splitlines()
+    if lines and str(world_path) in lines[-1]:
+        return emulator_message(lines[-1], str(world_path), world_path.read_text())
     return lines[-1] if lines else ""
 
 
@@ -224,6 +230,8 @@ def run_emulator(
         arguments += ["--stimulus", os.fspath(stimulus)] if stimulus else []
         process = subprocess.run(arguments, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
         if process.returncode != 0:
-            raise LinkError("emulator", _get_last_line(process.stderr) or f"ended with status {process.returncode}")
+            raise LinkError(
+                "emulator", _get_last_line(process.stderr, world_path) or f"ended with status {process.returncode}"
+            )
         result: dict[str, Any] = json.loads(statistics.read_text())
         return result

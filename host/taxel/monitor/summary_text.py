@@ -61,8 +61,10 @@ def format_errors(reading: SkinReading) -> list[Part]:
         ("dropped by the hub", reading.hub_dropped or 0),
         ("bus recoveries", reading.bus_recoveries or 0),
     ]
-    errors = [(f"{count} {name}", True) for name, count in counts if count]
-    return errors or ([] if reading.no_data_since_s is not None else [("no errors", False)])
+    parts = [(f"{count} {name}", True) for name, count in counts if count]
+    if not parts and reading.no_data_since_s is None:
+        parts = [("no errors", False)]
+    return [*parts, (f"{reading.unknown} unknown frames", False)] if reading.unknown else parts
 
 
 def format_load(reading: SkinReading) -> list[Part]:

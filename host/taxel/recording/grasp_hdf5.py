@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxel.hand.errors import format_value
+from taxel.input_files.numpy_archive import ArchiveError, check_expansion
 from taxel.optional import optional_import
 from taxel.recording.grasp_checks import Location, check_header, convert_type
 from taxel.recording.grasp_format import LARGEST_ARRAY_BYTES, LONGEST_TEXT, STRING, ArraySpec
@@ -46,8 +47,15 @@ def open_hdf5(path: Path, mode: str, libver: tuple[str, str] | None = None) -> A
     location = Location(str(path))
     if not path.is_file():
         location.fail("an HDF5 file", "a folder" if path.is_dir() else "nothing", "check the path")
-    try:
+    with convert_opening_errors(location):
         return h5py.File(path, mode, libver=libver)
+
+
+@contextmanager
+def convert_opening_errors(location: Location) -> Iterator[None]:
+    """Context manager that converts exceptions of the HDF5 library for a file that cannot be opened to DatasetError."""
+    try:
+        yield
     except OSError as error:
         text = str(error)
         if "signature not found" in text:
@@ -149,6 +157,16 @@ class Node:
             location.fail(f"a {kind_name}", f"a {type(child).__name__.lower()}", f"store a {kind_name} there")
         return child
 
+    @staticmethod
+    def _check_expansion(dataset: Any, location: Location) -> None:
+        """Raise DatasetError for a large array whose stored bytes are far fewer than its bytes in memory."""
+        with convert_hdf5_errors(location):
+            size, stored_size = dataset.nbytes, dataset.id.get_storage_size()
+        try:
+            check_expansion(size, stored_size)
+        except ArchiveError as error:
+            location.fail("an array of bounded size", str(error), "store the array without compression")
+
     def _get_checked_dataset(self, name: str, spec: ArraySpec, sizes: dict[str, int]) -> Any:
         """Return a dataset of the HDF5 group after a check of its type, shape and storage; values are not read."""
         dataset, location = self._get_member(name, h5py.Dataset, "dataset"), self.location.key(name)
@@ -165,6 +183,7 @@ class Node:
         if spec.dtype == STRING and text.length is not None and text.length > 4 * LONGEST_TEXT:
             location.fail(f"texts of at most {LONGEST_TEXT} characters", f"type {dtype}", "shorten them")
         check_header(shape, dtype, spec, sizes, location)
+        self._check_expansion(dataset, location)
         if chunks is not None and prod(chunks) * dtype.itemsize > LARGEST_ARRAY_BYTES:
             location.fail(f"chunks of at most {LARGEST_ARRAY_BYTES} bytes", f"{list(chunks)}", "use smaller chunks")
         return dataset

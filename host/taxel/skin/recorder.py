@@ -9,7 +9,8 @@ import numpy.typing as npt
 from taxel.hand import Hand
 from taxel.hand.joint_history import JointHistory
 from taxel.link import CaptureError, CaptureWriter, Link
-from taxel.link.capture import EXISTS
+from taxel.link.capture import EXISTS, open_live_output
+from taxel.output import LiveOutput
 from taxel.ros.topics import JointSource
 from taxel.skin.capture_bytes import CaptureBytes
 from taxel.skin.joint_recording import JointRecordingSkin, get_joint_path
@@ -56,8 +57,14 @@ def record_link(
     path: str | os.PathLike[str],
     overwrite: bool = False,
     joint_position: npt.ArrayLike | JointSource | None = None,
+    output: LiveOutput | None = None,
+    joint_output: LiveOutput | None = None,
 ) -> RecordingSkin:
-    """Open a skin on an open link and record it as `open_recorded` does. If that fails, the link is closed."""
+    """Open a skin on an open link and record it as `open_recorded` does. If that fails, the link is closed.
+
+    output, joint_output: open outputs that are written instead of `path`, and instead of the file of measured joint
+    angles beside a capture; None: new files.
+    """
     if joint_position is None:
         joint_position = header.get("joint_position")
     elif isinstance(joint_position, JointHistory):
@@ -65,19 +72,19 @@ def record_link(
     elif not callable(joint_position):
         header["joint_position"] = np.asarray(joint_position, dtype=np.float64).tolist()
     if os.fspath(path).endswith(MCAP_SUFFIX):
-        return _record_mcap(link, hand, header, path, overwrite, joint_position)
+        return _record_mcap(link, hand, header, path, overwrite, joint_position, output)
     try:
-        writer = CaptureBytes(CaptureWriter(path, header, overwrite))
+        writer = CaptureBytes(CaptureWriter(path, header, overwrite, output))
     except BaseException:
         link.close()
         raise
     try:
         if isinstance(joint_position, JointHistory):
-            return JointRecordingSkin(RecordingLink(link, writer), hand, joint_position, get_joint_path(path))
+            companion = joint_output or open_live_output(get_joint_path(path), overwrite)
+            return JointRecordingSkin(RecordingLink(link, writer), hand, joint_position, companion)
         return RecordingSkin(RecordingLink(link, writer), hand)
     except BaseException:
-        if writer.records == 0:
-            os.unlink(path)  # a capture without any bytes is of no use
+        writer.discard()  # a capture without any bytes is of no use
         raise
 
 
@@ -96,22 +103,22 @@ def _record_mcap(
     path: str | os.PathLike[str],
     overwrite: bool,
     joint_position: npt.ArrayLike | JointSource | None,
+    output: LiveOutput | None,
 ) -> RecordingSkin:
     """Open a skin that is recorded to an MCAP file. After an error the link is closed and an empty file is deleted.
 
     header: header of the recording. joint_position: joint angles, radians [j], or a function that returns them.
+    output: open output that is written instead of `path`; None: a new file.
     """
     try:
         from taxel.ros.mcap_file import McapFile  # needs the extra `ros`, which the core does not install
 
-        file = McapFile(path, header, overwrite)
+        file = McapFile(path, header, overwrite, output)
     except BaseException:
         link.close()
         raise
     try:
         return McapSkin(link, hand, file, header, make_joint_source(joint_position))
     except BaseException:
-        file.close()
-        if file.messages == 0:
-            os.unlink(path)
+        file.discard()
         raise

@@ -78,8 +78,10 @@ class RecordingLink:
 
     def close(self) -> None:
         """Close the recorded link, then the recording."""
-        self._link.close()
-        self._writer.close()
+        try:
+            self._link.close()
+        finally:
+            self._writer.close()
 
 
 def make_recording_header(

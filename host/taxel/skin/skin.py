@@ -1,20 +1,21 @@
 """An open skin: its board frames, its frames of the whole skin, and its losses."""
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
 from taxel.errors import TaxelError
 from taxel.hand import Hand
 from taxel.link import Link, Reconnection, get_clock
-from taxel.signal import BASELINE_SAMPLES, Baseline, BaselineResult
+from taxel.signal import BASELINE_SAMPLES, BaselineResult
+from taxel.skin.baseline import measure_baseline
+from taxel.skin.frame import SkinFrame
 from taxel.stream import HubClient, LossAccount, TaxelFrame
 from taxel.stream.cycles import CycleSorter
 from taxel.stream.hub_client import HubError, VersionError
-from taxel.types import BoolArray, CountArray
 
 FrameFormat = Literal["plain", "compact"]
 """Frames on the wire: "plain", 16-bit raw counts; "compact", the same raw counts in fewer bytes."""
@@ -27,20 +28,6 @@ time delays the opening of a skin with a missing board, a shorter one may miss a
 
 class BoardMismatchError(TaxelError):
     """A board on the bus differs from the board that the hand description has at the same address."""
-
-
-class SkinFrame(NamedTuple):
-    """Raw counts of the whole skin in one poll cycle.
-
-    cycle: number of the hub's poll cycle. time_s: start of the first board's scan, seconds of the host clock.
-    raw_counts: u16[n] in the hand's taxel order, 0 where `valid` is False. valid: bool[n], True where the frame of the
-    taxel's board arrived.
-    """
-
-    cycle: int
-    time_s: float
-    raw_counts: CountArray
-    valid: BoolArray
 
 
 class Skin:
@@ -231,11 +218,26 @@ class Skin:
         The taxels of a board whose frame is missing in a cycle are not valid in that cycle.
         """
         for frame in self:
-            self._sorter.add(frame)  # the sorter outlives this iterator: the next iterator finishes an incomplete cycle
-            while (frames := self._sorter.pop()) is not None:
-                yield self._assemble(frames)
+            yield from self.collect_scans([frame])
         while (frames := self._sorter.pop(is_end=True)) is not None:
             yield self._assemble(frames)
+
+    def expect_boards(self, count: int) -> None:
+        """Set the number of boards whose frames complete a poll cycle: those of this port, if other ports have others.
+
+        Call it before the first scan.
+        """
+        self._sorter = CycleSorter(max(count, 1))
+
+    def collect_scans(self, frames: Iterable[TaxelFrame]) -> Iterator[SkinFrame]:
+        """Add frames of boards to their poll cycles, and yield the frames of the whole skin that are then complete.
+
+        frames: of this skin, in the order of their arrival. Incomplete cycles remain for the next call.
+        """
+        for frame in frames:
+            self._sorter.add(frame)  # the sorter outlives the caller's iterator, whose successor finishes the cycle
+            while (complete := self._sorter.pop()) is not None:
+                yield self._assemble(complete)
 
     def _assemble(self, frames: list[TaxelFrame]) -> SkinFrame:
         """Combine the frames of one poll cycle to a frame of the whole skin; taxels of missing boards are not valid."""
@@ -256,20 +258,7 @@ class Skin:
         progress: called with the completed share, 0 to 1. Raises `TaxelError` if a recording ends before the baseline
         is complete.
         """
-        baseline = Baseline(self.hand.n_taxels, samples=samples)
-        cycles = 0
-        for scan in self.scans():
-            cycles += 1
-            baseline.update(scan.raw_counts, scan.valid)
-            if progress is not None:
-                progress(baseline.progress)
-            if baseline.is_ready:
-                return baseline.result()
-            if cycles >= 2 * samples and baseline.ready_mask.any():
-                return BaselineResult(baseline.mean, baseline.noise, baseline.disturbed, baseline.count)
-        raise TaxelError(
-            f"{self._stream.link.name}: the recording ended after {cycles} scans; a baseline needs {samples}"
-        )
+        return measure_baseline(self.hand.n_taxels, self.scans(), samples, progress, self._stream.link.name)
 
     def close(self) -> None:
         """Stop the stream of the hub and close the link."""

@@ -1,0 +1,57 @@
+"""Parser of TOML texts of unknown origin, with limits on size and nesting."""
+
+import re
+import tomllib
+from typing import Any, Final
+
+from taxel.input_files.text_error import TextError, decode_utf8, format_reason
+
+TOML_BYTES_MAX: Final = 1 << 20
+"""Largest TOML file, bytes. The largest packaged description has 100 kB."""
+
+KEY_PARTS_MAX: Final = 32
+"""Largest number of parts of a dotted key; the deepest key of the project's formats has 6. The time and the memory of
+tomllib grow with the square of this number.
+"""
+
+DEPTH_MAX: Final = 64
+"""Largest number of nested tables and lists."""
+
+_DEEP_KEY: Final = re.compile(rb"(?:\.[ \t]*[\w\"'-][^.,=\n\[\]]*){%d}" % KEY_PARTS_MAX)
+_POSITION: Final = re.compile(r"^(.*?) \(at (.*)\)$", re.DOTALL)
+
+
+def parse_toml(data: bytes, size_max: int = TOML_BYTES_MAX) -> dict[str, Any]:
+    """Parse the bytes of a TOML file of at most `size_max` bytes.
+
+    Raises TextError for a text that is too large, not UTF-8, nested too deeply, or not TOML.
+    """
+    if len(data) > size_max:
+        raise TextError("file", f"at most {size_max} bytes", f"more than {size_max} bytes")
+    text = decode_utf8(data)
+    deep = _DEEP_KEY.search(data)
+    if deep is not None:
+        line = data.count(b"\n", 0, deep.start()) + 1
+        raise TextError(f"line {line}", f"keys of at most {KEY_PARTS_MAX} parts", "a longer dotted key")
+    try:
+        document = tomllib.loads(text)
+    except RecursionError:
+        raise TextError("file", "a few nested lists", "hundreds of nested lists") from None
+    except ValueError as error:
+        # TOMLDecodeError, or a ValueError of Python for a number or a date.
+        match = _POSITION.match(str(error))
+        message, position = (match[1], match[2]) if match else (str(error), "file")
+        raise TextError(position, "valid TOML", format_reason(message)) from None
+    _check_depth(document)
+    return document
+
+
+def _check_depth(document: dict[str, Any]) -> None:
+    """Raise TextError for tables and lists that are nested too deeply for functions that call themselves."""
+    level: list[Any] = [document]
+    for _ in range(DEPTH_MAX):
+        members = [list(each.values()) if isinstance(each, dict) else each for each in level]
+        level = [value for each in members for value in each if isinstance(value, dict | list)]
+        if not level:
+            return
+    raise TextError("file", f"at most {DEPTH_MAX} nested tables and lists", "more")
