@@ -120,6 +120,10 @@ class CaptureWriter:
         """Size of the capture file so far, bytes."""
         return self._file.tell()
 
+    def read_data(self, offset: int, size: int) -> bytes:
+        """Return the first `size` bytes of the data of the record at byte `offset` of the file."""
+        return os.pread(self._file.fileno(), size, offset + RECORD_HEAD)
+
     def truncate(self, size: int) -> None:
         """Remove the records after the first `size` bytes of the file, a value that `size` had before."""
         self._file.truncate(size)
