@@ -120,6 +120,16 @@ class CaptureWriter:
         """Size of the capture file so far, bytes."""
         return self._file.tell()
 
+    def read_data(self, offset: int, size: int) -> bytes:
+        """Return the first `size` bytes of the data of the record at byte `offset` of the file.
+
+        Raises `CaptureError`.
+        """
+        try:
+            return os.pread(self._file.fileno(), size, offset + RECORD_HEAD)
+        except OSError as error:
+            self._fail(error)
+
     def truncate(self, size: int) -> None:
         """Remove the records after the first `size` bytes of the file, a value that `size` had before.
 
@@ -130,13 +140,6 @@ class CaptureWriter:
         except OSError as error:
             self._fail(error)
         self._file.seek(size)
-
-    def read_back(self, offset: int, length: int) -> bytes:
-        """Return bytes of the file, which may not have its final name yet. Raises `CaptureError`."""
-        try:
-            return os.pread(self._file.fileno(), length, offset)
-        except OSError as error:
-            self._fail(error)
 
     def tick(self) -> None:
         """Do nothing: each record is written at once."""

@@ -67,6 +67,7 @@ class McapFile:
         self._schemas: dict[str, int] = {}
         self._flushed_s = time.monotonic()
         self._has_unflushed = False
+        self._is_grouping = False
         self._output = open_live_output(path, overwrite) if output is None else output
         self._stream = RecordStream(self._output.file)
         try:
@@ -106,6 +107,16 @@ class McapFile:
         with self._lock, self._errors():
             self._flush_if_due()
 
+    @contextlib.contextmanager
+    def group(self) -> Iterator[None]:
+        """Context in which no chunk is written, so that a chunk that is due contains all messages of the block."""
+        self._is_grouping = True
+        try:
+            yield
+        finally:
+            self._is_grouping = False
+            self.tick()
+
     def _append(self, topic: str, type_name: str, time_ns: int, data: bytes) -> None:
         """Append an encoded message to a topic of the MCAP file. type_name: "package/Name". time_ns: Unix time."""
         self._stream.check()
@@ -131,7 +142,7 @@ class McapFile:
     def _flush_if_due(self) -> None:
         """Write the current chunk of the MCAP file if `FLUSH_S` seconds have elapsed since the last chunk."""
         now_s = time.monotonic()
-        if self._has_unflushed and now_s - self._flushed_s >= FLUSH_S:
+        if self._has_unflushed and not self._is_grouping and now_s - self._flushed_s >= FLUSH_S:
             self._flush()
 
     def _flush(self) -> None:

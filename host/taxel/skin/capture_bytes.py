@@ -4,7 +4,6 @@ from collections import deque
 from typing import NamedTuple
 
 from taxel.link import CaptureWriter
-from taxel.link.capture import RECORD_HEAD
 
 
 class WrittenRecord(NamedTuple):
@@ -54,7 +53,7 @@ class CaptureBytes:
             self._unconfirmed.pop()
         record = self._unconfirmed.pop()
         length = max(position - record.start, 0)
-        data = self._writer.read_back(record.offset + RECORD_HEAD, length)
+        data = self._writer.read_data(record.offset, length)
         self._writer.truncate(record.offset)
         if data:
             self._writer.write(data, record.time_ns)

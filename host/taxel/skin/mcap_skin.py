@@ -104,11 +104,23 @@ class McapSkin(RecordingSkin):
             self._file.add_metadata(BASELINE_METADATA, values)
         return frame
 
-    def _write_delivered(self) -> None:
-        """Write the messages of the delivered frames, after the bytes that contain these frames."""
+    def _write_delivered(self, position: int, splits: bool) -> None:
+        """Write the bytes of the delivered frames, and then the messages of these frames."""
+        with self._file.group():
+            super()._write_delivered(position, splits)
+            self._publish_delivered()
+
+    def _publish_delivered(self) -> None:
+        """Write the messages of the delivered frames."""
         for message in self._delivered:
             self._file.publish(message)
         self._delivered.clear()
+
+    def end_recording(self) -> None:
+        """End the bytes after the last frame that the reader has received, and write the messages of these frames."""
+        super().end_recording()
+        if not self._file.is_closed:
+            self._publish_delivered()
 
     def close(self) -> None:
         """Stop the frames of the hub, write the last messages to the MCAP file, and close link and file."""

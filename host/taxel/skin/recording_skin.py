@@ -39,8 +39,7 @@ class RecordingSkin(Skin):
         if self.end_s is not None and self.link.is_real_time and time.monotonic() >= self.end_s:
             raise EOFError
         self.on_wait()
-        self._recording.confirm(self._stream.link_position)
-        self._write_delivered()
+        self._write_delivered(self._stream.link_position, splits=False)
         self._written_s = time.monotonic()
         super()._read_link(timeout_s)
 
@@ -49,13 +48,13 @@ class RecordingSkin(Skin):
         frame = super()._check_frame(frame)
         now_s = time.monotonic()
         if now_s - self._written_s > WRITE_PERIOD_S and not self.link.is_recorded:
-            self._recording.confirm(self._stream.delivered_position, splits=True)
-            self._write_delivered()
+            self._write_delivered(self._stream.delivered_position, splits=True)
             self._written_s = now_s
         return frame
 
-    def _write_delivered(self) -> None:
-        """Write what the recording contains beside the bytes; called after the bytes of delivered frames."""
+    def _write_delivered(self, position: int, splits: bool) -> None:
+        """Write the bytes of delivered frames, up to `position` on the link; splits: as in `ByteWriter.confirm`."""
+        self._recording.confirm(position, splits)
 
     def end_recording(self) -> None:
         """End reading and recording after the last frame that the reader has received.
@@ -65,7 +64,6 @@ class RecordingSkin(Skin):
         """
         self._stream.release()
         self._recording.cut(self._stream.cut())
-        self._write_delivered()
 
     def close(self) -> None:
         """End the recording, stop the stream of the hub and close the link."""

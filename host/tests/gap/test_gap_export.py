@@ -607,8 +607,8 @@ def test_wrong_inputs_are_refused_with_one_line(case, tmp_path):
         export_report(tmp_path / "none.json", "python", out)
     with pytest.raises(GapInputError, match=r"expected a file with the extension \.xml"):
         export_report(report, "mujoco", out)
-    with pytest.raises(GapInputError, match="expected a folder to write in, found none"):
-        export_report(report, "python", tmp_path / "none" / "skin.py")
+    export_report(report, "python", tmp_path / "new" / "skin.py")  # a missing folder is created
+    assert (tmp_path / "new" / "skin.py").exists()
     with pytest.raises(GapInputError, match="expected another file than the inputs"):
         export_report(report, "python", report, overwrite=True)
     with pytest.raises(GapInputError, match='/source: expected "sim"'):
