@@ -56,8 +56,12 @@ def test_mutated_files_give_an_error_line_or_the_data_of_the_file(targets, tmp_p
     assert findings == []
 
 
+class WaitingError(BaseException):
+    """The reader waits; no reader catches this error."""
+
+
 def stop_waiting(number, frame):
-    raise TimeoutError("the reader waits")
+    raise WaitingError
 
 
 @pytest.mark.parametrize("kind", ["pipe", "endless device"])
@@ -68,6 +72,8 @@ def test_every_reader_refuses_a_pipe_and_an_endless_device(targets, tmp_path, ki
     accepted = []
     try:
         for name, target in targets[0].items():
+            if name == "emulator":  # a program of its own; its inputs are tested in host/tests/link
+                continue
             folder = tmp_path / name
             folder.mkdir()
             path = folder / target.make(folder)
@@ -140,7 +146,7 @@ def test_a_correct_reader_has_no_finding(tmp_path):
         (lambda data: data | {"a": min(data["a"], 100)}, "is not in the data"),
         (lambda data: {"a": data["a"], "b": "text"}, "have no effect"),
         (lambda data: {"a": data["a"], "b": bytes([data["a"]])}, "ValueError"),
-        (lambda data: data | {"c": np.float64(1e308) * data["a"]}, "warning of a computation"),
+        (lambda data: data | {"c": np.float64(data["a"]) * 1e308}, "warning of a computation"),
     ],
 )
 def test_a_planted_error_of_a_reader_is_found(tmp_path, change, text):
