@@ -16,6 +16,7 @@ HOURS ?= 24
 RUNS ?= 20000
 FULL_HAND ?= 10
 SECONDS ?= 60
+COUNT ?= 1000000
 PORT := firmware/boards/psoc4200
 IMAGES := build/psoc4200
 QUICK := protocol/tests $(addprefix host/tests/,cli emulated grasp hand link signal skin stream testing)
@@ -106,6 +107,10 @@ test-executed: $(STAMP)  ## I2C, command and flash tests on images that are exec
 
 fuzz: $(STAMP)  ## libFuzzer on codec, sensor and hub for SECONDS each (60); needs clang
 	@$(BIN)/python tools/fuzz/run_targets.py --seconds $(SECONDS)
+
+.PHONY: fuzz-files
+fuzz-files: $(STAMP)  ## COUNT (1000000) mutated files for all readers of files: an error line, or the data of the file
+	@$(BIN)/python tools/fuzz_files/run.py --count $(COUNT) --jobs $(JOBS)
 
 # About a second for the slowest target; the number of executions does not depend on the load of the machine.
 fuzz-short: $(STAMP)

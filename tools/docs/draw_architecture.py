@@ -30,6 +30,7 @@ NOTES: Final = {
     "taxel.grasp": "objects, approaches, grasp plan, calibration",
     "taxel.hand": "hand description, taxel positions, kinematics, drivers of hand and arm",
     "taxel.link": "bytes in and out: serial port, I2C, CAN, emulator, recording",
+    "taxel.input_files": "regular files, TOML, JSON, CSV and arrays with limits",
     "taxel.monitor": "live view",
     "taxel.recording": "recordings, grasp datasets",
     "taxel.ros": "ROS messages, MCAP, nodes",

@@ -14,7 +14,7 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any, Final
 
-from fuzz_files.trial import FINDING
+from fuzz_files.judgement import FINDING
 from fuzz_files.worker import Task, run_worker
 
 START_S: Final = 120.0

@@ -17,6 +17,11 @@ tomllib grow with the square of this number.
 DEPTH_MAX: Final = 64
 """Largest number of nested tables and lists."""
 
+INTEGER_LIMIT: Final = 2**63
+"""Limit of an integer (toml.io/en/v1.0.0, Integer). Python fails to print an integer of thousands of digits, and to
+convert one of hundreds of digits to a float.
+"""
+
 _DEEP_KEY: Final = re.compile(rb"(?:\.[ \t]*[\w\"'-][^.,=\n\[\]]*){%d}" % KEY_PARTS_MAX)
 _POSITION: Final = re.compile(r"^(.*?) \(at (.*)\)$", re.DOTALL)
 
@@ -42,16 +47,20 @@ def parse_toml(data: bytes, size_max: int = TOML_BYTES_MAX) -> dict[str, Any]:
         match = _POSITION.match(str(error))
         message, position = (match[1], match[2]) if match else (str(error), "file")
         raise TextError(position, "valid TOML", format_reason(message)) from None
-    _check_depth(document)
+    _check_values(document)
     return document
 
 
-def _check_depth(document: dict[str, Any]) -> None:
-    """Raise TextError for tables and lists that are nested too deeply for functions that call themselves."""
+def _check_values(document: dict[str, Any]) -> None:
+    """Raise TextError for integers of more than 64 bits, which TOML does not have, and for tables and lists that are
+    nested too deeply for functions that call themselves.
+    """
     level: list[Any] = [document]
     for _ in range(DEPTH_MAX):
-        members = [list(each.values()) if isinstance(each, dict) else each for each in level]
-        level = [value for each in members for value in each if isinstance(value, dict | list)]
+        values = [value for each in level for value in (each.values() if isinstance(each, dict) else each)]
+        if any(type(value) is int and not -INTEGER_LIMIT <= value < INTEGER_LIMIT for value in values):
+            raise TextError("file", "integers of 64 bits", "a larger integer")
+        level = [value for value in values if isinstance(value, dict | list)]
         if not level:
             return
     raise TextError("file", f"at most {DEPTH_MAX} nested tables and lists", "more")

@@ -196,9 +196,10 @@ def _get_last_line(stderr: bytes) -> str:
 def _check_regular_files(*paths: str | os.PathLike[str] | None) -> None:
     """Raise LinkError for an input that is a pipe or a device; the emulator reports a missing file itself."""
     for path in paths:
+        if path is None or not os.path.exists(path):
+            continue
         try:
-            if path is not None and os.path.exists(path):
-                check_regular_file(path)
+            check_regular_file(path)
         except InputFileError as error:
             raise LinkError(os.fspath(path), f"cannot be read ({error.strerror})") from None
 
