@@ -22,7 +22,7 @@ IMAGES := build/psoc4200
 QUICK := protocol/tests $(addprefix host/tests/,cli emulated grasp hand link signal skin stream testing)
 GUIDES := $(addprefix host/tests/,docs bench/test_bench_docs.py tools/test_tools_guide.py monitor/test_monitor_docs.py ros/test_record_guide.py cli/test_cli_import.py)
 EXECUTED := i2c commands hub_bootloader
-SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
+SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find firmware host/taxel/sim/native host/taxel/native_library/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # The versions of constraints.txt have binary packages for Python 3.11; other versions take the newest ones.
 CONSTRAINTS = $(shell $(BIN)/python -c 'import sys; print("-c constraints.txt" if sys.version_info[:2] == (3, 11) else "")')

@@ -25,12 +25,13 @@ _MARGIN: Final = 1 << 29
 
 @dataclass(frozen=True)
 class Task:
-    """Inputs of one target. first, count: numbers of the inputs."""
+    """Inputs of one target. first, count: numbers of the inputs. is_repeated: whether a process has ended in it."""
 
     target: str
     seed: int
     first: int
     count: int
+    is_repeated: bool = False
 
 
 def run_worker(connection: Connection, number: Any, folder: str) -> None:

@@ -58,9 +58,27 @@ def _check_values(document: dict[str, Any]) -> None:
     level: list[Any] = [document]
     for _ in range(DEPTH_MAX):
         values = [value for each in level for value in (each.values() if isinstance(each, dict) else each)]
-        if any(type(value) is int and not -INTEGER_LIMIT <= value < INTEGER_LIMIT for value in values):
-            raise TextError("file", "integers of 64 bits", "a larger integer")
+        if any(map(_is_large, values)):
+            position, size = _find_large(document, "") or ("file", 64)
+            raise TextError(position, "an integer of 64 bits", f"an integer of {size} bits")
         level = [value for value in values if isinstance(value, dict | list)]
         if not level:
             return
     raise TextError("file", f"at most {DEPTH_MAX} nested tables and lists", "more")
+
+
+def _is_large(value: Any) -> bool:
+    """Whether a value is an integer of more than 64 bits."""
+    return type(value) is int and not -INTEGER_LIMIT <= value < INTEGER_LIMIT
+
+
+def _find_large(value: Any, path: str) -> tuple[str, int] | None:
+    """Return the path and the number of bits of the first integer of more than 64 bits. path: of the value."""
+    if isinstance(value, dict):
+        members = [(f"{path}.{key}" if path else str(key), each) for key, each in value.items()]
+    elif isinstance(value, list):
+        members = [(f"{path}[{index}]", each) for index, each in enumerate(value)]
+    else:
+        return (format_reason(path), value.bit_length()) if _is_large(value) else None
+    found = (_find_large(each, own) for own, each in members)
+    return next((each for each in found if each is not None), None)

@@ -174,7 +174,7 @@ INVALID_EDITS: dict[str, tuple[str, str, str, str]] = {
     "a normal too long to square": (
         "0.001, 0, 1, 0]",
         f"0.001, 0,\n{LONG}, 0]",
-        "geometry.strip.taxels[0]",
+        "geometry.strip.taxels[0][4]",
         "a normal",
     ),
     "a board without a link": (

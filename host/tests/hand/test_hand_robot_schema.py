@@ -123,7 +123,7 @@ INVALID_EDITS: dict[str, tuple[str, str, str, str]] = {
     "a number too long to square": (
         "axis = [0, 1, 0]",
         f"axis = [0, {'1' * 180}, 0]",
-        "joints[0].axis",
+        "joints[0].axis[1]",
         "an axis of length 1",
     ),
     "control code in the description": ("A mast", r"\u001b[2J", "description", "one printable line"),

@@ -79,8 +79,11 @@ def test_a_missing_file_is_reported_as_missing(tmp_path):
         (b"a = 1\nb = '\xff'", "line 2: expected UTF-8 text, found byte 0xFF"),
         (b"a = 1\nb = ?", "line 2, column 5: expected valid TOML, found Invalid value"),
         (b"a = " + b"9" * 5000, "file: expected valid TOML, found Exceeds the limit"),
-        (b"a = 0x" + b"9" * 5000, "file: expected integers of 64 bits, found a larger integer"),
-        (b"a = [{ b = 9223372036854775808 }]", "file: expected integers of 64 bits, found a larger integer"),
+        (b"a = 0x" + b"9" * 5000, "a: expected an integer of 64 bits, found an integer of 20000 bits"),
+        (
+            b"c = 1\na = [0, { b = 9223372036854775808 }]",
+            "a[1].b: expected an integer of 64 bits, found an integer of 64",
+        ),
         (b"#" * 101, "file: expected at most 100 bytes, found more than 100 bytes"),
     ],
 )

@@ -248,7 +248,7 @@ WHITE = (*NOISE, "measurements", 0)
         (("outcome",), "good", "outcome: expected error, as its values require, found 'good'"),
         (("seconds",), "4", "seconds: expected a finite number, found '4'"),
         (("seconds",), True, "seconds: expected a finite number, found true"),
-        (("seconds",), 10**400, "seconds: expected a finite number, found an integer of 1329 bits"),
+        (("seconds",), 10**400, "file: expected integers of at most 20 digits, found one of 401 characters"),
         (("phases",), {}, "phases: expected a list, found a table"),
         (NOISE, 1, "phases[1]: expected a table, found 1"),
         ((*NOISE, "name"), "identity", "phases: expected unique entries, found 'identity' twice"),

@@ -118,7 +118,7 @@ _REPORT_UNUSED: Final = re.compile(
     r"^(?!taxels|verdict\.(status|effects)|inputs\.sim\.sha256|effects\[\d+\]\.(model|parameters))"
 )
 
-_REPORT: Final = Rules(unused=_REPORT_UNUSED, derived=re.compile("^verdict"))
+_REPORT: Final = Rules(unused=_REPORT_UNUSED, derived=re.compile("^(verdict|effects)"))
 
 TARGETS: Final[tuple[Any, ...]] = (
     Target("report", write_report, _JSON, read_report_data, 0.4, _REPORT),
