@@ -175,7 +175,7 @@ INVALID_EDITS: dict[str, tuple[str, str, str, str]] = {
         "0.001, 0, 1, 0]",
         f"0.001, 0,\n{LONG}, 0]",
         "geometry.strip.taxels[0][4]",
-        "a normal",
+        "an integer of 64 bits",
     ),
     "a board without a link": (
         LINK,

@@ -249,7 +249,7 @@ def read_map(path: Path) -> Flat:
     return flatten(load_map(path)[0])
 
 
-_NAMES: Final = Rules(derived=re.compile(r"^\[0\]\["))
+_NAMES: Final = Rules(unused=re.compile("^metadata"), derived=re.compile(r"^\[0\]\["))
 """Rules of a table whose first line has names; a name is a part of a path of the data."""
 
 
