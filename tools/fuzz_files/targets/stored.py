@@ -115,7 +115,7 @@ _RESULT: Final = Rules(derived=re.compile(r"#$|taxel_test_record|base64"))
 _UNUSED: Final = Rules(unused=_ALL)
 
 _REPORT_UNUSED: Final = re.compile(
-    r"sha256.|^(?!taxels|verdict\.(status|effects)|inputs\.sim\.sha256|effects\[\d+\]\.(model|parameters))"
+    r"sha256.|^(?!taxels\.(?:sensor|tx|rx)\b|verdict\.(status|effects)|inputs\.sim\.sha256|effects\[\d+\]\.(model|parameters))"
 )
 
 _REPORT: Final = Rules(unused=_REPORT_UNUSED, derived=re.compile("^(verdict|effects)"))

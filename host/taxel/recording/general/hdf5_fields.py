@@ -102,9 +102,8 @@ def read_integers(item: Any, location: Location) -> NDArray[np.int64]:
     """Read an array of integers as i64. Raises DatasetError for numbers that are not integers."""
     array = read_array(item, location)
     if array.dtype.kind == "f" or array.dtype == np.uint64:
-        with np.errstate(invalid="ignore"):
-            is_exact = np.isfinite(array) & (np.abs(array) < _EXACT) & (array == np.round(array))
-        if not is_exact.all():
+        numbers = array.astype(np.float64)
+        if not (np.isfinite(numbers) & (np.abs(numbers) < _EXACT) & (numbers == np.round(numbers))).all():
             location.fail("integers", "other numbers", "correct that array")
     return array.astype(np.int64)
 
