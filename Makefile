@@ -17,13 +17,14 @@ HOURS ?= 24
 RUNS ?= 20000
 FULL_HAND ?= 10
 SECONDS ?= 60
+COUNT ?= 1000000
 PORT := firmware/boards/psoc4200
 IMAGES := build/psoc4200
 QUICK := protocol/tests $(addprefix host/tests/,cli emulated grasp hand link signal skin stream testing)
 GUIDES := $(addprefix host/tests/,docs bench/test_bench_docs.py tools/test_tools_guide.py monitor/test_monitor_docs.py ros/test_record_guide.py cli/test_cli_import.py)
 WITHOUT_HUB := boards commands compact fault_cases
 EXECUTED := i2c commands hub_bootloader
-SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find firmware host/taxel/sim/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
+SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find firmware host/taxel/sim/native host/taxel/native_library/native \( -name '*.c' -o -name '*.h' -o -name 'CMakeLists.txt' \) -not -path 'firmware/fuzz/*' -not -path 'firmware/tests/*' -not -path 'firmware/boards/*' 2>/dev/null)
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # The versions of constraints.txt have binary packages for Python 3.11; other versions take the newest ones.
 CONSTRAINTS = $(shell $(BIN)/python -c 'import sys; print("-c constraints.txt" if sys.version_info[:2] == (3, 11) else "")')
@@ -115,6 +116,10 @@ test-executed: $(STAMP)  ## I2C, command and flash tests on images that are exec
 
 fuzz: $(STAMP)  ## libFuzzer on codec, sensor and hub for SECONDS each (60); needs clang
 	@$(BIN)/python tools/fuzz/run_targets.py --seconds $(SECONDS)
+
+.PHONY: fuzz-files
+fuzz-files: $(STAMP)  ## COUNT (1000000) mutated files for all readers of files: an error line, or the data of the file
+	@$(BIN)/python tools/fuzz_files/run.py --count $(COUNT) --jobs $(JOBS)
 
 # About a second for the slowest target; the number of executions does not depend on the load of the machine.
 fuzz-short: $(STAMP)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sqlite3
+import warnings
 import zipfile
 from dataclasses import dataclass
 from typing import Any
@@ -109,7 +110,11 @@ class Zip:
     def encode(self, document: Any) -> bytes:
         """Return the bytes of the archive."""
         target = io.BytesIO()
-        with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        with (
+            warnings.catch_warnings(),
+            zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+        ):
+            warnings.simplefilter("ignore")  # a repeated name is a mutation
             for member in document:
                 archive.writestr(member["name"], member["data"])
         return target.getvalue()

@@ -72,17 +72,17 @@ def _truncate(data: bytes, random: Random) -> bytes:
 
 
 def _set_integer(data: bytes, random: Random) -> bytes:
-    form = random.choice(_INTEGERS)
-    size = struct.calcsize(form)
+    code = random.choice(_INTEGERS)
+    size = struct.calcsize(code)
     if len(data) < size:
         return data + b"\xff"
     place = min(_place(data, random), len(data) - size)
-    (present,) = struct.unpack_from(form, data, place)
+    (present,) = struct.unpack_from(code, data, place)
     limit = 256**size - 1
     value = random.choice(
         (0, 1, limit, limit // 2, limit // 2 + 1, present + 1, present - 1, present * 2, 1 << 20, 1 << 24)
     )
-    return data[:place] + struct.pack(form, value % (limit + 1)) + data[place + size :]
+    return data[:place] + struct.pack(code, value % (limit + 1)) + data[place + size :]
 
 
 def _insert_fragment(data: bytes, random: Random) -> bytes:

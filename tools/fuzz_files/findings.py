@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from fuzz_files.judgement import read_files, write_files
 from fuzz_files.mutant import MutantMaker, list_sizes
 from fuzz_files.target import Target
-from fuzz_files.trial import read_files, write_files
 from fuzz_files.worker import Task
 
 KEPT: Final = 5

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any, Final
 
+import numpy as np
+
 from fuzz_files.byte_mutation import mutate_bytes
 from fuzz_files.codec import Codec
 from fuzz_files.document import Flat, flatten, list_differences
@@ -87,8 +89,12 @@ class MutantMaker:
 
 
 def _is_same(before: Flat, after: Flat, path: str) -> bool:
-    """Whether two texts of a file are the same number, such as 0.5 and .50, or differ in white space only."""
+    """Whether two values of a file are the same: texts of one number, such as 0.5 and .50, texts that differ in white
+    space only, or a number and an array of this number.
+    """
     own, other = before.get(path), after.get(path)
+    if isinstance(other, np.ndarray) and other.size == 1 and other.dtype.kind in "iuf" and isinstance(own, int | float):
+        return bool(other.reshape(-1)[0] == own)
     if not (isinstance(own, str) and isinstance(other, str)):
         return False
     try:

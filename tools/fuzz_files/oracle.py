@@ -100,6 +100,8 @@ def _find_misread(rules: Rules, after: Flat, changed: Flat, changes: Sequence[st
 
 def _states(value: Any, expected: Any) -> bool:
     """Whether a value of the data is the value of the file; a text of the file may be a number in the data."""
+    if isinstance(expected, np.ndarray) and expected.ndim == 0:
+        expected = expected.item()
     if is_equal(value, expected):
         return True
     if isinstance(value, np.ndarray):

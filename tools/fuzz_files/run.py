@@ -23,10 +23,10 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before the first import of numpy
 
 from fuzz_files.findings import FindingStore  # noqa: E402
+from fuzz_files.judgement import FINDING, OUTCOMES  # noqa: E402
 from fuzz_files.registry import list_targets  # noqa: E402
 from fuzz_files.supervisor import Tally, run_tasks  # noqa: E402
 from fuzz_files.target import Target  # noqa: E402
-from fuzz_files.trial import FINDING, OUTCOMES  # noqa: E402
 from fuzz_files.worker import Task  # noqa: E402
 
 BLOCK = 250

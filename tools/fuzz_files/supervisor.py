@@ -5,16 +5,17 @@ from __future__ import annotations
 import multiprocessing
 import os
 import shutil
+import signal
 import tempfile
 import time
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any, Final
 
-from fuzz_files.trial import FINDING
+from fuzz_files.judgement import FINDING
 from fuzz_files.worker import Task, run_worker
 
 START_S: Final = 120.0
@@ -152,9 +153,13 @@ def _replace(worker: _Worker, task: Task, text: str, waiting: deque[Task], tally
     number = worker.number.value
     worker.process.join(0.5)
     code = worker.process.exitcode
-    store(task, number, text if code is None else f"{text} with status {code}")
     worker.end()
     other = _Worker()
+    if code == -signal.SIGKILL and not task.is_repeated:
+        # The kernel ends a process if other programs exhaust the memory; only an input that fails again is a finding.
+        other.give(replace(task, is_repeated=True))
+        return other
+    store(task, number, text if code is None else f"{text} with status {code}")
     tally.add(task.target, Counter({FINDING: 1}))
     behind = max(number, task.first) + 1
     waiting.appendleft(Task(task.target, task.seed, behind, task.first + task.count - behind))

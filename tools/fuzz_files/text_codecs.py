@@ -124,12 +124,12 @@ class Csv:
     def encode(self, document: Any) -> bytes:
         """Return the text of the rows."""
         text = io.StringIO(newline="")
-        csv.writer(text, lineterminator="\n").writerows([[_entry(entry) for entry in row] for row in document])
+        csv.writer(text, lineterminator="\n").writerows([[_convert_entry(entry) for entry in row] for row in document])
         return text.getvalue().encode()
 
 
-def _entry(value: Any) -> Any:
-    """Return a entry; the entry of a list or a table is its text."""
+def _convert_entry(value: Any) -> Any:
+    """Return an entry of a row; the entry of a list or a table is its text."""
     return value if isinstance(value, str | int | float) else ascii(value)
 
 

@@ -13,8 +13,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Final
 
+from fuzz_files.judgement import FINDING, MutantReader, Outcome
 from fuzz_files.registry import list_targets
-from fuzz_files.trial import FINDING, Outcome, Trials
 
 MEMORY_MAX: Final = 1 << 30
 """Largest additional memory of one input, bytes: the requirement for every reader."""
@@ -25,12 +25,13 @@ _MARGIN: Final = 1 << 29
 
 @dataclass(frozen=True)
 class Task:
-    """Inputs of one target. first, count: numbers of the inputs."""
+    """Inputs of one target. first, count: numbers of the inputs. is_repeated: whether a process has ended in it."""
 
     target: str
     seed: int
     first: int
     count: int
+    is_repeated: bool = False
 
 
 def run_worker(connection: Connection, number: Any, folder: str) -> None:
@@ -41,29 +42,29 @@ def run_worker(connection: Connection, number: Any, folder: str) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["TMPDIR"] = tempfile.tempdir = folder
     sys.stderr = sys.stdout = open(os.devnull, "w")  # noqa: SIM115 # readers print progress
-    trials: dict[str, Trials] = {}
+    readers: dict[str, MutantReader] = {}
     targets = list_targets()
     while (task := connection.recv()) is not None:
         try:
-            if task.target not in trials:
+            if task.target not in readers:
                 own = Path(folder) / task.target
                 own.mkdir()
-                trials[task.target] = Trials(targets[task.target], own)
-            connection.send(_run_task(trials[task.target], task, number))
+                readers[task.target] = MutantReader(targets[task.target], own)
+            connection.send(_run_task(readers[task.target], task, number))
         except Exception as error:  # of the valid files: reported as a finding of the whole target
             connection.send((Counter(), [(-1, f"the valid files are not read: {type(error).__name__}: {error}")]))
 
 
-def _run_task(trials: Trials, task: Task, number: Any) -> tuple[Counter[str], list[tuple[int, str]]]:
+def _run_task(reader: MutantReader, task: Task, number: Any) -> tuple[Counter[str], list[tuple[int, str]]]:
     """Read the inputs of one task."""
     counts: Counter[str] = Counter()
     findings = []
     _limit_memory()
     for index in range(task.first, task.first + task.count):
-        mutant = trials.maker.make(task.seed, index)
+        mutant = reader.maker.make(task.seed, index)
         base = _read_peak()
         number.value = index
-        outcome = trials.judge(mutant)
+        outcome = reader.judge(mutant)
         number.value = -1
         if _read_peak() > base + MEMORY_MAX:
             outcome = Outcome(FINDING, f"memory: the reader needs {(_read_peak() - base) >> 20} MiB")

@@ -14,10 +14,10 @@ LINE_MAX: Final = 1 << 16
 
 
 def read_csv_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield (number of the line, fields) of each row of a file with commas.
+    """Yield (number of the line, entries) of each row of a file with commas.
 
-    A byte that is not UTF-8 becomes the character U+FFFD, which is no part of a number. Raises TextError for a field of
-    more than 128 KiB, InputFileError for a pipe or a device, and OSError.
+    A byte that is not UTF-8 becomes the character U+FFFD, which is no part of a number. Raises TextError for an entry
+    of more than 128 KiB, InputFileError for a pipe or a device, and OSError.
     """
     with io.TextIOWrapper(open_regular_file(path), encoding="utf-8-sig", errors="replace", newline="") as file:
         reader = csv.reader(iter(lambda: file.readline(LINE_MAX), ""))
@@ -32,14 +32,14 @@ def read_csv_rows(path: str | os.PathLike[str]) -> Iterator[tuple[int, list[str]
 
 
 def parse_float(text: str) -> float:
-    """Return the number of a field. Raises ValueError for another text, also for digits with "_", as in Python code."""
+    """Return the number of an entry. Raises ValueError for another text, also for digits with "_"."""
     if "_" in text or not text.isascii():
         raise ValueError(f"could not convert to a number: {format_reason(ascii(text))}")
     return float(text)
 
 
 def parse_integer(text: str) -> int:
-    """Return the integer of a field. Raises ValueError as `parse_float`."""
+    """Return the integer of an entry. Raises ValueError as `parse_float`."""
     if "_" in text or not text.isascii():
         raise ValueError(f"could not convert to an integer: {format_reason(ascii(text))}")
     return int(text)

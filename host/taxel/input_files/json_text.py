@@ -26,6 +26,9 @@ DEPTH_MAX: Final = 100
 data need a few calls for each level, and Python permits 1000.
 """
 
+_DIGITS_MAX: Final = 21
+"""Largest number of characters of an integer: sign and the digits of an integer of 64 bits."""
+
 _OPENING: Final = np.frombuffer(b"[{", np.uint8)
 _CLOSING: Final = np.frombuffer(b"]}", np.uint8)
 _SURROGATE: Final = re.compile(rb"\\u[dD][89a-fA-F]")
@@ -43,7 +46,8 @@ def parse_json(
     permits_surrogates: whether texts may contain half of a character (a lone surrogate), which cannot be encoded again.
 
     Raises TextError for a text that is too large, not UTF-8, nested too deeply or not JSON; for NaN, Infinity and
-    numbers beyond the range of a float, which RFC 8259 does not permit; and for a key that an object contains twice.
+    numbers beyond the range of a float, which RFC 8259 does not permit; for integers of more than 64 bits; and for a
+    key that an object contains twice.
     """
     if len(data) > size_max:
         raise TextError("file", f"at most {size_max} bytes", f"more than {size_max} bytes")
@@ -53,15 +57,15 @@ def parse_json(
         raise TextError("file", f"JSON of at most {DEPTH_MAX} levels", "more")
     try:
         document = json.loads(
-            decode_utf8(data), parse_constant=_refuse, parse_float=_parse_float, object_pairs_hook=_make_object
+            decode_utf8(data),
+            parse_constant=_refuse,
+            parse_float=_parse_float,
+            parse_int=_parse_integer,
+            object_pairs_hook=_make_object,
         )
     except json.JSONDecodeError as error:
         position = f"line {error.lineno}"
         raise TextError(position, "valid JSON", f"{format_reason(error.msg)} in column {error.colno}") from None
-    except TextError:
-        raise
-    except ValueError:  # Python refuses an integer of thousands of digits.
-        raise TextError("file", "JSON", "an integer of thousands of digits") from None
     if not permits_surrogates and _SURROGATE.search(data):
         _check_surrogates(document)
     return document
@@ -93,6 +97,13 @@ def _parse_float(text: str) -> float:
     if math.isinf(value):
         raise TextError("file", "numbers of at most 1.8e308", format_reason(text))
     return value
+
+
+def _parse_integer(text: str) -> int:
+    """Parse an integer. Raises TextError for more digits than an integer of 64 bits has."""
+    if len(text) > _DIGITS_MAX:
+        raise TextError("file", f"integers of at most {_DIGITS_MAX - 1} digits", f"one of {len(text)} characters")
+    return int(text)
 
 
 def _make_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """NumPy archives (.npz) of unknown origin: plain arrays of bounded size, read one at a time."""
 
 import io
+import math
 import os
 import zipfile
 from types import TracebackType
@@ -126,12 +127,11 @@ def parse_array_header(data: bytes, size: int) -> ArrayHeader:
         raise ArchiveError("it contains Python objects or records")
     if not all(type(length) is int and length >= 0 for length in shape):
         raise ArchiveError("its shape is not valid")
-    count = 1
-    for length in shape:
-        count *= length
-    if count * dtype.itemsize != size - stream.tell():
-        raise ArchiveError(f"it has {size - stream.tell()} bytes, not {count * dtype.itemsize} as its header states")
-    return ArrayHeader(shape, dtype, is_column_major, stream.tell())
+    offset = stream.tell()
+    expected = math.prod(shape) * dtype.itemsize
+    if expected != size - offset:
+        raise ArchiveError(f"it has {size - offset} bytes, not {expected} as its header states")
+    return ArrayHeader(shape, dtype, is_column_major, offset)
 
 
 def parse_array(data: bytes, header: ArrayHeader) -> NDArray[Any]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from taxel.input_files import InputFileError, check_regular_file
 from taxel.link.base import Chunk
 from taxel.link.errors import LinkError, PortVanishedError
 from taxel.link.stimulus import make_stimulus_header, make_stimulus_records
@@ -63,6 +64,7 @@ class EmulatorLink:
         live_taxels: number of taxels if `apply` sets the forces instead of a file. threads: 1 to 16, for the boards.
         Raises LinkError if the process cannot be started.
         """
+        _check_regular_files(stimulus)
         self.name = "emulator:"
         self.baud = baud
         self.is_real_time = not fast
@@ -197,6 +199,17 @@ def _get_last_line(stderr: bytes, world_path: Path) -> str:
     return lines[-1] if lines else ""
 
 
+def _check_regular_files(*paths: str | os.PathLike[str] | None) -> None:
+    """Raise LinkError for an input that is a pipe or a device; the emulator reports a missing file itself."""
+    for path in paths:
+        if path is None or not os.path.exists(path):
+            continue
+        try:
+            check_regular_file(path)
+        except InputFileError as error:
+            raise LinkError(os.fspath(path), f"cannot be read ({error.strerror})") from None
+
+
 def run_emulator(
     world: str,
     capture: str | os.PathLike[str],
@@ -211,6 +224,7 @@ def run_emulator(
     or None. threads: number of threads for the boards, 1 to 16. The bytes are the same in every run and for every
     number of threads. Raises `LinkError` with the emulator's message if the emulator rejects its input.
     """
+    _check_regular_files(stimulus, host_input)
     with tempfile.TemporaryDirectory(prefix="taxel-") as folder:
         world_path = Path(folder) / "world.txt"
         world_path.write_text(world)

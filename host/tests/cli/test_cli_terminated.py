@@ -18,6 +18,9 @@ with interrupted_by_sigterm(grace_s=0.2):
     print("waiting", flush=True)
     library.pthread_mutex_lock(mutex)  # never returns, and no signal interrupts it
 """
+HOLDING_THE_LOCK = WAITING_IN_C.replace("ctypes.CDLL(None)", "ctypes.PyDLL(None)").replace(
+    "from taxel", "from taxel.cli import termination; termination.LOCKED_S = 1; from taxel"
+)
 CLEANING_UP = """
 import time
 from taxel.cli.termination import interrupted_by_sigterm
@@ -59,6 +62,13 @@ def test_sigterm_ends_a_process_that_waits_in_a_library():
     time.sleep(0.5)  # until the program has entered the call
     process.send_signal(signal.SIGTERM)
     assert process.wait(TIMEOUT_S) == 128 + signal.SIGTERM
+
+
+def test_sigterm_ends_a_process_whose_library_holds_the_lock_of_the_interpreter():
+    process = start_program(HOLDING_THE_LOCK)
+    time.sleep(0.5)  # until the program has entered the call
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(TIMEOUT_S) == -signal.SIGALRM
 
 
 def test_a_process_that_cleans_up_after_sigterm_is_not_ended():

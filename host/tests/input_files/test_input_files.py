@@ -79,6 +79,11 @@ def test_a_missing_file_is_reported_as_missing(tmp_path):
         (b"a = 1\nb = '\xff'", "line 2: expected UTF-8 text, found byte 0xFF"),
         (b"a = 1\nb = ?", "line 2, column 5: expected valid TOML, found Invalid value"),
         (b"a = " + b"9" * 5000, "file: expected valid TOML, found Exceeds the limit"),
+        (b"a = 0x" + b"9" * 5000, "a: expected an integer of 64 bits, found an integer of 20000 bits"),
+        (
+            b"c = 1\na = [0, { b = 9223372036854775808 }]",
+            "a[1].b: expected an integer of 64 bits, found an integer of 64",
+        ),
         (b"#" * 101, "file: expected at most 100 bytes, found more than 100 bytes"),
     ],
 )
@@ -105,7 +110,7 @@ def test_numbers_and_texts_with_dots_are_no_dotted_keys():
         (b'{"a": 1, "a": 2}', "file: expected each key of an object once, found 'a' twice"),
         (b'[1,\n"\xff"]', "line 2: expected UTF-8 text, found byte 0xFF"),
         (b"[1,\n2", "line 2: expected valid JSON, found Expecting ',' delimiter in column 2"),
-        (b"9" * 10_000, "file: expected JSON, found an integer of thousands of digits"),
+        (b"9" * 10_000, "file: expected integers of at most 20 digits, found one of 10000 characters"),
     ],
 )
 def test_an_invalid_json_text_gives_one_error(data, message):
@@ -137,7 +142,7 @@ def test_rows_of_a_table_are_read_with_the_numbers_of_their_lines(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["1_0", "１", "", "x", "0x10"])
-def test_a_field_that_is_no_plain_number_is_refused(text):
+def test_an_entry_that_is_no_plain_number_is_refused(text):
     for parse in (parse_float, parse_integer):
         with pytest.raises(ValueError):
             parse(text)

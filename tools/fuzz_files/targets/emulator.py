@@ -39,8 +39,8 @@ class Stimulus:
     def decode(self, data: bytes) -> Any:
         """Return header and records."""
         magic, version, kind, taxels, reserved = _HEADER.unpack_from(data)
-        form = np.dtype([("time", "<f8"), ("values", "<f4", (taxels,))])
-        records = np.frombuffer(data[_HEADER.size :], form)
+        row_type = np.dtype([("time", "<f8"), ("values", "<f4", (taxels,))])
+        records = np.frombuffer(data[_HEADER.size :], row_type)
         rows = [{"time": row["time"].item(), "values": row["values"].copy()} for row in records]
         return {
             "magic": magic, "version": version, "kind": kind, "taxels": taxels, "reserved": reserved, "records": rows

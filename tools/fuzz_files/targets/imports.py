@@ -249,7 +249,7 @@ def read_map(path: Path) -> Flat:
     return flatten(load_map(path)[0])
 
 
-_NAMES: Final = Rules(derived=re.compile(r"^\[0\]\["))
+_NAMES: Final = Rules(unused=re.compile("^metadata"), derived=re.compile(r"^\[0\]\["))
 """Rules of a table whose first line has names; a name is a part of a path of the data."""
 
 
@@ -258,6 +258,9 @@ def _source(name: str, make: Callable[[Path], str], weight: float, *codecs: tupl
     is_coarse = name.startswith("import-bag") or name in ("import-zarr", "import-lerobot")
     return Target(name, make, codecs, read_source, weight, COARSE if is_coarse else _NAMES)
 
+
+_BLANK: Final = Rules(derived=re.compile(r"^\[\d+\]\[0\]$"))
+"""Rules of a file in which blank lines are skipped."""
 
 _STATES: Final = Rules(derived=re.compile("phase|grasp"))
 
@@ -276,7 +279,7 @@ TARGETS: Final = (
     _source("import-zarr", write_zarr, 0.3, (r"\.zarray$|\.zgroup$", (Json(),))),
     Target("gazebo", write_contacts, ((r"\.csv$", (Csv(),)),), _read_contacts(import_contacts), 0.1, _POSED),
     Target("active", write_active, ((r"\.csv$", (Csv(),)),), _read_contacts(import_active), 0.1, _POSED),
-    Target("original-contacts", write_original, ((r"\.csv$", (Csv(),)),), read_original, 8.0, Rules()),
+    Target("original-contacts", write_original, ((r"\.csv$", (Csv(),)),), read_original, 8.0, _BLANK),
     Target(
         "rollout",
         write_states,

@@ -115,10 +115,10 @@ _RESULT: Final = Rules(derived=re.compile(r"#$|taxel_test_record|base64"))
 _UNUSED: Final = Rules(unused=_ALL)
 
 _REPORT_UNUSED: Final = re.compile(
-    r"^(?!taxels|verdict\.(status|effects)|inputs\.sim\.sha256|effects\[\d+\]\.(model|parameters))"
+    r"sha256.|^(?!taxels\.(?:sensor|tx|rx)\b|verdict\.(status|effects)|inputs\.sim\.sha256|effects\[\d+\]\.(model|parameters))"
 )
 
-_REPORT: Final = Rules(unused=_REPORT_UNUSED, derived=re.compile("^verdict"))
+_REPORT: Final = Rules(unused=_REPORT_UNUSED, derived=re.compile("^(verdict|effects)"))
 
 TARGETS: Final[tuple[Any, ...]] = (
     Target("report", write_report, _JSON, read_report_data, 0.4, _REPORT),

@@ -128,6 +128,9 @@ def open_parquet(path: Path) -> FramesLink:
     arrow, parquet = _import_pyarrow()
     try:
         check_regular_file(path)
+    except OSError as error:
+        fail(path, "file", "a readable Parquet file", error.strerror, "give one of taxel convert")
+    try:
         file = parquet.ParquetFile(path)
         schema = file.schema_arrow
     except Exception as error:  # pyarrow raises several types for a damaged file

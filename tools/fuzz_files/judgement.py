@@ -34,7 +34,7 @@ class Outcome:
     text: str = ""
 
 
-class Trials:
+class MutantReader:
     """Reads mutants of one target in a folder, and judges the outcomes."""
 
     def __init__(self, target: Target, folder: Path) -> None:
