@@ -1,0 +1,1 @@
+"""Distance and approach speed of a target before it touches the skin."""

@@ -1,0 +1,136 @@
+"""Shapes of targets in front of a window of taxels: gaps at the skin points, and the signals that follow from them.
+
+Which shape a target has, where it is nearest and how it is tilted is unknown. The set of templates covers these unknowns
+by their consequences: planes at several tilts, spheres, cylinders, flat ends, and plates whose edge crosses the window.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taxel.proximity.response import look_up
+from taxel.proximity.skin_points import MIN_COSINE, NO_GAP_M, SkinPoints
+from taxel.types import FloatArray, IntArray
+
+WINDOW_RADIUS_M = 0.0135
+"""Radius of the window of taxels that are compared with templates: 5 x 5 taxels at a pitch of 5 mm without the corners.
+The nearest point of a target determines the distance; taxels farther away see other parts of the target."""
+
+TILTS_DEG = (3.0, 6.0, 10.0, 15.0, 20.0)
+SPHERE_RADII_M = (0.006, 0.009, 0.013, 0.019, 0.028)
+CYLINDER_RADII_M = (0.006, 0.010, 0.016, 0.028)
+PUNCH_RADII_M = (0.006, 0.009, 0.013)
+"""Radii of flat ends."""
+VERTEX_OFFSETS_M = (-0.0017, 0.0, 0.0017)
+"""Positions of the nearest point beside the centre of the window: a third of the pitch of 5 mm."""
+EDGE_OFFSETS_M = (0.0, 0.0025, 0.005)
+"""Distances from the centre of the window to the edge of a plate."""
+
+FAMILY_WEIGHTS = {"plane": 0.3, "sphere": 0.2, "cylinder": 0.2, "edge": 0.15, "punch": 0.15}
+"""Prior probability of each family of templates (chosen: no shape is excluded, plates and palms are frequent)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Taxels around a centre. taxels: i64[n], indices on the board. contact_gap_m: f64[K, n, 9], gaps of each template
+    that just touches the skin. rate: f64[n, 9], growth of the gap per metre of distance. weight: f64[K], prior
+    probability of each template."""
+
+    taxels: IntArray
+    contact_gap_m: FloatArray
+    rate: FloatArray
+    weight: FloatArray
+
+    @property
+    def count(self) -> int:
+        """Number of templates."""
+        return len(self.weight)
+
+    def predict(self, table: FloatArray, distance_m: FloatArray) -> FloatArray:
+        """Predict the signals f64[K, G, n], counts, at distances f64[G] with a table of the response curve."""
+        gap = self.contact_gap_m[:, None] + distance_m[None, :, None, None] * self.rate
+        return np.asarray(look_up(table, gap).mean(axis=-1))
+
+
+def make_window(points: SkinPoints, centre: int) -> Window:
+    """Make the window of the taxels around the taxel `centre`, with the gaps of all templates."""
+    origin, axis = points.centre[centre], points.normal[centre]
+    side = np.linalg.norm(points.centre - origin, axis=1) <= WINDOW_RADIUS_M
+    taxels = np.flatnonzero(side & (points.normal @ axis > MIN_COSINE))
+    first = np.eye(3)[np.argmin(np.abs(axis))]
+    x = np.cross(axis, first)
+    x /= np.linalg.norm(x)
+    frame = np.stack([x, np.cross(axis, x), axis])
+    local = (points.position[taxels] - origin) @ frame.T
+    cosine = points.direction[taxels] @ axis
+    faces, rate = cosine > MIN_COSINE, 1.0 / np.maximum(cosine, MIN_COSINE)
+    heights, weights = [], []
+    for family, members in (
+        ("plane", _plane_heights(local)),
+        ("sphere", _sphere_heights(local)),
+        ("cylinder", _cylinder_heights(local)),
+        ("edge", _edge_heights(local)),
+        ("punch", _punch_heights(local)),
+    ):
+        heights += members
+        weights += [FAMILY_WEIGHTS[family] / len(members)] * len(members)
+    gap = np.stack(heights) - local[..., 2]
+    gap -= gap.min(axis=(1, 2), keepdims=True)
+    # A target at the height g above a point is at g / cosine along the point's normal, to first order.
+    gap = np.where(faces & (gap < 0.5 * NO_GAP_M), gap * rate, NO_GAP_M)
+    return Window(taxels, gap, rate, np.array(weights))
+
+
+def _plane_heights(local: FloatArray) -> list[FloatArray]:
+    """Heights f64[n, 9] of tilted planes above the tangent plane of the window's centre, metres."""
+    members = [np.zeros(local.shape[:2])]
+    for tilt in np.deg2rad(TILTS_DEG):
+        for azimuth in np.arange(8) * np.pi / 4:
+            members.append(np.tan(tilt) * (local[..., 0] * np.cos(azimuth) + local[..., 1] * np.sin(azimuth)))
+    return members
+
+
+def _round_height(squared_m2: FloatArray, radius_m: float) -> FloatArray:
+    """Height of a round surface at a squared distance from its vertex; `NO_GAP_M` beyond its radius."""
+    inside = squared_m2 < radius_m**2
+    return np.where(inside, radius_m - np.sqrt(np.where(inside, radius_m**2 - squared_m2, 0.0)), NO_GAP_M)
+
+
+def _sphere_heights(local: FloatArray) -> list[FloatArray]:
+    """Heights of spheres above the window, metres."""
+    return [
+        _round_height((local[..., 0] - u) ** 2 + (local[..., 1] - v) ** 2, radius)
+        for radius in SPHERE_RADII_M
+        for u in VERTEX_OFFSETS_M
+        for v in VERTEX_OFFSETS_M
+    ]
+
+
+def _cylinder_heights(local: FloatArray) -> list[FloatArray]:
+    """Heights of cylinders that lie parallel to the skin, metres."""
+    members = []
+    for radius in CYLINDER_RADII_M:
+        for angle in np.arange(4) * np.pi / 4:
+            across = local[..., 0] * np.cos(angle) + local[..., 1] * np.sin(angle)
+            members += [_round_height((across - offset) ** 2, radius) for offset in VERTEX_OFFSETS_M]
+    return members
+
+
+def _edge_heights(local: FloatArray) -> list[FloatArray]:
+    """Heights of plates parallel to the skin that end inside the window, metres."""
+    members = []
+    for angle in np.arange(8) * np.pi / 4:
+        across = local[..., 0] * np.cos(angle) + local[..., 1] * np.sin(angle)
+        members += [np.where(across <= offset, 0.0, NO_GAP_M) for offset in EDGE_OFFSETS_M]
+    return members
+
+
+def _punch_heights(local: FloatArray) -> list[FloatArray]:
+    """Heights of flat round ends parallel to the skin, metres."""
+    members = []
+    for radius in PUNCH_RADII_M:
+        for u in VERTEX_OFFSETS_M:
+            for v in VERTEX_OFFSETS_M:
+                inside = (local[..., 0] - u) ** 2 + (local[..., 1] - v) ** 2 <= radius**2
+                members.append(np.where(inside, 0.0, NO_GAP_M))
+    return members

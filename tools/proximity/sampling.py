@@ -1,0 +1,206 @@
+"""Random skins, calibration sessions and approaches for the check of the proximity estimator."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from taxel.emulated.target_stage import TargetMotion, tilt
+from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
+from taxel.hand import Hand
+from taxel.hand.transforms import from_rotation_vector
+from taxel.proximity.holds import REST, Hold
+from taxel.types import FloatArray
+
+Rng = np.random.Generator
+
+CALIBRATION_DISTANCES_MM = (0.3, 0.6, 1.0, 1.5, 2.0, 2.7, 3.5, 4.5, 6.0, 8.0, 10.5, 14.0)
+HOLD_S = 2.0
+REST_S = 6.0
+LEAD_IN_S = 6.0
+"""Power-up, discovery of the boards and the first baseline of the estimator (40 frames at 18.5 Hz)."""
+
+START_M = 0.045
+"""Distance from which a target approaches: beyond the range of every response."""
+
+PAUSE_S = 3.0
+"""Time between two approaches."""
+
+
+@dataclass(frozen=True)
+class SkinParts:
+    """Properties of one skin that persist: seed of its parts, size and range of its response before contact."""
+
+    parts_seed: int
+    share: float
+    reach_m: float
+
+    def format_effects(self, target: str, rng: Rng) -> list[str]:
+        """Format the effects of a world with this skin: response to the target, gains, stiffness, drift and noise."""
+        size = f"share={self.share:.6g} reach_m={self.reach_m:.6g}"
+        effect = {
+            "grounded": f"proximity conductor {size}",
+            "acrylic": f"proximity dielectric {size} permittivity=3 thickness_m=0.003",
+        }[target]
+        effects = [effect, "gain electrode log_std=0.05", "modulus taxels log_std=0.1"]
+        drift = rng.integers(3)
+        if drift == 1:
+            effects.append(f"drift warm_up counts={rng.uniform(20, 120):.4g} seconds={rng.uniform(60, 300):.4g}")
+        elif drift == 2:
+            effects.append(f"drift wander counts={rng.uniform(5, 20):.4g} seconds={rng.uniform(300, 900):.4g}")
+        if rng.random() < 0.5:
+            effects.append(f"noise pink counts={rng.uniform(0.5, 2.0):.4g}")
+        return effects
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedApproach:
+    """One approach. kind: "contact", "stop", "pass" or "hold". shape: family. speed_m_s: while it approaches."""
+
+    kind: str
+    shape: str
+    speed_m_s: float
+    tilt_deg: float
+    motion: TargetMotion
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Approaches of one world in order of time, the shapes of their targets by name, and the duration."""
+
+    shapes: dict[str, Shape] = field(default_factory=dict)
+    approaches: list[PlannedApproach] = field(default_factory=list)
+    duration_s: float = 0.0
+
+
+def sample_skin(rng: Rng) -> SkinParts:
+    """Sample a skin: response of 10 to 30 % of the fringe capacitance, electrodes 3 to 5 mm apart."""
+    return SkinParts(int(rng.integers(1 << 31)), float(rng.uniform(0.10, 0.30)), float(rng.uniform(0.003, 0.005)))
+
+
+def plan_calibration(hand: Hand, boards: list[str], target: str) -> tuple[dict[str, Shape], list[TargetMotion], list[Hold]]:
+    """Plan the holds of a flat plate in front of each board, with a rest before and after the holds of a board."""
+    shapes: dict[str, Shape] = {"plate": ConvexPolytope.box(0.14, 0.14, 0.02)}
+    motions, holds, now = [], [], LEAD_IN_S
+    for name in boards:
+        holds.append(Hold(now, now + REST_S, name, REST, None))
+        now += REST_S + 0.5
+        begin = now
+        times, distances = [], []
+        for millimetres in reversed(CALIBRATION_DISTANCES_MM):
+            times += [now, now + HOLD_S]
+            distances += [1e-3 * millimetres] * 2
+            holds.append(Hold(now + 0.1, now + HOLD_S - 0.1, name, target, 1e-3 * millimetres))
+            now += HOLD_S + 0.5
+        lateral = np.zeros((len(times), 2))
+        taxel = find_middle_taxel(hand, name)
+        motions.append(TargetMotion(name, "plate", align_to_board(hand, name, taxel), taxel, np.array(times), np.array(distances), lateral))
+        del begin
+        now += 0.5
+        holds.append(Hold(now, now + REST_S, name, REST, None))
+        now += REST_S
+    return shapes, motions, holds
+
+
+def find_middle_taxel(hand: Hand, board: str) -> int:
+    """Return the taxel whose normal and position are nearest to the mean of the board."""
+    surface = hand.find_board(board).kind.surface
+    assert surface is not None
+    mean = surface.normal.mean(axis=0)
+    return int(np.argmax(surface.normal @ mean - 10.0 * np.linalg.norm(surface.position - surface.position.mean(axis=0), axis=1)))
+
+
+def align_to_board(hand: Hand, board: str, taxel: int) -> FloatArray:
+    """Return the rotation f64[4, 4], in the frame of the stage above a taxel, to the mean normal of the board."""
+    surface = hand.find_board(board).kind.surface
+    assert surface is not None
+    z, x = surface.normal[taxel], surface.distal[taxel]
+    frame = np.stack([x, np.cross(z, x), z], axis=1)
+    mean = surface.normal.mean(axis=0)
+    local = frame.T @ (mean / np.linalg.norm(mean))
+    axis = np.cross([0.0, 0.0, 1.0], local)
+    sine = np.linalg.norm(axis)
+    if sine < 1e-9:
+        return np.eye(4)
+    return from_rotation_vector(axis / sine * np.arctan2(sine, local[2]))
+
+
+def plan_approaches(hand: Hand, boards: list[str], count: int, rng: Rng, kinds: tuple[str, ...], speed_m_s: float | None) -> Plan:
+    """Plan random approaches. speed_m_s: None: random, 5 to 150 mm/s, uniform in the logarithm."""
+    shapes: dict[str, Shape] = {}
+    approaches = []
+    now = LEAD_IN_S
+    for number in range(count):
+        family, shape, upright = sample_shape(rng)
+        name = f"{family}{number}"
+        shapes[name] = shape
+        kind = kinds[int(rng.integers(len(kinds)))]
+        speed = speed_m_s or float(np.exp(rng.uniform(np.log(0.005), np.log(0.15))))
+        angle = float(rng.uniform(0.0, 12.0)) if family in ("plate", "box") else 0.0
+        orientation = tilt(np.deg2rad(angle), rng.uniform(0.0, 2 * np.pi)) @ turn(rng.uniform(0.0, 2 * np.pi)) @ upright
+        board = boards[int(rng.integers(len(boards)))]
+        times, distance, lateral = sample_path(kind, speed, rng)
+        taxel = int(rng.integers(hand.find_board(board).kind.taxel_count))
+        motion = TargetMotion(board, name, orientation, taxel, now + times, distance, lateral)
+        approaches.append(PlannedApproach(kind, family, speed, angle, motion))
+        now += float(times[-1]) + PAUSE_S
+    return Plan(shapes, approaches, now)
+
+
+def turn(angle_rad: float) -> FloatArray:
+    """Return the rotation f64[4, 4] about the normal of the stage."""
+    return from_rotation_vector(np.array([0.0, 0.0, angle_rad]))
+
+
+def sample_shape(rng: Rng) -> tuple[str, Shape, FloatArray]:
+    """Sample a target: family, shape, and the rotation that turns its sensed side to the skin (its lower side)."""
+    family = ("plate", "box", "cylinder", "sphere")[int(rng.integers(4))]
+    if family == "plate":
+        return family, ConvexPolytope.box(0.14, 0.14, 0.02), np.eye(4)
+    if family == "box":
+        return family, ConvexPolytope.box(*rng.uniform(0.012, 0.04, size=2), 0.03), np.eye(4)
+    if family == "cylinder":
+        lying = from_rotation_vector(np.array([np.pi / 2, 0.0, 0.0]))
+        length = 0.08
+        lying = lying @ _shift(-0.5 * length)
+        return family, Cylinder(float(rng.uniform(0.008, 0.03)), length), lying
+    return family, make_sphere(float(rng.uniform(0.008, 0.03))), np.eye(4)
+
+
+def _shift(z: float) -> FloatArray:
+    pose = np.eye(4)
+    pose[2, 3] = z
+    return pose
+
+
+def make_sphere(radius_m: float, faces: int = 400) -> ConvexPolytope:
+    """Make a polytope of tangent planes of a sphere (spiral points); it deviates from the sphere by 0.5 % of its radius."""
+    index = np.arange(faces) + 0.5
+    z = 1.0 - 2.0 * index / faces
+    angle = np.pi * (1.0 + np.sqrt(5.0)) * index
+    ring = np.sqrt(1.0 - z * z)
+    return ConvexPolytope(np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=1), np.full(faces, radius_m))
+
+
+def sample_path(kind: str, speed: float, rng: Rng) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Sample the path of a target: times from 0, distances, lateral displacement f64[k, 2]; metres."""
+    if kind == "pass":
+        height, span = rng.uniform(0.002, 0.008), 0.12
+        angle = rng.uniform(0.0, 2 * np.pi)
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        times = np.array([0.0, span / speed])
+        return times, np.full(2, height), np.array([-0.5, 0.5])[:, None] * span * direction
+    end = -2e-4 if kind == "contact" else float(rng.uniform(0.0005, 0.005) if kind == "hold" else rng.uniform(0.0015, 0.008))
+    if kind == "contact":
+        times = [0.0, (START_M - end) / speed, (START_M - end) / speed + 0.3]
+        distance = [START_M, end, end]
+    else:
+        brake = 2.0 * 0.012 / speed  # from 12 mm before the end at constant deceleration
+        fraction = np.linspace(0.0, 1.0, 20)
+        slow = end + 0.012 * (1.0 - fraction) ** 2
+        approach = (START_M - end - 0.012) / speed
+        times = [0.0, *(approach + brake * fraction), approach + brake + 0.8]
+        distance = [START_M, *slow, end]
+    retreat = 0.1
+    times.append(times[-1] + (START_M - end) / retreat)
+    distance.append(START_M)
+    return np.array(times), np.array(distance), np.zeros((len(times), 2))
