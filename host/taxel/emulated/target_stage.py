@@ -42,8 +42,8 @@ interpolates gaps linearly between poses."""
 class TargetMotion:
     """Motion of one target in front of one board.
 
-    board: name. target: name of the shape. orientation: f64[4, 4], rotation of the target in the frame of the stage,
-    whose z axis is the outward normal of the board. taxel: the taxel above which the target moves. time_s: f64[k].
+    board: name. target: name of the shape. orientation: f64[4, 4], pose of the target in the frame of the stage, whose z
+    axis is the outward normal of the taxel; its height is arbitrary. taxel: the taxel above which the target moves. time_s: f64[k].
     distance_m: f64[k], smallest distance between skin and target; negative: the target presses the skin. lateral_m:
     f64[k, 2], displacement along the surface.
     """
@@ -113,7 +113,7 @@ def compute_target_poses(hand: Hand, shape: Shape, motion: TargetMotion) -> tupl
     places, which = np.unique(motion.lateral_m, axis=0, return_inverse=True)
     for index, lateral in enumerate(places):
         rows = which.ravel() == index
-        origin = frame[:3, 3] + frame[:3, :2] @ lateral
+        origin = frame[:3, 3] + frame[:3, :2] @ lateral + frame[:3, :3] @ motion.orientation[:3, 3]
         along = shape.ray_separation((skin - origin) @ rotation, np.broadcast_to(axis @ rotation, skin.shape)).min()
         beside[rows] = not np.isfinite(along)
         travel = motion.distance_m[rows] - (along if np.isfinite(along) else 0.0)

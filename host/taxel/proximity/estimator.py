@@ -19,7 +19,7 @@ from taxel.proximity.estimate import (
     summarise_speed,
     summarise_time_to_contact,
 )
-from taxel.proximity.likelihood import GAIN_WEIGHTS, WindowLikelihood
+from taxel.proximity.likelihood import WindowLikelihood
 from taxel.proximity.motion_filter import MotionFilter
 from taxel.proximity.motion_grid import get_transition
 from taxel.proximity.skin_points import SkinPoints, compute_skin_points
@@ -124,12 +124,11 @@ class BoardEstimator:
         return bool((np.abs(self._smooth) < START_LIMIT * np.sqrt(variance)).all())
 
     def _make_likelihood(self, centre: int) -> tuple[WindowLikelihood, FloatArray]:
-        """Make the likelihood of the window around a taxel, and the prior of its templates (all gains and targets)."""
+        """Make the likelihood of the window around a taxel, and the prior of its templates (all targets)."""
         window = make_window(self._points, centre)
         responses = [self._calibration.targets[name] for name in self._targets]
         likelihood = WindowLikelihood(window, self._calibration, responses)
-        prior = np.outer(GAIN_WEIGHTS, np.tile(window.weight, len(responses))).ravel()
-        return likelihood, prior
+        return likelihood, np.tile(window.weight, len(responses))
 
     def _filter_frame(self, signal: FloatArray, dt_s: float) -> None:
         """Advance the filter by one frame; start it if the board was idle."""
@@ -139,7 +138,7 @@ class BoardEstimator:
         self._filter.predict(get_transition(dt_s))
         part, offset = signal[likelihood.taxels], self._tracker.offset_counts
         values, absent, contact = likelihood.evaluate(part, offset)
-        self._filter.update(values.reshape(-1, values.shape[-1]), absent, contact)
+        self._filter.update(values, absent, contact)
 
     def _make_estimate(self, time_s: float, age_s: float) -> ProximityEstimate:
         """Summarise the state of the filter."""
@@ -166,7 +165,7 @@ class BoardEstimator:
 
     def _compute_targets(self, state: MotionFilter) -> dict[str, float]:
         """Compute the probabilities of the calibrated targets, given that one of them is present."""
-        weight = state.template_weight.reshape(len(GAIN_WEIGHTS), len(self._targets), -1).sum(axis=(0, 2))
+        weight = state.template_weight.reshape(len(self._targets), -1).sum(axis=1)
         total = weight.sum()
         return dict(zip(self._targets, (weight / total if total > 0 else weight).tolist(), strict=True))
 

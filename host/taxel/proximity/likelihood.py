@@ -1,6 +1,6 @@
 """Likelihood of one frame of a window of taxels for every template, distance and gain.
 
-The signals y of a window are y = a m + b 1 + n: the prediction m of a template at a distance, a gain a, an offset b that
+The signals y of a window are y = a m + b 1 + n: the prediction m of a template at a distance, a gain a and an offset b that
 the taxels share (drift of the baseline), and noise n. Offset, error of the gain and position within a cell of distance are
 normally distributed and integrated in closed form (matrix inversion lemma, Woodbury 1950). The variance of n contains the
 white noise and the error of the templates, which grows with the signal.
@@ -19,20 +19,20 @@ from taxel.proximity.motion_grid import CENTRES_M, WIDTHS_M
 from taxel.proximity.templates import Window
 from taxel.types import FloatArray
 
-GAINS = (0.9, 1.0, 1.1)
-"""Gains of a target that persist over frames: area that the target covers, temperature, parts."""
-GAIN_WEIGHTS = (0.2, 0.6, 0.2)
+SHAPE_ERROR = 0.04
+"""Relative standard deviation between the signal of the nearest taxel and that of the nearest template (chosen: the
+tolerance of the gap within the taxel)."""
 
-SHAPE_ERROR = 0.06
-"""Relative standard deviation between the signal of a taxel and that of the nearest template (chosen: half of the
-difference between neighbouring templates of radius and position, 5 to 15 %)."""
+SHAPE_ERROR_PER_M = 12.0
+"""Growth of this error with the distance from the centre of the window, per metre. Between two templates the tilt is
+uncertain by 2 degrees and a radius by a tenth: at 9 mm, the gap by 0.3 mm and a signal that decays over 3 mm by 10 %."""
 
-NEIGHBOUR_ERROR = 0.02
-"""Error of a template at any taxel, relative to the largest signal of the window: the field of a taxel reaches sideways
-below the edge of a target, which the templates do not contain (chosen)."""
+SMALL_SIGNAL = 0.3
+"""Share of the largest signal below which the error of a template does not decrease further: beside the edge of a target,
+where the signal is small, a small displacement of the edge changes it by much."""
 
-GAIN_ERROR = 0.04
-"""Relative standard deviation of the gain around the nearest of `GAINS`: their spacing divided by the root of 6."""
+GAIN_ERROR = 0.06
+"""Relative standard deviation of a gain that the taxels share: temperature, parts, area of the target."""
 
 PERSISTENT_FRAMES = 4.0
 """Number of frames over which errors of shape and gain persist. The filter treats frames as independent, so the variances
@@ -59,22 +59,22 @@ class WindowLikelihood:
         products = (mean, slope, mean * mean, mean * slope, slope * slope)
         self._products = np.stack([array.reshape(-1, mean.shape[2]) for array in products]).astype(np.float32)
         spread = max(target.gain_spread for target in targets)
-        self._relative_variance = PERSISTENT_FRAMES * (SHAPE_ERROR**2 + spread**2)
-        self._neighbour_variance = PERSISTENT_FRAMES * NEIGHBOUR_ERROR**2
-        error = np.concatenate([np.full(window.count, target.curve_error) for target in targets])
-        self._gain_error = np.sqrt(PERSISTENT_FRAMES * (GAIN_ERROR**2 + error**2))[:, None]
+        error = max(target.curve_error for target in targets)
+        shape_error = np.hypot(SHAPE_ERROR, SHAPE_ERROR_PER_M * window.radius_m)
+        self._relative_variance = PERSISTENT_FRAMES * (shape_error**2 + spread**2)
+        self._gain_error = float(np.sqrt(PERSISTENT_FRAMES * (GAIN_ERROR**2 + error**2)))
 
     def _compute_weight(self, signal: FloatArray) -> FloatArray:
         """Compute the inverse variance of each taxel, f64[n], from the measured signals."""
-        squares = signal**2
-        variance = self.noise**2 + self._relative_variance * squares + self._neighbour_variance * squares.max()
-        return np.asarray(1.0 / variance)
+        size = np.abs(signal)
+        scale = np.maximum(size, SMALL_SIGNAL * size.max())
+        return np.asarray(1.0 / (self.noise**2 + self._relative_variance * scale**2))
 
     def evaluate(self, signal: FloatArray, offset_counts: float) -> tuple[FloatArray, float, float]:
         """Compute the log-likelihoods of the signals f64[n] of the window, counts.
 
         offset_counts: standard deviation of the offset that all taxels share. Returns those of the templates at each
-        distance, f64[gains, K, G], that of no target, and that of a contact.
+        distance, f64[K, G], that of no target, and that of a contact.
         """
         weight = self._compute_weight(signal)
         weighted = np.stack([weight, weight * signal], axis=1).astype(np.float32)
@@ -82,11 +82,10 @@ class WindowLikelihood:
         m1, s1, mm, ms, ss = sums[..., 0]
         my, sy = sums[0, ..., 1], sums[1, ..., 1]
         one, total, square = weight.sum(), weight @ signal, (weight * signal) @ signal
-        directions = _Directions(offset_counts, self._gain_error, one, m1, s1, mm, ms, ss)
-        result = np.empty((len(GAINS), *self.shape))
-        for index, gain in enumerate(GAINS):
-            explained = directions.compute_explained(total - gain * m1, my - gain * mm, sy - gain * ms)
-            result[index] = -0.5 * (square - 2.0 * gain * my + gain**2 * mm - explained)
+        directions = _Directions(offset_counts, self._gain_error, (one, total, square), s1, sy, ss)
+        explained = directions.compute_explained(total - m1, square - my, sy - ms)
+        result = -0.5 * (square - 2.0 * my + mm - explained)
+        _equalise_widths(result)
         absent = -0.5 * (square - (offset_counts * total) ** 2 / (1.0 + offset_counts**2 * one))
         return result, float(absent), self._evaluate_contact(signal, weight)
 
@@ -96,31 +95,45 @@ class WindowLikelihood:
         return float(-0.5 * ((signal @ signal) / variance + np.log(variance * weight).sum()))
 
 
+def _equalise_widths(values: FloatArray) -> None:
+    """Let the templates differ by their best fits, not by the widths of their likelihoods over the distance.
+
+    values: f64[K, G], log-likelihoods, changed in place. A target that is assumed farther away has the wider
+    likelihood. In one measurement this is evidence; over frames with the same errors of template and gain it would be
+    counted again in each of them. The width of the best template stays.
+    """
+    largest = values.max(axis=1, keepdims=True)
+    width = (np.exp(values - largest) * WIDTHS_M).sum(axis=1, keepdims=True)
+    best = np.unravel_index(np.argmax(largest), largest.shape)
+    values -= np.log(width / width[best])
+
+
 class _Directions:
     """Quadratic form of the three directions that are integrated: offset, gain, position within the cell.
 
-    offset: standard deviation of the offset, counts. gain: relative one of the gain, f64[K, 1]. The sums f64[K, G] are
-    those of the weights with the products of 1, mean (m) and slope (s).
+    The direction of the gain is the measured signal y, which is the same for all templates; the prediction as direction
+    would favour the templates with the larger signal. offset: standard deviation of the offset, counts. gain: relative
+    one of the gain. sums: of the weights times 1, y and y^2. s1, sy, ss: f64[K, G], sums of the weights with the products
+    of slope and 1, y, slope.
     """
 
     def __init__(
         self,
         offset: float,
-        gain: FloatArray,
-        one: float,
-        m1: FloatArray,
+        gain: float,
+        sums: tuple[float, float, float],
         s1: FloatArray,
-        mm: FloatArray,
-        ms: FloatArray,
+        sy: FloatArray,
         ss: FloatArray,
     ) -> None:
         """Factorise 1 + U^T W U by Cholesky, for all templates and distances at once."""
+        one, total, square = sums
         self._offset, self._gain = offset, gain
         self._l00 = np.sqrt(1.0 + offset**2 * one)
-        self._l10 = offset * gain * m1 / self._l00
+        self._l10 = offset * gain * total / self._l00
+        self._l11 = np.sqrt(1.0 + gain**2 * square - self._l10**2)
         self._l20 = offset * s1 / self._l00
-        self._l11 = np.sqrt(1.0 + gain**2 * mm - self._l10**2)
-        self._l21 = (gain * ms - self._l20 * self._l10) / self._l11
+        self._l21 = (gain * sy - self._l20 * self._l10) / self._l11
         self._l22 = np.sqrt(1.0 + ss - self._l20**2 - self._l21**2)
 
     def compute_explained(self, total: FloatArray, product: FloatArray, slopes: FloatArray) -> FloatArray:

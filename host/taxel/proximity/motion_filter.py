@@ -24,7 +24,7 @@ class MotionFilter:
     """
 
     def __init__(self, prior: FloatArray) -> None:
-        """Start without a target. prior: f64[K], probabilities of the templates (all gains and targets)."""
+        """Start without a target. prior: f64[K], probabilities of the templates (of all targets)."""
         self.reset(prior)
 
     def reset(self, prior: FloatArray) -> None:

@@ -17,12 +17,12 @@ WINDOW_RADIUS_M = 0.0135
 The nearest point of a target determines the distance; taxels farther away see other parts of the target."""
 
 TILTS_DEG = (3.0, 6.0, 10.0, 15.0, 20.0)
-SPHERE_RADII_M = (0.006, 0.009, 0.013, 0.019, 0.028)
-CYLINDER_RADII_M = (0.006, 0.010, 0.016, 0.028)
+SPHERE_RADII_M = (0.006, 0.008, 0.0105, 0.014, 0.019, 0.027)
+CYLINDER_RADII_M = (0.006, 0.009, 0.013, 0.020)
 PUNCH_RADII_M = (0.006, 0.009, 0.013)
 """Radii of flat ends."""
-VERTEX_OFFSETS_M = (-0.0017, 0.0, 0.0017)
-"""Positions of the nearest point beside the centre of the window: a third of the pitch of 5 mm."""
+VERTEX_OFFSETS_M = (-0.002, 0.0, 0.002)
+"""Positions of the nearest point beside the centre of the window: a third of a pitch of 6 mm."""
 EDGE_OFFSETS_M = (0.0, 0.0025, 0.005)
 """Distances from the centre of the window to the edge of a plate."""
 
@@ -40,6 +40,7 @@ class Window:
     contact_gap_m: FloatArray
     rate: FloatArray
     weight: FloatArray
+    radius_m: FloatArray
 
     @property
     def count(self) -> int:
@@ -78,7 +79,8 @@ def make_window(points: SkinPoints, centre: int) -> Window:
     gap -= gap.min(axis=(1, 2), keepdims=True)
     # A target at the height g above a point is at g / cosine along the point's normal, to first order.
     gap = np.where(faces & (gap < 0.5 * NO_GAP_M), gap * rate, NO_GAP_M)
-    return Window(taxels, gap, rate, np.array(weights))
+    radius = np.linalg.norm(points.centre[taxels] - origin, axis=1)
+    return Window(taxels, gap, rate, np.array(weights), radius)
 
 
 def _plane_heights(local: FloatArray) -> list[FloatArray]:
