@@ -8,14 +8,10 @@ from taxel.emulated.target_stage import TargetMotion, tilt
 from taxel.grasp.shapes import ConvexPolytope, Cylinder, Shape
 from taxel.hand import Hand
 from taxel.hand.transforms import from_rotation_vector
-from taxel.proximity.holds import REST, Hold
 from taxel.types import FloatArray
 
 Rng = np.random.Generator
 
-CALIBRATION_DISTANCES_MM = (0.3, 0.6, 1.0, 1.5, 2.0, 2.7, 3.5, 4.5, 6.0, 8.0, 10.5, 14.0)
-HOLD_S = 2.0
-REST_S = 6.0
 LEAD_IN_S = 6.0
 """Power-up, discovery of the boards and the first baseline of the estimator (40 frames at 18.5 Hz)."""
 
@@ -75,53 +71,6 @@ class Plan:
 def sample_skin(rng: Rng) -> SkinParts:
     """Sample a skin: response of 10 to 30 % of the fringe capacitance, electrodes 3 to 5 mm apart."""
     return SkinParts(int(rng.integers(1 << 31)), float(rng.uniform(0.10, 0.30)), float(rng.uniform(0.003, 0.005)))
-
-
-def plan_calibration(hand: Hand, boards: list[str], target: str) -> tuple[dict[str, Shape], list[TargetMotion], list[Hold]]:
-    """Plan the holds of a flat plate in front of each board, with a rest before and after the holds of a board."""
-    shapes: dict[str, Shape] = {"plate": ConvexPolytope.box(0.14, 0.14, 0.02)}
-    motions, holds, now = [], [], LEAD_IN_S
-    for name in boards:
-        holds.append(Hold(now, now + REST_S, name, REST, None))
-        now += REST_S + 0.5
-        begin = now
-        times, distances = [], []
-        for millimetres in reversed(CALIBRATION_DISTANCES_MM):
-            times += [now, now + HOLD_S]
-            distances += [1e-3 * millimetres] * 2
-            holds.append(Hold(now + 0.1, now + HOLD_S - 0.1, name, target, 1e-3 * millimetres))
-            now += HOLD_S + 0.5
-        lateral = np.zeros((len(times), 2))
-        taxel = find_middle_taxel(hand, name)
-        motions.append(TargetMotion(name, "plate", align_to_board(hand, name, taxel), taxel, np.array(times), np.array(distances), lateral))
-        del begin
-        now += 0.5
-        holds.append(Hold(now, now + REST_S, name, REST, None))
-        now += REST_S
-    return shapes, motions, holds
-
-
-def find_middle_taxel(hand: Hand, board: str) -> int:
-    """Return the taxel whose normal and position are nearest to the mean of the board."""
-    surface = hand.find_board(board).kind.surface
-    assert surface is not None
-    mean = surface.normal.mean(axis=0)
-    return int(np.argmax(surface.normal @ mean - 10.0 * np.linalg.norm(surface.position - surface.position.mean(axis=0), axis=1)))
-
-
-def align_to_board(hand: Hand, board: str, taxel: int) -> FloatArray:
-    """Return the rotation f64[4, 4], in the frame of the stage above a taxel, to the mean normal of the board."""
-    surface = hand.find_board(board).kind.surface
-    assert surface is not None
-    z, x = surface.normal[taxel], surface.distal[taxel]
-    frame = np.stack([x, np.cross(z, x), z], axis=1)
-    mean = surface.normal.mean(axis=0)
-    local = frame.T @ (mean / np.linalg.norm(mean))
-    axis = np.cross([0.0, 0.0, 1.0], local)
-    sine = np.linalg.norm(axis)
-    if sine < 1e-9:
-        return np.eye(4)
-    return from_rotation_vector(axis / sine * np.arctan2(sine, local[2]))
 
 
 def plan_approaches(hand: Hand, boards: list[str], count: int, rng: Rng, kinds: tuple[str, ...], speed_m_s: float | None) -> Plan:

@@ -8,10 +8,11 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from taxel.cli.options import HandOption, Seconds, ThresholdCounts, Url
+from taxel.cli.options import HandOption, ProximityFile, Seconds, ThresholdCounts, Url
 from taxel.errors import TaxelError
 from taxel.monitor import LineView, OnceView, Screen, SkinMonitor, TerminalView, open_paced, watch
 from taxel.monitor.summary_text import format_line
+from taxel.proximity import open_watch
 from taxel.signal import ACTIVATION_THRESHOLD_COUNTS, BASELINE_SAMPLES
 from taxel.skin import Skin
 
@@ -34,6 +35,7 @@ def monitor(
         int, typer.Option(min=2, max=10000, help="Number of frames of each board in the baseline.")
     ] = BASELINE_SAMPLES,
     threshold_counts: ThresholdCounts = ACTIVATION_THRESHOLD_COUNTS,
+    proximity: ProximityFile = None,
     seconds: Seconds = None,
     once: Annotated[
         bool, typer.Option("--once", help="Print one view after the baseline is complete, and exit.")
@@ -52,7 +54,8 @@ def monitor(
     with _opening_status(console, url):
         skin = open_paced(url, hand, rate_hz, speed)
     with skin:
-        model = SkinMonitor(skin, baseline_frames, threshold_counts)
+        estimators = None if proximity is None else open_watch(proximity, skin.hand)
+        model = SkinMonitor(skin, baseline_frames, threshold_counts, estimators)
         title = f"{url} · hand {skin.hand.name}"
         try:
             if web:

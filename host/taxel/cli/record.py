@@ -7,7 +7,17 @@ import typer
 from rich.console import Console
 
 from taxel.cli.joint_sources import open_live_joints
-from taxel.cli.options import HandCan, HandOption, JointAngles, JointTopic, Overwrite, Seconds, Url, parse_joint_angles
+from taxel.cli.options import (
+    HandCan,
+    HandOption,
+    JointAngles,
+    JointTopic,
+    Overwrite,
+    ProximityFile,
+    Seconds,
+    Url,
+    parse_joint_angles,
+)
 from taxel.cli.progress import spinner
 from taxel.cli.stream_summary import StreamSummary
 from taxel.skin.recorder import open_recorded
@@ -21,6 +31,7 @@ def record(
     joints: JointAngles = None,
     joint_topic: JointTopic = None,
     hand_can: HandCan = None,
+    proximity: ProximityFile = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Record a skin to a file.
@@ -28,13 +39,14 @@ def record(
     The file contains all bytes of the hub with their arrival times. A capture is written to disk at once. An MCAP file
     (needs the extra ros) also contains the skin's ROS 2 topics; a killed program loses less than a second of it. With
     --joint-topic or --hand-can, the measured joint angles of every poll cycle are recorded: in the topic /joint_states
-    of an MCAP file, or beside a capture in FILE.joints.csv.
+    of an MCAP file, or beside a capture in FILE.joints.csv. With --proximity, an MCAP file contains the targets before
+    contact in the topics /taxel/BOARD/proximity.
 
     Example: taxel record "emulator:?speed=max" --seconds 2 --out skin.bin
     """
     with (
         open_live_joints(hand, parse_joint_angles(joints), joint_topic, hand_can) as source,
-        open_recorded(url, out, hand, overwrite, source) as skin,
+        open_recorded(url, out, hand, overwrite, source, proximity) as skin,
     ):
         summary = StreamSummary(skin)
         try:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from taxel.hand import Board
+from taxel.proximity import ProximityEstimate
 from taxel.types import BoolArray, CountArray, FloatArray
 
 
@@ -68,6 +69,7 @@ class SkinReading:
         cpu_share: share of one processor core that this process has used recently.
         is_ended: the stream has ended.
         advice: what the user should do, in one line; None if there is no problem.
+        proximity: targets in front of the boards before contact; None if they are not estimated.
     """
 
     signal_counts: FloatArray
@@ -95,6 +97,7 @@ class SkinReading:
     cpu_share: float
     is_ended: bool
     advice: str | None
+    proximity: tuple[ProximityEstimate, ...] | None = None
 
     @property
     def boards_streaming(self) -> int:
@@ -114,7 +117,7 @@ class SkinReading:
 
     def as_dict(self) -> dict[str, Any]:
         """Convert the reading to JSON values; None for unknown values."""
-        return {
+        values = {
             "time_s": _round_finite(self.time_s, 6),
             "watched_s": round(self.watched_s, 3),
             "scans_hz": round(self.scans_hz, 3),
@@ -137,6 +140,9 @@ class SkinReading:
             "advice": self.advice,
             "boards": [_make_board_dict(board) for board in self.boards],
         }
+        if self.proximity is not None:
+            values["proximity"] = [estimate.as_dict() for estimate in self.proximity]
+        return values
 
 
 def _make_board_dict(reading: BoardReading) -> dict[str, Any]:

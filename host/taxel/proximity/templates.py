@@ -19,7 +19,7 @@ The nearest point of a target determines the distance; taxels farther away see o
 TILTS_DEG = (3.0, 6.0, 10.0, 15.0, 20.0)
 SPHERE_RADII_M = (0.006, 0.008, 0.0105, 0.014, 0.019, 0.027)
 CYLINDER_RADII_M = (0.006, 0.009, 0.013, 0.020)
-PUNCH_RADII_M = (0.006, 0.009, 0.013)
+PUNCH_RADII_M = (0.006, 0.008, 0.011, 0.015)
 """Radii of flat ends."""
 VERTEX_OFFSETS_M = (-0.002, 0.0, 0.002)
 """Positions of the nearest point beside the centre of the window: a third of a pitch of 6 mm."""

@@ -10,6 +10,7 @@ from taxel.hand import Hand
 from taxel.hand.joint_history import JointHistory
 from taxel.link import CaptureError, CaptureWriter, Link
 from taxel.link.capture import EXISTS
+from taxel.proximity import ProximityWatch, open_watch
 from taxel.ros.topics import JointSource
 from taxel.skin.joint_recording import JointRecordingSkin, get_joint_path
 from taxel.skin.mcap_skin import McapSkin
@@ -26,13 +27,15 @@ def open_recorded(
     hand: Hand | str | None = None,
     overwrite: bool = False,
     joint_position: npt.ArrayLike | JointSource | None = None,
+    proximity: str | os.PathLike[str] | None = None,
 ) -> Skin:
     """Open the skin at a URL, as `taxel.open`, and write everything that arrives to a file.
 
     path: a name that ends in .mcap makes an MCAP file with the hub's bytes and the skin's topics (needs the extra
     `ros`); any other name makes a capture with the bytes alone. joint_position: joint angles of the hand's robot,
     radians [j], or a function that returns them, for the TF tree and the contact cloud of an MCAP file; None: all 0. A
-    `JointHistory` is recorded for every poll cycle, beside a capture in the file PATH.joints.csv.
+    `JointHistory` is recorded for every poll cycle, beside a capture in the file PATH.joints.csv. proximity: calibration
+    file, with which an MCAP file also contains the targets before contact.
     Raises `CaptureError`, before anything is opened, if the file exists and `overwrite` is False.
     """
     if os.path.exists(path) and not overwrite:
@@ -40,10 +43,20 @@ def open_recorded(
     link, description = open_source(url, hand)
     try:
         header = make_recording_header(url, link, description, hand)
+        watch = None if proximity is None else _open_recorded_watch(path, proximity, description)
     except BaseException:
         link.close()
         raise
-    return record_link(link, description, header, path, overwrite, joint_position)
+    return record_link(link, description, header, path, overwrite, joint_position, watch)
+
+
+def _open_recorded_watch(
+    path: str | os.PathLike[str], calibration: str | os.PathLike[str], hand: Hand
+) -> ProximityWatch:
+    """Open the estimators of an MCAP file. Raises `CaptureError` for a file of another kind, which has no topics."""
+    if not os.fspath(path).endswith(MCAP_SUFFIX):
+        raise CaptureError(os.fspath(path), f"contains no topics; a file with proximity needs a name in {MCAP_SUFFIX}")
+    return open_watch(calibration, hand)
 
 
 def record_link(
@@ -53,6 +66,7 @@ def record_link(
     path: str | os.PathLike[str],
     overwrite: bool = False,
     joint_position: npt.ArrayLike | JointSource | None = None,
+    proximity: ProximityWatch | None = None,
 ) -> Skin:
     """Open a skin on an open link and record it as `open_recorded` does. If that fails, the link is closed."""
     if joint_position is None:
@@ -62,7 +76,7 @@ def record_link(
     elif not callable(joint_position):
         header["joint_position"] = np.asarray(joint_position, dtype=np.float64).tolist()
     if os.fspath(path).endswith(MCAP_SUFFIX):
-        return _record_mcap(link, hand, header, path, overwrite, joint_position)
+        return _record_mcap(link, hand, header, path, overwrite, joint_position, proximity)
     try:
         writer = CaptureWriter(path, header, overwrite)
     except BaseException:
@@ -93,10 +107,12 @@ def _record_mcap(
     path: str | os.PathLike[str],
     overwrite: bool,
     joint_position: npt.ArrayLike | JointSource | None,
+    proximity: ProximityWatch | None,
 ) -> Skin:
     """Open a skin that is recorded to an MCAP file. After an error the link is closed and an empty file is deleted.
 
     header: header of the recording. joint_position: joint angles, radians [j], or a function that returns them.
+    proximity: estimators of targets before contact.
     """
     try:
         from taxel.ros.mcap_file import McapFile  # needs the extra `ros`, which the core does not install
@@ -106,7 +122,7 @@ def _record_mcap(
         link.close()
         raise
     try:
-        return McapSkin(link, hand, file, header, make_joint_source(joint_position))
+        return McapSkin(link, hand, file, header, make_joint_source(joint_position), proximity)
     except BaseException:
         file.close()
         if file.messages == 0:
