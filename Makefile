@@ -120,6 +120,9 @@ soak: $(STAMP)  ## HOURS (24) of virtual time with random faults: each missing f
 fuzz-states: $(STAMP)  ## RUNS (20000) of 50 commands, faults and time steps in random order
 	@$(BIN)/python -m hil_tests.states --runs $(RUNS) --jobs $(JOBS)
 
+proximity: $(STAMP)  ## accuracy of distances before contact on emulated skins with fresh seeds: half an hour; SEED, SKINS
+	@$(BIN)/python tools/proximity/measure_proximity.py --skins $(or $(SKINS),8) --seed $(or $(SEED),1)
+
 mutants: $(STAMP)  ## plant the bugs of tools/mutants/bugs.toml one at a time in a copy: the suite must detect each of them
 	@$(BIN)/python tools/mutants/plant.py --jobs $(JOBS)
 

@@ -38,7 +38,9 @@ ThresholdCounts = Annotated[
 ]
 ProximityFile = Annotated[
     Path | None,
-    typer.Option("--proximity", help="Calibration of `taxel proximity calibrate`: also estimate targets before contact."),
+    typer.Option(
+        "--proximity", help="Calibration of `taxel proximity calibrate`: also estimate targets before contact."
+    ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing output files.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]

@@ -70,7 +70,9 @@ def calibrate_command(
         if holds is not None:
             counts = collect_holds(skin, skin.hand, read_holds(holds, skin.hand))
         else:
-            counts = _take_holds(skin, _parse_boards(skin, boards), target, _parse_distances(distances_mm), hold_seconds)
+            counts = _take_holds(
+                skin, _parse_boards(skin, boards), target, _parse_distances(distances_mm), hold_seconds
+            )
         result = calibrate(skin.hand, counts)
         if merge is not None:
             result = merge_calibrations(read_calibration(merge, skin.hand), result)
@@ -114,7 +116,9 @@ def _take_holds(
         for distance in steps:
             place = "Remove everything near" if distance is None else f"Hold the target {1e3 * distance:g} mm from"
             typer.prompt(f"{place} board {name}, then press Enter", default="", show_default=False)
-            counts.append(take_hold(skin.poll, board, (target, distance), max(seconds, 6.0) if distance is None else seconds))
+            counts.append(
+                take_hold(skin.poll, board, (target, distance), max(seconds, 6.0) if distance is None else seconds)
+            )
     return counts
 
 
@@ -159,7 +163,9 @@ def watch_command(
         float, typer.Option(min=10.0, max=1000.0, help="Time within which a contact is predicted, milliseconds.")
     ] = 1e3 * HORIZON_S,
     seconds: Seconds = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object for each frame with a target.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object for each frame with a target.")
+    ] = False,
 ) -> None:
     """Print distance, speed, time to contact and kind of targets in front of the boards.
 

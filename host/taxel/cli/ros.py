@@ -44,8 +44,9 @@ def ros(
 
     Topics: one for each sensor, the TF tree, joint states, activations, contact cloud and diagnostics. The first 100
     poll cycles are the baseline, during which nothing may touch the skin. With --proximity, the topics
-    /taxel/BOARD/proximity contain distance, speed and kind of a target before contact. Needs rospy (ROS 1) or rclpy (ROS 2). With
-    --original-topics: one topic sensor_ADDRESS_readings for each board, as the original ROS stack publishes it.
+    /taxel/BOARD/proximity contain distance, speed and kind of a target before contact. Needs rospy (ROS 1) or rclpy
+    (ROS 2). With --original-topics: one topic sensor_ADDRESS_readings for each board, as the original ROS stack
+    publishes it.
 
     Example: taxel ros "emulator:" --seconds 1
     """

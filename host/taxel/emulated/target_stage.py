@@ -42,10 +42,10 @@ interpolates gaps linearly between poses."""
 class TargetMotion:
     """Motion of one target in front of one board.
 
-    board: name. target: name of the shape. orientation: f64[4, 4], pose of the target in the frame of the stage, whose z
-    axis is the outward normal of the taxel; its height is arbitrary. taxel: the taxel above which the target moves. time_s: f64[k].
-    distance_m: f64[k], smallest distance between skin and target; negative: the target presses the skin. lateral_m:
-    f64[k, 2], displacement along the surface.
+    board: name. target: name of the shape. orientation: f64[4, 4], pose of the target in the frame of the stage, whose
+    z axis is the outward normal of the taxel; its height is arbitrary. taxel: the taxel above which the target moves.
+    time_s: f64[k]. distance_m: f64[k], smallest distance between skin and target; negative: the target presses the
+    skin. lateral_m: f64[k, 2], displacement along the surface.
     """
 
     board: str

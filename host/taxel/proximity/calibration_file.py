@@ -93,11 +93,11 @@ def _parse_target(reader: "_Reader", field: str, name: str, table: Any) -> Targe
     reader.check(ascending, f"{field}.distance_mm", "at least 2 ascending numbers above 0", distance.tolist())
     reader.check(len(counts) == len(distance), f"{field}.signal_counts", f"{len(distance)} numbers", len(counts))
     decay = reader.number(table, "decay", 0.5, 10.0, field)
-    errors = (reader.number(table, key, 0.0, 1.0, field) for key in ("curve_error", "gain_spread"))
+    curve_error, spread = (reader.number(table, key, 0.0, 1.0, field) for key in ("curve_error", "gain_spread"))
     boards = table.get("boards", [])
     is_names = isinstance(boards, list) and all(isinstance(board, str) for board in boards)
     reader.check(is_names, f"{field}.boards", "a list of names", boards)
-    return TargetResponse(ResponseCurve(distance, counts, decay), *errors, tuple(boards))
+    return TargetResponse(ResponseCurve(distance, counts, decay), curve_error, spread, tuple(boards))
 
 
 class _Reader:

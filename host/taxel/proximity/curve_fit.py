@@ -30,7 +30,8 @@ FACING_SHARE = 0.05
 @dataclass(frozen=True, eq=False)
 class CurveFit:
     """Result of a fit. curve_error: relative standard deviation of a hold that was left out of the fit. gain_spread:
-    relative standard deviation of the response between taxels."""
+    relative standard deviation of the response between taxels.
+    """
 
     curve: ResponseCurve
     curve_error: float
@@ -53,7 +54,9 @@ def fit_curve(points_of: dict[str, SkinPoints], signals: Sequence[HeldSignal], n
     curve = _fit_support_points(knots, gaps, signals, noise_counts)
     table = curve.make_table()
     predicted = [look_up(table, gap).mean(axis=1) for gap in gaps]
-    return CurveFit(curve, _compute_curve_error(knots, curve, noise_counts, signals), _compute_spread(predicted, signals))
+    return CurveFit(
+        curve, _compute_curve_error(knots, curve, noise_counts, signals), _compute_spread(predicted, signals)
+    )
 
 
 def _fit_support_points(
@@ -126,6 +129,9 @@ def _compute_spread(predicted: Sequence[FloatArray], signals: Sequence[HeldSigna
         entry[0] += value * signal.signal_counts
         entry[1] += value**2
     gains = np.concatenate(
-        [(numerator / np.maximum(squares, 1e-9))[squares > FACING_SHARE * squares.max()] for numerator, squares in products.values()]
+        [
+            (numerator / np.maximum(squares, 1e-9))[squares > FACING_SHARE * squares.max()]
+            for numerator, squares in products.values()
+        ]
     )
     return float(1.4826 * np.median(np.abs(gains - np.median(gains))))

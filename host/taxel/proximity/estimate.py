@@ -45,7 +45,8 @@ class ProximityEstimate:
             decreases the distance.
         contact_soon: probability that a contact exists or begins within `horizon_s` of `time_s`.
         time_to_contact_s: at the present speed; None for a target that does not approach, or without a target.
-        targets: probabilities of the calibrated targets. target: the most probable one, "not identifiable", "unknown" if
+        targets: probabilities of the calibrated targets. target: the most probable one, "not identifiable", "unknown"
+        if
             no calibrated target fits the signals, or None without a target.
         centre: the taxel of the board that is nearest to the target; None without a target.
     """

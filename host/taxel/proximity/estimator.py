@@ -36,18 +36,20 @@ SMOOTHING_TIME_S = 0.1
 """Time constant of the neighbourhood means that start the filter and select the window."""
 
 START_LIMIT = 3.0
-"""Largest neighbourhood mean, in standard deviations, at which the board counts as idle. A smaller value starts the filter
-more often without a target, which costs time; the filter itself decides whether there is a target."""
+"""Largest neighbourhood mean, in standard deviations, at which the board counts as idle. A smaller value starts the
+filter more often without a target, which costs time; the filter itself decides whether there is a target."""
 
 IDLE_PROBABILITY = 0.98
 """Probability of no target above which the filter stops, and the baseline follows the counts."""
 
 SWITCH_RATIO = 1.25
-"""Ratio of neighbourhood means above which the window moves to another taxel (chosen above the differences that noise and
-tilts below 3 degrees cause)."""
+"""Ratio of neighbourhood means above which the window moves to another taxel (chosen above the differences that noise
+and tilts below 3 degrees cause)."""
 
 MISFIT_LIMIT = 3.0
-"""Mean squared residual of the best template, in units of its variance, above which no calibrated target fits."""
+MISFIT_TIME_S = 0.3
+"""Mean squared residual of the best template over this time, in units of its variance, above which no calibrated target
+fits. The variance contains the errors of the templates, so that a target of the calibration has a mean below 1."""
 
 CACHED_WINDOWS = 24
 """Windows that an estimator keeps: about 2 MB each."""
@@ -73,7 +75,7 @@ class BoardEstimator:
         self._filter: MotionFilter | None = None
         self._middle = _find_middle(self._points)
         self._centre = self._middle
-        self._misfit = 1.0
+        self._misfit = 0.0
         self._last_s: float | None = None
 
     @property
@@ -135,10 +137,13 @@ class BoardEstimator:
         likelihood, prior = self._get_likelihood(self._centre)
         if self._filter is None:
             self._filter = MotionFilter(prior)
+            self._misfit = 0.0
         self._filter.predict(get_transition(dt_s))
         part, offset = signal[likelihood.taxels], self._tracker.offset_counts
         values, absent, contact = likelihood.evaluate(part, offset)
         self._filter.update(values, absent, contact)
+        squares = -2.0 * max(float(values.max()), absent) / len(part)
+        self._misfit += float(-np.expm1(-dt_s / MISFIT_TIME_S)) * (squares - self._misfit)
 
     def _make_estimate(self, time_s: float, age_s: float) -> ProximityEstimate:
         """Summarise the state of the filter."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from taxel.hand import Hand
 from taxel.proximity.errors import ProximityError
-from taxel.proximity.holds import Hold
+from taxel.proximity.holds import REST, Hold
 from taxel.stream import TaxelFrame
 from taxel.types import FloatArray
 
@@ -59,16 +59,13 @@ def collect_holds(frames: Iterable[TaxelFrame], hand: Hand, holds: Sequence[Hold
 def make_hold_counts(hold: Hold, frames: Sequence[TaxelFrame]) -> HoldCounts:
     """Combine the frames of one hold. Raises `ProximityError` for fewer than `MIN_FRAMES` frames."""
     if len(frames) < MIN_FRAMES:
-        place = REST_TEXT if hold.distance_m is None else f"hold at {1e3 * hold.distance_m:g} mm"
+        place = REST if hold.distance_m is None else f"hold at {1e3 * hold.distance_m:g} mm"
         raise ProximityError(
-            f"{hold.board}: {place} from {hold.start_s:g} s to {hold.end_s:g} s: expected at least {MIN_FRAMES} frames, "
-            f"found {len(frames)}; check the times of the holds and the connection of the board"
+            f"{hold.board}: {place} from {hold.start_s:g} s to {hold.end_s:g} s: expected at least {MIN_FRAMES} "
+            f"frames, found {len(frames)}; check the times of the holds and the connection of the board"
         )
     times = np.array([frame.time_s for frame in frames])
     return HoldCounts(hold, times, np.array([frame.raw_counts for frame in frames], dtype=np.float64))
-
-
-REST_TEXT = "rest"
 
 
 def compute_held_signals(counts: Sequence[HoldCounts]) -> list[HeldSignal]:
@@ -88,14 +85,14 @@ def compute_held_signals(counts: Sequence[HoldCounts]) -> list[HeldSignal]:
             )
         baseline = _interpolate_baseline(rests, each.middle_s)
         signal = baseline - each.raw_counts.mean(axis=0)
-        signals.append(
-            HeldSignal(each.hold.board, each.hold.target, each.hold.distance_m, signal, len(each.time_s))
-        )
+        signals.append(HeldSignal(each.hold.board, each.hold.target, each.hold.distance_m, signal, len(each.time_s)))
     return signals
 
 
 def _interpolate_baseline(rests: Sequence[HoldCounts], time_s: float) -> FloatArray:
-    """Interpolate the mean counts f64[n] of the rests at a time; the nearest rest before the first and after the last."""
+    """Interpolate the mean counts f64[n] of the rests at a time; the nearest rest before the first and after the
+    last.
+    """
     in_order = sorted(rests, key=lambda rest: rest.middle_s)
     times = np.array([rest.middle_s for rest in in_order])
     means = np.array([rest.raw_counts.mean(axis=0) for rest in in_order])

@@ -1,13 +1,13 @@
 """Likelihood of one frame of a window of taxels for every template, distance and gain.
 
-The signals y of a window are y = a m + b 1 + n: the prediction m of a template at a distance, a gain a and an offset b that
-the taxels share (drift of the baseline), and noise n. Offset, error of the gain and position within a cell of distance are
-normally distributed and integrated in closed form (matrix inversion lemma, Woodbury 1950). The variance of n contains the
-white noise and the error of the templates, which grows with the signal.
+The signals y of a window are y = a m + b 1 + n: the prediction m of a template at a distance, a gain a and an offset b
+that the taxels share (drift of the baseline), and noise n. Offset, error of the gain and position within a cell of
+distance are normally distributed and integrated in closed form (matrix inversion lemma, Woodbury 1950). The variance of
+n contains the white noise and the error of the templates, which grows with the signal.
 
 The normalising factors of the densities are left out. They would favour the hypothesis with the smaller signal in every
-frame again, although the errors of templates and gains persist over many frames: the estimates would drift away from the
-skin with the number of frames.
+frame again, although the errors of templates and gains persist over many frames: the estimates would drift away from
+the skin with the number of frames.
 """
 
 from collections.abc import Sequence
@@ -25,18 +25,19 @@ tolerance of the gap within the taxel)."""
 
 SHAPE_ERROR_PER_M = 12.0
 """Growth of this error with the distance from the centre of the window, per metre. Between two templates the tilt is
-uncertain by 2 degrees and a radius by a tenth: at 9 mm, the gap by 0.3 mm and a signal that decays over 3 mm by 10 %."""
+uncertain by 2 degrees and a radius by a tenth: at 9 mm, the gap by 0.3 mm and a signal that decays over 3 mm by 10
+%."""
 
 SMALL_SIGNAL = 0.3
-"""Share of the largest signal below which the error of a template does not decrease further: beside the edge of a target,
-where the signal is small, a small displacement of the edge changes it by much."""
+"""Share of the largest signal below which the error of a template does not decrease further: beside the edge of a
+target, where the signal is small, a small displacement of the edge changes it by much."""
 
 GAIN_ERROR = 0.06
 """Relative standard deviation of a gain that the taxels share: temperature, parts, area of the target."""
 
 PERSISTENT_FRAMES = 4.0
-"""Number of frames over which errors of shape and gain persist. The filter treats frames as independent, so the variances
-of these errors are larger by this factor. A smaller value narrows the intervals of slow targets."""
+"""Number of frames over which errors of shape and gain persist. The filter treats frames as independent, so the
+variances of these errors are larger by this factor. A smaller value narrows the intervals of slow targets."""
 
 CONTACT_COUNTS = 300.0
 """Standard deviation of the signals in contact, counts: contact lowers the counts of pressed taxels by hundreds."""
@@ -81,7 +82,7 @@ class WindowLikelihood:
         sums = (self._products @ weighted).astype(np.float64).reshape(5, *self.shape, 2)
         m1, s1, mm, ms, ss = sums[..., 0]
         my, sy = sums[0, ..., 1], sums[1, ..., 1]
-        one, total, square = weight.sum(), weight @ signal, (weight * signal) @ signal
+        one, total, square = (float(weight @ power) for power in (np.ones(len(signal)), signal, signal**2))
         directions = _Directions(offset_counts, self._gain_error, (one, total, square), s1, sy, ss)
         explained = directions.compute_explained(total - m1, square - my, sy - ms)
         result = -0.5 * (square - 2.0 * my + mm - explained)
@@ -113,8 +114,8 @@ class _Directions:
 
     The direction of the gain is the measured signal y, which is the same for all templates; the prediction as direction
     would favour the templates with the larger signal. offset: standard deviation of the offset, counts. gain: relative
-    one of the gain. sums: of the weights times 1, y and y^2. s1, sy, ss: f64[K, G], sums of the weights with the products
-    of slope and 1, y, slope.
+    one of the gain. sums: of the weights times 1, y and y^2. s1, sy, ss: f64[K, G], sums of the weights with the
+    products of slope and 1, y, slope.
     """
 
     def __init__(

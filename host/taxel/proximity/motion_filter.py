@@ -1,4 +1,6 @@
-"""Recursive Bayesian estimation of distance and approach speed on a grid, jointly with shape, gain and kind of target."""
+"""Recursive Bayesian estimation of distance and approach speed on a grid, jointly with shape, gain and kind of
+target.
+"""
 
 import numpy as np
 
@@ -20,7 +22,8 @@ class MotionFilter:
     """Probabilities of a target in front of one board.
 
     `present`: f32[V, K, G], by speed, template and distance; `far`, `contact`: probabilities of no target in range, and
-    of a contact. All of them add up to 1. `template`: i64[K], index of each kept template on the axis of the likelihood.
+    of a contact. All of them add up to 1. `template`: i64[K], index of each kept template on the axis of the
+    likelihood.
     """
 
     def __init__(self, prior: FloatArray) -> None:

@@ -25,8 +25,8 @@ JUMP_RATE_HZ = 0.2
 """Rate at which the speed takes any other value, such as at a collision."""
 
 ARRIVAL_TIME_S = 10.0
-"""Mean time until a target arrives in front of a board without one (chosen; detection needs evidence of a factor of a few
-hundred against the absence of a target)."""
+"""Mean time until a target arrives in front of a board without one (chosen; detection needs evidence of a factor of a
+few hundred against the absence of a target)."""
 
 SIDE_ARRIVAL_SHARE = 0.1
 """Share of the arrivals from the side, at any distance and speed."""
@@ -47,9 +47,9 @@ MAX_DT_S = 0.5
 class Transition:
     """Motion within an interval `dt` by the mass that each cell receives.
 
-    shift: f32[V, G, G], from cell to cell at each speed. contact: f32[V, G], share that reaches the skin. far: f32[V, G],
-    share that leaves the grid. speed: f32[V, V], change of the speed. arrival: f32[V, G], distribution of an arriving
-    target. arrival_share: probability of an arrival.
+    shift: f32[V, G, G], from cell to cell at each speed. contact: f32[V, G], share that reaches the skin. far: f32[V,
+    G], share that leaves the grid. speed: f32[V, V], change of the speed. arrival: f32[V, G], distribution of an
+    arriving target. arrival_share: probability of an arrival.
     """
 
     def __init__(self, dt_s: float) -> None:
@@ -97,7 +97,9 @@ def _compute_speed_change(dt_s: float) -> FloatArray:
 def _compute_arrival(travel: FloatArray) -> FloatArray:
     """Distribution f64[V, G] of a target that has just arrived: from beyond the grid, or from the side."""
     widths = compute_speed_widths()
-    entered = np.clip(np.minimum(EDGES_M[1:], EDGES_M[-1]) - np.maximum(EDGES_M[:-1], EDGES_M[-1] - travel[:, None]), 0, 1)
+    entered = np.clip(
+        np.minimum(EDGES_M[1:], EDGES_M[-1]) - np.maximum(EDGES_M[:-1], EDGES_M[-1] - travel[:, None]), 0, 1
+    )
     from_front = entered * (widths * (SPEEDS_M_S > 0))[:, None]
     from_side = widths[:, None] * WIDTHS_M
     return np.asarray(

@@ -1,4 +1,6 @@
-"""Response curve of a kind of board: signal of a taxel over the distance of a target, as calibration data determine it."""
+"""Response curve of a kind of board: signal of a taxel over the distance of a target, as calibration data determine
+it.
+"""
 
 from dataclasses import dataclass
 
@@ -7,8 +9,8 @@ import numpy as np
 from taxel.types import FloatArray
 
 LENGTH_SCALE_M = 0.002
-"""Offset of the logarithmic distance axis, metres: the order of the layer's thickness. It spaces the support points; the
-values at the support points come from the data alone."""
+"""Offset of the logarithmic distance axis, metres: the order of the layer's thickness. It spaces the support points;
+the values at the support points come from the data alone."""
 
 TABLE_STEP_M = 5e-5
 TABLE_END_M = 0.04

@@ -51,7 +51,8 @@ class SkinPoints:
 def compute_skin_points(hand: Hand, board: Board) -> SkinPoints:
     """Compute the skin points of a board.
 
-    The taxels of a hand without described positions lie flat, at the pitch of the hand, in the order of TX and RX lines.
+    The taxels of a hand without described positions lie flat, at the pitch of the hand, in the order of TX and RX
+    lines.
     """
     kind = board.kind
     if kind.surface is None:

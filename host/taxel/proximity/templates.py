@@ -1,7 +1,8 @@
 """Shapes of targets in front of a window of taxels: gaps at the skin points, and the signals that follow from them.
 
-Which shape a target has, where it is nearest and how it is tilted is unknown. The set of templates covers these unknowns
-by their consequences: planes at several tilts, spheres, cylinders, flat ends, and plates whose edge crosses the window.
+Which shape a target has, where it is nearest and how it is tilted is unknown. The set of templates covers these
+unknowns by their consequences: planes at several tilts, spheres, cylinders, flat ends, and plates whose edge crosses
+the window.
 """
 
 from dataclasses import dataclass
@@ -34,7 +35,8 @@ FAMILY_WEIGHTS = {"plane": 0.3, "sphere": 0.2, "cylinder": 0.2, "edge": 0.15, "p
 class Window:
     """Taxels around a centre. taxels: i64[n], indices on the board. contact_gap_m: f64[K, n, 9], gaps of each template
     that just touches the skin. rate: f64[n, 9], growth of the gap per metre of distance. weight: f64[K], prior
-    probability of each template."""
+    probability of each template.
+    """
 
     taxels: IntArray
     contact_gap_m: FloatArray

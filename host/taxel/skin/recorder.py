@@ -34,9 +34,9 @@ def open_recorded(
     path: a name that ends in .mcap makes an MCAP file with the hub's bytes and the skin's topics (needs the extra
     `ros`); any other name makes a capture with the bytes alone. joint_position: joint angles of the hand's robot,
     radians [j], or a function that returns them, for the TF tree and the contact cloud of an MCAP file; None: all 0. A
-    `JointHistory` is recorded for every poll cycle, beside a capture in the file PATH.joints.csv. proximity: calibration
-    file, with which an MCAP file also contains the targets before contact.
-    Raises `CaptureError`, before anything is opened, if the file exists and `overwrite` is False.
+    `JointHistory` is recorded for every poll cycle, beside a capture in the file PATH.joints.csv. proximity:
+    calibration file, with which an MCAP file also contains the targets before contact. Raises `CaptureError`, before
+    anything is opened, if the file exists and `overwrite` is False.
     """
     if os.path.exists(path) and not overwrite:
         raise CaptureError(os.fspath(path), EXISTS)

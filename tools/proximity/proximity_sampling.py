@@ -18,6 +18,9 @@ LEAD_IN_S = 6.0
 START_M = 0.045
 """Distance from which a target approaches: beyond the range of every response."""
 
+BRAKE_M = 0.012
+"""Path on which a target brakes."""
+
 PAUSE_S = 3.0
 """Time between two approaches."""
 
@@ -73,7 +76,9 @@ def sample_skin(rng: Rng) -> SkinParts:
     return SkinParts(int(rng.integers(1 << 31)), float(rng.uniform(0.10, 0.30)), float(rng.uniform(0.003, 0.005)))
 
 
-def plan_approaches(hand: Hand, boards: list[str], count: int, rng: Rng, kinds: tuple[str, ...], speed_m_s: float | None) -> Plan:
+def plan_approaches(
+    hand: Hand, boards: list[str], count: int, rng: Rng, kinds: tuple[str, ...], speed_m_s: float | None
+) -> Plan:
     """Plan random approaches. speed_m_s: None: random, 5 to 150 mm/s, uniform in the logarithm."""
     shapes: dict[str, Shape] = {}
     approaches = []
@@ -106,7 +111,7 @@ def sample_shape(rng: Rng) -> tuple[str, Shape, FloatArray]:
     if family == "plate":
         return family, ConvexPolytope.box(0.14, 0.14, 0.02), np.eye(4)
     if family == "box":
-        return family, ConvexPolytope.box(*rng.uniform(0.012, 0.04, size=2), 0.03), np.eye(4)
+        return family, ConvexPolytope.box(rng.uniform(0.012, 0.04), rng.uniform(0.012, 0.04), 0.03), np.eye(4)
     if family == "cylinder":
         lying = from_rotation_vector(np.array([np.pi / 2, 0.0, 0.0]))
         length = 0.08
@@ -122,7 +127,9 @@ def _shift(z: float) -> FloatArray:
 
 
 def make_sphere(radius_m: float, faces: int = 400) -> ConvexPolytope:
-    """Make a polytope of tangent planes of a sphere (spiral points); it deviates from the sphere by 0.5 % of its radius."""
+    """Make a polytope of tangent planes of a sphere (spiral points); it deviates from the sphere by 0.5 % of its
+    radius.
+    """
     index = np.arange(faces) + 0.5
     z = 1.0 - 2.0 * index / faces
     angle = np.pi * (1.0 + np.sqrt(5.0)) * index
@@ -136,20 +143,27 @@ def sample_path(kind: str, speed: float, rng: Rng) -> tuple[FloatArray, FloatArr
         height, span = rng.uniform(0.002, 0.008), 0.12
         angle = rng.uniform(0.0, 2 * np.pi)
         direction = np.array([np.cos(angle), np.sin(angle)])
-        times = np.array([0.0, span / speed])
-        return times, np.full(2, height), np.array([-0.5, 0.5])[:, None] * span * direction
-    end = -2e-4 if kind == "contact" else float(rng.uniform(0.0005, 0.005) if kind == "hold" else rng.uniform(0.0015, 0.008))
+        return np.array([0.0, span / speed]), np.full(2, height), np.array([-0.5, 0.5])[:, None] * span * direction
+    end = (
+        -2e-4
+        if kind == "contact"
+        else float(rng.uniform(0.0005, 0.005) if kind == "hold" else rng.uniform(0.0015, 0.008))
+    )
     if kind == "contact":
-        times = [0.0, (START_M - end) / speed, (START_M - end) / speed + 0.3]
-        distance = [START_M, end, end]
+        reached = (START_M - end) / speed
+        times, distance = [0.0, reached, reached + 0.3], [START_M, end, end]
     else:
-        brake = 2.0 * 0.012 / speed  # from 12 mm before the end at constant deceleration
-        fraction = np.linspace(0.0, 1.0, 20)
-        slow = end + 0.012 * (1.0 - fraction) ** 2
-        approach = (START_M - end - 0.012) / speed
-        times = [0.0, *(approach + brake * fraction), approach + brake + 0.8]
-        distance = [START_M, *slow, end]
+        times, distance = _brake(speed, end)
     retreat = 0.1
     times.append(times[-1] + (START_M - end) / retreat)
     distance.append(START_M)
     return np.array(times), np.array(distance), np.zeros((len(times), 2))
+
+
+def _brake(speed: float, end_m: float) -> tuple[list[float], list[float]]:
+    """Return times and distances of a target that brakes at constant deceleration to a distance, and rests for 0.8 s."""
+    duration = 2.0 * BRAKE_M / speed
+    fraction = np.linspace(0.0, 1.0, 20)
+    approach = (START_M - end_m - BRAKE_M) / speed
+    times = [0.0, *(approach + duration * fraction).tolist(), approach + duration + 0.8]
+    return times, [START_M, *(end_m + BRAKE_M * (1.0 - fraction) ** 2).tolist(), end_m]
