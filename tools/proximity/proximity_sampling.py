@@ -161,7 +161,7 @@ def sample_path(kind: str, speed: float, rng: Rng) -> tuple[FloatArray, FloatArr
 
 
 def _brake(speed: float, end_m: float) -> tuple[list[float], list[float]]:
-    """Return times and distances of a target that brakes at constant deceleration to a distance, and rests for 0.8 s."""
+    """Return times and distances of a target that brakes at constant deceleration to a distance and rests there."""
     duration = 2.0 * BRAKE_M / speed
     fraction = np.linspace(0.0, 1.0, 20)
     approach = (START_M - end_m - BRAKE_M) / speed

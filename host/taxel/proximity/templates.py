@@ -11,7 +11,7 @@ import numpy as np
 
 from taxel.proximity.response import look_up
 from taxel.proximity.skin_points import MIN_COSINE, NO_GAP_M, SkinPoints
-from taxel.types import FloatArray, IntArray
+from taxel.types import BoolArray, FloatArray, IntArray
 
 WINDOW_RADIUS_M = 0.0135
 """Radius of the window of taxels that are compared with templates: 5 x 5 taxels at a pitch of 5 mm without the corners.
@@ -20,14 +20,31 @@ The nearest point of a target determines the distance; taxels farther away see o
 TILTS_DEG = (3.0, 6.0, 10.0, 15.0, 20.0)
 SPHERE_RADII_M = (0.006, 0.008, 0.0105, 0.014, 0.019, 0.027)
 CYLINDER_RADII_M = (0.006, 0.009, 0.013, 0.020)
-PUNCH_RADII_M = (0.006, 0.008, 0.011, 0.015)
+PUNCH_RADII_M = (0.006, 0.008, 0.011)
 """Radii of flat ends."""
 VERTEX_OFFSETS_M = (-0.002, 0.0, 0.002)
 """Positions of the nearest point beside the centre of the window: a third of a pitch of 6 mm."""
 EDGE_OFFSETS_M = (0.0, 0.0025, 0.005)
 """Distances from the centre of the window to the edge of a plate."""
 
-FAMILY_WEIGHTS = {"plane": 0.3, "sphere": 0.2, "cylinder": 0.2, "edge": 0.15, "punch": 0.15}
+RIDGE_TILTS_DEG = (5.0, 10.0)
+"""Tilts of plates whose edge is their nearest part."""
+
+STRIP_WIDTHS_M = (0.008, 0.013, 0.020)
+SQUARE_SIDES_M = (0.013, 0.019, 0.026)
+"""Widths of long flat faces and sides of square ones."""
+
+FAMILY_WEIGHTS = {
+    "plane": 0.2,
+    "sphere": 0.15,
+    "cylinder": 0.15,
+    "edge": 0.1,
+    "punch": 0.1,
+    "ridge": 0.1,
+    "strip": 0.05,
+    "square": 0.1,
+    "corner": 0.05,
+}
 """Prior probability of each family of templates (chosen: no shape is excluded, plates and palms are frequent)."""
 
 
@@ -74,6 +91,10 @@ def make_window(points: SkinPoints, centre: int) -> Window:
         ("cylinder", _cylinder_heights(local)),
         ("edge", _edge_heights(local)),
         ("punch", _punch_heights(local)),
+        ("ridge", _ridge_heights(local)),
+        ("strip", _strip_heights(local)),
+        ("square", _square_heights(local)),
+        ("corner", _corner_heights(local)),
     ):
         heights += members
         weights += [FAMILY_WEIGHTS[family] / len(members)] * len(members)
@@ -137,4 +158,57 @@ def _punch_heights(local: FloatArray) -> list[FloatArray]:
             for v in VERTEX_OFFSETS_M:
                 inside = (local[..., 0] - u) ** 2 + (local[..., 1] - v) ** 2 <= radius**2
                 members.append(np.where(inside, 0.0, NO_GAP_M))
+    return members
+
+
+def _ridge_heights(local: FloatArray) -> list[FloatArray]:
+    """Heights of tilted plates that end inside the window at their lowest line."""
+    members = []
+    for angle in np.arange(8) * np.pi / 4:
+        across = local[..., 0] * np.cos(angle) + local[..., 1] * np.sin(angle)
+        for tilt in np.deg2rad(RIDGE_TILTS_DEG):
+            for offset in EDGE_OFFSETS_M[:2]:
+                members.append(np.where(across <= offset, np.tan(tilt) * (offset - across), NO_GAP_M))
+    return members
+
+
+def _turn(local: FloatArray, angle: float) -> tuple[FloatArray, FloatArray]:
+    """Coordinates along two perpendicular directions in the tangent plane, f64[n, 9] each, metres."""
+    along = local[..., 0] * np.cos(angle) + local[..., 1] * np.sin(angle)
+    return along, local[..., 1] * np.cos(angle) - local[..., 0] * np.sin(angle)
+
+
+def _cut(is_inside: BoolArray) -> FloatArray:
+    """Heights of a flat face that covers some points and touches them."""
+    return np.where(is_inside, 0.0, NO_GAP_M)
+
+
+def _strip_heights(local: FloatArray) -> list[FloatArray]:
+    """Heights of long flat faces parallel to the skin."""
+    return [
+        _cut(np.abs(_turn(local, angle)[0] - offset) <= 0.5 * width)
+        for width in STRIP_WIDTHS_M
+        for angle in np.arange(4) * np.pi / 4
+        for offset in VERTEX_OFFSETS_M
+    ]
+
+
+def _square_heights(local: FloatArray) -> list[FloatArray]:
+    """Heights of flat square faces parallel to the skin."""
+    members = []
+    for side in SQUARE_SIDES_M:
+        for angle in (0.0, np.pi / 4):
+            along, across = _turn(local, angle)
+            for u in VERTEX_OFFSETS_M:
+                for v in VERTEX_OFFSETS_M:
+                    members.append(_cut((np.abs(along - u) <= 0.5 * side) & (np.abs(across - v) <= 0.5 * side)))
+    return members
+
+
+def _corner_heights(local: FloatArray) -> list[FloatArray]:
+    """Heights of plates parallel to the skin with a corner inside the window."""
+    members = []
+    for angle in np.arange(8) * np.pi / 4:
+        along, across = _turn(local, angle)
+        members += [_cut((along <= u) & (across <= v)) for u in EDGE_OFFSETS_M[:2] for v in EDGE_OFFSETS_M[:2]]
     return members
