@@ -72,9 +72,10 @@ def is_met(figures: dict[str, Any]) -> bool:
 
 def compute_figures(results: Sequence[SkinResult]) -> dict[str, Any]:
     """Compute the figures of all skins."""
-    everything = [approach for result in results for approach in result.approaches if not approach.target]
+    everything = _select(results)
     distance = summarise(everything)
     fast = [each for each in everything if each.speed_m_s == PREDICTED_SPEED_M_S]
+    passing = _select(results, passing=True)
     leads = [each.lead_s for each in fast if each.has_contact and each.lead_s is not None]
     contacts = sum(each.has_contact for each in fast)
     false = sum(each.warnings for each in fast)
@@ -86,10 +87,18 @@ def compute_figures(results: Sequence[SkinResult]) -> dict[str, Any]:
         "false_warnings": false,
         "false_share": false / max(false + len(leads), 1),
         "without_contact": sum(not each.has_contact for each in fast),
+        "passing": len(passing),
+        "passing_with_warning": sum(each.warnings > 0 for each in passing),
         "idle_warnings": sum(result.idle_warnings for result in results),
         "idle_hours": sum(result.idle_s for result in results) / 3600.0,
         "recognition": {target: _count_names(results, target) for target in ("grounded", "acrylic")},
     }
+
+
+def _select(results: Sequence[SkinResult], passing: bool = False) -> list[Approach]:
+    """Select the approaches along the normal, or the targets that pass sideways, of the worlds with one target."""
+    everything = [approach for result in results for approach in result.approaches if not approach.target]
+    return [approach for approach in everything if (approach.kind == "pass") == passing]
 
 
 def summarise(approaches: Sequence[Approach]) -> dict[str, Any]:
@@ -120,7 +129,7 @@ def _count_names(results: Sequence[SkinResult], target: str) -> dict[str, float]
 
 def format_tables(figures: dict[str, Any], results: Sequence[SkinResult], options: argparse.Namespace) -> str:
     """Format the tables as Markdown."""
-    everything = [approach for result in results for approach in result.approaches if not approach.target]
+    everything = _select(results)
     lines = [
         f"Measured with `python tools/proximity/measure_proximity.py --skins {options.skins} --worlds {options.worlds} "
         f"--approaches {options.approaches} --seed {options.seed}`.",
@@ -133,18 +142,23 @@ def format_tables(figures: dict[str, Any], results: Sequence[SkinResult], option
         f"| contacts at 50 mm/s predicted at least 80 ms ahead | | {100 * figures['predicted_in_time']:.1f} % of "
         f"{figures['contacts']}, median {figures['median_lead_ms']:.0f} ms |",
         f"| predicted contacts at 50 mm/s that did not follow | at most 2 % | {figures['false_warnings']} of "
-        f"{figures['warnings']} ({100 * figures['false_share']:.1f} %); {figures['without_contact']} approaches had no "
-        f"contact |",
+        f"{figures['warnings']} ({100 * figures['false_share']:.1f} %); {figures['without_contact']} approaches braked "
+        f"before the skin |",
+        f"| predicted contacts of targets that pass sideways at 2 to 8 mm | | {figures['passing_with_warning']} of "
+        f"{figures['passing']} |",
         f"| predictions without any target | | {figures['idle_warnings']} in {figures['idle_hours']:.1f} board hours |",
         "",
         "| group | approaches | frames | median error, mm | error, 90 % quantile, mm | bias, mm | coverage, % |",
         "|---|---|---|---|---|---|---|",
     ]
     groups = {"all": everything}
+    for kind, name in (("contact", "to contact"), ("stop", "braking before contact"), ("hold", "to a hold")):
+        groups[name] = [each for each in everything if each.kind == kind]
     for shape in ("plate", "box", "cylinder", "sphere"):
         groups[shape] = [each for each in everything if each.shape == shape]
     for kind in sorted({each.board_kind for each in everything}):
         groups[kind.replace("_", " ")] = [each for each in everything if each.board_kind == kind]
+    groups["passing sideways (not in all)"] = _select(results, passing=True)
     for name, members in groups.items():
         row = summarise(members)
         lines.append(

@@ -81,7 +81,7 @@ def plan_approaches(
 ) -> Plan:
     """Plan random approaches. speed_m_s: None: random, 5 to 150 mm/s, uniform in the logarithm."""
     shapes: dict[str, Shape] = {}
-    approaches = []
+    approaches: list[PlannedApproach] = []
     now = LEAD_IN_S
     for number in range(count):
         family, shape, upright = sample_shape(rng)

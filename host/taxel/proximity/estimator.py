@@ -1,5 +1,6 @@
 """Estimator of distance and approach speed of a target in front of one board, frame by frame."""
 
+from collections import deque
 from functools import lru_cache
 
 import numpy as np
@@ -56,6 +57,10 @@ MISFIT_TIME_S = 0.3
 """Mean squared residual of the best template over this time, in units of its variance, above which no calibrated target
 fits. The variance contains the errors of the templates, so that a target of the calibration has a mean below 1."""
 
+STORED_FRAMES = 8
+"""Frames before the start of the filter that it processes first: the signals of the first frames of an approach are too
+small to start it, but determine the speed."""
+
 CACHED_WINDOWS = 24
 """Windows that an estimator keeps: about 2 MB each."""
 
@@ -76,6 +81,7 @@ class BoardEstimator:
         self._neighbours = _make_neighbour_means(self._points)
         self._tracker = DriftTracker(board.kind.taxel_count, calibration.drift_counts, BASELINE_FRAMES)
         self._get_likelihood = lru_cache(maxsize=CACHED_WINDOWS)(self._make_likelihood)
+        self._stored: deque[tuple[FloatArray, float]] = deque(maxlen=STORED_FRAMES)
         self._smooth = np.zeros(board.kind.taxel_count)
         self._filter: MotionFilter | None = None
         self._middle = _find_middle(self._points)
@@ -102,10 +108,14 @@ class BoardEstimator:
             return self._make_estimate(time_s, age_s)
         signal = self._tracker.advance(dt) - raw
         self._locate(signal, dt)
+        self._stored.append((signal, dt))
         if self._filter is None and self._is_idle():
             self._tracker.follow(raw, dt)
             self._centre = self._middle
             return self._make_estimate(time_s, age_s)
+        if self._filter is None:
+            for earlier, interval in list(self._stored)[:-1]:
+                self._filter_frame(earlier, interval)
         self._filter_frame(signal, dt)
         if self._filter is not None and self._filter.far > IDLE_PROBABILITY and self._is_idle():
             self._filter = None
@@ -138,7 +148,7 @@ class BoardEstimator:
         return likelihood, np.tile(window.weight, len(responses))
 
     def _filter_frame(self, signal: FloatArray, dt_s: float) -> None:
-        """Advance the filter by one frame; start it if the board was idle."""
+        """Advance the filter by one frame; start it with the first of the stored frames."""
         likelihood, prior = self._get_likelihood(self._centre)
         if self._filter is None:
             self._filter = MotionFilter(prior)

@@ -17,9 +17,12 @@ SPEEDS_M_S = 1e-3 * np.array(
 )
 """Approach speeds; positive: the distance decreases. A hand closes with at most some 200 mm/s at its fingertips."""
 
-ACCELERATION_M_S2 = 0.4
-"""Standard deviation of the acceleration, independent between frames (chosen: a hand that stops from 50 mm/s within
-0.15 s). A larger value makes the speed follow faster, and its interval wider."""
+ACCELERATION_M_S2 = 0.2
+"""Standard deviation of the acceleration, independent between frames (chosen: a target that brakes from 50 mm/s on 12 mm
+has 0.1 m/s^2). A larger value makes the speed follow faster, and its interval wider."""
+
+ARRIVAL_SPEED_M_S = 0.1
+"""Mean speed of an arriving target (chosen: speeds of hands and objects in a grasp, 10 to 200 mm/s)."""
 
 JUMP_RATE_HZ = 0.2
 """Rate at which the speed takes any other value, such as at a collision."""
@@ -100,8 +103,9 @@ def _compute_arrival(travel: FloatArray) -> FloatArray:
     entered = np.clip(
         np.minimum(EDGES_M[1:], EDGES_M[-1]) - np.maximum(EDGES_M[:-1], EDGES_M[-1] - travel[:, None]), 0, 1
     )
-    from_front = entered * (widths * (SPEEDS_M_S > 0))[:, None]
-    from_side = widths[:, None] * WIDTHS_M
+    frequency = widths * np.exp(-np.abs(SPEEDS_M_S) / ARRIVAL_SPEED_M_S)
+    from_front = entered * (frequency * (SPEEDS_M_S > 0))[:, None]
+    from_side = frequency[:, None] * WIDTHS_M
     return np.asarray(
         (1.0 - SIDE_ARRIVAL_SHARE) * from_front / from_front.sum() + SIDE_ARRIVAL_SHARE * from_side / from_side.sum()
     )

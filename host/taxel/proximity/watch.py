@@ -9,11 +9,12 @@ from taxel.proximity.estimate import ProximityEstimate
 from taxel.proximity.estimator import BoardEstimator
 from taxel.stream import TaxelFrame
 
-HORIZON_S = 0.2
+HORIZON_S = 0.19
 """Time within which a contact is predicted, from the arrival of a frame. With 19 frames per second a contact that is to
-be known 80 ms ahead must be predicted one interval (54 ms) earlier, and the speed needs a further frame."""
+be known 80 ms ahead must be predicted one interval (54 ms) earlier. A longer horizon predicts earlier, and more often a
+contact that a braking target avoids."""
 
-WARNING_PROBABILITY = 0.9
+WARNING_PROBABILITY = 0.7
 """Probability of a contact within the horizon above which it counts as predicted. A smaller value predicts earlier, and
 more often a contact that does not follow."""
 
