@@ -6,7 +6,7 @@
 Each skin has its own parts, size and range of the response. It is calibrated once on one board of each kind, with a
 flat plate at known distances. The approaches take place in other worlds of this skin, with other seeds, on all 17
 boards: plates, boxes, cylinders and spheres of random size, position, tilt and speed, with gains, stiffness, noise, 1/f
-noise, warm-up or wandering temperature. The estimator reads only the calibration and the bytes of the hub.
+noise, warm-up or drifting temperature. The estimator reads only the calibration and the bytes of the hub.
 """
 
 import argparse
@@ -104,7 +104,7 @@ def _select(results: Sequence[SkinResult], passing: bool = False) -> list[Approa
 def summarise(approaches: Sequence[Approach]) -> dict[str, Any]:
     """Summarise errors and coverage of approaches."""
     errors = np.array([error for each in approaches for error in each.errors_m])
-    covered = np.array([inside for each in approaches for inside in each.covered])
+    covered = np.array([is_covered for each in approaches for is_covered in each.covered])
     missing = sum(each.missing for each in approaches)
     of_approach = [float(np.median(np.abs(each.errors_m))) for each in approaches if each.errors_m]
     count = max(len(errors), 1)

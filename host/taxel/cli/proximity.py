@@ -141,16 +141,19 @@ def _print_calibration(calibration: ProximityCalibration, path: Path, as_json: b
     if as_json:
         print(json.dumps({"file": str(path), "responses": rows}))
         return
-    table = Table("kind", "target", "distances", "signal at the nearest, counts", "spread of taxels", "noise, counts")
+    table = Table("kind", "target", "distances", "nearest", "spread", "noise")
     for row in rows:
         signals = row["signal_counts"]
         nearest = signals[0] if isinstance(signals, list) else 0.0
         spread = row["gain_spread"]
         percent = 100 * spread if isinstance(spread, float) else 0.0
-        values = row["kind"], row["target"], row["distances"], f"{nearest:.0f}", f"{percent:.0f} %", row["noise_counts"]
+        values = row["kind"], row["target"], row["distances"], f"{nearest:.0f}", f"{percent:.1f} %", row["noise_counts"]
         table.add_row(*(str(value) for value in values))
     console = Console(markup=False)
     console.print(table)
+    console.print(
+        "nearest: signal at the smallest distance, counts; spread: between taxels; noise: counts", soft_wrap=True
+    )
     console.print(f"written: {path}", soft_wrap=True, highlight=False)
 
 
@@ -218,7 +221,7 @@ def _print_estimate(estimate: ProximityEstimate, printed: dict[int, tuple[float,
 def format_estimate(estimate: ProximityEstimate) -> str:
     """Format an estimate as one line of text."""
     head = f"{estimate.time_s:9.3f} s  {estimate.board:22s}"
-    distance, speed, left = estimate.distance_m, estimate.speed_m_s, estimate.time_to_contact_s
+    distance, speed, remaining = estimate.distance_m, estimate.speed_m_s, estimate.time_to_contact_s
     if distance is None or speed is None:
         state = "contact" if estimate.contact > 0.5 else f"target possible ({100 * estimate.present:.0f} %)"
         return f"{head} {state}"
@@ -227,8 +230,8 @@ def format_estimate(estimate: ProximityEstimate) -> str:
         f"{1e3 * speed.median:+.0f} mm/s [{1e3 * speed.low:+.0f}, {1e3 * speed.high:+.0f}]",
         f"target {estimate.target}",
     ]
-    if left is not None:
-        parts.insert(2, f"contact in {left.median:.2f} s")
+    if remaining is not None:
+        parts.insert(2, f"contact in {remaining.median:.2f} s")
     if estimate.contact_soon > WARNING_PROBABILITY:
         parts.append(f"CONTACT within {1e3 * estimate.horizon_s:.0f} ms: {100 * estimate.contact_soon:.0f} %")
     return f"{head} " + ", ".join(parts)

@@ -70,9 +70,9 @@ def calibrate(hand: Hand, counts: Sequence[HoldCounts]) -> ProximityCalibration:
         of_kind = [signal for signal in signals if signal.board in names]
         targets = {}
         for target in dict.fromkeys(signal.target for signal in of_kind):
-            held = [signal for signal in of_kind if signal.target == target]
-            fit = fit_curve(points, held, noise)
-            targets[target] = _make_response(fit, tuple(sorted({signal.board for signal in held})))
+            at_target = [signal for signal in of_kind if signal.target == target]
+            fit = fit_curve(points, at_target, noise)
+            targets[target] = _make_response(fit, tuple(sorted({signal.board for signal in at_target})))
         kinds[kind] = KindCalibration(noise, drift, targets)
     return ProximityCalibration(hand.name, kinds)
 

@@ -101,7 +101,7 @@ def _scale(value: Range | None, factor: float) -> dict[str, float | None] | None
 
 
 def compute_quantiles(mass: FloatArray, edges: FloatArray) -> Range:
-    """Compute median and interval of a histogram with uniform density in each cell; edges: f64[cells + 1]."""
+    """Compute median and interval of a histogram with uniform density in each bin; edges: f64[bins + 1]."""
     cumulative = np.concatenate([[0.0], np.cumsum(mass)]) / mass.sum()
     low, median, high = np.interp((INTERVAL[0], 0.5, INTERVAL[1]), cumulative, edges).tolist()
     return Range(median, low, high)

@@ -1,7 +1,7 @@
 """Likelihood of one frame of a window of taxels for every template, distance and gain.
 
 The signals y of a window are y = a m + b 1 + n: the prediction m of a template at a distance, a gain a and an offset b
-that the taxels share (drift of the baseline), and noise n. Offset, error of the gain and position within a cell of
+that the taxels share (drift of the baseline), and noise n. Offset, error of the gain and position within a bin of
 distance are normally distributed and integrated in closed form (matrix inversion lemma, Woodbury 1950). The variance of
 n contains the white noise and the error of the templates, which grows with the signal.
 
@@ -47,7 +47,7 @@ class WindowLikelihood:
     """Likelihoods of the frames of one window.
 
     targets: responses of the calibration, in a fixed order; the templates of all targets are stacked: K = targets x
-    templates. The arrays have the shape [K * G, n] with G cells of distance and n taxels.
+    templates. The arrays have the shape [K * G, n] with G bins of distance and n taxels.
     """
 
     def __init__(self, window: Window, calibration: KindCalibration, targets: Sequence[TargetResponse]) -> None:
@@ -110,7 +110,7 @@ def _equalise_widths(values: FloatArray) -> None:
 
 
 class _Directions:
-    """Quadratic form of the three directions that are integrated: offset, gain, position within the cell.
+    """Quadratic form of the three directions that are integrated: offset, gain, position within the bin.
 
     The direction of the gain is the measured signal y, which is the same for all templates; the prediction as direction
     would favour the templates with the larger signal. offset: standard deviation of the offset, counts. gain: relative

@@ -48,12 +48,12 @@ class MotionFilter:
         """Advance the probabilities by the interval of a transition."""
         motion = self.present.sum(axis=1)
         touched = float((motion * transition.contact).sum())
-        left = float((motion * transition.far).sum())
+        departed = float((motion * transition.far).sum())
         moved = np.matmul(self.present, transition.shift)
         flat = moved.reshape(len(SPEEDS_M_S), -1)
         present = (transition.speed.T @ flat).reshape(moved.shape)
         leaving, arriving = transition.leaving_share, transition.arrival_share
-        gone = float(present.sum()) * leaving
+        disappeared = float(present.sum()) * leaving
         released = self.contact * min(1.0, RESUME_PROBABILITY_S * arriving * 10.0)
         arrived = self.far * arriving
         present *= 1.0 - leaving
@@ -66,7 +66,7 @@ class MotionFilter:
         present += released * _RELEASE[:, None, :] * prior[None, :, None]
         self.present = present
         self.contact += touched - released
-        self.far += left + gone - arrived
+        self.far += departed + disappeared - arrived
 
     def update(self, log_likelihood: FloatArray, log_absent: float, log_contact: float) -> None:
         """Multiply by the likelihoods of a frame and normalise. log_likelihood: f64[all templates, G]."""
@@ -82,9 +82,9 @@ class MotionFilter:
         self.present /= total
         self.far /= total
         self.contact /= total
-        self._drop_templates()
+        self._prune_templates()
 
-    def _drop_templates(self) -> None:
+    def _prune_templates(self) -> None:
         """Leave out templates of negligible probability, if a target is present; else take all of them again."""
         weight = self.present.sum(axis=(0, 2))
         if float(weight.sum()) < NO_TARGET:

@@ -7,7 +7,7 @@ import numpy as np
 from taxel.types import FloatArray
 
 EDGES_M = np.concatenate([np.arange(0.0, 6e-3, 2.5e-4), np.arange(6e-3, 18.25e-3, 5e-4)])
-"""Limits of the cells of distance: a quarter of a millimetre where a distance is resolved, half a millimetre beyond."""
+"""Limits of the bins of distance: a quarter of a millimetre where a distance is resolved, half a millimetre beyond."""
 
 CENTRES_M = 0.5 * (EDGES_M[1:] + EDGES_M[:-1])
 WIDTHS_M = np.diff(EDGES_M)
@@ -18,8 +18,8 @@ SPEEDS_M_S = 1e-3 * np.array(
 """Approach speeds; positive: the distance decreases. A hand closes with at most some 200 mm/s at its fingertips."""
 
 ACCELERATION_M_S2 = 0.2
-"""Standard deviation of the acceleration, independent between frames (chosen: a target that brakes from 50 mm/s on 12 mm
-has 0.1 m/s^2). A larger value makes the speed follow faster, and its interval wider."""
+"""Standard deviation of the acceleration, independent between frames (chosen: a target that brakes from 50 mm/s on 12
+mm has 0.1 m/s^2). A larger value makes the speed follow faster, and its interval wider."""
 
 ARRIVAL_SPEED_M_S = 0.1
 """Mean speed of an arriving target (chosen: speeds of hands and objects in a grasp, 10 to 200 mm/s)."""
@@ -48,9 +48,9 @@ MAX_DT_S = 0.5
 
 
 class Transition:
-    """Motion within an interval `dt` by the mass that each cell receives.
+    """Motion within an interval `dt` by the mass that each bin receives.
 
-    shift: f32[V, G, G], from cell to cell at each speed. contact: f32[V, G], share that reaches the skin. far: f32[V,
+    shift: f32[V, G, G], from bin to bin at each speed. contact: f32[V, G], share that reaches the skin. far: f32[V,
     G], share that leaves the grid. speed: f32[V, V], change of the speed. arrival: f32[V, G], distribution of an
     arriving target. arrival_share: probability of an arrival.
     """
@@ -81,14 +81,14 @@ def get_transition(dt_s: float) -> Transition:
 
 
 def compute_speed_widths() -> FloatArray:
-    """Widths of the cells of speed, f64[V], metres per second."""
+    """Widths of the bins of speed, f64[V], metres per second."""
     return np.gradient(SPEEDS_M_S)
 
 
 def _compute_speed_change(dt_s: float) -> FloatArray:
     """Probabilities f64[V, V] of each speed after an interval, by the speed before it."""
     widths = compute_speed_widths()
-    # The variance of a cell's own width is added, so that a coarse grid diffuses rather than holds its speed.
+    # The variance of a bin's own width is added, so that a coarse grid diffuses rather than holds its speed.
     spread = np.sqrt((ACCELERATION_M_S2 * dt_s) ** 2 + (0.25 * widths) ** 2)
     difference = (SPEEDS_M_S[None, :] - SPEEDS_M_S[:, None]) / spread[:, None]
     drift = np.exp(-0.5 * difference**2) * widths

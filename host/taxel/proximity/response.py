@@ -62,10 +62,10 @@ def interpolate_monotone(knots: FloatArray, values: FloatArray, at: FloatArray) 
     step = np.diff(knots)
     slope = np.diff(values) / step
     rate = np.zeros(len(knots))
-    left, right = 2 * step[1:] + step[:-1], step[1:] + 2 * step[:-1]
+    before, after = 2 * step[1:] + step[:-1], step[1:] + 2 * step[:-1]
     is_monotone = slope[:-1] * slope[1:] > 0
     with np.errstate(divide="ignore", invalid="ignore"):
-        mean = (left + right) / (left / slope[:-1] + right / slope[1:])
+        mean = (before + after) / (before / slope[:-1] + after / slope[1:])
     rate[1:-1] = np.where(is_monotone, mean, 0.0)
     rate[0], rate[-1] = slope[0], slope[-1]
     index = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(step) - 1)

@@ -117,8 +117,8 @@ def _plane_heights(local: FloatArray) -> list[FloatArray]:
 
 def _round_height(squared_m2: FloatArray, radius_m: float) -> FloatArray:
     """Height of a round surface at a squared distance from its vertex; `NO_GAP_M` beyond its radius."""
-    inside = squared_m2 < radius_m**2
-    return np.where(inside, radius_m - np.sqrt(np.where(inside, radius_m**2 - squared_m2, 0.0)), NO_GAP_M)
+    covers = squared_m2 < radius_m**2
+    return np.where(covers, radius_m - np.sqrt(np.where(covers, radius_m**2 - squared_m2, 0.0)), NO_GAP_M)
 
 
 def _sphere_heights(local: FloatArray) -> list[FloatArray]:
@@ -156,8 +156,8 @@ def _punch_heights(local: FloatArray) -> list[FloatArray]:
     for radius in PUNCH_RADII_M:
         for u in VERTEX_OFFSETS_M:
             for v in VERTEX_OFFSETS_M:
-                inside = (local[..., 0] - u) ** 2 + (local[..., 1] - v) ** 2 <= radius**2
-                members.append(np.where(inside, 0.0, NO_GAP_M))
+                covers = (local[..., 0] - u) ** 2 + (local[..., 1] - v) ** 2 <= radius**2
+                members.append(np.where(covers, 0.0, NO_GAP_M))
     return members
 
 

@@ -41,14 +41,14 @@ def test_watch_reports_the_held_distances(stage):
     result = invoke("watch", f"file:{folder}/plate.bin", "--calibration", folder / "skin.json", "--json")
     assert result.exit_code == 0, result.output
     estimates = [json.loads(line) for line in result.output.splitlines()]
-    held = [line.split(",") for line in (folder / "plate.csv").read_text().splitlines()[1:]]
+    holds = [line.split(",") for line in (folder / "plate.csv").read_text().splitlines()[1:]]
     checked = 0
-    for start, end, board, target, distance in held:
+    for start, end, board, target, distance in holds:
         if target == "rest" or not 0.5 <= float(distance) <= 5.0:
             continue
-        inside = [each for each in estimates if float(start) + 1.0 < each["time_s"] < float(end)]
-        assert inside
-        for each in inside:
+        estimated = [each for each in estimates if float(start) + 1.0 < each["time_s"] < float(end)]
+        assert estimated
+        for each in estimated:
             assert each["board"] == board
             assert abs(each["distance_mm"]["median"] - float(distance)) < 0.6
             checked += 1

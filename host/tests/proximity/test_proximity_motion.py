@@ -20,9 +20,9 @@ def test_motion_conserves_the_probability(dt_s):
 
 def test_mass_moves_by_speed_times_interval():
     transition = get_transition(0.05)
-    speed, cell = int(np.argmin(np.abs(SPEEDS_M_S - 0.04))), int(np.argmin(np.abs(CENTRES_M - 5e-3)))
-    mean = float(transition.shift[speed, cell] @ CENTRES_M)
-    assert mean == pytest.approx(CENTRES_M[cell] - SPEEDS_M_S[speed] * 0.05, abs=3e-4)
+    speed, column = int(np.argmin(np.abs(SPEEDS_M_S - 0.04))), int(np.argmin(np.abs(CENTRES_M - 5e-3)))
+    mean = float(transition.shift[speed, column] @ CENTRES_M)
+    assert mean == pytest.approx(CENTRES_M[column] - SPEEDS_M_S[speed] * 0.05, abs=3e-4)
 
 
 def test_impossible_frames_restart_the_filter():
