@@ -104,6 +104,18 @@ def test_mcap_file_contains_the_target(stage, tmp_path):
     assert "/taxel/medial_front_index/proximity" in topics
 
 
+def test_monitor_shows_the_nearest_target(stage):
+    folder, _ = stage
+    arguments = ["monitor", f"file:{folder}/plate.bin", "--speed", "40", "--proximity", str(folder / "skin.json")]
+    result = CliRunner().invoke(build_app("monitor"), arguments)
+    assert result.exit_code == 0, result.output
+    assert " mm from medial front index" in result.output
+    result = CliRunner().invoke(build_app("monitor"), [*arguments, "--json", "--speed", "1000"])
+    boards = [each["board"] for each in json.loads(result.output.splitlines()[-1])["proximity"]]
+    assert "medial_front_index" in boards
+    assert "palm" not in boards
+
+
 def test_proximity_of_a_plain_capture_is_refused(stage, tmp_path, calibration):
     write_calibration(tmp_path / "skin.json", ProximityCalibration("original", {"medial_front": calibration}))
     folder, _ = stage
