@@ -48,9 +48,11 @@ OWN_SHARE = 0.75
 """Share of a taxel's own signal in the neighbourhood mean. The mean of the neighbours is largest in the middle of a
 face instead of at the nearest taxel; the signal of a taxel alone is noisy."""
 
-SWITCH_RATIO = 1.07
-"""Ratio of neighbourhood means above which the window moves to another taxel (chosen above the differences between
-taxels below the same target, 3 to 6 %)."""
+SWITCH_RATIO = 1.1
+SWITCH_NOISE = 1.5
+"""The window moves to another taxel if its neighbourhood mean exceeds that of the present centre by this ratio, and by
+this multiple of the noise (chosen above the differences between taxels below the same target, 3 to 6 %). A smaller
+value moves the window more often, which restarts the estimation of the shape."""
 
 MISFIT_LIMIT = 3.0
 MISFIT_TIME_S = 0.3
@@ -61,8 +63,8 @@ STORED_FRAMES = 8
 """Frames before the start of the filter that it processes first: the signals of the first frames of an approach are too
 small to start it, but determine the speed."""
 
-CACHED_WINDOWS = 24
-"""Windows that an estimator keeps: about 2 MB each."""
+CACHED_WINDOWS = 16
+"""Windows that an estimator keeps: about 1.5 MB each."""
 
 
 class BoardEstimator:
@@ -129,7 +131,7 @@ class BoardEstimator:
         size = np.abs(self._smooth)
         largest = int(np.argmax(size))
         noise = self._calibration.noise_counts
-        if size[largest] > SWITCH_RATIO * size[self._centre] + 0.5 * noise:
+        if size[largest] > SWITCH_RATIO * size[self._centre] + SWITCH_NOISE * noise:
             self._centre = largest
             if self._filter is not None:
                 self._filter.forget_shape()

@@ -57,8 +57,9 @@ class WindowLikelihood:
         mean = np.concatenate([window.predict(target.curve.make_table(), CENTRES_M) for target in targets])
         slope = np.gradient(mean, CENTRES_M, axis=1) * (WIDTHS_M / np.sqrt(12.0))[:, None]
         self.shape = mean.shape[:2]
-        products = (mean, slope, mean * mean, mean * slope, slope * slope)
-        self._products = np.stack([array.reshape(-1, mean.shape[2]) for array in products]).astype(np.float32)
+        self._mean, self._slope = (
+            np.ascontiguousarray(array.reshape(-1, mean.shape[2]), dtype=np.float32) for array in (mean, slope)
+        )
         spread = max(target.gain_spread for target in targets)
         error = max(target.curve_error for target in targets)
         shape_error = np.hypot(SHAPE_ERROR, SHAPE_ERROR_PER_M * window.radius_m)
@@ -78,10 +79,7 @@ class WindowLikelihood:
         distance, f64[K, G], that of no target, and that of a contact.
         """
         weight = self._compute_weight(signal)
-        weighted = np.stack([weight, weight * signal], axis=1).astype(np.float32)
-        sums = (self._products @ weighted).astype(np.float64).reshape(5, *self.shape, 2)
-        m1, s1, mm, ms, ss = sums[..., 0]
-        my, sy = sums[0, ..., 1], sums[1, ..., 1]
+        m1, s1, my, sy, mm, ms, ss = self._compute_sums(weight, signal)
         one, total, square = (float(weight @ power) for power in (np.ones(len(signal)), signal, signal**2))
         directions = _Directions(offset_counts, self._gain_error, (one, total, square), s1, sy, ss)
         explained = directions.compute_explained(total - m1, square - my, sy - ms)
@@ -89,6 +87,19 @@ class WindowLikelihood:
         _equalise_widths(result)
         absent = -0.5 * (square - (offset_counts * total) ** 2 / (1.0 + offset_counts**2 * one))
         return result, float(absent), self._evaluate_contact(signal, weight)
+
+    def _compute_sums(self, weight: FloatArray, signal: FloatArray) -> list[FloatArray]:
+        """Compute the weighted sums over the taxels of m, s, m y, s y, m^2, m s and s^2, each f64[K, G].
+
+        m: prediction, s: its change within a bin, y: signal.
+        """
+        weighted = np.stack([weight, weight * signal], axis=1).astype(np.float32)
+        means, slopes = self._mean @ weighted, self._slope @ weighted
+        scaled = self._mean * weighted[:, 0]
+        squares = np.einsum("in,in->i", scaled, self._mean), np.einsum("in,in->i", scaled, self._slope)
+        slope_square = np.einsum("in,in->i", self._slope * weighted[:, 0], self._slope)
+        sums = means[:, 0], slopes[:, 0], means[:, 1], slopes[:, 1], *squares, slope_square
+        return [array.reshape(self.shape).astype(np.float64) for array in sums]
 
     def _evaluate_contact(self, signal: FloatArray, weight: FloatArray) -> float:
         """Compute the log-likelihood of a contact, whatever the pressure, relative to the other ones."""

@@ -6,15 +6,13 @@ import numpy as np
 
 from taxel.types import FloatArray
 
-EDGES_M = np.concatenate([np.arange(0.0, 6e-3, 2.5e-4), np.arange(6e-3, 18.25e-3, 5e-4)])
-"""Limits of the bins of distance: a quarter of a millimetre where a distance is resolved, half a millimetre beyond."""
+EDGES_M = np.concatenate([np.arange(0.0, 6e-3, 2.5e-4), np.arange(6e-3, 18.5e-3, 1e-3)])
+"""Limits of the bins of distance: a quarter of a millimetre where a distance is resolved, a millimetre beyond."""
 
 CENTRES_M = 0.5 * (EDGES_M[1:] + EDGES_M[:-1])
 WIDTHS_M = np.diff(EDGES_M)
 
-SPEEDS_M_S = 1e-3 * np.array(
-    [-200, -120, -70, -40, -20, -10, -4, 0, 4, 10, 18, 28, 40, 54, 70, 90, 115, 150, 200, 280], dtype=np.float64
-)
+SPEEDS_M_S = 1e-3 * np.array([-150, -80, -40, -15, 0, 10, 20, 32, 46, 62, 82, 110, 150, 210], dtype=np.float64)
 """Approach speeds; positive: the distance decreases. A hand closes with at most some 200 mm/s at its fingertips."""
 
 ACCELERATION_M_S2 = 0.2

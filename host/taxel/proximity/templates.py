@@ -20,7 +20,7 @@ The nearest point of a target determines the distance; taxels farther away see o
 TILTS_DEG = (3.0, 6.0, 10.0, 15.0, 20.0)
 SPHERE_RADII_M = (0.006, 0.008, 0.0105, 0.014, 0.019, 0.027)
 CYLINDER_RADII_M = (0.006, 0.009, 0.013, 0.020)
-PUNCH_RADII_M = (0.006, 0.008, 0.011)
+PUNCH_RADII_M = (0.006, 0.009)
 """Radii of flat ends."""
 VERTEX_OFFSETS_M = (-0.002, 0.0, 0.002)
 """Positions of the nearest point beside the centre of the window: a third of a pitch of 6 mm."""
@@ -68,8 +68,9 @@ class Window:
 
     def predict(self, table: FloatArray, distance_m: FloatArray) -> FloatArray:
         """Predict the signals f64[K, G, n], counts, at distances f64[G] with a table of the response curve."""
-        gap = self.contact_gap_m[:, None] + distance_m[None, :, None, None] * self.rate
-        return np.asarray(look_up(table, gap).mean(axis=-1))
+        rate = (distance_m[:, None, None] * self.rate).astype(np.float32)
+        contact = self.contact_gap_m.astype(np.float32)
+        return np.stack([look_up(table, gap + rate).mean(axis=-1) for gap in contact])
 
 
 def make_window(points: SkinPoints, centre: int) -> Window:
@@ -167,7 +168,7 @@ def _ridge_heights(local: FloatArray) -> list[FloatArray]:
     for angle in np.arange(8) * np.pi / 4:
         across = local[..., 0] * np.cos(angle) + local[..., 1] * np.sin(angle)
         for tilt in np.deg2rad(RIDGE_TILTS_DEG):
-            for offset in EDGE_OFFSETS_M[:2]:
+            for offset in EDGE_OFFSETS_M[:1]:
                 members.append(np.where(across <= offset, np.tan(tilt) * (offset - across), NO_GAP_M))
     return members
 
